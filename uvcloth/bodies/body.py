@@ -1,0 +1,129 @@
+"""A body is data: mesh, skeleton, blend weights, regions and garment proxies, in one small npz."""
+
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.archive import load_arrays, save_arrays
+from uvcloth.mesh import Mesh
+from uvcloth.skeleton import Skeleton
+
+REGIONS = ("torso", "upper_arm", "forearm", "thigh", "calf", "head", "hand", "foot")
+"""Names of the body regions; `Body.regions` holds indices into this tuple."""
+
+FORMAT = "uvcloth-body-1"
+INFLUENCES = 7
+
+
+@dataclass(frozen=True)
+class Proxy:
+    """A skinned garment shell around the body (a tight suit, a skirt) from which templates are cut.
+
+    vertices: (P, 3) metres at rest. faces: (Q, 3) int64. weights: (P, J) blend weights.
+    """
+
+    vertices: Tensor
+    faces: Tensor
+    weights: Tensor
+
+
+@dataclass(frozen=True)
+class Body:
+    """A rigged body at its rest pose, Z up, facing -Y, metres.
+
+    mesh: V vertices, a watertight surface, with texture coordinates. skeleton: J joints.
+    weights: (V, J) blend weights, rows sum to one. regions: (F,) int64 indices into REGIONS.
+    sides: (F,) int64, +1 left, -1 right, 0 for the torso and head. proxies: by name, may be empty.
+    """
+
+    name: str
+    mesh: Mesh
+    skeleton: Skeleton
+    weights: Tensor
+    regions: Tensor
+    sides: Tensor
+    proxies: dict[str, Proxy]
+
+
+def save_body(body: Body, path: Path) -> None:
+    """Write a body to one compressed npz (weights as the strongest influences per vertex)."""
+    arrays: dict[str, np.ndarray] = {
+        "format": np.array(FORMAT),
+        "name": np.array(body.name),
+        "vertices": body.mesh.vertices.numpy().astype(np.float32),
+        "faces": body.mesh.faces.numpy().astype(np.uint16),
+        "uvs": body.mesh.uvs.numpy().astype(np.float32),
+        "face_uvs": body.mesh.face_uvs.numpy().astype(np.uint16),
+        "joint_names": np.array(body.skeleton.names),
+        "joint_parents": np.array(body.skeleton.parents, dtype=np.int16),
+        "joint_heads": body.skeleton.heads.numpy().astype(np.float32),
+        "regions": body.regions.numpy().astype(np.uint8),
+        "sides": body.sides.numpy().astype(np.int8),
+        "proxy_names": np.array(sorted(body.proxies), dtype=np.str_),
+    }
+    _pack_weights(arrays, "", body.weights)
+    for name, proxy in body.proxies.items():
+        arrays[f"{name}_vertices"] = proxy.vertices.numpy().astype(np.float32)
+        arrays[f"{name}_faces"] = proxy.faces.numpy().astype(np.uint16)
+        _pack_weights(arrays, f"{name}_", proxy.weights)
+    save_arrays(path, arrays)
+
+
+def load_body(path: Path | None = None) -> Body:
+    """Read a body npz; None is the body that ships with the package.
+
+    Raises InputError if the file is missing, truncated, of another format, or holds values that are not finite.
+    """
+    path = path or Path(str(files("uvcloth") / "data" / "body.npz"))
+    data = load_arrays(path, FORMAT, "a body made by `uvcloth body`")
+    try:
+        names = tuple(str(name) for name in data["joint_names"])
+        skeleton = Skeleton(
+            names, tuple(int(p) for p in data["joint_parents"]), torch.from_numpy(data["joint_heads"])
+        )
+        mesh = Mesh(
+            torch.from_numpy(data["vertices"]),
+            torch.from_numpy(data["faces"].astype(np.int64)),
+            torch.from_numpy(data["uvs"]),
+            torch.from_numpy(data["face_uvs"].astype(np.int64)),
+        )
+        proxies = {
+            str(name): Proxy(
+                torch.from_numpy(data[f"{name}_vertices"]),
+                torch.from_numpy(data[f"{name}_faces"].astype(np.int64)),
+                _unpack_weights(data, f"{name}_", len(names)),
+            )
+            for name in data["proxy_names"]
+        }
+        body = Body(
+            name=str(data["name"]),
+            mesh=mesh,
+            skeleton=skeleton,
+            weights=_unpack_weights(data, "", len(names)),
+            regions=torch.from_numpy(data["regions"].astype(np.int64)),
+            sides=torch.from_numpy(data["sides"].astype(np.int64)),
+            proxies=proxies,
+        )
+    except KeyError as error:
+        raise InputError(f"{path}: the body file lacks the array {error}") from error
+    if not torch.isfinite(mesh.vertices).all():
+        raise InputError(f"{path}: a body vertex is not a finite number")
+    return body
+
+
+def _pack_weights(arrays: dict[str, np.ndarray], prefix: str, weights: Tensor) -> None:
+    strongest = weights.topk(min(INFLUENCES, weights.shape[1]), dim=1)
+    arrays[f"{prefix}weight_joints"] = strongest.indices.numpy().astype(np.uint8)
+    arrays[f"{prefix}weights"] = strongest.values.numpy().astype(np.float32)
+
+
+def _unpack_weights(data: dict[str, np.ndarray], prefix: str, joints: int) -> Tensor:
+    indices = torch.from_numpy(data[f"{prefix}weight_joints"].astype(np.int64))
+    values = torch.from_numpy(data[f"{prefix}weights"])
+    dense = torch.zeros(len(indices), joints).scatter_add_(1, indices, values)
+    return dense / dense.sum(1, keepdim=True)

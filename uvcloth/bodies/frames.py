@@ -1,0 +1,62 @@
+"""The posed body at many times, with the velocity and acceleration of its surface."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+from uvcloth.skinning import skin
+
+HISTORY = 3
+"""Frames that a method sees of the body: k-2, k-1 and k (PhysXNet section 3.1)."""
+
+LEAD = HISTORY + 1
+"""Frames before the first one that are needed to difference its history twice."""
+
+
+@dataclass(frozen=True)
+class BodyFrames:
+    """B frames of a posed body, each with its short history (H = HISTORY, the last entry is the frame itself).
+
+    transforms: (B, H, J, 3, 4). vertices: (B, H, V, 3) m. velocity: (B, H, V, 3) m/s, acceleration:
+    (B, H, V, 3) m/s2, both backward differences (PhysXNet eq. 6 and 7) divided by the frame time.
+    """
+
+    body: Body
+    fps: float
+    transforms: Tensor
+    vertices: Tensor
+    velocity: Tensor
+    acceleration: Tensor
+
+    def __len__(self) -> int:
+        return len(self.transforms)
+
+
+def body_frames(body: Body, transforms: Tensor, fps: float) -> BodyFrames:
+    """Pose a body over LEAD + B consecutive frames of joint transforms (LEAD + B, J, 3, 4).
+
+    The first LEAD frames only serve the differences; for a clip's true start repeat its first frame.
+    """
+    vertices = skin(body.mesh.vertices.to(transforms), body.weights.to(transforms), transforms)
+    velocity = (vertices[1:] - vertices[:-1]) * fps
+    acceleration = (velocity[1:] - velocity[:-1]) * fps
+
+    def history(values: Tensor) -> Tensor:
+        runs = values[-(len(transforms) - LEAD + HISTORY - 1) :].unfold(0, HISTORY, 1)
+        return runs.movedim(-1, 1)
+
+    return BodyFrames(
+        body=body,
+        fps=fps,
+        transforms=history(transforms),
+        vertices=history(vertices),
+        velocity=history(velocity),
+        acceleration=history(acceleration),
+    )
+
+
+def with_lead(transforms: Tensor) -> Tensor:
+    """Repeat the first frame LEAD times in front: a body that stood still before the clip began."""
+    return torch.cat([transforms[:1].expand(LEAD, -1, -1, -1), transforms])

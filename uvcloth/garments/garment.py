@@ -1,0 +1,48 @@
+"""Garments at rest on a body, ready to be carried by it."""
+
+from dataclasses import dataclass
+
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+from uvcloth.mesh import Mesh
+
+
+@dataclass(frozen=True)
+class Attachment:
+    """Where each garment vertex hangs on the body at rest (the paper's transference matrix T^CB).
+
+    faces: (N,) int64 body faces. barycentrics: (N, 3). offset: (N, 3) vertex minus body point, metres.
+    missed: (N,) bool, vertices whose ray hit nothing and that fell back to the closest surface point.
+    """
+
+    faces: Tensor
+    barycentrics: Tensor
+    offset: Tensor
+    missed: Tensor
+
+
+@dataclass(frozen=True)
+class Garment:
+    """One garment on one body.
+
+    template: which template's decoder serves it ("tops", "bottoms", "dress").
+    mesh: N vertices, at rest on the body's rest pose.
+    weights: (N, J) blend weights of the closest body vertex (the LBS baseline).
+    carrier_weights: (N, J) the same, diffused over the garment, so that a skirt does not split.
+    """
+
+    name: str
+    template: str
+    mesh: Mesh
+    attachment: Attachment
+    weights: Tensor
+    carrier_weights: Tensor
+
+
+@dataclass(frozen=True)
+class Outfit:
+    """Garments worn together on one body, inner first."""
+
+    body: Body
+    garments: tuple[Garment, ...]

@@ -1,0 +1,86 @@
+"""Triangle meshes as plain tensors: normals, edges, adjacency, cotangent-free smoothing operators."""
+
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A triangle mesh with texture coordinates that may be cut at seams.
+
+    vertices: (V, 3) metres. faces: (F, 3) int64 into vertices, counter-clockwise seen from outside.
+    uvs: (U, 2) in [0, 1]. face_uvs: (F, 3) int64 into uvs (the same corner order as faces).
+    """
+
+    vertices: Tensor
+    faces: Tensor
+    uvs: Tensor
+    face_uvs: Tensor
+
+    def moved(self, vertices: Tensor) -> "Mesh":
+        """The same topology at other vertex positions (V, 3)."""
+        return replace(self, vertices=vertices)
+
+
+def face_normals(vertices: Tensor, faces: Tensor) -> Tensor:
+    """Normals scaled by twice the face area: vertices (..., V, 3), faces (F, 3) -> (..., F, 3)."""
+    a, b, c = (vertices[..., faces[:, corner], :] for corner in range(3))
+    return torch.linalg.cross(b - a, c - a)
+
+
+def vertex_normals(vertices: Tensor, faces: Tensor) -> Tensor:
+    """Area-weighted unit vertex normals: (..., V, 3)."""
+    per_face = face_normals(vertices, faces)
+    normals = torch.zeros_like(vertices)
+    for corner in range(3):
+        normals = normals.index_add(-2, faces[:, corner], per_face)
+    return torch.nn.functional.normalize(normals, dim=-1)
+
+
+def unique_edges(faces: Tensor) -> Tensor:
+    """The undirected edges of a mesh, each once, lower vertex index first: (E, 2) int64."""
+    directed = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return torch.unique(directed.sort(dim=1).values, dim=0)
+
+
+def face_pairs(faces: Tensor) -> Tensor:
+    """Pairs of faces that share an edge (interior edges of a manifold mesh): (P, 2) int64."""
+    directed = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    owner = torch.arange(len(faces)).repeat(3)
+    _, edge = torch.unique(directed.sort(dim=1).values, dim=0, return_inverse=True)
+    order = torch.argsort(edge, stable=True)
+    shared = edge[order][1:] == edge[order][:-1]
+    owners = owner[order]
+    return torch.stack([owners[:-1][shared], owners[1:][shared]], dim=1)
+
+
+def boundary_edges(faces: Tensor) -> Tensor:
+    """Directed edges (E, 2) that belong to one face only: hems, cuffs, necklines."""
+    directed = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    _, edge, count = torch.unique(directed.sort(dim=1).values, dim=0, return_inverse=True, return_counts=True)
+    return directed[count[edge] == 1]
+
+
+def vertex_areas(vertices: Tensor, faces: Tensor) -> Tensor:
+    """A third of the area of the faces around each vertex, m2: (V,)."""
+    area = face_normals(vertices, faces).norm(dim=-1) / 6.0
+    return torch.zeros(len(vertices), dtype=vertices.dtype).index_add(
+        0, faces.reshape(-1), area.repeat_interleave(3)
+    )
+
+
+def neighbour_average(faces: Tensor, count: int) -> Tensor:
+    """Sparse (count, count) matrix whose rows average a vertex's neighbours (uniform weights).
+
+    A vertex without neighbours averages to itself.
+    """
+    edges = unique_edges(faces)
+    rows = torch.cat([edges[:, 0], edges[:, 1]])
+    cols = torch.cat([edges[:, 1], edges[:, 0]])
+    degree = torch.bincount(rows, minlength=count)
+    lonely = torch.nonzero(degree == 0).squeeze(1)
+    rows, cols = torch.cat([rows, lonely]), torch.cat([cols, lonely])
+    values = 1.0 / degree.clamp(min=1)[rows].to(torch.get_default_dtype())
+    return torch.sparse_coo_tensor(torch.stack([rows, cols]), values, (count, count)).coalesce()

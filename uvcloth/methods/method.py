@@ -1,0 +1,27 @@
+"""The protocol that every garment method fits: start on an outfit, then step frame after frame."""
+
+from typing import Any, Protocol
+
+from torch import Tensor
+
+from uvcloth.bodies.frames import BodyFrames
+from uvcloth.garments.garment import Outfit
+
+
+class Method(Protocol):
+    """What rollout and evaluation see of a method.
+
+    remembers: whether the state carries the garment from frame to frame. A method that remembers nothing may
+    be given many frames at once as a batch; one that remembers gets one frame at a time (B = 1).
+    """
+
+    name: str
+    remembers: bool
+
+    def start(self, outfit: Outfit, frames: BodyFrames) -> Any:
+        """Prepare an outfit (projections, carriers) at the first frame; returns the state."""
+        ...
+
+    def step(self, state: Any, frames: BodyFrames) -> tuple[Any, tuple[Tensor, ...]]:
+        """Predict frames in order: the next state and, per garment, vertices (B, N, 3), metres, world."""
+        ...

@@ -1,0 +1,34 @@
+"""A motion clip: world joint rotations relative to a skeleton's rest pose, and the root's path."""
+
+from dataclasses import dataclass, replace
+
+from torch import Tensor
+
+from uvcloth.skeleton import Skeleton, joint_transforms
+
+
+@dataclass(frozen=True)
+class Clip:
+    """Motion of one skeleton.
+
+    rotations: (T, J, 3, 3) world rotations relative to the skeleton's rest pose.
+    translation: (T, 3) world position of the root joint, metres. fps: frames per second.
+    """
+
+    name: str
+    skeleton: Skeleton
+    rotations: Tensor
+    translation: Tensor
+    fps: float
+
+    def __len__(self) -> int:
+        return len(self.rotations)
+
+    def transforms(self) -> Tensor:
+        """(T, J, 3, 4) rest-to-posed transforms of every joint and frame."""
+        return joint_transforms(self.skeleton, self.rotations, self.translation)
+
+    def window(self, start: int, frames: int) -> "Clip":
+        """Frames start .. start + frames as a clip of its own."""
+        end = start + frames
+        return replace(self, rotations=self.rotations[start:end], translation=self.translation[start:end])

@@ -1,0 +1,89 @@
+"""One simulated garment over one clip: the training data's file format."""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.archive import load_arrays, save_arrays
+
+FORMAT = "uvcloth-sequence-1"
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """vertices: (F, N, 3) metres, world. faces: (M, 3). rest: (N, 3) the garment at rest on the body's rest pose.
+
+    transforms: (F, J, 3, 4) joint transforms of the body, so that its vertices can be recomputed.
+    settling: how many leading frames only let the cloth settle and never count.
+    metadata: JSON values: clip, garment (template name), body, engine, versions, settings, seed, wall_seconds,
+    inside_percent.
+    """
+
+    vertices: Tensor
+    faces: Tensor
+    rest: Tensor
+    transforms: Tensor
+    fps: float
+    settling: int
+    metadata: dict[str, Any]
+
+    @property
+    def garment(self) -> str:
+        return str(self.metadata["garment"])
+
+    @property
+    def clip(self) -> str:
+        return str(self.metadata["clip"])
+
+
+def content_hash(sequence: Sequence) -> str:
+    """SHA-256 over the simulated vertices and the motion: equal input and machine give an equal hash."""
+    digest = hashlib.sha256()
+    for tensor in (sequence.vertices, sequence.rest, sequence.transforms):
+        digest.update(np.ascontiguousarray(tensor.numpy().astype(np.float32)).tobytes())
+    return digest.hexdigest()
+
+
+def save_sequence(sequence: Sequence, path: Path) -> None:
+    """Write one compressed npz, whole or not at all; the metadata gets the content hash."""
+    metadata = {**sequence.metadata, "hash": content_hash(sequence)}
+    save_arrays(
+        path,
+        {
+            "format": np.array(FORMAT),
+            "vertices": sequence.vertices.numpy().astype(np.float32),
+            "faces": sequence.faces.numpy().astype(np.int32),
+            "rest": sequence.rest.numpy().astype(np.float32),
+            "transforms": sequence.transforms.numpy().astype(np.float32),
+            "fps": np.array(sequence.fps, dtype=np.float64),
+            "settling": np.array(sequence.settling, dtype=np.int64),
+            "metadata": np.array(json.dumps(metadata)),
+        },
+    )
+
+
+def load_sequence(path: Path) -> Sequence:
+    """Read a sequence npz. Raises InputError if it is not one or holds values that are not finite."""
+    data = load_arrays(path, FORMAT, "a sequence made by `uvcloth simulate`")
+    try:
+        sequence = Sequence(
+            vertices=torch.from_numpy(data["vertices"]),
+            faces=torch.from_numpy(data["faces"].astype(np.int64)),
+            rest=torch.from_numpy(data["rest"]),
+            transforms=torch.from_numpy(data["transforms"]),
+            fps=float(data["fps"]),
+            settling=int(data["settling"]),
+            metadata=json.loads(str(data["metadata"])),
+        )
+    except KeyError as error:
+        raise InputError(f"{path}: the sequence file lacks the array {error}") from error
+    if not torch.isfinite(sequence.vertices).all():
+        raise InputError(f"{path}: a simulated vertex is not a finite number")
+    return sequence

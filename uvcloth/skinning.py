@@ -1,0 +1,48 @@
+"""Linear blend skinning, and the smooth blend weights that carry a garment."""
+
+import torch
+from torch import Tensor
+
+from uvcloth.mesh import neighbour_average, unique_edges
+
+
+def blend_transforms(weights: Tensor, transforms: Tensor) -> Tensor:
+    """Blend joint transforms per vertex: weights (V, J), transforms (B, J, 3, 4) -> (B, V, 3, 4)."""
+    batch, joints = transforms.shape[:2]
+    columns = transforms.permute(1, 0, 2, 3).reshape(joints, -1)
+    return (weights @ columns).view(-1, batch, 3, 4).transpose(0, 1)
+
+
+def apply_transforms(blended: Tensor, points: Tensor) -> Tensor:
+    """Move points (V, 3) or (B, V, 3) by per-vertex transforms (B, V, 3, 4) -> (B, V, 3)."""
+    return (blended[..., :3] * points.unsqueeze(-2)).sum(-1) + blended[..., 3]
+
+
+def skin(points: Tensor, weights: Tensor, transforms: Tensor) -> Tensor:
+    """Linear blend skinning: points (V, 3) at rest, weights (V, J), transforms (B, J, 3, 4) -> (B, V, 3)."""
+    return apply_transforms(blend_transforms(weights, transforms), points)
+
+
+def rotation_part(blended: Tensor) -> Tensor:
+    """Orthonormal frames (..., 3, 3) nearest in the Gram-Schmidt sense to blended matrices (..., 3, 4).
+
+    Columns are the images of the rest axes; the third is the reference, so blends stay well defined.
+    """
+    z = torch.nn.functional.normalize(blended[..., :, 2], dim=-1)
+    x = blended[..., :, 0]
+    x = torch.nn.functional.normalize(x - (x * z).sum(-1, keepdim=True) * z, dim=-1)
+    return torch.stack([x, torch.linalg.cross(z, x), z], dim=-1)
+
+
+def diffuse_weights(weights: Tensor, vertices: Tensor, faces: Tensor, distance: float) -> Tensor:
+    """Blend weights (N, J) diffused over a mesh by about `distance` metres; rows still sum to one.
+
+    Repeated averaging over the neighbours; each pass spreads by about one edge length.
+    """
+    edges = unique_edges(faces)
+    length = (vertices[edges[:, 0]] - vertices[edges[:, 1]]).norm(dim=1).mean()
+    passes = max(1, int(round(float((distance / length) ** 2))))
+    average = neighbour_average(faces, len(vertices))
+    for _ in range(passes):
+        weights = 0.5 * weights + 0.5 * torch.sparse.mm(average, weights)
+    return weights
