@@ -1,4 +1,4 @@
-"""Triangle meshes as plain tensors: normals, edges, adjacency, cotangent-free smoothing operators."""
+"""Triangle meshes as plain tensors: normals, edges, adjacency, neighbour averages."""
 
 from dataclasses import dataclass, replace
 

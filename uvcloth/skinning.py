@@ -41,7 +41,7 @@ def diffuse_weights(weights: Tensor, vertices: Tensor, faces: Tensor, distance: 
     """
     edges = unique_edges(faces)
     length = (vertices[edges[:, 0]] - vertices[edges[:, 1]]).norm(dim=1).mean()
-    passes = max(1, int(round(float((distance / length) ** 2))))
+    passes = max(1, round(float((distance / length) ** 2)))
     average = neighbour_average(faces, len(vertices))
     for _ in range(passes):
         weights = 0.5 * weights + 0.5 * torch.sparse.mm(average, weights)

@@ -77,7 +77,8 @@ def save_body(body: Body, path: Path) -> None:
 def load_body(path: Path | None = None) -> Body:
     """Read a body npz; None is the body that ships with the package.
 
-    Raises InputError if the file is missing, truncated, of another format, or holds values that are not finite.
+    Raises InputError if the file is missing, truncated, of another format, or holds values that are
+    not finite.
     """
     path = path or Path(str(files("uvcloth") / "data" / "body.npz"))
     data = load_arrays(path, FORMAT, "a body made by `uvcloth body`")

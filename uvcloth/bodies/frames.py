@@ -17,7 +17,7 @@ LEAD = HISTORY + 1
 
 @dataclass(frozen=True)
 class BodyFrames:
-    """B frames of a posed body, each with its short history (H = HISTORY, the last entry is the frame itself).
+    """B frames of a posed body, each with its short history (H = HISTORY, the last is the frame itself).
 
     transforms: (B, H, J, 3, 4). vertices: (B, H, V, 3) m. velocity: (B, H, V, 3) m/s, acceleration:
     (B, H, V, 3) m/s2, both backward differences (PhysXNet eq. 6 and 7) divided by the frame time.

@@ -18,12 +18,12 @@ FORMAT = "uvcloth-sequence-1"
 
 @dataclass(frozen=True)
 class Sequence:
-    """vertices: (F, N, 3) metres, world. faces: (M, 3). rest: (N, 3) the garment at rest on the body's rest pose.
+    """vertices: (F, N, 3) metres, world. faces: (M, 3). rest: (N, 3) at rest on the body's rest pose.
 
     transforms: (F, J, 3, 4) joint transforms of the body, so that its vertices can be recomputed.
     settling: how many leading frames only let the cloth settle and never count.
-    metadata: JSON values: clip, garment (template name), body, engine, versions, settings, seed, wall_seconds,
-    inside_percent.
+    metadata: JSON values: clip, garment (template name), body, engine, versions, settings, seed,
+    wall_seconds, inside_percent.
     """
 
     vertices: Tensor
