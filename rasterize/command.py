@@ -1,0 +1,38 @@
+"""How every command of the project ends: one sentence for bad input, never a traceback for it."""
+
+import errno
+import sys
+from collections.abc import Callable
+
+from rasterize.errors import InputError
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+REFUSED_BY_THE_SYSTEM = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM}
+"""The machine, not the program, says no: full disk, quota, read-only folder, no permission."""
+
+
+def run_command(program: str, command: Callable[[], None]) -> int:
+    """Run a command and return its exit code: `sys.exit(run_command("uvcloth", main))`.
+
+    0 when it returns; 2 with the sentence of an InputError, or of a disk that is full or refuses, on
+    stderr; 130 after Ctrl-C. Any other exception is a bug and keeps its traceback.
+    """
+    try:
+        command()
+    except InputError as error:
+        return _say(program, str(error), BAD_INPUT)
+    except KeyboardInterrupt:
+        return _say(program, "interrupted; finished work is in place", INTERRUPTED)
+    except OSError as error:
+        if error.errno not in REFUSED_BY_THE_SYSTEM:
+            raise
+        place = f"{error.filename}: " if error.filename else ""
+        return _say(program, f"{place}cannot be written or read ({error.strerror})", BAD_INPUT)
+    return 0
+
+
+def _say(program: str, sentence: str, code: int) -> int:
+    print(f"{program}: {' '.join(sentence.split())}", file=sys.stderr)
+    return code
