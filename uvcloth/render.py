@@ -1,0 +1,324 @@
+"""Pictures of bodies and clothes by ray casting with Embree: no display and no graphics driver needed.
+
+A studio: one soft key light, a bright dome, a floor that fades into the backdrop. How much of the dome and of the
+key light reaches a point is measured with rays at the vertices (and on a grid of the floor) and interpolated, so
+the pictures are free of noise and the same on every run.
+"""
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.mesh import vertex_normals
+
+Color = tuple[float, float, float]
+
+BODY_COLOR: Color = (0.80, 0.78, 0.76)
+GARMENT_COLORS: tuple[Color, ...] = (
+    (0.20, 0.47, 0.62),
+    (0.79, 0.42, 0.30),
+    (0.55, 0.45, 0.68),
+    (0.36, 0.56, 0.40),
+)
+
+BACKDROP = np.array([0.86, 0.87, 0.88], np.float32)
+FLOOR = np.array([0.74, 0.74, 0.75], np.float32)
+KEY_DIRECTION = np.array([-0.55, -0.65, 1.0], np.float32)
+KEY_SPREAD = 0.22
+KEY, DOME, BOUNCE, RIM = 0.72, 0.50, 0.35, 0.10
+INSIDE = 0.45
+DOME_RAYS, KEY_RAYS = 32, 16
+FLOOR_GRID, FLOOR_REACH = 96, 2.5
+LIFT = 1e-3
+EDGE_CONTRAST = 0.03
+EDGE_SAMPLES = 4
+
+
+@dataclass(frozen=True)
+class Surface:
+    """vertices: (V, 3) metres, Z up. faces: (F, 3) int64. color: sRGB in [0, 1]."""
+
+    vertices: Tensor
+    faces: Tensor
+    color: Color
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole. eye and target: world positions in metres. view: vertical field of view in degrees."""
+
+    eye: tuple[float, float, float]
+    target: tuple[float, float, float]
+    view: float = 28.0
+
+    def following(self, point: Tensor) -> "Camera":
+        """The same view moved along the floor so that it is centred on a point (3,)."""
+        dx, dy = float(point[0]) - self.target[0], float(point[1]) - self.target[1]
+        eye, target = self.eye, self.target
+        return replace(
+            self, eye=(eye[0] + dx, eye[1] + dy, eye[2]), target=(target[0] + dx, target[1] + dy, target[2])
+        )
+
+
+def three_quarter(points: Tensor, turn: float = 30.0, rise: float = 8.0) -> Camera:
+    """A camera that holds all points (..., 3) in view, from in front (-Y) turned towards the body's left.
+
+    turn: degrees around the body, 0 in front, 180 behind. rise: degrees above the horizon.
+    """
+    low, high = points.reshape(-1, 3).amin(0).double(), points.reshape(-1, 3).amax(0).double()
+    target, radius = (low + high) / 2, float((high - low).norm()) / 2
+    view = Camera.view
+    distance = 1.02 * radius / np.sin(np.radians(view / 2))
+    turned, risen = np.radians(turn), np.radians(rise)
+    away = torch.tensor(
+        [np.sin(turned) * np.cos(risen), -np.cos(turned) * np.cos(risen), np.sin(risen)], dtype=torch.float64
+    )
+    x, y, z = (target + distance * away).tolist()
+    return Camera((x, y, max(z, float(low[2]) + 0.05)), tuple(target.tolist()), view)
+
+
+def render(
+    surfaces: Sequence[Surface], camera: Camera, size: tuple[int, int] = (480, 640), floor: float = 0.0
+) -> np.ndarray:
+    """One picture: (height, width, 3) uint8 sRGB, of surfaces over a floor at height `floor`.
+
+    size: (width, height) in pixels. Raises InputError if a vertex is not a finite number.
+    """
+    scene = _build(surfaces, floor)
+    width, height = size
+    image = _shade(scene, *_rays(camera, size, *_pixel_centres(width, height))).reshape(height, width, 3)
+    rows, columns = np.nonzero(_edges(image))
+    steps = (np.arange(EDGE_SAMPLES, dtype=np.float32) + 0.5) / EDGE_SAMPLES - 0.5
+    dy, dx = (offset.ravel() for offset in np.meshgrid(steps, steps, indexing="ij"))
+    fine = _shade(scene, *_rays(camera, size, columns[:, None] + 0.5 + dx, rows[:, None] + 0.5 + dy))
+    image[rows, columns] = fine.reshape(len(rows), -1, 3).mean(1)
+    return (_encode(image) * 255.0 + 0.5).astype(np.uint8)
+
+
+def render_frames(
+    frames: Iterable[Sequence[Surface]],
+    camera: Camera | None = None,
+    size: tuple[int, int] = (480, 640),
+    floor: float = 0.0,
+) -> Iterator[np.ndarray]:
+    """Pictures of many frames, one at a time: (height, width, 3) uint8 each.
+
+    Without a camera a three-quarter view is fitted to the first frame and follows its first surface.
+    """
+    follow = camera is None
+    for surfaces in frames:
+        body = surfaces[0].vertices
+        if camera is None:
+            camera = three_quarter(torch.cat([surface.vertices for surface in surfaces]))
+        if follow:
+            camera = camera.following((body.amin(0) + body.amax(0)) / 2)
+        yield render(surfaces, camera, size, floor)
+
+
+def contact_sheet(images: Sequence[np.ndarray], columns: int, gap: int = 6) -> np.ndarray:
+    """Equal-sized pictures (h, w, 3) uint8 row by row on one white sheet, `gap` pixels apart."""
+    height, width = images[0].shape[:2]
+    rows = -(-len(images) // columns)
+    sheet = np.full((rows * (height + gap) - gap, columns * (width + gap) - gap, 3), 255, np.uint8)
+    for index, image in enumerate(images):
+        y, x = (index // columns) * (height + gap), (index % columns) * (width + gap)
+        sheet[y : y + height, x : x + width] = image
+    return sheet
+
+
+def save_png(path: Path, image: np.ndarray) -> None:
+    """Write a picture (h, w, 3) uint8 as PNG, whole or not at all. Raises InputError if it cannot be written."""
+    import OpenImageIO as oiio  # noqa: N813
+
+    path = Path(path)
+    partial = path.with_name(path.name + ".partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        buffer = oiio.ImageBuf(np.ascontiguousarray(image))
+        if not buffer.write(str(partial), "uint8", "png"):
+            raise InputError(f"{path}: cannot be written ({buffer.geterror()})")
+        os.replace(partial, path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """Everything a ray needs. dome, key: share of each light that reaches a vertex (V,) or floor texel (G, G)."""
+
+    embree: Any
+    faces: np.ndarray
+    normals: np.ndarray
+    colors: np.ndarray
+    dome: np.ndarray
+    key: np.ndarray
+    floor: float
+    centre: np.ndarray
+    floor_dome: np.ndarray
+    floor_key: np.ndarray
+
+
+def _build(surfaces: Sequence[Surface], floor: float) -> _Scene:
+    from embreex.mesh_construction import TriangleMesh
+    from embreex.rtcore_scene import EmbreeScene
+
+    counts = [0, *np.cumsum([len(surface.vertices) for surface in surfaces]).tolist()]
+    vertices = torch.cat([surface.vertices.detach().cpu().float() for surface in surfaces])
+    if not torch.isfinite(vertices).all():
+        raise InputError("a picture cannot be drawn: a vertex is not a finite number")
+    faces = torch.cat([surface.faces.cpu() + start for surface, start in zip(surfaces, counts, strict=False)])
+    colors = np.concatenate(
+        [np.tile(np.array(surface.color, np.float32), (len(surface.vertices), 1)) for surface in surfaces]
+    )
+    points, normals = vertices.numpy(), vertex_normals(vertices, faces).numpy()
+    embree = EmbreeScene()
+    TriangleMesh(embree, points, faces.numpy().astype(np.int32))
+    dome, key = _received(embree, points, normals, floor)
+    centre = (points[:, :2].min(0) + points[:, :2].max(0)) / 2
+    steps = np.linspace(-FLOOR_REACH, FLOOR_REACH, FLOOR_GRID, dtype=np.float32)
+    tiles = np.stack([*np.meshgrid(steps, steps), np.full((FLOOR_GRID, FLOOR_GRID), floor, np.float32)], -1)
+    tiles[..., :2] += centre
+    up = np.tile(np.array([0, 0, 1], np.float32), (FLOOR_GRID**2, 1))
+    floor_dome, floor_key = _received(embree, tiles.reshape(-1, 3), up, floor)
+    return _Scene(
+        embree=embree,
+        faces=faces.numpy(),
+        normals=normals,
+        colors=_decode(colors),
+        dome=dome,
+        key=key,
+        floor=floor,
+        centre=centre,
+        floor_dome=floor_dome.reshape(FLOOR_GRID, FLOOR_GRID),
+        floor_key=floor_key.reshape(FLOOR_GRID, FLOOR_GRID),
+    )
+
+
+def _received(
+    embree: Any, points: np.ndarray, normals: np.ndarray, floor: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Share of the dome's light (cosine-weighted, a dimmer lower half) and of the key light that arrives: (P,)."""
+    # A normal plus points on the unit sphere is a cosine-weighted hemisphere.
+    domewards = _normalize(normals[:, None] + 0.999 * _sphere(DOME_RAYS))
+    keywards = _normalize(_normalize(KEY_DIRECTION) + KEY_SPREAD * _sphere(KEY_RAYS))
+    directions = np.concatenate(
+        [domewards, np.broadcast_to(keywards, (len(points), KEY_RAYS, 3))], axis=1, dtype=np.float32
+    )
+    origins = np.repeat(points + LIFT * normals, DOME_RAYS + KEY_RAYS, axis=0)
+    open_ = embree.run(origins, directions.reshape(-1, 3), query="OCCLUDED") < 0
+    open_ = open_.reshape(len(points), -1)
+    brightness = np.where(domewards[..., 2] > 0, 1.0, BOUNCE).astype(np.float32)
+    dome = (open_[:, :DOME_RAYS] * brightness).mean(1)
+    return dome, open_[:, DOME_RAYS:].mean(1, dtype=np.float32)
+
+
+def _shade(scene: _Scene, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Linear colours (R, 3) seen along rays (R, 3)."""
+    hits = scene.embree.run(origins, directions, output=True)
+    with np.errstate(divide="ignore"):
+        to_floor = (scene.floor - origins[:, 2]) / directions[:, 2]
+    hit = hits["primID"] >= 0
+    on_floor = (to_floor > 0) & (~hit | (to_floor < hits["tfar"]))
+    on_mesh = hit & ~on_floor
+    colors = np.tile(_decode(BACKDROP), (len(origins), 1))
+    u, v = hits["u"][on_mesh], hits["v"][on_mesh]
+    colors[on_mesh] = _shade_mesh(scene, hits["primID"][on_mesh], u, v, directions[on_mesh])
+    reached = origins[on_floor, :2] + to_floor[on_floor, None] * directions[on_floor, :2]
+    colors[on_floor] = _shade_floor(scene, reached)
+    return colors
+
+
+def _shade_mesh(
+    scene: _Scene, faces: np.ndarray, u: np.ndarray, v: np.ndarray, directions: np.ndarray
+) -> np.ndarray:
+    corners = scene.faces[faces]
+    weights = np.stack([1 - u - v, u, v], axis=1)
+
+    def interpolated(values: np.ndarray) -> np.ndarray:
+        return np.einsum("rc,rc...->r...", weights, values[corners])
+
+    normals = _normalize(interpolated(scene.normals))
+    facing = -(normals * directions).sum(1)
+    # Shading normals of grazing triangles may point slightly away; only clearly turned ones show the inside.
+    inside = facing < -0.15
+    normals = np.where(inside[:, None], -normals, normals)
+    lambert = np.clip(normals @ _normalize(KEY_DIRECTION), 0, 1)
+    light = KEY * lambert * interpolated(scene.key) * ~inside + DOME * interpolated(scene.dome)
+    light = light * np.where(inside, INSIDE, 1.0)
+    rim = RIM * (1 - np.abs(facing)).clip(0, 1) ** 3 * interpolated(scene.dome)
+    return interpolated(scene.colors) * light[:, None] + rim[:, None]
+
+
+def _shade_floor(scene: _Scene, points: np.ndarray) -> np.ndarray:
+    from scipy.ndimage import map_coordinates
+
+    away = points - scene.centre
+    grid = ((away + FLOOR_REACH) / (2 * FLOOR_REACH) * (FLOOR_GRID - 1)).T[::-1]
+    unlit = KEY * float(_normalize(KEY_DIRECTION)[2]) + DOME
+    light = KEY * float(_normalize(KEY_DIRECTION)[2]) * scene.floor_key + DOME * scene.floor_dome
+    shadow = map_coordinates(light / unlit, grid, order=1, mode="nearest")
+    far = np.clip((np.linalg.norm(away, axis=1) - 0.6) / (FLOOR_REACH - 0.6), 0, 1)[:, None]
+    far = far * far * (3 - 2 * far)
+    return (_decode(FLOOR) * (1 - far) + _decode(BACKDROP) * far) * shadow[:, None]
+
+
+def _pixel_centres(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+    rows, columns = np.mgrid[0:height, 0:width].astype(np.float32)
+    return columns + 0.5, rows + 0.5
+
+
+def _rays(
+    camera: Camera, size: tuple[int, int], x: np.ndarray, y: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Origins and unit directions (R, 3) through pixel positions x, y (any shape, R values)."""
+    eye, target = np.array(camera.eye), np.array(camera.target)
+    forward = _normalize(target - eye)
+    right = _normalize(np.cross(forward, [0.0, 0.0, 1.0]))
+    up = np.cross(right, forward)
+    scale = 2 * np.tan(np.radians(camera.view / 2)) / size[1]
+    across, down = (x.ravel() - size[0] / 2) * scale, (y.ravel() - size[1] / 2) * scale
+    directions = _normalize(forward + across[:, None] * right - down[:, None] * up).astype(np.float32)
+    return np.broadcast_to(eye.astype(np.float32), directions.shape).copy(), directions
+
+
+def _edges(image: np.ndarray) -> np.ndarray:
+    """Pixels that differ visibly from a neighbour: (H, W) bool."""
+    seen = _encode(image)
+    edges = np.zeros(seen.shape[:2], bool)
+    down = np.abs(np.diff(seen, axis=0)).max(2) > EDGE_CONTRAST
+    across = np.abs(np.diff(seen, axis=1)).max(2) > EDGE_CONTRAST
+    edges[1:] |= down
+    edges[:-1] |= down
+    edges[:, 1:] |= across
+    edges[:, :-1] |= across
+    return edges
+
+
+def _sphere(count: int) -> np.ndarray:
+    """Points spread evenly over the unit sphere (a Fibonacci lattice): (count, 3)."""
+    index = np.arange(count) + 0.5
+    z = 1 - 2 * index / count
+    angle = index * np.pi * (1 + np.sqrt(5))
+    radius = np.sqrt(1 - z * z)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1).astype(np.float32)
+
+
+def _normalize(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+
+
+def _decode(srgb: np.ndarray) -> np.ndarray:
+    return srgb.astype(np.float32) ** 2.2
+
+
+def _encode(linear: np.ndarray) -> np.ndarray:
+    return np.clip(linear, 0, 1) ** np.float32(1 / 2.2)
