@@ -1,0 +1,204 @@
+"""Read BVH motion capture files."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import torch
+from scipy.spatial.transform import Rotation
+
+from rasterize.errors import InputError
+from uvcloth.motion.clip import Clip
+from uvcloth.skeleton import Skeleton
+
+
+@dataclass
+class _Hierarchy:
+    """What the HIERARCHY section says; `channels` holds (joint, "Xposition" and the like) per column."""
+
+    names: list[str] = field(default_factory=list)
+    parents: list[int] = field(default_factory=list)
+    offsets: list[list[float]] = field(default_factory=list)
+    channels: list[tuple[int, str]] = field(default_factory=list)
+
+
+def read_bvh(path: Path) -> Clip:
+    """Read a BVH file in its own units and axes.
+
+    The clip's rest pose is the file's all-zero pose: heads (J, 3) are the summed OFFSETs, rotations
+    (T, J, 3, 3) the world rotations relative to it, each joint's own rotation being the product of its
+    channels in the listed order. translation (T, 3) is the root's path. End sites are left out, and so
+    are the position channels of joints other than the root.
+
+    Raises InputError naming the file and the line, frame or joint if the file is missing, truncated,
+    without frames, or holds a value that is not a finite number.
+    """
+    path = Path(path)
+    lines = _lines(path)
+    motion = next((i for i, line in enumerate(lines) if line.strip().upper() == "MOTION"), None)
+    if motion is None:
+        raise InputError(f"{path}: not a whole BVH file, it has no MOTION section")
+    hierarchy = _parse_hierarchy(path, lines[:motion])
+    values, fps = _parse_motion(path, lines, motion, hierarchy)
+    return Clip(
+        name=path.stem,
+        skeleton=_skeleton(hierarchy),
+        rotations=torch.from_numpy(_world_rotations(path, hierarchy, values).astype(np.float32)),
+        translation=torch.from_numpy(_root_path(hierarchy, values).astype(np.float32)),
+        fps=fps,
+    )
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return path.read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not a BVH file, it is not text") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def _parse_hierarchy(path: Path, lines: list[str]) -> _Hierarchy:
+    hierarchy = _Hierarchy()
+    open_joints: list[int] = []
+    opening = -1
+    in_end_site = False
+    for number, line in enumerate(lines, start=1):
+        word, *rest = line.split() or [""]
+        keyword = word.upper()
+        try:
+            if keyword in ("ROOT", "JOINT"):
+                if (keyword == "ROOT") == bool(hierarchy.names) or (keyword == "JOINT" and not open_joints):
+                    raise InputError(f"{path}, line {number}: expected one ROOT that holds every JOINT")
+                opening = len(hierarchy.names)
+                hierarchy.names.append(" ".join(rest))
+                hierarchy.parents.append(open_joints[-1] if open_joints else -1)
+                hierarchy.offsets.append([0.0, 0.0, 0.0])
+            elif keyword == "END":
+                in_end_site, opening = True, -1
+            elif keyword == "{":
+                open_joints.append(opening)
+            elif keyword == "}":
+                open_joints.pop()
+                in_end_site = False
+            elif keyword == "OFFSET" and not in_end_site:
+                offset = [float(number) for number in rest]
+                if len(offset) != 3 or not np.isfinite(offset).all():
+                    raise ValueError
+                hierarchy.offsets[open_joints[-1]] = offset
+            elif keyword == "CHANNELS":
+                if len(rest) != int(rest[0]) + 1:
+                    raise ValueError
+                hierarchy.channels += [(open_joints[-1], channel.lower()) for channel in rest[1:]]
+        except InputError:
+            raise
+        except (ValueError, IndexError) as error:
+            raise InputError(f"{path}, line {number}: cannot be understood: {line.strip()!r}") from error
+    if open_joints or not hierarchy.names:
+        raise InputError(f"{path}: the HIERARCHY section is not complete")
+    if len(set(hierarchy.names)) < len(hierarchy.names):
+        twice = next(name for name in hierarchy.names if hierarchy.names.count(name) > 1)
+        raise InputError(f"{path}: two joints are named {twice}")
+    return hierarchy
+
+
+def _parse_motion(
+    path: Path, lines: list[str], motion: int, hierarchy: _Hierarchy
+) -> tuple[np.ndarray, float]:
+    """The values (T, channels) and the frames per second."""
+    body = [
+        (number, line) for number, line in enumerate(lines[motion + 1 :], start=motion + 2) if line.strip()
+    ]
+    try:
+        frames = int(body[0][1].split(":")[1])
+        seconds = float(body[1][1].split(":")[1])
+    except (IndexError, ValueError) as error:
+        raise InputError(f"{path}: the MOTION section lacks a readable 'Frames:' or 'Frame Time:'") from error
+    if not (np.isfinite(seconds) and seconds > 0):
+        raise InputError(f"{path}: the frame time is {seconds}, expected seconds above zero")
+    if frames <= 0:
+        raise InputError(f"{path}: the file has zero frames")
+    rows = body[2:]
+    if len(rows) != frames:
+        raise InputError(f"{path}: expected {frames} frames, found {len(rows)}")
+    try:
+        values = np.array([line.split() for _, line in rows], dtype=np.float64)
+    except ValueError as error:
+        raise _bad_row(path, rows, len(hierarchy.channels)) from error
+    if values.shape[1] != len(hierarchy.channels):
+        raise _bad_row(path, rows, len(hierarchy.channels))
+    bad = np.argwhere(~np.isfinite(values))
+    if len(bad):
+        frame, column = bad[0]
+        joint, channel = hierarchy.channels[column]
+        raise InputError(
+            f"{path}, line {rows[frame][0]}: frame {frame}, joint {hierarchy.names[joint]}: "
+            f"{channel} is not a finite number"
+        )
+    return values, _nominal_fps(1.0 / seconds)
+
+
+def _bad_row(path: Path, rows: list[tuple[int, str]], expected: int) -> InputError:
+    for frame, (number, line) in enumerate(rows):
+        words = line.split()
+        if len(words) != expected:
+            return InputError(
+                f"{path}, line {number}: frame {frame} has {len(words)} values, expected {expected}"
+            )
+        for word in words:
+            try:
+                float(word)
+            except ValueError:
+                return InputError(f"{path}, line {number}: frame {frame} holds {word!r}, expected a number")
+    return InputError(f"{path}: the frames cannot be understood")
+
+
+def _nominal_fps(fps: float) -> float:
+    """Files round the frame time (0.0083333 s): a rate that close to a whole number means it."""
+    return float(round(fps)) if abs(fps - round(fps)) < 1e-4 * fps else fps
+
+
+def _skeleton(hierarchy: _Hierarchy) -> Skeleton:
+    heads = np.array(hierarchy.offsets)
+    for joint, parent in enumerate(hierarchy.parents):
+        if parent >= 0:
+            heads[joint] += heads[parent]
+    return Skeleton(
+        tuple(hierarchy.names), tuple(hierarchy.parents), torch.from_numpy(heads.astype(np.float32))
+    )
+
+
+def _world_rotations(path: Path, hierarchy: _Hierarchy, values: np.ndarray) -> np.ndarray:
+    world = np.empty((len(values), len(hierarchy.names), 3, 3))
+    for joint, parent in enumerate(hierarchy.parents):
+        columns, axes = _columns(hierarchy, joint, "rotation")
+        local = np.broadcast_to(np.eye(3), (len(values), 3, 3))
+        if columns:
+            try:
+                local = Rotation.from_euler(axes.upper(), values[:, columns], degrees=True).as_matrix()
+            except ValueError as error:
+                raise InputError(
+                    f"{path}: joint {hierarchy.names[joint]} has the rotation channels {axes.upper()}, "
+                    "expected up to three with no axis twice in a row"
+                ) from error
+        world[:, joint] = local if parent < 0 else world[:, parent] @ local
+    return world
+
+
+def _root_path(hierarchy: _Hierarchy, values: np.ndarray) -> np.ndarray:
+    columns, axes = _columns(hierarchy, 0, "position")
+    translation = np.tile(np.array(hierarchy.offsets[0]), (len(values), 1))
+    translation[:, ["xyz".index(axis) for axis in axes]] = values[:, columns]
+    return translation
+
+
+def _columns(hierarchy: _Hierarchy, joint: int, kind: str) -> tuple[list[int], str]:
+    """Columns of a joint's channels of one kind, and their axes ("zyx"), in the listed order."""
+    chosen = [
+        (column, channel[0])
+        for column, (owner, channel) in enumerate(hierarchy.channels)
+        if owner == joint and channel.endswith(kind) and channel[0] in "xyz"
+    ]
+    return [column for column, _ in chosen], "".join(axis for _, axis in chosen)

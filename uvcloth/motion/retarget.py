@@ -1,0 +1,256 @@
+"""Carry a motion over from any known skeleton to a body's own.
+
+Rotations are carried over, not positions: capture skeletons leave bones out or give them no length. Both rest
+poses are first brought to a common one, the T-pose of the capture skeleton.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import torch
+from scipy.spatial.transform import Rotation
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.motion.clip import Clip
+from uvcloth.skeleton import Skeleton
+
+MIDDLE = {
+    "hips": ("hips", "hip"),
+    "lower_spine": ("lowerback", "abdomen", "spine"),
+    "middle_spine": ("spine", "chest", "spine1"),
+    "upper_spine": ("spine1", "chest2", "spine2"),
+    "lower_neck": ("lowerneck", "neck"),
+    "upper_neck": ("neck1", "neck"),
+    "head": ("head",),
+}
+SIDE = {
+    "thigh": ("{side}upleg", "{side}hip", "{s}thigh"),
+    "shin": ("{side}leg", "{side}knee", "{s}shin"),
+    "foot": ("{side}foot", "{side}ankle", "{s}foot"),
+    "toes": ("{side}toebase", "{side}toe"),
+    "upper_arm": ("{side}arm", "{s}shldr", "{side}shoulder"),
+    "clavicle": ("{side}collar", "{s}collar", "{side}shoulder"),
+    "forearm": ("{side}forearm", "{side}elbow", "{s}forearm"),
+    "hand": ("{side}hand", "{side}wrist", "{s}hand"),
+    "fingers": ("{side}handindex1", "{side}handmiddle1", "{side}handfinger1", "{s}fingers", "{s}mid1"),
+}
+ALIASES = MIDDLE | {
+    f"{side}_{joint}": tuple(name.format(side=side, s=side[0]) for name in names)
+    for side in ("left", "right")
+    for joint, names in SIDE.items()
+}
+"""Canonical joint -> its names in MotionBuilder, 3ds Max, DAZ and Mixamo files, lower case and without a
+"mixamorig:" prefix. The first name that the skeleton has, and that no joint above claimed, is meant."""
+
+LIMBS = {
+    f"{side}_{bone}": f"{side}_{tip}"
+    for side in ("left", "right")
+    for bone, tip in {
+        "thigh": "shin",
+        "shin": "foot",
+        "upper_arm": "forearm",
+        "forearm": "hand",
+        "hand": "fingers",
+    }.items()
+}
+"""Bones whose rest directions are brought together, and the joint each points at."""
+
+REQUIRED = ("hips", *(name for name in LIMBS if not name.endswith("hand")), "left_hand", "right_hand")
+REQUIRED_FEET = ("left_foot", "right_foot")
+
+FLOOR_PERCENTILE = 5.0
+SKINNED_AT_ONCE = 256
+
+
+def joint_roles(names: Iterable[str]) -> dict[str, int]:
+    """Canonical joint -> index of the joint that plays it, for joints with a known name."""
+    plain = {name.rpartition(":")[2].lower().removeprefix("mixamorig"): i for i, name in enumerate(names)}
+    roles: dict[str, int] = {}
+    for role, aliases in ALIASES.items():
+        index = next((plain[a] for a in aliases if a in plain and plain[a] not in roles.values()), None)
+        if index is not None:
+            roles[role] = index
+    return roles
+
+
+def retarget(clip: Clip, body: Body, fps: float = 30.0) -> Clip:
+    """A clip on any known skeleton -> the same motion on the body, resampled, feet on the floor z = 0.
+
+    The clip may be in any unit and any right-handed axes in which its rest pose stands along one of
+    them. For a joint j that both skeletons have, the world rotation relative to the body's rest pose is
+    Q_j(t) = G_j(t) G_j(T-pose)^T A_j, with G the clip's rotations in the body's axes and A_j the smallest
+    rotation from the body's rest bone to the T-pose bone (limbs; identity elsewhere). Other joints move with
+    their parents. The root's path is scaled by the leg lengths, and the floor is the 5th percentile over
+    frames of the body's lowest vertex.
+
+    Returns Clip(skeleton=body.skeleton, rotations (T, J, 3, 3), translation (T, 3) m, fps).
+    Raises InputError naming the clip and the joint if either skeleton lacks a joint that is needed.
+    """
+    source = _known_roles(clip.skeleton, f"clip {clip.name}")
+    target = _known_roles(body.skeleton, f"body {body.name}")
+    clip = resample(_in_body_axes(clip, source), fps)
+
+    rotations, bones = _relative_to_t_pose(clip, source)
+    rest_bones = _bone_directions(body.skeleton.heads, target)
+    align = {role: smallest_rotation(rest_bones[role], bones[role]) for role in rest_bones}
+    for side in ("left", "right"):
+        align.setdefault(f"{side}_hand", align[f"{side}_forearm"])
+
+    role_of = {joint: role for role, joint in target.items() if role in source}
+    carried: list[Tensor] = []
+    for joint, parent in enumerate(body.skeleton.parents):
+        role = role_of.get(joint)
+        if role is None:
+            carried.append(carried[parent] if parent >= 0 else rotations[:, source["hips"]])
+        else:
+            turn = rotations[:, source[role]]
+            carried.append(turn @ align[role] if role in align else turn)
+    result = Clip(
+        name=clip.name,
+        skeleton=body.skeleton,
+        rotations=torch.stack(carried, dim=1),
+        translation=_root_path(clip, source, body.skeleton, target, carried),
+        fps=clip.fps,
+    )
+    return _on_floor(result, body)
+
+
+def resample(clip: Clip, fps: float) -> Clip:
+    """The clip at another frame rate: rotations by slerp, the root's path linearly."""
+    if fps == clip.fps:
+        return clip
+    last = len(clip) - 1
+    steps = int(last * fps / clip.fps + 1e-6)
+    times = torch.arange(steps + 1, dtype=torch.float64) * (clip.fps / fps)
+    before = times.floor().long().clamp(max=max(last - 1, 0))
+    after = (before + 1).clamp(max=last)
+    share = times - before
+    start = clip.rotations[before].double()
+    turn = Rotation.from_matrix((start.mT @ clip.rotations[after].double()).flatten(0, 1).numpy()).as_rotvec()
+    partial = Rotation.from_rotvec(turn * share.repeat_interleave(start.shape[1])[:, None].numpy())
+    rotations = start @ torch.from_numpy(partial.as_matrix()).view_as(start)
+    translation = torch.lerp(
+        clip.translation[before].double(), clip.translation[after].double(), share[:, None]
+    )
+    return replace(
+        clip,
+        rotations=rotations.to(clip.rotations),
+        translation=translation.to(clip.translation),
+        fps=fps,
+    )
+
+
+def smallest_rotation(source: Tensor, target: Tensor) -> Tensor:
+    """(3, 3) rotation by the smallest angle that takes one unit vector (3,) to another."""
+    axis = torch.linalg.cross(source, target)
+    x, y, z = axis.tolist()
+    cross = torch.tensor([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]).to(source)
+    return torch.eye(3).to(source) + cross + cross @ cross / (1.0 + source @ target).clamp(min=1e-6)
+
+
+def _known_roles(skeleton: Skeleton, owner: str) -> dict[str, int]:
+    roles = joint_roles(skeleton.names)
+    missing = [role for role in (*REQUIRED, *REQUIRED_FEET) if role not in roles]
+    if missing:
+        raise InputError(
+            f"{owner}: unknown joint set, no joint is known as {', '.join(m.replace('_', ' ') for m in missing)} "
+            f"among {', '.join(skeleton.names[:8])}, ... (known are the names of MotionBuilder, 3ds Max, DAZ "
+            "and Mixamo)"
+        )
+    return roles
+
+
+def _in_body_axes(clip: Clip, roles: dict[str, int]) -> Clip:
+    """The clip with Z up and its rest pose facing -Y; units stay."""
+    heads = clip.skeleton.heads.double()
+    legs = heads[[roles["left_thigh"], roles["right_thigh"]]]
+    arms = heads[[roles["left_upper_arm"], roles["right_upper_arm"]]]
+    up = _nearest_axis(arms.mean(0) - legs.mean(0))
+    across = legs[0] - legs[1]
+    left = _nearest_axis(across - (across @ up) * up)
+    axes = torch.stack([left, torch.linalg.cross(up, left), up])
+    turned = axes.to(clip.rotations)
+    return replace(
+        clip,
+        skeleton=replace(clip.skeleton, heads=clip.skeleton.heads @ turned.T),
+        rotations=turned @ clip.rotations @ turned.T,
+        translation=clip.translation @ turned.T,
+    )
+
+
+def _nearest_axis(vector: Tensor) -> Tensor:
+    axis = torch.zeros_like(vector)
+    largest = vector.abs().argmax()
+    axis[largest] = vector[largest].sign()
+    return axis
+
+
+def _relative_to_t_pose(clip: Clip, roles: dict[str, int]) -> tuple[Tensor, dict[str, Tensor]]:
+    """Rotations (T, J, 3, 3) relative to the T-pose, and the T-pose directions of the limb bones.
+
+    The all-zero pose of many capture skeletons splays the legs: the T-pose turns each thigh, and what hangs
+    on it, about the front axis until the shin hangs straight down.
+    """
+    heads = clip.skeleton.heads
+    t_pose = torch.eye(3).to(heads).repeat(len(heads), 1, 1)
+    for side in ("left", "right"):
+        shin = heads[roles[f"{side}_foot"]] - heads[roles[f"{side}_shin"]]
+        angle = float(torch.atan2(shin[0], -shin[2]))
+        turn = torch.from_numpy(Rotation.from_euler("y", angle).as_matrix()).to(heads)
+        leg = {roles[f"{side}_thigh"]}
+        for joint, parent in enumerate(clip.skeleton.parents):
+            if parent in leg:
+                leg.add(joint)
+        t_pose[list(leg)] = turn
+    bones = {
+        role: t_pose[roles[role]] @ direction for role, direction in _bone_directions(heads, roles).items()
+    }
+    return clip.rotations @ t_pose.mT, bones
+
+
+def _bone_directions(heads: Tensor, roles: dict[str, int]) -> dict[str, Tensor]:
+    """Unit rest directions of the limb bones; a hand without fingers continues its forearm."""
+    directions: dict[str, Tensor] = {}
+    for bone, tip in LIMBS.items():
+        if tip in roles:
+            directions[bone] = torch.nn.functional.normalize(heads[roles[tip]] - heads[roles[bone]], dim=0)
+        else:
+            directions[bone] = directions[bone.replace("hand", "forearm")]
+    return directions
+
+
+def _root_path(
+    clip: Clip, source: dict[str, int], skeleton: Skeleton, target: dict[str, int], carried: list[Tensor]
+) -> Tensor:
+    """World path of the body's root (T, 3): the middle of its hip joints follows the clip's, scaled."""
+    heads = clip.skeleton.heads
+    scale = _leg_length(skeleton.heads, target) / _leg_length(heads, source)
+    transforms = clip.transforms()
+    thighs = [source["left_thigh"], source["right_thigh"]]
+    posed = (transforms[:, thighs, :, :3] @ heads[thighs, :, None]).squeeze(-1) + transforms[:, thighs, :, 3]
+    hips = target["hips"]
+    middle = skeleton.heads[[target["left_thigh"], target["right_thigh"]]].mean(0) - skeleton.heads[hips]
+    return scale * posed.mean(1) - carried[hips] @ middle
+
+
+def _leg_length(heads: Tensor, roles: dict[str, int]) -> Tensor:
+    """Thigh plus shin, mean of both legs."""
+    chain = [[roles[f"{side}_{bone}"] for side in ("left", "right")] for bone in ("thigh", "shin", "foot")]
+    thigh, shin, foot = (heads[joints] for joints in chain)
+    return ((shin - thigh).norm(dim=1) + (foot - shin).norm(dim=1)).mean()
+
+
+def _on_floor(clip: Clip, body: Body) -> Clip:
+    floor = np.percentile(lowest_vertex(clip, body).numpy(), FLOOR_PERCENTILE)
+    return replace(clip, translation=clip.translation - torch.tensor([0.0, 0.0, floor]).to(clip.translation))
+
+
+def lowest_vertex(clip: Clip, body: Body) -> Tensor:
+    """Height of the posed body's lowest vertex at every frame: (T,) metres."""
+    points = torch.nn.functional.pad(body.mesh.vertices, (0, 1), value=1.0)
+    influence = (body.weights[:, :, None] * points[:, None, :]).flatten(1)
+    rows = clip.transforms()[:, :, 2].flatten(1)
+    return torch.cat([(influence @ part.T).amin(0) for part in rows.split(SKINNED_AT_ONCE)])
