@@ -1,8 +1,8 @@
 """Pictures of bodies and clothes by ray casting with Embree: no display and no graphics driver needed.
 
-A studio: one soft key light, a bright dome, a floor that fades into the backdrop. How much of the dome and of the
-key light reaches a point is measured with rays at the vertices (and on a grid of the floor) and interpolated, so
-the pictures are free of noise and the same on every run.
+A studio: a soft key light over the camera's left shoulder, a bright dome, a floor that fades into the
+backdrop. How much of either light reaches a point is measured with rays at the vertices (and on a grid of the
+floor) and interpolated, so the pictures are free of noise and the same on every run.
 """
 
 import os
@@ -30,12 +30,13 @@ GARMENT_COLORS: tuple[Color, ...] = (
 
 BACKDROP = np.array([0.86, 0.87, 0.88], np.float32)
 FLOOR = np.array([0.74, 0.74, 0.75], np.float32)
-KEY_DIRECTION = np.array([-0.55, -0.65, 1.0], np.float32)
+KEY_FROM = np.array([-0.55, 0.65, 1.0], np.float32)
+"""Towards the key light: left of, behind and above the camera."""
 KEY_SPREAD = 0.22
 KEY, DOME, BOUNCE, RIM = 0.72, 0.50, 0.35, 0.10
 INSIDE = 0.45
-DOME_RAYS, KEY_RAYS = 32, 16
-FLOOR_GRID, FLOOR_REACH = 96, 2.5
+DOME_RAYS, KEY_RAYS = 24, 8
+FLOOR_GRID, FLOOR_REACH = 80, 2.2
 LIFT = 1e-3
 EDGE_CONTRAST = 0.03
 EDGE_SAMPLES = 4
@@ -91,13 +92,13 @@ def render(
 
     size: (width, height) in pixels. Raises InputError if a vertex is not a finite number.
     """
-    scene = _build(surfaces, floor)
+    scene = _build(surfaces, camera, floor)
     width, height = size
     image = _shade(scene, *_rays(camera, size, *_pixel_centres(width, height))).reshape(height, width, 3)
     rows, columns = np.nonzero(_edges(image))
-    steps = (np.arange(EDGE_SAMPLES, dtype=np.float32) + 0.5) / EDGE_SAMPLES - 0.5
+    steps = (np.arange(EDGE_SAMPLES) + 0.5) / EDGE_SAMPLES
     dy, dx = (offset.ravel() for offset in np.meshgrid(steps, steps, indexing="ij"))
-    fine = _shade(scene, *_rays(camera, size, columns[:, None] + 0.5 + dx, rows[:, None] + 0.5 + dy))
+    fine = _shade(scene, *_rays(camera, size, columns[:, None] + dx, rows[:, None] + dy))
     image[rows, columns] = fine.reshape(len(rows), -1, 3).mean(1)
     return (_encode(image) * 255.0 + 0.5).astype(np.uint8)
 
@@ -134,7 +135,7 @@ def contact_sheet(images: Sequence[np.ndarray], columns: int, gap: int = 6) -> n
 
 
 def save_png(path: Path, image: np.ndarray) -> None:
-    """Write a picture (h, w, 3) uint8 as PNG, whole or not at all. Raises InputError if it cannot be written."""
+    """Write a picture (h, w, 3) uint8 as PNG, whole or not at all; InputError if it cannot be written."""
     import OpenImageIO as oiio  # noqa: N813
 
     path = Path(path)
@@ -153,7 +154,12 @@ def save_png(path: Path, image: np.ndarray) -> None:
 
 @dataclass(frozen=True)
 class _Scene:
-    """Everything a ray needs. dome, key: share of each light that reaches a vertex (V,) or floor texel (G, G)."""
+    """Everything a ray needs, in linear light.
+
+    normals, colors: (V, 3). dome, key: share of each light that reaches a vertex (V,).
+    key_direction: unit, towards the light. floor_light: (G, G), 1 where the
+    floor is open, around centre (2,).
+    """
 
     embree: Any
     faces: np.ndarray
@@ -161,13 +167,13 @@ class _Scene:
     colors: np.ndarray
     dome: np.ndarray
     key: np.ndarray
+    key_direction: np.ndarray
     floor: float
     centre: np.ndarray
-    floor_dome: np.ndarray
-    floor_key: np.ndarray
+    floor_light: np.ndarray
 
 
-def _build(surfaces: Sequence[Surface], floor: float) -> _Scene:
+def _build(surfaces: Sequence[Surface], camera: Camera, floor: float) -> _Scene:
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
@@ -182,13 +188,9 @@ def _build(surfaces: Sequence[Surface], floor: float) -> _Scene:
     points, normals = vertices.numpy(), vertex_normals(vertices, faces).numpy()
     embree = EmbreeScene()
     TriangleMesh(embree, points, faces.numpy().astype(np.int32))
-    dome, key = _received(embree, points, normals, floor)
+    to_key = _normalize(KEY_FROM @ _camera_ground(camera))
+    dome, key = _received(embree, points, normals, to_key)
     centre = (points[:, :2].min(0) + points[:, :2].max(0)) / 2
-    steps = np.linspace(-FLOOR_REACH, FLOOR_REACH, FLOOR_GRID, dtype=np.float32)
-    tiles = np.stack([*np.meshgrid(steps, steps), np.full((FLOOR_GRID, FLOOR_GRID), floor, np.float32)], -1)
-    tiles[..., :2] += centre
-    up = np.tile(np.array([0, 0, 1], np.float32), (FLOOR_GRID**2, 1))
-    floor_dome, floor_key = _received(embree, tiles.reshape(-1, 3), up, floor)
     return _Scene(
         embree=embree,
         faces=faces.numpy(),
@@ -196,29 +198,49 @@ def _build(surfaces: Sequence[Surface], floor: float) -> _Scene:
         colors=_decode(colors),
         dome=dome,
         key=key,
+        key_direction=to_key,
         floor=floor,
         centre=centre,
-        floor_dome=floor_dome.reshape(FLOOR_GRID, FLOOR_GRID),
-        floor_key=floor_key.reshape(FLOOR_GRID, FLOOR_GRID),
+        floor_light=_floor_light(embree, centre, floor, to_key),
     )
 
 
+def _camera_ground(camera: Camera) -> np.ndarray:
+    """Rows: the camera's right, its back along the floor, and up: (3, 3)."""
+    back = np.array(camera.eye) - np.array(camera.target)
+    back = _normalize(np.array([back[0], back[1], 0.0]))
+    return np.stack([np.array([-back[1], back[0], 0.0]), back, [0.0, 0.0, 1.0]]).astype(np.float32)
+
+
+def _floor_light(embree: Any, centre: np.ndarray, floor: float, to_key: np.ndarray) -> np.ndarray:
+    """Light on a grid of the floor, 1 where nothing shades it: (FLOOR_GRID, FLOOR_GRID)."""
+    from scipy.ndimage import gaussian_filter
+
+    steps = np.linspace(-FLOOR_REACH, FLOOR_REACH, FLOOR_GRID, dtype=np.float32)
+    x, y = np.meshgrid(steps, steps)
+    tiles = np.stack([x + centre[0], y + centre[1], np.full_like(x, floor)], -1).reshape(-1, 3)
+    up = np.tile(np.array([0, 0, 1], np.float32), (len(tiles), 1))
+    dome, key = _received(embree, tiles, up, to_key)
+    light = (KEY * to_key[2] * key + DOME * dome) / (KEY * to_key[2] + DOME)
+    return gaussian_filter(light.reshape(FLOOR_GRID, FLOOR_GRID), 1.2)
+
+
 def _received(
-    embree: Any, points: np.ndarray, normals: np.ndarray, floor: float
+    embree: Any, points: np.ndarray, normals: np.ndarray, to_key: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Share of the dome's light (cosine-weighted, a dimmer lower half) and of the key light that arrives: (P,)."""
+    """Shares (P,) of the dome's light (cosine-weighted, dimmer from below) and of the key light."""
     # A normal plus points on the unit sphere is a cosine-weighted hemisphere.
     domewards = _normalize(normals[:, None] + 0.999 * _sphere(DOME_RAYS))
-    keywards = _normalize(_normalize(KEY_DIRECTION) + KEY_SPREAD * _sphere(KEY_RAYS))
+    keywards = _normalize(to_key + KEY_SPREAD * _sphere(KEY_RAYS))
     directions = np.concatenate(
         [domewards, np.broadcast_to(keywards, (len(points), KEY_RAYS, 3))], axis=1, dtype=np.float32
     )
     origins = np.repeat(points + LIFT * normals, DOME_RAYS + KEY_RAYS, axis=0)
-    open_ = embree.run(origins, directions.reshape(-1, 3), query="OCCLUDED") < 0
-    open_ = open_.reshape(len(points), -1)
-    brightness = np.where(domewards[..., 2] > 0, 1.0, BOUNCE).astype(np.float32)
-    dome = (open_[:, :DOME_RAYS] * brightness).mean(1)
-    return dome, open_[:, DOME_RAYS:].mean(1, dtype=np.float32)
+    arrives = embree.run(origins, directions.reshape(-1, 3), query="OCCLUDED") < 0
+    arrives = arrives.reshape(len(points), -1)
+    brightness = np.where(domewards[..., 2] > 0, np.float32(1), np.float32(BOUNCE))
+    dome = (arrives[:, :DOME_RAYS] * brightness).mean(1)
+    return dome, arrives[:, DOME_RAYS:].mean(1, dtype=np.float32)
 
 
 def _shade(scene: _Scene, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
@@ -251,7 +273,7 @@ def _shade_mesh(
     # Shading normals of grazing triangles may point slightly away; only clearly turned ones show the inside.
     inside = facing < -0.15
     normals = np.where(inside[:, None], -normals, normals)
-    lambert = np.clip(normals @ _normalize(KEY_DIRECTION), 0, 1)
+    lambert = np.clip(normals @ scene.key_direction, 0, 1)
     light = KEY * lambert * interpolated(scene.key) * ~inside + DOME * interpolated(scene.dome)
     light = light * np.where(inside, INSIDE, 1.0)
     rim = RIM * (1 - np.abs(facing)).clip(0, 1) ** 3 * interpolated(scene.dome)
@@ -263,12 +285,10 @@ def _shade_floor(scene: _Scene, points: np.ndarray) -> np.ndarray:
 
     away = points - scene.centre
     grid = ((away + FLOOR_REACH) / (2 * FLOOR_REACH) * (FLOOR_GRID - 1)).T[::-1]
-    unlit = KEY * float(_normalize(KEY_DIRECTION)[2]) + DOME
-    light = KEY * float(_normalize(KEY_DIRECTION)[2]) * scene.floor_key + DOME * scene.floor_dome
-    shadow = map_coordinates(light / unlit, grid, order=1, mode="nearest")
+    light = map_coordinates(scene.floor_light, grid, order=1, mode="nearest")
     far = np.clip((np.linalg.norm(away, axis=1) - 0.6) / (FLOOR_REACH - 0.6), 0, 1)[:, None]
     far = far * far * (3 - 2 * far)
-    return (_decode(FLOOR) * (1 - far) + _decode(BACKDROP) * far) * shadow[:, None]
+    return _decode(FLOOR) * (1 - far) * light[:, None] + _decode(BACKDROP) * far
 
 
 def _pixel_centres(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
@@ -280,26 +300,28 @@ def _rays(
     camera: Camera, size: tuple[int, int], x: np.ndarray, y: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Origins and unit directions (R, 3) through pixel positions x, y (any shape, R values)."""
-    eye, target = np.array(camera.eye), np.array(camera.target)
+    eye, target = np.array(camera.eye, np.float32), np.array(camera.target, np.float32)
     forward = _normalize(target - eye)
-    right = _normalize(np.cross(forward, [0.0, 0.0, 1.0]))
+    right = _normalize(np.array([forward[1], -forward[0], 0.0], np.float32))
     up = np.cross(right, forward)
-    scale = 2 * np.tan(np.radians(camera.view / 2)) / size[1]
-    across, down = (x.ravel() - size[0] / 2) * scale, (y.ravel() - size[1] / 2) * scale
-    directions = _normalize(forward + across[:, None] * right - down[:, None] * up).astype(np.float32)
-    return np.broadcast_to(eye.astype(np.float32), directions.shape).copy(), directions
+    scale = np.float32(2 * np.tan(np.radians(camera.view / 2)) / size[1])
+    across = ((x - size[0] / 2) * scale).astype(np.float32).ravel()
+    down = ((y - size[1] / 2) * scale).astype(np.float32).ravel()
+    directions = _normalize(forward + across[:, None] * right - down[:, None] * up)
+    return np.tile(eye, (len(directions), 1)), directions
 
 
 def _edges(image: np.ndarray) -> np.ndarray:
     """Pixels that differ visibly from a neighbour: (H, W) bool."""
     seen = _encode(image)
     edges = np.zeros(seen.shape[:2], bool)
-    down = np.abs(np.diff(seen, axis=0)).max(2) > EDGE_CONTRAST
-    across = np.abs(np.diff(seen, axis=1)).max(2) > EDGE_CONTRAST
-    edges[1:] |= down
-    edges[:-1] |= down
-    edges[:, 1:] |= across
-    edges[:, :-1] |= across
+    for channel in np.moveaxis(seen, 2, 0):
+        down = np.abs(np.diff(channel, axis=0)) > EDGE_CONTRAST
+        across = np.abs(np.diff(channel, axis=1)) > EDGE_CONTRAST
+        edges[1:] |= down
+        edges[:-1] |= down
+        edges[:, 1:] |= across
+        edges[:, :-1] |= across
     return edges
 
 
@@ -313,7 +335,8 @@ def _sphere(count: int) -> np.ndarray:
 
 
 def _normalize(vectors: np.ndarray) -> np.ndarray:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12)
+    length = np.sqrt(np.einsum("...c,...c->...", vectors, vectors))
+    return vectors / np.maximum(length, 1e-12)[..., None]
 
 
 def _decode(srgb: np.ndarray) -> np.ndarray:
