@@ -11,10 +11,14 @@ from rasterize.errors import InputError
 from uvcloth.motion.clip import Clip
 from uvcloth.skeleton import Skeleton
 
+END_SITE = -2
+CHANNELS = frozenset(axis + kind for axis in "xyz" for kind in ("position", "rotation"))
+FRAME_SECONDS = (1e-4, 10.0)
+
 
 @dataclass
 class _Hierarchy:
-    """What the HIERARCHY section says; `channels` holds (joint, "Xposition" and the like) per column."""
+    """What the HIERARCHY section says; `channels` holds (joint, "xposition" and the like) per column."""
 
     names: list[str] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
@@ -62,46 +66,45 @@ def _lines(path: Path) -> list[str]:
 
 def _parse_hierarchy(path: Path, lines: list[str]) -> _Hierarchy:
     hierarchy = _Hierarchy()
-    open_joints: list[int] = []
-    opening = -1
-    in_end_site = False
+    open_blocks: list[int] = []
     for number, line in enumerate(lines, start=1):
-        word, *rest = line.split() or [""]
-        keyword = word.upper()
-        try:
-            if keyword in ("ROOT", "JOINT"):
-                if (keyword == "ROOT") == bool(hierarchy.names) or (keyword == "JOINT" and not open_joints):
-                    raise InputError(f"{path}, line {number}: expected one ROOT that holds every JOINT")
-                opening = len(hierarchy.names)
-                hierarchy.names.append(" ".join(rest))
-                hierarchy.parents.append(open_joints[-1] if open_joints else -1)
-                hierarchy.offsets.append([0.0, 0.0, 0.0])
-            elif keyword == "END":
-                in_end_site, opening = True, -1
-            elif keyword == "{":
-                open_joints.append(opening)
-            elif keyword == "}":
-                open_joints.pop()
-                in_end_site = False
-            elif keyword == "OFFSET" and not in_end_site:
-                offset = [float(number) for number in rest]
-                if len(offset) != 3 or not np.isfinite(offset).all():
-                    raise ValueError
-                hierarchy.offsets[open_joints[-1]] = offset
-            elif keyword == "CHANNELS":
-                if len(rest) != int(rest[0]) + 1:
-                    raise ValueError
-                hierarchy.channels += [(open_joints[-1], channel.lower()) for channel in rest[1:]]
-        except InputError:
-            raise
-        except (ValueError, IndexError) as error:
-            raise InputError(f"{path}, line {number}: cannot be understood: {line.strip()!r}") from error
-    if open_joints or not hierarchy.names:
+        words = line.replace("{", " ").split()
+        if words:
+            try:
+                _parse_line(hierarchy, open_blocks, words[0].upper(), words[1:])
+            except (ValueError, IndexError) as error:
+                raise InputError(f"{path}, line {number}: cannot be understood: {line.strip()!r}") from error
+    if open_blocks or not hierarchy.names:
         raise InputError(f"{path}: the HIERARCHY section is not complete")
+    if hierarchy.parents.count(-1) != 1:
+        raise InputError(f"{path}: expected one ROOT that holds every JOINT")
     if len(set(hierarchy.names)) < len(hierarchy.names):
         twice = next(name for name in hierarchy.names if hierarchy.names.count(name) > 1)
         raise InputError(f"{path}: two joints are named {twice}")
     return hierarchy
+
+
+def _parse_line(hierarchy: _Hierarchy, open_blocks: list[int], keyword: str, rest: list[str]) -> None:
+    """Take in one line; `open_blocks` is the stack of open joints, END_SITE for an end site."""
+    if keyword in ("ROOT", "JOINT"):
+        hierarchy.parents.append(open_blocks[-1] if open_blocks else -1)
+        open_blocks.append(len(hierarchy.names))
+        hierarchy.names.append(" ".join(rest))
+        hierarchy.offsets.append([0.0, 0.0, 0.0])
+    elif keyword == "END":
+        open_blocks.append(END_SITE)
+    elif keyword == "}":
+        open_blocks.pop()
+    elif keyword == "OFFSET" and open_blocks[-1] != END_SITE:
+        offset = [float(word) for word in rest]
+        if len(offset) != 3 or not np.isfinite(offset).all():
+            raise ValueError("an offset is three finite numbers")
+        hierarchy.offsets[open_blocks[-1]] = offset
+    elif keyword == "CHANNELS":
+        channels = [word.lower() for word in rest[1:]]
+        if len(channels) != int(rest[0]) or not CHANNELS.issuperset(channels):
+            raise ValueError("not the channels that were announced")
+        hierarchy.channels += [(open_blocks[-1], channel) for channel in channels]
 
 
 def _parse_motion(
@@ -116,8 +119,10 @@ def _parse_motion(
         seconds = float(body[1][1].split(":")[1])
     except (IndexError, ValueError) as error:
         raise InputError(f"{path}: the MOTION section lacks a readable 'Frames:' or 'Frame Time:'") from error
-    if not (np.isfinite(seconds) and seconds > 0):
-        raise InputError(f"{path}: the frame time is {seconds}, expected seconds above zero")
+    if not FRAME_SECONDS[0] <= seconds <= FRAME_SECONDS[1]:
+        raise InputError(
+            f"{path}: the frame time is {seconds} s, expected {FRAME_SECONDS[0]} to {FRAME_SECONDS[1]} s"
+        )
     if frames <= 0:
         raise InputError(f"{path}: the file has zero frames")
     rows = body[2:]
@@ -199,6 +204,6 @@ def _columns(hierarchy: _Hierarchy, joint: int, kind: str) -> tuple[list[int], s
     chosen = [
         (column, channel[0])
         for column, (owner, channel) in enumerate(hierarchy.channels)
-        if owner == joint and channel.endswith(kind) and channel[0] in "xyz"
+        if owner == joint and channel.endswith(kind)
     ]
     return [column for column, _ in chosen], "".join(axis for _, axis in chosen)

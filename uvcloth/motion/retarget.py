@@ -58,10 +58,11 @@ LIMBS = {
 }
 """Bones whose rest directions are brought together, and the joint each points at."""
 
-REQUIRED = ("hips", *(name for name in LIMBS if not name.endswith("hand")), "left_hand", "right_hand")
-REQUIRED_FEET = ("left_foot", "right_foot")
+REQUIRED = ("hips", *LIMBS, "left_foot", "right_foot")
 
-FLOOR_PERCENTILE = 5.0
+FLOOR_PERCENTILE = 15.0
+"""Low enough for a clip with jumps; the few lowest frames are bent toes and the drift of the capture."""
+
 SKINNED_AT_ONCE = 256
 
 
@@ -83,8 +84,8 @@ def retarget(clip: Clip, body: Body, fps: float = 30.0) -> Clip:
     them. For a joint j that both skeletons have, the world rotation relative to the body's rest pose is
     Q_j(t) = G_j(t) G_j(T-pose)^T A_j, with G the clip's rotations in the body's axes and A_j the smallest
     rotation from the body's rest bone to the T-pose bone (limbs; identity elsewhere). Other joints move with
-    their parents. The root's path is scaled by the leg lengths, and the floor is the 5th percentile over
-    frames of the body's lowest vertex.
+    their parents. The root's path is scaled by the leg lengths, and the floor is the 15th percentile
+    over frames of the body's lowest vertex.
 
     Returns Clip(skeleton=body.skeleton, rotations (T, J, 3, 3), translation (T, 3) m, fps).
     Raises InputError naming the clip and the joint if either skeleton lacks a joint that is needed.
@@ -153,12 +154,12 @@ def smallest_rotation(source: Tensor, target: Tensor) -> Tensor:
 
 def _known_roles(skeleton: Skeleton, owner: str) -> dict[str, int]:
     roles = joint_roles(skeleton.names)
-    missing = [role for role in (*REQUIRED, *REQUIRED_FEET) if role not in roles]
+    missing = [role for role in REQUIRED if role not in roles]
     if missing:
+        wanted = ", ".join(role.replace("_", " ") for role in missing)
         raise InputError(
-            f"{owner}: unknown joint set, no joint is known as {', '.join(m.replace('_', ' ') for m in missing)} "
-            f"among {', '.join(skeleton.names[:8])}, ... (known are the names of MotionBuilder, 3ds Max, DAZ "
-            "and Mixamo)"
+            f"{owner}: unknown joint set ({', '.join(skeleton.names[:6])}, ...), no joint is the {wanted}; "
+            "expected the names of MotionBuilder, 3ds Max, DAZ or Mixamo"
         )
     return roles
 
@@ -253,4 +254,4 @@ def lowest_vertex(clip: Clip, body: Body) -> Tensor:
     points = torch.nn.functional.pad(body.mesh.vertices, (0, 1), value=1.0)
     influence = (body.weights[:, :, None] * points[:, None, :]).flatten(1)
     rows = clip.transforms()[:, :, 2].flatten(1)
-    return torch.cat([(influence @ part.T).amin(0) for part in rows.split(SKINNED_AT_ONCE)])
+    return torch.cat([(influence @ part.T).amin(0) for part in torch.split(rows, SKINNED_AT_ONCE)])
