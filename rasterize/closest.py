@@ -1,0 +1,46 @@
+"""Closest points on a mesh with warp. Apart from raycast.py, because importing warp takes a while."""
+
+import numpy as np
+import torch
+import warp as wp
+from torch import Tensor
+
+wp.config.log_level = wp.LOG_WARNING
+
+REACH = 1e3
+"""Metres: farther than any input that was not refused before."""
+
+
+@wp.kernel
+def _closest(
+    mesh: wp.uint64,
+    points: wp.array(dtype=wp.vec3),
+    face: wp.array(dtype=int),
+    barycentrics: wp.array(dtype=wp.vec3),
+    distance: wp.array(dtype=float),
+):
+    i = wp.tid()
+    query = wp.mesh_query_point_no_sign(mesh, points[i], REACH)
+    face[i] = query.face
+    barycentrics[i] = wp.vec3(query.u, query.v, 1.0 - query.u - query.v)
+    distance[i] = wp.length(points[i] - wp.mesh_eval_position(mesh, query.face, query.u, query.v))
+
+
+def closest_on_mesh(points: Tensor, vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Closest face (R,), barycentrics (R, 3) and distance (R,) metres on the CPU, for points (R, 3)."""
+    count = len(points)
+    with wp.ScopedDevice("cpu"):
+        mesh = wp.Mesh(
+            wp.array(np.ascontiguousarray(vertices.float().numpy()), dtype=wp.vec3),
+            wp.array(faces.int().flatten().numpy(), dtype=wp.int32),
+        )
+        face = wp.zeros(count, dtype=wp.int32)
+        barycentrics = wp.zeros(count, dtype=wp.vec3)
+        distance = wp.zeros(count, dtype=wp.float32)
+        wp.launch(
+            _closest,
+            dim=count,
+            inputs=[mesh.id, wp.array(np.ascontiguousarray(points.float().numpy()), dtype=wp.vec3)],
+            outputs=[face, barycentrics, distance],
+        )
+        return tuple(torch.from_numpy(found.numpy().copy()) for found in (face, barycentrics, distance))

@@ -1,0 +1,169 @@
+"""UV layouts: which part of a mesh lies where on the unit square."""
+
+import os
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rasterize.charts import boundary_loops, edge_keys, edges_of, face_components, flatten, weld_corners
+from rasterize.errors import InputError
+
+FORMAT = "rasterize-layout-1"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The kept faces of a mesh on the unit square; u runs right, v runs up.
+
+    faces: (K,) int64, indices of the mesh faces that are kept. uvs: (U, 2) in [0, 1].
+    face_uvs: (K, 3) int64 into uvs, in the corner order of the mesh faces. islands: (K,) int64 chart of each
+    face; charts are never joined, not even where they touch.
+    """
+
+    faces: Tensor
+    uvs: Tensor
+    face_uvs: Tensor
+    islands: Tensor
+
+
+@dataclass(frozen=True)
+class Chart:
+    """One piece of a surface and the rectangle that it fills.
+
+    label: of its faces. corners: the four mesh vertices, counter-clockwise from the lower left, that go to the
+    corners of the rectangle; a vertex on a seam may be named twice, once for each side of the seam.
+    rectangle: (left, bottom, right, top) on the sheet.
+    """
+
+    name: str
+    label: int
+    corners: tuple[int, int, int, int]
+    rectangle: tuple[float, float, float, float]
+
+
+def lay_out(
+    vertices: Tensor, faces: Tensor, labels: Tensor, charts: Sequence[Chart], seams: Tensor, margin: float
+) -> Layout:
+    """Flatten each labelled piece of a surface onto its rectangle.
+
+    vertices: (V, 3). faces: (F, 3). labels: (F,) int64; faces whose label no chart has are pruned.
+    seams: (E, 2) edges along which pieces are cut open (edges between labels are cut anyway).
+    margin: kept free inside each rectangle, so that neighbours are two margins apart.
+    Raises InputError naming the chart if a piece is not a disk with those corners.
+    """
+    points, mesh_faces = vertices.double().numpy(), faces.numpy()
+    kept, uvs, face_uvs, islands = [], [], [], []
+    cuts = edge_keys(seams.numpy(), len(points))
+    for island, chart in enumerate(charts):
+        chosen = np.flatnonzero(labels.numpy() == chart.label)
+        if not len(chosen):
+            raise InputError(f"{chart.name}: no face belongs to this part of the body")
+        used, local = np.unique(mesh_faces[chosen], return_inverse=True)
+        local = local.reshape(-1, 3)
+        ends = np.searchsorted(used, np.unravel_index(cuts, (len(points),) * 2)).T
+        inside = np.isin(cuts, edge_keys(used[edges_of(local)[0]], len(points)))
+        local_cuts = edge_keys(ends[inside], len(used)) if inside.any() else np.zeros(0, dtype=np.int64)
+        if face_components(local, local_cuts).any():
+            raise InputError(f"{chart.name}: this part of the body falls into pieces")
+        welded = weld_corners(local, local_cuts)
+        source = np.zeros(welded.max() + 1, dtype=np.int64)
+        source[welded] = used[local]
+        corners = _corner_copies(welded, source, chart)
+        left, bottom, right, top = chart.rectangle
+        low = np.array([left + margin, bottom + margin])
+        size = np.array([right - margin, top - margin]) - low
+        flat = flatten(points[source], welded, corners, size[0] / size[1], chart.name)
+        face_uvs.append(welded + sum(len(part) for part in uvs))
+        uvs.append(low + flat * size)
+        kept.append(chosen)
+        islands.append(np.full(len(chosen), island))
+    return Layout(
+        faces=torch.from_numpy(np.concatenate(kept)),
+        uvs=torch.from_numpy(np.concatenate(uvs)).float(),
+        face_uvs=torch.from_numpy(np.concatenate(face_uvs)),
+        islands=torch.from_numpy(np.concatenate(islands)),
+    )
+
+
+def _corner_copies(welded: np.ndarray, source: np.ndarray, chart: Chart) -> np.ndarray:
+    """The copies on the outer boundary that meet the chart's corners in their order."""
+    loop = boundary_loops(welded)[0]
+    met = loop[np.isin(source[loop], chart.corners)]
+    for turn in range(len(met)):
+        turned = np.roll(met, -turn)
+        if source[turned].tolist() == list(chart.corners):
+            return turned
+    raise InputError(f"{chart.name}: its outer boundary does not meet the corners in their order")
+
+
+def unwrap(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
+    """Unwrap any mesh with xatlas, the vertices staying as they are: uvs (U, 2) and face_uvs (F, 3) int64.
+
+    vertices: (V, 3). faces: (F, 3). A vertex on a seam gets several uvs. Raises InputError if xatlas fails.
+    """
+    import xatlas
+
+    atlas = xatlas.Atlas()
+    atlas.add_mesh(vertices.numpy().astype(np.float32), faces.numpy().astype(np.uint32))
+    pack = xatlas.PackOptions()
+    pack.padding = 2
+    pack.bilinear = True
+    pack.resolution = 512
+    pack.rotate_charts_to_axis = True
+    atlas.generate(pack_options=pack)
+    source, indices, uvs = atlas[0]
+    face_uvs = torch.from_numpy(indices.astype(np.int64))
+    if not torch.equal(torch.from_numpy(source.astype(np.int64))[face_uvs], faces):
+        raise InputError("the mesh cannot be unwrapped: xatlas dropped or turned some of its faces")
+    return torch.from_numpy(np.ascontiguousarray(uvs)).clamp(0.0, 1.0), face_uvs
+
+
+def save_layout(layout: Layout, path: Path) -> None:
+    """Write one compressed npz, whole or not at all. Raises InputError if it cannot be written."""
+    path = Path(path)
+    partial = path.with_name(path.name + ".partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with partial.open("wb") as stream:
+            np.savez_compressed(
+                stream,
+                format=np.array(FORMAT),
+                faces=layout.faces.numpy().astype(np.int32),
+                uvs=layout.uvs.numpy().astype(np.float32),
+                face_uvs=layout.face_uvs.numpy().astype(np.int32),
+                islands=layout.islands.numpy().astype(np.uint8),
+            )
+        os.replace(partial, path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def load_layout(path: Path) -> Layout:
+    """Read a layout npz. Raises InputError if it is missing, truncated or not a layout."""
+    path = Path(path)
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            data = {name: archive[name] for name in archive.files}
+        if str(data["format"]) != FORMAT:
+            raise InputError(f"{path}: expected a layout ({FORMAT}), found {data['format']}")
+        return Layout(
+            faces=torch.from_numpy(data["faces"].astype(np.int64)),
+            uvs=torch.from_numpy(data["uvs"]),
+            face_uvs=torch.from_numpy(data["face_uvs"].astype(np.int64)),
+            islands=torch.from_numpy(data["islands"].astype(np.int64)),
+        )
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except KeyError as error:
+        raise InputError(f"{path}: not a layout, it lacks the array {error}") from error
+    except InputError:
+        raise
+    except (OSError, ValueError, zipfile.BadZipFile, EOFError, AttributeError) as error:
+        raise InputError(f"{path}: not a readable npz, expected a layout") from error

@@ -1,0 +1,116 @@
+"""Rays and closest points between two meshes: the papers' transference matrices T^BC, T^CB and T^XB."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rasterize.bake import interpolate
+
+
+@dataclass(frozen=True)
+class Hits:
+    """Where R rays or points meet a mesh.
+
+    face: (R,) int64, -1 where nothing was met. barycentrics: (R, 3), zero there. distance: (R,) metres, along the
+    ray's direction (negative behind its origin); infinite there. For closest points it is positive.
+    """
+
+    face: Tensor
+    barycentrics: Tensor
+    distance: Tensor
+
+    @property
+    def found(self) -> Tensor:
+        """(R,) bool."""
+        return self.face >= 0
+
+    def carry(self, vertices: Tensor, faces: Tensor) -> Tensor:
+        """The points met, moved with the mesh: vertices (..., V, 3), faces (F, 3) -> (..., R, 3); zero if none."""
+        return interpolate(vertices, faces, self.face.clamp(min=0), self.barycentrics)
+
+
+def cast_rays(
+    origins: Tensor, directions: Tensor, vertices: Tensor, faces: Tensor, max_distance: float, both_ways: bool
+) -> Hits:
+    """Meet the nearest face along each ray, or along both it and its opposite.
+
+    origins, directions: (R, 3), directions of any length above zero. vertices: (V, 3). faces: (F, 3).
+    max_distance: metres; hits farther away count as missed.
+    """
+    towards = torch.nn.functional.normalize(directions.double(), dim=1)
+    hits = _first_hits(origins, towards, vertices, faces)
+    if both_ways:
+        behind = _first_hits(origins, -towards, vertices, faces)
+        nearer = behind.distance < hits.distance
+        hits = Hits(
+            torch.where(nearer, behind.face, hits.face),
+            torch.where(nearer[:, None], behind.barycentrics, hits.barycentrics),
+            torch.where(nearer, -behind.distance, hits.distance),
+        )
+    far = hits.distance.abs() > max_distance
+    return Hits(
+        torch.where(far, -1, hits.face),
+        torch.where(far[:, None], 0.0, hits.barycentrics),
+        torch.where(far, torch.inf, hits.distance),
+    )
+
+
+def _first_hits(origins: Tensor, directions: Tensor, vertices: Tensor, faces: Tensor) -> Hits:
+    """Nearest hit along each unit direction (R, 3), the barycentrics computed in float64."""
+    from trimesh import Trimesh
+    from trimesh.ray.ray_pyembree import RayMeshIntersector
+
+    mesh = Trimesh(vertices.double().numpy(), faces.numpy(), process=False)
+    found = RayMeshIntersector(mesh).intersects_first(origins.double().numpy(), directions.numpy())
+    face = torch.from_numpy(np.asarray(found, dtype=np.int64))
+    a, b, c = vertices.double()[faces[face.clamp(min=0)]].unbind(1)
+    normal = torch.linalg.cross(b - a, c - a)
+    distance = ((a - origins.double()) * normal).sum(1) / (directions * normal).sum(1)
+    barycentrics = _barycentrics(origins.double() + distance[:, None] * directions, a, b, c)
+    missed = (face < 0) | ~torch.isfinite(distance)
+    return Hits(
+        torch.where(missed, -1, face),
+        torch.where(missed[:, None], 0.0, barycentrics).float(),
+        torch.where(missed, torch.inf, distance).float(),
+    )
+
+
+def _barycentrics(points: Tensor, a: Tensor, b: Tensor, c: Tensor) -> Tensor:
+    """Barycentrics (R, 3) of points in the planes of their triangles, clamped to the triangles."""
+    normal = torch.linalg.cross(b - a, c - a)
+    square = (normal * normal).sum(1).clamp(min=1e-30)
+    first = (torch.linalg.cross(c - b, points - b) * normal).sum(1) / square
+    second = (torch.linalg.cross(a - c, points - c) * normal).sum(1) / square
+    weights = torch.stack([first, second, 1 - first - second], dim=1).clamp(min=0.0)
+    return weights / weights.sum(1, keepdim=True)
+
+
+def closest_points(points: Tensor, vertices: Tensor, faces: Tensor) -> Hits:
+    """The surface point nearest to each point: points (R, 3), vertices (V, 3), faces (F, 3); never misses."""
+    from rasterize.closest import closest_on_mesh
+
+    face, barycentrics, distance = closest_on_mesh(points, vertices, faces)
+    return Hits(face.long(), barycentrics, distance)
+
+
+def body_to_garment(
+    points: Tensor, normals: Tensor, garment: Tensor, garment_faces: Tensor, max_distance: float
+) -> Hits:
+    """T^BC (PhysXNet eq. 8): the garment point that each body texel sees along its normal, in rest pose.
+
+    points, normals: (M, 3) of the texels. garment: (N, 3). Rays go outwards first of all, and inwards too, since
+    cloth may lie a little inside the skin at rest. A texel whose ray misses sees no garment.
+    """
+    return cast_rays(points, normals, garment, garment_faces, max_distance, both_ways=True)
+
+
+def garment_to_body(
+    garment: Tensor, normals: Tensor, body: Tensor, body_faces: Tensor, max_distance: float
+) -> Hits:
+    """T^CB and T^XB (PhysXNet eq. 3 and 9): the body point under each garment vertex along its normal, at rest.
+
+    garment, normals: (N, 3). body: (V, 3). Rays go both ways, so that an inside-out garment is attached as well.
+    """
+    return cast_rays(garment, normals, body, body_faces, max_distance, both_ways=True)

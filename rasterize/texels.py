@@ -1,0 +1,125 @@
+"""Which face of the mesh each texel of a layout sees: the papers' transference matrix T^UB."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from rasterize.layout import Layout
+
+
+@dataclass(frozen=True)
+class Texels:
+    """The M texels of an H x W sheet whose centre lies on a face.
+
+    Row 0 is the top of the sheet (v = 1), column 0 its left (u = 0); a texel's centre is at
+    u = (column + 1/2) / W, v = 1 - (row + 1/2) / H. face: (M,) int64 MESH face. barycentrics: (M, 3), sum 1.
+    pixels: (M,) int64, row * W + column, ascending. islands: (M,) int64 chart. uvs: (M, 2) of the centres.
+    """
+
+    height: int
+    width: int
+    face: Tensor
+    barycentrics: Tensor
+    pixels: Tensor
+    islands: Tensor
+    uvs: Tensor
+
+    def __len__(self) -> int:
+        return len(self.pixels)
+
+    def to(self, device: torch.device | str) -> "Texels":
+        """The same texels on another device."""
+        moved = (self.face, self.barycentrics, self.pixels, self.islands, self.uvs)
+        return Texels(self.height, self.width, *(tensor.to(device) for tensor in moved))
+
+
+def rasterize_layout(layout: Layout, size: int) -> Texels:
+    """Find the texels of a size x size sheet (PhysXNet eq. 5, T^UB).
+
+    A texel belongs to the face that holds its centre; where two faces share an edge through it, the one with the
+    lower index. All faces at once: each is paired with the texels in its bounding box, and the misses dropped.
+    """
+    corners = layout.uvs.double()[layout.face_uvs] * size
+    corners = torch.stack([corners[..., 0], size - corners[..., 1]], dim=-1)
+    low = (corners.amin(1) - 0.5).ceil().long().clamp(0, size)
+    high = (corners.amax(1) - 0.5).floor().long().clamp(-1, size - 1)
+    columns, rows = (high - low + 1).clamp(min=0).unbind(1)
+    boxes = columns * rows
+    candidate = torch.arange(len(boxes)).repeat_interleave(boxes)
+    place = torch.arange(len(candidate)) - (boxes.cumsum(0) - boxes)[candidate]
+    column = low[candidate, 0] + place % columns[candidate]
+    row = low[candidate, 1] + place // columns[candidate]
+    centre = torch.stack([column, row], dim=1) + 0.5
+
+    barycentrics = plane_barycentrics(centre, corners[candidate])
+    inside = (barycentrics >= -1e-9).all(1)
+    candidate, row, column = candidate[inside], row[inside], column[inside]
+    barycentrics = barycentrics[inside].clamp(min=0.0)
+    pixels = row * size + column
+    # Stable, and candidates are in the order of the faces: the first of equals is the lowest face.
+    pixels, order = pixels.sort(stable=True)
+    first = torch.ones(len(pixels), dtype=torch.bool)
+    first[1:] = pixels[1:] != pixels[:-1]
+    pixels, order = pixels[first], order[first]
+    chosen = candidate[order]
+    barycentrics = barycentrics[order]
+    centres = torch.stack([pixels % size + 0.5, size - pixels // size - 0.5], dim=1) / size
+    return Texels(
+        height=size,
+        width=size,
+        face=layout.faces[chosen],
+        barycentrics=(barycentrics / barycentrics.sum(1, keepdim=True)).float(),
+        pixels=pixels,
+        islands=layout.islands[chosen],
+        uvs=centres.float(),
+    )
+
+
+def plane_barycentrics(points: Tensor, corners: Tensor) -> Tensor:
+    """Barycentrics (n, 3) of points (n, 2) in triangles (n, 3, 2); not finite for a triangle without area."""
+    a, b, c = corners.unbind(1)
+    ab, ac, ap = b - a, c - a, points - a
+    area = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
+    second = (ap[:, 0] * ac[:, 1] - ap[:, 1] * ac[:, 0]) / area
+    third = (ab[:, 0] * ap[:, 1] - ab[:, 1] * ap[:, 0]) / area
+    return torch.stack([1 - second - third, second, third], dim=1)
+
+
+def occupancy(texels: Texels) -> float:
+    """Share of the sheet's texels that lie on a face, 0 to 1."""
+    return len(texels) / (texels.height * texels.width)
+
+
+@dataclass(frozen=True)
+class Density:
+    """Texels per square centimetre of one part of a surface.
+
+    mean: over the part. spread: standard deviation over its surface, divided by the mean.
+    """
+
+    mean: float
+    spread: float
+
+
+def texel_density(
+    layout: Layout, vertices: Tensor, faces: Tensor, parts: Tensor, size: int
+) -> dict[int, Density]:
+    """How evenly a size x size sheet samples each part of a surface.
+
+    vertices: (V, 3) metres. faces: (F, 3). parts: (F,) int64 part of each face; parts without a kept face are
+    left out.
+    """
+    uv = layout.uvs.double()[layout.face_uvs]
+    points = vertices.double()[faces[layout.faces]]
+    along, across = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    texels = (along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]).abs() / 2 * size**2
+    area = torch.linalg.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]).norm(dim=1) / 2 * 1e4
+    densities = {}
+    for part in parts[layout.faces].unique().tolist():
+        chosen = parts[layout.faces] == part
+        mean = texels[chosen].sum() / area[chosen].sum()
+        per_face = texels[chosen] / area[chosen].clamp(min=1e-9)
+        variance = (area[chosen] * (per_face - mean) ** 2).sum() / area[chosen].sum()
+        densities[part] = Density(float(mean), float(variance.sqrt() / mean))
+    return densities
