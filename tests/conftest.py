@@ -1,0 +1,24 @@
+"""What many tests share: the default body, and motion capture where it is at hand."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from uvcloth.bodies.body import Body, load_body
+
+
+@pytest.fixture(scope="session")
+def mocap_folder() -> Path:
+    """A folder with index.csv and cmu/*.bvh: UVCLOTH_MOCAP, or ../shared/mocap beside the checkout."""
+    beside = Path(__file__).parents[2] / "shared" / "mocap"
+    folder = Path(os.environ.get("UVCLOTH_MOCAP", beside))
+    if not (folder / "index.csv").is_file():
+        pytest.skip(f"no motion capture in {folder} (set UVCLOTH_MOCAP)")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def body() -> Body:
+    """The body that ships with the package."""
+    return load_body()

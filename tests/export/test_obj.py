@@ -1,0 +1,41 @@
+"""OBJ files, read back with trimesh."""
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from rasterize.errors import InputError
+from uvcloth.export.obj import save_obj
+from uvcloth.mesh import Mesh
+
+SQUARE = Mesh(
+    vertices=torch.tensor([[0.0, 0, 0.1], [1, 0, 0.2], [1, 1, 0.3], [0, 1, 0.4]]),
+    faces=torch.tensor([[0, 1, 2], [0, 2, 3]]),
+    uvs=torch.tensor([[0.0, 0], [0.5, 0], [0.5, 1], [0, 1]]),
+    face_uvs=torch.tensor([[0, 1, 2], [0, 2, 3]]),
+)
+
+
+def test_positions_order_and_texture_coordinates_survive(tmp_path):
+    save_obj(SQUARE, tmp_path / "square.obj")
+    read = trimesh.load(tmp_path / "square.obj", process=False, maintain_order=True)
+    np.testing.assert_allclose(read.vertices, SQUARE.vertices, atol=1e-7)
+    np.testing.assert_array_equal(read.faces, SQUARE.faces)
+    np.testing.assert_allclose(read.visual.uv, SQUARE.uvs, atol=1e-7)
+
+
+def test_another_suffix_is_refused_and_leaves_nothing(tmp_path):
+    with pytest.raises(InputError, match=r"square\.fbx"):
+        save_obj(SQUARE, tmp_path / "square.fbx")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_failed_write_leaves_nothing(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("uvcloth.export.obj.np.savetxt", full)
+    with pytest.raises(InputError, match="No space left"):
+        save_obj(SQUARE, tmp_path / "square.obj")
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,118 @@
+"""The command line: what it parses, what it calls, and how it fails."""
+
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from rasterize.errors import InputError
+from uvcloth import cli
+
+HEAVY = ("torch", "warp", "newton", "lightning", "scipy", "trimesh", "pxr", "kornia", "anny")
+
+
+@pytest.fixture
+def stand_in(monkeypatch):
+    """Put a module with the given functions in place of a real one that the command would import."""
+
+    def put(name: str, **functions) -> None:
+        module = ModuleType(name)
+        for key, function in functions.items():
+            setattr(module, key, function)
+        monkeypatch.setitem(sys.modules, name, module)
+
+    return put
+
+
+def run(monkeypatch, *arguments: str) -> int:
+    monkeypatch.setattr(sys, "argv", ["uvcloth", *arguments])
+    return cli.main()
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys\n"
+        "from uvcloth import cli\n"
+        "sys.argv = ['uvcloth', '--help']\n"
+        "try: cli.main()\n"
+        "except SystemExit: pass\n"
+        f"print([name for name in {HEAVY} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1] == "[]"
+    for subcommand in ("body", "simulate", "fit", "rollout", "demo"):
+        assert subcommand in done.stdout
+
+
+def test_simulate_hands_everything_on(monkeypatch, stand_in):
+    calls = []
+    stand_in("uvcloth.simulate.farm", simulate_batch=lambda **options: calls.append(options))
+    stand_in("uvcloth.bodies.body", load_body=lambda path: f"body from {path}")
+    arguments = ("a.bvh", "walk", "--garment", "tops", "dress", "--out", "data", "--jobs", "2")
+    assert run(monkeypatch, "simulate", *arguments, "--windows", "index.csv", "--body", "b.npz") == 0
+    assert calls == [
+        {
+            "clips": ("a.bvh", "walk"),
+            "garments": ("tops", "dress"),
+            "out": Path("data"),
+            "body": "body from b.npz",
+            "windows": Path("index.csv"),
+            "jobs": 2,
+            "scheduler": None,
+        }
+    ]
+
+
+def test_body_hands_on_only_the_given_phenotypes(monkeypatch, stand_in, tmp_path):
+    from uvcloth.bodies.body import load_body
+
+    calls = []
+
+    def make_body(name, phenotype):
+        calls.append((name, phenotype))
+        return load_body()
+
+    stand_in("uvcloth.bodies.anny", make_body=make_body)
+    out = tmp_path / "tall.npz"
+    assert run(monkeypatch, "body", "--out", str(out), "--height", "0.9", "--gender", "0") == 0
+    assert calls == [("tall", {"height": 0.9, "gender": 0.0})]
+    assert len(load_body(out).mesh.vertices) == len(load_body().mesh.vertices)
+
+
+@pytest.mark.parametrize(
+    ("error", "expected"),
+    [
+        (InputError("walk.bvh: line 7 is not a number"), (2, "uvcloth: walk.bvh: line 7 is not a number\n")),
+        (KeyboardInterrupt(), (130, "uvcloth: interrupted; finished work is in place\n")),
+    ],
+)
+def test_failing_commands_say_one_sentence(monkeypatch, stand_in, capsys, error, expected):
+    def failing(out):
+        raise error
+
+    stand_in("uvcloth.demo", run=failing)
+    assert (run(monkeypatch, "demo"), capsys.readouterr().err) == expected
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("simulate", "--out", "x"), "at least one clip"),
+        (("rollout", "--motion", "walk", "--out", "x.glb", "--garment"), "at least one garment"),
+        (("fit", "nowhere.obj", "--body", "nowhere.npz"), "nowhere.npz: no such file"),
+    ],
+)
+def test_bad_input_exits_with_two(monkeypatch, capsys, arguments, words):
+    assert run(monkeypatch, *arguments) == 2
+    sentence = capsys.readouterr().err
+    assert words in sentence
+    assert sentence.startswith("uvcloth: ")
+    assert sentence.count("\n") == 1
+
+
+def test_unknown_options_exit_with_two(monkeypatch):
+    with pytest.raises(SystemExit) as exit_:
+        run(monkeypatch, "demo", "--colour", "red")
+    assert exit_.value.code == 2

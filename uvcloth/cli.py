@@ -1,0 +1,189 @@
+"""The `uvcloth` command: body, simulate, fit, rollout, demo.
+
+Heavy modules are imported by the subcommand that needs them, so that `uvcloth --help` answers at once.
+"""
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from tyro.conf import OmitArgPrefixes, Positional, arg, subcommand
+
+from rasterize.command import run_command
+from rasterize.errors import InputError
+
+TemplateName = Literal["tops", "bottoms", "dress"]
+Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ...")]
+BodyFile = Annotated[Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the one in the package)")]
+Share = Annotated[float | None, arg(metavar="0..1", help_behavior_hint="")]
+
+
+@dataclass(frozen=True)
+class Phenotype:
+    """Shape of the body, each from 0 to 1; what is left out is as in the body that ships with uvcloth."""
+
+    gender: Share = None
+    """0 male, 1 female."""
+    age: Share = None
+    """0 baby, 0.33 child, 0.67 young adult, 1 old."""
+    muscle: Share = None
+    """0 slack, 1 muscular."""
+    weight: Share = None
+    """0 thin, 1 heavy."""
+    height: Share = None
+    """0 small, 1 tall."""
+    proportions: Share = None
+    """0 uncommon, 1 idealized proportions."""
+
+
+@dataclass(frozen=True)
+class MakeBody:
+    """Make a body from phenotypes and save it as one small npz."""
+
+    out: Path
+    """The npz to write."""
+    phenotype: OmitArgPrefixes[Phenotype] = field(default_factory=Phenotype)
+
+    def run(self) -> None:
+        from uvcloth.bodies.anny import make_body
+        from uvcloth.bodies.body import save_body
+
+        chosen = {key: value for key, value in asdict(self.phenotype).items() if value is not None}
+        print("Making the body (the first time takes a minute or two) ...", flush=True)
+        body = make_body(self.out.stem, chosen)
+        save_body(body, self.out)
+        print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
+
+
+@dataclass(frozen=True)
+class Simulate:
+    """Simulate garments over clips with the cloth engine; a rerun continues with what is missing."""
+
+    clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]]
+    """Motion files (BVH, AMASS npz) or names of built-in clips."""
+    out: Path
+    """Folder for the sequences, one npz per clip and garment."""
+    garment: tuple[TemplateName, ...] = ("tops", "bottoms", "dress")
+    """Templates to simulate."""
+    body: BodyFile = None
+    """A body made by `uvcloth body`."""
+    windows: Annotated[Path | None, arg(metavar="CSV", help_behavior_hint="(default: whole clips)")] = None
+    """Simulate a part of each clip: a table with the columns trial, window_start, window_frames."""
+    jobs: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: one per core)")] = None
+    """Sequences simulated at the same time on this machine."""
+    scheduler: Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")] = None
+    """Address of a dask scheduler that runs the simulations instead of this machine."""
+
+    def run(self) -> None:
+        if not self.clips:
+            raise InputError("simulate: name at least one clip")
+        from uvcloth.bodies.body import load_body
+        from uvcloth.simulate.farm import simulate_batch
+
+        simulate_batch(
+            clips=self.clips,
+            garments=self.garment,
+            out=self.out,
+            body=load_body(self.body),
+            windows=self.windows,
+            jobs=self.jobs,
+            scheduler=self.scheduler,
+        )
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Say what a garment file is, and attach it to a body."""
+
+    file: Positional[Path]
+    """A garment mesh worn on the body's rest pose: OBJ, PLY, GLB or STL."""
+    body: BodyFile = None
+    """A body made by `uvcloth body`."""
+    template: Annotated[
+        TemplateName | None,
+        arg(metavar="tops|bottoms|dress", help_behavior_hint="(default: the one it covers best)"),
+    ] = None
+    """The template whose motion it takes."""
+    out: Annotated[Path | None, arg(metavar="OBJ", help_behavior_hint="")] = None
+    """Also write the garment as it is worn: metres, Z up, as OBJ."""
+
+    def run(self) -> None:
+        from uvcloth.bodies.body import load_body
+        from uvcloth.garments.fit import fit
+
+        fitted = fit(self.file, load_body(self.body), self.template)
+        print("\n".join(fitted.diagnosis.lines()))
+        if self.out is not None:
+            from uvcloth.export.obj import save_obj
+
+            save_obj(fitted.garment.mesh, self.out)
+            print(self.out)
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """Move garments over a motion and write a file that engines and DCCs open."""
+
+    motion: str
+    """A motion file (BVH, AMASS npz) or the name of a built-in clip."""
+    garment: Garments
+    """Templates (tops, bottoms, dress) or garment files, inner first."""
+    out: Path
+    """What to write; the suffix says how: .glb, .usdc, .pc2 or .npz."""
+    model: Annotated[
+        str | None,
+        arg(metavar="RUN|lbs|lbs_smooth", help_behavior_hint="(default: the one in the package)"),
+    ] = None
+    """A folder written by `python -m train`, or a baseline by name."""
+    body: BodyFile = None
+    """A body made by `uvcloth body`."""
+    contact: bool = True
+    """Move vertices that are inside the body out of it."""
+
+    def run(self) -> None:
+        if not self.garment:
+            raise InputError("rollout: name at least one garment")
+        from uvcloth.animate import animate
+
+        print(
+            "\n".join(
+                animate(self.model, self.motion, self.garment, self.out, self.body, self.contact).lines()
+            )
+        )
+
+
+@dataclass(frozen=True)
+class Demo:
+    """Simulate a short motion, roll the shipped model out on it, and leave a report, pictures and files."""
+
+    out: Path = Path("demo")
+    """Folder for everything that the demo makes."""
+
+    def run(self) -> None:
+        from uvcloth.demo import run
+
+        run(self.out)
+
+
+Command = (
+    Annotated[MakeBody, subcommand("body")]
+    | Annotated[Simulate, subcommand("simulate")]
+    | Annotated[Fit, subcommand("fit")]
+    | Annotated[Rollout, subcommand("rollout")]
+    | Annotated[Demo, subcommand("demo")]
+)
+
+
+def main() -> int:
+    """Entry point of `uvcloth`: returns the exit code (0, 2 for bad input, 130 after Ctrl-C)."""
+    return run_command("uvcloth", _run)
+
+
+def _run() -> None:
+    command: MakeBody | Simulate | Fit | Rollout | Demo = tyro.cli(
+        Command,
+        prog="uvcloth",
+        description="Motion capture in, moving clothes out.",
+    )
+    command.run()
