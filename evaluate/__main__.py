@@ -1,0 +1,98 @@
+"""`python -m evaluate`: judge methods on simulated windows of unseen motion, and write the report."""
+
+import os
+import platform
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from rasterize.command import run_command
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Judge methods on simulated windows of unseen motion; a rerun continues with what is missing."""
+
+    model: tuple[str, ...]
+    """Baselines (lbs, lbs_smooth) and folders written by `python -m train`."""
+    data: Path
+    """A folder made by `uvcloth simulate`; its index.csv names the test clips and their actions."""
+    out: Path
+    """Folder for metrics.json and report.html."""
+    actions: tuple[str, ...] = ()
+    """Judge only these actions."""
+    frames: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
+    """Judge only the first N frames of every window, after the settling ones."""
+    body: Path | None = None
+    """The body that the data was simulated on; without it the one that ships with uvcloth."""
+    map_size: int = 256
+    """Height and width of the maps on which the map MSE and the representation floor are measured."""
+    pictures: bool = True
+    """Render pictures of every action."""
+
+    def run(self) -> None:
+        from evaluate.compare import compare
+        from evaluate.progress import progress
+        from evaluate.report import write_metrics, write_report
+        from evaluate.show import pictured, pictures, viewer_clips
+        from rasterize.errors import InputError
+        from uvcloth.bodies.body import load_body
+
+        if self.frames is not None and self.frames < 1:
+            raise InputError(f"--frames: {self.frames} is not a number of frames")
+        body = load_body(self.body)
+        results, shown = compare(
+            self.model,
+            self.data,
+            self.out,
+            body=body,
+            actions=self.actions,
+            frames=self.frames,
+            map_size=self.map_size,
+            machine=machine(),
+        )
+        metrics = write_metrics(self.out, results)
+        images = []
+        if self.pictures:
+            chosen = pictured(shown)
+            with progress("Pictures", len(chosen)) as tick:
+                images = list(pictures(chosen, body, tick))
+        report = write_report(self.out, results, viewer_clips(shown), images, body)
+        print(summary(results))
+        print(f"{metrics}\n{report}")
+
+
+def machine() -> str:
+    """The processor that the times were measured on, in words."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return f"{platform.machine()}, {platform.system()}, {cores} cores, Python {platform.python_version()}"
+
+
+def summary(results: dict) -> str:
+    """One line per template and method: the mean vertex distance and how it stands to the better LBS."""
+    from evaluate.report import standings
+
+    lines = []
+    for row in standings(results):
+        beside = ""
+        if row.against is not None:
+            beside = (
+                f", {100 * (row.against - 1):+.0f} % against the better LBS, nearer on {row.won} of {row.of}"
+            )
+        lines.append(f"{row.template:8} {row.method:16} {row.vertex_mean_mm:6.1f} mm{beside}")
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Returns the exit code: 0, 2 for bad input, 130 after Ctrl-C."""
+    return run_command(
+        "evaluate", lambda: tyro.cli(Evaluate, args=arguments, prog="python -m evaluate").run()
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

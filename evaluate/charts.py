@@ -1,0 +1,134 @@
+"""Bars and lines as inline SVG that takes its colours from the page, light or dark."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from markupsafe import Markup, escape
+
+LABEL = 108
+ROW = 9
+WIDTH = 420
+DASH = "\u2013"
+
+
+def ticks(largest: float, about: int = 4) -> list[float]:
+    """Round tick values 0 .. >= largest, about that many: steps of 1, 2, 2.5 or 5 times a power of ten."""
+    if not largest > 0:
+        return [0.0, 1.0]
+    rough = largest / about
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(power * m for m in (1, 2, 2.5, 5, 10) if power * m >= rough * 0.999)
+    return [step * index for index in range(math.ceil(largest / step * 0.999) + 1)]
+
+
+def number(value: float | None) -> str:
+    """A figure with as many digits as a reader needs; a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return DASH
+    if value == 0:
+        return "0"
+    magnitude = abs(value)
+    digits = 0 if magnitude >= 100 else 1 if magnitude >= 10 else 2 if magnitude >= 0.1 else 3
+    return f"{value:,.{digits}f}"
+
+
+def bars(
+    title: str,
+    rows: Mapping[str, Sequence[float | None]],
+    names: Sequence[str],
+    unit: str,
+    floors: Mapping[str, float],
+) -> Markup:
+    """Grouped horizontal bars: for every row (an action) one bar per name (a method), in order.
+
+    floors: vertical dashed lines by name, in the same unit.
+    """
+    values = [value for row in rows.values() for value in row if value is not None]
+    axis = ticks(max([*values, *floors.values(), 0.0]))
+    left, right, top = LABEL, WIDTH - 44, 26
+    group = ROW * len(names) + 8
+    height = top + group * len(rows) + 22
+
+    def x(value: float) -> float:
+        return left + (right - left) * value / axis[-1]
+
+    parts = [_open(WIDTH, height, title)]
+    for tick in axis:
+        parts.append(
+            f'<line class="grid" x1="{x(tick):.1f}" x2="{x(tick):.1f}" y1="{top - 4}" y2="{height - 20}"/>'
+            f'<text class="tick" x="{x(tick):.1f}" y="{height - 7}" text-anchor="middle">{_tick(tick)}</text>'
+        )
+    for index, (label, row) in enumerate(rows.items()):
+        y = top + index * group
+        parts.append(
+            f'<text class="label" x="{left - 8}" y="{y + group / 2:.1f}" text-anchor="end">'
+            f"{escape(label)}</text>"
+        )
+        for method, value in enumerate(row):
+            if value is None:
+                continue
+            bar = y + method * ROW
+            parts.append(
+                f'<rect class="m{method}" x="{left}" y="{bar}" width="{x(value) - left:.1f}" '
+                f'height="{ROW - 1.5}"><title>{escape(label)}, {escape(names[method])}: {number(value)} '
+                f'{escape(unit)}</title></rect><text class="value" x="{x(value) + 4:.1f}" '
+                f'y="{bar + ROW - 2.5}">{number(value)}</text>'
+            )
+    for index, (name, value) in enumerate(floors.items()):
+        parts.append(
+            f'<line class="floor f{index}" x1="{x(value):.1f}" x2="{x(value):.1f}" y1="{top - 4}" '
+            f'y2="{height - 20}"><title>{escape(name)}: {number(value)} {escape(unit)}</title></line>'
+        )
+    parts.append(
+        f'<text class="unit" x="{right + 40}" y="{height - 7}" text-anchor="end">{escape(unit)}</text>'
+    )
+    return Markup("".join(parts) + "</svg>")
+
+
+def lines(
+    title: str, series: Sequence[Sequence[float]], names: Sequence[str], unit: str, fps: float
+) -> Markup:
+    """One line per name over time: series[i][t] at second t / fps, in `unit`."""
+    longest = max([len(line) for line in series] + [2])
+    across = ticks((longest - 1) / fps)
+    up = ticks(max([value for line in series for value in line] + [0.0]))
+    left, right, top, bottom = 40, WIDTH - 12, 26, 196
+
+    def x(seconds: float) -> float:
+        return left + (right - left) * seconds / across[-1]
+
+    def y(value: float) -> float:
+        return bottom - (bottom - top) * value / up[-1]
+
+    parts = [_open(WIDTH, bottom + 26, title)]
+    for tick in up:
+        parts.append(
+            f'<line class="grid" x1="{left}" x2="{right}" y1="{y(tick):.1f}" y2="{y(tick):.1f}"/>'
+            f'<text class="tick" x="{left - 6}" y="{y(tick) + 3:.1f}" text-anchor="end">{_tick(tick)}</text>'
+        )
+    for tick in across:
+        parts.append(
+            f'<text class="tick" x="{x(tick):.1f}" y="{bottom + 14}" text-anchor="middle">'
+            f"{_tick(tick)}</text>"
+        )
+    for index, line in enumerate(series):
+        points = " ".join(f"{x(t / fps):.1f},{y(value):.1f}" for t, value in enumerate(line))
+        parts.append(
+            f'<polyline class="l{index}" points="{points}"><title>{escape(names[index])}</title></polyline>'
+        )
+    parts.append(
+        f'<text class="unit" x="{right}" y="13" text-anchor="end">{escape(unit)}</text>'
+        f'<text class="unit" x="{right}" y="{bottom + 24}" text-anchor="end">seconds</text>'
+    )
+    return Markup("".join(parts) + "</svg>")
+
+
+def _open(width: float, height: float, title: str) -> str:
+    return (
+        f'<svg class="chart" viewBox="0 0 {width} {height}" role="img" aria-label="{escape(title)}">'
+        f'<text class="title" x="{LABEL if height > 230 else 40}" y="13">{escape(title)}</text>'
+    )
+
+
+def _tick(value: float) -> str:
+    return f"{value:,.10g}"

@@ -1,0 +1,136 @@
+"""The whole comparison: every method on every window, the floors, and the content of metrics.json."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import date
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from torch import Tensor
+
+from evaluate.actions import find_windows
+from evaluate.judge import (
+    SIMULATION,
+    Case,
+    code_fingerprint,
+    judge,
+    judge_simulation,
+    load_contestants,
+    open_case,
+    remembered,
+    repeatability,
+)
+from evaluate.metrics import distance_scores
+from evaluate.progress import progress
+from evaluate.results import Entry, Scores, floor, summarize
+from evaluate.show import Shown
+from uvcloth.bodies.body import Body
+from uvcloth.garments.garment import Garment
+from uvcloth.garments.templates import wear
+from uvcloth.methods.correspondence import BodyTexels, TemplateTexels, body_texels, template_texels, worn_on
+from uvcloth.methods.physxnet import PRESETS, garment_vertices, template_offsets
+
+
+def compare(
+    models: Sequence[str],
+    data: Path,
+    out: Path,
+    *,
+    body: Body,
+    actions: Sequence[str],
+    frames: int | None,
+    map_size: int,
+    machine: str,
+) -> tuple[dict[str, Any], list[Shown]]:
+    """Judge models (names or folders) on the test windows of a data folder.
+
+    frames: of each window, None for all. map_size: of the maps that are measured. machine: for the record.
+    Returns the content of metrics.json and what there is to look at. Finished windows are kept under
+    OUT/partial and taken over by a rerun. Raises InputError for a model or data that does not fit.
+    """
+    contestants = load_contestants(models, body)
+    windows = find_windows(data, actions)
+    code = code_fingerprint()
+    texels = body_texels(body, map_size)
+    garments = {name: wear(name, body) for name in dict.fromkeys(window.template for window in windows)}
+    seen = {name: template_texels(garment, body, texels) for name, garment in garments.items()}
+
+    entries: dict[str, list[Entry]] = {name: [] for name in (SIMULATION, *(c.name for c in contestants))}
+    represented: dict[str, list[Scores]] = {name: [] for name in garments}
+    repeated: dict[str, list[Scores]] = {name: [] for name in garments}
+    shown: list[Shown] = []
+    trained_on: dict[str, list[str]] = {c.name: [] for c in contestants}
+    with progress("Windows", len(windows) * (len(contestants) + 1)) as tick:
+        for window in windows:
+            template = seen[window.template]
+            case = open_case(
+                window, body, garments[window.template], (template.corners, template.barycentrics), frames
+            )
+            tick(0, note=f"{window.action}, {window.template}")
+            keep = partial(remembered, out, case)
+            judged = {SIMULATION: keep(SIMULATION, f"{code}/{map_size}", partial(judge_simulation, case))}
+            represented[window.template].append(representation(case, texels, template))
+            repeated[window.template].append(repeatability(case))
+            tick()
+            for contestant in contestants:
+                tick(0, note=f"{window.action}, {window.template}: {contestant.name}")
+                fingerprint = f"{code}/{map_size}/{contestant.fingerprint}"
+                judged[contestant.name] = keep(contestant.name, fingerprint, partial(judge, case, contestant))
+                if case.sequence.metadata.get("hash") in contestant.seen:
+                    trained_on[contestant.name].append(window.name)
+                tick()
+            for name, found in judged.items():
+                entries[name].append(Entry(window.action, window.template, found))
+            shown.append(
+                Shown(
+                    action=window.action,
+                    template=window.template,
+                    fps=case.sequence.fps / case.stride,
+                    stride=case.stride,
+                    faces=case.reference.faces,
+                    transforms=case.transforms[:: case.stride],
+                    meshes={name: found.shown for name, found in judged.items()},
+                )
+            )
+
+    results = summarize(entries)
+    for contestant in contestants:
+        results["methods"][contestant.name]["weights_mb"] = contestant.weights_mb
+        results["methods"][contestant.name]["trained_on"] = trained_on[contestant.name]
+    results["floor"] = {**floor(represented, "representation"), **floor(repeated, "repeatability")}
+    results["garments"] = {name: _size(garment) for name, garment in garments.items()}
+    return results | {
+        "actions": list(dict.fromkeys(window.action for window in windows)),
+        "windows": len(windows),
+        "frames": sum(len(e.judged.scores["vertex_mean_mm"]) for e in entries[SIMULATION]),
+        "fps": case.sequence.fps,
+        "map_size": map_size,
+        "body": body.name,
+        "date": date.today().isoformat(),
+        "machine": machine,
+        "code": code[:12],
+    }, shown
+
+
+def representation(case: Case, texels: BodyTexels, template: TemplateTexels) -> dict[str, Tensor]:
+    """The representation floor: the simulation written to offset maps and decoded back, per frame.
+
+    As the default PhysXNet writes and decodes them (`template_offsets`, `garment_vertices`).
+    """
+    config = replace(PRESETS["default"], size=texels.size)
+    worn = worn_on(case.outfit.garments[0], template)
+    place = (config, texels, template, worn)
+    posed = (case.body_vertices, case.transforms)
+    offsets = template_offsets(*place, case.reference.vertices, *posed)
+    return distance_scores(garment_vertices(*place, offsets, *posed), case.reference.vertices)
+
+
+def _size(garment: Garment) -> dict[str, float | int]:
+    """Vertices of a garment and the size of its 3D model in MB (positions, faces and texture coordinates)."""
+    mesh = garment.mesh
+    tensors = (mesh.vertices.float(), mesh.faces.int(), mesh.uvs.float(), mesh.face_uvs.int())
+    return {
+        "vertices": len(mesh.vertices),
+        "model_mb": sum(tensor.nbytes for tensor in tensors) / 1e6,
+    }

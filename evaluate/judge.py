@@ -1,0 +1,255 @@
+"""Rolls methods out over the test windows and scores every frame; finished windows are kept for a rerun."""
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from evaluate.actions import Window
+from evaluate.metrics import Reference, distance_scores, frame_scores
+from rasterize.errors import InputError
+from uvcloth.archive import load_arrays, save_arrays
+from uvcloth.bodies.body import Body
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.methods.method import Method
+from uvcloth.physics.contact import BodySurface, Smoother, inside_share
+from uvcloth.simulate.sequence import Sequence as Simulated
+from uvcloth.simulate.sequence import content_hash, load_sequence
+from uvcloth.skinning import skin
+
+FORMAT = "uvcloth-judged-1"
+
+SIMULATION = "simulation"
+"""The name under which the simulation itself is scored: the yardstick of the physics."""
+
+SHOWN = 60
+"""Frames of a window that are kept to be looked at, at most."""
+
+SAME_REST = 0.002
+"""Metres between a sequence's rest mesh and the template on the body that still count as the same garment."""
+
+SAME_MOTION = 0.001
+"""Metres (and matrix entries) between joint transforms that still count as the same motion."""
+
+JUDGING = ("rasterize", "uvcloth", "evaluate/metrics.py", "evaluate/judge.py")
+"""The sources that decide a score."""
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """A method in the comparison.
+
+    name: in every table. weights_mb: size of its weights file, 0 without one. fingerprint: hash of what
+    decides its predictions besides the code. seen: content hashes of the sequences that it was trained on.
+    """
+
+    name: str
+    method: Method
+    weights_mb: float
+    fingerprint: str
+    seen: frozenset[str]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One method on one window.
+
+    scores: per frame, F values each (jitter F - 3); with "network_ms" and "contact_ms" if it is a method.
+    shown: (S, N, 3) every stride-th frame after contact, metres, world.
+    """
+
+    scores: Mapping[str, Tensor]
+    shown: Tensor
+    stride: int
+
+
+@dataclass(frozen=True)
+class Case:
+    """A window ready to be judged: its sequence, what it is measured against, and who wears it.
+
+    start: number of settling frames. reference: the frames that count. transforms: (F, J, 3, 4) and
+    body_vertices: (F, V, 3) of the body in those.
+    """
+
+    window: Window
+    sequence: Simulated
+    outfit: Outfit
+    reference: Reference
+    start: int
+    transforms: Tensor
+    body_vertices: Tensor
+
+    @property
+    def stride(self) -> int:
+        return -(-len(self.reference.vertices) // SHOWN)
+
+
+def open_case(
+    window: Window, body: Body, garment: Garment, texels: tuple[Tensor, Tensor], frames: int | None
+) -> Case:
+    """Load a window and check that it was simulated with this garment on this body.
+
+    texels: corners and barycentrics (P, 3) of the garment's map. frames: judge at most so many, None for all.
+    Raises InputError naming the file if the mesh, the rest shape or the skeleton differs, or no frame counts.
+    """
+    sequence = load_sequence(window.path)
+    mesh, joints = garment.mesh, len(body.skeleton.names)
+    if not torch.equal(sequence.faces, mesh.faces):
+        raise InputError(f"{window.path}: its mesh is not that of the template {garment.template}")
+    if sequence.transforms.shape[1] != joints:
+        raise InputError(
+            f"{window.path}: simulated on a body of {sequence.transforms.shape[1]} joints, "
+            f"body {body.name!r} has {joints}"
+        )
+    apart = float((sequence.rest - mesh.vertices).norm(dim=1).max())
+    if apart > SAME_REST:
+        raise InputError(
+            f"{window.path}: at rest it is up to {1000 * apart:.0f} mm from the template {garment.template} "
+            f"on body {body.name!r}; it was simulated on another body"
+        )
+    end = len(sequence.vertices) if frames is None else sequence.settling + frames
+    truth = sequence.vertices[sequence.settling : end]
+    if not len(truth):
+        raise InputError(f"{window.path}: has no frame after its {sequence.settling} settling frames")
+    reference = Reference(truth, sequence.rest, sequence.faces, sequence.fps, *texels)
+    transforms = sequence.transforms[sequence.settling : end]
+    posed = skin(body.mesh.vertices, body.weights, transforms)
+    return Case(window, sequence, Outfit(body, (garment,)), reference, sequence.settling, transforms, posed)
+
+
+def judge(case: Case, contestant: Contestant) -> Judged:
+    """Roll a method out from the first settling frame and score the frames that count.
+
+    Raises InputError if a prediction is not a finite number.
+    """
+    from uvcloth.rollout import rollout
+
+    end = case.start + len(case.reference.vertices)
+    raw, resolved, milliseconds = [], [], []
+    transforms = case.sequence.transforms[:end]
+    for index, frame in enumerate(rollout(contestant.method, case.outfit, transforms, case.sequence.fps)):
+        if index >= case.start:
+            raw.append(frame.raw[0])
+            resolved.append(frame.vertices[0])
+            milliseconds.append([frame.milliseconds["network"], frame.milliseconds["contact"]])
+    times = torch.tensor(milliseconds)
+    scored = score(case, torch.stack(raw).cpu(), torch.stack(resolved).cpu())
+    return Judged(
+        {**scored.scores, "network_ms": times[:, 0], "contact_ms": times[:, 1]}, scored.shown, scored.stride
+    )
+
+
+def judge_simulation(case: Case) -> Judged:
+    """The simulation scored as if it were a prediction: no error, but its own edges, bends and jitter."""
+    return score(case, case.reference.vertices, case.reference.vertices)
+
+
+def score(case: Case, raw: Tensor, resolved: Tensor) -> Judged:
+    """Score predictions before (F, N, 3) and after contact (F, N, 3) on the frames that count."""
+    scores = frame_scores(raw, resolved, case.reference)
+    scores["inside_percent_raw"] = _inside(case, raw)
+    scores["inside_percent"] = _inside(case, resolved)
+    return Judged(scores, resolved[:: case.stride], case.stride)
+
+
+def _inside(case: Case, vertices: Tensor) -> Tensor:
+    """Percent of vertices inside the body where it does not intersect itself, per frame: (F,)."""
+    surface = BodySurface(case.body_vertices[0], case.outfit.body.mesh.faces)
+    smoother = Smoother(case.reference.rest, case.reference.faces)
+    shares = []
+    for garment, skin_vertices in zip(vertices, case.body_vertices, strict=True):
+        surface.update(skin_vertices)
+        shares.append(inside_share(garment, surface, smoother)[1])
+    return torch.tensor(shares)
+
+
+def repeatability(case: Case) -> dict[str, Tensor]:
+    """How far the simulation is from its repeat, per frame that counts in both; empty without a repeat.
+
+    Frames are matched by the body's pose. Raises InputError if the repeat is not the same motion or mesh.
+    """
+    if case.window.repeat is None:
+        return {}
+    repeat = load_sequence(case.window.repeat)
+    ours = case.sequence
+    if repeat.vertices.shape[1:] != ours.vertices.shape[1:]:
+        raise InputError(f"{case.window.repeat}: not the mesh of {case.window.path}")
+    gaps = (repeat.transforms - ours.transforms[-1]).abs().amax(dim=(1, 2, 3))
+    shift = int(gaps.argmin()) - (len(ours.vertices) - 1)
+    first = max(ours.settling, repeat.settling - shift)
+    frames = torch.arange(first, len(ours.vertices))
+    if not len(frames) or (
+        (ours.transforms[frames] - repeat.transforms[frames + shift]).abs().max() > SAME_MOTION
+    ):
+        raise InputError(f"{case.window.repeat}: does not repeat the motion of {case.window.path}")
+    return distance_scores(repeat.vertices[frames + shift], ours.vertices[frames])
+
+
+def remembered(out: Path, case: Case, name: str, fingerprint: str, work: Callable[[], Judged]) -> Judged:
+    """The result of an earlier run of the same code on the same input, or that of `work`, then kept."""
+    key = hashlib.sha256(
+        "/".join(
+            [FORMAT, fingerprint, content_hash(case.sequence), str(len(case.reference.vertices))]
+        ).encode()
+    ).hexdigest()[:16]
+    path = Path(out) / "partial" / f"{case.window.name}_{name}_{key}.npz"
+    truth = case.reference.vertices[:: case.stride]
+    if path.is_file():
+        data = load_arrays(path, FORMAT, "a judged window")
+        scores = {k.removeprefix("score_"): torch.from_numpy(v) for k, v in data.items() if k[:6] == "score_"}
+        return Judged(scores, truth + torch.from_numpy(data["offset"].astype(np.float32)), case.stride)
+    judged = work()
+    # Offsets from the simulation are small, so half precision keeps them well within a millimetre.
+    arrays = {"format": np.array(FORMAT), "offset": (judged.shown - truth).numpy().astype(np.float16)}
+    arrays.update({f"score_{key}": values.numpy() for key, values in judged.scores.items()})
+    save_arrays(path, arrays)
+    return judged
+
+
+def code_fingerprint() -> str:
+    """Hash of the sources that decide a score: results of other code are not taken over."""
+    root = Path(__file__).resolve().parent.parent
+    digest = hashlib.sha256()
+    for name in JUDGING:
+        place = root / name
+        for path in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
+            digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def load_contestants(models: Sequence[str], body: Body) -> tuple[Contestant, ...]:
+    """Load baselines by name and trained models by folder. Raises InputError for unknown or equal names."""
+    from uvcloth.methods.registry import load_method
+
+    from uvcloth.checkpoint import CONFIG, WEIGHTS, load_checkpoint
+
+    contestants = []
+    for model in models:
+        folder = Path(model)
+        trained = folder.is_dir()
+        method = load_method(model, body)
+        digest = hashlib.sha256(model.encode())
+        seen: frozenset[str] = frozenset()
+        if trained:
+            digest = hashlib.sha256((folder / WEIGHTS).read_bytes() + (folder / CONFIG).read_bytes())
+            seen = frozenset(load_checkpoint(folder).data.values())
+        contestants.append(
+            Contestant(
+                name=folder.resolve().name if trained else model,
+                method=method,
+                weights_mb=(folder / WEIGHTS).stat().st_size / 1e6 if trained else 0.0,
+                fingerprint=digest.hexdigest(),
+                seen=seen,
+            )
+        )
+    names = [contestant.name for contestant in contestants]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"--model: two models are called {name!r}, rename one of the folders")
+        if name == SIMULATION:
+            raise InputError(f"--model: no model can be called {SIMULATION!r}, rename the folder")
+    return tuple(contestants)

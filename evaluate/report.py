@@ -1,0 +1,240 @@
+"""One self-contained HTML page: figures, tables, pictures and a viewer, without a network."""
+
+import base64
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from evaluate.charts import DASH, bars, lines, number
+from evaluate.viewer import ViewerClip, pack_body, pack_clip
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+
+TEMPLATES = Path(__file__).with_name("templates")
+METRICS = "metrics.json"
+REPORT = "report.html"
+
+Results = Mapping[str, Any]
+"""The content of metrics.json, as docs/metrics.md describes it."""
+
+MEASURES = {
+    "vertex_mean_mm": ("Mean vertex distance", "mm", "mm"),
+    "vertex_rmse_mm": ("Vertex RMSE", "mm", "rmse_mm"),
+    "vertex_mse_mm2": ("Vertex MSE", "mm²", "mse_mm2"),
+    "map_mse_mm2": ("Map MSE", "mm²", ""),
+}
+"""Figure 6 by measure: title, unit, and the suffix of the floors that can stand beside it."""
+
+PHYSICS = {
+    "edge_mm": "Edge change (mm)",
+    "bend_rad": "Bend (rad)",
+    "inside_percent_raw": "Inside before contact (%)",
+    "inside_percent": "Inside after contact (%)",
+    "jitter_ratio": "Jitter ÷ simulation's",
+}
+
+PAPER_COSTS = (
+    ("LBS", "1 MB", DASH, "3 ms"),
+    ("TailorNet, shirt", "13.5 GB", "2.5 GB", "1 s"),
+    ("TailorNet, pants", "3.4 GB", "1.2 GB", "500 ms"),
+    ("PhysXNet", "1 MB", "1 GB", "30 ms"),
+)
+"""Table 1 as printed in the PhysXNet paper, on its authors' machine (a GTX 1080)."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A rendered picture: PNG bytes and one line that says what it shows."""
+
+    caption: str
+    png: bytes
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How one method did on one template over all actions.
+
+    against: mean distance divided by that of the better LBS, None for an LBS itself or without one.
+    won, of: actions on which it is nearer to the simulation than the better LBS of that action.
+    """
+
+    method: str
+    template: str
+    frames: int
+    vertex_mean_mm: float
+    vertex_rmse_mm: float
+    against: float | None
+    won: int
+    of: int
+
+
+def write_metrics(out: Path, results: Results) -> Path:
+    """Write OUT/metrics.json, whole or not at all. Raises InputError if it cannot be written."""
+    return _write(Path(out) / METRICS, json.dumps(results, indent=1))
+
+
+def write_report(
+    out: Path,
+    results: Results,
+    viewer_sequences: Sequence[ViewerClip],
+    pictures: Sequence[Picture],
+    body: Body | None = None,
+) -> Path:
+    """Write OUT/report.html from evaluation results and return its path.
+
+    viewer_sequences: windows to scrub through. pictures: shown in order. body: drawn under the garments
+    in the viewer. Raises InputError if the folder cannot be written.
+    """
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["figure"] = number
+    packed = [pack_clip(clip) for clip in viewer_sequences]
+    page = environment.get_template("report.html").render(
+        results=results,
+        methods=list(results["methods"]),
+        templates=templates_in(results),
+        measures=MEASURES,
+        physics=PHYSICS,
+        paper_costs=PAPER_COSTS,
+        standings=standings(results),
+        charts=_bar_charts(results),
+        over_time=_time_charts(results),
+        overall=overall,
+        viewer_headers=[header for header, _ in packed],
+        viewer_blobs=[blob for _, blob in packed],
+        viewer_body=pack_body(body) if body is not None and packed else None,
+        viewer_script=(TEMPLATES / "viewer.js").read_text(encoding="utf-8"),
+        pictures=[(picture.caption, base64.b64encode(picture.png).decode("ascii")) for picture in pictures],
+    )
+    return _write(Path(out) / REPORT, page)
+
+
+def templates_in(results: Results) -> list[str]:
+    """The templates that any method was judged on, in the order in which they first appear."""
+    found = [t for m in results["methods"].values() for a in m["actions"].values() for t in a]
+    return list(dict.fromkeys(found))
+
+
+def actions_in(results: Results, template: str) -> list[str]:
+    """The actions on which any method was judged with a template."""
+    found = [
+        action
+        for method in results["methods"].values()
+        for action, by_template in method["actions"].items()
+        if template in by_template
+    ]
+    return list(dict.fromkeys(found))
+
+
+def overall(
+    actions: Mapping[str, Mapping[str, Mapping[str, float]]], template: str, key: str
+) -> float | None:
+    """The mean of one measure over all actions of a template, weighted by frames; None if there is none.
+
+    A root mean square averages as its square.
+    """
+    cells = [by[template] for by in actions.values() if template in by and by[template].get(key) is not None]
+    frames = sum(cell["frames"] for cell in cells)
+    if not frames:
+        return None
+    power = 2 if "rmse" in key else 1
+    mean = sum(cell["frames"] * cell[key] ** power for cell in cells) / frames
+    return float(mean ** (1 / power))
+
+
+def standings(results: Results) -> list[Standing]:
+    """Every method on every template beside the better LBS (methods whose names begin with "lbs")."""
+    methods = results["methods"]
+    baselines = [name for name in methods if name.startswith("lbs")]
+    rows = []
+    for template in templates_in(results):
+        baseline_means = [overall(methods[name]["actions"], template, "vertex_mean_mm") for name in baselines]
+        best = min((mean for mean in baseline_means if mean is not None), default=None)
+        for name, method in methods.items():
+            mean = overall(method["actions"], template, "vertex_mean_mm")
+            rmse = overall(method["actions"], template, "vertex_rmse_mm")
+            if mean is None or rmse is None:
+                continue
+            judged = name not in baselines and best is not None
+            duels = _duels(results, name, baselines, template) if judged else []
+            rows.append(
+                Standing(
+                    method=name,
+                    template=template,
+                    frames=sum(a[template]["frames"] for a in method["actions"].values() if template in a),
+                    vertex_mean_mm=mean,
+                    vertex_rmse_mm=rmse,
+                    against=mean / best if judged and best else None,
+                    won=sum(own < other for own, other in duels),
+                    of=len(duels),
+                )
+            )
+    return rows
+
+
+def _duels(results: Results, name: str, baselines: Iterable[str], template: str) -> list[tuple[float, float]]:
+    """Per action: the method's mean distance and that of the better LBS."""
+    methods = results["methods"]
+    duels = []
+    for action, by_template in methods[name]["actions"].items():
+        others = [methods[b]["actions"].get(action, {}).get(template) for b in baselines]
+        found = [cell["vertex_mean_mm"] for cell in others if cell is not None]
+        if template in by_template and found:
+            duels.append((by_template[template]["vertex_mean_mm"], min(found)))
+    return duels
+
+
+def _bar_charts(results: Results) -> dict[str, list[Any]]:
+    names = list(results["methods"])
+    charts: dict[str, list[Any]] = {}
+    for key, (title, unit, suffix) in MEASURES.items():
+        charts[key] = []
+        for template in templates_in(results):
+            rows = {
+                action: [
+                    results["methods"][name]["actions"].get(action, {}).get(template, {}).get(key)
+                    for name in names
+                ]
+                for action in actions_in(results, template)
+            }
+            floors = {
+                kind: results["floor"][f"{kind}_{suffix}"][template]
+                for kind in ("representation", "repeatability")
+                if suffix and results["floor"].get(f"{kind}_{suffix}", {}).get(template) is not None
+            }
+            charts[key].append(bars(f"{template}: {title.lower()}", rows, names, unit, floors))
+    return charts
+
+
+def _time_charts(results: Results) -> list[Any]:
+    names = list(results["methods"])
+    charts = []
+    for template in templates_in(results):
+        series = [results["methods"][name].get("over_time_mm", {}).get(template, []) for name in names]
+        if any(series):
+            charts.append(lines(template, series, names, "mm", results["fps"]))
+    return charts
+
+
+def _write(path: Path, text: str) -> Path:
+    partial = path.with_name(path.name + ".partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            partial.write_text(text, encoding="utf-8")
+            os.replace(partial, path)
+        finally:
+            partial.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    return path

@@ -1,0 +1,104 @@
+"""From scores per frame to the content of metrics.json (docs/metrics.md describes it field by field)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from evaluate.judge import SIMULATION, Judged
+
+Scores = Mapping[str, Tensor]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What one method scored on one window."""
+
+    action: str
+    template: str
+    judged: Judged
+
+
+def summarize(entries: Mapping[str, Sequence[Entry]]) -> dict[str, Any]:
+    """The methods and the simulation, by action and template.
+
+    entries: by method name; those under SIMULATION are the yardstick and go to a key of their own.
+    """
+    yardstick = _by_action(entries[SIMULATION], entries[SIMULATION])
+    methods = {
+        name: {"actions": _by_action(found, entries[SIMULATION]), "over_time_mm": _over_time(found)}
+        for name, found in entries.items()
+        if name != SIMULATION
+    }
+    return {"methods": methods, SIMULATION: {"actions": yardstick}}
+
+
+def floor(frames: Mapping[str, Sequence[Scores]], kind: str) -> dict[str, dict[str, float]]:
+    """The mean, root mean square and mean square of a floor by template: {"KIND_mm": ..., ...}.
+
+    frames: by template, the distance scores of every window; templates without any are left out.
+    """
+    means, squares = {}, {}
+    for template, windows in frames.items():
+        found = [scores for scores in windows if scores]
+        if found:
+            means[template] = _mean(found, "vertex_mean_mm")
+            squares[template] = _mean(found, "vertex_mse_mm2")
+    return {
+        f"{kind}_mm": means,
+        f"{kind}_rmse_mm": {template: square**0.5 for template, square in squares.items()},
+        f"{kind}_mse_mm2": squares,
+    }
+
+
+def _by_action(entries: Sequence[Entry], simulation: Sequence[Entry]) -> dict[str, dict[str, Any]]:
+    actions: dict[str, dict[str, Any]] = {}
+    for action, template in dict.fromkeys((entry.action, entry.template) for entry in entries):
+        actions.setdefault(action, {})[template] = _cell(
+            _scores(entries, action, template), _scores(simulation, action, template)
+        )
+    return actions
+
+
+def _scores(entries: Sequence[Entry], action: str, template: str) -> list[Scores]:
+    return [e.judged.scores for e in entries if (e.action, e.template) == (action, template)]
+
+
+def _cell(scores: Sequence[Scores], simulation: Sequence[Scores]) -> dict[str, float | int | None]:
+    """Means over all frames of one action and template."""
+    calm = _mean(simulation, "jitter")
+    cell: dict[str, float | int | None] = {
+        "frames": sum(len(each["vertex_mean_mm"]) for each in scores),
+        "map_mse_mm2": _mean(scores, "map_mse_mm2"),
+        "vertex_mse_mm2": _mean(scores, "vertex_mse_mm2"),
+        "vertex_rmse_mm": _mean(scores, "vertex_mse_mm2") ** 0.5,
+        "vertex_mean_mm": _mean(scores, "vertex_mean_mm"),
+        "edge_mm": _mean(scores, "edge_mm"),
+        "bend_rad": _mean(scores, "bend_rad"),
+        "inside_percent_raw": _mean(scores, "inside_percent_raw"),
+        "inside_percent": _mean(scores, "inside_percent"),
+        # Fewer than four frames have no change of acceleration.
+        "jitter_ratio": _mean(scores, "jitter") / calm if calm > 0 else None,
+    }
+    if "network_ms" in scores[0]:
+        network, contact = _mean(scores, "network_ms"), _mean(scores, "contact_ms")
+        cell |= {"network_ms": network, "contact_ms": contact, "ms_per_frame": network + contact}
+    return cell
+
+
+def _mean(scores: Sequence[Scores], key: str) -> float:
+    values = torch.cat([each[key] for each in scores]).double()
+    return float(values.mean()) if len(values) else 0.0
+
+
+def _over_time(entries: Sequence[Entry]) -> dict[str, list[float]]:
+    """Mean vertex distance at each frame over a template's windows, while at least half of them last."""
+    lines = {}
+    for template in dict.fromkeys(entry.template for entry in entries):
+        windows = [e.judged.scores["vertex_mean_mm"] for e in entries if e.template == template]
+        padded = torch.nn.utils.rnn.pad_sequence(windows, padding_value=float("nan"))
+        enough = padded.isfinite().sum(1) * 2 >= len(windows)
+        lines[template] = [round(float(value), 3) for value in padded.nanmean(1)[enough]]
+    return lines

@@ -1,0 +1,119 @@
+"""What the report shows of the judged windows: animations to scrub through and rendered pictures."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from evaluate.report import Picture
+from evaluate.viewer import ViewerClip
+from uvcloth.bodies.body import Body
+from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
+from uvcloth.skinning import skin
+
+MOMENTS = (0.3, 0.6, 0.9)
+"""Shares of a window at which it is pictured."""
+
+PICTURE = (200, 300)
+"""Width and height of one pictured moment, in pixels."""
+
+SIMULATION_COLOR: Color = (0.43, 0.45, 0.50)
+METHOD_COLORS: tuple[Color, ...] = (
+    (0.60, 0.56, 0.50),
+    (0.79, 0.63, 0.23),
+    (0.18, 0.44, 0.70),
+    (0.76, 0.34, 0.17),
+    (0.36, 0.56, 0.31),
+)
+"""The same as --m0, --m1, ... in templates/report.css."""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A judged window as far as it is looked at.
+
+    meshes: by name, the simulation first, (S, N, 3) metres. transforms: (S, J, 3, 4). fps: of the S frames.
+    """
+
+    action: str
+    template: str
+    fps: float
+    stride: int
+    faces: Tensor
+    transforms: Tensor
+    meshes: Mapping[str, Tensor]
+
+    @property
+    def liveliness(self) -> float:
+        """Mean speed of the simulated garment in m/s, from frame to frame shown."""
+        simulated = next(iter(self.meshes.values()))
+        return (
+            float(torch.diff(simulated, dim=0).norm(dim=-1).mean()) * self.fps if len(simulated) > 1 else 0.0
+        )
+
+
+def viewer_clips(shown: Sequence[Shown], per_template: int = 1) -> list[ViewerClip]:
+    """The liveliest windows of each template, where methods differ most."""
+    clips = []
+    for template in dict.fromkeys(each.template for each in shown):
+        ranked = sorted((s for s in shown if s.template == template), key=lambda s: -s.liveliness)
+        clips += [
+            ViewerClip(s.action, s.template, s.fps, 0, s.stride, s.faces, s.transforms, s.meshes)
+            for s in ranked[:per_template]
+        ]
+    return clips
+
+
+def pictured(shown: Sequence[Shown]) -> list[Shown]:
+    """One window per action, taking the templates in turn, so that all are seen."""
+    chosen = []
+    templates = list(dict.fromkeys(each.template for each in shown))
+    for index, action in enumerate(dict.fromkeys(each.action for each in shown)):
+        of_action = [each for each in shown if each.action == action]
+        wanted = [each for each in of_action if each.template == templates[-1 - index % len(templates)]]
+        chosen.append((wanted or of_action)[0])
+    return chosen
+
+
+def pictures(shown: Sequence[Shown], body: Body, tick: Callable[[], None]) -> Iterator[Picture]:
+    """One picture per window: a row per moment, the simulation first, then every method. tick: after each."""
+    for window in shown:
+        frames = [min(int(share * len(window.transforms)), len(window.transforms) - 1) for share in MOMENTS]
+        frames = list(dict.fromkeys(frames))
+        posed = skin(body.mesh.vertices, body.weights, window.transforms[frames])
+        colors = [SIMULATION_COLOR] + [
+            METHOD_COLORS[i % len(METHOD_COLORS)] for i in range(len(window.meshes))
+        ]
+        images = [
+            render(
+                [
+                    Surface(skin_vertices, body.mesh.faces, BODY_COLOR),
+                    Surface(mesh[frame], window.faces, color),
+                ],
+                three_quarter(skin_vertices),
+                PICTURE,
+            )
+            for frame, skin_vertices in zip(frames, posed, strict=True)
+            for mesh, color in zip(window.meshes.values(), colors, strict=False)
+        ]
+        names = ", ".join(window.meshes)
+        seconds = ", ".join(f"{frame / window.fps:.1f}" for frame in frames)
+        yield Picture(
+            f"{window.action}, {window.template}; from left to right: {names}; "
+            f"from top to bottom at {seconds} s",
+            png(contact_sheet(images, columns=len(window.meshes))),
+        )
+        tick()
+
+
+def png(image: np.ndarray) -> bytes:
+    """A picture (h, w, 3) uint8 as PNG bytes, with a palette: a third of the size."""
+    from io import BytesIO
+
+    from PIL import Image
+
+    stream = BytesIO()
+    Image.fromarray(image).quantize(128).save(stream, "PNG", optimize=True)
+    return stream.getvalue()

@@ -1,0 +1,111 @@
+"""Packs mesh animations small enough to live inside an HTML page.
+
+Positions are quantized to a quarter of a millimetre. The first mesh of a clip is stored as second
+differences in time, the others as second differences of what sets them apart from the first; 16-bit
+values are split into planes of low and high bytes, compressed with gzip and written as base64.
+`templates/viewer.js` holds the inverse.
+"""
+
+import base64
+import gzip
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+
+QUANTUM = 0.00025
+"""Metres; a coarser step is taken where a clip travels farther than 16 m."""
+
+INFLUENCES = 4
+
+
+@dataclass(frozen=True)
+class ViewerClip:
+    """One window to scrub through: the same garment from the simulation and from every method.
+
+    meshes: by name, the simulation first, each (F, N, 3) metres, world. faces: (M, 3).
+    transforms: (F, J, 3, 4) joint transforms of the body. first and stride: the numbers of the frames
+    shown, counted from the first frame of the window that counts. fps: frames per second shown.
+    """
+
+    action: str
+    template: str
+    fps: float
+    first: int
+    stride: int
+    faces: Tensor
+    transforms: Tensor
+    meshes: Mapping[str, Tensor]
+
+
+def pack_clip(clip: ViewerClip) -> tuple[dict[str, Any], str]:
+    """A JSON header and the base64 text of one clip."""
+    positions = [mesh.numpy() for mesh in clip.meshes.values()]
+    low = np.min([mesh.min((0, 1)) for mesh in positions], axis=0)
+    extent = np.max([mesh.max((0, 1)) for mesh in positions], axis=0) - low
+    quantum = max(QUANTUM, float(extent.max()) / 65000)
+    quantized = [np.rint((mesh - low) / quantum).astype(np.uint16) for mesh in positions]
+    planes = [_planes(_second_differences(quantized[0]))]
+    planes += [_planes(_second_differences(mesh - quantized[0])) for mesh in quantized[1:]]
+    frames, vertices = positions[0].shape[:2]
+    transforms = clip.transforms.numpy().astype("<f4")
+    header = {
+        "action": clip.action,
+        "template": clip.template,
+        "fps": clip.fps,
+        "first": clip.first,
+        "stride": clip.stride,
+        "frames": frames,
+        "vertices": vertices,
+        "faces": len(clip.faces),
+        "joints": transforms.shape[1],
+        "origin": [float(value) for value in low],
+        "quantum": quantum,
+        "meshes": list(clip.meshes),
+    }
+    blob = clip.faces.numpy().astype("<u4").tobytes() + transforms.tobytes() + b"".join(planes)
+    return header, _compress(blob)
+
+
+def pack_body(body: Body) -> tuple[dict[str, Any], str]:
+    """A JSON header and the base64 text of a body at rest with its four strongest influences per vertex."""
+    strongest = body.weights.topk(min(INFLUENCES, body.weights.shape[1]), dim=1)
+    weights = strongest.values / strongest.values.sum(1, keepdim=True)
+    header = {
+        "vertices": len(body.mesh.vertices),
+        "faces": len(body.mesh.faces),
+        "influences": strongest.indices.shape[1],
+    }
+    blob = (
+        body.mesh.vertices.numpy().astype("<f4").tobytes()
+        + body.mesh.faces.numpy().astype("<u4").tobytes()
+        + np.rint(weights.numpy() * 255).astype("u1").tobytes()
+        + strongest.indices.numpy().astype("u1").tobytes()
+    )
+    return header, _compress(blob)
+
+
+def _second_differences(values: np.ndarray) -> np.ndarray:
+    """uint16 (F, N, 3) -> uint16 differences modulo 2^16; the first frame is differenced over vertices."""
+    velocity = values.copy()
+    velocity[1:] -= values[:-1]
+    velocity[0, 1:] -= values[0, :-1]
+    change = velocity.copy()
+    change[2:] -= velocity[1:-1]
+    return change
+
+
+def _planes(values: np.ndarray) -> bytes:
+    """Low bytes, then high bytes of the zigzag code, coordinate by coordinate, so that gzip finds runs."""
+    signed = values.astype(np.int16)
+    zigzag = ((signed << 1) ^ (signed >> 15)).astype(np.uint16)
+    ordered = np.ascontiguousarray(zigzag.transpose(0, 2, 1)).reshape(-1)
+    return (ordered & 0xFF).astype("u1").tobytes() + (ordered >> 8).astype("u1").tobytes()
+
+
+def _compress(blob: bytes) -> str:
+    return base64.b64encode(gzip.compress(blob, 9, mtime=0)).decode("ascii")

@@ -1,0 +1,112 @@
+"""The measures on cases whose answer is known without them."""
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from evaluate.metrics import (
+    Reference,
+    bend_angle,
+    distance_scores,
+    edge_change,
+    frame_scores,
+    jitter,
+    map_mse,
+)
+from uvcloth.mesh import face_pairs, unique_edges
+
+FPS = 30.0
+
+
+def sheet(count: int = 6) -> tuple[Tensor, Tensor]:
+    """A flat sheet of 1 cm squares in the XY plane."""
+    x, y = torch.meshgrid(torch.arange(count), torch.arange(count), indexing="ij")
+    vertices = torch.stack([x, y, 0 * x], dim=-1).reshape(-1, 3) * 0.01
+    corner = (x[:-1, :-1] * count + y[:-1, :-1]).reshape(-1)
+    a, b, c, d = corner, corner + count, corner + count + 1, corner + 1
+    return vertices, torch.cat([torch.stack([a, b, c], 1), torch.stack([a, c, d], 1)])
+
+
+def rotation(angle: float) -> Tensor:
+    return torch.tensor(
+        [[math.cos(angle), -math.sin(angle), 0.0], [math.sin(angle), math.cos(angle), 0.0], [0.0, 0.0, 1.0]]
+    )
+
+
+def reference(frames: int = 8) -> Reference:
+    """A sheet that turns and travels, seen by one texel at every vertex and one at every face's middle."""
+    rest, faces = sheet()
+    moved = torch.stack([rest @ rotation(0.1 * k).T + 0.02 * k for k in range(frames)])
+    at_vertices = torch.arange(len(rest))[:, None].expand(-1, 3)
+    corners = torch.cat([at_vertices, faces])
+    weights = torch.cat(
+        [torch.tensor([[1.0, 0.0, 0.0]]).expand(len(rest), 3), torch.full((len(faces), 3), 1 / 3)]
+    )
+    return Reference(moved, rest, faces, FPS, corners, weights)
+
+
+def test_a_shift_is_its_own_length() -> None:
+    truth = reference()
+    shifted = truth.vertices + torch.tensor([0.003, 0.0, 0.004])
+    scores = frame_scores(shifted, shifted, truth)
+    assert torch.allclose(scores["vertex_mean_mm"], torch.full((8,), 5.0), atol=1e-3)
+    assert torch.allclose(scores["vertex_mse_mm2"], torch.full((8,), 25.0), atol=1e-2)
+    assert torch.allclose(scores["map_mse_mm2"], torch.full((8,), 25.0), atol=1e-2)
+
+
+def test_mean_and_root_mean_square_differ_as_they_should() -> None:
+    truth = torch.zeros(2, 4, 3)
+    predicted = truth.clone()
+    predicted[1, 0, 2] = 0.008
+    scores = distance_scores(predicted, truth)
+    assert scores["vertex_mean_mm"].tolist() == pytest.approx([0.0, 2.0])
+    assert scores["vertex_mse_mm2"].tolist() == pytest.approx([0.0, 16.0])
+
+
+def test_map_error_is_the_vertex_error_seen_through_the_texels() -> None:
+    truth = torch.zeros(1, 3, 3)
+    predicted = torch.tensor([[[0.006, 0.0, 0.0], [0.0, 0.0, 0.0], [-0.006, 0.0, 0.0]]])
+    corners = torch.tensor([[0, 1, 2], [0, 1, 2]])
+    weights = torch.tensor([[0.5, 0.5, 0.0], [0.5, 0.0, 0.5]])
+    # The first texel sees 3 mm, in the second the two errors cancel.
+    assert float(map_mse(predicted, truth, corners, weights)) == pytest.approx(9.0 / 2)
+
+
+def test_rigid_motion_neither_stretches_nor_bends() -> None:
+    truth = reference()
+    scores = frame_scores(truth.vertices, truth.vertices, truth)
+    assert scores["edge_mm"].max() < 1e-4
+    assert scores["bend_rad"].max() < 1e-3
+    assert scores["vertex_mean_mm"].max() == 0
+
+
+def test_stretching_by_a_tenth_lengthens_every_edge_by_a_tenth() -> None:
+    rest, faces = sheet()
+    edges = unique_edges(faces)
+    lengths = (rest[edges[:, 0]] - rest[edges[:, 1]]).norm(dim=1)
+    change = edge_change(1.1 * rest[None], rest, edges)
+    assert float(change) == pytest.approx(100.0 * float(lengths.mean()), rel=1e-4)
+    assert float(edge_change(0.9 * rest[None], rest, edges)) == pytest.approx(float(change), rel=1e-4)
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, 1.5, 3.0])
+def test_a_hinge_bends_by_its_angle(angle: float) -> None:
+    corners = [[0, 0, 0], [0, 1, 0], [-1, 0, 0], [math.cos(angle), 0, math.sin(angle)]]
+    vertices = torch.tensor(corners, dtype=torch.float32)
+    faces = torch.tensor([[0, 1, 2], [1, 0, 3]])
+    hinges = face_pairs(faces)
+    assert len(hinges) == 1
+    assert float(bend_angle(vertices[None], faces, hinges)) == pytest.approx(angle, abs=1e-5)
+
+
+def test_constant_acceleration_has_no_jitter_and_a_sine_has_its_own() -> None:
+    time = torch.arange(240, dtype=torch.float64)[:, None, None] / FPS
+    falling = torch.cat([0 * time, 0 * time, -0.5 * 9.81 * time**2], dim=-1)
+    assert jitter(falling, FPS).max() < 1e-6
+    omega, size = 2.0, 0.1
+    swaying = torch.cat([size * torch.sin(omega * time), 0 * time, 0 * time], dim=-1)
+    # The third derivative has amplitude size omega^3; its mean absolute value is 2 / pi of that.
+    expected = 2 / math.pi * size * omega**3 / FPS
+    assert float(jitter(swaying, FPS).mean()) == pytest.approx(expected, rel=0.02)

@@ -1,0 +1,203 @@
+"""The page: what is in it, and that it works in a browser without a network."""
+
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor
+
+from evaluate.charts import DASH, number, ticks
+from evaluate.report import Picture, standings, write_metrics, write_report
+from evaluate.viewer import QUANTUM, ViewerClip
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.mesh import Mesh
+from uvcloth.skeleton import Skeleton
+
+ACTIONS = ("jump", "walking", "salsa dance")
+MEANS = {"lbs": 40.0, "lbs_smooth": 30.0, "net": 24.0}
+PIXEL = bytes.fromhex(
+    "89504e470d0a1a0a0000000d4948445200000001000000010802000000907753de"
+    "0000000c4944415408d763f8cfc0000003010100c9fe92ef0000000049454e44ae426082"
+)
+
+
+def cell(mean: float) -> dict[str, float]:
+    return {
+        "frames": 100,
+        "map_mse_mm2": 1.1 * mean**2,
+        "vertex_mse_mm2": 1.3 * mean**2,
+        "vertex_rmse_mm": 1.14 * mean,
+        "vertex_mean_mm": mean,
+        "edge_mm": 0.4,
+        "bend_rad": 0.12,
+        "inside_percent_raw": 1.5,
+        "inside_percent": 0.0,
+        "jitter_ratio": 1.1,
+        "network_ms": 20.0,
+        "contact_ms": 5.0,
+        "ms_per_frame": 25.0,
+    }
+
+
+def fake_results() -> dict[str, Any]:
+    def method(mean: float) -> dict[str, Any]:
+        actions = {
+            action: {t: cell(mean + 3 * i + 9 * (t == "dress")) for t in ("tops", "dress")}
+            for i, action in enumerate(ACTIONS)
+        }
+        over_time = {t: [mean + 0.05 * k for k in range(100)] for t in ("tops", "dress")}
+        return {"actions": actions, "weights_mb": 0.0, "trained_on": [], "over_time_mm": over_time}
+
+    floor = {"tops": 5.5, "dress": 9.0}
+    return {
+        "methods": {name: method(mean) for name, mean in MEANS.items()},
+        "simulation": {"actions": {a: {t: {**cell(0.0)} for t in ("tops", "dress")} for a in ACTIONS}},
+        "floor": {
+            "representation_mm": {"tops": 1.5, "dress": 2.5},
+            "representation_rmse_mm": {"tops": 2.0, "dress": 3.0},
+            "representation_mse_mm2": {"tops": 4.0, "dress": 9.0},
+            "repeatability_mm": floor,
+            "repeatability_rmse_mm": {t: 1.4 * v for t, v in floor.items()},
+            "repeatability_mse_mm2": {t: 2.0 * v * v for t, v in floor.items()},
+        },
+        "garments": {t: {"vertices": 3100, "model_mb": 0.2} for t in ("tops", "dress")},
+        "actions": list(ACTIONS),
+        "windows": 3,
+        "frames": 300,
+        "fps": 30.0,
+        "body": "fake <body>",
+        "date": "2026-11-21",
+        "machine": "a test",
+        "map_size": 256,
+        "code": "0123456789ab",
+    }
+
+
+def tube(rings: int = 24, around: int = 32) -> tuple[Tensor, Tensor]:
+    """An open tube about the Z axis: vertices and outward faces."""
+    angle = torch.arange(around) * (2 * torch.pi / around)
+    height = torch.linspace(0.6, 1.4, rings)
+    radius = 0.16 + 0.12 * (1.4 - height)
+    circle = torch.stack([torch.cos(angle), torch.sin(angle)], dim=-1)
+    vertices = torch.cat(
+        [radius[:, None, None] * circle, height[:, None, None].expand(-1, around, 1)], dim=-1
+    ).reshape(-1, 3)
+    row, column = torch.meshgrid(torch.arange(rings - 1), torch.arange(around), indexing="ij")
+    a, b = row * around + column, row * around + (column + 1) % around
+    faces = torch.stack([a, b, b + around, a, b + around, a + around], dim=-1).reshape(-1, 3)
+    return vertices, faces
+
+
+def fake_body() -> Body:
+    vertices, faces = tube(40, 24)
+    vertices = vertices * torch.tensor([0.7, 0.7, 1.0]) + torch.tensor([0.0, 0.0, 0.1])
+    skeleton = Skeleton(("hips",), (-1,), torch.zeros(1, 3))
+    flat = torch.zeros(len(faces), dtype=torch.long)
+    mesh = Mesh(vertices, faces, vertices[:, :2], faces)
+    return Body("fake", mesh, skeleton, torch.ones(len(vertices), 1), flat, flat, {})
+
+
+def fake_clip(frames: int = 30) -> ViewerClip:
+    rest, faces = tube()
+    time = torch.arange(frames)[:, None, None] / 15.0
+    path = torch.cat([1.2 * time, 0 * time, 0 * time], dim=-1)
+    sway = 0.04 * torch.sin(9 * time + 6 * rest[:, 2:])
+    truth = rest + path + torch.cat([0 * sway, sway, 0 * sway], dim=-1)
+    # Frame t is off by exactly t millimetres, so that the page's own arithmetic can be checked.
+    net = truth + torch.cat([0 * time, 0 * time, time * 0.015], dim=-1)
+    transforms = torch.cat([torch.eye(3).expand(frames, 1, 3, 3), path[:, :, :, None]], dim=-1)
+    meshes = {"simulation": truth, "lbs": rest + path, "net": net}
+    return ViewerClip("salsa dance", "dress", 15.0, 0, 2, faces, transforms, meshes)
+
+
+def write_fake(out: Path) -> Path:
+    pictures = [Picture("jump: simulation beside net", PIXEL)]
+    return write_report(out, fake_results(), [fake_clip(), fake_clip(20)], pictures, fake_body())
+
+
+def test_standings_compare_with_the_better_lbs() -> None:
+    rows = {(row.method, row.template): row for row in standings(fake_results())}
+    assert rows["net", "tops"].vertex_mean_mm == pytest.approx(27.0)
+    assert rows["net", "tops"].against == pytest.approx(27.0 / 33.0)
+    assert (rows["net", "tops"].won, rows["net", "tops"].of) == (3, 3)
+    assert rows["lbs", "tops"].against is None
+
+
+def test_page_is_self_contained_and_escaped(tmp_path: Path) -> None:
+    page = write_fake(tmp_path).read_text()
+    assert "fake &lt;body&gt;" in page
+    assert not re.search(r"(src|href)=[\"']?(https?:)?//", page)
+    assert '<link rel="stylesheet"' not in page
+    embedded = re.search(r'id="metrics">(.*?)</script>', page)
+    assert embedded is not None
+    assert json.loads(embedded.group(1)) == fake_results()
+    assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
+
+
+def test_page_warns_of_training_windows(tmp_path: Path) -> None:
+    results = fake_results()
+    results["methods"]["net"]["trained_on"] = ["02_04_tops"]
+    assert "net was trained on 1 of these windows" in write_report(tmp_path, results, [], []).read_text()
+    assert "was trained on" not in write_report(tmp_path, fake_results(), [], []).read_text()
+
+
+def test_metrics_are_written_whole(tmp_path: Path) -> None:
+    path = write_metrics(tmp_path / "new", fake_results())
+    assert json.loads(path.read_text()) == fake_results()
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(InputError, match="file"):
+        write_metrics(tmp_path / "file", fake_results())
+
+
+@pytest.mark.parametrize("largest", [0.0, 0.03, 1.0, 9.7, 1234.0])
+def test_ticks_reach_the_largest_value(largest: float) -> None:
+    values = ticks(largest)
+    assert values[0] == 0.0
+    assert values[-1] >= largest * 0.999
+    assert 2 <= len(values) <= 7
+
+
+def test_number_shows_what_a_reader_needs() -> None:
+    assert [number(v) for v in (None, 0.0, 0.0314, 0.42, 23.456, 1234.5)] == [
+        DASH, "0", "0.031", "0.42", "23.5", "1,234"
+    ]  # fmt: skip
+
+
+def dumped_dom(browser: str, page: Path, fragment: str, profile: Path, *more: str) -> str:
+    command = [
+        browser, "--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-sync",
+        "--disable-background-networking", "--disable-component-update", "--hide-scrollbars",
+        f"--user-data-dir={profile}", "--virtual-time-budget=8000", *more, "--dump-dom",
+        f"file://{page}#{fragment}",
+    ]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    return done.stdout
+
+
+def shown(dom: str) -> Mapping[str, str]:
+    """The text of every <output> element by id."""
+    return dict(re.findall(r'<output id="([\w-]+)"[^>]*>([^<]*)</output>', dom))
+
+
+def test_page_scrubs_in_a_browser(tmp_path: Path) -> None:
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("Chromium is not installed")
+    page = write_fake(tmp_path)
+    dom = dumped_dom(browser, page, "clip=0&left=0&right=2&frame=12", tmp_path / "profile", "--disable-gpu")
+    assert 'data-ready="0"' in dom
+    outputs = shown(dom)
+    # Frame 12 of a clip that shows every second frame, predicted 12 mm too high.
+    assert outputs["viewer-number"] == "24"
+    assert outputs["viewer-time"] == "0.80"
+    measured = float(outputs["viewer-right-error"].split()[0])
+    assert measured == pytest.approx(12.0, abs=1000 * QUANTUM)
+    assert outputs["viewer-left-error"] == "the reference"
+    assert "27.0" in dom[dom.index('id="standings"') :]
