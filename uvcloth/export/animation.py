@@ -1,0 +1,121 @@
+"""A finished animation as plain arrays, its own npz format, and the body's pose joint by joint."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.archive import load_arrays, save_arrays
+from uvcloth.bodies.body import Body
+from uvcloth.mesh import Mesh
+from uvcloth.skeleton import Skeleton
+
+FORMAT = "uvcloth-animation-1"
+CHUNK = 32
+"""Frames that are held in memory at once."""
+
+
+@dataclass(frozen=True)
+class Animation:
+    """F frames of garments on a body, metres, Z up.
+
+    names: of the garments. meshes: at rest on the body's rest pose. vertices: per garment (F, N, 3) float32,
+    maybe memory-mapped. body: None leaves it out. transforms: (F, J, 3, 4) rest-to-posed joint transforms,
+    J = 0 without a body. fps: frames per second.
+    """
+
+    names: tuple[str, ...]
+    meshes: tuple[Mesh, ...]
+    vertices: tuple[np.ndarray, ...]
+    body: Body | None
+    transforms: np.ndarray
+    fps: float
+
+    def __len__(self) -> int:
+        return len(self.transforms)
+
+    def chunks(self) -> Iterator[slice]:
+        """Slices of CHUNK frames that cover the animation in order."""
+        return (slice(start, min(start + CHUNK, len(self))) for start in range(0, len(self), CHUNK))
+
+
+def write_npz(animation: Animation, path: Path) -> None:
+    """Write one compressed npz: per garment vertices, faces, uvs and face_uvs, the transforms and the fps."""
+    arrays: dict[str, np.ndarray] = {
+        "format": np.array(FORMAT),
+        "fps": np.array(animation.fps, np.float64),
+        "names": np.array(animation.names),
+        "transforms": animation.transforms,
+    }
+    for name, mesh, vertices in zip(animation.names, animation.meshes, animation.vertices, strict=True):
+        arrays[f"{name}_vertices"] = vertices
+        arrays[f"{name}_rest"] = mesh.vertices.numpy().astype(np.float32)
+        arrays[f"{name}_faces"] = mesh.faces.numpy().astype(np.int32)
+        arrays[f"{name}_uvs"] = mesh.uvs.numpy().astype(np.float32)
+        arrays[f"{name}_face_uvs"] = mesh.face_uvs.numpy().astype(np.int32)
+    save_arrays(path, arrays)
+
+
+def load_animation(path: Path) -> Animation:
+    """Read an animation npz, without its body. Raises InputError if it is not one."""
+    data = load_arrays(path, FORMAT, "an animation made by `uvcloth rollout`")
+    try:
+        names = tuple(str(name) for name in data["names"])
+        return Animation(
+            names=names,
+            meshes=tuple(
+                Mesh(
+                    torch.from_numpy(data[f"{name}_rest"]),
+                    torch.from_numpy(data[f"{name}_faces"].astype(np.int64)),
+                    torch.from_numpy(data[f"{name}_uvs"]),
+                    torch.from_numpy(data[f"{name}_face_uvs"].astype(np.int64)),
+                )
+                for name in names
+            ),
+            vertices=tuple(data[f"{name}_vertices"] for name in names),
+            body=None,
+            transforms=data["transforms"],
+            fps=float(data["fps"]),
+        )
+    except KeyError as error:
+        raise InputError(f"{path}: the animation file lacks the array {error}") from error
+
+
+def local_pose(skeleton: Skeleton, transforms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Each joint relative to its parent: transforms (F, J, 3, 4) -> translations and rotations.
+
+    Translations (F, J, 3) in metres; rotations (F, J, 4) as unit quaternions x, y, z, w that never jump to
+    their negative from one frame to the next. At rest every joint has the world's orientation, so that a
+    bind pose is a shift.
+    """
+    from scipy.spatial.transform import Rotation
+
+    turns = transforms[..., :3].astype(np.float64)
+    heads = skeleton.heads.numpy().astype(np.float64)
+    positions = np.einsum("fjab,jb->fja", turns, heads) + transforms[..., 3]
+    parents = np.array(skeleton.parents)
+    child, parent = np.nonzero(parents >= 0)[0], parents[parents >= 0]
+    translations, rotations = positions.copy(), turns.copy()
+    inverse = turns[:, parent].swapaxes(-1, -2)
+    translations[:, child] = (inverse @ (positions[:, child] - positions[:, parent])[..., None])[..., 0]
+    rotations[:, child] = inverse @ turns[:, child]
+    quaternions = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat().reshape(*rotations.shape[:2], 4)
+    flips = np.sign((quaternions[1:] * quaternions[:-1]).sum(-1, keepdims=True))
+    quaternions[1:] *= np.cumprod(np.where(flips == 0, 1, flips), axis=0)
+    return translations.astype(np.float32), quaternions.astype(np.float32)
+
+
+def strongest(weights: Tensor, influences: int) -> tuple[np.ndarray, np.ndarray]:
+    """The strongest blend weights of each vertex, rescaled to sum to one: (V, J) -> joints, weights (V, I).
+
+    Influences without weight name joint 0.
+    """
+    top = weights.topk(min(influences, weights.shape[1]), dim=1)
+    values = (top.values / top.values.sum(1, keepdim=True)).numpy().astype(np.float32)
+    joints = np.where(values > 0, top.indices.numpy(), 0)
+    missing = ((0, 0), (0, influences - values.shape[1]))
+    return np.pad(joints, missing), np.pad(values, missing)

@@ -1,0 +1,58 @@
+"""PC2 point caches with the rest meshes as OBJ: what Blender's Mesh Cache modifier and 3ds Max read."""
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from uvcloth.export.animation import Animation
+from uvcloth.mesh import Mesh
+from uvcloth.skinning import skin
+
+
+def write_pc2(animation: Animation, path: Path) -> None:
+    """Write NAME-GARMENT.pc2 and NAME-GARMENT.obj per garment beside path (NAME.pc2), and the body's.
+
+    Metres, Z up, samples one frame apart from frame 0 on; the OBJ keeps the order of vertices and
+    texture coordinates.
+    """
+    for name, mesh, vertices in zip(animation.names, animation.meshes, animation.vertices, strict=True):
+        target = path.with_name(f"{path.stem}-{name}{path.suffix}")
+        _write_cache(target, len(animation), (vertices[frames] for frames in animation.chunks()))
+        _write_obj(target.with_suffix(".obj"), name, mesh)
+    if animation.body is not None:
+        target = path.with_name(f"{path.stem}-body{path.suffix}")
+        _write_cache(target, len(animation), _posed_body(animation))
+        _write_obj(target.with_suffix(".obj"), "body", animation.body.mesh)
+
+
+def _posed_body(animation: Animation) -> Iterator[np.ndarray]:
+    body = animation.body
+    assert body is not None
+    for frames in animation.chunks():
+        transforms = torch.from_numpy(np.array(animation.transforms[frames]))
+        yield skin(body.mesh.vertices, body.weights, transforms).numpy()
+
+
+def _write_cache(path: Path, frames: int, chunks: Iterator[np.ndarray]) -> None:
+    """Header: signature, version 1, points, first frame, frames per sample, samples; then x, y, z floats."""
+    with path.open("wb") as stream:
+        first = next(chunks)
+        stream.write(struct.pack("<12siiffi", b"POINTCACHE2\0", 1, first.shape[1], 0.0, 1.0, frames))
+        stream.write(np.ascontiguousarray(first, "<f4").data)
+        for chunk in chunks:
+            stream.write(np.ascontiguousarray(chunk, "<f4").data)
+
+
+def _write_obj(path: Path, name: str, mesh: Mesh) -> None:
+    with path.open("w", encoding="utf-8") as stream:
+        stream.write(f"# metres, Z up\no {name}\n")
+        np.savetxt(stream, mesh.vertices.numpy(), "v %.9g %.9g %.9g")
+        if not len(mesh.uvs):
+            np.savetxt(stream, mesh.faces.numpy() + 1, "f %d %d %d")
+            return
+        np.savetxt(stream, mesh.uvs.numpy(), "vt %.9g %.9g")
+        corners = np.stack([mesh.faces.numpy(), mesh.face_uvs.numpy()], axis=-1) + 1
+        np.savetxt(stream, corners.reshape(-1, 6), "f %d/%d %d/%d %d/%d")
