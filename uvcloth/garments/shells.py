@@ -1,0 +1,115 @@
+"""Shells around a body from which templates are cut: the same topology on every body.
+
+The suit is the body's tight proxy, smoothed by one subdivision. The gown is the suit's upper part, cut at the
+waist, with a skirt extruded from the waist loop: as wide as the convex outline of what is inside, never narrower
+than what is above it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import REGIONS, Body
+
+Array = NDArray[np.float64]
+
+SKIRT_ROWS = 24
+SKIRT_EASE = 0.02
+FLARE = 0.16
+"""A-line: metres that the skirt's radius grows per metre of height, at least."""
+
+
+@dataclass(frozen=True)
+class Bodice:
+    """The suit above the waist: which suit edge each of its vertices lies on, and its loop at the waist.
+
+    edges: (P, 2) suit vertices. along: (P,) position on the edge in [0, 1]. faces: (Q, 3) into the P vertices.
+    loop: (A,) vertices around the waist, counter-clockwise seen from above.
+    """
+
+    edges: NDArray[np.int64]
+    along: Array
+    faces: NDArray[np.int64]
+    loop: NDArray[np.int64]
+
+
+def suit(body: Body) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices (P, 3) and faces (Q, 3) of the body's tight proxy after one Loop subdivision.
+
+    Raises InputError if the body has no such proxy.
+    """
+    proxy = body.proxies.get("tights")
+    if proxy is None:
+        raise InputError(f"body {body.name}: has no garment proxy, templates cannot be tailored to it")
+    vertices, faces = trimesh.remesh.subdivide_loop(
+        proxy.vertices.numpy().astype(np.float64), proxy.faces.numpy(), iterations=1
+    )
+    return np.asarray(vertices), np.asarray(faces, dtype=np.int64)
+
+
+def gown(body: Body, bodice: Bodice) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices and faces of bodice and skirt, welded at the waist loop."""
+    above = suit(body)[0]
+    top = above[bodice.edges[:, 0]] * (1 - bodice.along[:, None])
+    top += above[bodice.edges[:, 1]] * bodice.along[:, None]
+    waist = top[bodice.loop]
+    knee = joint(body, "LeftLeg")[2] - 0.02
+    heights = np.linspace(0.0, 1.0, SKIRT_ROWS + 1)[1:]
+    centre = waist[:, :2].mean(axis=0)
+    around = waist[:, :2] - centre
+    angles = np.arctan2(around[:, 1], around[:, 0])
+    radius = np.linalg.norm(around, axis=1)
+    rows = []
+    for above_share, share in zip(np.r_[0.0, heights[:-1]], heights, strict=True):
+        z = waist[:, 2] + (knee - waist[:, 2]) * share
+        step = (waist[:, 2].mean() - knee) * (share - above_share)
+        radius = np.maximum(
+            radius + FLARE * step, _outline(body, centre, z.mean(), step, angles) + SKIRT_EASE
+        )
+        radius = _smooth_around(radius)
+        rows.append(
+            np.column_stack([centre + radius[:, None] * np.column_stack([np.cos(angles), np.sin(angles)]), z])
+        )
+    vertices = np.concatenate([top, *rows])
+    return vertices, np.concatenate([bodice.faces, _skirt_faces(bodice.loop, len(top))])
+
+
+def joint(body: Body, name: str) -> Array:
+    """Rest position of a joint by name; raises InputError if the body's skeleton lacks it."""
+    if name not in body.skeleton.names:
+        raise InputError(f"body {body.name}: its skeleton has no joint {name}")
+    return body.skeleton.heads[body.skeleton.names.index(name)].numpy().astype(np.float64)
+
+
+def _outline(body: Body, centre: Array, z: float, thickness: float, angles: Array) -> Array:
+    """Radius of the convex hull of hips and legs in a slab around height z, in the given directions."""
+    inside = [REGIONS.index(r) for r in ("torso", "thigh", "calf")]
+    kept = np.isin(body.regions.numpy(), inside)
+    points = body.mesh.vertices.numpy()[np.unique(body.mesh.faces.numpy()[kept])]
+    slab = points[np.abs(points[:, 2] - z) < max(thickness, 0.03)][:, :2] - centre
+    equations = ConvexHull(slab).equations
+    directions = np.column_stack([np.cos(angles), np.sin(angles)])
+    facing = directions @ equations[:, :2].T
+    distance = np.where(facing > 1e-9, -equations[:, 2] / np.maximum(facing, 1e-9), np.inf)
+    return distance.min(axis=1)
+
+
+def _smooth_around(radius: Array, passes: int = 4) -> Array:
+    smooth = radius
+    for _ in range(passes):
+        smooth = 0.5 * smooth + 0.25 * (np.roll(smooth, 1) + np.roll(smooth, -1))
+    return np.maximum(smooth, radius - 0.004)
+
+
+def _skirt_faces(loop: NDArray[np.int64], first: int) -> NDArray[np.int64]:
+    count = len(loop)
+    rings = [loop] + [first + row * count + np.arange(count) for row in range(SKIRT_ROWS)]
+    faces = []
+    for upper, lower in zip(rings[:-1], rings[1:], strict=True):
+        a, b, c, d = upper, np.roll(upper, -1), lower, np.roll(lower, -1)
+        faces += [np.column_stack([a, c, d]), np.column_stack([a, d, b])]
+    return np.concatenate(faces)

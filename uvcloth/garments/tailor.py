@@ -1,0 +1,256 @@
+"""Cut, remesh and anchor the three templates on a body. Run once; the result ships as data.
+
+`python -m uvcloth.garments.tailor --out DIR [--vertices 3600]` makes them at another density.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+import trimesh
+import xatlas
+from numpy.typing import NDArray
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.garments.cut import cut, loops, place
+from uvcloth.garments.shells import Bodice, gown, joint, suit
+from uvcloth.garments.templates import TEMPLATES, Template, eased, hem_band, outward, save_template
+from uvcloth.mesh import Mesh
+from uvcloth.physics.contact import BodySurface
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+SLEEVE = 0.55
+"""Sleeve length as a share of the upper arm."""
+
+BAND_WIDTH = 0.03
+
+
+def tailor(name: str, body: Body, vertices: int) -> Template:
+    """One template cut on a body, remeshed to about `vertices` vertices and anchored on its shell.
+
+    Raises InputError for an unknown name or if the `body` extra (the remesher) is missing.
+    """
+    if name not in TEMPLATES:
+        raise InputError(f"garment {name}: unknown template, expected one of {', '.join(TEMPLATES)}")
+    bodice = _bodice(body) if name == "dress" else None
+    if bodice is None:
+        shell_vertices, shell_faces = suit(body)
+        edges, along, faces = cut(shell_faces, _field(name, body, shell_vertices))
+        pattern = _largest(place(shell_vertices, edges, along), faces)
+    else:
+        shell_vertices, shell_faces = gown(body, bodice)
+        pattern = _largest(shell_vertices, shell_faces)
+    points, faces = _remesh(*pattern, count=vertices)
+    anchors = _surface(shell_vertices, shell_faces).closest(torch.from_numpy(points).float())
+    placed = anchors.points
+    fit = _clearance(name, body, placed.numpy().astype(np.float64))
+    faces_tensor = torch.from_numpy(faces)
+    mesh = Mesh(placed, faces_tensor, torch.zeros(0, 2), faces_tensor)
+    if not outward(mesh, body):
+        faces_tensor = faces_tensor.flip(1)
+    band = _band(name, body, placed, faces_tensor)
+    clearance = torch.from_numpy(fit).float()
+    rest = eased(placed, faces_tensor, clearance, band, body)
+    uvs, face_uvs = _unwrap(rest.numpy(), faces_tensor.numpy())
+    return Template(
+        name=name,
+        faces=faces_tensor,
+        uvs=torch.from_numpy(uvs),
+        face_uvs=torch.from_numpy(face_uvs),
+        anchor_faces=anchors.faces,
+        anchor_barycentrics=anchors.barycentrics,
+        clearance=clearance,
+        snug=band,
+        band=band,
+        bodice=bodice,
+    )
+
+
+def _bodice(body: Body) -> Bodice:
+    vertices, faces = suit(body)
+    waist = _waist(body) - vertices[:, 2]
+    field = np.minimum(np.minimum(-waist, _neck(body, vertices, drop=0.012)), _sleeves(body, vertices))
+    edges, along, cut_faces = cut(faces, field)
+    placed = place(vertices, edges, along)
+    kept, cut_faces = _largest_faces(placed, cut_faces)
+    placed = placed[kept]
+    boundary = loops(cut_faces)
+    loop = min(boundary, key=lambda run: float(placed[run][:, 2].mean()))
+    around = placed[loop][:, :2] - placed[loop][:, :2].mean(axis=0)
+    turning = np.cross(np.c_[around, np.zeros(len(loop))], np.c_[np.roll(around, -1, 0), np.zeros(len(loop))])
+    if turning[:, 2].sum() < 0:
+        loop = loop[::-1]
+    return Bodice(edges[kept], along[kept], cut_faces, loop)
+
+
+def _field(name: str, body: Body, vertices: Array) -> Array:
+    """Positive where the garment is."""
+    z = vertices[:, 2]
+    if name == "tops":
+        hem = z - (joint(body, "LeftUpLeg")[2] - 0.005)
+        return np.minimum(np.minimum(hem, _neck(body, vertices, drop=0.0)), _sleeves(body, vertices))
+    waist = _waist(body) - 0.045 + 0.12 * (vertices[:, 1] - joint(body, "LowerBack")[1]) - z
+    ankle = z - (joint(body, "LeftFoot")[2] + 0.055)
+    aside = 0.30 - np.abs(vertices[:, 0])
+    return np.minimum(np.minimum(waist, ankle), aside)
+
+
+def _waist(body: Body) -> float:
+    return float(joint(body, "LowerBack")[2] + 0.05)
+
+
+def _neck(body: Body, vertices: Array, drop: float) -> Array:
+    """A crew neck: a plane through the base of the neck, lower in front."""
+    base = joint(body, "Neck")
+    return base[2] + 0.012 - drop + 0.42 * (vertices[:, 1] - base[1]) - vertices[:, 2]
+
+
+def _arm_share(body: Body, vertices: Array, side: str) -> Array:
+    """How far along the upper arm a point lies (0 shoulder, 1 elbow); -1 off the arm."""
+    shoulder, elbow = joint(body, f"{side}Arm"), joint(body, f"{side}ForeArm")
+    axis = elbow - shoulder
+    share = (vertices - shoulder) @ axis / (axis @ axis)
+    away = np.linalg.norm(vertices - shoulder - share[:, None] * axis, axis=1)
+    limb = (away < 0.115) | (share > 1.0) & (np.abs(vertices[:, 0]) > abs(elbow[0]) - 0.08)
+    return np.where(limb & (vertices[:, 0] * shoulder[0] > 0), share, -1.0)
+
+
+def _sleeves(body: Body, vertices: Array) -> Array:
+    longest = np.maximum(_arm_share(body, vertices, "Left"), _arm_share(body, vertices, "Right"))
+    length = np.linalg.norm(joint(body, "LeftForeArm") - joint(body, "LeftArm"))
+    return (SLEEVE - longest) * float(length)
+
+
+def _clearance(name: str, body: Body, vertices: Array) -> Array:
+    """Metres off the skin: snug at shoulders and waist, easier towards the hems."""
+    z = vertices[:, 2]
+    arm = np.maximum(_arm_share(body, vertices, "Left"), _arm_share(body, vertices, "Right"))
+    sleeve = np.interp(arm, [0.15, SLEEVE], [0.006, 0.016])
+    shoulder, chest = joint(body, "LeftArm")[2], joint(body, "Spine1")[2]
+    hip = joint(body, "LeftUpLeg")[2]
+    if name == "tops":
+        trunk = np.interp(z, [hip, chest, shoulder], [0.022, 0.013, 0.0055])
+    elif name == "dress":
+        trunk = np.interp(z, [hip, _waist(body), chest, shoulder], [0.012, 0.005, 0.009, 0.0055])
+    else:
+        foot, knee = joint(body, "LeftFoot")[2], joint(body, "LeftLeg")[2]
+        return np.interp(z, [foot, knee, hip, _waist(body) - 0.05], [0.024, 0.015, 0.010, 0.0045])
+    return np.where(arm > 0.15, np.maximum(sleeve, 0.006), trunk)
+
+
+def _band(name: str, body: Body, vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
+    """The strip that is held: neck and, for trousers and dress, waist."""
+    top = max(loops(faces.numpy()), key=lambda run: float(vertices[run][:, 2].mean()))
+    band = hem_band(vertices, top.tolist(), BAND_WIDTH)
+    if name == "dress":
+        band |= (vertices[:, 2] - _waist(body)).abs() < BAND_WIDTH / 2
+    return band
+
+
+def _largest_faces(vertices: Array, faces: Indices) -> tuple[Indices, Indices]:
+    components = trimesh.graph.connected_components(
+        trimesh.graph.face_adjacency(faces), nodes=np.arange(len(faces))
+    )
+    largest = faces[np.sort(max(components, key=len))]
+    kept, renumbered = np.unique(largest, return_inverse=True)
+    return kept, renumbered.reshape(-1, 3)
+
+
+def _largest(vertices: Array, faces: Indices) -> tuple[Array, Indices]:
+    kept, renumbered = _largest_faces(vertices, faces)
+    return vertices[kept], renumbered
+
+
+def _remesh(vertices: Array, faces: Indices, count: int) -> tuple[Array, Indices]:
+    """Even triangles of about one size; hems are pulled back onto the cut they stand for."""
+    try:
+        import pyacvd
+        import pyvista
+    except ImportError as error:
+        raise InputError("tailoring needs the remesher: install uvcloth[body]") from error
+    cells = np.column_stack([np.full(len(faces), 3), faces]).ravel()
+    clustering = pyacvd.Clustering(pyvista.PolyData(vertices, cells))
+    clustering.subdivide(3)
+    clustering.cluster(count)
+    even = clustering.create_mesh()
+    points = np.asarray(even.points, dtype=np.float64)
+    triangles = np.asarray(even.faces).reshape(-1, 4)[:, 1:].astype(np.int64)
+    points, triangles = _largest(points, triangles)
+    source = _surface(vertices, faces)
+    hems = [vertices[run] for run in loops(faces)]
+    for _ in range(10):
+        points = _relaxed(points, triangles)
+        points = source.closest(torch.from_numpy(points).float()).points.numpy().astype(np.float64)
+        for run in loops(triangles):
+            points[run] = _snapped(points[run], hems)
+    return points, triangles
+
+
+def _surface(vertices: Array, faces: Indices) -> BodySurface:
+    return BodySurface(torch.from_numpy(vertices).float(), torch.from_numpy(faces))
+
+
+def _relaxed(points: Array, faces: Indices) -> Array:
+    edges = np.unique(
+        np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), 1), axis=0
+    )
+    total, degree = np.zeros_like(points), np.zeros(len(points))
+    for a, b in ((0, 1), (1, 0)):
+        np.add.at(total, edges[:, a], points[edges[:, b]])
+        np.add.at(degree, edges[:, a], 1.0)
+    relaxed = 0.5 * points + 0.5 * total / degree[:, None]
+    for run in loops(faces):
+        relaxed[run] = 0.5 * points[run] + 0.25 * (np.roll(points[run], 1, 0) + np.roll(points[run], -1, 0))
+    return relaxed
+
+
+def _snapped(points: Array, hems: list[Array]) -> Array:
+    """Closest points on the nearest closed polyline among `hems`."""
+    best, distance = points, np.full(len(points), np.inf)
+    for hem in hems:
+        start, along = hem, np.roll(hem, -1, axis=0) - hem
+        share = ((points[:, None] - start) * along).sum(-1) / np.maximum((along**2).sum(-1), 1e-12)
+        on_line = start + share.clip(0, 1)[..., None] * along
+        gap = np.linalg.norm(on_line - points[:, None], axis=-1)
+        nearest = gap.argmin(axis=1)
+        rows = np.arange(len(points))
+        closer = gap[rows, nearest] < distance
+        best = np.where(closer[:, None], on_line[rows, nearest], best)
+        distance = np.minimum(distance, gap[rows, nearest])
+    return best
+
+
+def _unwrap(vertices: Array, faces: Indices) -> tuple[NDArray[np.float32], Indices]:
+    _, face_uvs, uvs = xatlas.parametrize(vertices.astype(np.float32), faces.astype(np.uint32))
+    return uvs.astype(np.float32), face_uvs.astype(np.int64)
+
+
+@dataclass(frozen=True)
+class Options:
+    """Tailor the three templates and write one npz each."""
+
+    out: Path
+    """Folder for the templates."""
+    body: Path | None = None
+    """Body npz to cut on; the built-in one if left out."""
+    vertices: int = 3600
+    """Vertices per template, about."""
+
+
+def main() -> None:
+    import tyro
+
+    options = tyro.cli(Options)
+    body = load_body(options.body)
+    for name in TEMPLATES:
+        template = tailor(name, body, options.vertices)
+        save_template(template, options.out / f"{name}.npz")
+        print(f"{name}: {len(template.anchor_faces)} vertices, {len(template.faces)} faces")
+
+
+if __name__ == "__main__":
+    main()

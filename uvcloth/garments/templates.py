@@ -1,0 +1,167 @@
+"""The garment templates: one topology and one UV layout each, worn by any body that has the proxies."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.archive import load_arrays, save_arrays
+from uvcloth.bodies.body import Body
+from uvcloth.garments.attach import make_garment
+from uvcloth.garments.garment import Garment
+from uvcloth.garments.shells import Bodice, gown, suit
+from uvcloth.mesh import Mesh, boundary_edges, neighbour_average, vertex_normals
+from uvcloth.physics.contact import BodySurface
+
+TEMPLATES = ("tops", "bottoms", "dress")
+FORMAT = "uvcloth-template-1"
+
+LEAST_CLEARANCE = 0.0035
+"""Metres that every template keeps off the skin at rest."""
+
+
+@dataclass(frozen=True)
+class Template:
+    """A garment pattern anchored on a shell around the body.
+
+    faces: (M, 3). uvs: (U, 2), face_uvs: (M, 3). anchor_faces: (N,) faces of the shell, anchor_barycentrics: (N, 3).
+    clearance: (N,) metres that a vertex keeps off the skin, at least. snug: (N,) bool, vertices that keep exactly
+    that distance. band: (N,) bool, the strip that holds the garment up (neck or waist).
+    bodice: how the gown's upper part was cut, None where the shell is the suit.
+    """
+
+    name: str
+    faces: Tensor
+    uvs: Tensor
+    face_uvs: Tensor
+    anchor_faces: Tensor
+    anchor_barycentrics: Tensor
+    clearance: Tensor
+    snug: Tensor
+    band: Tensor
+    bodice: Bodice | None
+
+
+def wear(name: str, body: Body) -> Garment:
+    """A template at rest on a body. Raises InputError for an unknown name or a body without proxies."""
+    template = load_template(name)
+    return make_garment(name, name, tailored(template, body), body)
+
+
+def tailored(template: Template, body: Body) -> Mesh:
+    """The template's mesh on a body: anchored on its shell, then eased off the skin and evened out."""
+    shell_vertices, shell_faces = shell(body, template.bodice)
+    corners = torch.from_numpy(shell_vertices).float()[torch.from_numpy(shell_faces)[template.anchor_faces]]
+    vertices = (corners * template.anchor_barycentrics[..., None]).sum(1)
+    vertices = eased(vertices, template.faces, template.clearance, template.snug, body)
+    return Mesh(vertices, template.faces, template.uvs, template.face_uvs)
+
+
+def shell(body: Body, bodice: Bodice | None) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The surface a template is anchored on: the suit, or the gown where a bodice is given."""
+    return suit(body) if bodice is None else gown(body, bodice)
+
+
+def eased(
+    vertices: Tensor, faces: Tensor, clearance: Tensor, snug: Tensor, body: Body, passes: int = 12
+) -> Tensor:
+    """Move garment vertices (N, 3) off the skin to their clearance (N,), smoothing between the passes.
+
+    Snug vertices end at their clearance from either side, others at no less than it.
+    """
+    surface = BodySurface(body.mesh.vertices, body.mesh.faces)
+    average = smoothing_matrix(faces, len(vertices))
+    for step in range(passes):
+        skin = surface.closest(vertices)
+        lack = clearance - skin.signed_distance
+        move = torch.where(snug, lack, lack.clamp(min=0))[:, None] * skin.normals
+        vertices = vertices + move + 0.5 * (average @ move - move) * float(step < passes - 2)
+        if step < passes - 2:
+            vertices = 0.6 * vertices + 0.4 * (average @ vertices)
+    for _ in range(4):
+        skin = surface.closest(vertices)
+        vertices = (
+            vertices + (LEAST_CLEARANCE + 5e-4 - skin.signed_distance).clamp(min=0)[:, None] * skin.normals
+        )
+    return vertices
+
+
+def smoothing_matrix(faces: Tensor, count: int) -> Tensor:
+    """Neighbour averages in which hem vertices only see their neighbours along the hem."""
+    hem = boundary_edges(faces)
+    on_hem = torch.zeros(count, dtype=torch.bool)
+    on_hem[hem.reshape(-1)] = True
+    inner = neighbour_average(faces, count).to_dense()
+    inner[on_hem] = 0.0
+    inner[hem[:, 0], hem[:, 1]] = 0.5
+    inner[hem[:, 1], hem[:, 0]] = 0.5
+    return inner.to_sparse_csr()
+
+
+def hem_band(vertices: Tensor, loop: Sequence[int], width: float) -> Tensor:
+    """Vertices (N, 3) within `width` metres of a loop of vertices: (N,) bool."""
+    return torch.cdist(vertices, vertices[list(loop)]).min(dim=1).values < width
+
+
+def outward(mesh: Mesh, body: Body) -> bool:
+    """Whether the faces' normals point away from the skin for most vertices."""
+    skin = BodySurface(body.mesh.vertices, body.mesh.faces).closest(mesh.vertices)
+    facing = (vertex_normals(mesh.vertices, mesh.faces) * skin.normals).sum(1)
+    return bool((facing > 0).float().mean() > 0.5)
+
+
+@lru_cache(maxsize=8)
+def load_template(name: str, path: Path | None = None) -> Template:
+    """Read a template by name from the package, or from a file made by `tailor`."""
+    if path is None and name not in TEMPLATES:
+        raise InputError(f"garment {name}: unknown template, expected one of {', '.join(TEMPLATES)}")
+    path = path or Path(str(files("uvcloth") / "data" / "templates" / f"{name}.npz"))
+    data = load_arrays(path, FORMAT, "a garment template")
+    bodice = None
+    if "bodice_faces" in data:
+        bodice = Bodice(
+            data["bodice_edges"].astype(np.int64),
+            data["bodice_along"].astype(np.float64),
+            data["bodice_faces"].astype(np.int64),
+            data["bodice_loop"].astype(np.int64),
+        )
+    return Template(
+        name=name,
+        faces=torch.from_numpy(data["faces"].astype(np.int64)),
+        uvs=torch.from_numpy(data["uvs"]),
+        face_uvs=torch.from_numpy(data["face_uvs"].astype(np.int64)),
+        anchor_faces=torch.from_numpy(data["anchor_faces"].astype(np.int64)),
+        anchor_barycentrics=torch.from_numpy(data["anchor_barycentrics"]),
+        clearance=torch.from_numpy(data["clearance"]),
+        snug=torch.from_numpy(data["snug"]),
+        band=torch.from_numpy(data["band"]),
+        bodice=bodice,
+    )
+
+
+def save_template(template: Template, path: Path) -> None:
+    """Write a template to one npz."""
+    arrays: dict[str, np.ndarray] = {
+        "format": np.array(FORMAT),
+        "faces": template.faces.numpy().astype(np.uint16),
+        "uvs": template.uvs.numpy().astype(np.float32),
+        "face_uvs": template.face_uvs.numpy().astype(np.uint16),
+        "anchor_faces": template.anchor_faces.numpy().astype(np.uint16),
+        "anchor_barycentrics": template.anchor_barycentrics.numpy().astype(np.float32),
+        "clearance": template.clearance.numpy().astype(np.float32),
+        "snug": template.snug.numpy(),
+        "band": template.band.numpy(),
+    }
+    if template.bodice is not None:
+        arrays["bodice_edges"] = template.bodice.edges.astype(np.uint16)
+        arrays["bodice_along"] = template.bodice.along.astype(np.float32)
+        arrays["bodice_faces"] = template.bodice.faces.astype(np.uint16)
+        arrays["bodice_loop"] = template.bodice.loop.astype(np.uint16)
+    save_arrays(path, arrays)

@@ -1,0 +1,41 @@
+"""What a cloth engine is given and gives back; each engine is one file beside this one."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Scene:
+    """One garment on a moving collider.
+
+    rest: (N, 3) garment at rest, also where it starts. faces: (M, 3). band: (N,) bool, held up by a soft attachment.
+    band_mass: how many times heavier the band's vertices are, so that they can carry the rest.
+    carrier: (F, N, 3) the skinned garment, which attachment and drag follow.
+    collider: (F, C, 3) collider vertices. collider_faces: (K, 3). fps: frames per second.
+    """
+
+    rest: Tensor
+    faces: Tensor
+    band: Tensor
+    band_mass: float
+    carrier: Tensor
+    collider: Tensor
+    collider_faces: Tensor
+    fps: float
+
+
+class Engine(Protocol):
+    """A cloth engine: its name and version for the metadata, its settings, and the simulation itself."""
+
+    name: str
+
+    def describe(self) -> dict[str, Any]:
+        """Engine, exact versions and settings, as JSON values."""
+        ...
+
+    def simulate(self, scene: Scene) -> Iterator[Tensor]:
+        """Yield the garment's vertices (N, 3) at every frame of the scene, in order."""
+        ...

@@ -1,0 +1,188 @@
+"""Cloth simulation with Newton's SolverStyle3D (projective dynamics)."""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+import torch
+import warp as wp
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.simulate.engine import Scene
+
+
+@dataclass(frozen=True)
+class Style3D:
+    """Settings in SI units; a light cotton jersey.
+
+    density: kg/m2. stretch: (weft, warp, shear) N/m. bend: N m. radius: m, half the distance kept to the body.
+    drag: 1/s towards still air. follow: 1/s towards the skinned garment's velocity.
+    hold: 1/s, the frequency of the soft attachment of the band.
+    """
+
+    name: str = "newton.SolverStyle3D"
+    substeps: int = 10
+    iterations: int = 5
+    linear_iterations: int = 10
+    density: float = 0.2
+    stretch: tuple[float, float, float] = (300.0, 300.0, 90.0)
+    bend: float = 3e-6
+    radius: float = 0.004
+    self_radius: float = 0.003
+    contact_stiffness: float = 1e3
+    contact_damping: float = 1e-2
+    friction: float = 0.2
+    drag: float = 1.0
+    follow: float = 2.0
+    hold: float = 100.0
+
+    def describe(self) -> dict[str, Any]:
+        return {
+            "engine": self.name,
+            "versions": {name: version(name) for name in ("newton", "warp-lang")},
+            "settings": asdict(self),
+        }
+
+    def simulate(self, scene: Scene) -> Iterator[Tensor]:
+        """Raises InputError if the `simulate` extra is not installed."""
+        try:
+            import newton
+        except ImportError as error:
+            raise InputError("simulating needs Newton: install uvcloth[simulate]") from error
+        wp.config.quiet = True
+        model, body = _model(self, scene)
+        solver = newton.solvers.SolverStyle3D(
+            model,
+            config=newton.solvers.SolverStyle3D.Config(
+                iterations=self.iterations, linear_iterations=self.linear_iterations
+            ),
+        )
+        assert solver.collision is not None
+        solver.collision.radius = self.self_radius
+        solver.collision.friction_epsilon = 1e-2
+        # Vertices against faces keep layers apart; edge tests and untangling cost half of the time for little.
+        solver.collision.stiff_ee = solver.collision.stiff_ef = 0.0
+        pipeline = newton.CollisionPipeline(model, soft_contact_gap=0.02)
+        contacts, control = pipeline.contacts(), model.control()
+        now, later = model.state(), model.state()
+        forces = _Forces(self, scene, model)
+        collider = _Collider(scene, model, body)
+        step = 1.0 / (scene.fps * self.substeps)
+        yield scene.rest.clone()
+        for frame in range(1, len(scene.collider)):
+            collider.begin(frame)
+            forces.begin(frame)
+            for substep in range(1, self.substeps + 1):
+                share = substep / self.substeps
+                collider.move(share)
+                now.clear_forces()
+                forces.apply(now, share)
+                pipeline.collide(now, contacts)
+                solver.step(now, later, control, contacts, step)
+                now, later = later, now
+            yield torch.from_numpy(now.particle_q.numpy().copy())
+
+
+def _model(settings: Style3D, scene: Scene) -> tuple[Any, Any]:
+    """The finalized model, and the body's mesh whose live points the collider moves."""
+    import newton
+    from newton.solvers import style3d
+
+    builder = newton.ModelBuilder(up_axis=newton.Axis.Z)
+    newton.solvers.SolverStyle3D.register_custom_attributes(builder)
+    panels = _flattened(scene.rest.numpy(), scene.faces.numpy())
+    weft, warp, shear = settings.stretch
+    style3d.add_cloth_mesh(
+        builder,
+        pos=wp.vec3(0.0, 0.0, 0.0),
+        rot=wp.quat_identity(),
+        vel=wp.vec3(0.0, 0.0, 0.0),
+        vertices=[wp.vec3(*point) for point in scene.rest.tolist()],
+        indices=scene.faces.reshape(-1).tolist(),
+        density=settings.density,
+        panel_verts=[wp.vec2(*point) for point in panels.tolist()],
+        panel_indices=list(range(3 * len(scene.faces))),
+        particle_radius=settings.radius,
+        tri_aniso_ke=wp.vec3(weft, warp, shear),
+        edge_aniso_ke=wp.vec3(settings.bend, settings.bend, settings.bend),
+    )
+    mass = np.array(builder.particle_mass)
+    mass[scene.band.numpy()] *= scene.band_mass
+    builder.particle_mass = mass.tolist()
+    shape = newton.ModelBuilder.ShapeConfig(density=0.0, mu=settings.friction)
+    body = newton.Mesh(
+        scene.collider[0].numpy(), scene.collider_faces.reshape(-1).numpy(), compute_inertia=False
+    )
+    builder.add_shape_mesh(body=-1, mesh=body, cfg=shape)
+    model = builder.finalize(device="cpu")
+    model.soft_contact_ke = settings.contact_stiffness
+    model.soft_contact_kd = settings.contact_damping
+    model.soft_contact_mu = settings.friction
+    return model, body.mesh
+
+
+def _flattened(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Every triangle laid flat on its own, isometrically: (3 M, 2). The rest shape of a garment made in 3D."""
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    length = np.linalg.norm(b - a, axis=1)
+    x_axis = (b - a) / length[:, None]
+    along = ((c - a) * x_axis).sum(1)
+    height = np.linalg.norm(c - a - along[:, None] * x_axis, axis=1)
+    zero = np.zeros_like(length)
+    corners = [np.stack(pair, 1) for pair in ((zero, zero), (length, zero), (along, height))]
+    return np.stack(corners, axis=1).reshape(-1, 2)
+
+
+class _Collider:
+    """The moving body: interpolated between frames, refitted at every substep."""
+
+    def __init__(self, scene: Scene, model: Any, mesh: Any) -> None:
+        self.frames = scene.collider.contiguous()
+        self.fps = scene.fps
+        self.mesh = mesh
+        low = self.frames.amin(dim=(0, 1)).tolist()
+        high = self.frames.amax(dim=(0, 1)).tolist()
+        for bounds, value in (
+            (model.shape_collision_aabb_lower, low),
+            (model.shape_collision_aabb_upper, high),
+        ):
+            bounds.fill_(wp.vec3(*value))
+
+    def begin(self, frame: int) -> None:
+        self.start, self.end = self.frames[frame - 1], self.frames[frame]
+        velocity = (self.end - self.start) * self.fps
+        wp.copy(self.mesh.velocities, wp.from_torch(velocity.contiguous(), dtype=wp.vec3))
+
+    def move(self, share: float) -> None:
+        points = torch.lerp(self.start, self.end, share).contiguous()
+        wp.copy(self.mesh.points, wp.from_torch(points, dtype=wp.vec3))
+        self.mesh.refit()
+
+
+class _Forces:
+    """Soft attachment of the band, drag of the air, and a pull towards the skinned garment's velocity."""
+
+    def __init__(self, settings: Style3D, scene: Scene, model: Any) -> None:
+        self.settings, self.fps = settings, scene.fps
+        self.carrier = scene.carrier
+        self.mass = torch.from_numpy(model.particle_mass.numpy().copy())[:, None]
+        self.light = torch.where(scene.band[:, None], self.mass / scene.band_mass, self.mass)
+        self.band = scene.band[:, None].float()
+
+    def begin(self, frame: int) -> None:
+        self.start, self.end = self.carrier[frame - 1], self.carrier[frame]
+        self.velocity = (self.end - self.start) * self.fps
+
+    def apply(self, state: Any, share: float) -> None:
+        position = wp.to_torch(state.particle_q)
+        velocity = wp.to_torch(state.particle_qd)
+        target = torch.lerp(self.start, self.end, share)
+        lag = self.velocity - velocity
+        hold = self.settings.hold
+        attachment = self.mass * (hold**2 * (target - position) + 1.4 * hold * lag)
+        attachment[:, 2:] += 9.81 * (self.mass - self.light)
+        air = self.light * (self.settings.follow * lag - self.settings.drag * velocity)
+        wp.to_torch(state.particle_f).copy_(self.band * attachment + air)
