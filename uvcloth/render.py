@@ -99,7 +99,7 @@ def render(
     steps = (np.arange(EDGE_SAMPLES) + 0.5) / EDGE_SAMPLES
     dy, dx = (offset.ravel() for offset in np.meshgrid(steps, steps, indexing="ij"))
     fine = _shade(scene, *_rays(camera, size, columns[:, None] + dx, rows[:, None] + dy))
-    image[rows, columns] = fine.reshape(len(rows), -1, 3).mean(1)
+    image[rows, columns] = fine.reshape(len(rows), EDGE_SAMPLES**2, 3).mean(1)
     return (_encode(image) * 255.0 + 0.5).astype(np.uint8)
 
 
@@ -140,16 +140,17 @@ def save_png(path: Path, image: np.ndarray) -> None:
 
     path = Path(path)
     partial = path.with_name(path.name + ".partial")
+    buffer = oiio.ImageBuf(np.ascontiguousarray(image))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        buffer = oiio.ImageBuf(np.ascontiguousarray(image))
-        if not buffer.write(str(partial), "uint8", "png"):
-            raise InputError(f"{path}: cannot be written ({buffer.geterror()})")
-        os.replace(partial, path)
+        try:
+            if not buffer.write(str(partial), "uint8", "png"):
+                raise InputError(f"{path}: cannot be written ({buffer.geterror()})")
+            os.replace(partial, path)
+        finally:
+            partial.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)
