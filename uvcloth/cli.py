@@ -146,11 +146,10 @@ class Rollout:
             raise InputError("rollout: name at least one garment")
         from uvcloth.animate import animate
 
-        print(
-            "\n".join(
-                animate(self.model, self.motion, self.garment, self.out, self.body, self.contact).lines()
-            )
+        summary = animate(
+            self.model, self.motion, self.garment, self.out, body_file=self.body, contact=self.contact
         )
+        print("\n".join(summary.lines()))
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,136 @@
+"""From a motion and garments to an animation file: what `uvcloth rollout` does."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from time import perf_counter
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from torch import Tensor
+
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.export.writer import open_writer
+from uvcloth.garments.fit import fit
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.templates import TEMPLATES, wear
+from uvcloth.methods.registry import load_method
+from uvcloth.motion.library import load_clip
+from uvcloth.physics.contact import BodySurface, inside_share
+from uvcloth.rollout import rollout
+from uvcloth.skinning import skin
+
+PROBES = 60
+"""Frames, evenly over the clip, at which the share of vertices inside the body is measured."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a rollout did.
+
+    milliseconds: per frame, by stage. inside_before, inside_after: percent of the garment vertices inside the
+    body before and after contact, without the places where the body intersects itself, mean over the probes.
+    """
+
+    written: tuple[Path, ...]
+    frames: int
+    seconds: float
+    milliseconds: dict[str, float]
+    inside_before: float
+    inside_after: float
+
+    def lines(self) -> list[str]:
+        """The summary as text for a terminal."""
+        stages = ", ".join(f"{stage} {spent:.1f}" for stage, spent in self.milliseconds.items())
+        rate = self.frames / self.seconds
+        return [
+            *(str(path) for path in self.written),
+            f"{self.frames} frames in {self.seconds:.1f} s, {rate:.1f} frames per second",
+            f"ms per frame: {stages}",
+            f"vertices inside the body: {self.inside_before:.2f} %, after contact {self.inside_after:.2f} %",
+        ]
+
+
+def animate(
+    model: str | None,
+    motion: str,
+    garments: Sequence[str],
+    out: Path,
+    *,
+    body_file: Path | None = None,
+    contact: bool = True,
+) -> Summary:
+    """Roll a method out on a motion and write the file whose suffix `out` names.
+
+    model: a checkpoint folder, a baseline's name, or None for the model in the package. garments: template
+    names or mesh files, inner first. Raises InputError for bad input and then, as after Ctrl-C, writes nothing.
+    """
+    console = Console(stderr=True)
+    body = load_body(body_file)
+    outfit = Outfit(body, tuple(_dress(name, body, console) for name in garments))
+    clip = load_clip(motion, body)
+    method = load_method(model or str(files("uvcloth") / "data" / "model"), body)
+    probe = _Probe(body)
+    spent: dict[str, float] = defaultdict(float)
+    start = perf_counter()
+    writer = open_writer(out, [(garment.name, garment.mesh) for garment in outfit.garments], body, clip.fps)
+    with writer, _progress(console) as progress:
+        task = progress.add_task(clip.name, total=len(clip), rate="")
+        for index, frame in enumerate(rollout(method, outfit, clip.transforms(), clip.fps, contact)):
+            for stage, milliseconds in frame.milliseconds.items():
+                spent[stage] += milliseconds
+            if index % max(1, len(clip) // PROBES) == 0:
+                probe.measure(frame.raw, frame.vertices, frame.transforms)
+            begun = perf_counter()
+            writer.add(frame.vertices, frame.transforms)
+            spent["writing"] += 1e3 * (perf_counter() - begun)
+            rate = (index + 1) / (perf_counter() - start)
+            progress.update(task, advance=1, rate=f"{rate:.1f} frames per second")
+        begun = perf_counter()
+    spent["writing"] += 1e3 * (perf_counter() - begun)
+    return Summary(
+        written=writer.written,
+        frames=len(clip),
+        seconds=perf_counter() - start,
+        milliseconds={stage: total / len(clip) for stage, total in spent.items()},
+        inside_before=probe.mean("before"),
+        inside_after=probe.mean("after"),
+    )
+
+
+def _dress(name: str, body: Body, console: Console) -> Garment:
+    if name in TEMPLATES:
+        return wear(name, body)
+    fitted = fit(Path(name), body, None)
+    for line in fitted.diagnosis.lines():
+        console.print(line, highlight=False, markup=False)
+    return fitted.garment
+
+
+def _progress(console: Console) -> Progress:
+    rate = TextColumn("{task.fields[rate]}")
+    return Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), rate, console=console
+    )
+
+
+class _Probe:
+    """Collects the share of garment vertices inside the body before and after contact."""
+
+    def __init__(self, body: Body) -> None:
+        self.body = body
+        self.surface = BodySurface(body.mesh.vertices, body.mesh.faces)
+        self.counts: dict[str, float] = defaultdict(float)
+        self.total = 0
+
+    def measure(self, raw: Sequence[Tensor], vertices: Sequence[Tensor], transforms: Tensor) -> None:
+        self.surface.update(skin(self.body.mesh.vertices, self.body.weights, transforms[None])[0])
+        for before, after in zip(raw, vertices, strict=True):
+            self.counts["before"] += len(before) * inside_share(before, self.surface)[1]
+            self.counts["after"] += len(after) * inside_share(after, self.surface)[1]
+            self.total += len(after)
+
+    def mean(self, when: str) -> float:
+        return self.counts[when] / max(1, self.total)
