@@ -87,6 +87,8 @@ def read_clip(path: Path) -> Clip:
     for values, what in ((heads, "joint head"), (quaternions, "rotation"), (translation, "root position")):
         if not np.isfinite(values).all():
             raise InputError(f"{path}: a {what} of the clip is not a finite number")
+    if not np.allclose(np.linalg.norm(quaternions, axis=-1), 1.0, atol=1e-3):
+        raise InputError(f"{path}: a rotation of the clip is no unit quaternion")
     rotations = Rotation.from_quat(quaternions.reshape(-1, 4)).as_matrix().astype(np.float32)
     return Clip(
         name=name,

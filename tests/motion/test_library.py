@@ -1,0 +1,106 @@
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from rasterize.errors import InputError
+from tests.motion.bvh_text import bvh_text, performer, still
+from uvcloth.archive import save_arrays
+from uvcloth.bodies.body import Body
+from uvcloth.motion.library import builtin_clips, load_clip, read_clip, save_clip
+from uvcloth.motion.retarget import lowest_vertex
+from uvcloth.skinning import skin
+
+Damage = Callable[[np.ndarray], np.ndarray] | None
+
+
+@pytest.mark.parametrize("name", builtin_clips())
+def test_builtin_clips_load_on_the_body(name: str, body: Body) -> None:
+    clip = load_clip(name, body)
+    assert clip.fps == 30.0
+    assert 30 <= len(clip) <= 150
+    assert clip.skeleton is body.skeleton
+    assert torch.isfinite(clip.transforms()).all()
+    steps = (clip.translation[1:] - clip.translation[:-1]).norm(dim=1)
+    assert steps.max() < 0.2
+
+
+def test_there_are_three_clips_or_more_with_their_licence() -> None:
+    clips = builtin_clips()
+    assert len(clips) >= 3
+    notice = (next(iter(clips.values())).parent / "NOTICE").read_text()
+    assert "zlib" in notice
+    for name in clips:
+        assert name in notice
+
+
+def test_the_builtin_walk_walks_forward_on_the_floor(body: Body) -> None:
+    clip = load_clip("walk", body)
+    heights = lowest_vertex(clip, body)
+    assert heights.abs().max() < 0.05
+    hips = clip.rotations[:, clip.skeleton.names.index("Hips")]
+    velocity = (clip.translation[1:] - clip.translation[:-1]) * clip.fps
+    ahead = -(velocity * hips[1:, :, 1]).sum(-1)
+    assert 0.8 < ahead.mean() < 1.6
+    assert 0.7 < clip.translation[:, 2].mean() < 1.1
+
+
+def test_lowest_vertex_is_that_of_the_skinned_body(body: Body) -> None:
+    clip = load_clip("dance", body).window(10, 4)
+    vertices = skin(body.mesh.vertices, body.weights, clip.transforms())
+    torch.testing.assert_close(lowest_vertex(clip, body), vertices[..., 2].amin(1), atol=1e-5, rtol=0)
+
+
+def test_a_clip_saves_and_loads(tmp_path: Path) -> None:
+    clip = read_clip(builtin_clips()["spin"])
+    save_clip(clip, tmp_path / "spin.npz", notice="a test")
+    again = read_clip(tmp_path / "spin.npz")
+    assert (again.name, again.fps, again.skeleton.names) == (clip.name, clip.fps, clip.skeleton.names)
+    torch.testing.assert_close(again.rotations, clip.rotations, atol=1e-6, rtol=0)
+    torch.testing.assert_close(again.translation, clip.translation)
+    torch.testing.assert_close(again.skeleton.heads, clip.skeleton.heads)
+
+
+@pytest.mark.parametrize(
+    ("name", "damage", "said"),
+    [
+        ("quaternions", lambda a: a * np.nan, "rotation of the clip is not a finite number"),
+        ("quaternions", lambda a: a * 0, "rotation of the clip is no unit quaternion"),
+        ("quaternions", lambda a: a[:, :3], "do not fit together"),
+        ("translation", lambda a: a[:0], "do not fit together"),
+        ("joint_parents", lambda a: a[::-1], "joint order"),
+        ("fps", lambda a: a * 0, "frame rate"),
+        ("joint_heads", None, "joint_heads"),
+        ("format", lambda a: np.array("uvcloth-body-1"), "motion clip"),
+    ],
+)
+def test_damaged_clips_are_refused(tmp_path: Path, name: str, damage: Damage, said: str) -> None:
+    with np.load(builtin_clips()["walk"]) as archive:
+        arrays = dict(archive)
+    if damage is None:
+        del arrays[name]
+    else:
+        arrays[name] = damage(arrays[name])
+    path = tmp_path / "damaged.npz"
+    save_arrays(path, arrays)
+    with pytest.raises(InputError, match=rf"damaged\.npz.*{said}"):
+        read_clip(path)
+
+
+def test_a_bvh_file_loads_by_path_and_its_faults_name_it(tmp_path: Path, body: Body) -> None:
+    joints = performer()
+    path = tmp_path / "mine.bvh"
+    path.write_text(bvh_text(joints, still(joints)))
+    assert len(load_clip(str(path), body)) == 3
+    path.write_text(bvh_text([("Wheel" + joint[0], *joint[1:]) for joint in joints], still(joints)))
+    with pytest.raises(InputError, match=r"mine\.bvh: clip mine: unknown joint set"):
+        load_clip(path, body)
+
+
+def test_an_unknown_name_lists_the_known_ones(body: Body) -> None:
+    with pytest.raises(InputError, match=r"moonwalk.*dance, jump, run, spin, twirl, walk"):
+        load_clip("moonwalk", body)
+    with pytest.raises(InputError, match=r"absent\.bvh: no such file"):
+        load_clip("absent.bvh", body)
