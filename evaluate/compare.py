@@ -1,12 +1,12 @@
 """The whole comparison: every method on every window, the floors, and the content of metrics.json."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from datetime import date
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import torch
 from torch import Tensor
 
 from evaluate.actions import find_windows
@@ -21,6 +21,7 @@ from evaluate.judge import (
     remembered,
     repeatability,
 )
+from evaluate.maps import GarmentMap, garment_map, round_trip
 from evaluate.metrics import distance_scores
 from evaluate.progress import progress
 from evaluate.results import Entry, Scores, floor, summarize
@@ -28,8 +29,9 @@ from evaluate.show import Shown
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import wear
-from uvcloth.methods.correspondence import BodyTexels, TemplateTexels, body_texels, template_texels, worn_on
-from uvcloth.methods.physxnet import PRESETS, garment_vertices, template_offsets
+
+CHUNK = 16
+"""Frames that are written to maps at the same time: bounds the memory of large maps."""
 
 
 def compare(
@@ -52,9 +54,8 @@ def compare(
     contestants = load_contestants(models, body)
     windows = find_windows(data, actions)
     code = code_fingerprint()
-    texels = body_texels(body, map_size)
     garments = {name: wear(name, body) for name in dict.fromkeys(window.template for window in windows)}
-    seen = {name: template_texels(garment, body, texels) for name, garment in garments.items()}
+    maps = {name: garment_map(garment, body, map_size) for name, garment in garments.items()}
 
     entries: dict[str, list[Entry]] = {name: [] for name in (SIMULATION, *(c.name for c in contestants))}
     represented: dict[str, list[Scores]] = {name: [] for name in garments}
@@ -63,14 +64,13 @@ def compare(
     trained_on: dict[str, list[str]] = {c.name: [] for c in contestants}
     with progress("Windows", len(windows) * (len(contestants) + 1)) as tick:
         for window in windows:
-            template = seen[window.template]
-            case = open_case(
-                window, body, garments[window.template], (template.corners, template.barycentrics), frames
-            )
+            seen = maps[window.template]
+            texels = (seen.template.corners, seen.template.barycentrics)
+            case = open_case(window, body, garments[window.template], texels, frames)
             tick(0, note=f"{window.action}, {window.template}")
             keep = partial(remembered, out, case)
             judged = {SIMULATION: keep(SIMULATION, f"{code}/{map_size}", partial(judge_simulation, case))}
-            represented[window.template].append(representation(case, texels, template))
+            represented[window.template].append(representation(case, seen))
             repeated[window.template].append(repeatability(case))
             tick()
             for contestant in contestants:
@@ -113,17 +113,14 @@ def compare(
     }, shown
 
 
-def representation(case: Case, texels: BodyTexels, template: TemplateTexels) -> dict[str, Tensor]:
-    """The representation floor: the simulation written to offset maps and decoded back, per frame.
-
-    As the default PhysXNet writes and decodes them (`template_offsets`, `garment_vertices`).
-    """
-    config = replace(PRESETS["default"], size=texels.size)
-    worn = worn_on(case.outfit.garments[0], template)
-    place = (config, texels, template, worn)
-    posed = (case.body_vertices, case.transforms)
-    offsets = template_offsets(*place, case.reference.vertices, *posed)
-    return distance_scores(garment_vertices(*place, offsets, *posed), case.reference.vertices)
+def representation(case: Case, seen: GarmentMap) -> dict[str, Tensor]:
+    """The representation floor: how far the simulation's decoded maps are from it, per frame."""
+    truth = case.reference.vertices
+    chunks = [
+        round_trip(seen, truth[at], case.body_vertices[at], case.transforms[at])
+        for at in torch.arange(len(truth)).split(CHUNK)
+    ]
+    return distance_scores(torch.cat(chunks), truth)
 
 
 def _size(garment: Garment) -> dict[str, float | int]:

@@ -16,7 +16,7 @@ from uvcloth.archive import load_arrays, save_arrays
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.method import Method
-from uvcloth.physics.contact import BodySurface, Smoother, inside_share
+from uvcloth.physics.contact import BodySurface, inside_share
 from uvcloth.simulate.sequence import Sequence as Simulated
 from uvcloth.simulate.sequence import content_hash, load_sequence
 from uvcloth.skinning import skin
@@ -35,7 +35,7 @@ SAME_REST = 0.002
 SAME_MOTION = 0.001
 """Metres (and matrix entries) between joint transforms that still count as the same motion."""
 
-JUDGING = ("rasterize", "uvcloth", "evaluate/metrics.py", "evaluate/judge.py")
+JUDGING = ("rasterize", "uvcloth", "evaluate/metrics.py", "evaluate/maps.py", "evaluate/judge.py")
 """The sources that decide a score."""
 
 
@@ -159,11 +159,10 @@ def score(case: Case, raw: Tensor, resolved: Tensor) -> Judged:
 def _inside(case: Case, vertices: Tensor) -> Tensor:
     """Percent of vertices inside the body where it does not intersect itself, per frame: (F,)."""
     surface = BodySurface(case.body_vertices[0], case.outfit.body.mesh.faces)
-    smoother = Smoother(case.reference.rest, case.reference.faces)
     shares = []
     for garment, skin_vertices in zip(vertices, case.body_vertices, strict=True):
         surface.update(skin_vertices)
-        shares.append(inside_share(garment, surface, smoother)[1])
+        shares.append(inside_share(garment, surface)[1])
     return torch.tensor(shares)
 
 
@@ -223,9 +222,8 @@ def code_fingerprint() -> str:
 
 def load_contestants(models: Sequence[str], body: Body) -> tuple[Contestant, ...]:
     """Load baselines by name and trained models by folder. Raises InputError for unknown or equal names."""
-    from uvcloth.methods.registry import load_method
-
     from uvcloth.checkpoint import CONFIG, WEIGHTS, load_checkpoint
+    from uvcloth.methods.registry import load_method
 
     contestants = []
     for model in models:
@@ -239,7 +237,7 @@ def load_contestants(models: Sequence[str], body: Body) -> tuple[Contestant, ...
             seen = frozenset(load_checkpoint(folder).data.values())
         contestants.append(
             Contestant(
-                name=folder.resolve().name if trained else model,
+                name=method.name,
                 method=method,
                 weights_mb=(folder / WEIGHTS).stat().st_size / 1e6 if trained else 0.0,
                 fingerprint=digest.hexdigest(),

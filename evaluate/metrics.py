@@ -51,9 +51,9 @@ def distance_scores(predicted: Tensor, truth: Tensor) -> dict[str, Tensor]:
 def map_mse(predicted: Tensor, truth: Tensor, corners: Tensor, barycentrics: Tensor) -> Tensor:
     """Mean squared distance in mm2 of the garment's map over its valid texels, (F,) from (F, N, 3).
 
-    An offset map stores, per body texel, the garment point that it sees minus the body point (PhysXNet eq. 8);
-    both maps share the body, so their difference is the vertex error baked through the texels' corners and
-    barycentrics (P, 3).
+    An offset map stores, per body texel, the garment point that it sees minus the body point (PhysXNet
+    eq. 8); both maps share the body, so their difference is the vertex error baked through the texels'
+    corners and barycentrics (P, 3).
     """
     error = (predicted - truth) * MM
     seen = torch.einsum("fpcx,pc->fpx", error[:, corners], barycentrics.to(error))

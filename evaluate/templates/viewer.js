@@ -71,17 +71,32 @@
     return { rest, faces: indices, weights, joints, influences, vertices };
   }
 
+  /* Playing blends between the frames that are stored; scrubbing shows the frames themselves. */
+  function between(clip, frame) {
+    const first = Math.floor(frame), next = Math.min(first + 1, clip.header.frames - 1);
+    return { first, next, share: frame - first };
+  }
+
   function positions(clip, mesh, frame) {
     const { vertices, origin, quantum } = clip.header;
-    const from = frame * vertices * 3;
-    const out = new Float32Array(vertices * 3);
-    for (let i = 0; i < out.length; i++) out[i] = clip.meshes[mesh][from + i] * quantum + origin[i % 3];
+    const { first, next, share } = between(clip, frame);
+    const values = clip.meshes[mesh], size = vertices * 3;
+    const out = new Float32Array(size);
+    for (let i = 0; i < size; i++) {
+      const a = values[first * size + i], b = values[next * size + i];
+      out[i] = (a + share * (b - a)) * quantum + origin[i % 3];
+    }
     return out;
   }
 
   function poseBody(body, clip, frame) {
     const out = new Float32Array(body.vertices * 3);
-    const T = clip.transforms, base = frame * clip.header.joints * 12;
+    const size = clip.header.joints * 12, { first, next, share } = between(clip, frame);
+    const T = new Float32Array(size);
+    for (let i = 0; i < size; i++) {
+      const a = clip.transforms[first * size + i], b = clip.transforms[next * size + i];
+      T[i] = a + share * (b - a);
+    }
     for (let v = 0; v < body.vertices; v++) {
       const x = body.rest[v * 3], y = body.rest[v * 3 + 1], z = body.rest[v * 3 + 2];
       let total = 0;
@@ -89,7 +104,7 @@
         const w = body.weights[v * body.influences + k];
         if (!w) continue;
         total += w;
-        const j = base + body.joints[v * body.influences + k] * 12;
+        const j = body.joints[v * body.influences + k] * 12;
         for (let r = 0; r < 3; r++) {
           const i = j + r * 4;
           out[v * 3 + r] += w * (T[i] * x + T[i + 1] * y + T[i + 2] * z + T[i + 3]);
@@ -231,8 +246,8 @@
   }
 
   /* ---- state and controls ---- */
-  const state = { clip: 0, left: 0, right: 1, frame: 0, playing: false };
-  let current = null, body = null, bodyNote = null;
+  const state = { clip: 0, left: 0, right: headers[0].meshes.length - 1, frame: 0, playing: false };
+  let current = null, body = null;
   const slider = byId("viewer-frame");
 
   function draw() {
@@ -242,8 +257,7 @@
     const shown = [state.left, state.right].map((m) => positions(current, m, state.frame));
     const errors = shown.map((points) => distances(points, truth));
     const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
-    const number = header.first + state.frame * header.stride;
-    byId("viewer-number").textContent = number;
+    byId("viewer-number").textContent = header.first + Math.round(state.frame) * header.stride;
     byId("viewer-time").textContent = (state.frame / header.fps).toFixed(2);
     ["left", "right"].forEach((side, i) => {
       byId(`viewer-${side}-error`).textContent =
@@ -278,7 +292,7 @@
   }
 
   function remember() {
-    const hash = `#clip=${state.clip}&left=${state.left}&right=${state.right}&frame=${state.frame}`;
+    const hash = `#clip=${state.clip}&left=${state.left}&right=${state.right}&frame=${Math.round(state.frame)}`;
     try { history.replaceState(null, "", hash); } catch { /* some browsers refuse on file: pages */ }
   }
 
@@ -308,13 +322,14 @@
 
   function show(frame) { state.frame = frame; draw(); }
 
-  let before = 0;
+  let before = null;
   function play(now) {
-    if (!state.playing) return;
-    if (current && now - before >= 1000 / current.header.fps) {
-      before = now;
-      show((state.frame + 1) % current.header.frames);
+    if (!state.playing) { before = null; return; }
+    if (current && before !== null) {
+      const next = state.frame + (now - before) / 1000 * current.header.fps;
+      show(next > current.header.frames - 1 ? 0 : next);
     }
+    before = now;
     requestAnimationFrame(play);
   }
 
@@ -328,7 +343,8 @@
   byId("viewer-play").addEventListener("click", (e) => {
     state.playing = !state.playing;
     e.target.textContent = state.playing ? "Pause" : "Play";
-    requestAnimationFrame(play);
+    if (state.playing) requestAnimationFrame(play);
+    else show(Math.round(state.frame));
   });
   for (const id of ["viewer-paint", "viewer-show-body"]) byId(id).addEventListener("change", draw);
   window.addEventListener("resize", draw);

@@ -1,0 +1,215 @@
+"""The whole comparison on a made-up body and garment whose errors are known in advance."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import torch
+import trimesh
+from torch import Tensor
+
+import evaluate.compare as comparison
+import evaluate.judge as judging
+from evaluate.__main__ import main
+from evaluate.actions import find_windows
+from evaluate.compare import compare
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body, save_body
+from uvcloth.garments.garment import Attachment, Garment
+from uvcloth.mesh import Mesh
+from uvcloth.simulate.sequence import Sequence, save_sequence
+from uvcloth.skeleton import Skeleton
+from uvcloth.skinning import skin
+
+SETTLING = 30
+COUNTED = 24
+FPS = 30.0
+
+
+def capsule_body() -> Body:
+    """A capsule with one joint."""
+    shape = trimesh.creation.capsule(height=0.6, radius=0.15, count=[16, 16])
+    vertices, faces = torch.tensor(shape.vertices).float(), torch.tensor(shape.faces).long()
+    flat = torch.zeros(len(faces), dtype=torch.long)
+    mesh = Mesh(vertices, faces, vertices[:, :2], faces)
+    skeleton = Skeleton(("hips",), (-1,), torch.zeros(1, 3))
+    return Body("capsule", mesh, skeleton, torch.ones(len(vertices), 1), flat, flat, {})
+
+
+def tube_garment(name: str) -> Garment:
+    """An open tube around the capsule, 3 cm off it."""
+    shape = trimesh.creation.cylinder(radius=0.18, height=0.5, sections=20)
+    shape = shape.subdivide()
+    upright = abs(shape.face_normals[:, 2]) < 0.5
+    shape.update_faces(upright)
+    shape.remove_unreferenced_vertices()
+    vertices, faces = torch.tensor(shape.vertices).float(), torch.tensor(shape.faces).long()
+    count = len(vertices)
+    nowhere = Attachment(
+        torch.zeros(count, dtype=torch.long),
+        torch.zeros(count, 3),
+        torch.zeros(count, 3),
+        torch.zeros(count, dtype=torch.bool),
+    )
+    weights = torch.ones(count, 1)
+    return Garment(name, name, Mesh(vertices, faces, vertices[:, :2], faces), nowhere, weights, weights)
+
+
+def motion(frames: int, start: int = 0) -> Tensor:
+    """A body that travels along a gentle curve: (frames, 1, 3, 4)."""
+    time = (torch.arange(frames) + start) / FPS
+    path = torch.stack([time, 0.1 * time**2, 0.02 * torch.sin(3 * time)], dim=-1)
+    return torch.cat([torch.eye(3).expand(frames, 3, 3), path[:, :, None]], dim=-1)[:, None]
+
+
+def simulated(garment: Garment, clip: str, off: Tensor, start: int = 0) -> Sequence:
+    """A garment that hangs `off` metres beside its rest shape on the moving body."""
+    transforms = motion(SETTLING + COUNTED - start, start)
+    carried = skin(garment.mesh.vertices, garment.weights, transforms)
+    metadata = {"clip": clip, "garment": garment.template}
+    return Sequence(
+        carried + off, garment.mesh.faces, garment.mesh.vertices, transforms, FPS, SETTLING, metadata
+    )
+
+
+@pytest.fixture
+def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A data folder of two actions and two templates, and templates that are tubes."""
+    monkeypatch.setattr(comparison, "wear", lambda name, body: tube_garment(name))
+
+    def every_vertex(garment: Garment, body: Body, size: int) -> SimpleNamespace:
+        corners = torch.arange(len(garment.mesh.vertices))[:, None].expand(-1, 3)
+        weights = torch.tensor([[1.0, 0.0, 0.0]]).expand(len(corners), 3)
+        return SimpleNamespace(template=SimpleNamespace(corners=corners, barycentrics=weights))
+
+    monkeypatch.setattr(comparison, "garment_map", every_vertex)
+    monkeypatch.setattr(comparison, "round_trip", lambda seen, vertices, *_: vertices + 0.001)
+
+    data = tmp_path / "data"
+    for clip, off in (("02_04", 0.005), ("12_01", 0.010)):
+        for name in ("tops", "dress"):
+            garment = tube_garment(name)
+            save_sequence(
+                simulated(garment, clip, torch.tensor([0.0, 0.0, off])), data / f"{clip}_{name}.npz"
+            )
+    # The repeat of one window starts three frames later and hangs 2 mm apart.
+    repeat = simulated(tube_garment("tops"), "02_04", torch.tensor([0.002, 0.0, 0.005]), start=3)
+    save_sequence(repeat, data / "repeat" / "02_04_tops.npz")
+    (data / "index.csv").write_text(
+        "trial,split,action\n02_04,test,jump\n12_01,test,walking\n01_01,train,playground\n"
+    )
+    save_body(capsule_body(), tmp_path / "body.npz")
+    return data
+
+
+def run(data: Path, out: Path, actions: tuple[str, ...] = (), frames: int | None = None) -> dict:
+    models = ("lbs", "lbs_smooth")
+    return compare(
+        models, data, out, body=capsule_body(), actions=actions, frames=frames, map_size=16, machine="a test"
+    )[0]
+
+
+def test_known_errors_come_out(world: Path, tmp_path: Path) -> None:
+    results = run(world, tmp_path / "out")
+    assert list(results["methods"]) == ["lbs", "lbs_smooth"]
+    cell = results["methods"]["lbs"]["actions"]["jump"]["tops"]
+    assert cell["frames"] == COUNTED
+    assert cell["vertex_mean_mm"] == pytest.approx(5.0, abs=1e-3)
+    assert cell["vertex_mse_mm2"] == pytest.approx(25.0, abs=1e-2)
+    assert cell["map_mse_mm2"] == pytest.approx(25.0, abs=1e-2)
+    assert cell["inside_percent"] == 0.0
+    assert cell["jitter_ratio"] == pytest.approx(1.0, rel=0.05)
+    assert cell["ms_per_frame"] > 0
+    walking = results["methods"]["lbs"]["actions"]["walking"]["dress"]
+    assert walking["vertex_mean_mm"] == pytest.approx(10.0, abs=1e-3)
+    assert results["methods"]["lbs"]["over_time_mm"]["tops"] == pytest.approx([7.5] * COUNTED, abs=1e-2)
+    assert results["simulation"]["actions"]["jump"]["tops"]["vertex_mean_mm"] == 0.0
+    json.dumps(results, allow_nan=False)
+
+
+def test_floors(world: Path, tmp_path: Path) -> None:
+    floor = run(world, tmp_path / "out")["floor"]
+    assert floor["repeatability_mm"] == pytest.approx({"tops": 2.0}, abs=1e-3)
+    assert floor["representation_mm"]["dress"] == pytest.approx(3**0.5, abs=1e-3)
+
+
+def test_rerun_takes_over_what_is_finished(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = run(world, tmp_path / "out")
+
+    def never(*_: object) -> Callable[..., None]:
+        raise AssertionError("judged again")
+
+    monkeypatch.setattr(comparison, "judge", never)
+    assert run(world, tmp_path / "out") == first
+    with pytest.raises(AssertionError, match="judged again"):
+        run(world, tmp_path / "out", frames=5)
+    monkeypatch.setattr(judging, "FORMAT", "another")
+    with pytest.raises(AssertionError, match="judged again"):
+        run(world, tmp_path / "out")
+
+
+def test_actions_and_frames_narrow_it_down(world: Path, tmp_path: Path) -> None:
+    results = run(world, tmp_path / "out", actions=("walking",), frames=7)
+    assert results["actions"] == ["walking"]
+    assert results["methods"]["lbs"]["actions"]["walking"]["tops"]["frames"] == 7
+
+
+def test_command_writes_metrics_and_page(world: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    out = tmp_path / "report"
+    arguments = ["--model", "lbs", "lbs_smooth", "--data", str(world), "--out", str(out)]
+    assert main([*arguments, "--body", str(tmp_path / "body.npz"), "--map-size", "16"]) == 0
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert metrics["methods"]["lbs"]["actions"]["jump"]["tops"]["frames"] == COUNTED
+    page = (out / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 2
+    assert "7.5 mm" in capsys.readouterr().out
+
+
+def test_bad_input_is_one_sentence(
+    world: Path, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    body = ["--body", str(tmp_path / "body.npz"), "--map-size", "16"]
+
+    def refused(model: str, data: Path, *more: str) -> str:
+        out = tmp_path / "refused"
+        assert main(["--model", model, "--data", str(data), "--out", str(out), *body, *more]) == 2
+        assert not (out / "report.html").exists()
+        return capsys.readouterr().err
+
+    assert "no such folder" in refused("lbs", tmp_path / "nowhere")
+    assert "no test action is called 'swimming'" in refused("lbs", world, "--actions", "swimming")
+    assert "--frames" in refused("lbs", world, "--frames", "0")
+    assert "nosuchmodel" in refused("nosuchmodel", world)
+    short = tmp_path / "short"
+    garment = tube_garment("tops")
+    sequence = simulated(garment, "a", torch.zeros(3))
+    save_sequence(Sequence(**{**vars(sequence), "settling": 1000}), short / "a_tops.npz")
+    assert "a_tops.npz: has no frame after its 1000 settling frames" in refused("lbs", short)
+    grown = Sequence(**{**vars(sequence), "rest": 1.2 * sequence.rest})
+    save_sequence(grown, short / "a_tops.npz")
+    assert "another body" in refused("lbs", short)
+    save_sequence(Sequence(**{**vars(sequence), "faces": sequence.faces.flip(1)}), short / "a_tops.npz")
+    assert "not that of the template" in refused("lbs", short)
+
+
+def test_repeat_of_another_motion_is_refused(world: Path, tmp_path: Path) -> None:
+    other = simulated(tube_garment("tops"), "02_04", torch.zeros(3))
+    bent = other.transforms.clone()
+    bent[:-1, :, 0, 3] += 0.05
+    save_sequence(Sequence(**{**vars(other), "transforms": bent}), world / "repeat" / "02_04_tops.npz")
+    with pytest.raises(InputError, match="does not repeat the motion"):
+        run(world, tmp_path / "out")
+
+
+def test_windows_follow_the_index_or_the_files(world: Path) -> None:
+    found = [(window.action, window.template) for window in find_windows(world)]
+    assert found == [("jump", "tops"), ("jump", "dress"), ("walking", "tops"), ("walking", "dress")]
+    (world / "index.csv").unlink()
+    assert {window.action for window in find_windows(world)} == {"02_04", "12_01"}
+    (world / "index.csv").write_text("trial,action\n02_04,jump\n")
+    with pytest.raises(InputError, match="lacks the column split"):
+        find_windows(world)
