@@ -65,7 +65,7 @@ def animate(
     """Roll a method out on a motion and write the file whose suffix `out` names.
 
     model: a checkpoint folder, a baseline's name, or None for the model in the package. garments: template
-    names or mesh files, inner first. Raises InputError for bad input and then, as after Ctrl-C, writes nothing.
+    names or mesh files, inner first. Raises InputError for bad input; then, as after Ctrl-C, writes nothing.
     """
     console = Console(stderr=True)
     body = load_body(body_file)

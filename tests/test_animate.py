@@ -1,0 +1,71 @@
+"""What the rollout command writes and counts, and that Ctrl-C leaves nothing."""
+
+from types import SimpleNamespace
+
+import pytest
+import torch
+
+from rasterize.errors import InputError
+from uvcloth import animate as animation
+from uvcloth.export.animation import load_animation
+from uvcloth.mesh import Mesh
+from uvcloth.motion.library import load_clip
+
+FRAMES = 4
+
+
+@pytest.fixture
+def scene(monkeypatch, body):
+    """Four frames of standing still in a triangle; the method puts one of its corners inside the belly."""
+    clip = load_clip("walk", body).window(0, FRAMES)
+    still = torch.cat([torch.eye(3), torch.zeros(3, 1)], 1).expand(FRAMES, len(body.skeleton.names), 3, 4)
+    hips = body.skeleton.heads[0]
+    raw = hips + torch.tensor([[0.0, -0.5, 0], [0.1, -0.5, 0], [0, 0, 0.05]])
+    resolved = raw - torch.tensor([0, 0.5, 0])
+    faces = torch.tensor([[0, 1, 2]])
+    mesh = Mesh(raw, faces, torch.zeros(0, 2), torch.zeros(0, 3, dtype=torch.int64))
+
+    def rollout(method, outfit, transforms, fps, contact):
+        for joints in still:
+            yield SimpleNamespace(
+                raw=(raw,), vertices=(resolved,), transforms=joints, milliseconds={"network": 2.0}
+            )
+
+    monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
+    monkeypatch.setattr(animation, "wear", lambda name, _: SimpleNamespace(name=name, mesh=mesh))
+    monkeypatch.setattr(animation, "load_method", lambda *_: None)
+    monkeypatch.setattr(animation, "rollout", rollout)
+    return SimpleNamespace(resolved=resolved, rollout=rollout)
+
+
+def test_the_file_holds_the_resolved_frames(scene, tmp_path):
+    out = tmp_path / "walk.npz"
+    summary = animation.animate("lbs", "walk", ["tops"], out)
+    written = load_animation(out)
+    assert written.names == ("tops",)
+    torch.testing.assert_close(
+        torch.tensor(written.vertices[0]), scene.resolved.expand(FRAMES, 3, 3), rtol=0, atol=1e-6
+    )
+    assert summary.written == (out,)
+    assert summary.frames == FRAMES
+
+
+def test_the_summary_counts_what_is_inside_the_body(scene, tmp_path):
+    summary = animation.animate("lbs", "walk", ["tops"], tmp_path / "walk.npz")
+    assert summary.inside_before == pytest.approx(100 / 3)
+    assert summary.inside_after == 0
+    assert summary.milliseconds["network"] == pytest.approx(2.0)
+    assert set(summary.milliseconds) == {"network", "writing"}
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), InputError("a rollout left the finite numbers")])
+def test_a_broken_rollout_leaves_nothing(scene, tmp_path, monkeypatch, error):
+    def breaks(*arguments):
+        frames = scene.rollout(*arguments)
+        yield next(frames)
+        raise error
+
+    monkeypatch.setattr(animation, "rollout", breaks)
+    with pytest.raises(type(error)):
+        animation.animate("lbs", "walk", ["tops"], tmp_path / "walk.npz")
+    assert not list(tmp_path.iterdir())
