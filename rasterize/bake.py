@@ -31,7 +31,7 @@ def scatter_map(texel_values: Tensor, texels: Texels) -> Tensor:
     columns = texel_values.transpose(-1, -2)
     sheet = columns.new_zeros(*columns.shape[:-1], texels.height * texels.width)
     sheet = sheet.index_copy(-1, texels.pixels, columns)
-    return sheet.unflatten(-1, (texels.height, texels.width))
+    return sheet.view(*columns.shape[:-1], texels.height, texels.width)
 
 
 def gather_map(maps: Tensor, texels: Texels) -> Tensor:
@@ -43,7 +43,7 @@ def valid_mask(texels: Texels) -> Tensor:
     """Which texels lie on a face: (H, W) bool."""
     mask = torch.zeros(texels.height * texels.width, dtype=torch.bool, device=texels.pixels.device)
     mask[texels.pixels] = True
-    return mask.unflatten(0, (texels.height, texels.width))
+    return mask.view(texels.height, texels.width)
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Gutter:
 
 
 def nearest_gutter(mask: Tensor, reach: float = float("inf")) -> Gutter:
-    """Let the texels outside a mask (H, W) bool copy their nearest texel inside, up to `reach` texels away."""
+    """Let the texels outside a mask (H, W) bool copy the nearest inside, up to `reach` texels away."""
     from scipy.ndimage import distance_transform_edt
 
     distance, nearest = distance_transform_edt(~mask.cpu().numpy(), return_indices=True)
@@ -69,5 +69,5 @@ def nearest_gutter(mask: Tensor, reach: float = float("inf")) -> Gutter:
 
 
 def fill_gutter(maps: Tensor, gutter: Gutter) -> Tensor:
-    """Fill the texels between the charts, so that convolutions and filters see no edge: (..., H, W), same shape."""
+    """Fill the texels between the charts of maps (..., H, W), so that convolutions see no edge there."""
     return maps.flatten(-2).index_select(-1, gutter.source).view_as(maps)

@@ -1,17 +1,10 @@
-"""Cut a surface open along mesh edges and flatten each piece onto a rectangle without a single fold."""
+"""Cut a surface into charts along its edges: pieces, copies of seam vertices, rims, paths."""
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.sparse.linalg import splu
 
 from rasterize.errors import InputError
-
-RELAXATIONS = 300
-"""At most this many descent steps; a chart settles in 10 to 50."""
-
-BULGE = 0.01
-"""Sides bend outwards by this share of the chart, so that a triangle with all corners on one side is no line."""
 
 
 def edges_of(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -46,22 +39,12 @@ def weld_corners(faces: np.ndarray, cuts: np.ndarray) -> np.ndarray:
 
     Two corners are one copy exactly if a chain of faces joins them across edges that are not cut.
     """
-    count = len(faces)
     twins = edge_twins(faces, cuts)
-    # Edge i of face f runs from corner i to corner i + 1; its twin runs the other way.
-    first, second = twins[:, 0], twins[:, 1]
-    start = (first // count, first % count)
-    stop = ((start[0] + 1) % 3, start[1])
-    twin_start = (second // count, second % count)
-    twin_stop = ((twin_start[0] + 1) % 3, twin_start[1])
-    corner = lambda c: c[1] * 3 + c[0]  # noqa: E731
-    welds = np.concatenate(
-        [
-            np.stack([corner(start), corner(twin_stop)], axis=1),
-            np.stack([corner(stop), corner(twin_start)], axis=1),
-        ]
-    )
-    return _components(welds, 3 * count).reshape(count, 3)
+    # Edge i of a face runs from its corner i to i + 1, its twin the other way.
+    edge, face = np.divmod(twins, len(faces))
+    start, stop = face * 3 + edge, face * 3 + (edge + 1) % 3
+    welds = np.concatenate([np.stack([start[:, 0], stop[:, 1]], 1), np.stack([stop[:, 0], start[:, 1]], 1)])
+    return _components(welds, 3 * len(faces)).reshape(-1, 3)
 
 
 def _components(pairs: np.ndarray, count: int) -> np.ndarray:
@@ -113,157 +96,3 @@ def cheapest_path(
 def path_edges(path: np.ndarray) -> np.ndarray:
     """The edges (E, 2) along a path of vertices."""
     return np.stack([path[:-1], path[1:]], axis=1)
-
-
-def flatten(
-    vertices: np.ndarray, faces: np.ndarray, corners: np.ndarray, aspect: float, place: str
-) -> np.ndarray:
-    """Map a disk onto the unit square, four of its boundary vertices onto the corners: (n, 2).
-
-    vertices: (n, 3). faces: (m, 3), a topological disk but for small holes. corners: four boundary vertices,
-    counter-clockwise from the lower left. aspect: width over height that the square will be stretched to.
-    Starts from the boundary by arc length and mean-value coordinates (Floater 2003), which cannot fold over a
-    convex boundary, and then lowers the distortion without folding. Raises InputError naming `place`.
-    """
-    loop = boundary_loops(faces)[0]
-    starts = [np.flatnonzero(loop == corner) for corner in corners]
-    if any(len(found) != 1 for found in starts):
-        raise InputError(f"{place}: a corner of the chart is not on its outer boundary")
-    loop = np.roll(loop, -int(starts[0][0]))
-    marks = [int(np.flatnonzero(loop == corner)[0]) for corner in corners] + [len(loop)]
-    if marks != sorted(marks):
-        raise InputError(f"{place}: the corners of the chart are not in order around its boundary")
-
-    uvs = np.zeros((len(vertices), 2))
-    sides = np.full(len(vertices), -1)
-    free = np.ones((len(vertices), 2), dtype=bool)
-    square = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]], dtype=np.float64)
-    closed = np.append(loop, loop[0])
-    for side in range(4):
-        run = closed[marks[side] : marks[side + 1] + 1]
-        lengths = np.linalg.norm(np.diff(vertices[run], axis=0), axis=1)
-        along = np.concatenate([[0.0], np.cumsum(lengths)]) / lengths.sum()
-        chord = square[side + 1] - square[side]
-        outward = np.array([chord[1], -chord[0]])
-        uvs[run] = (
-            square[side] + along[:, None] * chord + (4 * BULGE * along * (1 - along))[:, None] * outward
-        )
-        free[run] &= chord != 0
-        sides[run] = side
-    inner = free.all(1)
-    uvs = _solve(_mean_value_weights(vertices, faces), uvs, inner)
-    uvs = (uvs + BULGE) / (1 + 2 * BULGE)
-    # A face with all corners on one side is as thin as the bulge: no movement can help it.
-    corner_sides = sides[faces]
-    thin = (corner_sides >= 0).all(1)
-    return _relax(vertices, faces, uvs, free, thin, aspect)
-
-
-def _mean_value_weights(vertices: np.ndarray, faces: np.ndarray) -> sparse.csr_matrix:
-    """w_ij = (tan(a / 2) + tan(b / 2)) / |ij| with a, b the angles at i beside the edge ij."""
-    rows, cols, values = [], [], []
-    for corner in range(3):
-        i, j, k = (faces[:, (corner + step) % 3] for step in range(3))
-        to_j, to_k = vertices[j] - vertices[i], vertices[k] - vertices[i]
-        length_j, length_k = np.linalg.norm(to_j, axis=1), np.linalg.norm(to_k, axis=1)
-        cosine = np.clip((to_j * to_k).sum(1) / (length_j * length_k), -0.999, 0.999)
-        half = np.sqrt((1 - cosine) / (1 + cosine))
-        rows += [i, i]
-        cols += [j, k]
-        values += [half / length_j, half / length_k]
-    shape = (len(vertices), len(vertices))
-    return sparse.csr_matrix(
-        (np.concatenate(values), (np.concatenate(rows), np.concatenate(cols))), shape=shape
-    )
-
-
-def _solve(weights: sparse.csr_matrix, uvs: np.ndarray, inner: np.ndarray) -> np.ndarray:
-    """Put each inner vertex at the weighted mean of its neighbours, the others staying where they are."""
-    laplacian = sparse.diags(np.asarray(weights.sum(1)).ravel()) - weights
-    rows = laplacian.tocsr()[inner]
-    solved = uvs.copy()
-    solved[inner] = splu(rows[:, inner].tocsc()).solve(-(rows[:, ~inner] @ uvs[~inner]))
-    return solved
-
-
-def _relax(
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    uvs: np.ndarray,
-    free: np.ndarray,
-    thin: np.ndarray,
-    aspect: float,
-) -> np.ndarray:
-    """Lower the symmetric Dirichlet energy, area x (|J|^2 + |J^-1|^2), without ever turning a face over.
-
-    Gradient descent preconditioned with the Laplacian (Kovalsky et al. 2016); free: (n, 2), the coordinates
-    that may move (boundary vertices slide along their side). Faces marked thin only must not turn over.
-    """
-    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-    length = np.linalg.norm(b - a, axis=1)
-    normal = np.cross(b - a, c - a)
-    double_area = np.linalg.norm(normal, axis=1)
-    # The face laid flat: corner 0 at the origin, corner 1 on the x axis.
-    x = ((c - a) * (b - a)).sum(1) / length
-    y = double_area / length
-    scale = np.sqrt(double_area.sum() / 2 / aspect)
-    size = scale * np.array([aspect, 1.0])
-    # d/dx and d/dy of a linear function from its values at the three corners.
-    slopes = np.stack(
-        [
-            np.stack([-1 / length, 1 / length, np.zeros_like(x)], axis=1),
-            np.stack([(x / length - 1) / y, -x / (length * y), 1 / y], axis=1),
-        ]
-    )
-    area = np.where(thin, 0.0, double_area / 2)
-
-    def energy(positions: np.ndarray) -> tuple[float, np.ndarray]:
-        corners = positions[faces] * size
-        jacobian = np.einsum("dfc,fcu->fud", slopes, corners)
-        det = np.linalg.det(jacobian)
-        if det.min() <= 0:
-            return np.inf, positions
-        square = (jacobian**2).sum((1, 2))
-        cofactor = np.stack(
-            [
-                np.stack([jacobian[:, 1, 1], -jacobian[:, 1, 0]], axis=1),
-                np.stack([-jacobian[:, 0, 1], jacobian[:, 0, 0]], axis=1),
-            ],
-            axis=1,
-        )
-        slope = (2 * area * (1 + det**-2))[:, None, None] * jacobian
-        slope -= (2 * area * square * det**-3)[:, None, None] * cofactor
-        per_corner = np.einsum("dfc,fud->fcu", slopes, slope) * size
-        gradient = np.zeros_like(positions)
-        np.add.at(gradient, faces.ravel(), per_corner.reshape(-1, 2))
-        return float((area * square * (1 + det**-2)).sum()), np.where(free, gradient, 0.0)
-
-    rows = np.tile(np.arange(len(faces)), 3)
-    shape = (len(faces), len(vertices))
-    gradients = [sparse.csr_matrix((d.T.ravel(), (rows, faces.T.ravel())), shape=shape) for d in slopes]
-    laplacian = sum(g.T @ sparse.diags(double_area / 2) @ g for g in gradients).tocsr()
-    solvers = [
-        (free[:, axis], splu((laplacian[free[:, axis]][:, free[:, axis]] * size[axis] ** 2).tocsc()))
-        for axis in range(2)
-    ]
-    step = 1.0
-    current, gradient = energy(uvs)
-    for _ in range(RELAXATIONS):
-        direction = np.zeros_like(uvs)
-        for axis, (moving, solver) in enumerate(solvers):
-            direction[moving, axis] = -solver.solve(gradient[moving, axis])
-        slope = float((direction * gradient).sum())
-        while step > 1e-12:
-            tried, tried_gradient = energy(uvs + step * direction)
-            if tried < current + 1e-4 * step * slope:
-                break
-            step *= 0.5
-        else:
-            break
-        uvs = uvs + step * direction
-        settled = current - tried < 1e-5 * current
-        current, gradient = tried, tried_gradient
-        if settled:
-            break
-        step *= 3.0
-    return uvs

@@ -1,7 +1,8 @@
 """Closest points on a mesh with warp. Apart from raycast.py, because importing warp takes a while."""
 
+# mypy: disable-error-code="valid-type, attr-defined, no-untyped-call"
+
 import numpy as np
-import torch
 import warp as wp
 from torch import Tensor
 
@@ -18,7 +19,7 @@ def _closest(
     face: wp.array(dtype=int),
     barycentrics: wp.array(dtype=wp.vec3),
     distance: wp.array(dtype=float),
-):
+) -> None:
     i = wp.tid()
     query = wp.mesh_query_point_no_sign(mesh, points[i], REACH)
     face[i] = query.face
@@ -43,4 +44,4 @@ def closest_on_mesh(points: Tensor, vertices: Tensor, faces: Tensor) -> tuple[Te
             inputs=[mesh.id, wp.array(np.ascontiguousarray(points.float().numpy()), dtype=wp.vec3)],
             outputs=[face, barycentrics, distance],
         )
-        return tuple(torch.from_numpy(found.numpy().copy()) for found in (face, barycentrics, distance))
+        return wp.to_torch(face), wp.to_torch(barycentrics), wp.to_torch(distance)

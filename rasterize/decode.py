@@ -1,7 +1,8 @@
-"""Maps back to points: fixed sparse weights over texels, found once in rest pose and applied to every frame."""
+"""Maps back to points: sparse weights over texels, found once in rest pose and applied to every frame."""
 
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -10,6 +11,12 @@ from rasterize.texels import Texels
 
 AT_VERTEX = 1e-4
 """A barycentric coordinate below this counts as zero: the point lies on an edge or a vertex."""
+
+LAYER_DISTANCE = 0.02
+"""Two points whose normals are at right angles count as 1.4 times this many metres farther apart."""
+
+RIDGE = 1e-4
+"""Of moving least squares, as a share of the total weight."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +38,7 @@ def decode(maps: Tensor, sampler: Sampler) -> Tensor:
     """Weighted means of texels: maps (..., C, H, W) -> (..., N, C); differentiable, on any device."""
     count, samples = sampler.pixels.shape
     texels = maps.flatten(-2).index_select(-1, sampler.pixels.flatten())
-    values = texels.unflatten(-1, (count, samples)) * sampler.weights.to(maps)
+    values = texels.view(*maps.shape[:-2], count, samples) * sampler.weights.to(maps)
     return values.sum(-1).transpose(-1, -2)
 
 
@@ -41,8 +48,8 @@ def sample_points(
     """Bilinear weights at surface points, from valid texels of their own chart only (PhysXNet section 4.3).
 
     mesh_faces: (F, 3) int64 of the mesh. face: (N,) int64, kept faces of the mesh. barycentrics: (N, 3).
-    A point on an edge or a vertex that the layout cuts is sampled at each of its places on the sheet, each place
-    counting the same. Raises ValueError if a face is not on the sheet.
+    A point on an edge or a vertex that the layout cuts is sampled at each of its places on the sheet, all
+    places counting the same. Raises ValueError if a face is not on the sheet.
     """
     slot = torch.full((len(mesh_faces),), -1, dtype=torch.int64)
     slot[layout.faces] = torch.arange(len(layout.faces))
@@ -108,8 +115,7 @@ def _images(
     owner, uvs, island = torch.cat(owners), torch.cat(places), torch.cat(islands)
     rounded = (uvs * 1e4).round().long()
     signature = torch.cat([owner[:, None], island[:, None], rounded], dim=1)
-    unique, inverse = torch.unique(signature, dim=0, return_inverse=True)
-    pick = torch.empty(len(unique), dtype=torch.int64).scatter_(0, inverse, torch.arange(len(inverse)))
+    pick = torch.from_numpy(np.unique(signature.numpy(), axis=0, return_index=True)[1])
     return owner[pick], uvs[pick], island[pick]
 
 
@@ -142,7 +148,7 @@ def _bilinear(texels: Texels, uvs: Tensor, islands: Tensor) -> tuple[Tensor, Ten
     weights = torch.where(on_sheet & (chart[pixels] == islands[:, None]), across * down, 0.0)
 
     bare = torch.nonzero(weights.sum(1) < 1e-3).flatten()
-    for island in islands[bare].unique().tolist():
+    for island in sorted(set(islands[bare].tolist())):
         lost = bare[islands[bare] == island]
         members = torch.nonzero(texels.islands == island).flatten()
         _, nearest = cKDTree(texels.uvs[members].numpy()).query(uvs[lost].numpy())
@@ -160,7 +166,7 @@ def nearest_sampler(
 ) -> Sampler:
     """Weights over the k texels whose points in rest pose lie nearest to each query.
 
-    points_at_texels: (M, 3) metres, rows that are not finite are left out (rays that missed). queries: (N, 3).
+    points_at_texels: (M, 3) metres; rows that are not finite (rays that missed) are left out. queries: (N, 3).
     normals: of the M points and the N queries; points that look the other way are then avoided, so that one
     layer of cloth does not take its values from another.
     The weights are moving least squares of the first order: wherever the texels surround the query, they
@@ -174,7 +180,6 @@ def nearest_sampler(
     if normals is None:
         keys, query_keys = points, query
     else:
-        # Opposite normals are as far apart as 2 x LAYER_DISTANCE.
         keys = torch.cat([points, normals[0][usable].double() * LAYER_DISTANCE], dim=1)
         query_keys = torch.cat([query, normals[1].double() * LAYER_DISTANCE], dim=1)
     _, found = cKDTree(keys.numpy()).query(query_keys.numpy(), k=k)
@@ -192,7 +197,3 @@ def nearest_sampler(
     coefficients = torch.linalg.solve(moments, unit)
     weights = closeness * torch.einsum("nki,ni->nk", basis, coefficients)
     return Sampler(texels.pixels[usable[nearest]], (weights / weights.sum(1, keepdim=True)).float())
-
-
-LAYER_DISTANCE = 0.02
-RIDGE = 1e-4

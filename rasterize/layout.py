@@ -10,8 +10,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.charts import boundary_loops, edge_keys, edges_of, face_components, flatten, weld_corners
+from rasterize.charts import boundary_loops, edge_keys, edges_of, face_components, weld_corners
 from rasterize.errors import InputError
+from rasterize.flatten import flatten
 
 FORMAT = "rasterize-layout-1"
 
@@ -35,8 +36,8 @@ class Layout:
 class Chart:
     """One piece of a surface and the rectangle that it fills.
 
-    label: of its faces. corners: the four mesh vertices, counter-clockwise from the lower left, that go to the
-    corners of the rectangle; a vertex on a seam may be named twice, once for each side of the seam.
+    label: of its faces. corners: the four mesh vertices, counter-clockwise from the lower left, that go to
+    the corners of the rectangle; a vertex on a seam may be named twice, once for each side of the seam.
     rectangle: (left, bottom, right, top) on the sheet.
     """
 
@@ -47,7 +48,7 @@ class Chart:
 
 
 def lay_out(
-    vertices: Tensor, faces: Tensor, labels: Tensor, charts: Sequence[Chart], seams: Tensor, margin: float
+    vertices: Tensor, faces: Tensor, labels: Tensor, charts: Sequence[Chart], seams: Tensor, *, margin: float
 ) -> Layout:
     """Flatten each labelled piece of a surface onto its rectangle.
 
@@ -57,7 +58,10 @@ def lay_out(
     Raises InputError naming the chart if a piece is not a disk with those corners.
     """
     points, mesh_faces = vertices.double().numpy(), faces.numpy()
-    kept, uvs, face_uvs, islands = [], [], [], []
+    kept: list[np.ndarray] = []
+    uvs: list[np.ndarray] = []
+    face_uvs: list[np.ndarray] = []
+    islands: list[np.ndarray] = []
     cuts = edge_keys(seams.numpy(), len(points))
     for island, chart in enumerate(charts):
         chosen = np.flatnonzero(labels.numpy() == chart.label)

@@ -13,8 +13,8 @@ from rasterize.bake import interpolate
 class Hits:
     """Where R rays or points meet a mesh.
 
-    face: (R,) int64, -1 where nothing was met. barycentrics: (R, 3), zero there. distance: (R,) metres, along the
-    ray's direction (negative behind its origin); infinite there. For closest points it is positive.
+    face: (R,) int64, -1 where nothing was met. barycentrics: (R, 3), zero there. distance: (R,) metres, along
+    the ray's direction (negative behind its origin); infinite there. For closest points it is positive.
     """
 
     face: Tensor
@@ -27,12 +27,18 @@ class Hits:
         return self.face >= 0
 
     def carry(self, vertices: Tensor, faces: Tensor) -> Tensor:
-        """The points met, moved with the mesh: vertices (..., V, 3), faces (F, 3) -> (..., R, 3); zero if none."""
+        """The points met, on the moved mesh (..., V, 3) with faces (F, 3): (..., R, 3), zero if none."""
         return interpolate(vertices, faces, self.face.clamp(min=0), self.barycentrics)
 
 
 def cast_rays(
-    origins: Tensor, directions: Tensor, vertices: Tensor, faces: Tensor, max_distance: float, both_ways: bool
+    origins: Tensor,
+    directions: Tensor,
+    vertices: Tensor,
+    faces: Tensor,
+    *,
+    max_distance: float,
+    both_ways: bool,
 ) -> Hits:
     """Meet the nearest face along each ray, or along both it and its opposite.
 
@@ -100,17 +106,17 @@ def body_to_garment(
 ) -> Hits:
     """T^BC (PhysXNet eq. 8): the garment point that each body texel sees along its normal, in rest pose.
 
-    points, normals: (M, 3) of the texels. garment: (N, 3). Rays go outwards first of all, and inwards too, since
-    cloth may lie a little inside the skin at rest. A texel whose ray misses sees no garment.
+    points, normals: (M, 3) of the texels. garment: (N, 3). Rays go both ways, since cloth may lie a little
+    inside the skin at rest. A texel whose ray misses sees no garment.
     """
-    return cast_rays(points, normals, garment, garment_faces, max_distance, both_ways=True)
+    return cast_rays(points, normals, garment, garment_faces, max_distance=max_distance, both_ways=True)
 
 
 def garment_to_body(
     garment: Tensor, normals: Tensor, body: Tensor, body_faces: Tensor, max_distance: float
 ) -> Hits:
-    """T^CB and T^XB (PhysXNet eq. 3 and 9): the body point under each garment vertex along its normal, at rest.
+    """T^CB and T^XB (PhysXNet eq. 3 and 9): the body point along each garment vertex's normal, in rest pose.
 
-    garment, normals: (N, 3). body: (V, 3). Rays go both ways, so that an inside-out garment is attached as well.
+    garment, normals: (N, 3). body: (V, 3). Rays go both ways, for inside-out garments too.
     """
-    return cast_rays(garment, normals, body, body_faces, max_distance, both_ways=True)
+    return cast_rays(garment, normals, body, body_faces, max_distance=max_distance, both_ways=True)

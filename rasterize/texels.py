@@ -37,8 +37,8 @@ class Texels:
 def rasterize_layout(layout: Layout, size: int) -> Texels:
     """Find the texels of a size x size sheet (PhysXNet eq. 5, T^UB).
 
-    A texel belongs to the face that holds its centre; where two faces share an edge through it, the one with the
-    lower index. All faces at once: each is paired with the texels in its bounding box, and the misses dropped.
+    A texel belongs to the face that holds its centre, the layout's first if that is on a common edge.
+    All faces at once: each is paired with the texels in its bounding box, and the misses are dropped.
     """
     corners = layout.uvs.double()[layout.face_uvs] * size
     corners = torch.stack([corners[..., 0], size - corners[..., 1]], dim=-1)
@@ -57,7 +57,7 @@ def rasterize_layout(layout: Layout, size: int) -> Texels:
     candidate, row, column = candidate[inside], row[inside], column[inside]
     barycentrics = barycentrics[inside].clamp(min=0.0)
     pixels = row * size + column
-    # Stable, and candidates are in the order of the faces: the first of equals is the lowest face.
+    # Stable, and candidates are in the order of the layout: the first of equals wins.
     pixels, order = pixels.sort(stable=True)
     first = torch.ones(len(pixels), dtype=torch.bool)
     first[1:] = pixels[1:] != pixels[:-1]
@@ -116,7 +116,7 @@ def texel_density(
     texels = (along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]).abs() / 2 * size**2
     area = torch.linalg.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]).norm(dim=1) / 2 * 1e4
     densities = {}
-    for part in parts[layout.faces].unique().tolist():
+    for part in sorted(set(parts[layout.faces].tolist())):
         chosen = parts[layout.faces] == part
         mean = texels[chosen].sum() / area[chosen].sum()
         per_face = texels[chosen] / area[chosen].clamp(min=1e-9)

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from scipy.spatial import cKDTree
-from torch import Tensor
 
 from rasterize.charts import boundary_loops, cheapest_path, edge_keys, edges_of, face_components, path_edges
 from rasterize.errors import InputError
@@ -21,22 +20,22 @@ MARGIN = 1.0 / 256.0
 """Half the gutter: two texels between charts at 256 x 256."""
 
 WANDER = 0.05
-"""Price of a metre of seam where it runs exactly on the side that it should, against 1 at right angles to it."""
+"""Price of a metre of seam that runs exactly on the side where it should, against 1 at right angles."""
 
 
 def body_layout(body: Body) -> Layout:
     """The sheet of a body (PhysXNet section 4.2): head, hands and feet pruned, the rest cut into six charts.
 
     Torso front and back are cut at the sides, shoulders and crotch; arms along the underside and legs along
-    the inner line, so that a leg runs from the inner line over the front, the outside and the back. The sheet's
-    axis u = 0.5 is the body's mirror plane: on a symmetric mesh, mirroring the body is `map.flip(-1)`.
-    The body's left is at u > 0.5. Raises InputError naming the part that is no disk or tube.
+    the inner line, so that a leg runs from the inner line over the front, the outside and the back. The
+    sheet's axis u = 0.5 is the body's mirror plane: on a symmetric mesh, mirroring the body is
+    `map.flip(-1)`. The body's left is at u > 0.5. Raises InputError naming the part that is no disk or tube.
     """
     faces = body.mesh.faces.numpy()
     mirror = mirrored_vertices(body)
     labels = _part_labels(body, mirror)
     torso = labels == TORSO
-    loops = {name: _rings(faces[labels == part], name) for name, part in PARTS.items()}
+    loops = {name: _rings(faces[labels == part], faces[torso], name) for name, part in PARTS.items()}
     neck = _neck(faces[torso], loops)
 
     frontal = vertex_normals(body.mesh.vertices, body.mesh.faces)[:, 1].abs().double().numpy()
@@ -67,13 +66,14 @@ def body_layout(body: Body) -> Layout:
     seams["crotch"] = crotch if mirror is None else _mirrored_path(crotch, mirror)
     cut = np.concatenate([path_edges(path) for path in seams.values()])
     labels[torso] = _front_and_back(body, faces[torso], cut)
+    labels = _without_teeth(labels, faces)
     return lay_out(
         body.mesh.vertices,
         body.mesh.faces,
         torch.from_numpy(labels),
         _charts(body, labels, seams),
-        torch.from_numpy(cut),
-        MARGIN,
+        torch.from_numpy(np.concatenate([path_edges(seams[name]) for name in PARTS])),
+        margin=MARGIN,
     )
 
 
@@ -104,19 +104,27 @@ def _part_labels(body: Body, mirror: np.ndarray | None) -> np.ndarray:
         labels[on_limb & (sides < 0)] = PARTS[f"right {limb}"]
     if mirror is not None:
         labels = _mirrored_labels(labels, body, mirror)
-    neighbours = _face_neighbours(faces)
-    for _ in range(10):
-        around = np.where(neighbours >= 0, labels[neighbours], PRUNED)
-        agreed = np.where(around[:, 0] == around[:, 2], around[:, 0], around[:, 1])
-        teeth = (agreed != labels) & ((around == agreed[:, None]).sum(1) >= 2)
-        if not teeth.any():
-            break
-        labels = np.where(teeth, agreed, labels)
+    labels = _without_teeth(labels, faces)
     for part in (TORSO, *PARTS.values()):
         chosen = np.flatnonzero(labels == part)
         pieces = face_components(faces[chosen], np.zeros(0, dtype=np.int64))
         if len(pieces):
             labels[chosen[pieces != np.bincount(pieces).argmax()]] = PRUNED
+    return labels
+
+
+def _without_teeth(labels: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Give each face that meets its own part along one edge only to the part that it bites into.
+
+    Such a face would have all its corners on the rim of its chart, where no texel sees it.
+    """
+    neighbours = _face_neighbours(faces)
+    for turn in range(20):
+        around = np.where(neighbours >= 0, labels[neighbours], PRUNED)
+        agreed = np.where(around[:, 0] == around[:, 2], around[:, 0], around[:, 1])
+        teeth = (agreed != labels) & ((around == agreed[:, None]).sum(1) >= 2)
+        # One direction at a time, or two teeth that bite into each other would change places for ever.
+        labels = np.where(teeth & ((agreed > labels) == turn % 2), agreed, labels)
     return labels
 
 
@@ -145,12 +153,13 @@ def _face_neighbours(faces: np.ndarray) -> np.ndarray:
     return neighbours
 
 
-def _rings(faces: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """The two rings of a limb (higher first is not assumed): nearer the torso, then the far one."""
-    loops = boundary_loops(faces) if len(faces) else []
-    if len(loops) < 2:
-        raise InputError(f"{name}: this part of the body is no tube between two rings")
-    return loops[0], loops[1]
+def _rings(limb: np.ndarray, torso: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """The two rings of a limb: the one at the torso, and the longest of the others."""
+    loops = boundary_loops(limb) if len(limb) else []
+    joins = [bool(np.isin(loop, torso).any()) for loop in loops]
+    if True not in joins or False not in joins:
+        raise InputError(f"{name}: this part of the body is no tube between the torso and a free end")
+    return loops[joins.index(True)], loops[joins.index(False)]
 
 
 def _neck(torso: np.ndarray, loops: dict[str, tuple[np.ndarray, np.ndarray]]) -> np.ndarray:

@@ -1,0 +1,61 @@
+"""Named float channels in OpenEXR files, through OpenImageIO."""
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from rasterize.errors import InputError
+
+
+def write_exr(path: Path, channels: Mapping[str, np.ndarray], half: bool = True) -> None:
+    """Write channels (H, W) by name, zip-compressed, as half or 32-bit floats; beside the file, then renamed.
+
+    Raises InputError if the file cannot be written.
+    """
+    import OpenImageIO
+
+    path = Path(path)
+    names = list(channels)
+    pixels = np.ascontiguousarray(np.stack([channels[name] for name in names], axis=-1), dtype=np.float32)
+    height, width, count = pixels.shape
+    spec = OpenImageIO.ImageSpec(width, height, count, "half" if half else "float")
+    spec.channelnames = names
+    spec.attribute("compression", "zip")
+    # The ending tells OpenImageIO the format, so the unfinished file keeps it.
+    partial = path.with_name(f".partial-{path.name}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        output = OpenImageIO.ImageOutput.create(str(partial))
+        if output is None:
+            raise InputError(f"{path}: not a format that OpenImageIO writes, expected a name ending in .exr")
+        written = output.open(str(partial), spec) and output.write_image(pixels)
+        if not (output.close() and written):
+            raise InputError(f"{path}: cannot be written ({output.geterror()})")
+        os.replace(partial, path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def read_exr(path: Path) -> dict[str, np.ndarray]:
+    """Read every channel (H, W) float32 by its name. Raises InputError if the file is missing or damaged."""
+    import OpenImageIO
+
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    source = OpenImageIO.ImageInput.open(str(path))
+    if source is None:
+        raise InputError(f"{path}: not a readable image ({OpenImageIO.geterror()})")
+    try:
+        pixels = source.read_image("float")
+        if pixels is None:
+            raise InputError(f"{path}: the image is damaged ({source.geterror()})")
+        names = source.spec().channelnames
+    finally:
+        source.close()
+    pixels = pixels.reshape(pixels.shape[0], pixels.shape[1], -1)
+    return {name: np.ascontiguousarray(pixels[..., channel]) for channel, name in enumerate(names)}
