@@ -40,6 +40,7 @@ FLOOR_GRID, FLOOR_REACH = 80, 2.2
 LIFT = 1e-3
 EDGE_CONTRAST = 0.03
 EDGE_SAMPLES = 4
+MARGIN = 1.22
 
 
 @dataclass(frozen=True)
@@ -68,21 +69,24 @@ class Camera:
         )
 
 
-def three_quarter(points: Tensor, turn: float = 30.0, rise: float = 8.0) -> Camera:
-    """A camera that holds all points (..., 3) in view, from in front (-Y) turned towards the body's left.
+def three_quarter(points: Tensor, turn: float = 30.0, rise: float = 8.0, aspect: float = 0.75) -> Camera:
+    """A camera that holds all points (..., 3) with a margin, from in front (-Y) and the body's left.
 
-    turn: degrees around the body, 0 in front, 180 behind. rise: degrees above the horizon.
+    turn: degrees around the body, 0 in front, 180 behind. rise: degrees above the horizon. aspect: width of
+    the picture over its height.
     """
-    low, high = points.reshape(-1, 3).amin(0).double(), points.reshape(-1, 3).amax(0).double()
-    target, radius = (low + high) / 2, float((high - low).norm()) / 2
-    view = Camera.view
-    distance = 1.02 * radius / np.sin(np.radians(view / 2))
+    points = points.reshape(-1, 3).double()
+    target = (points.amin(0) + points.amax(0)) / 2
     turned, risen = np.radians(turn), np.radians(rise)
-    away = torch.tensor(
-        [np.sin(turned) * np.cos(risen), -np.cos(turned) * np.cos(risen), np.sin(risen)], dtype=torch.float64
-    )
-    x, y, z = (target + distance * away).tolist()
-    return Camera((x, y, max(z, float(low[2]) + 0.05)), tuple(target.tolist()), view)
+    right = torch.tensor([np.cos(turned), np.sin(turned), 0.0], dtype=torch.float64)
+    level = torch.tensor([np.sin(turned), -np.cos(turned), 0.0], dtype=torch.float64)
+    away = level * np.cos(risen) + torch.tensor([0.0, 0.0, np.sin(risen)], dtype=torch.float64)
+    up = torch.linalg.cross(away, right)
+    across, along, down = ((points - target) @ axis for axis in (right, away, up))
+    half_height = np.tan(np.radians(Camera.view / 2)) / MARGIN
+    reach = torch.maximum(down.abs(), across.abs() / aspect)
+    x, y, z = (target + (along + reach / half_height).max() * away).tolist()
+    return Camera((x, y, z), tuple(target.tolist()))
 
 
 def render(
@@ -117,7 +121,8 @@ def render_frames(
     for surfaces in frames:
         body = surfaces[0].vertices
         if camera is None:
-            camera = three_quarter(torch.cat([surface.vertices for surface in surfaces]))
+            everything = torch.cat([surface.vertices for surface in surfaces])
+            camera = three_quarter(everything, aspect=size[0] / size[1])
         if follow:
             camera = camera.following((body.amin(0) + body.amax(0)) / 2)
         yield render(surfaces, camera, size, floor)
