@@ -84,3 +84,11 @@ def neighbour_average(faces: Tensor, count: int) -> Tensor:
     rows, cols = torch.cat([rows, lonely]), torch.cat([cols, lonely])
     values = 1.0 / degree.clamp(min=1)[rows].to(torch.get_default_dtype())
     return torch.sparse_coo_tensor(torch.stack([rows, cols]), values, (count, count)).coalesce()
+
+
+def weld(vertices: Tensor) -> Tensor:
+    """For each vertex the first vertex at the same position, for meshes cut at UV seams: (V,) int64."""
+    _, place = torch.unique(vertices, dim=0, return_inverse=True)
+    order = torch.arange(len(vertices), device=vertices.device)
+    first = torch.full_like(order, len(vertices)).scatter_reduce(0, place, order, "amin")
+    return first[place]
