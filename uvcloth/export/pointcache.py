@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from uvcloth.export.animation import Animation
-from uvcloth.mesh import Mesh
+from uvcloth.export.obj import save_obj
 from uvcloth.skinning import skin
 
 
@@ -21,11 +21,11 @@ def write_pc2(animation: Animation, path: Path) -> None:
     for name, mesh, vertices in zip(animation.names, animation.meshes, animation.vertices, strict=True):
         target = path.with_name(f"{path.stem}-{name}{path.suffix}")
         _write_cache(target, len(animation), (vertices[frames] for frames in animation.chunks()))
-        _write_obj(target.with_suffix(".obj"), name, mesh)
+        save_obj(mesh, target.with_suffix(".obj"))
     if animation.body is not None:
         target = path.with_name(f"{path.stem}-body{path.suffix}")
         _write_cache(target, len(animation), _posed_body(animation))
-        _write_obj(target.with_suffix(".obj"), "body", animation.body.mesh)
+        save_obj(animation.body.mesh, target.with_suffix(".obj"))
 
 
 def _posed_body(animation: Animation) -> Iterator[np.ndarray]:
@@ -44,15 +44,3 @@ def _write_cache(path: Path, frames: int, chunks: Iterator[np.ndarray]) -> None:
         stream.write(np.ascontiguousarray(first, "<f4").data)
         for chunk in chunks:
             stream.write(np.ascontiguousarray(chunk, "<f4").data)
-
-
-def _write_obj(path: Path, name: str, mesh: Mesh) -> None:
-    with path.open("w", encoding="utf-8") as stream:
-        stream.write(f"# metres, Z up\no {name}\n")
-        np.savetxt(stream, mesh.vertices.numpy(), "v %.9g %.9g %.9g")
-        if not len(mesh.uvs):
-            np.savetxt(stream, mesh.faces.numpy() + 1, "f %d %d %d")
-            return
-        np.savetxt(stream, mesh.uvs.numpy(), "vt %.9g %.9g")
-        corners = np.stack([mesh.faces.numpy(), mesh.face_uvs.numpy()], axis=-1) + 1
-        np.savetxt(stream, corners.reshape(-1, 6), "f %d/%d %d/%d %d/%d")
