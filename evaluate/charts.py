@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 
 from markupsafe import Markup, escape
 
-LABEL = 108
-ROW = 9
-WIDTH = 420
+LABEL = 96
+ROW = 10
+WIDTH = 370
 DASH = "\u2013"
 
 

@@ -116,10 +116,8 @@ def compare(
 def representation(case: Case, seen: GarmentMap) -> dict[str, Tensor]:
     """The representation floor: how far the simulation's decoded maps are from it, per frame."""
     truth = case.reference.vertices
-    chunks = [
-        round_trip(seen, truth[at], case.body_vertices[at], case.transforms[at])
-        for at in torch.arange(len(truth)).split(CHUNK)
-    ]
+    spans = [slice(first, first + CHUNK) for first in range(0, len(truth), CHUNK)]
+    chunks = [round_trip(seen, truth[s], case.body_vertices[s], case.transforms[s]) for s in spans]
     return distance_scores(torch.cat(chunks), truth)
 
 

@@ -16,7 +16,7 @@ from uvcloth.archive import load_arrays, save_arrays
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.method import Method
-from uvcloth.physics.contact import BodySurface, inside_share
+from uvcloth.physics.contact import BodySurface, calm_vertices
 from uvcloth.simulate.sequence import Sequence as Simulated
 from uvcloth.simulate.sequence import content_hash, load_sequence
 from uvcloth.skinning import skin
@@ -26,7 +26,7 @@ FORMAT = "uvcloth-judged-1"
 SIMULATION = "simulation"
 """The name under which the simulation itself is scored: the yardstick of the physics."""
 
-SHOWN = 60
+SHOWN = 50
 """Frames of a window that are kept to be looked at, at most."""
 
 SAME_REST = 0.002
@@ -34,6 +34,9 @@ SAME_REST = 0.002
 
 SAME_MOTION = 0.001
 """Metres (and matrix entries) between joint transforms that still count as the same motion."""
+
+ANYWHERE = torch.tensor([0.36, 0.48, 0.8])
+"""Where the rays go that count how often a point is inside: along no edge or axis."""
 
 JUDGING = ("rasterize", "uvcloth", "evaluate/metrics.py", "evaluate/maps.py", "evaluate/judge.py")
 """The sources that decide a score."""
@@ -151,25 +154,32 @@ def judge_simulation(case: Case) -> Judged:
 def score(case: Case, raw: Tensor, resolved: Tensor) -> Judged:
     """Score predictions before (F, N, 3) and after contact (F, N, 3) on the frames that count."""
     scores = frame_scores(raw, resolved, case.reference)
-    scores["inside_percent_raw"] = _inside(case, raw)
-    scores["inside_percent"] = _inside(case, resolved)
+    scores["inside_percent_raw"], scores["inside_percent"] = _inside(case, raw, resolved)
     return Judged(scores, resolved[:: case.stride], case.stride)
 
 
-def _inside(case: Case, vertices: Tensor) -> Tensor:
-    """Percent of vertices inside the body where it does not intersect itself, per frame: (F,)."""
+def _inside(case: Case, *versions: Tensor) -> list[Tensor]:
+    """Percent of vertices inside the body where it does not intersect itself: (F,) per version (F, N, 3).
+
+    What `inside_share` counts, with the costly search for the closest point at the vertices inside only.
+    """
     surface = BodySurface(case.body_vertices[0], case.outfit.body.mesh.faces)
-    shares = []
-    for garment, skin_vertices in zip(vertices, case.body_vertices, strict=True):
+    shares: list[list[float]] = [[] for _ in versions]
+    for skin_vertices, *garments in zip(case.body_vertices, *versions, strict=True):
         surface.update(skin_vertices)
-        shares.append(inside_share(garment, surface)[1])
-    return torch.tensor(shares)
+        for garment, share in zip(garments, shares, strict=True):
+            winding = surface.winding(garment, ANYWHERE.expand_as(garment))
+            inside = garment[winding > 0]
+            counted = ~calm_vertices(surface.closest(inside), surface) if len(inside) else winding[:0]
+            share.append(100.0 * float(counted.sum()) / len(garment))
+    return [torch.tensor(share) for share in shares]
 
 
 def repeatability(case: Case) -> dict[str, Tensor]:
     """How far the simulation is from its repeat, per frame that counts in both; empty without a repeat.
 
-    Frames are matched by the body's pose. Raises InputError if the repeat is not the same motion or mesh.
+    Frames are matched by the body's pose. A clip that has nothing before its window cannot start earlier: its
+    repeat is the same simulation and tells nothing, so it counts as none. Raises InputError if the repeat is not the same motion or mesh.
     """
     if case.window.repeat is None:
         return {}
@@ -179,6 +189,8 @@ def repeatability(case: Case) -> dict[str, Tensor]:
         raise InputError(f"{case.window.repeat}: not the mesh of {case.window.path}")
     gaps = (repeat.transforms - ours.transforms[-1]).abs().amax(dim=(1, 2, 3))
     shift = int(gaps.argmin()) - (len(ours.vertices) - 1)
+    if shift == 0 and len(repeat.vertices) == len(ours.vertices):
+        return {}
     first = max(ours.settling, repeat.settling - shift)
     frames = torch.arange(first, len(ours.vertices))
     if not len(frames) or (

@@ -115,5 +115,5 @@ def png(image: np.ndarray) -> bytes:
     from PIL import Image
 
     stream = BytesIO()
-    Image.fromarray(image).quantize(128).save(stream, "PNG", optimize=True)
+    Image.fromarray(image).quantize(256).save(stream, "PNG", optimize=True)
     return stream.getvalue()

@@ -1,6 +1,6 @@
 """Packs mesh animations small enough to live inside an HTML page.
 
-Positions are quantized to a quarter of a millimetre. The first mesh of a clip is stored as second
+Positions are quantized to half a millimetre. The first mesh of a clip is stored as second
 differences in time, the others as second differences of what sets them apart from the first; 16-bit
 values are split into planes of low and high bytes, compressed with gzip and written as base64.
 `templates/viewer.js` holds the inverse.
@@ -17,8 +17,8 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 
-QUANTUM = 0.00025
-"""Metres; a coarser step is taken where a clip travels farther than 16 m."""
+QUANTUM = 0.0005
+"""Metres; a coarser step is taken where a clip travels farther than 32 m."""
 
 INFLUENCES = 4
 

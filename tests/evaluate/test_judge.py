@@ -1,0 +1,55 @@
+"""Inside shares agree with the contact room's own count."""
+
+import pytest
+import torch
+import trimesh
+
+from evaluate.actions import Window
+from evaluate.judge import Case, score
+from evaluate.metrics import Reference
+from uvcloth.bodies.body import Body
+from uvcloth.garments.garment import Attachment, Garment, Outfit
+from uvcloth.mesh import Mesh
+from uvcloth.physics.contact import BodySurface, inside_share
+from uvcloth.simulate.sequence import Sequence
+from uvcloth.skeleton import Skeleton
+
+
+def test_inside_counts_what_lies_within_the_body() -> None:
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.2)
+    shape, faces = torch.tensor(ball.vertices).float(), torch.tensor(ball.faces).long()
+    flat = torch.zeros(len(faces), dtype=torch.long)
+    mesh = Mesh(shape, faces, shape[:, :2], faces)
+    body = Body(
+        "ball", mesh, Skeleton(("hips",), (-1,), torch.zeros(1, 3)), torch.ones(len(shape), 1), flat, flat, {}
+    )
+
+    generator = torch.Generator().manual_seed(0)
+    points = 0.4 * torch.rand(2, 300, 3, generator=generator) - 0.2
+    sheet = torch.arange(300).view(-1, 3)
+    none = torch.zeros(300, 3)
+    attachment = Attachment(
+        torch.zeros(300, dtype=torch.long), none, none, torch.zeros(300, dtype=torch.bool)
+    )
+    cloth = Mesh(points[0], sheet, points[0, :, :2], sheet)
+    garment = Garment("g", "tops", cloth, attachment, torch.ones(300, 1), torch.ones(300, 1))
+    transforms = torch.eye(3, 4).expand(2, 1, 3, 4)
+    corners = torch.arange(300)[:, None].expand(-1, 3)
+    case = Case(
+        window=Window("a", "a", "tops", None, None),  # type: ignore[arg-type]
+        sequence=Sequence(points, sheet, points[0], transforms, 30.0, 0, {}),
+        outfit=Outfit(body, (garment,)),
+        reference=Reference(points, points[0], sheet, 30.0, corners, torch.full((300, 3), 1 / 3)),
+        start=0,
+        transforms=transforms,
+        body_vertices=shape.expand(2, -1, -1),
+    )
+    outside = 3.0 * points
+    outside[outside.norm(dim=-1) < 0.25] = 1.0
+    scores = score(case, points, outside).scores
+    for frame in range(2):
+        expected = 100.0 * float((points[frame].norm(dim=1) < 0.199).float().mean())
+        assert float(scores["inside_percent_raw"][frame]) == pytest.approx(expected, abs=1.0)
+        shared = inside_share(points[frame], BodySurface(shape, faces))[1]
+        assert float(scores["inside_percent_raw"][frame]) == pytest.approx(shared, abs=1e-4)
+    assert scores["inside_percent"].max() == 0.0
