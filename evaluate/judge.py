@@ -179,7 +179,8 @@ def repeatability(case: Case) -> dict[str, Tensor]:
     """How far the simulation is from its repeat, per frame that counts in both; empty without a repeat.
 
     Frames are matched by the body's pose. A clip that has nothing before its window cannot start earlier: its
-    repeat is the same simulation and tells nothing, so it counts as none. Raises InputError if the repeat is not the same motion or mesh.
+    repeat is the same simulation and tells nothing, so it counts as none. Raises InputError if the repeat is
+    not the same motion or mesh.
     """
     if case.window.repeat is None:
         return {}
