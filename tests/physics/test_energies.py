@@ -1,0 +1,90 @@
+"""Measures of cloth against shapes whose answer is known, and against finite differences."""
+
+import math
+
+import pytest
+import torch
+import trimesh
+
+from uvcloth.physics.energies import acceleration_jitter, bend_angle, edge_change, fold_angle, hinge_angles
+
+SQUARE = torch.tensor([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=torch.float64)
+HALVES = torch.tensor([[0, 1, 2], [0, 2, 3]])
+
+
+def folded(angle: float) -> torch.Tensor:
+    """The square folded about its diagonal 0-2, the fourth corner going below for positive angles."""
+    diagonal = torch.tensor([1.0, 1.0, 0.0], dtype=torch.float64) / 2**0.5
+    outward = torch.tensor([-1.0, 1.0, 0.0], dtype=torch.float64) / 2
+    up = torch.tensor([0.0, 0.0, 1.0], dtype=torch.float64) / 2**0.5
+    corner = diagonal / 2**0.5 + math.cos(angle) * outward - math.sin(angle) * up
+    return torch.cat([SQUARE[:3], corner[None]])
+
+
+def sphere() -> tuple[torch.Tensor, torch.Tensor]:
+    mesh = trimesh.creation.icosphere(2)
+    return torch.tensor(mesh.vertices), torch.tensor(mesh.faces)
+
+
+def test_a_rigid_motion_changes_nothing():
+    vertices, faces = sphere()
+    turn = torch.linalg.qr(torch.randn(3, 3, dtype=torch.float64, generator=torch.manual_seed(0)))[0]
+    turn = turn * torch.linalg.det(turn)
+    moved = torch.stack([vertices, vertices @ turn.T + 3.0])
+    torch.testing.assert_close(edge_change(moved, vertices, faces), torch.zeros(2).double())
+    torch.testing.assert_close(bend_angle(moved, vertices, faces), torch.zeros(2).double(), atol=1e-7, rtol=0)
+
+
+def test_stretch_and_compression_both_count():
+    vertices, faces = sphere()
+    moved = torch.stack([1.1 * vertices, 0.9 * vertices])
+    edges = trimesh.Trimesh(vertices, faces, process=False).edges_unique_length
+    torch.testing.assert_close(
+        edge_change(moved, vertices, faces), torch.full((2,), 0.1 * edges.mean(), dtype=torch.float64)
+    )
+
+
+@pytest.mark.parametrize("angle", [-3.0, -1.0, -1e-3, 0.0, 1e-3, 0.5, 3.0])
+def test_a_folded_square_has_the_angle_it_was_folded_by(angle: float):
+    shape = folded(angle)
+    assert hinge_angles(shape, HALVES).item() == pytest.approx(angle, abs=1e-9)
+    assert fold_angle(shape, HALVES).item() == pytest.approx(abs(angle), abs=1e-9)
+    assert bend_angle(shape, SQUARE, HALVES).item() == pytest.approx(abs(angle), abs=1e-9)
+    assert bend_angle(SQUARE, shape, HALVES).item() == pytest.approx(abs(angle), abs=1e-9)
+
+
+def test_folding_through_to_the_other_side_goes_the_short_way():
+    assert bend_angle(folded(3.0), folded(-3.0), HALVES).item() == pytest.approx(2 * math.pi - 6.0)
+
+
+def test_face_angles_agree_with_trimesh():
+    vertices, faces = sphere()
+    expected = trimesh.Trimesh(vertices, faces, process=False).face_adjacency_angles.mean()
+    assert fold_angle(vertices, faces).item() == pytest.approx(expected)
+
+
+def test_gradients_agree_with_finite_differences():
+    generator = torch.manual_seed(1)
+    vertices = folded(0.4)[None] + 0.05 * torch.randn(2, 4, 3, dtype=torch.float64, generator=generator)
+    vertices.requires_grad_()
+    for measure in (
+        lambda v: edge_change(v, 1.2 * SQUARE, HALVES),
+        lambda v: bend_angle(v, SQUARE, HALVES),
+        lambda v: fold_angle(v, HALVES),
+        lambda v: acceleration_jitter(torch.cat([v, v**2]), 2.0),
+    ):
+        assert torch.autograd.gradcheck(measure, vertices)
+
+
+def test_a_flat_sheet_has_a_finite_gradient():
+    vertices = SQUARE.clone().requires_grad_()
+    fold_angle(vertices, HALVES).backward()
+    assert torch.isfinite(vertices.grad).all()
+
+
+def test_free_fall_has_the_acceleration_of_gravity_and_steady_motion_none():
+    time = torch.arange(10, dtype=torch.float64)[:, None, None] / 30
+    fall = torch.tensor([0.0, 0.0, -9.81 / 2]) * time**2 + torch.zeros(10, 5, 3)
+    assert acceleration_jitter(fall, 30.0).item() == pytest.approx(9.81)
+    steady = torch.ones(10, 5, 3) * time
+    assert acceleration_jitter(steady, 30.0).item() == pytest.approx(0.0, abs=1e-9)
