@@ -214,7 +214,7 @@
     gl.drawArrays(gl.LINES, 0, points.length / 3);
   }
 
-  const camera = { turn: -0.45, tilt: 0.14, distance: 2.9 };
+  const camera = { turn: -0.45, tilt: 0.14, distance: 3.5 };
 
   /* Column-major projection * view of a camera that orbits a target, Z up. */
   function viewMatrix(target, aspect) {
