@@ -161,12 +161,12 @@ def nearest_sampler(
     points_at_texels: Tensor,
     texels: Texels,
     queries: Tensor,
-    k: int = 12,
+    k: int = 10,
     normals: tuple[Tensor, Tensor] | None = None,
 ) -> Sampler:
     """Weights over the k texels whose points in rest pose lie nearest to each query.
 
-    points_at_texels: (M, 3) metres; rows that are not finite (rays that missed) are left out. queries: (N, 3).
+    points_at_texels: (M, 3) metres, not finite where a ray missed. queries: (N, 3).
     normals: of the M points and the N queries; points that look the other way are then avoided, so that one
     layer of cloth does not take its values from another.
     The weights are moving least squares of the first order: wherever the texels surround the query, they

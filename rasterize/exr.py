@@ -1,4 +1,4 @@
-"""Named float channels in OpenEXR files, through OpenImageIO."""
+"""Named float channels in OpenEXR files, and pictures, through OpenImageIO."""
 
 import os
 from collections.abc import Mapping
@@ -14,23 +14,34 @@ def write_exr(path: Path, channels: Mapping[str, np.ndarray], half: bool = True)
 
     Raises InputError if the file cannot be written.
     """
+    pixels = np.stack([channels[name] for name in channels], axis=-1)
+    _write(Path(path), pixels, "half" if half else "float", list(channels))
+
+
+def write_png(path: Path, picture: np.ndarray) -> None:
+    """Write a picture (H, W, 3) of values in [0, 1]. Raises InputError if the file cannot be written."""
+    _write(Path(path), picture, "uint8", ["R", "G", "B"])
+
+
+def _write(path: Path, pixels: np.ndarray, kind: str, names: list[str]) -> None:
     import OpenImageIO
 
-    path = Path(path)
-    names = list(channels)
-    pixels = np.ascontiguousarray(np.stack([channels[name] for name in names], axis=-1), dtype=np.float32)
     height, width, count = pixels.shape
-    spec = OpenImageIO.ImageSpec(width, height, count, "half" if half else "float")
+    spec = OpenImageIO.ImageSpec(width, height, count, kind)
     spec.channelnames = names
     spec.attribute("compression", "zip")
     # The ending tells OpenImageIO the format, so the unfinished file keeps it.
     partial = path.with_name(f".partial-{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path.parent}: cannot be made ({error.strerror or error})") from error
+    try:
         output = OpenImageIO.ImageOutput.create(str(partial))
         if output is None:
-            raise InputError(f"{path}: not a format that OpenImageIO writes, expected a name ending in .exr")
-        written = output.open(str(partial), spec) and output.write_image(pixels)
+            raise InputError(f"{path}: OpenImageIO writes no such format, expected a name in .exr or .png")
+        written = output.open(str(partial), spec)
+        written = written and output.write_image(np.ascontiguousarray(pixels, dtype=np.float32))
         if not (output.close() and written):
             raise InputError(f"{path}: cannot be written ({output.geterror()})")
         os.replace(partial, path)

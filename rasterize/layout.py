@@ -133,6 +133,9 @@ def save_layout(layout: Layout, path: Path) -> None:
     partial = path.with_name(path.name + ".partial")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{path.parent}: cannot be made ({error.strerror or error})") from error
+    try:
         with partial.open("wb") as stream:
             np.savez_compressed(
                 stream,

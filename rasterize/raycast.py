@@ -106,10 +106,17 @@ def body_to_garment(
 ) -> Hits:
     """T^BC (PhysXNet eq. 8): the garment point that each body texel sees along its normal, in rest pose.
 
-    points, normals: (M, 3) of the texels. garment: (N, 3). Rays go both ways, since cloth may lie a little
-    inside the skin at rest. A texel whose ray misses sees no garment.
+    points, normals: (M, 3) of the texels. garment: (N, 3), its faces counter-clockwise seen from outside. A
+    ray that misses, or that meets the outside of the cloth (which then covers another limb), sees no garment.
     """
-    return cast_rays(points, normals, garment, garment_faces, max_distance=max_distance, both_ways=True)
+    hits = cast_rays(points, normals, garment, garment_faces, max_distance=max_distance, both_ways=False)
+    a, b, c = garment[garment_faces[hits.face.clamp(min=0)]].unbind(1)
+    unseen = ~hits.found | ((torch.linalg.cross(b - a, c - a) * normals).sum(1) <= 0)
+    return Hits(
+        torch.where(unseen, -1, hits.face),
+        torch.where(unseen[:, None], 0.0, hits.barycentrics),
+        torch.where(unseen, torch.inf, hits.distance),
+    )
 
 
 def garment_to_body(

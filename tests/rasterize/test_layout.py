@@ -1,0 +1,98 @@
+"""The body's sheet: no folds, well used, even, and mirror-symmetric."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from rasterize.bake import bake, scatter_map, valid_mask
+from rasterize.errors import InputError
+from rasterize.layout import Layout, load_layout, save_layout, unwrap
+from rasterize.texels import occupancy, rasterize_layout, texel_density
+from uvcloth.bodies.body import REGIONS, Body
+from uvcloth.bodies.layout import body_layout, load_body_layout
+
+
+@pytest.fixture(scope="module")
+def layout() -> Layout:
+    return load_body_layout()
+
+
+def signed_areas(uvs: torch.Tensor, face_uvs: torch.Tensor) -> torch.Tensor:
+    corners = uvs.double()[face_uvs]
+    along, across = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return (along[:, 0] * across[:, 1] - along[:, 1] * across[:, 0]) / 2
+
+
+def test_no_face_is_turned_over(layout: Layout) -> None:
+    assert signed_areas(layout.uvs, layout.face_uvs).min() > -1e-9
+
+
+def test_sheet_is_used_and_head_hands_and_feet_are_not_on_it(layout: Layout, body: Body) -> None:
+    texels = rasterize_layout(layout, 256)
+    assert occupancy(texels) > 0.9
+    regions = {
+        REGIONS[region] for region in body.regions[texels.face].bincount().nonzero().flatten().tolist()
+    }
+    assert {"torso", "upper_arm", "forearm", "thigh", "calf"} <= regions
+    pruned = [REGIONS.index(name) for name in ("head", "hand", "foot")]
+    assert torch.isin(body.regions[texels.face], torch.tensor(pruned)).float().mean() < 0.005
+
+
+def test_charts_get_texels_as_their_surface(layout: Layout, body: Body) -> None:
+    parts = torch.full((len(body.mesh.faces),), -1)
+    parts[layout.faces] = layout.islands
+    density = texel_density(layout, body.mesh.vertices, body.mesh.faces, parts, 256)
+    means = torch.tensor([part.mean for part in density.values()])
+    assert len(means) == 6
+    assert means.max() / means.min() < 1.1
+    assert max(part.spread for part in density.values()) < 0.6
+
+
+def test_flipping_a_map_mirrors_the_body(layout: Layout, body: Body) -> None:
+    texels = rasterize_layout(layout, 128)
+    positions = scatter_map(bake(body.mesh.vertices, body.mesh.faces, texels), texels)
+    mirrored = positions.flip(-1) * torch.tensor([-1.0, 1.0, 1.0])[:, None, None]
+    assert torch.equal(valid_mask(texels), valid_mask(texels).flip(-1))
+    assert (positions - mirrored).abs().max() < 1e-4
+
+
+def test_left_arm_lies_on_the_right_of_the_sheet(layout: Layout, body: Body) -> None:
+    arm = (body.regions[layout.faces] == REGIONS.index("forearm")) & (body.sides[layout.faces] > 0)
+    assert layout.uvs[layout.face_uvs[arm]][..., 0].min() > 0.5
+
+
+def test_shipped_layout_is_the_one_that_the_code_makes(layout: Layout, body: Body) -> None:
+    made = body_layout(body)
+    assert torch.equal(made.faces, layout.faces)
+    assert (made.uvs - layout.uvs).abs().max() < 1e-3
+
+
+def test_layout_survives_its_file_and_a_broken_file_is_refused(layout: Layout, tmp_path: Path) -> None:
+    path = tmp_path / "layout.npz"
+    save_layout(layout, path)
+    read = load_layout(path)
+    assert torch.equal(read.uvs, layout.uvs)
+    assert torch.equal(read.face_uvs, layout.face_uvs)
+    path.write_bytes(path.read_bytes()[:1000])
+    with pytest.raises(InputError, match=r"layout\.npz"):
+        load_layout(path)
+    np.savez(path, format=np.array("something else"))
+    with pytest.raises(InputError, match="something else"):
+        load_layout(path)
+
+
+def test_unwrap_keeps_the_vertex_order_and_overlaps_nothing() -> None:
+    import trimesh
+
+    cylinder = trimesh.creation.cylinder(radius=0.3, height=1.0, sections=24)
+    vertices = torch.from_numpy(cylinder.vertices.copy()).float()
+    faces = torch.from_numpy(cylinder.faces.copy())
+    uvs, face_uvs = unwrap(vertices, faces)
+    assert face_uvs.shape == faces.shape
+    assert 0.0 <= uvs.min() <= uvs.max() <= 1.0
+    # What the faces cover together is what the sheet shows: no two lie on the same place.
+    islands = torch.zeros(len(faces), dtype=torch.int64)
+    texels = rasterize_layout(Layout(torch.arange(len(faces)), uvs, face_uvs, islands), 512)
+    assert occupancy(texels) == pytest.approx(float(signed_areas(uvs, face_uvs).abs().sum()), rel=0.02)
