@@ -61,7 +61,7 @@ class Simulate:
     """Simulate garments over clips with the cloth engine; a rerun continues with what is missing."""
 
     clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]]
-    """Motion files (BVH, AMASS npz) or names of built-in clips."""
+    """Motion files (BVH) or names of built-in clips."""
     out: Path
     """Folder for the sequences, one npz per clip and garment."""
     garment: tuple[TemplateName, ...] = ("tops", "bottoms", "dress")
@@ -126,7 +126,7 @@ class Rollout:
     """Move garments over a motion and write a file that engines and DCCs open."""
 
     motion: str
-    """A motion file (BVH, AMASS npz) or the name of a built-in clip."""
+    """A motion file (BVH) or the name of a built-in clip."""
     garment: Garments
     """Templates (tops, bottoms, dress) or garment files, inner first."""
     out: Path

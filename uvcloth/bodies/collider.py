@@ -1,6 +1,7 @@
 """The body as cloth sees it: without forearms and hands, the elbows capped, still watertight.
 
-Mocap pushes forearms through bellies and hands through skirts; a collider that has them drags the cloth along.
+Mocap pushes forearms through bellies and hands through skirts; a collider that has them
+drags the cloth along.
 """
 
 from dataclasses import dataclass
@@ -35,7 +36,8 @@ def make_collider(body: Body) -> Collider:
     dropped = torch.isin(body.regions, torch.tensor([REGIONS.index(r) for r in LEFT_OUT]))
     faces = body.mesh.faces[~dropped]
     rim = boundary_edges(faces)
-    fans, rims = [], []
+    fans: list[Tensor] = []
+    rims: list[Tensor] = []
     for side in (1, -1):
         edges = rim[body.mesh.vertices[rim[:, 0], 0] * side > 0]
         if len(edges):

@@ -10,14 +10,12 @@ Indices = NDArray[np.int64]
 def cut(faces: Indices, field: Array) -> tuple[Indices, Array, Indices]:
     """Keep the part where field (V,) is positive; triangles across the zero level are clipped.
 
-    Returns edges (P, 2), along (P,), faces (Q, 3): every vertex of the result lies on the edge between two old
-    vertices, at the share `along` from the first (an old vertex that was kept is an edge to itself).
+    Returns edges (P, 2), along (P,), faces (Q, 3): every vertex of the result lies on the edge between two
+    old vertices, at the share `along` from the first (an old vertex that was kept is an edge to itself).
     """
     inside = field[faces] > 0
     count = inside.sum(axis=1)
     whole = faces[count == 3]
-    corners, crossings = [whole], []
-
     one = _rotated(faces[count == 1], inside[count == 1], lonely=True)
     two = _rotated(faces[count == 2], inside[count == 2], lonely=False)
     ends = [one[:, [0, 1]], one[:, [0, 2]], two[:, [1, 0]], two[:, [2, 0]]]
@@ -26,7 +24,8 @@ def cut(faces: Indices, field: Array) -> tuple[Indices, Array, Indices]:
     new = len(field) + inverse.reshape(-1)
     n1, n2 = len(one), len(two)
     a, b, c, d = new[:n1], new[n1 : 2 * n1], new[2 * n1 : 2 * n1 + n2], new[2 * n1 + n2 :]
-    corners += [
+    corners = [
+        whole,
         np.column_stack([one[:, 0], a, b]),
         np.column_stack([two[:, 1], two[:, 2], d]),
         np.column_stack([two[:, 1], d, c]),

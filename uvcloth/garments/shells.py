@@ -1,11 +1,12 @@
 """Shells around a body from which templates are cut: the same topology on every body.
 
 The suit is the body's tight proxy, smoothed by one subdivision. The gown is the suit's upper part, cut at the
-waist, with a skirt extruded from the waist loop: as wide as the convex outline of what is inside, never narrower
-than what is above it.
+waist, with a skirt extruded from the waist loop: as wide as the convex outline of what is inside, never
+narrower than what is above it.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import trimesh
@@ -27,8 +28,8 @@ FLARE = 0.16
 class Bodice:
     """The suit above the waist: which suit edge each of its vertices lies on, and its loop at the waist.
 
-    edges: (P, 2) suit vertices. along: (P,) position on the edge in [0, 1]. faces: (Q, 3) into the P vertices.
-    loop: (A,) vertices around the waist, counter-clockwise seen from above.
+    edges: (P, 2) suit vertices. along: (P,) position on the edge in [0, 1]. faces: (Q, 3) into the P
+    vertices. loop: (A,) vertices around the waist, counter-clockwise seen from above.
     """
 
     edges: NDArray[np.int64]
@@ -109,7 +110,7 @@ def _skirt_faces(loop: NDArray[np.int64], first: int) -> NDArray[np.int64]:
     count = len(loop)
     rings = [loop] + [first + row * count + np.arange(count) for row in range(SKIRT_ROWS)]
     faces = []
-    for upper, lower in zip(rings[:-1], rings[1:], strict=True):
+    for upper, lower in pairwise(rings):
         a, b, c, d = upper, np.roll(upper, -1), lower, np.roll(lower, -1)
         faces += [np.column_stack([a, c, d]), np.column_stack([a, d, b])]
     return np.concatenate(faces)

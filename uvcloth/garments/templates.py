@@ -23,6 +23,8 @@ from uvcloth.physics.contact import BodySurface
 TEMPLATES = ("tops", "bottoms", "dress")
 FORMAT = "uvcloth-template-1"
 
+EASE_PASSES = 12
+
 LEAST_CLEARANCE = 0.0035
 """Metres that every template keeps off the skin at rest."""
 
@@ -31,9 +33,10 @@ LEAST_CLEARANCE = 0.0035
 class Template:
     """A garment pattern anchored on a shell around the body.
 
-    faces: (M, 3). uvs: (U, 2), face_uvs: (M, 3). anchor_faces: (N,) faces of the shell, anchor_barycentrics: (N, 3).
-    clearance: (N,) metres that a vertex keeps off the skin, at least. snug: (N,) bool, vertices that keep exactly
-    that distance. band: (N,) bool, the strip that holds the garment up (neck or waist).
+    faces: (M, 3). uvs: (U, 2), face_uvs: (M, 3). anchor_faces: (N,) faces of the shell,
+    anchor_barycentrics: (N, 3). clearance: (N,) metres that a vertex keeps off the skin, at least.
+    snug: (N,) bool, vertices that keep exactly that distance.
+    band: (N,) bool, the strip that holds the garment up (neck or waist).
     bodice: how the gown's upper part was cut, None where the shell is the suit.
     """
 
@@ -69,21 +72,19 @@ def shell(body: Body, bodice: Bodice | None) -> tuple[NDArray[np.float64], NDArr
     return suit(body) if bodice is None else gown(body, bodice)
 
 
-def eased(
-    vertices: Tensor, faces: Tensor, clearance: Tensor, snug: Tensor, body: Body, passes: int = 12
-) -> Tensor:
+def eased(vertices: Tensor, faces: Tensor, clearance: Tensor, snug: Tensor, body: Body) -> Tensor:
     """Move garment vertices (N, 3) off the skin to their clearance (N,), smoothing between the passes.
 
     Snug vertices end at their clearance from either side, others at no less than it.
     """
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
     average = smoothing_matrix(faces, len(vertices))
-    for step in range(passes):
+    for step in range(EASE_PASSES):
         skin = surface.closest(vertices)
         lack = clearance - skin.signed_distance
         move = torch.where(snug, lack, lack.clamp(min=0))[:, None] * skin.normals
-        vertices = vertices + move + 0.5 * (average @ move - move) * float(step < passes - 2)
-        if step < passes - 2:
+        vertices = vertices + move + 0.5 * (average @ move - move) * float(step < EASE_PASSES - 2)
+        if step < EASE_PASSES - 2:
             vertices = 0.6 * vertices + 0.4 * (average @ vertices)
     for _ in range(4):
         skin = surface.closest(vertices)

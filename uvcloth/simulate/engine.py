@@ -11,8 +11,8 @@ from torch import Tensor
 class Scene:
     """One garment on a moving collider.
 
-    rest: (N, 3) garment at rest, also where it starts. faces: (M, 3). band: (N,) bool, held up by a soft attachment.
-    band_mass: how many times heavier the band's vertices are, so that they can carry the rest.
+    rest: (N, 3) garment at rest, also where it starts. faces: (M, 3). band: (N,) bool, held up by a soft
+    attachment. band_mass: how many times heavier the band's vertices are, so that they can carry the rest.
     carrier: (F, N, 3) the skinned garment, which attachment and drag follow.
     collider: (F, C, 3) collider vertices. collider_faces: (K, 3). fps: frames per second.
     """

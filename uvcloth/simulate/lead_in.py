@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass
 
-import kornia.geometry.conversions as conversions
 import torch
+from kornia.geometry import conversions
 from torch import Tensor
 
 from uvcloth.bodies.body import Body

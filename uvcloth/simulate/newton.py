@@ -18,7 +18,7 @@ from uvcloth.simulate.engine import Scene
 class Style3D:
     """Settings in SI units; a light cotton jersey.
 
-    density: kg/m2. stretch: (weft, warp, shear) N/m. bend: N m. radius: m, half the distance kept to the body.
+    density: kg/m2. stretch: (weft, warp, shear) N/m. bend: N m. radius: m, kept between cloth and body.
     drag: 1/s towards still air. follow: 1/s towards the skinned garment's velocity.
     hold: 1/s, the frequency of the soft attachment of the band.
     """
@@ -52,7 +52,6 @@ class Style3D:
             import newton
         except ImportError as error:
             raise InputError("simulating needs Newton: install uvcloth[simulate]") from error
-        wp.config.quiet = True
         model, body = _model(self, scene)
         solver = newton.solvers.SolverStyle3D(
             model,
@@ -63,7 +62,7 @@ class Style3D:
         assert solver.collision is not None
         solver.collision.radius = self.self_radius
         solver.collision.friction_epsilon = 1e-2
-        # Vertices against faces keep layers apart; edge tests and untangling cost half of the time for little.
+        # Vertices against faces keep layers apart; edge tests and untangling cost half of the time.
         solver.collision.stiff_ee = solver.collision.stiff_ef = 0.0
         pipeline = newton.CollisionPipeline(model, soft_contact_gap=0.02)
         contacts, control = pipeline.contacts(), model.control()
@@ -125,7 +124,7 @@ def _model(settings: Style3D, scene: Scene) -> tuple[Any, Any]:
 
 
 def _flattened(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Every triangle laid flat on its own, isometrically: (3 M, 2). The rest shape of a garment made in 3D."""
+    """Every triangle laid flat on its own, isometrically: (3 M, 2)."""
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
     length = np.linalg.norm(b - a, axis=1)
     x_axis = (b - a) / length[:, None]
@@ -154,11 +153,11 @@ class _Collider:
     def begin(self, frame: int) -> None:
         self.start, self.end = self.frames[frame - 1], self.frames[frame]
         velocity = (self.end - self.start) * self.fps
-        wp.copy(self.mesh.velocities, wp.from_torch(velocity.contiguous(), dtype=wp.vec3))
+        wp.copy(self.mesh.velocities, _vectors(velocity))
 
     def move(self, share: float) -> None:
-        points = torch.lerp(self.start, self.end, share).contiguous()
-        wp.copy(self.mesh.points, wp.from_torch(points, dtype=wp.vec3))
+        points = torch.lerp(self.start, self.end, share)
+        wp.copy(self.mesh.points, _vectors(points))
         self.mesh.refit()
 
 
@@ -186,3 +185,7 @@ class _Forces:
         attachment[:, 2:] += 9.81 * (self.mass - self.light)
         air = self.light * (self.settings.follow * lag - self.settings.drag * velocity)
         wp.to_torch(state.particle_f).copy_(self.band * attachment + air)
+
+
+def _vectors(values: Tensor) -> Any:
+    return wp.from_torch(values.contiguous(), dtype=wp.vec3)

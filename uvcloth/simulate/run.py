@@ -17,7 +17,7 @@ from uvcloth.simulate.sequence import Sequence
 from uvcloth.skinning import skin
 
 BAND_MASS = {"tops": 11.0, "bottoms": 31.0, "dress": 11.0}
-"""How many times heavier the holding band is, so that it can carry the rest (its extra weight is cancelled)."""
+"""How many times heavier the holding band is, so that it can carry the rest; its own weight is cancelled."""
 
 RUN_UP = 15
 """Frames of the clip before a window that are played, not counted: how long cloth remembers its start."""

@@ -1,0 +1,163 @@
+"""Simulate many sequences in parallel processes, on this machine or on a dask cluster."""
+
+import csv
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.garments.templates import wear
+from uvcloth.motion.clip import Clip
+from uvcloth.motion.library import load_clip
+from uvcloth.simulate.accept import examine
+from uvcloth.simulate.lead_in import LeadIn
+from uvcloth.simulate.newton import Style3D
+from uvcloth.simulate.run import run_up, simulate
+from uvcloth.simulate.sequence import Sequence as Recording
+from uvcloth.simulate.sequence import save_sequence
+
+REPEAT_EARLIER = 20
+"""Frames by which the second start of a window is earlier, for the repeatability floor."""
+
+TOPIC = "uvcloth-frames"
+PARTS = LeadIn()
+STANDARD = Style3D()
+
+
+@dataclass(frozen=True)
+class Job:
+    """One sequence to make: a motion (run-up included) and how many of its leading frames do not count."""
+
+    motion: Clip
+    settling: int
+    garment: str
+    target: Path
+
+
+def simulate_batch(
+    clips: Sequence[str],
+    garments: Sequence[str],
+    out: Path,
+    body: Body,
+    windows: Path | None = None,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    repeat: bool = False,
+) -> None:
+    """Simulate every clip with every garment into OUT/<clip>_<garment>.npz; what is there already is kept.
+
+    windows: a csv with the columns trial, window_start, window_frames; copied to OUT/index.csv.
+    repeat: start each window REPEAT_EARLIER frames earlier and write to OUT/repeat instead.
+    Sequences that explode or end inside the body go to OUT/rejected with the reason in their metadata.
+    Raises InputError for unreadable clips or windows, or if the `simulate` extra is missing.
+    """
+    try:
+        from dask.distributed import Client, LocalCluster, as_completed
+    except ImportError as error:
+        raise InputError("simulating needs dask and Newton: install uvcloth[simulate]") from error
+    todo = [
+        job
+        for job in plan(clips, garments, out / "repeat" if repeat else out, body, windows, repeat)
+        if not (job.target.exists() or _rejected(job.target).exists())
+    ]
+    out.mkdir(parents=True, exist_ok=True)
+    if windows is not None and not (out / "index.csv").exists():
+        shutil.copyfile(windows, out / "index.csv")
+    if not todo:
+        print(f"{out}: every sequence is there already")
+        return
+    cluster: Any = scheduler
+    if scheduler is None:
+        workers = min(jobs or os.cpu_count() or 1, len(todo))
+        cluster = LocalCluster(
+            n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        )
+    frames = sum(len(job.motion) + len(PARTS) for job in todo)
+    with Client(cluster) as client, _progress() as progress:
+        bar = progress.add_task(f"{len(todo)} sequences", total=frames)
+        client.subscribe_topic(TOPIC, lambda event: progress.advance(bar, event[1]))
+        shared = client.scatter(body, broadcast=True)
+        waiting = {client.submit(_work, job, shared, pure=False): job for job in todo}
+        for future in as_completed(list(waiting)):
+            job = waiting[future]
+            recording, reason = future.result()
+            progress.console.print(_keep(recording, reason, job))
+            future.release()
+    if scheduler is None:
+        cluster.close()
+
+
+def plan(
+    clips: Sequence[str],
+    garments: Sequence[str],
+    out: Path,
+    body: Body,
+    windows: Path | None = None,
+    earlier: bool = False,
+) -> list[Job]:
+    """The sequences to make, one per clip and garment. Raises InputError as simulate_batch does."""
+    table = _read_windows(windows) if windows is not None else {}
+    made = []
+    for name in clips:
+        clip = load_clip(name, body)
+        start, frames = table.get(clip.name, (0, len(clip)))
+        if windows is not None and clip.name not in table:
+            raise InputError(f"{windows}: has no row for the clip {clip.name}")
+        if start + frames > len(clip):
+            raise InputError(f"{name}: has {len(clip)} frames, the window ends at {start + frames}")
+        motion, before = run_up(clip, start, frames, REPEAT_EARLIER if earlier else 0)
+        made += [Job(motion, before, garment, out / f"{clip.name}_{garment}.npz") for garment in garments]
+    return made
+
+
+def _work(job: Job, body: Body) -> tuple[Recording, str | None]:
+    """Runs in a worker process: one core, frames reported as they are made."""
+    import torch
+    from dask.distributed import get_worker
+
+    torch.set_num_threads(1)
+    report: Callable[[int], None] = lambda made: get_worker().log_event(TOPIC, made)  # noqa: E731
+    garment = wear(job.garment, body)
+    recording = simulate(job.motion, job.settling, garment, body, STANDARD, PARTS, report)
+    return examine(recording, body)
+
+
+def _keep(recording: Recording, reason: str | None, job: Job) -> str:
+    """Write a finished sequence where it belongs and say so."""
+    if reason is None:
+        save_sequence(recording, job.target)
+        seconds = recording.metadata["wall_seconds"] / len(recording.vertices)
+        inside = recording.metadata["inside_percent"]
+        return f"{job.target}: {seconds:.2f} s per frame, {inside:.2f} % inside"
+    target = _rejected(job.target)
+    save_sequence(replace(recording, metadata={**recording.metadata, "rejected": reason}), target)
+    return f"{target}: kept apart, {reason}"
+
+
+def _rejected(target: Path) -> Path:
+    return target.parent / "rejected" / target.name
+
+
+def _read_windows(path: Path) -> dict[str, tuple[int, int]]:
+    try:
+        with path.open(newline="") as stream:
+            rows = list(csv.DictReader(stream))
+        return {row["trial"]: (int(row["window_start"]), int(row["window_frames"])) for row in rows}
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except (KeyError, ValueError, TypeError, UnicodeDecodeError) as error:
+        raise InputError(
+            f"{path}: expected a table with the columns trial, window_start, window_frames ({error})"
+        ) from error
+
+
+def _progress() -> Progress:
+    return Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    )
