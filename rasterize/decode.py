@@ -15,8 +15,11 @@ AT_VERTEX = 1e-4
 LAYER_DISTANCE = 0.02
 """Two points whose normals are at right angles count as 1.4 times this many metres farther apart."""
 
-RIDGE = 1e-4
-"""Of moving least squares, as a share of the total weight."""
+RIDGES = (1e-4, 1e-2)
+"""Of moving least squares, as shares of the total weight: the second where the first leaves large weights."""
+
+GAIN = 2.0
+"""Sum of the absolute weights of a point above which errors in the maps would be amplified too much."""
 
 
 @dataclass(frozen=True)
@@ -170,7 +173,7 @@ def nearest_sampler(
     normals: of the M points and the N queries; points that look the other way are then avoided, so that one
     layer of cloth does not take its values from another.
     The weights are moving least squares of the first order: wherever the texels surround the query, they
-    reproduce every linear field exactly; a small ridge keeps them near a mean where they do not.
+    reproduce every linear field almost exactly; where they do not, a ridge bounds the weights.
     """
     from scipy.spatial import cKDTree
 
@@ -191,9 +194,12 @@ def nearest_sampler(
     closeness = (1 - offset.norm(dim=2) / 1.1).clamp(min=0) ** 2 + 1e-6
     basis = torch.cat([torch.ones_like(offset[..., :1]), offset], dim=2)
     moments = torch.einsum("nk,nki,nkj->nij", closeness, basis, basis)
-    ridge = torch.diag(torch.tensor([0.0, 1.0, 1.0, 1.0], dtype=torch.float64)) * RIDGE
-    moments = moments + ridge * moments[:, :1, :1]
+    slopes = torch.diag(torch.tensor([0.0, 1.0, 1.0, 1.0], dtype=torch.float64))
     unit = torch.tensor([1.0, 0.0, 0.0, 0.0], dtype=torch.float64).expand(len(query), 4)
-    coefficients = torch.linalg.solve(moments, unit)
-    weights = closeness * torch.einsum("nki,ni->nk", basis, coefficients)
-    return Sampler(texels.pixels[usable[nearest]], (weights / weights.sum(1, keepdim=True)).float())
+    weights = torch.full_like(closeness, torch.inf)
+    for ridge in RIDGES:
+        coefficients = torch.linalg.solve(moments + ridge * slopes * moments[:, :1, :1], unit)
+        bounded = closeness * torch.einsum("nki,ni->nk", basis, coefficients)
+        bounded = bounded / bounded.sum(1, keepdim=True)
+        weights = torch.where(weights.abs().sum(1, keepdim=True) > GAIN, bounded, weights)
+    return Sampler(texels.pixels[usable[nearest]], weights.float())
