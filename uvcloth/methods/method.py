@@ -15,8 +15,11 @@ class Method(Protocol):
     be given many frames at once as a batch; one that remembers gets one frame at a time (B = 1).
     """
 
-    name: str
-    remembers: bool
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def remembers(self) -> bool: ...
 
     def start(self, outfit: Outfit, frames: BodyFrames) -> Any:
         """Prepare an outfit (projections, carriers) at the first frame; returns the state."""

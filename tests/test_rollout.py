@@ -1,0 +1,111 @@
+from dataclasses import dataclass
+
+import pytest
+import torch
+
+from rasterize.errors import InputError
+from tests.small_body import small_body
+from uvcloth.bodies.frames import body_frames, with_lead
+from uvcloth.garments.garment import Attachment, Garment, Outfit
+from uvcloth.mesh import Mesh
+from uvcloth.rollout import BATCH, rollout
+from uvcloth.skinning import skin
+
+FPS = 30.0
+
+
+def outfit() -> Outfit:
+    body = small_body()
+    mesh = body.mesh.moved(body.mesh.vertices * 1.2)
+    count = len(mesh.vertices)
+    attachment = Attachment(
+        torch.zeros(count, dtype=torch.int64), torch.zeros(count, 3), torch.zeros(count, 3), torch.zeros(count)
+    )
+    return Outfit(body, (Garment("shell", "tops", mesh, attachment, body.weights, body.weights),))
+
+
+def falling(frames: int) -> torch.Tensor:
+    """Both joints fall freely: constant acceleration."""
+    transforms = torch.eye(3, 4).repeat(frames, 2, 1, 1)
+    transforms[:, :, 2, 3] = (-0.5 * 9.81 * (torch.arange(frames) / FPS) ** 2)[:, None]
+    return transforms
+
+
+@dataclass
+class Recorder:
+    """Skins the garment and keeps the body frames that it was shown."""
+
+    remembers: bool
+    name: str = "recorder"
+
+    def start(self, outfit, frames):
+        self.seen = []
+        return outfit.garments[0]
+
+    def step(self, garment, frames):
+        self.seen.append(frames)
+        return garment, (skin(garment.mesh.vertices, garment.weights, frames.transforms[:, -1]),)
+
+
+@pytest.mark.parametrize("remembers", [False, True])
+def test_streams_every_frame_with_its_true_history(remembers):
+    worn, motion = outfit(), falling(2 * BATCH + 3)
+    method = Recorder(remembers)
+    frames = list(rollout(method, worn, iter(motion), FPS, contact=False))
+    assert [frame.index for frame in frames] == list(range(len(motion)))
+    whole = body_frames(worn.body, with_lead(motion), FPS)
+    shown = torch.cat([part.acceleration for part in method.seen])
+    torch.testing.assert_close(shown, whole.acceleration)
+    assert max(len(part) for part in method.seen) == (1 if remembers else BATCH)
+    for frame, transforms in zip(frames, motion, strict=True):
+        torch.testing.assert_close(frame.transforms, transforms)
+        expected = skin(worn.garments[0].mesh.vertices, worn.garments[0].weights, transforms[None])[0]
+        torch.testing.assert_close(frame.vertices[0], expected)
+    # Free fall from the fourth frame on: the body's acceleration is g.
+    torch.testing.assert_close(shown[6:, -1, :, 2], torch.full((len(motion) - 6, 8), -9.81), rtol=0.02, atol=0.0)
+
+
+def test_takes_a_stream_without_reading_ahead():
+    """After the first batch, no more of the motion has been read than that batch."""
+    read = []
+
+    def stream():
+        for index, transforms in enumerate(falling(1000)):
+            read.append(index)
+            yield transforms
+
+    next(iter(rollout(Recorder(True), outfit(), stream(), FPS, contact=False)))
+    assert len(read) == BATCH
+
+
+def test_contact_leaves_no_vertex_inside():
+    worn = outfit()
+    inside = worn.garments[0].mesh.vertices * 0.7
+    mesh = Mesh(inside, worn.garments[0].mesh.faces, worn.body.mesh.uvs, worn.body.mesh.face_uvs)
+    tight = Outfit(
+        worn.body, (Garment("tight", "tops", mesh, worn.garments[0].attachment, *[worn.body.weights] * 2),)
+    )
+    frame = next(iter(rollout(Recorder(False), tight, falling(1), FPS)))
+    assert frame.contacts[0].inside_before == 8
+    assert frame.raw[0].abs().max() < 0.1
+    assert frame.vertices[0].abs().amax(1).min() > 0.099
+    assert frame.milliseconds["contact"] > 0
+
+
+def test_stops_at_the_frame_that_is_not_finite():
+    motion = falling(12)
+    motion[10, 1, 0, 0] = torch.nan
+    with pytest.raises(InputError, match="frame 10"):
+        list(rollout(Recorder(False), outfit(), motion, FPS, contact=False))
+
+
+@dataclass
+class Exploding(Recorder):
+    def step(self, garment, frames):
+        garment, (vertices,) = super().step(garment, frames)
+        return garment, (vertices / (len(self.seen) < 6),)
+
+
+def test_a_method_that_explodes_is_stopped_at_its_frame():
+    with pytest.raises(InputError, match=r"frame 5: garment shell"):
+        list(rollout(Exploding(True), outfit(), falling(9), FPS, contact=False))

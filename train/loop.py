@@ -1,0 +1,309 @@
+"""The training loop: any objective, on CPU, one GPU or several, interrupted and resumed without a trace."""
+
+import copy
+import json
+import math
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+import torch
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from torch import Tensor, nn
+
+from rasterize.errors import InputError
+from uvcloth.checkpoint import load_tensors, save_tensors
+
+STATE = Path("training") / "state.safetensors"
+"""Where a run keeps what an exact resume needs."""
+
+
+@dataclass(frozen=True)
+class LoopConfig:
+    """How long and how fast to train."""
+
+    steps: int = 20000
+    """Optimizer steps in all."""
+    minutes: float | None = None
+    """Stop after this many minutes of training (and validation), and fit the learning rate's fall to it."""
+    batch: int = 8
+    """Frames in a step, over all devices."""
+    learning_rate: float = 1e-3
+    """Adam's learning rate at its highest (paper: 2e-4)."""
+    schedule: Literal["constant", "cosine"] = "cosine"
+    """Constant (paper), or rising for the first percent and falling to zero along a cosine."""
+    weight_decay: float = 1e-3
+    """Decoupled weight decay."""
+    average: float = 0.998
+    """Decay of the running mean of the weights that is validated and saved; 0 takes the weights themselves."""
+    validate_every: int = 250
+    """Steps between validations; the best network is kept."""
+    save_seconds: float = 120.0
+    """Seconds between saved training states."""
+    seed: int = 0
+    """Seeds the weights, the order of the samples and every step."""
+    devices: int = 1
+    """GPUs to train on, where there are any."""
+
+
+LOOPS: dict[str, LoopConfig] = {
+    "default": LoopConfig(),
+    "paper": LoopConfig(learning_rate=2e-4, schedule="constant", weight_decay=0.0, average=0.0),
+    "tiny": LoopConfig(steps=30, validate_every=15, average=0.9),
+}
+
+
+class Objective(Protocol):
+    """What a method brings to be trained; see train/physxnet.py."""
+
+    @property
+    def samples(self) -> Tensor:
+        """(S,) int64 rows that a step may ask for."""
+
+    def networks(self) -> dict[str, nn.Module]:
+        """New networks by name; "net" is the one that is validated and saved."""
+
+    def to(self, device: torch.device) -> None:
+        """Move what a step touches to a device."""
+
+    def steps(
+        self, networks: Mapping[str, nn.Module], rows: Tensor
+    ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
+        """For each network to update in turn: its name, its loss and the parts of it for the log."""
+
+    def validate(self, net: nn.Module) -> dict[str, float]:
+        """Errors in mm by name, "mean" among them: the lower, the better."""
+
+    def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
+        """Write the checkpoint of the network."""
+
+    def memory(self) -> dict[str, Tensor]:
+        """What the objective itself remembers between steps."""
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        """Take that back."""
+
+
+@dataclass
+class Progressed:
+    """How far a run has come."""
+
+    step: int = 0
+    seconds: float = 0.0
+    best: float = math.inf
+    errors: list[dict[str, float]] | None = None
+
+
+def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) -> dict[str, float]:
+    """Train until the steps or the minutes are spent; returns the best validation errors.
+
+    Every step seeds its own randomness and draws its samples by its number, so that a resumed run continues
+    exactly. Ctrl-C saves before it ends. Raises InputError if there is nothing to resume, or if the run
+    was started with other settings.
+    """
+    from lightning.fabric import Fabric
+    from lightning.fabric.loggers.tensorboard import TensorBoardLogger
+
+    gpu = torch.cuda.is_available()
+    fabric = Fabric(
+        accelerator="cuda" if gpu else "cpu",
+        devices=config.devices if gpu else 1,
+        precision="bf16-mixed" if gpu else "32-true",
+        loggers=[TensorBoardLogger(run, name="tensorboard", version="")],
+    )
+    fabric.launch()
+    torch.manual_seed(config.seed)
+    fresh = objective.networks()
+    objective.to(fabric.device)
+    networks: dict[str, Any] = {}
+    optimizers: dict[str, Any] = {}
+    for name, network in fresh.items():
+        laid_out = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        optimizer = torch.optim.AdamW(
+            laid_out.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
+        )
+        networks[name], optimizers[name] = fabric.setup(laid_out, optimizer)
+    average = copy.deepcopy(networks["net"].module) if config.average else networks["net"].module
+    done = Progressed()
+    if resume:
+        done = _load_state(run, config, networks, optimizers, average, objective)
+    elif (run / STATE).exists():
+        raise InputError(f"{run}: holds a run already; continue it with --resume or name another folder")
+    samples = objective.samples.cpu()
+
+    def save_state() -> None:
+        if fabric.is_global_zero:
+            _save_state(run, config, networks, optimizers, average, objective, done)
+
+    def validate() -> dict[str, float]:
+        errors = objective.validate(average)
+        done.errors = [*(done.errors or []), {"step": done.step, "minutes": done.seconds / 60, **errors}]
+        fabric.log_dict({f"validation_mm/{k}": v for k, v in errors.items()}, done.step)
+        if errors["mean"] < done.best:
+            done.best = errors["mean"]
+            if fabric.is_global_zero:
+                notes = {"step": done.step, "minutes": done.seconds / 60, "validation_mm": errors}
+                objective.save(average, run, {**notes, "loop": asdict(config), "curve": done.errors})
+        return errors
+
+    bar = Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+        disable=not fabric.is_global_zero,
+    )
+    shown = "" if not done.errors else _in_words(done.errors[-1])
+    clock = saved = time.monotonic()
+    begun = clock - done.seconds
+    try:
+        with bar:
+            task = bar.add_task("training", total=1.0)
+            while (share := _share(config, done)) < 1.0:
+                _set_rates(optimizers, config, share)
+                rows = rows_of_step(samples, config, done.step)[fabric.global_rank :: fabric.world_size]
+                torch.manual_seed(
+                    (config.seed * 1_000_003 + done.step) * fabric.world_size + fabric.global_rank
+                )
+                parts: dict[str, Tensor] = {}
+                for name, loss, logged in objective.steps(networks, rows.to(fabric.device)):
+                    optimizers[name].zero_grad()
+                    fabric.backward(loss)
+                    optimizers[name].step()
+                    parts |= logged
+                if config.average:
+                    _blend(average, networks["net"].module, config.average, done.step)
+                done.step += 1
+                done.seconds = time.monotonic() - begun
+                if done.step % 10 == 0:
+                    values = {key: float(value.detach()) for key, value in parts.items()}
+                    fabric.log_dict({f"loss/{key}": value for key, value in values.items()}, done.step)
+                    losses = " ".join(f"{key} {value:.3f}" for key, value in values.items())
+                    bar.update(
+                        task, completed=_share(config, done), description=f"step {done.step} {losses} {shown}"
+                    )
+                if done.step % config.validate_every == 0:
+                    shown = _in_words(validate())
+                    bar.console.print(f"step {done.step}, {done.seconds / 60:.1f} min: {shown}")
+                    done.seconds = time.monotonic() - begun
+                if time.monotonic() - saved > config.save_seconds:
+                    save_state()
+                    saved = time.monotonic()
+    except KeyboardInterrupt:
+        save_state()
+        Console(stderr=True).print(f"interrupted at step {done.step}; continue with --resume")
+        raise
+    if not done.errors or done.errors[-1]["step"] != done.step:
+        Console(stderr=True).print(f"step {done.step}: {_in_words(validate())}")
+    save_state()
+    return min(done.errors or [], key=lambda errors: errors["mean"])
+
+
+def rows_of_step(samples: Tensor, config: LoopConfig, step: int) -> Tensor:
+    """The rows of a step: every epoch is a permutation of its own, drawn by its number; ragged ends are dropped."""
+    batch = min(config.batch, len(samples))
+    epoch, place = divmod(step, len(samples) // batch)
+    order = torch.randperm(len(samples), generator=torch.Generator().manual_seed(config.seed + 7919 * epoch))
+    return samples[order[place * batch : (place + 1) * batch]]
+
+
+def _share(config: LoopConfig, done: Progressed) -> float:
+    """How much of the steps or the minutes is spent, whichever is more: 0 to 1."""
+    spent = done.step / config.steps
+    return spent if config.minutes is None else max(spent, done.seconds / 60.0 / config.minutes)
+
+
+def _set_rates(optimizers: Mapping[str, Any], config: LoopConfig, share: float) -> None:
+    rate = config.learning_rate
+    if config.schedule == "cosine":
+        rate *= min(1.0, share / 0.01 + 1e-2) * 0.5 * (1.0 + math.cos(math.pi * share))
+    for optimizer in optimizers.values():
+        for group in optimizer.param_groups:
+            group["lr"] = rate
+
+
+@torch.no_grad()
+def _blend(average: nn.Module, network: nn.Module, decay: float, step: int) -> None:
+    """Move the running mean towards the network; faster in the beginning, while there is little to average."""
+    decay = min(decay, (1.0 + step) / (10.0 + step))
+    for mean, value in zip(average.state_dict().values(), network.state_dict().values(), strict=True):
+        if mean.is_floating_point():
+            mean.lerp_(value, 1.0 - decay)
+        else:
+            mean.copy_(value)
+
+
+def _in_words(errors: Mapping[str, float]) -> str:
+    parts = [f"{key} {value:.1f}" for key, value in errors.items() if key not in ("step", "minutes")]
+    return f"validation mm: {', '.join(parts)}"
+
+
+def _settings(config: LoopConfig) -> dict[str, Any]:
+    """The settings that must not change within a run; how long it takes may."""
+    values = asdict(config)
+    return {
+        key: value
+        for key, value in values.items()
+        if key not in ("steps", "minutes", "validate_every", "save_seconds")
+    }
+
+
+def _save_state(
+    run: Path,
+    config: LoopConfig,
+    networks: Mapping[str, Any],
+    optimizers: Mapping[str, Any],
+    average: nn.Module,
+    objective: Objective,
+    done: Progressed,
+) -> None:
+    tensors = {f"memory/{key}": value for key, value in objective.memory().items()}
+    for name, network in networks.items():
+        tensors |= {f"network/{name}/{key}": value for key, value in network.module.state_dict().items()}
+        for index, state in optimizers[name].state_dict()["state"].items():
+            tensors |= {f"optimizer/{name}/{index}/{key}": value for key, value in state.items()}
+    if config.average:
+        tensors |= {f"average/net/{key}": value for key, value in average.state_dict().items()}
+    best = None if math.isinf(done.best) else done.best
+    save_tensors(tensors, {**asdict(done), "best": best, "settings": _settings(config)}, run / STATE)
+
+
+def _load_state(
+    run: Path,
+    config: LoopConfig,
+    networks: Mapping[str, Any],
+    optimizers: Mapping[str, Any],
+    average: nn.Module,
+    objective: Objective,
+) -> Progressed:
+    if not (run / STATE).exists():
+        raise InputError(f"{run}: nothing to resume, it has no {STATE}")
+    tensors, meta = load_tensors(run / STATE)
+    started, wanted = meta.pop("settings"), json.loads(json.dumps(_settings(config)))
+    for key, value in wanted.items():
+        if started.get(key) != value:
+            raise InputError(f"{run}: was started with {key} = {started.get(key)}, not {value}")
+
+    def part(prefix: str) -> dict[str, Tensor]:
+        return {key[len(prefix) :]: value for key, value in tensors.items() if key.startswith(prefix)}
+
+    try:
+        for name, network in networks.items():
+            network.module.load_state_dict(part(f"network/{name}/"))
+            state: dict[int, dict[str, Tensor]] = {}
+            for key, value in part(f"optimizer/{name}/").items():
+                index, _, entry = key.partition("/")
+                state.setdefault(int(index), {})[entry] = value
+            groups = optimizers[name].state_dict()["param_groups"]
+            optimizers[name].load_state_dict({"state": state, "param_groups": groups})
+        if config.average:
+            average.load_state_dict(part("average/net/"))
+    except (RuntimeError, ValueError, KeyError) as error:
+        raise InputError(f"{run}: was started with another network ({str(error).splitlines()[0]})") from error
+    objective.remember(part("memory/"))
+    best = meta.pop("best")
+    return Progressed(**meta, best=math.inf if best is None else best)

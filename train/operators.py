@@ -1,0 +1,59 @@
+"""Fixed sparse matrices that a loss applies to batches: their gradient is the transposed matrix, not a scatter."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+
+class _Product(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, dense: Tensor, matrix: Tensor, transposed: Tensor) -> Tensor:
+        ctx.transposed = transposed
+        return matrix @ dense
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:
+        return ctx.transposed @ gradients[0].contiguous(), None, None
+
+
+@dataclass(frozen=True)
+class Operator:
+    """A sparse matrix (rows, columns) and its transpose, both in compressed rows."""
+
+    matrix: Tensor
+    transposed: Tensor
+
+    def __call__(self, values: Tensor) -> Tensor:
+        """Apply it to every channel of every item: (B, columns, C) -> (B, rows, C)."""
+        batch, _, channels = values.shape
+        dense = values.transpose(0, 1).flatten(1).contiguous()
+        product: Tensor = _Product.apply(dense, self.matrix, self.transposed)  # type: ignore[no-untyped-call]
+        return product.view(-1, batch, channels).transpose(0, 1)
+
+    def to(self, device: torch.device) -> "Operator":
+        """The same operator on another device."""
+        return Operator(self.matrix.to(device), self.transposed.to(device))
+
+
+def sampling(indices: Tensor, shares: Tensor, columns: int) -> Operator:
+    """Weighted sums: row n adds shares (N, S) of the columns indices (N, S)."""
+    rows = torch.arange(len(indices)).repeat_interleave(indices.shape[1])
+    return _operator(rows, indices.flatten(), shares.flatten(), (len(indices), columns))
+
+
+def differences(edges: Tensor, columns: int) -> Operator:
+    """First end minus second end of every edge (E, 2)."""
+    ends = torch.tensor([1.0, -1.0]).expand(len(edges), 2)
+    return sampling(edges, ends, columns)
+
+
+def _operator(rows: Tensor, columns: Tensor, values: Tensor, shape: tuple[int, int]) -> Operator:
+    def compressed(first: Tensor, second: Tensor, size: tuple[int, int]) -> Tensor:
+        sparse = torch.sparse_coo_tensor(
+            torch.stack([first, second]), values.float(), size, check_invariants=False
+        )
+        return sparse.coalesce().to_sparse_csr()
+
+    return Operator(compressed(rows, columns, shape), compressed(columns, rows, shape[::-1]))

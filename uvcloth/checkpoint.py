@@ -1,0 +1,140 @@
+"""Checkpoints: a folder with model.safetensors and config.json, and nothing that could run code.
+
+config.json holds the method's name and config, the body that it was trained on, the templates, the hashes of
+the training data and the version of the code; the normalization statistics travel with the weights.
+"""
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save as to_bytes
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+
+VERSION = 1
+"""Raised whenever weights of an older version would no longer mean the same."""
+
+WEIGHTS = "model.safetensors"
+CONFIG = "config.json"
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A trained method.
+
+    method: its name in the registry. config: its config as JSON values. tensors: weights and statistics.
+    body: name and topology hash of the body it was trained on. templates: names, in the network's order.
+    data: training file name -> content hash. notes: anything worth knowing (steps, minutes, errors).
+    """
+
+    method: str
+    config: dict[str, Any]
+    tensors: dict[str, Tensor]
+    body: dict[str, str]
+    templates: tuple[str, ...]
+    data: dict[str, str]
+    notes: dict[str, Any]
+
+
+def body_identity(body: Body) -> dict[str, str]:
+    """Name and topology hash of a body: bodies of one rig and topology share it, whatever their shape."""
+    digest = hashlib.sha256("/".join(body.skeleton.names).encode())
+    digest.update(body.mesh.faces.numpy().tobytes())
+    return {"name": body.name, "topology": digest.hexdigest()}
+
+
+def save_checkpoint(checkpoint: Checkpoint, folder: Path) -> None:
+    """Write a checkpoint folder, each file beside and renamed. Raises InputError if it cannot be written."""
+    folder = Path(folder)
+    meta = {
+        "version": VERSION,
+        "method": checkpoint.method,
+        "config": checkpoint.config,
+        "body": checkpoint.body,
+        "templates": checkpoint.templates,
+        "data": checkpoint.data,
+        "notes": checkpoint.notes,
+    }
+    save_tensors(checkpoint.tensors, {}, folder / WEIGHTS)
+    _write(folder / CONFIG, (json.dumps(meta, indent=2) + "\n").encode())
+
+
+def load_checkpoint(folder: Path, body: Body | None = None) -> Checkpoint:
+    """Read a checkpoint folder; with a body, refuse a model that was trained on another topology or rig.
+
+    Raises InputError naming the file if it is missing, damaged, of another version or of another body.
+    """
+    folder = Path(folder)
+    path = folder / CONFIG
+    try:
+        meta = json.loads(path.read_text())
+    except FileNotFoundError as error:
+        raise InputError(f"{folder}: not a trained model, it has no {CONFIG}") from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: not readable as JSON") from error
+    if not isinstance(meta, dict) or meta.get("version") != VERSION:
+        found = meta.get("version") if isinstance(meta, dict) else None
+        raise InputError(f"{path}: a model of version {found}, this program reads version {VERSION}")
+    tensors, _ = load_tensors(folder / WEIGHTS)
+    try:
+        checkpoint = Checkpoint(
+            method=str(meta["method"]),
+            config=dict(meta["config"]),
+            tensors=tensors,
+            body=dict(meta["body"]),
+            templates=tuple(meta["templates"]),
+            data=dict(meta["data"]),
+            notes=dict(meta["notes"]),
+        )
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path}: the model's description lacks or garbles {error}") from error
+    if body is not None and body_identity(body)["topology"] != checkpoint.body.get("topology"):
+        raise InputError(
+            f"{folder}: the model was trained on the mesh and rig of body {checkpoint.body.get('name')!r}, "
+            f"body {body.name!r} has another"
+        )
+    return checkpoint
+
+
+def save_tensors(tensors: Mapping[str, Tensor], metadata: Mapping[str, Any], path: Path) -> None:
+    """Write tensors and JSON values as one safetensors file, whole or not at all."""
+    plain = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
+    _write(path, to_bytes(plain, metadata={"json": json.dumps(dict(metadata))}))
+
+
+def load_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """Read what `save_tensors` wrote. Raises InputError if it is missing, damaged or not finite."""
+    path = Path(path)
+    try:
+        with safe_open(path, framework="pt") as archive:
+            tensors = {name: archive.get_tensor(name) for name in archive.keys()}  # noqa: SIM118
+            metadata = json.loads((archive.metadata() or {}).get("json", "{}"))
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except (OSError, SafetensorError, ValueError) as error:
+        raise InputError(f"{path}: not a readable safetensors file") from error
+    for name, tensor in tensors.items():
+        if tensor.is_floating_point() and not torch.isfinite(tensor).all():
+            raise InputError(f"{path}: {name} holds a value that is not a finite number")
+    return tensors, metadata
+
+
+def _write(path: Path, content: bytes) -> None:
+    partial = path.with_name(path.name + ".partial")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial.write_bytes(content)
+        os.replace(partial, path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        partial.unlink(missing_ok=True)

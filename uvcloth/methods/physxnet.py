@@ -1,0 +1,361 @@
+"""PhysXNet: maps of the body's motion in, maps of the garments' offsets out (section 3 of the paper).
+
+Every idea beyond the paper is one field of `PhysXNetConfig`: an ablation is a list of one-line changes.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+from torch import Tensor, nn
+
+from rasterize.bake import scatter_map
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.bodies.frames import HISTORY, BodyFrames
+from uvcloth.checkpoint import Checkpoint, body_identity
+from uvcloth.garments.garment import Outfit
+from uvcloth.mesh import Mesh
+from uvcloth.methods.correspondence import (
+    BodyTexels,
+    TemplateTexels,
+    Worn,
+    body_texels,
+    carry,
+    gather,
+    rotate,
+    rotate_back,
+    template_texels,
+    worn_on,
+)
+from uvcloth.methods.unet import UNet
+
+GRAVITY = (0.0, 0.0, -9.81)
+"""m/s2, Z up."""
+
+
+@dataclass(frozen=True)
+class PhysXNetConfig:
+    """What the network sees, predicts and is made of; `PRESETS["paper"]` is the method as published."""
+
+    size: int = 128
+    """Height and width of every map, a multiple of 2 to the number of levels."""
+    width: int = 32
+    """Channels of the first encoder level; every next level doubles them, up to eight times."""
+    levels: int = 4
+    """Encoder and decoder levels."""
+    norm: Literal["batch", "group", "instance"] = "group"
+    """Normalization layers."""
+    upsample: Literal["transposed", "resize"] = "resize"
+    """How decoders enlarge: transposed convolutions (paper) or convolution and bilinear enlargement."""
+    dropout: float = 0.0
+    """Share of the deepest level's channels dropped in training."""
+    frame: Literal["world", "body"] = "body"
+    """Axes of motion and offsets: the world's (paper) or the rest axes carried along by the body."""
+    acceleration: Literal["plain", "specific_force"] = "specific_force"
+    """Acceleration (paper) or acceleration minus gravity, which also says where down is."""
+    pose: bool = True
+    """Three more channels: where the body point is, seen from the root joint, against its place at rest."""
+    anchor: Literal["body", "carrier"] = "carrier"
+    """What offsets are measured from: the texel's body point (paper) or the smoothly skinned garment."""
+    history: int = 0
+    """How many of its own last offset maps the network sees; 0 remembers nothing (paper)."""
+    scaling: Literal["min_max", "mean_std"] = "mean_std"
+    """Each channel to [-1, 1] by its extremes (paper), or to zero mean and unit deviation."""
+    centre: Literal["channel", "texel"] = "texel"
+    """Predicted offsets are measured from the middle of their channel (paper) or the mean of each texel."""
+    templates: tuple[str, ...] = ("tops", "bottoms", "dress")
+    """The templates with a decoder each."""
+
+    @property
+    def inputs(self) -> int:
+        """Channels of the network's input."""
+        motion = HISTORY * 6 + (3 if self.pose else 0)
+        return motion + self.history * 3 * len(self.templates)
+
+    def create(self) -> "PhysXNet":
+        """Build the method with untrained weights and neutral statistics."""
+        return PhysXNet(self, GarmentNet(self))
+
+
+PRESETS: dict[str, PhysXNetConfig] = {
+    "default": PhysXNetConfig(),
+    "paper": PhysXNetConfig(
+        size=256,
+        width=64,
+        norm="batch",
+        upsample="transposed",
+        frame="world",
+        acceleration="plain",
+        pose=False,
+        anchor="body",
+        scaling="min_max",
+        centre="channel",
+    ),
+    "tiny": PhysXNetConfig(size=32, width=8),
+}
+
+
+class GarmentNet(nn.Module):
+    """The U-Net between maps in metres and seconds: scales what goes in and what comes out.
+
+    The statistics are buffers, so that they are saved with the weights; the outputs' shift is (channels, 1, 1)
+    or, centred per texel, (channels, H, W).
+    """
+
+    input_shift: Tensor
+    input_scale: Tensor
+    output_shift: Tensor
+    output_scale: Tensor
+
+    def __init__(self, config: PhysXNetConfig) -> None:
+        super().__init__()
+        outputs = 3 * len(config.templates)
+        sheet = (config.size, config.size) if config.centre == "texel" else (1, 1)
+        self.unet = UNet(
+            inputs=config.inputs,
+            decoders=len(config.templates),
+            width=config.width,
+            levels=config.levels,
+            norm=config.norm,
+            upsample=config.upsample,
+            dropout=config.dropout,
+        )
+        self.register_buffer("input_shift", torch.zeros(config.inputs, 1, 1))
+        self.register_buffer("input_scale", torch.ones(config.inputs, 1, 1))
+        self.register_buffer("output_shift", torch.zeros(outputs, *sheet))
+        self.register_buffer("output_scale", torch.ones(outputs, 1, 1))
+
+    def forward(self, maps: Tensor) -> Tensor:
+        """Motion (and history) maps (B, inputs, H, W) -> offset maps (B, templates * 3, H, W), m."""
+        scaled = (maps - self.input_shift) / self.input_scale
+        return self.unet(scaled).float() * self.output_scale + self.output_shift
+
+
+def mirror(maps: Tensor) -> Tensor:
+    """Left-right mirror image of maps of vectors (B, 3 n, H, W): the layout is symmetric about u = 0.5."""
+    signs = maps.new_tensor([-1.0, 1.0, 1.0]).repeat(maps.shape[1] // 3)
+    return maps.flip(-1) * signs[:, None, None]
+
+
+def motion_values(
+    config: PhysXNetConfig, texels: BodyTexels, velocity: Tensor, acceleration: Tensor, transforms: Tensor
+) -> Tensor:
+    """Velocity and acceleration of the texels' body points (eq. 6 and 7): (T, 6, P).
+
+    velocity, acceleration: (T, V, 3) m/s and m/s2. transforms: (T, J, 3, 4).
+    """
+    v, a = texels.gather(velocity), texels.gather(acceleration)
+    if config.acceleration == "specific_force":
+        a = a - a.new_tensor(GRAVITY)
+    if config.frame == "body":
+        _, frames = carry(texels.points, texels.weights, transforms)
+        v, a = rotate_back(frames, v), rotate_back(frames, a)
+    return torch.cat([v, a], dim=-1).transpose(1, 2)
+
+
+def pose_values(texels: BodyTexels, vertices: Tensor, transforms: Tensor) -> Tensor:
+    """Where the texels' body points are, seen from the root joint, against their rest: (T, 3, P), m.
+
+    vertices: (T, V, 3). transforms: (T, J, 3, 4), the root joint first.
+    """
+    root = transforms[:, None, 0]
+    seen = rotate_back(root[..., :3], texels.gather(vertices) - root[..., 3])
+    return (seen - texels.points).transpose(1, 2)
+
+
+def template_offsets(
+    config: PhysXNetConfig,
+    texels: BodyTexels,
+    template: TemplateTexels,
+    worn: Worn,
+    *,
+    vertices: Tensor,
+    body_vertices: Tensor,
+    transforms: Tensor,
+) -> Tensor:
+    """A template's simulated vertices as values of its offset map: (T, Q, 3), m (eq. 8, or carrier offsets).
+
+    vertices: (T, N, 3). body_vertices: (T, V, 3). transforms: (T, J, 3, 4).
+    """
+    if config.anchor == "body":
+        origins, frames = body_anchors(texels, template, body_vertices, transforms)
+        offsets = template.gather(vertices) - origins
+        return rotate_back(frames, offsets) if config.frame == "body" else offsets
+    origins, frames = carry(worn.points, worn.carrier_weights, transforms)
+    offsets = vertices - origins
+    return template.gather(rotate_back(frames, offsets) if config.frame == "body" else offsets)
+
+
+def garment_vertices(
+    config: PhysXNetConfig,
+    texels: BodyTexels,
+    template: TemplateTexels,
+    worn: Worn,
+    *,
+    offsets: Tensor,
+    body_vertices: Tensor,
+    transforms: Tensor,
+    sample: Callable[[Tensor], Tensor] | None = None,
+) -> Tensor:
+    """The inverse: a template's offsets (B, Q, 3) on any garment (eq. 9) -> its vertices (B, N, 3), m.
+
+    Anchored on the carrier, a garment keeps its own rest shape and takes over the sampled change; anchored on
+    the body, it follows the template's surface and keeps what it had beside it at rest.
+    sample: what serves for `worn.sample` where its gradient is wanted fast.
+    """
+    sample = sample or worn.sample
+    local = config.frame == "body"
+    if config.anchor == "body":
+        origins, frames = body_anchors(texels, template, body_vertices, transforms)
+        surface = sample(origins + (rotate(frames, offsets) if local else offsets))
+        _, turned = carry(worn.points, worn.weights, transforms)
+        return surface + rotate(turned, worn.residual)
+    origins, frames = carry(worn.points, worn.carrier_weights, transforms)
+    change = sample(offsets)
+    return origins + (rotate(frames, change) if local else change)
+
+
+def body_anchors(
+    texels: BodyTexels, template: TemplateTexels, body_vertices: Tensor, transforms: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Posed body points (B, Q, 3) of a template's texels, and the frames that turn with them (B, Q, 3, 3)."""
+    seen = template.texels
+    _, frames = carry(texels.points[seen], texels.weights[seen], transforms)
+    return gather(body_vertices, texels.corners[seen], texels.sheet.barycentrics[seen]), frames
+
+
+@dataclass(frozen=True)
+class WornState:
+    """The outfit on the maps, and the last predicted offset maps (history, 3 * templates, H, W), oldest first."""
+
+    texels: BodyTexels
+    templates: dict[str, TemplateTexels]
+    garments: tuple[tuple[str, Worn], ...]
+    history: Tensor
+
+
+@dataclass(frozen=True)
+class PhysXNet:
+    """A Method: one pass of the network serves all garments of an outfit."""
+
+    config: PhysXNetConfig
+    net: GarmentNet
+    name: str = "physxnet"
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the network sees its own last predictions."""
+        return self.config.history > 0
+
+    def start(self, outfit: Outfit, frames: BodyFrames) -> WornState:
+        """Dress the outfit's body in the templates at rest and project its garments onto their maps.
+
+        Raises InputError for a garment whose template has no decoder.
+        """
+        texels = body_texels(outfit.body, self.config.size)
+        for garment in outfit.garments:
+            if garment.template not in self.config.templates:
+                raise InputError(
+                    f"garment {garment.name}: the model has no decoder for template {garment.template!r}, "
+                    f"it has {', '.join(self.config.templates)}"
+                )
+        templates = {
+            name: template_texels(name, template_mesh(name, outfit), outfit.body, texels)
+            for name in dict.fromkeys(garment.template for garment in outfit.garments)
+        }
+        garments = tuple(
+            (garment.template, worn_on(garment, templates[garment.template], texels))
+            for garment in outfit.garments
+        )
+        sheet = (self.config.history, 3 * len(self.config.templates), self.config.size, self.config.size)
+        return WornState(texels, templates, garments, torch.zeros(sheet))
+
+    @torch.no_grad()
+    def step(self, state: WornState, frames: BodyFrames) -> tuple[WornState, tuple[Tensor, ...]]:
+        """Offset maps of B frames, decoded to the vertices (B, N, 3) of each garment, m."""
+        config, texels = self.config, state.texels
+        self.net.eval()
+        maps = scatter_map(self._motion(texels, frames).transpose(1, 2), texels.sheet)
+        if config.history:
+            past = state.history.flatten(0, 1).expand(len(maps), -1, -1, -1)
+            maps = torch.cat([maps, past], dim=1)
+        predicted = self.net(maps)
+        if config.history:
+            state = replace(state, history=torch.cat([state.history, predicted[-1:]])[-config.history :])
+        flat = predicted.flatten(2)
+        body_vertices, transforms = frames.vertices[:, -1], frames.transforms[:, -1]
+        moved = []
+        for name, worn in state.garments:
+            template = state.templates[name]
+            first = 3 * config.templates.index(name)
+            offsets = flat[:, first : first + 3].index_select(2, template.pixels).transpose(1, 2)
+            moved.append(
+                garment_vertices(
+                    config,
+                    texels,
+                    template,
+                    worn,
+                    offsets=offsets,
+                    body_vertices=body_vertices,
+                    transforms=transforms,
+                )
+            )
+        return state, tuple(moved)
+
+    def _motion(self, texels: BodyTexels, frames: BodyFrames) -> Tensor:
+        """The network's motion channels at the texels: (B, C, P)."""
+        motion = motion_values(
+            self.config,
+            texels,
+            frames.velocity.flatten(0, 1),
+            frames.acceleration.flatten(0, 1),
+            frames.transforms.flatten(0, 1),
+        ).unflatten(0, (len(frames), HISTORY))
+        motion = motion.flatten(1, 2)
+        if not self.config.pose:
+            return motion
+        pose = pose_values(texels, frames.vertices[:, -1], frames.transforms[:, -1])
+        return torch.cat([motion, pose], dim=1)
+
+
+def template_mesh(name: str, outfit: Outfit) -> Mesh:
+    """A template at rest on an outfit's body: the outfit's own garment where it is the template itself."""
+    for garment in outfit.garments:
+        if garment.name == garment.template == name:
+            return garment.mesh
+    from uvcloth.garments.templates import wear
+
+    return wear(name, outfit.body).mesh
+
+
+def load_physxnet(checkpoint: Checkpoint, folder: Path) -> PhysXNet:
+    """The trained method of a checkpoint. Raises InputError if weights and config do not fit each other."""
+    try:
+        values = {**checkpoint.config, "templates": tuple(checkpoint.config["templates"])}
+        method = PhysXNetConfig(**values).create()
+        method.net.load_state_dict(checkpoint.tensors)
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        first = str(error).splitlines()[0]
+        raise InputError(
+            f"{folder}: weights and config of the model do not fit each other ({first})"
+        ) from error
+    method.net.eval()
+    return method
+
+
+def physxnet_checkpoint(
+    method: PhysXNet, body: Body, data: dict[str, str], notes: dict[str, Any]
+) -> Checkpoint:
+    """What a trained method saves; data: training file -> content hash."""
+    return Checkpoint(
+        method=method.name,
+        config=asdict(method.config),
+        tensors=method.net.state_dict(),
+        body=body_identity(body),
+        templates=method.config.templates,
+        data=data,
+        notes=notes,
+    )

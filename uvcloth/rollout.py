@@ -1,0 +1,133 @@
+"""Roll any method out over any motion, frame after frame, in memory that does not grow with their number."""
+
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.bodies.frames import LEAD, BodyFrames, body_frames
+from uvcloth.garments.garment import Outfit
+from uvcloth.methods.method import Method
+from uvcloth.physics.contact import BodySurface, Contacts, Smoother, resolve
+
+BATCH = 8
+"""Frames that the body is posed for, and that a method without memory predicts, at once."""
+
+
+@dataclass(frozen=True)
+class RolloutFrame:
+    """One frame.
+
+    raw, vertices: per garment (N, 3) m, world, as predicted and after contact. transforms: (J, 3, 4) of the body.
+    milliseconds: "body", "network" and "contact". contacts: per garment what contact did; empty without it.
+    """
+
+    index: int
+    raw: tuple[Tensor, ...]
+    vertices: tuple[Tensor, ...]
+    transforms: Tensor
+    milliseconds: Mapping[str, float]
+    contacts: tuple[Contacts, ...] = ()
+
+
+def rollout(
+    method: Method, outfit: Outfit, transforms: Iterable[Tensor], fps: float, contact: bool = True
+) -> Iterator[RolloutFrame]:
+    """Predict the outfit over a motion: transforms (J, 3, 4) of each frame in turn, a tensor or a stream of them.
+
+    The body stands still before its first frame. With contact, vertices inside the body are moved out of it
+    after each frame, which a method that remembers does not see. Raises InputError naming the frame where a
+    transform or a predicted vertex is not a finite number.
+    """
+    state: Any = None
+    resolver = _Contact(outfit) if contact else None
+    first = 0
+    for frames, body_ms in _posed(outfit, transforms, fps):
+        state = method.start(outfit, frames) if state is None else state
+        for part in _single(frames) if method.remembers else [frames]:
+            begun = time.perf_counter()
+            state, garments = method.step(state, part)
+            network_ms = 1000.0 * (time.perf_counter() - begun) / len(part)
+            for offset in range(len(part)):
+                raw = tuple(vertices[offset].contiguous() for vertices in garments)
+                _check(raw, outfit, first + offset)
+                frame = RolloutFrame(
+                    index=first + offset,
+                    raw=raw,
+                    vertices=raw,
+                    transforms=part.transforms[offset, -1],
+                    milliseconds={"body": body_ms, "network": network_ms, "contact": 0.0},
+                )
+                yield resolver.resolve(frame, part.vertices[offset, -1]) if resolver else frame
+            first += len(part)
+
+
+def _posed(outfit: Outfit, transforms: Iterable[Tensor], fps: float) -> Iterator[tuple[BodyFrames, float]]:
+    """The body in batches of frames, and how long posing took per frame, ms; keeps LEAD frames behind."""
+    ring: list[Tensor] = []
+    fresh: list[Tensor] = []
+
+    def pose() -> tuple[BodyFrames, float]:
+        begun = time.perf_counter()
+        frames = body_frames(outfit.body, torch.stack(ring + fresh), fps)
+        return frames, 1000.0 * (time.perf_counter() - begun) / len(fresh)
+
+    for index, transform in enumerate(transforms):
+        if not torch.isfinite(transform).all():
+            raise InputError(f"frame {index} of the motion: a joint's transform is not a finite number")
+        ring = ring or [transform] * LEAD
+        fresh.append(transform)
+        if len(fresh) == BATCH:
+            yield pose()
+            ring, fresh = (ring + fresh)[-LEAD:], []
+    if fresh:
+        yield pose()
+
+
+def _single(frames: BodyFrames) -> Iterator[BodyFrames]:
+    """One frame at a time, for a method that remembers."""
+    for index in range(len(frames)):
+        now = slice(index, index + 1)
+        yield replace(
+            frames,
+            transforms=frames.transforms[now],
+            vertices=frames.vertices[now],
+            velocity=frames.velocity[now],
+            acceleration=frames.acceleration[now],
+        )
+
+
+def _check(garments: tuple[Tensor, ...], outfit: Outfit, index: int) -> None:
+    for garment, vertices in zip(outfit.garments, garments, strict=True):
+        if not torch.isfinite(vertices).all():
+            raise InputError(
+                f"frame {index}: garment {garment.name} left the finite numbers; the rollout stopped"
+            )
+
+
+class _Contact:
+    """Moves the garments of an outfit out of the body, frame after frame."""
+
+    def __init__(self, outfit: Outfit) -> None:
+        self.surface = BodySurface(outfit.body.mesh.vertices, outfit.body.mesh.faces)
+        self.smoothers = [Smoother(g.mesh.vertices, g.mesh.faces) for g in outfit.garments]
+
+    def resolve(self, frame: RolloutFrame, body_vertices: Tensor) -> RolloutFrame:
+        """The frame with its garments resolved against the posed body (V, 3)."""
+        begun = time.perf_counter()
+        self.surface.update(body_vertices)
+        moved = [
+            resolve(vertices, self.surface, smoother)
+            for vertices, smoother in zip(frame.raw, self.smoothers, strict=True)
+        ]
+        spent = 1000.0 * (time.perf_counter() - begun)
+        return replace(
+            frame,
+            vertices=tuple(vertices for vertices, _ in moved),
+            milliseconds={**frame.milliseconds, "contact": spent},
+            contacts=tuple(contacts for _, contacts in moved),
+        )
