@@ -9,7 +9,6 @@ from time import perf_counter
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-from torch import Tensor
 
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.export.writer import open_writer
@@ -18,12 +17,7 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.templates import TEMPLATES, wear
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.library import load_clip
-from uvcloth.physics.contact import BodySurface, inside_share
 from uvcloth.rollout import rollout
-from uvcloth.skinning import skin
-
-PROBES = 60
-"""Frames, evenly over the clip, at which the share of vertices inside the body is measured."""
 
 
 @dataclass(frozen=True)
@@ -31,26 +25,29 @@ class Summary:
     """What a rollout did.
 
     milliseconds: per frame, by stage. inside_before, inside_after: percent of the garment vertices inside the
-    body before and after contact, without the places where the body intersects itself, mean over the probes.
+    body before and after contact, without the places where the body intersects itself; None without contact.
     """
 
     written: tuple[Path, ...]
     frames: int
     seconds: float
     milliseconds: dict[str, float]
-    inside_before: float
-    inside_after: float
+    inside_before: float | None
+    inside_after: float | None
 
     def lines(self) -> list[str]:
         """The summary as text for a terminal."""
         stages = ", ".join(f"{stage} {spent:.1f}" for stage, spent in self.milliseconds.items())
         rate = self.frames / self.seconds
-        return [
+        lines = [
             *(str(path) for path in self.written),
             f"{self.frames} frames in {self.seconds:.1f} s, {rate:.1f} frames per second",
             f"ms per frame: {stages}",
-            f"vertices inside the body: {self.inside_before:.2f} %, after contact {self.inside_after:.2f} %",
         ]
+        if self.inside_before is not None:
+            inside = f"{self.inside_before:.2f} %, after contact {self.inside_after:.2f} %"
+            lines.append(f"vertices inside the body: {inside}")
+        return lines
 
 
 def animate(
@@ -72,7 +69,7 @@ def animate(
     outfit = Outfit(body, tuple(_dress(name, body, console) for name in garments))
     clip = load_clip(motion, body)
     method = load_method(model or str(files("uvcloth") / "data" / "model"), body)
-    probe = _Probe(body)
+    inside = {"before": 0, "after": 0}
     spent: dict[str, float] = defaultdict(float)
     start = perf_counter()
     writer = open_writer(out, [(garment.name, garment.mesh) for garment in outfit.garments], body, clip.fps)
@@ -81,8 +78,9 @@ def animate(
         for index, frame in enumerate(rollout(method, outfit, clip.transforms(), clip.fps, contact)):
             for stage, milliseconds in frame.milliseconds.items():
                 spent[stage] += milliseconds
-            if index % max(1, len(clip) // PROBES) == 0:
-                probe.measure(frame.raw, frame.vertices, frame.transforms)
+            for found in frame.contacts:
+                inside["before"] += found.inside_before
+                inside["after"] += found.inside_after
             begun = perf_counter()
             writer.add(frame.vertices, frame.transforms)
             spent["writing"] += 1e3 * (perf_counter() - begun)
@@ -90,13 +88,14 @@ def animate(
             progress.update(task, advance=1, rate=f"{rate:.1f} frames per second")
         begun = perf_counter()
     spent["writing"] += 1e3 * (perf_counter() - begun)
+    vertices = len(clip) * sum(len(garment.mesh.vertices) for garment in outfit.garments)
     return Summary(
         written=writer.written,
         frames=len(clip),
         seconds=perf_counter() - start,
         milliseconds={stage: total / len(clip) for stage, total in spent.items()},
-        inside_before=probe.mean("before"),
-        inside_after=probe.mean("after"),
+        inside_before=100.0 * inside["before"] / vertices if contact else None,
+        inside_after=100.0 * inside["after"] / vertices if contact else None,
     )
 
 
@@ -114,23 +113,3 @@ def _progress(console: Console) -> Progress:
     return Progress(
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), rate, console=console
     )
-
-
-class _Probe:
-    """Collects the share of garment vertices inside the body before and after contact."""
-
-    def __init__(self, body: Body) -> None:
-        self.body = body
-        self.surface = BodySurface(body.mesh.vertices, body.mesh.faces)
-        self.counts: dict[str, float] = defaultdict(float)
-        self.total = 0
-
-    def measure(self, raw: Sequence[Tensor], vertices: Sequence[Tensor], transforms: Tensor) -> None:
-        self.surface.update(skin(self.body.mesh.vertices, self.body.weights, transforms[None])[0])
-        for before, after in zip(raw, vertices, strict=True):
-            self.counts["before"] += len(before) * inside_share(before, self.surface)[1]
-            self.counts["after"] += len(after) * inside_share(after, self.surface)[1]
-            self.total += len(after)
-
-    def mean(self, when: str) -> float:
-        return self.counts[when] / max(1, self.total)

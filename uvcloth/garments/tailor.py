@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import torch
 import trimesh
-import xatlas
 from numpy.typing import NDArray
 
 from rasterize.errors import InputError
+from rasterize.layout import unwrap
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.cut import cut, loops, place
 from uvcloth.garments.shells import Bodice, gown, joint, suit
@@ -55,12 +55,12 @@ def tailor(name: str, body: Body, vertices: int) -> Template:
     band = _band(name, body, placed, faces_tensor)
     clearance = torch.from_numpy(fit).float()
     rest = eased(placed, faces_tensor, clearance, band, body)
-    uvs, face_uvs = _unwrap(rest.numpy(), faces_tensor.numpy())
+    uvs, face_uvs = unwrap(rest, faces_tensor)
     return Template(
         name=name,
         faces=faces_tensor,
-        uvs=torch.from_numpy(uvs),
-        face_uvs=torch.from_numpy(face_uvs),
+        uvs=uvs,
+        face_uvs=face_uvs,
         anchor_faces=anchors.faces,
         anchor_barycentrics=anchors.barycentrics,
         clearance=clearance,
@@ -222,11 +222,6 @@ def _snapped(points: Array, hems: list[Array]) -> Array:
         best = np.where(closer[:, None], on_line[rows, nearest], best)
         distance = np.minimum(distance, gap[rows, nearest])
     return best
-
-
-def _unwrap(vertices: Array, faces: Indices) -> tuple[NDArray[np.float32], Indices]:
-    _, face_uvs, uvs = xatlas.parametrize(vertices.astype(np.float32), faces.astype(np.uint32))
-    return uvs.astype(np.float32), face_uvs.astype(np.int64)
 
 
 @dataclass(frozen=True)

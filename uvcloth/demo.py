@@ -1,0 +1,85 @@
+"""`uvcloth demo`: the whole way once, on what the package brings, in a few minutes on two cores."""
+
+from collections.abc import Iterable, Iterator
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import torch
+from rich.console import Console
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.animate import animate
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.garments.garment import Outfit
+from uvcloth.garments.templates import TEMPLATES, wear
+from uvcloth.methods.registry import load_method
+from uvcloth.render import (
+    BODY_COLOR,
+    GARMENT_COLORS,
+    Surface,
+    contact_sheet,
+    render_frames,
+    save_png,
+    three_quarter,
+)
+from uvcloth.rollout import rollout
+from uvcloth.simulate.farm import simulate_batch
+from uvcloth.simulate.sequence import load_sequence
+from uvcloth.skinning import skin
+
+CLIP = "twirl"
+GARMENT = "skirt.obj"
+PICTURES = 6
+PICTURE_SIZE = (300, 420)
+
+
+def run(out: Path) -> None:
+    """Simulate the templates over a built-in clip, roll the shipped model out on it, write files and pictures.
+
+    `make demo` then lets `python -m evaluate` compare the two in a report. Raises InputError if the folder
+    cannot be written.
+    """
+    console = Console()
+    body = load_body()
+    console.print(f"1. Simulating {', '.join(TEMPLATES)} over the built-in clip {CLIP} (a minute or two)")
+    simulate_batch([CLIP], TEMPLATES, out / "sequences", body)
+    skirt = str(files("uvcloth") / "data" / "garments" / GARMENT)
+    console.print(
+        "2. Rolling the shipped model out on the same clip, on templates and on a skirt it never saw"
+    )
+    for name, garments in (("dress", ["dress"]), ("outfit", ["tops", skirt])):
+        for suffix in ("glb", "usdc"):
+            summary = animate(None, CLIP, garments, out / f"{name}.{suffix}", body_file=None)
+            console.print("\n".join(f"   {line}" for line in summary.lines()), highlight=False)
+    console.print("3. Drawing simulation (top) and prediction (bottom)")
+    for name in TEMPLATES:
+        path = out / f"{name}.png"
+        save_png(path, _side_by_side(out / "sequences" / f"{CLIP}_{name}.npz", name, body))
+        console.print(f"   {path}")
+
+
+def _side_by_side(path: Path, name: str, body: Body) -> np.ndarray:
+    """A sheet of PICTURES moments of a simulated sequence, the shipped model's rollout below each."""
+    if not path.exists():
+        raise InputError(f"{path}: the simulation was kept apart, see {path.parent / 'rejected'}")
+    sequence = load_sequence(path)
+    method = load_method(str(files("uvcloth") / "data" / "model"), body)
+    outfit = Outfit(body, (wear(name, body),))
+    moments = torch.linspace(sequence.settling, len(sequence.vertices) - 1, PICTURES).long().tolist()
+    frames = rollout(method, outfit, sequence.transforms, sequence.fps)
+    predicted = {frame.index: frame.vertices[0] for frame in frames if frame.index in moments}
+    posed = skin(body.mesh.vertices, body.weights, sequence.transforms[moments])
+
+    def surfaces(cloth: Iterable[Tensor]) -> Iterator[tuple[Surface, Surface]]:
+        for skin_vertices, vertices in zip(posed, cloth, strict=True):
+            yield (
+                Surface(skin_vertices, body.mesh.faces, BODY_COLOR),
+                Surface(vertices, sequence.faces, GARMENT_COLORS[TEMPLATES.index(name)]),
+            )
+
+    camera = three_quarter(posed)
+    simulated = render_frames(surfaces(sequence.vertices[moments]), camera, PICTURE_SIZE)
+    rolled = render_frames(surfaces(predicted[moment] for moment in moments), camera, PICTURE_SIZE)
+    return contact_sheet([*simulated, *rolled], columns=PICTURES)
