@@ -1,0 +1,99 @@
+"""Any garment mesh worn on a body's rest pose: read, examined, and hung on the body."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from rasterize.layout import unwrap
+from rasterize.raycast import cast_rays
+from uvcloth.bodies.body import REGIONS, Body
+from uvcloth.garments.attach import DIFFUSION, attach, make_garment
+from uvcloth.garments.diagnose import Diagnosis, diagnose
+from uvcloth.garments.garment import Attachment, Garment
+from uvcloth.garments.meshfile import read_mesh
+from uvcloth.mesh import Mesh
+
+COVERED = 0.15
+"""Fraction of a body part under a garment from which on the garment belongs to that part."""
+
+WAIST = 0.3
+"""Height of the waist, as a fraction of the trunk from crotch to neck."""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A user's garment on a body, with what was found out about its file."""
+
+    garment: Garment
+    diagnosis: Diagnosis
+
+
+def fit(path: Path, body: Body, template: str | None = None) -> Fitted:
+    """Wear a mesh file (OBJ, PLY, GLB, STL, ...) on a body, by ray casting (PhysXNet section 4.3).
+
+    The file's vertex order and texture coordinates stay; unit and up axis are converted. template: "tops",
+    "bottoms" or "dress", the one whose motion it takes; None chooses by the part of the body it covers.
+    Raises InputError naming the file and the reason if it cannot be read or cannot be worn.
+    """
+    if template is not None and template not in DIFFUSION:
+        raise InputError(f"{template}: no such template, expected one of {', '.join(DIFFUSION)}")
+    path = Path(path)
+    mesh, diagnosis = diagnose(path, read_mesh(path), body)
+    unwrapped = len(mesh.uvs) == 0
+    if unwrapped:
+        uvs, face_uvs = unwrap(mesh.vertices, mesh.faces)
+        mesh = replace(mesh, uvs=uvs, face_uvs=face_uvs)
+    skirt = is_skirt(mesh, body)
+    if template is None:
+        template = covering_template(attach(mesh, body), body, skirt)
+    diffusion = DIFFUSION["dress"] if skirt else DIFFUSION[template]
+    garment = make_garment(path.stem, template, mesh, body, diffusion)
+    missed = int(garment.attachment.missed.sum())
+    return Fitted(garment, replace(diagnosis, ray_misses=missed, unwrapped=unwrapped, template=template))
+
+
+def is_skirt(mesh: Mesh, body: Body) -> bool:
+    """Whether a mesh goes around both legs together, somewhere along the thighs.
+
+    At a few heights a line runs through both thighs, from left to right: a skirt meets it on both outer
+    sides and nowhere between the thighs, trousers also there.
+    """
+    thigh = body.regions == REGIONS.index("thigh")
+    centres = body.mesh.vertices[body.mesh.faces].mean(1)
+    left, right = centres[thigh & (body.sides > 0)], centres[thigh & (body.sides < 0)]
+    levels = torch.quantile(left[:, 2], torch.tensor([0.2, 0.4, 0.6]))
+    starts = torch.stack([_axis(left, levels), _axis(right, levels)])
+    between = starts[1] - starts[0]
+    span = between.norm(dim=1)
+
+    def meets(origins: Tensor, directions: Tensor) -> Tensor:
+        hits = cast_rays(origins, directions, mesh.vertices, mesh.faces, max_distance=1.0, both_ways=False)
+        return hits.distance
+
+    outside = torch.isfinite(meets(starts[0], -between)) & torch.isfinite(meets(starts[1], between))
+    return bool((outside & (meets(starts[0], between) > span)).any())
+
+
+def _axis(centres: Tensor, levels: Tensor) -> Tensor:
+    """Centres (L, 3) of one thigh at some heights (L,), each from the faces within 3 cm."""
+    near = ((centres[None, :, 2] - levels[:, None]).abs() < 0.03).to(centres)
+    return (near @ centres) / near.sum(1, keepdim=True).clamp(min=1)
+
+
+def covering_template(attachment: Attachment, body: Body, skirt: bool) -> str:
+    """The template that serves the part of the body a garment covers: "tops", "bottoms" or "dress".
+
+    A skirt without an upper part moves like the dress; what covers trunk and both legs, like the larger.
+    """
+    legs = torch.isin(body.regions, torch.tensor([REGIONS.index("thigh"), REGIONS.index("calf")]))
+    heights = body.mesh.vertices[body.mesh.faces].mean(1)[:, 2]
+    trunk = body.regions == REGIONS.index("torso")
+    lowest, highest = heights[trunk].aminmax()
+    hips = trunk & (heights < lowest + WAIST * (highest - lowest))
+    below = (legs | hips)[attachment.faces]
+    if skirt and float(legs[attachment.faces].float().mean()) > COVERED:
+        return "dress"
+    return "bottoms" if float(below.float().mean()) > 0.5 else "tops"
