@@ -19,7 +19,10 @@ def outfit() -> Outfit:
     mesh = body.mesh.moved(body.mesh.vertices * 1.2)
     count = len(mesh.vertices)
     attachment = Attachment(
-        torch.zeros(count, dtype=torch.int64), torch.zeros(count, 3), torch.zeros(count, 3), torch.zeros(count)
+        torch.zeros(count, dtype=torch.int64),
+        torch.zeros(count, 3),
+        torch.zeros(count, 3),
+        torch.zeros(count),
     )
     return Outfit(body, (Garment("shell", "tops", mesh, attachment, body.weights, body.weights),))
 
@@ -62,7 +65,9 @@ def test_streams_every_frame_with_its_true_history(remembers):
         expected = skin(worn.garments[0].mesh.vertices, worn.garments[0].weights, transforms[None])[0]
         torch.testing.assert_close(frame.vertices[0], expected)
     # Free fall from the fourth frame on: the body's acceleration is g.
-    torch.testing.assert_close(shown[6:, -1, :, 2], torch.full((len(motion) - 6, 8), -9.81), rtol=0.02, atol=0.0)
+    torch.testing.assert_close(
+        shown[6:, -1, :, 2], torch.full((len(motion) - 6, 8), -9.81), rtol=0.02, atol=0.0
+    )
 
 
 def test_takes_a_stream_without_reading_ahead():

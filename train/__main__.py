@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import tyro
 from rich.console import Console
@@ -11,7 +11,7 @@ from tyro.conf import OmitArgPrefixes
 
 from rasterize.command import run_command
 from rasterize.errors import InputError
-from train.loop import LOOPS, LoopConfig, fit
+from train.loop import LOOPS, LoopConfig, fit, refuse_run
 from train.physxnet import LOSSES, Losses, PhysXNetObjective
 from uvcloth.bodies.body import load_body
 from uvcloth.methods.physxnet import PRESETS, PhysXNetConfig
@@ -43,7 +43,7 @@ class PhysXNetRun:
 
 
 def physxnet_preset(name: str) -> dict[str, Any]:
-    """The settings of a preset as defaults of PhysXNetRun. Raises InputError if there is none of that name."""
+    """The settings of a preset, as defaults of PhysXNetRun. Raises InputError for an unknown name."""
     if name not in PRESETS:
         raise InputError(f"--preset {name}: expected one of {', '.join(PRESETS)}")
     return {"preset": name, "network": PRESETS[name], "losses": LOSSES[name], "loop": LOOPS[name]}
@@ -64,8 +64,8 @@ def main() -> None:
     kind, preset = METHODS[method]
     default = replace(kind(data=tyro.MISSING, out=tyro.MISSING), **preset(_preset_of(arguments)))
     run = tyro.cli(kind, args=arguments, default=default, prog=f"python -m train {method}")
-    if (run.out / "training").exists() and not run.resume:
-        raise InputError(f"{run.out}: holds a run already; continue it with --resume or name another folder")
+    if not run.resume:
+        refuse_run(run.out)
     errors = fit(run.objective(), run.out, run.loop, resume=run.resume)
     parts = ", ".join(f"{key} {value:.1f}" for key, value in errors.items() if key not in ("step", "minutes"))
     Console().print(f"{run.out}: best at step {errors['step']:.0f}, validation mm: {parts}")

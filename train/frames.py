@@ -1,4 +1,4 @@
-"""The training frames of PhysXNet as texel values in memory: posing and baking happen once, not in every step."""
+"""The training frames of PhysXNet as maps in memory: posing and baking happen once, not in every step."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from torch import Tensor
 
 from rasterize.bake import scatter_map
 from train.prepare import Prepared
-from train.recordings import Recording, counted
+from train.recordings import Recording
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
 from uvcloth.methods.physxnet import PhysXNetConfig, motion_values, pose_values, template_offsets

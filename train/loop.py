@@ -1,11 +1,10 @@
 """The training loop: any objective, on CPU, one GPU or several, interrupted and resumed without a trace."""
 
 import copy
-import json
 import math
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
@@ -20,6 +19,9 @@ from uvcloth.checkpoint import load_tensors, save_tensors
 STATE = Path("training") / "state.safetensors"
 """Where a run keeps what an exact resume needs."""
 
+LOG_EVERY = 10
+"""Steps between entries in the log."""
+
 
 @dataclass(frozen=True)
 class LoopConfig:
@@ -28,7 +30,7 @@ class LoopConfig:
     steps: int = 20000
     """Optimizer steps in all."""
     minutes: float | None = None
-    """Stop after this many minutes of training (and validation), and fit the learning rate's fall to it."""
+    """Stop after so many minutes of training and validation; the learning rate falls over them."""
     batch: int = 8
     """Frames in a step, over all devices."""
     learning_rate: float = 1e-3
@@ -38,7 +40,7 @@ class LoopConfig:
     weight_decay: float = 1e-3
     """Decoupled weight decay."""
     average: float = 0.998
-    """Decay of the running mean of the weights that is validated and saved; 0 takes the weights themselves."""
+    """Decay of the running mean of the weights, which is validated and saved; 0 takes the weights."""
     validate_every: int = 250
     """Steps between validations; the best network is kept."""
     save_seconds: float = 120.0
@@ -89,12 +91,26 @@ class Objective(Protocol):
 
 @dataclass
 class Progressed:
-    """How far a run has come."""
+    """How far a run has come: optimizer steps, seconds of training, and the validation errors so far, mm."""
 
     step: int = 0
     seconds: float = 0.0
     best: float = math.inf
-    errors: list[dict[str, float]] | None = None
+    errors: list[dict[str, float]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Training:
+    """A run in memory: what `fit` works on and what an exact resume needs."""
+
+    objective: Objective
+    run: Path
+    config: LoopConfig
+    fabric: Any
+    networks: dict[str, Any]
+    optimizers: dict[str, Any]
+    average: nn.Module
+    done: Progressed
 
 
 def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) -> dict[str, float]:
@@ -104,6 +120,31 @@ def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) ->
     exactly. Ctrl-C saves before it ends. Raises InputError if there is nothing to resume, or if the run
     was started with other settings.
     """
+    if not resume:
+        refuse_run(run)
+    training = _begin(objective, run, config)
+    if resume:
+        _load_state(training)
+    done = training.done
+    try:
+        _train(training)
+    except KeyboardInterrupt:
+        _save_state(training)
+        Console(stderr=True).print(f"interrupted at step {done.step}; continue with --resume")
+        raise
+    if not done.errors or done.errors[-1]["step"] != done.step:
+        Console(stderr=True).print(f"step {done.step}: {_validate(training)}")
+    _save_state(training)
+    return min(done.errors, key=lambda errors: errors["mean"])
+
+
+def refuse_run(run: Path) -> None:
+    """Raise InputError if the folder holds a run that a new one would overwrite."""
+    if (run / STATE).exists():
+        raise InputError(f"{run}: holds a run already; continue it with --resume or name another folder")
+
+
+def _begin(objective: Objective, run: Path, config: LoopConfig) -> Training:
     from lightning.fabric import Fabric
     from lightning.fabric.loggers.tensorboard import TensorBoardLogger
 
@@ -116,10 +157,10 @@ def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) ->
     )
     fabric.launch()
     torch.manual_seed(config.seed)
-    fresh = objective.networks()
-    objective.to(fabric.device)
     networks: dict[str, Any] = {}
     optimizers: dict[str, Any] = {}
+    fresh = objective.networks()
+    objective.to(fabric.device)
     for name, network in fresh.items():
         laid_out = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         optimizer = torch.optim.AdamW(
@@ -127,84 +168,80 @@ def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) ->
         )
         networks[name], optimizers[name] = fabric.setup(laid_out, optimizer)
     average = copy.deepcopy(networks["net"].module) if config.average else networks["net"].module
-    done = Progressed()
-    if resume:
-        done = _load_state(run, config, networks, optimizers, average, objective)
-    elif (run / STATE).exists():
-        raise InputError(f"{run}: holds a run already; continue it with --resume or name another folder")
-    samples = objective.samples.cpu()
+    return Training(objective, run, config, fabric, networks, optimizers, average, Progressed())
 
-    def save_state() -> None:
-        if fabric.is_global_zero:
-            _save_state(run, config, networks, optimizers, average, objective, done)
 
-    def validate() -> dict[str, float]:
-        errors = objective.validate(average)
-        done.errors = [*(done.errors or []), {"step": done.step, "minutes": done.seconds / 60, **errors}]
-        fabric.log_dict({f"validation_mm/{k}": v for k, v in errors.items()}, done.step)
-        if errors["mean"] < done.best:
-            done.best = errors["mean"]
-            if fabric.is_global_zero:
-                notes = {"step": done.step, "minutes": done.seconds / 60, "validation_mm": errors}
-                objective.save(average, run, {**notes, "loop": asdict(config), "curve": done.errors})
-        return errors
+def _train(training: Training) -> None:
+    config, fabric, done = training.config, training.fabric, training.done
+    samples = training.objective.samples.cpu()
+    shown = ""
+    begun = time.monotonic() - done.seconds
+    saved = time.monotonic()
+    with _progress(fabric.is_global_zero) as bar:
+        task = bar.add_task("training", total=1.0)
+        while (share := _share(config, done)) < 1.0:
+            _set_rates(training.optimizers, config, share)
+            parts = _step(training, samples)
+            done.seconds = time.monotonic() - begun
+            if done.step % LOG_EVERY == 0:
+                values = {key: float(value.detach()) for key, value in parts.items()}
+                fabric.log_dict({f"loss/{key}": value for key, value in values.items()}, done.step)
+                losses = " ".join(f"{key} {value:.3f}" for key, value in values.items())
+                bar.update(task, completed=share, description=f"step {done.step} {losses} {shown}")
+            if done.step % config.validate_every == 0:
+                shown = _validate(training)
+                bar.console.print(f"step {done.step}, {done.seconds / 60:.1f} min: {shown}")
+                done.seconds = time.monotonic() - begun
+            if time.monotonic() - saved > config.save_seconds:
+                _save_state(training)
+                saved = time.monotonic()
 
-    bar = Progress(
+
+def _step(training: Training, samples: Tensor) -> dict[str, Tensor]:
+    """One step of every network; returns the parts of the losses."""
+    config, fabric, done = training.config, training.fabric, training.done
+    rows = rows_of_step(samples, config, done.step)[fabric.global_rank :: fabric.world_size]
+    torch.manual_seed((config.seed * 1_000_003 + done.step) * fabric.world_size + fabric.global_rank)
+    parts: dict[str, Tensor] = {}
+    for name, loss, logged in training.objective.steps(training.networks, rows.to(fabric.device)):
+        training.optimizers[name].zero_grad()
+        fabric.backward(loss)
+        training.optimizers[name].step()
+        parts |= logged
+    if config.average:
+        _blend(training.average, training.networks["net"].module, config.average, done.step)
+    done.step += 1
+    return parts
+
+
+def _validate(training: Training) -> str:
+    """Validate, keep the checkpoint if it is the best so far, and say the errors in words."""
+    done = training.done
+    errors = training.objective.validate(training.average)
+    when = {"step": done.step, "minutes": done.seconds / 60}
+    done.errors.append({**when, **errors})
+    training.fabric.log_dict({f"validation_mm/{name}": error for name, error in errors.items()}, done.step)
+    if errors["mean"] < done.best:
+        done.best = errors["mean"]
+        if training.fabric.is_global_zero:
+            notes = {**when, "validation_mm": errors, "loop": asdict(training.config), "curve": done.errors}
+            training.objective.save(training.average, training.run, notes)
+    return "validation mm: " + ", ".join(f"{name} {error:.1f}" for name, error in errors.items())
+
+
+def _progress(shown: bool) -> Progress:
+    return Progress(
         TextColumn("{task.description}"),
-        BarColumn(),
+        BarColumn(bar_width=20),
         TextColumn("{task.percentage:>3.0f} %"),
         TimeElapsedColumn(),
         console=Console(stderr=True),
-        disable=not fabric.is_global_zero,
+        disable=not shown,
     )
-    shown = "" if not done.errors else _in_words(done.errors[-1])
-    clock = saved = time.monotonic()
-    begun = clock - done.seconds
-    try:
-        with bar:
-            task = bar.add_task("training", total=1.0)
-            while (share := _share(config, done)) < 1.0:
-                _set_rates(optimizers, config, share)
-                rows = rows_of_step(samples, config, done.step)[fabric.global_rank :: fabric.world_size]
-                torch.manual_seed(
-                    (config.seed * 1_000_003 + done.step) * fabric.world_size + fabric.global_rank
-                )
-                parts: dict[str, Tensor] = {}
-                for name, loss, logged in objective.steps(networks, rows.to(fabric.device)):
-                    optimizers[name].zero_grad()
-                    fabric.backward(loss)
-                    optimizers[name].step()
-                    parts |= logged
-                if config.average:
-                    _blend(average, networks["net"].module, config.average, done.step)
-                done.step += 1
-                done.seconds = time.monotonic() - begun
-                if done.step % 10 == 0:
-                    values = {key: float(value.detach()) for key, value in parts.items()}
-                    fabric.log_dict({f"loss/{key}": value for key, value in values.items()}, done.step)
-                    losses = " ".join(f"{key} {value:.3f}" for key, value in values.items())
-                    bar.update(
-                        task, completed=_share(config, done), description=f"step {done.step} {losses} {shown}"
-                    )
-                if done.step % config.validate_every == 0:
-                    shown = _in_words(validate())
-                    bar.console.print(f"step {done.step}, {done.seconds / 60:.1f} min: {shown}")
-                    done.seconds = time.monotonic() - begun
-                if time.monotonic() - saved > config.save_seconds:
-                    save_state()
-                    saved = time.monotonic()
-    except KeyboardInterrupt:
-        save_state()
-        Console(stderr=True).print(f"interrupted at step {done.step}; continue with --resume")
-        raise
-    if not done.errors or done.errors[-1]["step"] != done.step:
-        Console(stderr=True).print(f"step {done.step}: {_in_words(validate())}")
-    save_state()
-    return min(done.errors or [], key=lambda errors: errors["mean"])
 
 
 def rows_of_step(samples: Tensor, config: LoopConfig, step: int) -> Tensor:
-    """The rows of a step: every epoch is a permutation of its own, drawn by its number; ragged ends are dropped."""
+    """The rows of a step. Every epoch is a permutation drawn by its number; its ragged end is dropped."""
     batch = min(config.batch, len(samples))
     epoch, place = divmod(step, len(samples) // batch)
     order = torch.randperm(len(samples), generator=torch.Generator().manual_seed(config.seed + 7919 * epoch))
@@ -228,7 +265,7 @@ def _set_rates(optimizers: Mapping[str, Any], config: LoopConfig, share: float) 
 
 @torch.no_grad()
 def _blend(average: nn.Module, network: nn.Module, decay: float, step: int) -> None:
-    """Move the running mean towards the network; faster in the beginning, while there is little to average."""
+    """Move the running mean towards the network: faster while there is little to average."""
     decay = min(decay, (1.0 + step) / (10.0 + step))
     for mean, value in zip(average.state_dict().values(), network.state_dict().values(), strict=True):
         if mean.is_floating_point():
@@ -237,73 +274,54 @@ def _blend(average: nn.Module, network: nn.Module, decay: float, step: int) -> N
             mean.copy_(value)
 
 
-def _in_words(errors: Mapping[str, float]) -> str:
-    parts = [f"{key} {value:.1f}" for key, value in errors.items() if key not in ("step", "minutes")]
-    return f"validation mm: {', '.join(parts)}"
-
-
 def _settings(config: LoopConfig) -> dict[str, Any]:
     """The settings that must not change within a run; how long it takes may."""
-    values = asdict(config)
-    return {
-        key: value
-        for key, value in values.items()
-        if key not in ("steps", "minutes", "validate_every", "save_seconds")
-    }
+    may_change = ("steps", "minutes", "validate_every", "save_seconds")
+    return {key: value for key, value in asdict(config).items() if key not in may_change}
 
 
-def _save_state(
-    run: Path,
-    config: LoopConfig,
-    networks: Mapping[str, Any],
-    optimizers: Mapping[str, Any],
-    average: nn.Module,
-    objective: Objective,
-    done: Progressed,
-) -> None:
-    tensors = {f"memory/{key}": value for key, value in objective.memory().items()}
-    for name, network in networks.items():
+def _save_state(training: Training) -> None:
+    if not training.fabric.is_global_zero:
+        return
+    tensors = {f"memory/{key}": value for key, value in training.objective.memory().items()}
+    for name, network in training.networks.items():
         tensors |= {f"network/{name}/{key}": value for key, value in network.module.state_dict().items()}
-        for index, state in optimizers[name].state_dict()["state"].items():
+        for index, state in training.optimizers[name].state_dict()["state"].items():
             tensors |= {f"optimizer/{name}/{index}/{key}": value for key, value in state.items()}
-    if config.average:
-        tensors |= {f"average/net/{key}": value for key, value in average.state_dict().items()}
-    best = None if math.isinf(done.best) else done.best
-    save_tensors(tensors, {**asdict(done), "best": best, "settings": _settings(config)}, run / STATE)
+    if training.config.average:
+        tensors |= {f"average/{key}": value for key, value in training.average.state_dict().items()}
+    done = asdict(training.done)
+    done["best"] = None if math.isinf(training.done.best) else training.done.best
+    save_tensors(tensors, {"done": done, "settings": _settings(training.config)}, training.run / STATE)
 
 
-def _load_state(
-    run: Path,
-    config: LoopConfig,
-    networks: Mapping[str, Any],
-    optimizers: Mapping[str, Any],
-    average: nn.Module,
-    objective: Objective,
-) -> Progressed:
+def _load_state(training: Training) -> None:
+    run = training.run
     if not (run / STATE).exists():
         raise InputError(f"{run}: nothing to resume, it has no {STATE}")
     tensors, meta = load_tensors(run / STATE)
-    started, wanted = meta.pop("settings"), json.loads(json.dumps(_settings(config)))
-    for key, value in wanted.items():
-        if started.get(key) != value:
-            raise InputError(f"{run}: was started with {key} = {started.get(key)}, not {value}")
+    for key, value in _settings(training.config).items():
+        if meta["settings"].get(key) != value:
+            raise InputError(f"{run}: was started with {key} = {meta['settings'].get(key)}, not {value}")
 
     def part(prefix: str) -> dict[str, Tensor]:
         return {key[len(prefix) :]: value for key, value in tensors.items() if key.startswith(prefix)}
 
     try:
-        for name, network in networks.items():
+        for name, network in training.networks.items():
             network.module.load_state_dict(part(f"network/{name}/"))
             state: dict[int, dict[str, Tensor]] = {}
             for key, value in part(f"optimizer/{name}/").items():
                 index, _, entry = key.partition("/")
                 state.setdefault(int(index), {})[entry] = value
-            groups = optimizers[name].state_dict()["param_groups"]
-            optimizers[name].load_state_dict({"state": state, "param_groups": groups})
-        if config.average:
-            average.load_state_dict(part("average/net/"))
+            groups = training.optimizers[name].state_dict()["param_groups"]
+            training.optimizers[name].load_state_dict({"state": state, "param_groups": groups})
+        if training.config.average:
+            training.average.load_state_dict(part("average/"))
     except (RuntimeError, ValueError, KeyError) as error:
-        raise InputError(f"{run}: was started with another network ({str(error).splitlines()[0]})") from error
-    objective.remember(part("memory/"))
-    best = meta.pop("best")
-    return Progressed(**meta, best=math.inf if best is None else best)
+        first = str(error).splitlines()[0]
+        raise InputError(f"{run}: was started with another network ({first})") from error
+    training.objective.remember(part("memory/"))
+    done, before = training.done, meta["done"]
+    done.step, done.seconds, done.errors = before["step"], before["seconds"], before["errors"]
+    done.best = math.inf if before["best"] is None else before["best"]

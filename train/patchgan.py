@@ -1,5 +1,7 @@
 """The paper's discriminator, and the labels that it is trained on (section 4.4)."""
 
+from itertools import pairwise
+
 import torch
 from torch import Tensor, nn
 
@@ -10,13 +12,13 @@ FLIPPED = 0.05
 
 
 class PatchGAN(nn.Module):
-    """Judges overlapping patches of body and garment maps as real or made: (B, C, H, W) -> logits (B, 1, h, w)."""
+    """Judges overlapping patches of body and garment maps: (B, C, H, W) -> logits (B, 1, h, w)."""
 
     def __init__(self, channels: int, width: int) -> None:
         super().__init__()
         widths = (channels, width, width * 2, width * 4)
         layers: list[nn.Module] = []
-        for before, after in zip(widths[:-1], widths[1:], strict=True):
+        for before, after in pairwise(widths):
             layers += [nn.Conv2d(before, after, 4, stride=2, padding=1)]
             layers += [nn.BatchNorm2d(after)] if before != channels else []
             layers += [nn.LeakyReLU(0.2, inplace=True)]

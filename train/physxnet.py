@@ -1,6 +1,6 @@
 """The objective of PhysXNet: what it is trained for, how it is validated and what it saves."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,9 @@ from uvcloth.methods.physxnet import (
 
 STATISTICS_STRIDE = 4
 """Every n-th training frame enters the statistics."""
+
+GEOMETRY_STRIDE = 4
+"""Every n-th row of a batch is decoded for the edge and bend losses, which cost as much as the network."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +85,9 @@ class PhysXNetObjective:
         )
         self.geometry = [self._geometry(name) for name in config.templates]
         self.past = _new_past(config, self.frames) if config.history else torch.zeros(0)
+        if config.anchor == "carrier":
+            errors = {name: f"{error:.1f}" for name, error in self._errors(self._without_change).items()}
+            Console().print(f"smooth skinning alone, validation mm: {errors}")
 
     @property
     def samples(self) -> Tensor:
@@ -113,7 +119,7 @@ class PhysXNetObjective:
         self.past = self.past.to(device)
 
     def steps(
-        self, networks: Mapping[str, nn.Module], rows: Tensor
+        self, networks: Mapping[str, Any], rows: Tensor
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
         """The losses of one batch: which network each trains, and its parts for the log."""
         maps = self.frames.inputs(rows)
@@ -138,41 +144,48 @@ class PhysXNetObjective:
             total, parts = total + fooled, {**parts, "adversarial": fooled}
         yield "net", total, parts
 
-    def _parts(self, net: nn.Module, predicted: Tensor, rows: Tensor) -> dict[str, Tensor]:
+    def _parts(self, net: GarmentNet, predicted: Tensor, rows: Tensor) -> dict[str, Tensor]:
         """Weighted losses over the templates; a template that a row lacks weighs nothing in it."""
-        transforms = self.frames.transforms[rows]
-        present = self.frames.present[rows].float()
-        parts: dict[str, list[Tensor]] = {"l1": [], "edge": [], "bend": []}
-        posed = body_vertices(self.body, transforms) if self.config.anchor == "body" else transforms
         scales = net.output_scale.flatten()
+        parts = {
+            "l1": predicted.new_zeros(()),
+            "edge": predicted.new_zeros(()),
+            "bend": predicted.new_zeros(()),
+        }
+        present = self.frames.present[rows].float()
+        total = present.sum().clamp(min=1.0)
+        some = slice(None, None, GEOMETRY_STRIDE)
+        transforms, some_present = self.frames.transforms[rows[some]], present[some]
+        posed = body_vertices(self.body, transforms) if self.config.anchor == "body" else transforms
+        some_total = some_present.sum().clamp(min=1.0)
         for index, name in enumerate(self.config.templates):
-            template, worn = self.prepared.templates[name], self.prepared.worn[name]
-            sample, edges, rest = self.geometry[index]
-            share = present[:, index] / present.sum().clamp(min=1.0)
+            template = self.prepared.templates[name]
             offsets = offsets_of(predicted, index, template.pixels)
             wrong = offsets - self.frames.offsets[index][rows].float()
             error = (wrong.abs().mean(1) / scales[3 * index : 3 * index + 3]).mean(1)
-            parts["l1"].append(self.weights.l1 * (share * error).sum())
+            parts["l1"] = parts["l1"] + self.weights.l1 * (present[:, index] * error).sum() / total
+            sample, edges, rest = self.geometry[index]
+            share = some_present[:, index] / some_total
             if self.weights.edge:
                 vertices = garment_vertices(
                     self.config,
                     self.prepared.texels,
                     template,
-                    worn,
-                    offsets=offsets,
+                    self.prepared.worn[name],
+                    offsets=offsets[some],
                     body_vertices=posed,
                     transforms=transforms,
                     sample=sample,
                 )
-                stretch = (edges(vertices).norm(dim=2) / rest - 1.0).abs()
-                parts["edge"].append(self.weights.edge * (share * stretch.mean(1)).sum())
+                stretch = (edges(vertices).norm(dim=2) / rest - 1.0).abs().mean(1)
+                parts["edge"] = parts["edge"] + self.weights.edge * (share * stretch).sum()
             if self.weights.bend:
-                turned = edges(sample(wrong)).norm(dim=2) / rest
-                parts["bend"].append(self.weights.bend * (share * turned.mean(1)).sum())
-        return {name: torch.stack(values).sum() for name, values in parts.items() if values}
+                turned = (edges(sample(wrong[some])).norm(dim=2) / rest).mean(1)
+                parts["bend"] = parts["bend"] + self.weights.bend * (share * turned).sum()
+        return parts
 
     def _geometry(self, name: str) -> tuple[Operator, Operator, Tensor]:
-        """How a template's texels become vertices, its vertices edge vectors, and the edges' rest lengths, m."""
+        """How a template's texels become vertices, those edge vectors, and the edges' rest lengths, m."""
         worn, edges = self.prepared.worn[name], self.prepared.edges[name]
         sample = sampling(worn.samples, worn.shares, len(self.prepared.templates[name].texels))
         rest = (worn.points[edges[:, 0]] - worn.points[edges[:, 1]]).norm(dim=1)
@@ -187,9 +200,9 @@ class PhysXNetObjective:
         return past.flatten(1, 2)
 
     def _judged(
-        self, net: nn.Module, maps: Tensor, predicted: Tensor, rows: Tensor
+        self, net: GarmentNet, maps: Tensor, predicted: Tensor, rows: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """What the discriminator sees: normalized inputs, real and made maps, zero where no texel is valid."""
+        """What the discriminator sees: normalized inputs, real and made maps, zero off the cloth."""
         real, mask = torch.zeros_like(predicted), torch.zeros_like(predicted)
         for index, name in enumerate(self.config.templates):
             pixels = self.prepared.templates[name].pixels
@@ -200,13 +213,22 @@ class PhysXNetObjective:
         real, made = (mask * (values - net.output_shift) / net.output_scale for values in (real, predicted))
         return (maps - net.input_shift) / net.input_scale, real, made
 
-    @torch.no_grad()
     def validate(self, net: nn.Module) -> dict[str, float]:
         """Mean vertex error in mm of each template over the validation clips, and their mean.
 
         With history the clips are rolled out side by side, on their own predictions.
         """
         net.eval()
+        errors = self._errors(net)
+        net.train()
+        return errors
+
+    def _without_change(self, maps: Tensor) -> Tensor:
+        """What a network would say that never moves a garment off its carrier."""
+        return maps.new_zeros(len(maps), 3 * len(self.config.templates), *maps.shape[2:])
+
+    @torch.no_grad()
+    def _errors(self, net: Callable[[Tensor], Tensor]) -> dict[str, float]:
         errors: dict[str, list[Tensor]] = {name: [] for name in self.config.templates}
         for rows, predicted in self._rollouts(net) if self.config.history else self._batches(net):
             transforms = self.held.transforms[rows]
@@ -228,16 +250,15 @@ class PhysXNetObjective:
                 )
                 true = truth[places[here]].to(vertices)
                 errors[name].append((vertices - true).norm(dim=2).mean(1) * 1000.0)
-        net.train()
         means = {name: float(torch.cat(parts).mean()) for name, parts in errors.items() if parts}
         return {"mean": sum(means.values()) / len(means), **means}
 
-    def _batches(self, net: nn.Module) -> Iterator[tuple[Tensor, Tensor]]:
+    def _batches(self, net: Callable[[Tensor], Tensor]) -> Iterator[tuple[Tensor, Tensor]]:
         for rows in self.held.samples[:: max(1, len(self.held.samples) // 128)].split(8):
             maps = self.held.inputs(rows)
             yield rows, net(maps)
 
-    def _rollouts(self, net: nn.Module) -> Iterator[tuple[Tensor, Tensor]]:
+    def _rollouts(self, net: Callable[[Tensor], Tensor]) -> Iterator[tuple[Tensor, Tensor]]:
         starts, counts = self.held.starts.unique(return_counts=True)
         sheet = (3 * len(self.config.templates), self.config.size, self.config.size)
         past = torch.zeros(len(starts), self.config.history, *sheet, device=starts.device)

@@ -28,7 +28,7 @@ FORMAT = "uvcloth-prepared-1"
 FILE = "prepared.npz"
 
 SAME_REST = 0.002
-"""Metres between a sequence's rest shape and the template on the body that still count as the same garment."""
+"""Metres between a sequence's rest shape and the template on the body that still count as the same."""
 
 
 @dataclass(frozen=True)

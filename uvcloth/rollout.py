@@ -22,8 +22,8 @@ BATCH = 8
 class RolloutFrame:
     """One frame.
 
-    raw, vertices: per garment (N, 3) m, world, as predicted and after contact. transforms: (J, 3, 4) of the body.
-    milliseconds: "body", "network" and "contact". contacts: per garment what contact did; empty without it.
+    raw, vertices: per garment (N, 3) m, world, as predicted and after contact. transforms: (J, 3, 4) of the
+    body. milliseconds: "body", "network" and "contact". contacts: what contact did to each garment.
     """
 
     index: int
@@ -37,11 +37,12 @@ class RolloutFrame:
 def rollout(
     method: Method, outfit: Outfit, transforms: Iterable[Tensor], fps: float, contact: bool = True
 ) -> Iterator[RolloutFrame]:
-    """Predict the outfit over a motion: transforms (J, 3, 4) of each frame in turn, a tensor or a stream of them.
+    """Predict the outfit over a motion, frame after frame.
 
-    The body stands still before its first frame. With contact, vertices inside the body are moved out of it
-    after each frame, which a method that remembers does not see. Raises InputError naming the frame where a
-    transform or a predicted vertex is not a finite number.
+    transforms: (J, 3, 4) of each frame in turn, a tensor or a stream. The body stands still before its first
+    frame. With contact, vertices inside the body are moved out of it after each frame, which a method that
+    remembers does not see. Raises InputError naming the frame where a transform or a predicted vertex is not
+    a finite number.
     """
     state: Any = None
     resolver = _Contact(outfit) if contact else None

@@ -97,7 +97,7 @@ def joined_rays(slices: LegSlices, points: Tensor, sides: Tensor, along: Tensor)
 def _unrolled(angle: Tensor, height: Tensor, sides: Tensor, along: Tensor) -> Tensor:
     """Angles (P,) that reach exactly pi and -pi at the seam, which need not lie just on the inner line.
 
-    Angles run on past the inner line up to the seam; then each half of each leg is stretched, height by height.
+    Angles run on past the inner line up to the seam; then each half of each leg is stretched, level by level.
     """
     edges = torch.linspace(float(height.min()), float(height.max()), STRETCHES + 1)
     level = (torch.bucketize(height, edges, right=True) - 1).clamp(0, STRETCHES - 1)

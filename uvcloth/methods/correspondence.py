@@ -159,9 +159,7 @@ def worn_on(garment: Garment, template: TemplateTexels, texels: BodyTexels) -> W
     facing = (normals, vertex_normals(vertices, garment.mesh.faces))
     sampler = nearest_sampler(points, texels.sheet, vertices, normals=facing)
     samples = torch.searchsorted(template.pixels, sampler.pixels)
-    # Negative weights reproduce linear fields beyond the last texel, but multiply a network's noise there.
-    shares = sampler.weights.clamp(min=0.0)
-    shares = shares / shares.sum(dim=1, keepdim=True)
+    shares = sampler.weights
     return Worn(
         samples=samples,
         shares=shares,

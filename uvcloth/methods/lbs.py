@@ -19,7 +19,7 @@ class SkinnedGarment:
 
 @dataclass(frozen=True)
 class LinearBlendSkinning:
-    """A Method without memory. smooth: blend weights diffused over the garment, so that skirts do not split."""
+    """A Method without memory. smooth: weights diffused over the garment, so that skirts do not split."""
 
     name: str
     smooth: bool

@@ -101,8 +101,8 @@ PRESETS: dict[str, PhysXNetConfig] = {
 class GarmentNet(nn.Module):
     """The U-Net between maps in metres and seconds: scales what goes in and what comes out.
 
-    The statistics are buffers, so that they are saved with the weights; the outputs' shift is (channels, 1, 1)
-    or, centred per texel, (channels, H, W).
+    The statistics are buffers, so that they are saved with the weights; output_shift is (channels, 1, 1) or,
+    centred per texel, (channels, H, W).
     """
 
     input_shift: Tensor
@@ -229,7 +229,7 @@ def body_anchors(
 
 @dataclass(frozen=True)
 class WornState:
-    """The outfit on the maps, and the last predicted offset maps (history, 3 * templates, H, W), oldest first."""
+    """The outfit on the maps. history: (history, 3 * templates, H, W) last offset maps, oldest first."""
 
     texels: BodyTexels
     templates: dict[str, TemplateTexels]

@@ -1,0 +1,46 @@
+"""Sequences without a simulator: the templates swing along with a random motion, a frame late."""
+
+from pathlib import Path
+
+import torch
+
+from uvcloth.bodies.body import load_body
+from uvcloth.garments.templates import wear
+from uvcloth.motion.clip import Clip
+from uvcloth.simulate.sequence import Sequence, save_sequence
+from uvcloth.skinning import skin
+
+
+def save_clips(folder: Path, templates: tuple[str, ...], clips: int, frames: int, settling: int = 3) -> None:
+    """Write one sequence per clip and template; the last clip lacks the last template."""
+    body = load_body()
+    garments = {name: wear(name, body) for name in templates}
+    for index in range(clips):
+        motion = swaying(frames, seed=index).transforms()
+        for name in templates[:-1] if index == clips - 1 else templates:
+            garment = garments[name]
+            late = torch.cat([motion[:1], motion[:-1]])
+            sequence = Sequence(
+                vertices=skin(garment.mesh.vertices, garment.carrier_weights, late),
+                faces=garment.mesh.faces,
+                rest=garment.mesh.vertices,
+                transforms=motion,
+                fps=30.0,
+                settling=settling,
+                metadata={"clip": f"clip{index}", "garment": name, "body": "default"},
+            )
+            save_sequence(sequence, folder / f"clip{index}_{name}.npz")
+
+
+def swaying(frames: int, seed: int) -> Clip:
+    """Every joint turns to and fro about an axis of its own."""
+    generator = torch.Generator().manual_seed(seed)
+    skeleton = load_body().skeleton
+    joints = len(skeleton.names)
+    axes = 0.2 * torch.randn(joints, 3, generator=generator)
+    phase = torch.rand(joints, generator=generator)
+    angle = torch.sin(2 * torch.pi * (torch.arange(frames)[:, None] / 15.0 + phase))
+    x, y, z = (angle[..., None] * axes).unbind(-1)
+    zero = torch.zeros_like(x)
+    cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], dim=-1).view(frames, joints, 3, 3)
+    return Clip("swaying", skeleton, torch.matrix_exp(cross), skeleton.heads[:1].repeat(frames, 1), 30.0)

@@ -1,0 +1,87 @@
+"""Two steps, an interruption and two more give the same weights as four steps in one go, bit for bit."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from rasterize.errors import InputError
+from tests.train.simulated import save_clips
+from train.loop import LOOPS, STATE, fit, rows_of_step
+from train.physxnet import LOSSES, PhysXNetObjective
+from uvcloth.checkpoint import load_tensors
+from uvcloth.methods.physxnet import PRESETS
+
+pytest.importorskip("lightning")
+
+LOOP = replace(LOOPS["tiny"], steps=4, batch=4, validate_every=2, average=0.9)
+NETWORK = replace(PRESETS["tiny"], templates=("tops", "bottoms"), dropout=0.2)
+VARIANTS = {
+    "default": (NETWORK, LOSSES["tiny"]),
+    "history": (replace(NETWORK, history=2), LOSSES["tiny"]),
+    "adversarial": (
+        replace(PRESETS["paper"], size=32, width=8, templates=NETWORK.templates),
+        LOSSES["paper"],
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("sequences")
+    save_clips(folder, NETWORK.templates, clips=2, frames=14)
+    return folder
+
+
+class Interrupted(PhysXNetObjective):
+    """Presses Ctrl-C before its third step."""
+
+    asked = 0
+
+    def steps(self, networks, rows):  # type: ignore[no-untyped-def]
+        self.asked += 1
+        if self.asked == 3:
+            raise KeyboardInterrupt
+        return super().steps(networks, rows)
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_resuming_gives_the_weights_of_an_uninterrupted_run(
+    variant: str, data: Path, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    network, losses = VARIANTS[variant]
+
+    def objective(run: str, kind: Callable[..., PhysXNetObjective] = PhysXNetObjective) -> PhysXNetObjective:
+        return kind(network, losses, data, tmp_path / run)
+
+    fit(objective("whole"), tmp_path / "whole", LOOP, resume=False)
+    with pytest.raises(KeyboardInterrupt):
+        fit(objective("parts", Interrupted), tmp_path / "parts", LOOP, resume=False)
+    assert load_tensors(tmp_path / "parts" / STATE)[1]["done"]["step"] == 2
+    fit(objective("parts"), tmp_path / "parts", LOOP, resume=True)
+
+    whole, _ = load_tensors(tmp_path / "whole" / STATE)
+    parts, _ = load_tensors(tmp_path / "parts" / STATE)
+    assert whole.keys() == parts.keys()
+    for name, tensor in whole.items():
+        assert torch.equal(tensor, parts[name]), name
+    moved = [name for name in whole if name.startswith("network/net/") and name.endswith("weight")]
+    start = objective("fresh").networks()["net"].state_dict()
+    assert all(not torch.equal(whole[name], start[name.removeprefix("network/net/")]) for name in moved)
+
+    with pytest.raises(InputError, match="learning_rate"):
+        fit(objective("parts"), tmp_path / "parts", replace(LOOP, learning_rate=0.5), resume=True)
+    with pytest.raises(InputError, match="--resume"):
+        fit(objective("parts"), tmp_path / "parts", LOOP, resume=False)
+
+
+def test_every_epoch_sees_every_row_once() -> None:
+    samples = torch.arange(100, 121)
+    epochs = [[rows_of_step(samples, LOOP, step) for step in range(5 * e, 5 * e + 5)] for e in range(2)]
+    seen = [torch.cat(epoch) for epoch in epochs]
+    for rows in seen:
+        assert len(rows.unique()) == 20
+        assert set(rows.tolist()) <= set(samples.tolist())
+    assert not torch.equal(seen[0], seen[1])
