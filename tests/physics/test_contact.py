@@ -134,3 +134,16 @@ def test_the_default_body_at_rest_has_clean_clothes_and_no_conflict_in_trunk_or_
     resolved, contacts = resolve(suit.vertices, surface, Smoother(suit.vertices, suit.faces))
     assert contacts.in_conflict == 0
     assert (resolved - suit.vertices).norm(dim=1).max() < 2e-3
+
+
+def test_the_number_of_threads_changes_no_answer():
+    surface = crossing_limbs()
+    points = 0.3 * torch.randn(2001, 3, generator=torch.manual_seed(2))
+    threads = torch.get_num_threads()
+    answers = []
+    for count in (1, 3):
+        torch.set_num_threads(count)
+        found = surface.closest(points)
+        answers.append((found.signed_distance, found.faces, surface.winding(points, found.normals + 1e-3)))
+    torch.set_num_threads(threads)
+    assert all(torch.equal(one, other) for one, other in zip(*answers, strict=True))
