@@ -199,3 +199,23 @@ def test_refuses_weights_of_another_width(body, tmp_path):
 def test_a_name_almost_right_gets_a_hint(body):
     with pytest.raises(InputError, match="did you mean 'lbs_smooth'"):
         load_method("lbs_smoth", body)
+
+
+def test_a_batch_predicts_what_single_frames_predict(body, outfit):
+    torch.manual_seed(0)
+    method = TINY.create()
+    frames = body_frames(body, with_lead(swaying(5, seed=6).transforms()), 30.0)
+    state = method.start(outfit, frames)
+    _, together = method.step(state, frames)
+    for index in range(len(frames)):
+        now = slice(index, index + 1)
+        single = replace(
+            frames,
+            transforms=frames.transforms[now],
+            vertices=frames.vertices[now],
+            velocity=frames.velocity[now],
+            acceleration=frames.acceleration[now],
+        )
+        _, alone = method.step(state, single)
+        for a, b in zip(alone, together, strict=True):
+            torch.testing.assert_close(a[0], b[index], atol=1e-5, rtol=0.0)

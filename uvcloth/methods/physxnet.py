@@ -306,15 +306,18 @@ class PhysXNet:
         return state, tuple(moved)
 
     def _motion(self, texels: BodyTexels, frames: BodyFrames) -> Tensor:
-        """The network's motion channels at the texels: (B, C, P)."""
+        """The network's motion channels at the texels: (B, C, P).
+
+        Frames follow each other, so that the histories of B frames are B + HISTORY - 1 frames in all.
+        """
+
+        def run(values: Tensor) -> Tensor:
+            return torch.cat([values[0, :-1], values[:, -1]])
+
         motion = motion_values(
-            self.config,
-            texels,
-            frames.velocity.flatten(0, 1),
-            frames.acceleration.flatten(0, 1),
-            frames.transforms.flatten(0, 1),
-        ).unflatten(0, (len(frames), HISTORY))
-        motion = motion.flatten(1, 2)
+            self.config, texels, run(frames.velocity), run(frames.acceleration), run(frames.transforms)
+        )
+        motion = motion.unfold(0, HISTORY, 1).movedim(-1, 1).flatten(1, 2)
         if not self.config.pose:
             return motion
         pose = pose_values(texels, frames.vertices[:, -1], frames.transforms[:, -1])
