@@ -1,14 +1,12 @@
 """Which simulated windows are judged, and what their actions are called."""
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from rasterize.errors import InputError
 from uvcloth.garments.templates import TEMPLATES
-
-INDEX = "index.csv"
+from uvcloth.simulate.index import INDEX, read_index
 
 
 @dataclass(frozen=True)
@@ -32,7 +30,7 @@ class Window:
 def find_windows(data: Path, actions: Sequence[str] = ()) -> tuple[Window, ...]:
     """The test windows of a data folder made by `uvcloth simulate`, in the order of its index.
 
-    DATA/index.csv (columns trial, split, action) names the test clips and their actions; without one every
+    DATA/index.csv names the test clips and their actions; without one every
     sequence counts and its clip is its action. actions: keep only these, all if empty. Raises InputError if
     the folder, the index or an action is missing, or nothing was simulated.
     """
@@ -61,12 +59,7 @@ def find_windows(data: Path, actions: Sequence[str] = ()) -> tuple[Window, ...]:
 
 
 def _test_clips(index: Path) -> dict[str, str]:
-    with index.open(newline="", encoding="utf-8") as stream:
-        rows = csv.DictReader(stream)
-        missing = {"trial", "split", "action"} - set(rows.fieldnames or ())
-        if missing:
-            raise InputError(f"{index}: lacks the column {', '.join(sorted(missing))}")
-        clips = {row["trial"]: row["action"] for row in rows if row["split"] == "test"}
+    clips = {entry.clip: entry.action for entry in read_index(index).values() if entry.split == "test"}
     if not clips:
         raise InputError(f"{index}: no row has the split test")
     return clips

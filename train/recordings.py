@@ -10,6 +10,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.simulate.index import INDEX, read_index
 from uvcloth.simulate.sequence import Sequence, load_sequence
 
 SAME_MOTION = 1e-3
@@ -36,12 +37,15 @@ class Recording:
 def load_recordings(folder: Path, templates: List[str], body: Body) -> list[Recording]:
     """Read every sequence of a folder and group it by clip, sorted by name.
 
-    Raises InputError naming the file if one is damaged, of another rig, or of another motion than its clip's
+    Clips whose split is `test` in the folder's index.csv, if it has one, are left out. Raises InputError
+    naming the file if one is damaged, of another rig, or of another motion than its clip's
     other garments, and naming the folder if it holds none of the templates.
     """
     paths = sorted(Path(folder).glob("*.npz"))
     if not paths:
         raise InputError(f"{folder}: no sequence (*.npz) made by `uvcloth simulate` in this folder")
+    index = Path(folder) / INDEX
+    unseen = {e.clip for e in read_index(index).values() if e.split == "test"} if index.is_file() else set()
     clips: dict[str, dict[Path, Sequence]] = {}
     for path in track(paths, "reading sequences", transient=True):
         sequence = load_sequence(path)
@@ -50,10 +54,10 @@ def load_recordings(folder: Path, templates: List[str], body: Body) -> list[Reco
                 f"{path}: simulated on a body with {sequence.transforms.shape[1]} joints, "
                 f"body {body.name!r} has {len(body.skeleton.names)}"
             )
-        if sequence.garment in templates:
+        if sequence.garment in templates and sequence.clip not in unseen:
             clips.setdefault(sequence.clip, {})[path] = sequence
     if not clips:
-        raise InputError(f"{folder}: none of its sequences is of {', '.join(templates)}")
+        raise InputError(f"{folder}: none of its sequences is a training clip of {', '.join(templates)}")
     return [_recording(clip, clips[clip]) for clip in sorted(clips)]
 
 

@@ -69,7 +69,8 @@ class Simulate:
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     windows: Annotated[Path | None, arg(metavar="CSV", help_behavior_hint="(default: whole clips)")] = None
-    """Simulate a part of each clip: a table with the columns trial, window_start, window_frames."""
+    """Simulate a part of each clip: a table with the columns trial, split, action, window_start and
+    window_frames, which training and evaluation then go by."""
     jobs: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: one per core)")] = None
     """Sequences simulated at the same time on this machine."""
     scheduler: Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")] = None

@@ -1,9 +1,13 @@
 """Triangle meshes as plain tensors: normals, edges, adjacency, neighbour averages."""
 
+import warnings
 from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
+
+# Products with compressed rows are what makes smoothing fast; torch warns of their beta state on every run.
+warnings.filterwarnings("ignore", message="Sparse CSR tensor support is in beta")
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,10 @@ def neighbour_average(faces: Tensor, count: int) -> Tensor:
     lonely = torch.nonzero(degree == 0).squeeze(1)
     rows, cols = torch.cat([rows, lonely]), torch.cat([cols, lonely])
     values = 1.0 / degree.clamp(min=1)[rows].to(torch.get_default_dtype())
-    return torch.sparse_coo_tensor(torch.stack([rows, cols]), values, (count, count)).coalesce()
+    matrix = torch.sparse_coo_tensor(
+        torch.stack([rows, cols]), values, (count, count), check_invariants=False
+    )
+    return matrix.coalesce()
 
 
 def weld(vertices: Tensor) -> Tensor:

@@ -19,7 +19,7 @@ MOST_STRETCH = 4.0
 
 
 def examine(sequence: Sequence, body: Body) -> tuple[Sequence, str | None]:
-    """The sequence with inside_percent and inside_percent_raw in its metadata, and why it is refused, if it is.
+    """The sequence with inside_percent and inside_percent_raw in its metadata, and why it is refused, if so.
 
     Inside means inside the collider (the body without forearms and hands), not counting places where the
     body intersects itself; the raw figure counts those too.

@@ -1,6 +1,5 @@
 """Simulate many sequences in parallel processes, on this machine or on a dask cluster."""
 
-import csv
 import os
 import shutil
 from collections.abc import Callable, Sequence
@@ -16,6 +15,7 @@ from uvcloth.garments.templates import wear
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
 from uvcloth.simulate.accept import examine
+from uvcloth.simulate.index import INDEX, read_index
 from uvcloth.simulate.lead_in import LeadIn
 from uvcloth.simulate.newton import Style3D
 from uvcloth.simulate.run import run_up, simulate
@@ -52,7 +52,7 @@ def simulate_batch(
 ) -> None:
     """Simulate every clip with every garment into OUT/<clip>_<garment>.npz; what is there already is kept.
 
-    windows: a csv with the columns trial, window_start, window_frames; copied to OUT/index.csv.
+    windows: an index of clips and windows, copied to OUT/index.csv.
     repeat: start each window REPEAT_EARLIER frames earlier and write to OUT/repeat instead.
     Sequences that explode or end inside the body go to OUT/rejected with the reason in their metadata.
     Raises InputError for unreadable clips or windows, or if the `simulate` extra is missing.
@@ -67,8 +67,8 @@ def simulate_batch(
         if not (job.target.exists() or _rejected(job.target).exists())
     ]
     out.mkdir(parents=True, exist_ok=True)
-    if windows is not None and not (out / "index.csv").exists():
-        shutil.copyfile(windows, out / "index.csv")
+    if windows is not None and not (out / INDEX).exists():
+        shutil.copyfile(windows, out / INDEX)
     if not todo:
         print(f"{out}: every sequence is there already")
         return
@@ -102,13 +102,15 @@ def plan(
     earlier: bool = False,
 ) -> list[Job]:
     """The sequences to make, one per clip and garment. Raises InputError as simulate_batch does."""
-    table = _read_windows(windows) if windows is not None else {}
+    table = read_index(windows) if windows is not None else {}
     made = []
     for name in clips:
         clip = load_clip(name, body)
-        start, frames = table.get(clip.name, (0, len(clip)))
-        if windows is not None and clip.name not in table:
-            raise InputError(f"{windows}: has no row for the clip {clip.name}")
+        start, frames = 0, len(clip)
+        if windows is not None:
+            if clip.name not in table:
+                raise InputError(f"{windows}: has no row for the clip {clip.name}")
+            start, frames = table[clip.name].start, table[clip.name].frames
         if start + frames > len(clip):
             raise InputError(f"{name}: has {len(clip)} frames, the window ends at {start + frames}")
         motion, before = run_up(clip, start, frames, REPEAT_EARLIER if earlier else 0)
@@ -142,19 +144,6 @@ def _keep(recording: Recording, reason: str | None, job: Job) -> str:
 
 def _rejected(target: Path) -> Path:
     return target.parent / "rejected" / target.name
-
-
-def _read_windows(path: Path) -> dict[str, tuple[int, int]]:
-    try:
-        with path.open(newline="") as stream:
-            rows = list(csv.DictReader(stream))
-        return {row["trial"]: (int(row["window_start"]), int(row["window_frames"])) for row in rows}
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (KeyError, ValueError, TypeError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{path}: expected a table with the columns trial, window_start, window_frames ({error})"
-        ) from error
 
 
 def _progress() -> Progress:

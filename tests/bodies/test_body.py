@@ -1,0 +1,112 @@
+"""The shipped body, its file, and posing."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import REGIONS, Body, load_body, save_body
+from uvcloth.bodies.collider import make_collider
+from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
+from uvcloth.skeleton import joint_transforms
+from uvcloth.skinning import diffuse_weights, rotation_part, skin
+
+
+def random_rotations(*shape: int, seed: int = 0) -> torch.Tensor:
+    generator = torch.Generator().manual_seed(seed)
+    q, r = torch.linalg.qr(torch.randn(*shape, 3, 3, generator=generator))
+    q = q * torch.sign(torch.diagonal(r, dim1=-2, dim2=-1))[..., None, :]
+    return q * torch.linalg.det(q)[..., None, None]
+
+
+def test_a_body_survives_its_file(body: Body, tmp_path: Path) -> None:
+    save_body(body, tmp_path / "b.npz")
+    again = load_body(tmp_path / "b.npz")
+    assert (tmp_path / "b.npz").stat().st_size < 3e6
+    assert again.skeleton.names == body.skeleton.names
+    torch.testing.assert_close(again.mesh.vertices, body.mesh.vertices, rtol=0, atol=0)
+    torch.testing.assert_close(again.weights, body.weights)
+    assert torch.equal(again.regions, body.regions)
+    assert again.proxies.keys() == body.proxies.keys()
+
+
+def test_the_shipped_body_is_a_watertight_standing_adult(body: Body) -> None:
+    mesh = trimesh.Trimesh(body.mesh.vertices.numpy(), body.mesh.faces.numpy(), process=False)
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert 0.05 < mesh.volume < 0.1
+    assert 1.5 < np.ptp(mesh.vertices[:, 2]) < 2.0
+    torch.testing.assert_close(body.weights.sum(1), torch.ones(len(body.weights)))
+    left = body.mesh.vertices[body.mesh.faces[body.sides == 1].reshape(-1), 0]
+    assert float(left.min()) > -0.02
+    assert {REGIONS[int(r)] for r in body.regions.unique()} == set(REGIONS)
+
+
+@pytest.mark.parametrize("damage", ["missing", "truncated", "other", "nan"])
+def test_a_bad_body_file_is_named(body: Body, tmp_path: Path, damage: str) -> None:
+    path = tmp_path / "b.npz"
+    if damage == "truncated":
+        save_body(body, path)
+        path.write_bytes(path.read_bytes()[:5000])
+    elif damage == "other":
+        np.savez(path, format=np.array("something"))
+    elif damage == "nan":
+        broken = body.mesh.moved(body.mesh.vertices * float("nan"))
+        save_body(Body(**{**body.__dict__, "mesh": broken}), path)
+    with pytest.raises(InputError, match=r"b\.npz"):
+        load_body(path)
+
+
+def test_a_rigid_motion_moves_every_vertex_rigidly(body: Body) -> None:
+    turn = random_rotations(1)
+    rotations = turn.expand(2, len(body.skeleton.names), 3, 3)
+    path = torch.tensor([[0.1, 0.2, 0.3], [1.0, -2.0, 0.5]])
+    transforms = joint_transforms(body.skeleton, rotations, path)
+    posed = skin(body.mesh.vertices, body.weights, transforms)
+    expected = (body.mesh.vertices - body.skeleton.heads[0]) @ turn[0].T + path[:, None]
+    torch.testing.assert_close(posed, expected, atol=2e-6, rtol=1e-5)
+    torch.testing.assert_close(rotation_part(transforms), transforms[..., :3], atol=1e-5, rtol=0)
+
+
+def test_velocity_and_acceleration_of_a_thrown_body(body: Body) -> None:
+    fps, frames = 30.0, 12
+    t = torch.arange(frames) / fps
+    path = torch.stack([2.0 * t, torch.zeros(frames), -0.5 * 9.81 * t**2], dim=1)
+    identity = torch.eye(3).expand(frames, len(body.skeleton.names), 3, 3)
+    transforms = joint_transforms(body.skeleton, identity, path)
+    seen = body_frames(body, transforms, fps)
+    assert seen.vertices.shape[:2] == (frames - 4, HISTORY)
+    torch.testing.assert_close(
+        seen.velocity[..., 0], torch.full_like(seen.velocity[..., 0], 2.0), atol=1e-3, rtol=0
+    )
+    falling = seen.acceleration[..., 2]
+    torch.testing.assert_close(falling, torch.full_like(falling, -9.81), atol=2e-2, rtol=0)
+    middle = seen.vertices[3, -1] - seen.vertices[3, -2]
+    torch.testing.assert_close(seen.velocity[3, -1], middle * fps)
+    torch.testing.assert_close(seen.transforms[:, -1], transforms[4:])
+    assert len(body_frames(body, with_lead(transforms), fps)) == frames
+
+
+def test_the_collider_is_closed_and_armless(body: Body) -> None:
+    collider = make_collider(body)
+    vertices = collider.vertices(body.mesh.vertices)
+    mesh = trimesh.Trimesh(vertices.numpy(), collider.faces.numpy(), process=False)
+    assert len(collider.rims) == 2
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    wrist = body.skeleton.heads[body.skeleton.names.index("LeftHand")]
+    assert not mesh.contains(wrist[None].numpy())[0]
+
+
+def test_diffused_weights_blend_and_still_sum_to_one() -> None:
+    sheet = trimesh.creation.icosphere(3)
+    vertices = torch.from_numpy(sheet.vertices).float()
+    weights = torch.stack([vertices[:, 0] > 0, vertices[:, 0] <= 0], dim=1).float()
+    spread = diffuse_weights(weights, vertices, torch.from_numpy(sheet.faces), 0.4)
+    torch.testing.assert_close(spread.sum(1), torch.ones(len(vertices)))
+    edge = vertices[:, 0].abs() < 0.1
+    assert float((spread[edge, 0] - 0.5).abs().mean()) < float((weights[edge, 0] - 0.5).abs().mean()) / 2
+    assert float(spread[vertices[:, 0] > 0.9, 0].min()) > 0.99

@@ -1,0 +1,60 @@
+"""The templates: cut, topology and clearance on the shipped body."""
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.garments.cut import cut, loops, place
+from uvcloth.garments.templates import TEMPLATES, load_template, outward, wear
+from uvcloth.physics.contact import BodySurface
+
+OPENINGS = {"tops": 4, "bottoms": 3, "dress": 4}
+
+
+def test_a_cut_through_a_sphere_is_exact() -> None:
+    ball = trimesh.creation.icosphere(4)
+    height = ball.vertices[:, 2] - 0.3
+    edges, along, faces = cut(ball.faces, height)
+    cap = trimesh.Trimesh(place(ball.vertices, edges, along), faces, process=False)
+    assert cap.vertices[:, 2].min() == pytest.approx(0.3, abs=1e-9)
+    assert cap.area == pytest.approx(2 * np.pi * 0.7, rel=5e-3)
+    assert cap.is_winding_consistent
+    (rim,) = loops(faces)
+    np.testing.assert_allclose(cap.vertices[rim][:, 2], 0.3, atol=1e-9)
+    assert np.linalg.norm(cap.vertices[rim][:, :2], axis=1) == pytest.approx(np.sqrt(1 - 0.09), rel=5e-3)
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_templates_are_clean_garments(name: str, body: Body) -> None:
+    garment = wear(name, body)
+    mesh = trimesh.Trimesh(garment.mesh.vertices.numpy(), garment.mesh.faces.numpy(), process=False)
+    assert 3000 <= len(mesh.vertices) <= 4500
+    assert mesh.body_count == 1
+    assert mesh.is_winding_consistent
+    assert np.bincount(mesh.edges_unique_inverse).max() == 2
+    assert len(loops(garment.mesh.faces.numpy())) == OPENINGS[name]
+    assert mesh.edges_unique_length.max() < 0.04
+    skin = BodySurface(body.mesh.vertices, body.mesh.faces).closest(garment.mesh.vertices)
+    assert float(skin.signed_distance.min()) > 0.003
+    assert outward(garment.mesh, body)
+    assert len(garment.mesh.face_uvs) == len(garment.mesh.faces)
+    assert 0 <= float(garment.mesh.uvs.min()) <= float(garment.mesh.uvs.max()) <= 1
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_the_band_holds_what_it_should(name: str, body: Body) -> None:
+    template, garment = load_template(name), wear(name, body)
+    band = garment.mesh.vertices[template.band]
+    joints = dict(zip(body.skeleton.names, body.skeleton.heads, strict=True))
+    top = float(band[:, 2].max())
+    expected = joints["LowerBack"] if name == "bottoms" else joints["Neck"]
+    assert abs(top - float(expected[2])) < 0.08
+    torch.testing.assert_close(garment.carrier_weights.sum(1), torch.ones(len(garment.carrier_weights)))
+
+
+def test_an_unknown_template_is_refused() -> None:
+    with pytest.raises(InputError, match="cape"):
+        load_template("cape")

@@ -1,0 +1,46 @@
+"""The index of a benchmark: which window of which clip is trained on or tested, and what it shows."""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+from rasterize.errors import InputError
+
+INDEX = "index.csv"
+"""Name of the index in a data folder."""
+
+COLUMNS = ("trial", "split", "action", "window_start", "window_frames")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One window of a clip. split: train, test or any other word. start, frames: at 30 frames per second."""
+
+    clip: str
+    split: str
+    action: str
+    start: int
+    frames: int
+
+
+def read_index(path: Path) -> dict[str, Entry]:
+    """The windows of an index by clip. Raises InputError if it is missing or not such a table."""
+    try:
+        with path.open(newline="", encoding="utf-8") as stream:
+            rows = csv.DictReader(stream)
+            missing = [column for column in COLUMNS if column not in (rows.fieldnames or ())]
+            if missing:
+                raise InputError(f"{path}: lacks the column {', '.join(missing)}")
+            return {row["trial"]: _entry(path, row) for row in rows}
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: not a table of text") from error
+
+
+def _entry(path: Path, row: dict[str, str]) -> Entry:
+    try:
+        start, frames = int(row["window_start"]), int(row["window_frames"])
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{path}: the window of {row['trial']} is not given in whole frames") from error
+    return Entry(row["trial"], row["split"], row["action"], start, frames)
