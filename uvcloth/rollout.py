@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
+from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.frames import LEAD, BodyFrames, body_frames
 from uvcloth.garments.garment import Outfit
 from uvcloth.methods.method import Method
@@ -40,9 +41,9 @@ def rollout(
     """Predict the outfit over a motion, frame after frame.
 
     transforms: (J, 3, 4) of each frame in turn, a tensor or a stream. The body stands still before its first
-    frame. With contact, vertices inside the body are moved out of it after each frame, which a method that
-    remembers does not see. Raises InputError naming the frame where a transform or a predicted vertex is not
-    a finite number.
+    frame. With contact, vertices inside the body (forearms and hands left out, as in the simulations) are
+    moved out of it after each frame, which a method that remembers does not see. Raises InputError naming the
+    frame where a transform or a predicted vertex is not a finite number.
     """
     state: Any = None
     resolver = _Contact(outfit) if contact else None
@@ -111,16 +112,17 @@ def _check(garments: tuple[Tensor, ...], outfit: Outfit, index: int) -> None:
 
 
 class _Contact:
-    """Moves the garments of an outfit out of the body, frame after frame."""
+    """Moves the garments of an outfit out of the collider, frame after frame."""
 
     def __init__(self, outfit: Outfit) -> None:
-        self.surface = BodySurface(outfit.body.mesh.vertices, outfit.body.mesh.faces)
+        self.collider = make_collider(outfit.body)
+        self.surface = BodySurface(self.collider.vertices(outfit.body.mesh.vertices), self.collider.faces)
         self.smoothers = [Smoother(g.mesh.vertices, g.mesh.faces) for g in outfit.garments]
 
     def resolve(self, frame: RolloutFrame, body_vertices: Tensor) -> RolloutFrame:
         """The frame with its garments resolved against the posed body (V, 3)."""
         begun = time.perf_counter()
-        self.surface.update(body_vertices)
+        self.surface.update(self.collider.vertices(body_vertices))
         moved = [
             resolve(vertices, self.surface, smoother)
             for vertices, smoother in zip(frame.raw, self.smoothers, strict=True)
