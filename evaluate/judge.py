@@ -14,6 +14,7 @@ from evaluate.metrics import Reference, distance_scores, frame_scores
 from rasterize.errors import InputError
 from uvcloth.archive import load_arrays, save_arrays
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.collider import make_collider
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.method import Method
 from uvcloth.physics.contact import BodySurface, calm_vertices
@@ -61,7 +62,7 @@ class Contestant:
 class Judged:
     """One method on one window.
 
-    scores: per frame, F values each (jitter F - 3); with "network_ms" and "contact_ms" if it is a method.
+    scores: per frame, F values each (jitter F - 2); with "network_ms" and "contact_ms" if it is a method.
     shown: (S, N, 3) every stride-th frame after contact, metres, world.
     """
 
@@ -163,9 +164,11 @@ def _inside(case: Case, *versions: Tensor) -> list[Tensor]:
 
     What `inside_share` counts, with the costly search for the closest point at the vertices inside only.
     """
-    surface = BodySurface(case.body_vertices[0], case.outfit.body.mesh.faces)
+    collider = make_collider(case.outfit.body)
+    posed = collider.vertices(case.body_vertices)
+    surface = BodySurface(collider.vertices(case.outfit.body.mesh.vertices), collider.faces)
     shares: list[list[float]] = [[] for _ in versions]
-    for skin_vertices, *garments in zip(case.body_vertices, *versions, strict=True):
+    for skin_vertices, *garments in zip(posed, *versions, strict=True):
         surface.update(skin_vertices)
         for garment, share in zip(garments, shares, strict=True):
             winding = surface.winding(garment, ANYWHERE.expand_as(garment))

@@ -4,12 +4,11 @@ Shapes: F frames, N vertices, P texels. Positions in metres, results in millimet
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import torch
 from torch import Tensor
 
-from uvcloth.mesh import face_normals, face_pairs, unique_edges
+from uvcloth.physics.energies import acceleration_jitter, edge_change, fold_angle
 
 MM = 1000.0
 
@@ -29,14 +28,6 @@ class Reference:
     fps: float
     texel_corners: Tensor
     texel_barycentrics: Tensor
-
-    @cached_property
-    def edges(self) -> Tensor:
-        return unique_edges(self.faces)
-
-    @cached_property
-    def hinges(self) -> Tensor:
-        return face_pairs(self.faces)
 
 
 def distance_scores(predicted: Tensor, truth: Tensor) -> dict[str, Tensor]:
@@ -60,31 +51,8 @@ def map_mse(predicted: Tensor, truth: Tensor, corners: Tensor, barycentrics: Ten
     return seen.square().sum(-1).mean(-1)
 
 
-def edge_change(vertices: Tensor, rest: Tensor, edges: Tensor) -> Tensor:
-    """Mean absolute change of edge length against rest in mm, (F,) from (F, N, 3), (N, 3) and (E, 2)."""
-
-    def lengths(points: Tensor) -> Tensor:
-        return (points[..., edges[:, 0], :] - points[..., edges[:, 1], :]).norm(dim=-1)
-
-    return (lengths(vertices) - lengths(rest)).abs().mean(-1) * MM
-
-
-def bend_angle(vertices: Tensor, faces: Tensor, hinges: Tensor) -> Tensor:
-    """Mean angle in radians between the normals of neighbouring faces, (F,) from (F, N, 3) and (H, 2)."""
-    normals = face_normals(vertices, faces)
-    one, other = normals[..., hinges[:, 0], :], normals[..., hinges[:, 1], :]
-    sine = torch.linalg.cross(one, other).norm(dim=-1)
-    return torch.atan2(sine, (one * other).sum(-1)).mean(-1)
-
-
-def jitter(vertices: Tensor, fps: float) -> Tensor:
-    """Mean length of the change of acceleration from frame to frame in m/s2, (F - 3,) from (F, N, 3)."""
-    acceleration = torch.diff(vertices.double(), n=2, dim=0) * fps**2
-    return torch.diff(acceleration, dim=0).norm(dim=-1).mean(-1).float()
-
-
 def frame_scores(raw: Tensor, resolved: Tensor, reference: Reference) -> dict[str, Tensor]:
-    """Every measure that needs no body, per frame: (F,) each, jitter (F - 3,).
+    """Every measure that needs no body, per frame: (F,) each, jitter (F - 2,).
 
     raw: (F, N, 3) as predicted, for the map. resolved: (F, N, 3) after contact, for everything else.
     """
@@ -93,7 +61,7 @@ def frame_scores(raw: Tensor, resolved: Tensor, reference: Reference) -> dict[st
             raw, reference.vertices, reference.texel_corners, reference.texel_barycentrics
         ),
         **distance_scores(resolved, reference.vertices),
-        "edge_mm": edge_change(resolved, reference.rest, reference.edges),
-        "bend_rad": bend_angle(resolved, reference.faces, reference.hinges),
-        "jitter": jitter(resolved, reference.fps),
+        "edge_mm": edge_change(resolved, reference.rest, reference.faces) * MM,
+        "bend_rad": fold_angle(resolved, reference.faces),
+        "jitter": acceleration_jitter(resolved, reference.fps),
     }

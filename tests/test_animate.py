@@ -10,6 +10,7 @@ from uvcloth import animate as animation
 from uvcloth.export.animation import load_animation
 from uvcloth.mesh import Mesh
 from uvcloth.motion.library import load_clip
+from uvcloth.physics.contact import Contacts
 
 FRAMES = 4
 
@@ -28,7 +29,11 @@ def scene(monkeypatch, body):
     def rollout(method, outfit, transforms, fps, contact):
         for joints in still:
             yield SimpleNamespace(
-                raw=(raw,), vertices=(resolved,), transforms=joints, milliseconds={"network": 2.0}
+                raw=(raw,),
+                vertices=(resolved,),
+                transforms=joints,
+                milliseconds={"network": 2.0},
+                contacts=(Contacts(1, 0, 0, 0.0),) if contact else (),
             )
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
@@ -56,6 +61,8 @@ def test_the_summary_counts_what_is_inside_the_body(scene, tmp_path):
     assert summary.inside_after == 0
     assert summary.milliseconds["network"] == pytest.approx(2.0)
     assert set(summary.milliseconds) == {"network", "writing"}
+    without = animation.animate("lbs", "walk", ["tops"], tmp_path / "raw.npz", contact=False)
+    assert without.inside_before is None
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), InputError("a rollout left the finite numbers")])

@@ -36,7 +36,7 @@ PICTURE_SIZE = (300, 420)
 
 
 def run(out: Path) -> None:
-    """Simulate the templates over a built-in clip, roll the shipped model out on it, write files and pictures.
+    """Simulate the templates over a built-in clip, roll the shipped model out on it, write files, pictures.
 
     `make demo` then lets `python -m evaluate` compare the two in a report. Raises InputError if the folder
     cannot be written.

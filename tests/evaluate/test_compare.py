@@ -98,7 +98,8 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     repeat = simulated(tube_garment("tops"), "02_04", torch.tensor([0.002, 0.0, 0.005]), start=3)
     save_sequence(repeat, data / "repeat" / "02_04_tops.npz")
     (data / "index.csv").write_text(
-        "trial,split,action\n02_04,test,jump\n12_01,test,walking\n01_01,train,playground\n"
+        "trial,split,action,window_start,window_frames\n"
+        "02_04,test,jump,0,9\n12_01,test,walking,0,9\n01_01,train,playground,0,9\n"
     )
     save_body(capsule_body(), tmp_path / "body.npz")
     return data

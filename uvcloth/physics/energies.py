@@ -49,11 +49,11 @@ def hinge_angles(vertices: Tensor, faces: Tensor) -> Tensor:
 
 
 def acceleration_jitter(vertices: Tensor, fps: float) -> Tensor:
-    """Mean length of the second difference in time, m/s2: vertices (T, N, 3) -> scalar.
+    """Mean length of the second difference in time, m/s2: vertices (T, N, 3) -> (T - 2,).
 
     It holds the motion's own acceleration too: compare it with the simulation's.
     """
-    return torch.diff(vertices, n=2, dim=0).norm(dim=-1).mean() * fps**2
+    return torch.diff(vertices, n=2, dim=0).norm(dim=-1).mean(-1) * fps**2
 
 
 def _safe_norm(vectors: Tensor) -> Tensor:

@@ -5,7 +5,7 @@ import warp as wp
 
 
 @wp.kernel
-def closest_point(  # noqa: PLR0917, a kernel takes its arrays by position
+def closest_point(
     mesh: wp.uint64,
     points: wp.array(dtype=wp.vec3),
     reach: float,
