@@ -28,9 +28,7 @@ class Scene:
 
 
 class Engine(Protocol):
-    """A cloth engine: its name and version for the metadata, its settings, and the simulation itself."""
-
-    name: str
+    """A cloth engine: what the metadata say of it, and the simulation itself."""
 
     def describe(self) -> dict[str, Any]:
         """Engine, exact versions and settings, as JSON values."""
