@@ -14,7 +14,7 @@ from uvcloth.skinning import skin
 MOST_INSIDE = 0.5
 """Percent of vertices that may be inside the collider, averaged over the frames that count."""
 
-MOST_STRETCH = 4.0
+MOST_STRETCH = 8.0
 """Times its rest length that no edge may reach."""
 
 
