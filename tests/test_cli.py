@@ -61,6 +61,7 @@ def test_simulate_hands_everything_on(monkeypatch, stand_in):
             "windows": Path("index.csv"),
             "jobs": 2,
             "scheduler": None,
+            "repeat": False,
         }
     ]
 

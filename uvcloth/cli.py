@@ -75,6 +75,9 @@ class Simulate:
     """Sequences simulated at the same time on this machine."""
     scheduler: Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")] = None
     """Address of a dask scheduler that runs the simulations instead of this machine."""
+    repeat: bool = False
+    """Simulate each window from a start 20 frames earlier, into OUT/repeat: how far two simulations of
+    the same motion differ, which evaluation prints as the repeatability floor."""
 
     def run(self) -> None:
         if not self.clips:
@@ -90,6 +93,7 @@ class Simulate:
             windows=self.windows,
             jobs=self.jobs,
             scheduler=self.scheduler,
+            repeat=self.repeat,
         )
 
 
