@@ -79,7 +79,7 @@ def _cell(scores: Sequence[Scores], simulation: Sequence[Scores]) -> dict[str, f
         "bend_rad": _mean(scores, "bend_rad"),
         "inside_percent_raw": _mean(scores, "inside_percent_raw"),
         "inside_percent": _mean(scores, "inside_percent"),
-        # Fewer than four frames have no change of acceleration.
+        # Fewer than three frames have no acceleration.
         "jitter_ratio": _mean(scores, "jitter") / calm if calm > 0 else None,
     }
     if "network_ms" in scores[0]:

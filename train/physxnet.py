@@ -40,9 +40,9 @@ class Losses:
 
     l1: float = 1.0
     """Weight of the L1 error over each template's valid texels (paper: 100, against the discriminator)."""
-    edge: float = 0.5
+    edge: float = 4.0
     """Weight of the edge length error of the decoded garment, as a share of the rest length."""
-    bend: float = 0.5
+    bend: float = 1.0
     """Weight of the error of the offsets' differences along edges, as a share of the rest length."""
     adversarial: bool = False
     """Train against a PatchGAN discriminator (paper)."""

@@ -31,6 +31,7 @@ from uvcloth.methods.correspondence import (
     worn_on,
 )
 from uvcloth.methods.unet import UNet
+from uvcloth.physics.inextensible import Inextensible
 
 GRAVITY = (0.0, 0.0, -9.81)
 """m/s2, Z up."""
@@ -40,7 +41,7 @@ GRAVITY = (0.0, 0.0, -9.81)
 class PhysXNetConfig:
     """What the network sees, predicts and is made of; `PRESETS["paper"]` is the method as published."""
 
-    size: int = 128
+    size: int = 64
     """Height and width of every map, a multiple of 2 to the number of levels."""
     width: int = 32
     """Channels of the first encoder level; every next level doubles them, up to eight times."""
@@ -66,6 +67,10 @@ class PhysXNetConfig:
     """Each channel to [-1, 1] by its extremes (paper), or to zero mean and unit deviation."""
     centre: Literal["channel", "texel"] = "texel"
     """Predicted offsets are measured from the middle of their channel (paper) or the mean of each texel."""
+    stiffness: float = 50.0
+    """How strongly decoded edges keep their rest length, against 1 for their place; 0 in the paper."""
+    passes: int = 4
+    """Steps of that projection."""
     templates: tuple[str, ...] = ("tops", "bottoms", "dress")
     """The templates with a decoder each."""
 
@@ -93,6 +98,7 @@ PRESETS: dict[str, PhysXNetConfig] = {
         anchor="body",
         scaling="min_max",
         centre="channel",
+        stiffness=0.0,
     ),
     "tiny": PhysXNetConfig(size=32, width=8),
 }
@@ -229,11 +235,15 @@ def body_anchors(
 
 @dataclass(frozen=True)
 class WornState:
-    """The outfit on the maps. history: (history, 3 * templates, H, W) last offset maps, oldest first."""
+    """The outfit on the maps. history: (history, 3 * templates, H, W) last offset maps, oldest first.
+
+    cloth: per garment what keeps the length of its edges; empty without stiffness.
+    """
 
     texels: BodyTexels
     templates: dict[str, TemplateTexels]
     garments: tuple[tuple[str, Worn], ...]
+    cloth: tuple[Inextensible, ...]
     history: Tensor
 
 
@@ -271,7 +281,12 @@ class PhysXNet:
             for garment in outfit.garments
         )
         sheet = (self.config.history, 3 * len(self.config.templates), self.config.size, self.config.size)
-        return WornState(texels, templates, garments, torch.zeros(sheet))
+        cloth = tuple(
+            Inextensible(g.mesh.vertices, g.mesh.faces, self.config.stiffness, self.config.passes)
+            for g in outfit.garments
+            if self.config.stiffness
+        )
+        return WornState(texels, templates, garments, cloth, torch.zeros(sheet))
 
     @torch.no_grad()
     def step(self, state: WornState, frames: BodyFrames) -> tuple[WornState, tuple[Tensor, ...]]:
@@ -303,6 +318,8 @@ class PhysXNet:
                     transforms=transforms,
                 )
             )
+        if state.cloth:
+            moved = [cloth.project(vertices) for cloth, vertices in zip(state.cloth, moved, strict=True)]
         return state, tuple(moved)
 
     def _motion(self, texels: BodyTexels, frames: BodyFrames) -> Tensor:
