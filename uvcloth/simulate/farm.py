@@ -3,6 +3,7 @@
 import os
 import shutil
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -72,14 +73,17 @@ def simulate_batch(
     if not todo:
         print(f"{out}: every sequence is there already")
         return
-    cluster: Any = scheduler
-    if scheduler is None:
-        workers = min(jobs or os.cpu_count() or 1, len(todo))
-        cluster = LocalCluster(
-            n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=50
-        )
     frames = sum(len(job.motion) + len(PARTS) for job in todo)
-    with Client(cluster) as client, _progress() as progress:
+    with ExitStack() as stack:
+        cluster: Any = scheduler
+        if scheduler is None:
+            workers = min(jobs or os.cpu_count() or 1, len(todo))
+            cluster = LocalCluster(
+                n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=50
+            )
+            stack.callback(_close, cluster)
+        client = stack.enter_context(Client(cluster))
+        progress = stack.enter_context(_progress())
         bar = progress.add_task(f"{len(todo)} sequences", total=frames)
         client.subscribe_topic(TOPIC, lambda event: progress.advance(bar, event[1]))
         shared = client.scatter(body, broadcast=True)
@@ -89,8 +93,6 @@ def simulate_batch(
             recording, reason = future.result()
             progress.console.print(_keep(recording, reason, job))
             future.release()
-    if scheduler is None:
-        cluster.close()
 
 
 def plan(
@@ -140,6 +142,12 @@ def _keep(recording: Recording, reason: str | None, job: Job) -> str:
     target = _rejected(job.target)
     save_sequence(replace(recording, metadata={**recording.metadata, "rejected": reason}), target)
     return f"{target}: kept apart, {reason}"
+
+
+def _close(cluster: Any) -> None:
+    """End the workers; one that is slow to go, on a busy machine, is killed with this process."""
+    with suppress(TimeoutError):
+        cluster.close(timeout=30)
 
 
 def _rejected(target: Path) -> Path:
