@@ -19,8 +19,15 @@ def apply_transforms(blended: Tensor, points: Tensor) -> Tensor:
 
 
 def skin(points: Tensor, weights: Tensor, transforms: Tensor) -> Tensor:
-    """Linear blend skinning: points (V, 3) at rest, weights (V, J), transforms (B, J, 3, 4) -> (B, V, 3)."""
-    return apply_transforms(blend_transforms(weights, transforms), points)
+    """Linear blend skinning: points (V, 3) at rest, weights (V, J), transforms (B, J, 3, 4) -> (B, V, 3).
+
+    One matrix product: the blended transform of every vertex is never formed.
+    """
+    batch, joints = transforms.shape[:2]
+    homogeneous = torch.cat([points, torch.ones_like(points[:, :1])], dim=1)
+    weighted = (weights[:, :, None] * homogeneous[:, None, :]).flatten(1)
+    columns = transforms.permute(1, 3, 0, 2).reshape(4 * joints, 3 * batch)
+    return (weighted @ columns).view(-1, batch, 3).transpose(0, 1).contiguous()
 
 
 def rotation_part(blended: Tensor) -> Tensor:

@@ -1,0 +1,51 @@
+"""Posing the default body: our batched LBS beside Anny's own forward pass, in one run.
+
+PYTHONPATH=. python benchmarks/posing.py [--batch 32]
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+import tyro
+
+from uvcloth.bodies.anny import DEFAULT_PHENOTYPE, rig
+from uvcloth.bodies.body import load_body
+from uvcloth.motion.library import load_clip
+from uvcloth.skinning import skin
+
+
+@dataclass(frozen=True)
+class Options:
+    """Compare the two at one batch size."""
+
+    batch: int = 32
+    """Frames at once."""
+    rounds: int = 7
+    """Measurements of each; the fastest counts."""
+
+
+def fastest(run: Callable[[], object], rounds: int) -> float:
+    run()
+    times = []
+    for _ in range(rounds):
+        begun = time.perf_counter()
+        run()
+        times.append(time.perf_counter() - begun)
+    return min(times)
+
+
+def main() -> None:
+    options = tyro.cli(Options)
+    body = load_body()
+    transforms = load_clip("walk", body).transforms()[: options.batch]
+    ours = fastest(lambda: skin(body.mesh.vertices, body.weights, transforms), options.rounds)
+    model = rig("anny")
+    pose = torch.eye(4, dtype=torch.float64).repeat(len(transforms), len(body.skeleton.names), 1, 1)
+    theirs = fastest(lambda: model(pose_parameters=pose, phenotype_kwargs=DEFAULT_PHENOTYPE), options.rounds)
+    print(f"ours {1e3 * ours / len(transforms):.2f} ms per frame, ratio Anny / ours {theirs / ours:.1f}")
+
+
+if __name__ == "__main__":
+    main()
