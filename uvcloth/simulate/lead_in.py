@@ -15,8 +15,8 @@ from uvcloth.motion.clip import Clip
 class LeadIn:
     """Frames of each part: at rest, blending into the first pose, and coming up to speed."""
 
-    rest: int = 10
-    blend: int = 28
+    rest: int = 4
+    blend: int = 24
     ramp: int = 12
 
     def __len__(self) -> int:
