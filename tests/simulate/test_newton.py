@@ -39,7 +39,8 @@ def sheet_over_a_ball(frames: int, height: float) -> Scene:
         band_mass=1.0,
         carrier=points.expand(frames, -1, -1),
         collider=surface.expand(frames, -1, -1),
-        collider_faces=torch.from_numpy(ball.faces),
+        collider_parts=(torch.from_numpy(ball.faces),),
+        touches=torch.ones(1, len(points), dtype=torch.bool),
         fps=FPS,
     )
 

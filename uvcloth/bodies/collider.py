@@ -1,47 +1,112 @@
-"""The body as cloth sees it: without forearms and hands, the elbows capped, still watertight.
+"""The body as cloth sees it: without forearms and hands, closed, and as a set of closed parts.
 
-Mocap pushes forearms through bellies and hands through skirts; a collider that has them
-drags the cloth along.
+Mocap pushes forearms through bellies and hands through skirts; a collider that has them drags the cloth
+along. It also pushes thighs into bellies and calves into thighs. Cloth between them belongs between them: each
+part on its own says where its outside is, where the one surface of the whole body would send it through a leg.
 """
 
+import math
 from dataclasses import dataclass
 
+import numpy as np
 import torch
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.mesh import boundary_edges
 
-LEFT_OUT = ("forearm", "hand")
+PARTS = (
+    (("head",), (0,)),
+    (("upper_arm",), (1, -1)),
+    (("torso",), (0,)),
+    (("thigh",), (1, -1)),
+    (("calf", "foot"), (1, -1)),
+)
+"""Regions that move as one, and the sides that have them; the others are left out."""
+
+WAYWARD = 3
+"""The first parts, head and upper arms, touch only what lies beside them at rest."""
+
+SLACK = 0.03
+"""Metres by which a part may be farther than the nearest one and still be next to a point at rest."""
+
+
+BULGE = 0.7
+"""Height of the caps, in radii of the opening: a cut knee still is a knee, however deep cloth lies in it."""
 
 
 @dataclass(frozen=True)
 class Collider:
-    """faces: (F, 3) into the body's V vertices followed by one cap centre per opening.
+    """faces: (F, 3) into the body's V vertices followed by the tips of the caps, a closed surface.
 
-    rims: per opening, the body vertices around it.
+    parts: faces of closed surfaces that are the same body cut at its joints. rims: per cap, the directed
+    edges (E, 2) of body vertices around it.
     """
 
     faces: Tensor
+    parts: tuple[Tensor, ...]
     rims: tuple[Tensor, ...]
 
     def vertices(self, body_vertices: Tensor) -> Tensor:
-        """Posed body vertices (..., V, 3) with the cap centres appended: (..., V + caps, 3)."""
-        caps = [body_vertices[..., rim, :].mean(-2, keepdim=True) for rim in self.rims]
-        return torch.cat([body_vertices, *caps], dim=-2)
+        """Posed body vertices (..., V, 3) with the tips of the caps appended: (..., V + caps, 3)."""
+        return torch.cat([body_vertices, *(_tip(body_vertices, rim) for rim in self.rims)], dim=-2)
+
+    def touches(self, points: Tensor, body_vertices: Tensor) -> Tensor:
+        """Which part may touch which point of a garment (N, 3) at rest: (parts, N) bool.
+
+        Head and arms touch collar and sleeves, and nothing else: mocap presses arms into ribs and heads into
+        knees, and a sleeve that both push comes off its arm.
+        """
+        vertices = self.vertices(body_vertices)
+        distance = torch.stack([torch.cdist(points, vertices[part.unique()]).amin(1) for part in self.parts])
+        beside = distance < distance.amin(0) + SLACK
+        wayward = torch.arange(len(self.parts)) < WAYWARD
+        return beside | ~(wayward[:, None] | wayward[distance.argmin(0)])
 
 
 def make_collider(body: Body) -> Collider:
-    """Leave out forearms and hands and close each opening with a fan."""
-    dropped = torch.isin(body.regions, torch.tensor([REGIONS.index(r) for r in LEFT_OUT]))
-    faces = body.mesh.faces[~dropped]
-    rim = boundary_edges(faces)
-    fans: list[Tensor] = []
+    """Leave out forearms and hands, cut the rest at its joints and close each opening with a cap."""
+    count = len(body.mesh.vertices)
+    tips: dict[tuple[int, ...], int] = {}
     rims: list[Tensor] = []
-    for side in (1, -1):
-        edges = rim[body.mesh.vertices[rim[:, 0], 0] * side > 0]
-        if len(edges):
-            centre = torch.full((len(edges),), len(body.mesh.vertices) + len(rims))
-            fans.append(torch.stack([edges[:, 1], edges[:, 0], centre], dim=1))
-            rims.append(torch.unique(edges))
-    return Collider(torch.cat([faces, *fans]), tuple(rims))
+
+    def closed(faces: Tensor) -> Tensor:
+        fans = [faces]
+        for rim in _rims(faces, count):
+            tip = tips.setdefault(tuple(rim.flatten().tolist()), count + len(rims))
+            if tip == count + len(rims):
+                rims.append(rim)
+            fans.append(torch.stack([rim[:, 1], rim[:, 0], torch.full((len(rim),), tip)], dim=1))
+        return torch.cat(fans)
+
+    kept = [
+        body.mesh.faces[torch.isin(body.regions, _indices(regions)) & (body.sides == side)]
+        for regions, sides in PARTS
+        for side in sides
+    ]
+    parts = tuple(closed(faces) for faces in kept)
+    whole = closed(torch.cat(kept))
+    return Collider(whole, parts, tuple(rims))
+
+
+def _tip(vertices: Tensor, rim: Tensor) -> Tensor:
+    """The tip of the cap over a rim: (..., 1, 3)."""
+    start, end = vertices[..., rim[:, 1], :], vertices[..., rim[:, 0], :]
+    centre = start.mean(-2, keepdim=True)
+    area = 0.5 * torch.linalg.cross(start - centre, end - centre).sum(-2, keepdim=True)
+    size = area.norm(dim=-1, keepdim=True)
+    return centre + BULGE * (size / math.pi).sqrt() * area / size.clamp(min=1e-9)
+
+
+def _indices(regions: tuple[str, ...]) -> Tensor:
+    return torch.tensor([REGIONS.index(region) for region in regions])
+
+
+def _rims(faces: Tensor, count: int) -> list[Tensor]:
+    """The boundary edges of a surface, one (E, 2) per opening."""
+    edges = boundary_edges(faces)
+    graph = coo_array((np.ones(len(edges)), (edges[:, 0].numpy(), edges[:, 1].numpy())), shape=(count, count))
+    labels = torch.from_numpy(connected_components(graph, directed=False)[1])[edges[:, 0]]
+    return [edges[labels == label] for label in labels.unique()]

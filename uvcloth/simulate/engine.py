@@ -14,7 +14,8 @@ class Scene:
     rest: (N, 3) garment at rest, also where it starts. faces: (M, 3). band: (N,) bool, held up by a soft
     attachment. band_mass: how many times heavier the band's vertices are, so that they can carry the rest.
     carrier: (F, N, 3) the skinned garment, which attachment and drag follow.
-    collider: (F, C, 3) collider vertices. collider_faces: (K, 3). fps: frames per second.
+    collider: (F, C, 3) collider vertices. collider_parts: (K, 3) faces of each of its closed parts.
+    touches: (parts, N) bool, which part may touch which vertex. fps: frames per second.
     """
 
     rest: Tensor
@@ -23,7 +24,8 @@ class Scene:
     band_mass: float
     carrier: Tensor
     collider: Tensor
-    collider_faces: Tensor
+    collider_parts: tuple[Tensor, ...]
+    touches: Tensor
     fps: float
 
 

@@ -1,5 +1,6 @@
 """Cloth simulation with Newton's SolverStyle3D (projective dynamics)."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -18,23 +19,27 @@ from uvcloth.simulate.engine import Scene
 class Style3D:
     """Settings in SI units; a light cotton jersey.
 
+    substeps: per frame at least; stride: m that the skinned garment moves in a substep at most.
     density: kg/m2. stretch: (weft, warp, shear) N/m. bend: N m. radius: m, kept between cloth and body.
+    contact_reach: m, how deep in a part of the body cloth may be and still find its way out.
     drag: 1/s towards still air. follow: 1/s towards the skinned garment's velocity.
     hold: 1/s, the frequency of the soft attachment of the band.
     """
 
     name: str = "newton.SolverStyle3D"
     substeps: int = 10
-    iterations: int = 5
+    stride: float = 0.01
+    iterations: int = 4
     linear_iterations: int = 10
     density: float = 0.2
     stretch: tuple[float, float, float] = (300.0, 300.0, 90.0)
     bend: float = 3e-6
     radius: float = 0.004
     self_radius: float = 0.003
-    contact_stiffness: float = 1e3
+    contact_stiffness: float = 1e4
+    contact_reach: float = 0.06
     contact_damping: float = 1e-2
-    friction: float = 0.2
+    friction: float = 0.3
     drag: float = 1.0
     follow: float = 2.0
     hold: float = 100.0
@@ -52,7 +57,7 @@ class Style3D:
             import newton
         except ImportError as error:
             raise InputError("simulating needs Newton: install uvcloth[simulate]") from error
-        model, body = _model(self, scene)
+        model, bodies = _model(self, scene)
         solver = newton.solvers.SolverStyle3D(
             model,
             config=newton.solvers.SolverStyle3D.Config(
@@ -64,18 +69,20 @@ class Style3D:
         solver.collision.friction_epsilon = 1e-2
         # Vertices against faces keep layers apart; edge tests and untangling cost half of the time.
         solver.collision.stiff_ee = solver.collision.stiff_ef = 0.0
-        pipeline = newton.CollisionPipeline(model, soft_contact_gap=0.02)
+        pipeline = newton.CollisionPipeline(model, soft_contact_gap=self.contact_reach)
+        _keep_apart(pipeline, scene.touches)
         contacts, control = pipeline.contacts(), model.control()
         now, later = model.state(), model.state()
         forces = _Forces(self, scene, model)
-        collider = _Collider(scene, model, body)
-        step = 1.0 / (scene.fps * self.substeps)
+        collider = _Collider(scene, model, bodies)
         yield scene.rest.clone()
         for frame in range(1, len(scene.collider)):
             collider.begin(frame)
             forces.begin(frame)
-            for substep in range(1, self.substeps + 1):
-                share = substep / self.substeps
+            count = self._substeps(scene.carrier[frame - 1], scene.carrier[frame])
+            step = 1.0 / (scene.fps * count)
+            for substep in range(1, count + 1):
+                share = substep / count
                 collider.move(share)
                 now.clear_forces()
                 forces.apply(now, share)
@@ -84,9 +91,14 @@ class Style3D:
                 now, later = later, now
             yield torch.from_numpy(now.particle_q.numpy().copy())
 
+    def _substeps(self, before: Tensor, after: Tensor) -> int:
+        """More of them where the skinned garment is fast, or limbs would pass through cloth."""
+        farthest = float((after - before).norm(dim=1).max())
+        return max(self.substeps, math.ceil(farthest / self.stride))
 
-def _model(settings: Style3D, scene: Scene) -> tuple[Any, Any]:
-    """The finalized model, and the body's mesh whose live points the collider moves."""
+
+def _model(settings: Style3D, scene: Scene) -> tuple[Any, list[Any]]:
+    """The finalized model, and the meshes of the collider's parts, whose live points the collider moves."""
     import newton
     from newton.solvers import style3d
 
@@ -112,15 +124,23 @@ def _model(settings: Style3D, scene: Scene) -> tuple[Any, Any]:
     mass[scene.band.numpy()] *= scene.band_mass
     builder.particle_mass = mass.tolist()
     shape = newton.ModelBuilder.ShapeConfig(density=0.0, mu=settings.friction)
-    body = newton.Mesh(
-        scene.collider[0].numpy(), scene.collider_faces.reshape(-1).numpy(), compute_inertia=False
+    parts = []
+    for faces in scene.collider_parts:
+        used, corners = faces.unique(return_inverse=True)
+        part = newton.Mesh(
+            scene.collider[0, used].numpy(), corners.reshape(-1).numpy(), compute_inertia=False
+        )
+        builder.add_shape_mesh(body=-1, mesh=part, cfg=shape)
+        parts.append(part)
+    nothing = newton.ModelBuilder.ShapeConfig(
+        density=0.0, has_shape_collision=False, has_particle_collision=False
     )
-    builder.add_shape_mesh(body=-1, mesh=body, cfg=shape)
+    builder.add_shape_sphere(body=-1, radius=1e-3, cfg=nothing)
     model = builder.finalize(device="cpu")
     model.soft_contact_ke = settings.contact_stiffness
     model.soft_contact_kd = settings.contact_damping
     model.soft_contact_mu = settings.friction
-    return model, body.mesh
+    return model, [part.mesh for part in parts]
 
 
 def _flattened(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -135,30 +155,38 @@ def _flattened(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.stack(corners, axis=1).reshape(-1, 2)
 
 
+def _keep_apart(pipeline: Any, touches: Tensor) -> None:
+    """Let vertices and parts that may not touch be pairs with the last shape, which touches nothing."""
+    pairs = pipeline.soft_rigid_contact_pairs.numpy()
+    allowed = np.append(touches.numpy(), np.zeros_like(touches[:1]), axis=0)
+    pairs[~allowed[pairs[:, 1], pairs[:, 0]], 1] = len(touches)
+    pipeline.soft_rigid_contact_pairs.assign(pairs)
+
+
 class _Collider:
     """The moving body: interpolated between frames, refitted at every substep."""
 
-    def __init__(self, scene: Scene, model: Any, mesh: Any) -> None:
-        self.frames = scene.collider.contiguous()
+    def __init__(self, scene: Scene, model: Any, meshes: list[Any]) -> None:
+        self.frames = [scene.collider[:, faces.unique()].contiguous() for faces in scene.collider_parts]
         self.fps = scene.fps
-        self.mesh = mesh
-        low = self.frames.amin(dim=(0, 1)).tolist()
-        high = self.frames.amax(dim=(0, 1)).tolist()
-        for bounds, value in (
-            (model.shape_collision_aabb_lower, low),
-            (model.shape_collision_aabb_upper, high),
-        ):
-            bounds.fill_(wp.vec3(*value))
+        self.meshes = meshes
+        self.low, self.high = model.shape_collision_aabb_lower, model.shape_collision_aabb_upper
 
     def begin(self, frame: int) -> None:
-        self.start, self.end = self.frames[frame - 1], self.frames[frame]
-        velocity = (self.end - self.start) * self.fps
-        wp.copy(self.mesh.velocities, _vectors(velocity))
+        self.ends = [(frames[frame - 1], frames[frame]) for frames in self.frames]
+        for mesh, (start, end) in zip(self.meshes, self.ends, strict=True):
+            wp.copy(mesh.velocities, _vectors((end - start) * self.fps))
+        reached = [torch.cat(ends) for ends in self.ends]
+        for bounds, corners in (
+            (self.low, [points.amin(0) for points in reached]),
+            (self.high, [points.amax(0) for points in reached]),
+        ):
+            wp.copy(bounds, _vectors(torch.stack(corners)), count=len(corners))
 
     def move(self, share: float) -> None:
-        points = torch.lerp(self.start, self.end, share)
-        wp.copy(self.mesh.points, _vectors(points))
-        self.mesh.refit()
+        for mesh, (start, end) in zip(self.meshes, self.ends, strict=True):
+            wp.copy(mesh.points, _vectors(torch.lerp(start, end, share)))
+            mesh.refit()
 
 
 class _Forces:

@@ -54,7 +54,8 @@ def simulate(
         band_mass=BAND_MASS[garment.template],
         carrier=carrier,
         collider=collider.vertices(skin(body.mesh.vertices, body.weights, transforms)),
-        collider_faces=collider.faces,
+        collider_parts=collider.parts,
+        touches=collider.touches(garment.mesh.vertices, body.mesh.vertices),
         fps=clip.fps,
     )
     frames = []
