@@ -1,8 +1,8 @@
 """The body as cloth sees it: without forearms and hands, closed, and as a set of closed parts.
 
 Mocap pushes forearms through bellies and hands through skirts; a collider that has them drags the cloth
-along. It also pushes thighs into bellies and calves into thighs. Cloth between them belongs between them: each
-part on its own says where its outside is, where the one surface of the whole body would send it through a leg.
+along. It also pushes thighs into bellies and calves into thighs. Cloth between them belongs there: each part
+on its own says where its outside is, where one surface of the whole body would send it through a leg.
 """
 
 import math
