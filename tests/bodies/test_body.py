@@ -90,15 +90,45 @@ def test_velocity_and_acceleration_of_a_thrown_body(body: Body) -> None:
     assert len(body_frames(body, with_lead(transforms), fps)) == frames
 
 
-def test_the_collider_is_closed_and_armless(body: Body) -> None:
+def test_the_collider_and_each_of_its_parts_are_closed(body: Body) -> None:
     collider = make_collider(body)
     vertices = collider.vertices(body.mesh.vertices)
+    volumes = []
+    for faces in (collider.faces, *collider.parts):
+        mesh = trimesh.Trimesh(vertices.numpy(), faces.numpy(), process=False)
+        assert mesh.is_watertight
+        assert mesh.is_winding_consistent
+        volumes.append(mesh.volume)
+    assert min(volumes) > 0.0
+    assert sum(volumes[1:]) > volumes[0]  # the caps of neighbours lie in each other
     mesh = trimesh.Trimesh(vertices.numpy(), collider.faces.numpy(), process=False)
-    assert len(collider.rims) == 2
-    assert mesh.is_watertight
-    assert mesh.is_winding_consistent
     wrist = body.skeleton.heads[body.skeleton.names.index("LeftHand")]
     assert not mesh.contains(wrist[None].numpy())[0]
+
+
+def test_caps_bulge_out_of_what_they_close_wherever_the_body_goes(body: Body) -> None:
+    collider = make_collider(body)
+    turned = body.mesh.vertices @ torch.tensor([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]).T
+    tips = collider.vertices(turned)[len(turned) :]
+    knee = body.skeleton.heads[body.skeleton.names.index("LeftLeg")]
+    thigh = collider.parts[4]
+    own = torch.unique(thigh[thigh >= len(turned)]) - len(turned)
+    assert len(own) == 2
+    below = tips[own][tips[own][:, 2].argmin()]
+    assert float(below[2]) < float(knee[2])
+
+
+def test_arms_touch_sleeves_and_nothing_else(body: Body) -> None:
+    collider = make_collider(body)
+    elbow, knee, hips = (
+        body.skeleton.heads[body.skeleton.names.index(n)] for n in ("LeftForeArm", "LeftLeg", "Hips")
+    )
+    touches = collider.touches(torch.stack([elbow, knee, hips]), body.mesh.vertices)
+    arms = touches[1:3]
+    assert arms[:, 0].tolist() == [True, False]
+    assert not arms[:, 1:].any()
+    assert not touches[3:, 0].any()
+    assert touches[3:, 1:].all()
 
 
 def test_diffused_weights_blend_and_still_sum_to_one() -> None:

@@ -55,6 +55,25 @@ def test_exploded_and_swallowed_sequences_are_refused(carried: Sequence, body: B
     assert seen.metadata["inside_percent"] > 0.5
 
 
+def test_a_sleeve_that_went_through_its_arm_is_refused(carried: Sequence, body: Body) -> None:
+    assert examine(carried, body)[0].metadata["passed_percent"] == 0.0
+    names = body.skeleton.names
+    shoulder, elbow = (body.skeleton.heads[names.index(name)] for name in ("LeftArm", "LeftForeArm"))
+    along = torch.nn.functional.normalize(elbow - shoulder, dim=0)
+    reach = (carried.rest - shoulder) @ along
+    beside = (carried.rest - shoulder - reach[:, None] * along).norm(dim=1)
+    sleeve = torch.nonzero((carried.rest[:, 0] > 0.0) & (reach > 0.12) & (beside < 0.1)).squeeze(1)
+    joint = carried.transforms[:, names.index("LeftArm")]
+    axis = shoulder + reach[sleeve, None] * along
+    posed = torch.einsum("tij,nj->tni", joint[:, :, :3], axis) + joint[:, None, :, 3]
+    turned = carried.vertices.clone()
+    share = ((reach[sleeve, None] - 0.12) / 0.06).clamp(max=1.0)
+    turned[:, sleeve] = torch.lerp(turned[:, sleeve], 2.0 * posed - turned[:, sleeve], share)
+    seen, reason = examine(replace(carried, vertices=turned), body)
+    assert reason is not None
+    assert seen.metadata["passed_percent"] > 0.5
+
+
 def test_windows_choose_frames_and_name_what_is_wrong(body: Body, tmp_path: Path) -> None:
     table = tmp_path / "index.csv"
     table.write_text(

@@ -1,5 +1,6 @@
 """The cloth engine: free fall, draping, and the same result twice."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -70,3 +71,14 @@ def test_a_sheet_comes_to_lie_on_a_ball_the_same_way_twice(tmp_path: Path) -> No
     assert float(distance.min()) > 0.118
     assert float(first[-1, :, 2].max()) > 0.11
     assert float(first[-1, :, 2].min()) < 0.10
+
+
+def test_what_may_not_touch_does_not_and_fast_scenes_take_more_substeps() -> None:
+    scene = sheet_over_a_ball(12, height=0.14)
+    apart = replace(scene, touches=torch.zeros_like(scene.touches))
+    engine = Style3D()
+    fallen = list(engine.simulate(apart))[-1]
+    assert float(fallen[:, 2].max()) < 0.0
+    still, moved = scene.carrier[0], scene.carrier[0] + torch.tensor([0.0, 0.0, 0.255])
+    assert engine.substeps_between(still, still) == engine.substeps
+    assert engine.substeps_between(still, moved) == 26

@@ -79,7 +79,7 @@ class Style3D:
         for frame in range(1, len(scene.collider)):
             collider.begin(frame)
             forces.begin(frame)
-            count = self._substeps(scene.carrier[frame - 1], scene.carrier[frame])
+            count = self.substeps_between(scene.carrier[frame - 1], scene.carrier[frame])
             step = 1.0 / (scene.fps * count)
             for substep in range(1, count + 1):
                 share = substep / count
@@ -91,7 +91,7 @@ class Style3D:
                 now, later = later, now
             yield torch.from_numpy(now.particle_q.numpy().copy())
 
-    def _substeps(self, before: Tensor, after: Tensor) -> int:
+    def substeps_between(self, before: Tensor, after: Tensor) -> int:
         """More of them where the skinned garment is fast, or limbs would pass through cloth."""
         farthest = float((after - before).norm(dim=1).max())
         return max(self.substeps, math.ceil(farthest / self.stride))
