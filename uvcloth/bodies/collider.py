@@ -41,12 +41,13 @@ BULGE = 0.7
 class Collider:
     """faces: (F, 3) into the body's V vertices followed by the tips of the caps, a closed surface.
 
-    parts: faces of closed surfaces that are the same body cut at its joints. rims: per cap, the directed
-    edges (E, 2) of body vertices around it.
+    parts: faces of closed surfaces that are the same body cut at its joints. owners: (F,) int64, the part
+    that each face belongs to. rims: per cap, the directed edges (E, 2) of body vertices around it.
     """
 
     faces: Tensor
     parts: tuple[Tensor, ...]
+    owners: Tensor
     rims: tuple[Tensor, ...]
 
     def vertices(self, body_vertices: Tensor) -> Tensor:
@@ -88,7 +89,12 @@ def make_collider(body: Body) -> Collider:
     ]
     parts = tuple(closed(faces) for faces in kept)
     whole = closed(torch.cat(kept))
-    return Collider(whole, parts, tuple(rims))
+    owner = torch.zeros(count + len(rims), dtype=torch.int64)
+    for index, faces in enumerate(parts):
+        owner[faces[:, 2][faces[:, 2] >= count]] = index
+    skin = torch.repeat_interleave(torch.tensor([len(faces) for faces in kept]))
+    owners = torch.cat([skin, owner[whole[len(skin) :, 2]]])
+    return Collider(whole, parts, owners, tuple(rims))
 
 
 def _tip(vertices: Tensor, rim: Tensor) -> Tensor:

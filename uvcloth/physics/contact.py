@@ -254,12 +254,15 @@ def resolve(
 
 
 def inside_share(vertices: Tensor, surface: BodySurface) -> tuple[float, float]:
-    """Percentages of garment vertices (N, 3) inside the body: all, and without its self-intersections.
-
-    The first counts every vertex with a positive winding number; the second leaves calm vertices out.
-    """
-    found = surface.closest(vertices)
-    anywhere = vertices.new_tensor([0.36, 0.48, 0.8])
-    inside = surface.winding(vertices, torch.where(found.faces[:, None] < 0, anywhere, found.normals)) > 0
+    """Percentages of garment vertices (N, 3) inside the body: all, and without its self-intersections."""
+    inside, found = inside_vertices(vertices, surface)
     outside_conflict = inside & ~calm_vertices(found, surface)
     return 100.0 * float(inside.float().mean()), 100.0 * float(outside_conflict.float().mean())
+
+
+def inside_vertices(vertices: Tensor, surface: BodySurface) -> tuple[Tensor, SurfacePoints]:
+    """Which garment vertices (N, 3) have a positive winding number, (N,) bool, and their closest points."""
+    found = surface.closest(vertices)
+    anywhere = vertices.new_tensor([0.36, 0.48, 0.8])
+    winding = surface.winding(vertices, torch.where(found.faces[:, None] < 0, anywhere, found.normals))
+    return winding > 0, found

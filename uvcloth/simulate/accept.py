@@ -10,14 +10,14 @@ from rasterize.raycast import cast_rays, closest_points
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.mesh import face_normals, unique_edges
-from uvcloth.physics.contact import BodySurface, inside_share
+from uvcloth.physics.contact import BodySurface, calm_vertices, inside_vertices
 from uvcloth.simulate.sequence import Sequence
 from uvcloth.skinning import skin
 
 MOST_INSIDE = 0.5
 """Percent of vertices that may be inside the collider, averaged over the frames that count."""
 
-MOST_STRETCH = 8.0
+MOST_STRETCH = 20.0
 """Times its rest length that no edge may reach."""
 
 
@@ -35,8 +35,9 @@ def examine(sequence: Sequence, body: Body) -> tuple[Sequence, str | None]:
     """The sequence with what was measured in its metadata, and why it is refused, if so.
 
     inside_percent: of the vertices inside the collider (the body without forearms and hands), not counting
-    places where the body intersects itself; inside_percent_raw counts those too. passed_percent: of the
-    vertices on the other side of the limb that they were put on, which nothing else notices.
+    places where the body intersects itself and parts that may not touch them; inside_percent_raw counts all.
+    passed_percent: of the vertices on the other side of the limb that they were put on, which nothing else
+    notices.
     """
     frames, vertices = len(sequence.vertices), sequence.vertices
     if not torch.isfinite(vertices).all():
@@ -51,22 +52,25 @@ def examine(sequence: Sequence, body: Body) -> tuple[Sequence, str | None]:
     passed = _passed_percent(sequence, body, skinned)
     posed = collider.vertices(skinned)
     surface = BodySurface(posed[0], collider.faces)
+    touches = collider.touches(sequence.rest, body.mesh.vertices)
+    each = torch.arange(len(sequence.rest))
     raw, outside_conflict = [], []
     for frame in range(sequence.settling, frames):
         surface.update(posed[frame])
-        everywhere, elsewhere = inside_share(vertices[frame], surface)
-        raw.append(everywhere)
-        outside_conflict.append(elsewhere)
-    inside = sum(outside_conflict) / max(1, len(outside_conflict))
+        inside, found = inside_vertices(vertices[frame], surface)
+        raw.append(100.0 * float(inside.float().mean()))
+        inside &= touches[collider.owners[found.faces], each] & ~calm_vertices(found, surface)
+        outside_conflict.append(100.0 * float(inside.float().mean()))
+    share = sum(outside_conflict) / max(1, len(outside_conflict))
     metadata = {
         **sequence.metadata,
-        "inside_percent": round(inside, 4),
+        "inside_percent": round(share, 4),
         "inside_percent_raw": round(sum(raw) / max(1, len(raw)), 4),
         "passed_percent": round(passed, 4),
     }
     reason = None
-    if inside > MOST_INSIDE:
-        reason = f"{inside:.2f} % of the vertices are inside the body"
+    if share > MOST_INSIDE:
+        reason = f"{share:.2f} % of the vertices are inside the body"
     elif passed > MOST_PASSED:
         reason = f"{passed:.2f} % of the vertices went through their limb"
     return replace(sequence, metadata=metadata), reason
