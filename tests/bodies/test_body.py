@@ -118,17 +118,18 @@ def test_caps_bulge_out_of_what_they_close_wherever_the_body_goes(body: Body) ->
     assert float(below[2]) < float(knee[2])
 
 
-def test_arms_touch_sleeves_and_nothing_else(body: Body) -> None:
+def test_cloth_touches_what_it_lies_beside_and_skirts_touch_both_legs(body: Body) -> None:
     collider = make_collider(body)
-    elbow, knee, hips = (
-        body.skeleton.heads[body.skeleton.names.index(n)] for n in ("LeftForeArm", "LeftLeg", "Hips")
-    )
-    touches = collider.touches(torch.stack([elbow, knee, hips]), body.mesh.vertices)
-    arms = touches[1:3]
-    assert arms[:, 0].tolist() == [True, False]
-    assert not arms[:, 1:].any()
-    assert not touches[3:, 0].any()
-    assert touches[3:, 1:].all()
+    heads = dict(zip(body.skeleton.names, body.skeleton.heads, strict=True))
+    shin = 0.5 * (heads["LeftLeg"] + heads["LeftFoot"])
+    between = shin * torch.tensor([0.0, 1.0, 1.0]) + torch.tensor([0.0, -0.1, 0.0])
+    points = torch.stack([heads["LeftForeArm"], shin, between])
+    sleeve, trouser, skirt = collider.touches(points, body.mesh.vertices).T.tolist()
+    _, left_arm, _, _, left_thigh, right_thigh, left_calf, right_calf = range(8)
+    assert [part for part, touched in enumerate(sleeve) if touched] == [left_arm]
+    assert [part for part, touched in enumerate(trouser) if touched] == [left_calf]
+    legs = [left_thigh, right_thigh, left_calf, right_calf]
+    assert [part for part, touched in enumerate(skirt) if touched] == legs
 
 
 def test_diffused_weights_blend_and_still_sum_to_one() -> None:

@@ -26,12 +26,14 @@ PARTS = (
 )
 """Regions that move as one, and the sides that have them; the others are left out."""
 
-WAYWARD = 3
-"""The first parts, head and upper arms, touch only what lies beside them at rest."""
+LEGS = (4, 5, 6, 7)
+"""Places of thighs and calves among the parts."""
 
 SLACK = 0.03
-"""Metres by which a part may be farther than the nearest one and still be next to a point at rest."""
+"""Metres by which a part may be farther than twice the nearest one and still lie beside a point at rest."""
 
+LOOSE = 0.04
+"""Metres from the body at rest from which on cloth hangs freely, as a skirt does, and meets both legs."""
 
 BULGE = 0.7
 """Height of the caps, in radii of the opening: a cut knee still is a knee, however deep cloth lies in it."""
@@ -57,14 +59,15 @@ class Collider:
     def touches(self, points: Tensor, body_vertices: Tensor) -> Tensor:
         """Which part may touch which point of a garment (N, 3) at rest: (parts, N) bool.
 
-        Head and arms touch collar and sleeves, and nothing else: mocap presses arms into ribs and heads into
-        knees, and a sleeve that both push comes off its arm.
+        Cloth touches the parts that it lies beside, and a skirt the legs. Mocap presses arms into ribs and
+        thighs into bellies: what both of two such parts push comes off the one that it belongs to.
         """
         vertices = self.vertices(body_vertices)
         distance = torch.stack([torch.cdist(points, vertices[part.unique()]).amin(1) for part in self.parts])
-        beside = distance < distance.amin(0) + SLACK
-        wayward = torch.arange(len(self.parts)) < WAYWARD
-        return beside | ~(wayward[:, None] | wayward[distance.argmin(0)])
+        nearest = distance.amin(0)
+        touches = distance < 2.0 * nearest + SLACK
+        touches[list(LEGS)] |= nearest > LOOSE
+        return touches
 
 
 def make_collider(body: Body) -> Collider:

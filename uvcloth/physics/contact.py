@@ -7,7 +7,6 @@ is positive. It is found on patches of the body, and cloth whose closest skin be
 one beside it, is left calm and counted apart.
 """
 
-import warnings
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -180,10 +179,8 @@ class Smoother:
     def __init__(self, vertices: Tensor, faces: Tensor) -> None:
         self.owner = weld(vertices)
         self.has_seams = bool((self.owner != torch.arange(len(vertices), device=vertices.device)).any())
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message="Sparse")
-            average = neighbour_average(self.owner.cpu()[faces.cpu()], len(vertices))
-            self.average = average.to_sparse_csr().to(vertices.device)
+        average = neighbour_average(self.owner.cpu()[faces.cpu()], len(vertices))
+        self.average = average.to_sparse_csr().to(vertices.device)
 
     def spread(self, need: Tensor, normals: Tensor) -> Tensor:
         """A smooth displacement (N, 3) that moves every vertex by at least `need` (N,) along its normal."""
