@@ -85,7 +85,7 @@ def rig(topology: str) -> Any:
     """Anny's own model with the CMU rig; raises InputError if the `body` extra is missing."""
     try:
         import anny
-    except ImportError as error:
+    except ModuleNotFoundError as error:
         raise InputError("making a body needs Anny: install uvcloth[body]") from error
     return anny.Anny(rig=RIG, topology=topology, phenotype_blendshapes="original")
 

@@ -170,7 +170,7 @@ def _remesh(vertices: Array, faces: Indices, count: int) -> tuple[Array, Indices
     try:
         import pyacvd
         import pyvista
-    except ImportError as error:
+    except ModuleNotFoundError as error:
         raise InputError("tailoring needs the remesher: install uvcloth[body]") from error
     cells = np.column_stack([np.full(len(faces), 3), faces]).ravel()
     clustering = pyacvd.Clustering(pyvista.PolyData(vertices, cells))

@@ -60,7 +60,7 @@ def simulate_batch(
     """
     try:
         from dask.distributed import Client, LocalCluster, as_completed
-    except ImportError as error:
+    except ModuleNotFoundError as error:
         raise InputError("simulating needs dask and Newton: install uvcloth[simulate]") from error
     todo = [
         job

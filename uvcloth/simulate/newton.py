@@ -55,7 +55,7 @@ class Style3D:
         """Raises InputError if the `simulate` extra is not installed."""
         try:
             import newton
-        except ImportError as error:
+        except ModuleNotFoundError as error:
             raise InputError("simulating needs Newton: install uvcloth[simulate]") from error
         model, bodies = _model(self, scene)
         solver = newton.solvers.SolverStyle3D(
