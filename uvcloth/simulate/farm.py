@@ -28,7 +28,12 @@ REPEAT_EARLIER = 20
 
 TOPIC = "uvcloth-frames"
 PARTS = LeadIn()
-STANDARD = Style3D()
+ENGINES = {
+    "tops": Style3D(),
+    "bottoms": Style3D(),
+    # Stiff contact presses hard for an instant, and with friction walks a skirt up the thighs.
+    "dress": Style3D(contact_stiffness=1e3, friction=0.1),
+}
 
 
 @dataclass(frozen=True)
@@ -128,7 +133,7 @@ def _work(job: Job, body: Body) -> tuple[Recording, str | None]:
     torch.set_num_threads(1)
     report: Callable[[int], None] = lambda made: get_worker().log_event(TOPIC, made)  # noqa: E731
     garment = wear(job.garment, body)
-    recording = simulate(job.motion, job.settling, garment, body, STANDARD, PARTS, report)
+    recording = simulate(job.motion, job.settling, garment, body, ENGINES[job.garment], PARTS, report)
     return examine(recording, body)
 
 
