@@ -45,7 +45,7 @@ def scene(monkeypatch, body):
 
 def test_the_file_holds_the_resolved_frames(scene, tmp_path):
     out = tmp_path / "walk.npz"
-    summary = animation.animate("lbs", "walk", ["tops"], out)
+    summary = animation.animate("lbs", "walk", ["tops"], [out])
     written = load_animation(out)
     assert written.names == ("tops",)
     torch.testing.assert_close(
@@ -55,13 +55,19 @@ def test_the_file_holds_the_resolved_frames(scene, tmp_path):
     assert summary.frames == FRAMES
 
 
+def test_one_rollout_writes_every_file_that_is_asked_for(scene, tmp_path):
+    wanted = [tmp_path / "walk.npz", tmp_path / "walk.glb"]
+    assert animation.animate("lbs", "walk", ["tops"], wanted).written == tuple(wanted)
+    assert all(path.stat().st_size for path in wanted)
+
+
 def test_the_summary_counts_what_is_inside_the_body(scene, tmp_path):
-    summary = animation.animate("lbs", "walk", ["tops"], tmp_path / "walk.npz")
+    summary = animation.animate("lbs", "walk", ["tops"], [tmp_path / "walk.npz"])
     assert summary.inside_before == pytest.approx(100 / 3)
     assert summary.inside_after == 0
     assert summary.milliseconds["network"] == pytest.approx(2.0)
     assert set(summary.milliseconds) == {"network", "writing"}
-    without = animation.animate("lbs", "walk", ["tops"], tmp_path / "raw.npz", contact=False)
+    without = animation.animate("lbs", "walk", ["tops"], [tmp_path / "raw.npz"], contact=False)
     assert without.inside_before is None
 
 
@@ -74,5 +80,5 @@ def test_a_broken_rollout_leaves_nothing(scene, tmp_path, monkeypatch, error):
 
     monkeypatch.setattr(animation, "rollout", breaks)
     with pytest.raises(type(error)):
-        animation.animate("lbs", "walk", ["tops"], tmp_path / "walk.npz")
+        animation.animate("lbs", "walk", ["tops"], [tmp_path / "walk.npz"])
     assert not list(tmp_path.iterdir())

@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -54,12 +55,12 @@ def animate(
     model: str | None,
     motion: str,
     garments: Sequence[str],
-    out: Path,
+    out: Sequence[Path],
     *,
     body_file: Path | None = None,
     contact: bool = True,
 ) -> Summary:
-    """Roll a method out on a motion and write the file whose suffix `out` names.
+    """Roll a method out on a motion once and write every file of `out`, each as its suffix says.
 
     model: a checkpoint folder, a baseline's name, or None for the model in the package. garments: template
     names or mesh files, inner first. Raises InputError for bad input; then, as after Ctrl-C, writes nothing.
@@ -72,8 +73,10 @@ def animate(
     inside = {"before": 0, "after": 0}
     spent: dict[str, float] = defaultdict(float)
     start = perf_counter()
-    writer = open_writer(out, [(garment.name, garment.mesh) for garment in outfit.garments], body, clip.fps)
-    with writer, _progress(console) as progress:
+    meshes = [(garment.name, garment.mesh) for garment in outfit.garments]
+    with ExitStack() as stack:
+        writers = [stack.enter_context(open_writer(path, meshes, body, clip.fps)) for path in out]
+        progress = stack.enter_context(_progress(console))
         task = progress.add_task(clip.name, total=len(clip), rate="")
         for index, frame in enumerate(rollout(method, outfit, clip.transforms(), clip.fps, contact)):
             for stage, milliseconds in frame.milliseconds.items():
@@ -82,7 +85,8 @@ def animate(
                 inside["before"] += found.inside_before
                 inside["after"] += found.inside_after
             begun = perf_counter()
-            writer.add(frame.vertices, frame.transforms)
+            for writer in writers:
+                writer.add(frame.vertices, frame.transforms)
             spent["writing"] += 1e3 * (perf_counter() - begun)
             rate = (index + 1) / (perf_counter() - start)
             progress.update(task, advance=1, rate=f"{rate:.1f} frames per second")
@@ -90,7 +94,7 @@ def animate(
     spent["writing"] += 1e3 * (perf_counter() - begun)
     vertices = len(clip) * sum(len(garment.mesh.vertices) for garment in outfit.garments)
     return Summary(
-        written=writer.written,
+        written=tuple(path for writer in writers for path in writer.written),
         frames=len(clip),
         seconds=perf_counter() - start,
         milliseconds={stage: total / len(clip) for stage, total in spent.items()},

@@ -134,8 +134,8 @@ class Rollout:
     """A motion file (BVH) or the name of a built-in clip."""
     garment: Garments
     """Templates (tops, bottoms, dress) or garment files, inner first."""
-    out: Path
-    """What to write; the suffix says how: .glb, .usdc, .pc2 or .npz."""
+    out: tuple[Path, ...]
+    """What to write, one file or several; the suffix says how: .glb, .usdc, .pc2 or .npz."""
     model: Annotated[
         str | None,
         arg(metavar="RUN|lbs|lbs_smooth", help_behavior_hint="(default: the one in the package)"),
@@ -147,8 +147,8 @@ class Rollout:
     """Move vertices that are inside the body out of it."""
 
     def run(self) -> None:
-        if not self.garment:
-            raise InputError("rollout: name at least one garment")
+        if not self.garment or not self.out:
+            raise InputError("rollout: name at least one garment and one file to write")
         from uvcloth.animate import animate
 
         summary = animate(

@@ -22,7 +22,6 @@ from uvcloth.render import (
     contact_sheet,
     render_frames,
     save_png,
-    three_quarter,
 )
 from uvcloth.rollout import rollout
 from uvcloth.simulate.farm import simulate_batch
@@ -50,9 +49,8 @@ def run(out: Path) -> None:
         "2. Rolling the shipped model out on the same clip, on templates and on a skirt it never saw"
     )
     for name, garments in (("dress", ["dress"]), ("outfit", ["tops", skirt])):
-        for suffix in ("glb", "usdc"):
-            summary = animate(None, CLIP, garments, out / f"{name}.{suffix}", body_file=None)
-            console.print("\n".join(f"   {line}" for line in summary.lines()), highlight=False)
+        summary = animate(None, CLIP, garments, [out / f"{name}.{suffix}" for suffix in ("glb", "usdc")])
+        console.print("\n".join(f"   {line}" for line in summary.lines()), highlight=False)
     console.print("3. Drawing simulation (top) and prediction (bottom)")
     for name in TEMPLATES:
         path = out / f"{name}.png"
@@ -79,7 +77,6 @@ def _side_by_side(path: Path, name: str, body: Body) -> np.ndarray:
                 Surface(vertices, sequence.faces, GARMENT_COLORS[TEMPLATES.index(name)]),
             )
 
-    camera = three_quarter(posed)
-    simulated = render_frames(surfaces(sequence.vertices[moments]), camera, PICTURE_SIZE)
-    rolled = render_frames(surfaces(predicted[moment] for moment in moments), camera, PICTURE_SIZE)
+    simulated = render_frames(surfaces(sequence.vertices[moments]), size=PICTURE_SIZE)
+    rolled = render_frames(surfaces(predicted[moment] for moment in moments), size=PICTURE_SIZE)
     return contact_sheet([*simulated, *rolled], columns=PICTURES)
