@@ -32,7 +32,7 @@ ENGINES = {
     "tops": Style3D(),
     "bottoms": Style3D(),
     # Stiff contact presses hard for an instant, and with friction walks a skirt up the thighs.
-    "dress": Style3D(contact_stiffness=1e3, friction=0.2),
+    "dress": Style3D(contact_stiffness=1e3, friction=0.15),
 }
 
 
