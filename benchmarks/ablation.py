@@ -25,6 +25,7 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     "offsets from the body": ("--anchor", "body"),
     "offsets from the middle of the channel": ("--centre", "channel"),
     "channels scaled to [-1, 1]": ("--scaling", "min_max"),
+    "inputs of any size": ("--reach", "0"),
     "no mirroring": ("--no-mirror",),
     "no edge and bend losses": ("--edge", "0", "--bend", "0"),
     "own last two maps": ("--history", "2"),
@@ -33,6 +34,7 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     "transposed convolutions": ("--upsample", "transposed"),
     "maps of 128": ("--size", "128"),
     "dropout": ("--dropout", "0.3"),
+    "the paper's choices": ("--preset", "paper", "--size", "64", "--width", "32"),
 }
 """The changes, as arguments of `python -m train physxnet`."""
 

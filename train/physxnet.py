@@ -211,7 +211,7 @@ class PhysXNetObjective:
             real[:, part].flatten(2)[:, :, pixels] = true
             mask[:, part].flatten(2)[:, :, pixels] = self.frames.present[rows][:, index, None, None].float()
         real, made = (mask * (values - net.output_shift) / net.output_scale for values in (real, predicted))
-        return (maps - net.input_shift) / net.input_scale, real, made
+        return net.scaled(maps), real, made
 
     def validate(self, net: nn.Module) -> dict[str, float]:
         """Mean vertex error in mm of each template over the validation clips, and their mean.

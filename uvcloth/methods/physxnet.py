@@ -65,6 +65,8 @@ class PhysXNetConfig:
     """How many of its own last offset maps the network sees; 0 remembers nothing (paper)."""
     scaling: Literal["min_max", "mean_std"] = "mean_std"
     """Each channel to [-1, 1] by its extremes (paper), or to zero mean and unit deviation."""
+    reach: float = 4.0
+    """Scaled inputs beyond this count as this: no motion is far from those seen. 0 sets no limit (paper)."""
     centre: Literal["channel", "texel"] = "texel"
     """Predicted offsets are measured from the middle of their channel (paper) or the mean of each texel."""
     stiffness: float = 50.0
@@ -97,6 +99,7 @@ PRESETS: dict[str, PhysXNetConfig] = {
         pose=False,
         anchor="body",
         scaling="min_max",
+        reach=0.0,
         centre="channel",
         stiffness=0.0,
     ),
@@ -118,6 +121,7 @@ class GarmentNet(nn.Module):
 
     def __init__(self, config: PhysXNetConfig) -> None:
         super().__init__()
+        self.reach = config.reach
         outputs = 3 * len(config.templates)
         sheet = (config.size, config.size) if config.centre == "texel" else (1, 1)
         self.unet = UNet(
@@ -134,10 +138,14 @@ class GarmentNet(nn.Module):
         self.register_buffer("output_shift", torch.zeros(outputs, *sheet))
         self.register_buffer("output_scale", torch.ones(outputs, 1, 1))
 
+    def scaled(self, maps: Tensor) -> Tensor:
+        """The maps (B, inputs, H, W) as the network sees them."""
+        scaled = (maps - self.input_shift) / self.input_scale
+        return scaled.clamp(-self.reach, self.reach) if self.reach else scaled
+
     def forward(self, maps: Tensor) -> Tensor:
         """Motion (and history) maps (B, inputs, H, W) -> offset maps (B, templates * 3, H, W), m."""
-        scaled = (maps - self.input_shift) / self.input_scale
-        return self.unet(scaled).float() * self.output_scale + self.output_shift
+        return self.unet(self.scaled(maps)).float() * self.output_scale + self.output_shift
 
 
 def mirror(maps: Tensor) -> Tensor:
