@@ -10,7 +10,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.templates import wear
 from uvcloth.motion.library import load_clip
-from uvcloth.simulate.accept import MOST_PASSED, examine
+from uvcloth.simulate.accept import MOST_INSIDE, examine
 from uvcloth.simulate.farm import plan
 from uvcloth.simulate.sequence import Sequence, content_hash, load_sequence, save_sequence
 from uvcloth.skinning import skin
@@ -52,26 +52,20 @@ def test_exploded_and_swallowed_sequences_are_refused(carried: Sequence, body: B
     sunken = hips + 0.3 * (carried.vertices - hips)
     seen, reason = examine(replace(carried, vertices=sunken), body)
     assert "inside the body" in str(reason)
-    assert seen.metadata["inside_percent"] > 0.5
+    assert seen.metadata["inside_percent"] > MOST_INSIDE
 
 
-def test_a_sleeve_that_went_through_its_arm_is_refused(carried: Sequence, body: Body) -> None:
-    assert examine(carried, body)[0].metadata["passed_percent"] == 0.0
+def test_a_sleeve_that_came_off_its_arm_is_refused(carried: Sequence, body: Body) -> None:
+    assert examine(carried, body)[0].metadata["pierced_percent"] == 0.0
     names = body.skeleton.names
     shoulder, elbow = (body.skeleton.heads[names.index(name)] for name in ("LeftArm", "LeftForeArm"))
     along = torch.nn.functional.normalize(elbow - shoulder, dim=0)
     reach = (carried.rest - shoulder) @ along
     beside = (carried.rest - shoulder - reach[:, None] * along).norm(dim=1)
-    sleeve = torch.nonzero((carried.rest[:, 0] > 0.0) & (reach > 0.12) & (beside < 0.1)).squeeze(1)
-    joint = carried.transforms[:, names.index("LeftArm")]
-    axis = shoulder + reach[sleeve, None] * along
-    posed = torch.einsum("tij,nj->tni", joint[:, :, :3], axis) + joint[:, None, :, 3]
-    turned = carried.vertices.clone()
-    share = ((reach[sleeve, None] - 0.12) / 0.06).clamp(max=1.0)
-    turned[:, sleeve] = torch.lerp(turned[:, sleeve], 2.0 * posed - turned[:, sleeve], share)
-    seen, reason = examine(replace(carried, vertices=turned), body)
-    assert reason is not None
-    assert seen.metadata["passed_percent"] > MOST_PASSED
+    sleeve = (carried.rest[:, 0] > 0.0) & (beside < 0.1)
+    slid = carried.vertices.clone()
+    slid[2:, :, 2] += 0.2 * sleeve * ((reach - 0.08) / 0.06).clamp(0.0, 1.0)
+    assert "a limb has left its cloth in 67 %" in str(examine(replace(carried, vertices=slid), body)[1])
 
 
 def test_windows_choose_frames_and_name_what_is_wrong(body: Body, tmp_path: Path) -> None:

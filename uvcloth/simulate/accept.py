@@ -4,14 +4,13 @@ from dataclasses import replace
 
 import torch
 from torch import Tensor
-from torch.nn.functional import normalize
 
-from rasterize.raycast import cast_rays, closest_points
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
-from uvcloth.mesh import face_normals, unique_edges
+from uvcloth.mesh import unique_edges
 from uvcloth.physics.contact import BodySurface, calm_vertices, inside_vertices
 from uvcloth.simulate.sequence import Sequence
+from uvcloth.skeleton import Skeleton
 from uvcloth.skinning import skin
 
 MOST_INSIDE = 0.5
@@ -21,14 +20,18 @@ MOST_STRETCH = 20.0
 """Times its rest length that no edge may reach."""
 
 
-MOST_PASSED = 0.2
-"""Percent of vertices that may have gone through their limb, averaged over the frames that count."""
+MOST_PIERCED = 5.0
+"""Percent of the frames in which a bone may stick through the cloth that it belongs in."""
 
-THROUGH = 0.7
-"""Share of a limb's thickness at rest beyond which cloth lies on its other side."""
-
-ASIDE = 0.06
-"""Metres along the skin beyond which cloth has slid away rather than gone through."""
+BONES = (
+    (1, "LeftArm", "LeftForeArm"),
+    (2, "RightArm", "RightForeArm"),
+    (4, "LeftUpLeg", "LeftLeg"),
+    (5, "RightUpLeg", "RightLeg"),
+    (6, "LeftLeg", "LeftFoot"),
+    (7, "RightLeg", "RightFoot"),
+)
+"""The collider's limbs: which of its parts, and the joints at which their bones start and end."""
 
 
 def examine(sequence: Sequence, body: Body) -> tuple[Sequence, str | None]:
@@ -36,8 +39,8 @@ def examine(sequence: Sequence, body: Body) -> tuple[Sequence, str | None]:
 
     inside_percent: of the vertices inside the collider (the body without forearms and hands), not counting
     places where the body intersects itself and parts that may not touch them; inside_percent_raw counts all.
-    passed_percent: of the vertices on the other side of the limb that they were put on, which nothing else
-    notices.
+    pierced_percent: of the frames in which a bone sticks through the cloth around it. Cloth that has come off
+    its limb lies outside of everything: nothing else notices.
     """
     frames, vertices = len(sequence.vertices), sequence.vertices
     if not torch.isfinite(vertices).all():
@@ -49,10 +52,10 @@ def examine(sequence: Sequence, body: Body) -> tuple[Sequence, str | None]:
         return sequence, f"frame {int(ratio.argmax())}: an edge is {float(ratio.max()):.1f} times its length"
     collider = make_collider(body)
     skinned = skin(body.mesh.vertices, body.weights, sequence.transforms)
-    passed = _passed_percent(sequence, body, skinned)
     posed = collider.vertices(skinned)
     surface = BodySurface(posed[0], collider.faces)
     touches = collider.touches(sequence.rest, body.mesh.vertices)
+    pierced = _pierced_percent(sequence, body.skeleton, touches)
     each = torch.arange(len(sequence.rest))
     raw, outside_conflict = [], []
     for frame in range(sequence.settling, frames):
@@ -66,34 +69,37 @@ def examine(sequence: Sequence, body: Body) -> tuple[Sequence, str | None]:
         **sequence.metadata,
         "inside_percent": round(share, 4),
         "inside_percent_raw": round(sum(raw) / max(1, len(raw)), 4),
-        "passed_percent": round(passed, 4),
+        "pierced_percent": round(pierced, 4),
     }
     reason = None
-    if share > MOST_INSIDE:
+    if pierced > MOST_PIERCED:
+        reason = f"a limb has left its cloth in {pierced:.0f} % of the frames"
+    elif share > MOST_INSIDE:
         reason = f"{share:.2f} % of the vertices are inside the body"
-    elif passed > MOST_PASSED:
-        reason = f"{passed:.2f} % of the vertices went through their limb"
     return replace(sequence, metadata=metadata), reason
 
 
-def _passed_percent(sequence: Sequence, body: Body, skinned: Tensor) -> float:
-    """Percent of vertices beyond the skin point they lay on by most of the limb's thickness there."""
-    mesh = body.mesh
-    hung = closest_points(sequence.rest, mesh.vertices, mesh.faces)
-    points = hung.carry(mesh.vertices, mesh.faces)
-    outward = normalize(face_normals(mesh.vertices, mesh.faces)[hung.face], dim=-1)
-    limb = cast_rays(
-        points - 1e-3 * outward, -outward, mesh.vertices, mesh.faces, max_distance=1.0, both_ways=False
+def _pierced_percent(sequence: Sequence, skeleton: Skeleton, touches: Tensor) -> float:
+    """Percent of the frames that count in which a bone crosses a face that lies beside its part at rest."""
+    transforms = sequence.transforms[sequence.settling :]
+    vertices = sequence.vertices[sequence.settling :]
+    pierced = torch.zeros(len(vertices), dtype=torch.bool)
+    for part, start, end in BONES:
+        joint, child = skeleton.names.index(start), skeleton.names.index(end)
+        moved = transforms[:, joint]
+        heads, tails = (moved[..., :3] @ skeleton.heads[i] + moved[..., 3] for i in (joint, child))
+        faces = sequence.faces[touches[part][sequence.faces].all(1)]
+        pierced |= _crosses(heads, tails, vertices[:, faces]).any(1)
+    return 100.0 * float(pierced.float().mean()) if len(pierced) else 0.0
+
+
+def _crosses(heads: Tensor, tails: Tensor, corners: Tensor) -> Tensor:
+    """Whether segments from heads to tails (T, 3) cross triangles (T, F, 3 corners, 3): (T, F) bool."""
+    along = (tails - heads)[:, None]
+    a, b, c = (corners - heads[:, None, None]).unbind(2)
+    turns = torch.stack(
+        [(along * torch.linalg.cross(p, q)).sum(-1) for p, q in ((a, b), (b, c), (c, a))], dim=-1
     )
-    corners = mesh.faces[hung.face]
-    share = []
-    for posed, vertices in zip(
-        skinned[sequence.settling :], sequence.vertices[sequence.settling :], strict=True
-    ):
-        a, b, c = (posed[corners[:, corner]] for corner in range(3))
-        normal = normalize(torch.linalg.cross(b - a, c - a), dim=-1)
-        away = vertices - hung.carry(posed, mesh.faces)
-        depth = -(away * normal).sum(-1)
-        aside = (away + depth[:, None] * normal).norm(dim=-1)
-        share.append(float(((depth > THROUGH * limb.distance) & (aside < ASIDE)).float().mean()))
-    return 100.0 * sum(share) / max(1, len(share))
+    normal = torch.linalg.cross(b - a, c - a)
+    before, after = -(a * normal).sum(-1), ((along - a) * normal).sum(-1)
+    return ((turns > 0).all(-1) | (turns < 0).all(-1)) & (before * after < 0)
