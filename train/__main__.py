@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import dataclass, field, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from tyro.conf import OmitArgPrefixes
 
 from rasterize.command import run_command
 from rasterize.errors import InputError
-from train.loop import LOOPS, LoopConfig, fit, refuse_run
+from train.loop import LOOPS, LoopConfig, check_run, fit
 from train.physxnet import LOSSES, Losses, PhysXNetObjective
 from uvcloth.bodies.body import load_body
 from uvcloth.methods.physxnet import PRESETS, PhysXNetConfig
@@ -55,6 +56,8 @@ METHODS: dict[str, tuple[type[PhysXNetRun], Any]] = {"physxnet": (PhysXNetRun, p
 
 def main() -> None:
     """Parse the command line and train."""
+    if find_spec("lightning") is None:
+        raise InputError("training needs Lightning: install uvcloth[train]")
     method, *arguments = sys.argv[1:] or ["--help"]
     if method not in METHODS:
         if method in ("-h", "--help"):
@@ -64,8 +67,9 @@ def main() -> None:
     kind, preset = METHODS[method]
     default = replace(kind(data=tyro.MISSING, out=tyro.MISSING), **preset(_preset_of(arguments)))
     run = tyro.cli(kind, args=arguments, default=default, prog=f"python -m train {method}")
-    if not run.resume:
-        refuse_run(run.out)
+    check_run(run.out, resume=run.resume)
+    if run.network.history and run.loop.devices > 1:
+        raise InputError("--history: what a network remembers is trained on one device, leave out --devices")
     errors = fit(run.objective(), run.out, run.loop, resume=run.resume)
     parts = ", ".join(f"{key} {value:.1f}" for key, value in errors.items() if key not in ("step", "minutes"))
     Console().print(f"{run.out}: best at step {errors['step']:.0f}, validation mm: {parts}")

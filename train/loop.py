@@ -1,9 +1,10 @@
 """The training loop: any objective, on CPU, one GPU or several, interrupted and resumed without a trace."""
 
 import copy
+import json
 import math
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal, Protocol
@@ -14,6 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from torch import Tensor, nn
 
 from rasterize.errors import InputError
+from train.interrupt import waiting_interrupt
 from uvcloth.checkpoint import load_tensors, save_tensors
 
 STATE = Path("training") / "state.safetensors"
@@ -50,6 +52,13 @@ class LoopConfig:
     devices: int = 1
     """GPUs to train on, where there are any."""
 
+    def __post_init__(self) -> None:
+        """Raises InputError for a length that cannot be trained for."""
+        for name in ("steps", "batch", "validate_every", "devices", "minutes"):
+            value = getattr(self, name)
+            if value is not None and value <= 0:
+                raise InputError(f"--{name.replace('_', '-')} {value}: has to be more than 0")
+
 
 LOOPS: dict[str, LoopConfig] = {
     "default": LoopConfig(),
@@ -81,6 +90,9 @@ class Objective(Protocol):
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
         """Write the checkpoint of the network."""
+
+    def settings(self) -> dict[str, Any]:
+        """What must not change within a run, data included, as JSON values."""
 
     def memory(self) -> dict[str, Tensor]:
         """What the objective itself remembers between steps."""
@@ -117,30 +129,31 @@ def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) ->
     """Train until the steps or the minutes are spent; returns the best validation errors.
 
     Every step seeds its own randomness and draws its samples by its number, so that a resumed run continues
-    exactly. Ctrl-C saves before it ends. Raises InputError if there is nothing to resume, or if the run
-    was started with other settings.
+    exactly. Ctrl-C ends the step and saves. Raises InputError if there is nothing to resume, if the run was
+    started with other settings or data, or if the loss is no longer a number.
     """
-    if not resume:
-        refuse_run(run)
+    check_run(run, resume=resume)
     training = _begin(objective, run, config)
     if resume:
         _load_state(training)
     done = training.done
-    try:
-        _train(training)
-    except KeyboardInterrupt:
+    with waiting_interrupt() as interrupted:
+        _train(training, interrupted)
+    if interrupted():
         _save_state(training)
         Console(stderr=True).print(f"interrupted at step {done.step}; continue with --resume")
-        raise
+        raise KeyboardInterrupt
     if not done.errors or done.errors[-1]["step"] != done.step:
         Console(stderr=True).print(f"step {done.step}: {_validate(training)}")
     _save_state(training)
     return min(done.errors, key=lambda errors: errors["mean"])
 
 
-def refuse_run(run: Path) -> None:
-    """Raise InputError if the folder holds a run that a new one would overwrite."""
-    if (run / STATE).exists():
+def check_run(run: Path, *, resume: bool) -> None:
+    """Raise InputError if a new run would overwrite the folder's, or if there is none to resume."""
+    if resume and not (run / STATE).exists():
+        raise InputError(f"{run}: nothing to resume, it has no {STATE}")
+    if not resume and (run / STATE).exists():
         raise InputError(f"{run}: holds a run already; continue it with --resume or name another folder")
 
 
@@ -171,7 +184,7 @@ def _begin(objective: Objective, run: Path, config: LoopConfig) -> Training:
     return Training(objective, run, config, fabric, networks, optimizers, average, Progressed())
 
 
-def _train(training: Training) -> None:
+def _train(training: Training, interrupted: Callable[[], bool]) -> None:
     config, fabric, done = training.config, training.fabric, training.done
     samples = training.objective.samples.cpu()
     shown = ""
@@ -179,12 +192,17 @@ def _train(training: Training) -> None:
     saved = time.monotonic()
     with _progress(fabric.is_global_zero) as bar:
         task = bar.add_task("training", total=1.0)
-        while (share := _share(config, done)) < 1.0:
+        while not interrupted() and (share := _share(config, done)) < 1.0:
             _set_rates(training.optimizers, config, share)
             parts = _step(training, samples)
-            done.seconds = time.monotonic() - begun
+            done.seconds = fabric.broadcast(time.monotonic() - begun)
             if done.step % LOG_EVERY == 0:
                 values = {key: float(value.detach()) for key, value in parts.items()}
+                if not all(map(math.isfinite, values.values())):
+                    raise InputError(
+                        f"{training.run}: at step {done.step} the loss is no longer a number; "
+                        "lower --learning-rate and start anew"
+                    )
                 fabric.log_dict({f"loss/{key}": value for key, value in values.items()}, done.step)
                 losses = " ".join(f"{key} {value:.3f}" for key, value in values.items())
                 bar.update(task, completed=share, description=f"step {done.step} {losses} {shown}")
@@ -222,10 +240,10 @@ def _validate(training: Training) -> str:
     done.errors.append({**when, **errors})
     training.fabric.log_dict({f"validation_mm/{name}": error for name, error in errors.items()}, done.step)
     if errors["mean"] < done.best:
-        done.best = errors["mean"]
         if training.fabric.is_global_zero:
             notes = {**when, "validation_mm": errors, "loop": asdict(training.config), "curve": done.errors}
             training.objective.save(training.average, training.run, notes)
+        done.best = errors["mean"]
     return "validation mm: " + ", ".join(f"{name} {error:.1f}" for name, error in errors.items())
 
 
@@ -274,10 +292,12 @@ def _blend(average: nn.Module, network: nn.Module, decay: float, step: int) -> N
             mean.copy_(value)
 
 
-def _settings(config: LoopConfig) -> dict[str, Any]:
-    """The settings that must not change within a run; how long it takes may."""
+def _settings(training: Training) -> dict[str, Any]:
+    """What must not change within a run, as JSON values; how long it takes may."""
     may_change = ("steps", "minutes", "validate_every", "save_seconds")
-    return {key: value for key, value in asdict(config).items() if key not in may_change}
+    loop = {key: value for key, value in asdict(training.config).items() if key not in may_change}
+    settings: dict[str, Any] = json.loads(json.dumps({**loop, **training.objective.settings()}))
+    return settings
 
 
 def _save_state(training: Training) -> None:
@@ -292,17 +312,17 @@ def _save_state(training: Training) -> None:
         tensors |= {f"average/{key}": value for key, value in training.average.state_dict().items()}
     done = asdict(training.done)
     done["best"] = None if math.isinf(training.done.best) else training.done.best
-    save_tensors(tensors, {"done": done, "settings": _settings(training.config)}, training.run / STATE)
+    save_tensors(tensors, {"done": done, "settings": _settings(training)}, training.run / STATE)
 
 
 def _load_state(training: Training) -> None:
     run = training.run
-    if not (run / STATE).exists():
-        raise InputError(f"{run}: nothing to resume, it has no {STATE}")
     tensors, meta = load_tensors(run / STATE)
-    for key, value in _settings(training.config).items():
-        if meta["settings"].get(key) != value:
-            raise InputError(f"{run}: was started with {key} = {meta['settings'].get(key)}, not {value}")
+    for key, value in _settings(training).items():
+        before = meta["settings"].get(key)
+        if before != value:
+            change = f"other {key}" if isinstance(value, dict) else f"{key} = {before}, not {value}"
+            raise InputError(f"{run}: was started with {change}")
 
     def part(prefix: str) -> dict[str, Tensor]:
         return {key[len(prefix) :]: value for key, value in tensors.items() if key.startswith(prefix)}
@@ -322,6 +342,6 @@ def _load_state(training: Training) -> None:
         first = str(error).splitlines()[0]
         raise InputError(f"{run}: was started with another network ({first})") from error
     training.objective.remember(part("memory/"))
-    done, before = training.done, meta["done"]
-    done.step, done.seconds, done.errors = before["step"], before["seconds"], before["errors"]
-    done.best = math.inf if before["best"] is None else before["best"]
+    done, saved = training.done, meta["done"]
+    done.step, done.seconds, done.errors = saved["step"], saved["seconds"], saved["errors"]
+    done.best = math.inf if saved["best"] is None else saved["best"]

@@ -1,7 +1,7 @@
 """The objective of PhysXNet: what it is trained for, how it is validated and what it saves."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +51,11 @@ class Losses:
     holdout: int = 8
     """Every n-th clip validates and is not trained on."""
 
+    def __post_init__(self) -> None:
+        """Raises InputError if nothing would be left to train on."""
+        if self.holdout < 2:
+            raise InputError(f"--holdout {self.holdout}: has to be 2 or more")
+
 
 LOSSES: dict[str, Losses] = {
     "default": Losses(),
@@ -72,7 +77,10 @@ class PhysXNetObjective:
         self.prepared = prepare(run, self.body, config.templates, config.size)
         check_rests(self.prepared, recordings, self.body)
         training, held = hold_out(recordings, losses.holdout)
-        self.files = {name: digest for r in training for name, digest in r.files.items()}
+        for name in config.templates:
+            if not any(name in r.vertices for r in training):
+                raise InputError(f"{data}: no training sequence of {name}; simulate some or set --templates")
+        self.files = {name: digest for r in recordings for name, digest in r.files.items()}
         self.frames = load_frames(config, self.body, self.prepared, training, "training frames")
         held = held or training
         self.held = load_frames(config, self.body, self.prepared, held, "validation frames")
@@ -126,8 +134,7 @@ class PhysXNetObjective:
         if self.config.history:
             maps = torch.cat([maps, self._history(rows)], dim=1)
         mirrored = len(rows) // 2 if self.weights.mirror else 0
-        maps = torch.cat([mirror(maps[:mirrored]), maps[mirrored:]])
-        predicted = networks["net"](maps)
+        predicted = networks["net"](torch.cat([mirror(maps[:mirrored]), maps[mirrored:]]))
         predicted = torch.cat([mirror(predicted[:mirrored]), predicted[mirrored:]])
         if self.config.history:
             self.past[rows] = predicted.detach().half()
@@ -216,6 +223,8 @@ class PhysXNetObjective:
     def validate(self, net: nn.Module) -> dict[str, float]:
         """Mean vertex error in mm of each template over the validation clips, and their mean.
 
+        As decoded: before edges are brought back to their length, and before contact.
+
         With history the clips are rolled out side by side, on their own predictions.
         """
         net.eval()
@@ -274,6 +283,10 @@ class PhysXNetObjective:
         method = PhysXNet(self.config, net)
         notes = {**notes, "validation_clips": self.held_clips}
         save_checkpoint(physxnet_checkpoint(method, self.body, self.files, notes), run)
+
+    def settings(self) -> dict[str, Any]:
+        """What must not change within a run."""
+        return {**asdict(self.config), **asdict(self.weights), "data": self.files}
 
     def memory(self) -> dict[str, Tensor]:
         """What the objective remembers between steps and an exact resume needs."""

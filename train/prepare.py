@@ -1,6 +1,8 @@
 """What training needs of shapes at rest, made once per run: correspondences from ray casting, mesh edges."""
 
+import hashlib
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +13,6 @@ from rasterize.errors import InputError
 from train.recordings import Recording
 from uvcloth.archive import load_arrays, save_arrays
 from uvcloth.bodies.body import Body
-from uvcloth.checkpoint import body_identity
 from uvcloth.mesh import unique_edges
 from uvcloth.methods.correspondence import (
     BodyTexels,
@@ -46,7 +47,7 @@ def prepare(folder: Path, body: Body, templates: tuple[str, ...], size: int) -> 
 
     Only the making needs ray casting: a folder that was prepared here can be trained anywhere.
     """
-    identity = "/".join([body_identity(body)["topology"], *templates, str(size)])
+    identity = _identity(body, templates, size)
     path = Path(folder) / FILE
     if path.exists():
         arrays = load_arrays(path, FORMAT, "the correspondences of a training run")
@@ -88,6 +89,17 @@ def check_rests(prepared: Prepared, recordings: list[Recording], body: Body) -> 
                     f"{recording.clip}_{name}: at rest not the template {name} on body {body.name!r}; "
                     "it was simulated with another template or body"
                 )
+
+
+def _identity(body: Body, templates: tuple[str, ...], size: int) -> str:
+    """A hash of all that correspondences depend on."""
+    data = files("uvcloth") / "data"
+    digest = hashlib.sha256("/".join([*templates, str(size)]).encode())
+    for tensor in (body.mesh.vertices, body.mesh.faces, body.weights):
+        digest.update(tensor.numpy().tobytes())
+    for file in (data / "layout.npz", *(data / "templates" / f"{name}.npz" for name in templates)):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 def _read(arrays: dict[str, np.ndarray], templates: tuple[str, ...], path: Path) -> Prepared:

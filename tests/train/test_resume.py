@@ -1,5 +1,6 @@
 """Two steps, an interruption and two more give the same weights as four steps in one go, bit for bit."""
 
+import signal
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -36,21 +37,20 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class Interrupted(PhysXNetObjective):
-    """Presses Ctrl-C before its third step."""
+    """Presses Ctrl-C in the middle of its second step."""
 
     asked = 0
 
     def steps(self, networks, rows):  # type: ignore[no-untyped-def]
         self.asked += 1
-        if self.asked == 3:
-            raise KeyboardInterrupt
-        return super().steps(networks, rows)
+        for number, update in enumerate(super().steps(networks, rows)):
+            yield update
+            if (self.asked, number) == (2, 0):
+                signal.raise_signal(signal.SIGINT)
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_resuming_gives_the_weights_of_an_uninterrupted_run(
-    variant: str, data: Path, tmp_path: Path, request: pytest.FixtureRequest
-) -> None:
+def test_resuming_gives_the_weights_of_an_uninterrupted_run(variant: str, data: Path, tmp_path: Path) -> None:
     network, losses = VARIANTS[variant]
 
     def objective(run: str, kind: Callable[..., PhysXNetObjective] = PhysXNetObjective) -> PhysXNetObjective:
@@ -73,6 +73,9 @@ def test_resuming_gives_the_weights_of_an_uninterrupted_run(
 
     with pytest.raises(InputError, match="learning_rate"):
         fit(objective("parts"), tmp_path / "parts", replace(LOOP, learning_rate=0.5), resume=True)
+    other = PhysXNetObjective(network, replace(losses, edge=losses.edge + 1.0), data, tmp_path / "parts")
+    with pytest.raises(InputError, match="was started with edge"):
+        fit(other, tmp_path / "parts", LOOP, resume=True)
     with pytest.raises(InputError, match="--resume"):
         fit(objective("parts"), tmp_path / "parts", LOOP, resume=False)
 

@@ -4,7 +4,7 @@ Every idea beyond the paper is one field of `PhysXNetConfig`: an ablation is a l
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -75,6 +75,13 @@ class PhysXNetConfig:
     """Steps of that projection."""
     templates: tuple[str, ...] = ("tops", "bottoms", "dress")
     """The templates with a decoder each."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError if the levels do not halve the size evenly."""
+        if self.size <= 0 or self.size % 2**self.levels:
+            raise InputError(
+                f"--size {self.size}: has to be a multiple of {2**self.levels} for --levels {self.levels}"
+            )
 
     @property
     def inputs(self) -> int:
@@ -351,11 +358,12 @@ class PhysXNet:
 
 def template_mesh(name: str, outfit: Outfit) -> Mesh:
     """A template at rest on an outfit's body: the outfit's own garment where it is the template itself."""
-    for garment in outfit.garments:
-        if garment.name == garment.template == name:
-            return garment.mesh
-    from uvcloth.garments.templates import wear
+    from uvcloth.garments.templates import load_template, wear
 
+    faces = load_template(name).faces
+    for garment in outfit.garments:
+        if garment.name == garment.template == name and torch.equal(garment.mesh.faces, faces):
+            return garment.mesh
     return wear(name, outfit.body).mesh
 
 
@@ -363,6 +371,9 @@ def load_physxnet(checkpoint: Checkpoint, folder: Path) -> PhysXNet:
     """The trained method of a checkpoint. Raises InputError if weights and config do not fit each other."""
     try:
         values = {**checkpoint.config, "templates": tuple(checkpoint.config["templates"])}
+        missing = {field.name for field in fields(PhysXNetConfig)} - values.keys()
+        if missing:
+            raise KeyError(*sorted(missing))
         method = PhysXNetConfig(**values).create()
         method.net.load_state_dict(checkpoint.tensors)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
