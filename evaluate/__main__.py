@@ -5,12 +5,14 @@ import platform
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
 from rasterize.command import run_command
+from rasterize.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -35,11 +37,12 @@ class Evaluate:
     """Render pictures of every action."""
 
     def run(self) -> None:
+        if not all(find_spec(module) for module in ("jinja2", "markupsafe", "PIL")):
+            raise InputError("the report needs Jinja and Pillow: install uvcloth[report]")
         from evaluate.compare import compare
         from evaluate.progress import progress
         from evaluate.report import write_metrics, write_report
         from evaluate.show import pictured, pictures, viewer_clips
-        from rasterize.errors import InputError
         from uvcloth.bodies.body import load_body
 
         if self.frames is not None and self.frames < 1:

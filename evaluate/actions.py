@@ -1,19 +1,23 @@
 """Which simulated windows are judged, and what their actions are called."""
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from rasterize.errors import InputError
+from uvcloth.archive import load_arrays
 from uvcloth.garments.templates import TEMPLATES
 from uvcloth.simulate.index import INDEX, read_index
+from uvcloth.simulate.sequence import FORMAT
 
 
 @dataclass(frozen=True)
 class Window:
-    """One simulated garment over one unseen clip.
+    """One garment over one unseen clip.
 
-    path: its sequence. repeat: the same window simulated from an earlier start, or None where there is none.
+    path: its sequence, there or not. repeat: the same window simulated from an earlier start, or None where
+    there is none.
     """
 
     action: str
@@ -34,7 +38,44 @@ def find_windows(data: Path, actions: Sequence[str] = ()) -> tuple[Window, ...]:
     sequence counts and its clip is its action. actions: keep only these, all if empty. Raises InputError if
     the folder, the index or an action is missing, or nothing was simulated.
     """
-    data = Path(data)
+    wanted = _wanted(Path(data), actions)
+    windows = tuple(window for window in wanted if window.path.is_file())
+    if not windows:
+        named = ", ".join(dict.fromkeys(window.action for window in wanted))
+        raise InputError(f"{data}: holds no simulated test window (CLIP_GARMENT.npz) for {named}")
+    return windows
+
+
+def find_missing(data: Path, actions: Sequence[str] = ()) -> dict[str, dict[str, str]]:
+    """The test windows that there is no sequence of: {action: {template: why}}.
+
+    A template that was not tried on any test clip is not missed. Raises InputError as find_windows does.
+    """
+    everything = _wanted(Path(data), ())
+    tried = {w.template for w in everything if w.path.is_file() or _rejected(w).is_file()}
+    missing: dict[str, dict[str, str]] = {}
+    for window in _wanted(Path(data), actions):
+        if window.template in tried and not window.path.is_file():
+            reasons = missing.setdefault(window.action, {})
+            known = f"{reasons[window.template]}; " if window.template in reasons else ""
+            reasons[window.template] = known + _why(window)
+    return missing
+
+
+def _rejected(window: Window) -> Path:
+    return window.path.parent / "rejected" / window.path.name
+
+
+def _why(window: Window) -> str:
+    """Why there is no sequence of a window."""
+    if not _rejected(window).is_file():
+        return "not simulated"
+    arrays = load_arrays(_rejected(window), FORMAT, "a sequence that `uvcloth simulate` kept apart")
+    return str(json.loads(str(arrays["metadata"])).get("rejected", "kept apart"))
+
+
+def _wanted(data: Path, actions: Sequence[str]) -> list[Window]:
+    """Every test clip of the actions with every template, simulated or not."""
     if not data.is_dir():
         raise InputError(f"{data}: no such folder, expected one made by `uvcloth simulate`")
     index = data / INDEX
@@ -45,17 +86,13 @@ def find_windows(data: Path, actions: Sequence[str] = ()) -> tuple[Window, ...]:
             raise InputError(
                 f"{data}: no test action is called {action!r}, expected one of {', '.join(known)}"
             )
-    windows = tuple(
+    return [
         Window(action, clip, template, path, repeat if repeat.is_file() else None)
         for clip, action in named.items()
         if not actions or action in actions
         for template in TEMPLATES
         for path, repeat in [(data / f"{clip}_{template}.npz", data / "repeat" / f"{clip}_{template}.npz")]
-        if path.is_file()
-    )
-    if not windows:
-        raise InputError(f"{data}: holds no simulated test window (CLIP_GARMENT.npz) for {', '.join(known)}")
-    return windows
+    ]
 
 
 def _test_clips(index: Path) -> dict[str, str]:

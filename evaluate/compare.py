@@ -9,10 +9,11 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from evaluate.actions import find_windows
+from evaluate.actions import find_missing, find_windows
 from evaluate.judge import (
     SIMULATION,
     Case,
+    body_fingerprint,
     code_fingerprint,
     judge,
     judge_simulation,
@@ -53,7 +54,9 @@ def compare(
     """
     contestants = load_contestants(models, body)
     windows = find_windows(data, actions)
+    missing = find_missing(data, actions)
     code = code_fingerprint()
+    setting = f"{code}/{body_fingerprint(body)}/{map_size}/{machine}"
     garments = {name: wear(name, body) for name in dict.fromkeys(window.template for window in windows)}
     maps = {name: garment_map(garment, body, map_size) for name, garment in garments.items()}
 
@@ -69,13 +72,13 @@ def compare(
             case = open_case(window, body, garments[window.template], texels, frames)
             tick(0, note=f"{window.action}, {window.template}")
             keep = partial(remembered, out, case)
-            judged = {SIMULATION: keep(SIMULATION, f"{code}/{map_size}", partial(judge_simulation, case))}
+            judged = {SIMULATION: keep(SIMULATION, setting, partial(judge_simulation, case))}
             represented[window.template].append(representation(case, seen))
             repeated[window.template].append(repeatability(case))
             tick()
             for contestant in contestants:
                 tick(0, note=f"{window.action}, {window.template}: {contestant.name}")
-                fingerprint = f"{code}/{map_size}/{contestant.fingerprint}"
+                fingerprint = f"{setting}/{contestant.fingerprint}"
                 judged[contestant.name] = keep(contestant.name, fingerprint, partial(judge, case, contestant))
                 if case.sequence.metadata.get("hash") in contestant.seen:
                     trained_on[contestant.name].append(window.name)
@@ -103,6 +106,7 @@ def compare(
     return results | {
         "actions": list(dict.fromkeys(window.action for window in windows)),
         "windows": len(windows),
+        "missing": missing,
         "frames": sum(len(e.judged.scores["vertex_mean_mm"]) for e in entries[SIMULATION]),
         "fps": case.sequence.fps,
         "map_size": map_size,

@@ -40,7 +40,7 @@ ANYWHERE = torch.tensor([0.36, 0.48, 0.8])
 """Where the rays go that count how often a point is inside: along no edge or axis."""
 
 JUDGING = ("rasterize", "uvcloth", "evaluate/metrics.py", "evaluate/maps.py", "evaluate/judge.py")
-"""The sources that decide a score."""
+"""The sources and data that decide a score."""
 
 
 @dataclass(frozen=True)
@@ -63,12 +63,11 @@ class Judged:
     """One method on one window.
 
     scores: per frame, F values each (jitter F - 2); with "network_ms" and "contact_ms" if it is a method.
-    shown: (S, N, 3) every stride-th frame after contact, metres, world.
+    shown: (S, N, 3) every stride-th frame of the case after contact, metres, world.
     """
 
     scores: Mapping[str, Tensor]
     shown: Tensor
-    stride: int
 
 
 @dataclass(frozen=True)
@@ -142,9 +141,7 @@ def judge(case: Case, contestant: Contestant) -> Judged:
             milliseconds.append([frame.milliseconds["network"], frame.milliseconds["contact"]])
     times = torch.tensor(milliseconds)
     scored = score(case, torch.stack(raw).cpu(), torch.stack(resolved).cpu())
-    return Judged(
-        {**scored.scores, "network_ms": times[:, 0], "contact_ms": times[:, 1]}, scored.shown, scored.stride
-    )
+    return Judged({**scored.scores, "network_ms": times[:, 0], "contact_ms": times[:, 1]}, scored.shown)
 
 
 def judge_simulation(case: Case) -> Judged:
@@ -156,7 +153,7 @@ def score(case: Case, raw: Tensor, resolved: Tensor) -> Judged:
     """Score predictions before (F, N, 3) and after contact (F, N, 3) on the frames that count."""
     scores = frame_scores(raw, resolved, case.reference)
     scores["inside_percent_raw"], scores["inside_percent"] = _inside(case, raw, resolved)
-    return Judged(scores, resolved[:: case.stride], case.stride)
+    return Judged(scores, resolved[:: case.stride])
 
 
 def _inside(case: Case, *versions: Tensor) -> list[Tensor]:
@@ -216,7 +213,7 @@ def remembered(out: Path, case: Case, name: str, fingerprint: str, work: Callabl
     if path.is_file():
         data = load_arrays(path, FORMAT, "a judged window")
         scores = {k.removeprefix("score_"): torch.from_numpy(v) for k, v in data.items() if k[:6] == "score_"}
-        return Judged(scores, truth + torch.from_numpy(data["offset"].astype(np.float32)), case.stride)
+        return Judged(scores, truth + torch.from_numpy(data["offset"].astype(np.float32)))
     judged = work()
     # Offsets from the simulation are small, so half precision keeps them well within a millimetre.
     arrays = {"format": np.array(FORMAT), "offset": (judged.shown - truth).numpy().astype(np.float16)}
@@ -226,25 +223,38 @@ def remembered(out: Path, case: Case, name: str, fingerprint: str, work: Callabl
 
 
 def code_fingerprint() -> str:
-    """Hash of the sources that decide a score: results of other code are not taken over."""
+    """Hash of the sources and data that decide a score: results of others are not taken over."""
     root = Path(__file__).resolve().parent.parent
     digest = hashlib.sha256()
     for name in JUDGING:
         place = root / name
-        for path in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
+        inside = [*place.rglob("*.py"), *place.rglob("*.npz")]
+        for path in sorted(inside) if place.is_dir() else [place]:
             digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
+    return digest.hexdigest()
+
+
+def body_fingerprint(body: Body) -> str:
+    """Hash of the body that the garments are worn on."""
+    digest = hashlib.sha256("/".join(body.skeleton.names).encode())
+    tensors = [body.mesh.vertices, body.mesh.faces, body.weights, body.skeleton.heads]
+    tensors += [body.regions, body.sides]
+    for proxy in body.proxies.values():
+        tensors += [proxy.vertices, proxy.faces, proxy.weights]
+    for tensor in tensors:
+        digest.update(tensor.numpy().tobytes())
     return digest.hexdigest()
 
 
 def load_contestants(models: Sequence[str], body: Body) -> tuple[Contestant, ...]:
     """Load baselines by name and trained models by folder. Raises InputError for unknown or equal names."""
     from uvcloth.checkpoint import CONFIG, WEIGHTS, load_checkpoint
-    from uvcloth.methods.registry import load_method
+    from uvcloth.methods.registry import CONFIGS, LOADERS, load_method
 
     contestants = []
     for model in models:
         folder = Path(model)
-        trained = folder.is_dir()
+        trained = model not in CONFIGS or model in LOADERS
         method = load_method(model, body)
         digest = hashlib.sha256(model.encode())
         seen: frozenset[str] = frozenset()

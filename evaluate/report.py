@@ -12,6 +12,7 @@ from evaluate.charts import DASH, bars, lines, number
 from evaluate.viewer import ViewerClip, pack_body, pack_clip
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.rollout import BATCH
 
 TEMPLATES = Path(__file__).with_name("templates")
 METRICS = "metrics.json"
@@ -106,10 +107,12 @@ def write_report(
         measures=MEASURES,
         physics=PHYSICS,
         paper_costs=PAPER_COSTS,
+        missing=[f"{a}, {t} ({why})" for a, by in results["missing"].items() for t, why in by.items()],
         standings=standings(results),
         charts=_bar_charts(results),
         over_time=_time_charts(results),
         overall=overall,
+        batch=BATCH,
         viewer_headers=[header for header, _ in packed],
         viewer_blobs=[blob for _, blob in packed],
         viewer_body=pack_body(body) if body is not None and packed else None,

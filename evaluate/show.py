@@ -26,6 +26,9 @@ METHOD_COLORS: tuple[Color, ...] = (
     (0.18, 0.44, 0.70),
     (0.76, 0.34, 0.17),
     (0.36, 0.56, 0.31),
+    (0.54, 0.35, 0.66),
+    (0.25, 0.60, 0.63),
+    (0.70, 0.30, 0.47),
 )
 """The same as --m0, --m1, ... in templates/report.css."""
 
@@ -54,15 +57,12 @@ class Shown:
         )
 
 
-def viewer_clips(shown: Sequence[Shown], per_template: int = 1) -> list[ViewerClip]:
-    """The liveliest windows of each template, where methods differ most."""
+def viewer_clips(shown: Sequence[Shown]) -> list[ViewerClip]:
+    """The liveliest window of each template, where methods differ most."""
     clips = []
     for template in dict.fromkeys(each.template for each in shown):
-        ranked = sorted((s for s in shown if s.template == template), key=lambda s: -s.liveliness)
-        clips += [
-            ViewerClip(s.action, s.template, s.fps, 0, s.stride, s.faces, s.transforms, s.meshes)
-            for s in ranked[:per_template]
-        ]
+        s = max((s for s in shown if s.template == template), key=lambda s: s.liveliness)
+        clips.append(ViewerClip(s.action, s.template, s.fps, s.stride, s.faces, s.transforms, s.meshes))
     return clips
 
 

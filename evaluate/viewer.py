@@ -28,14 +28,13 @@ class ViewerClip:
     """One window to scrub through: the same garment from the simulation and from every method.
 
     meshes: by name, the simulation first, each (F, N, 3) metres, world. faces: (M, 3).
-    transforms: (F, J, 3, 4) joint transforms of the body. first and stride: the numbers of the frames
-    shown, counted from the first frame of the window that counts. fps: frames per second shown.
+    transforms: (F, J, 3, 4) joint transforms of the body. stride: of the frames shown, the first being
+    the first of the window that counts. fps: frames per second shown.
     """
 
     action: str
     template: str
     fps: float
-    first: int
     stride: int
     faces: Tensor
     transforms: Tensor
@@ -57,7 +56,6 @@ def pack_clip(clip: ViewerClip) -> tuple[dict[str, Any], str]:
         "action": clip.action,
         "template": clip.template,
         "fps": clip.fps,
-        "first": clip.first,
         "stride": clip.stride,
         "frames": frames,
         "vertices": vertices,

@@ -257,7 +257,7 @@
     const shown = [state.left, state.right].map((m) => positions(current, m, state.frame));
     const errors = shown.map((points) => distances(points, truth));
     const mean = (values) => values.reduce((sum, value) => sum + value, 0) / values.length;
-    byId("viewer-number").textContent = header.first + Math.round(state.frame) * header.stride;
+    byId("viewer-number").textContent = Math.round(state.frame) * header.stride;
     byId("viewer-time").textContent = (state.frame / header.fps).toFixed(2);
     ["left", "right"].forEach((side, i) => {
       byId(`viewer-${side}-error`).textContent =
@@ -286,7 +286,7 @@
       if (skin) drawMesh(skin, body.faces, [0.70, 0.62, 0.56], null);
       const mesh = side === 0 ? state.left : state.right;
       const painted = byId("viewer-paint").checked && mesh !== 0;
-      drawMesh(points, current.faces, colourOf(mesh === 0 ? "--simulation" : `--m${mesh - 1}`),
+      drawMesh(points, current.faces, colourOf(mesh === 0 ? "--simulation" : `--m${(mesh - 1) % 8}`),
         painted ? errors[side] : null);
     });
   }

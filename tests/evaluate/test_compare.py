@@ -1,7 +1,9 @@
 """The whole comparison on a made-up body and garment whose errors are known in advance."""
 
 import json
+import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,10 +18,13 @@ from evaluate.__main__ import main
 from evaluate.actions import find_windows
 from evaluate.compare import compare
 from rasterize.errors import InputError
+from tests.train.simulated import save_clips
 from uvcloth.bodies.body import Body, save_body
+from uvcloth.checkpoint import WEIGHTS, save_checkpoint
 from uvcloth.garments.garment import Attachment, Garment
 from uvcloth.mesh import Mesh
-from uvcloth.simulate.sequence import Sequence, save_sequence
+from uvcloth.methods.physxnet import PRESETS, physxnet_checkpoint
+from uvcloth.simulate.sequence import Sequence, load_sequence, save_sequence
 from uvcloth.skeleton import Skeleton
 from uvcloth.skinning import skin
 
@@ -105,10 +110,23 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return data
 
 
-def run(data: Path, out: Path, actions: tuple[str, ...] = (), frames: int | None = None) -> dict:
-    models = ("lbs", "lbs_smooth")
+def run(
+    data: Path,
+    out: Path,
+    actions: tuple[str, ...] = (),
+    frames: int | None = None,
+    body: Body | None = None,
+    machine: str = "a test",
+) -> dict:
     return compare(
-        models, data, out, body=capsule_body(), actions=actions, frames=frames, map_size=16, machine="a test"
+        ("lbs", "lbs_smooth"),
+        data,
+        out,
+        body=body or capsule_body(),
+        actions=actions,
+        frames=frames,
+        map_size=16,
+        machine=machine,
     )[0]
 
 
@@ -148,6 +166,12 @@ def test_rerun_takes_over_what_is_finished(
     assert run(world, tmp_path / "out") == first
     with pytest.raises(AssertionError, match="judged again"):
         run(world, tmp_path / "out", frames=5)
+    with pytest.raises(AssertionError, match="judged again"):
+        run(world, tmp_path / "out", machine="another")
+    wider = capsule_body()
+    wider.mesh.vertices[:, 0] *= 1.1
+    with pytest.raises(AssertionError, match="judged again"):
+        run(world, tmp_path / "out", body=wider)
     monkeypatch.setattr(judging, "FORMAT", "another")
     with pytest.raises(AssertionError, match="judged again"):
         run(world, tmp_path / "out")
@@ -157,6 +181,61 @@ def test_actions_and_frames_narrow_it_down(world: Path, tmp_path: Path) -> None:
     results = run(world, tmp_path / "out", actions=("walking",), frames=7)
     assert results["actions"] == ["walking"]
     assert results["methods"]["lbs"]["actions"]["walking"]["tops"]["frames"] == 7
+
+
+def test_missing_windows_are_listed_with_the_reason(world: Path, tmp_path: Path) -> None:
+    assert run(world, tmp_path / "out")["missing"] == {}
+    exploded = simulated(tube_garment("dress"), "12_01", torch.tensor(torch.nan))
+    metadata = {**exploded.metadata, "rejected": "frame 3: a vertex is not a finite number"}
+    (world / "12_01_dress.npz").unlink()
+    save_sequence(
+        Sequence(**{**vars(exploded), "metadata": metadata}), world / "rejected" / "12_01_dress.npz"
+    )
+    (world / "02_04_dress.npz").unlink()
+    missing = {
+        "jump": {"dress": "not simulated"},
+        "walking": {"dress": "frame 3: a vertex is not a finite number"},
+    }
+    assert run(world, tmp_path / "out")["missing"] == missing
+    assert run(world, tmp_path / "out", actions=("jump",))["missing"] == {"jump": missing["jump"]}
+
+
+def test_a_folder_called_like_a_baseline_is_not_it(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "lbs").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert run(world, tmp_path / "out")["methods"]["lbs"]["weights_mb"] == 0.0
+
+
+def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) -> None:
+    """A network that predicts no change is the smooth baseline; what it was trained on is told apart."""
+    data, folder = tmp_path / "data", tmp_path / "walker"
+    save_clips(data, ("tops", "bottoms"), clips=2, frames=8)
+    method = replace(PRESETS["tiny"], stiffness=0.0).create()
+    for parameter in method.net.parameters():
+        parameter.data.zero_()
+    seen = {"clip0_tops.npz": load_sequence(data / "clip0_tops.npz").metadata["hash"]}
+    save_checkpoint(physxnet_checkpoint(method, body, seen, {}), folder)
+    results, _ = compare(
+        ("lbs_smooth", str(folder)),
+        data,
+        tmp_path / "out",
+        body=body,
+        actions=(),
+        frames=2,
+        map_size=64,
+        machine="a test",
+    )
+    walker, baseline = results["methods"]["walker"], results["methods"]["lbs_smooth"]
+    assert walker["trained_on"] == ["clip0_tops"]
+    assert baseline["trained_on"] == []
+    assert walker["weights_mb"] == (folder / WEIGHTS).stat().st_size / 1e6
+    for action, template in (("clip0", "tops"), ("clip0", "bottoms"), ("clip1", "tops")):
+        ours, theirs = (m["actions"][action][template] for m in (walker, baseline))
+        assert ours["vertex_mean_mm"] == pytest.approx(theirs["vertex_mean_mm"], rel=1e-3)
+        assert 0.0 < results["floor"]["representation_mm"][template] < 0.2 * theirs["vertex_mean_mm"]
+    assert results["missing"] == {"clip1": {"bottoms": "not simulated"}}
 
 
 def test_command_writes_metrics_and_page(world: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
@@ -181,6 +260,9 @@ def test_bad_input_is_one_sentence(
         assert not (out / "report.html").exists()
         return capsys.readouterr().err
 
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, "jinja2", None)
+        assert "install uvcloth[report]" in refused("lbs", world)
     assert "no such folder" in refused("lbs", tmp_path / "nowhere")
     assert "no test action is called 'swimming'" in refused("lbs", world, "--actions", "swimming")
     assert "--frames" in refused("lbs", world, "--frames", "0")

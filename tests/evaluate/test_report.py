@@ -70,6 +70,7 @@ def fake_results() -> dict[str, Any]:
         "garments": {t: {"vertices": 3100, "model_mb": 0.2} for t in ("tops", "dress")},
         "actions": list(ACTIONS),
         "windows": 3,
+        "missing": {},
         "frames": 300,
         "fps": 30.0,
         "body": "fake <body>",
@@ -114,7 +115,7 @@ def fake_clip(frames: int = 30) -> ViewerClip:
     net = truth + torch.cat([0 * time, 0 * time, time * 0.015], dim=-1)
     transforms = torch.cat([torch.eye(3).expand(frames, 1, 3, 3), path[:, :, :, None]], dim=-1)
     meshes = {"simulation": truth, "lbs": rest + path, "net": net}
-    return ViewerClip("salsa dance", "dress", 15.0, 0, 2, faces, transforms, meshes)
+    return ViewerClip("salsa dance", "dress", 15.0, 2, faces, transforms, meshes)
 
 
 def write_fake(out: Path) -> Path:
@@ -146,6 +147,14 @@ def test_page_warns_of_training_windows(tmp_path: Path) -> None:
     results["methods"]["net"]["trained_on"] = ["02_04_tops"]
     assert "net was trained on 1 of these windows" in write_report(tmp_path, results, [], []).read_text()
     assert "was trained on" not in write_report(tmp_path, fake_results(), [], []).read_text()
+
+
+def test_page_names_what_is_missing(tmp_path: Path) -> None:
+    results = fake_results()
+    results["missing"] = {"ballet": {"tops": "not simulated", "dress": "a limb <b>"}, "jump": {"dress": "x"}}
+    line = "ballet, tops (not simulated); ballet, dress (a limb &lt;b&gt;); jump, dress (x)."
+    assert line in write_report(tmp_path, results, [], []).read_text()
+    assert "lack of a simulation" not in write_report(tmp_path, fake_results(), [], []).read_text()
 
 
 def test_metrics_are_written_whole(tmp_path: Path) -> None:
@@ -181,6 +190,19 @@ def dumped_dom(browser: str, page: Path, fragment: str, profile: Path, *more: st
     return done.stdout
 
 
+SCRUB = """
+const ready = setInterval(() => {
+  if (!document.querySelector("canvas[data-ready]")) return;
+  clearInterval(ready);
+  document.body.dataset.before = document.getElementById("viewer-number").textContent;
+  const slider = document.getElementById("viewer-frame");
+  slider.value = 12;
+  slider.dispatchEvent(new Event("input"));
+}, 20);
+"""
+"""What a user does on the page: once it is ready, move the slider to frame 12."""
+
+
 def shown(dom: str) -> Mapping[str, str]:
     """The text of every <output> element by id."""
     return dict(re.findall(r'<output id="([\w-]+)"[^>]*>([^<]*)</output>', dom))
@@ -191,12 +213,15 @@ def test_page_scrubs_in_a_browser(tmp_path: Path) -> None:
     if browser is None:
         pytest.skip("Chromium is not installed")
     page = write_fake(tmp_path)
-    dom = dumped_dom(browser, page, "clip=0&left=0&right=2&frame=12", tmp_path / "profile", "--disable-gpu")
+    page.write_text(page.read_text().replace("</body>", f"<script>{SCRUB}</script></body>"))
+    dom = dumped_dom(browser, page, "clip=0&left=0&right=2&frame=5", tmp_path / "profile", "--disable-gpu")
     assert 'data-ready="0"' in dom
     outputs = shown(dom)
-    # Frame 12 of a clip that shows every second frame, predicted 12 mm too high.
+    # The link led to frame 5, the slider on to frame 12 of a clip that shows every second frame.
+    assert 'data-before="10"' in dom
     assert outputs["viewer-number"] == "24"
     assert outputs["viewer-time"] == "0.80"
+    # Predicted 12 mm too high.
     measured = float(outputs["viewer-right-error"].split()[0])
     assert measured == pytest.approx(12.0, abs=1000 * QUANTUM)
     assert outputs["viewer-left-error"] == "the reference"
