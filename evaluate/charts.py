@@ -11,11 +11,11 @@ WIDTH = 370
 DASH = "\u2013"
 
 
-def ticks(largest: float, about: int = 4) -> list[float]:
-    """Round tick values 0 .. >= largest, about that many: steps of 1, 2, 2.5 or 5 times a power of ten."""
+def ticks(largest: float) -> list[float]:
+    """About four round tick values 0 .. >= largest: steps of 1, 2, 2.5 or 5 times a power of ten."""
     if not largest > 0:
         return [0.0, 1.0]
-    rough = largest / about
+    rough = largest / 4
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(power * m for m in (1, 2, 2.5, 5, 10) if power * m >= rough * 0.999)
     return [step * index for index in range(math.ceil(largest / step * 0.999) + 1)]

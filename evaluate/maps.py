@@ -1,6 +1,6 @@
 """The garment's map that errors are measured on, and what writing to it and reading back loses."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from torch import Tensor
 
@@ -21,7 +21,6 @@ from uvcloth.methods.physxnet import PRESETS, garment_vertices, template_offsets
 class GarmentMap:
     """A garment on the texels of its body: T^UB, T^BC and T^XB of the PhysXNet paper, section 4."""
 
-    size: int
     texels: BodyTexels
     template: TemplateTexels
     worn: Worn
@@ -31,7 +30,7 @@ def garment_map(garment: Garment, body: Body, size: int) -> GarmentMap:
     """Cast the rays from the texels of a size x size sheet of the body's layout to a garment at rest."""
     texels = body_texels(body, size)
     template = template_texels(garment.template, garment.mesh, body, texels)
-    return GarmentMap(size, texels, template, worn_on(garment, template, texels))
+    return GarmentMap(texels, template, worn_on(garment, template, texels))
 
 
 def round_trip(seen: GarmentMap, vertices: Tensor, body_vertices: Tensor, transforms: Tensor) -> Tensor:
@@ -39,7 +38,6 @@ def round_trip(seen: GarmentMap, vertices: Tensor, body_vertices: Tensor, transf
 
     body_vertices: (F, V, 3). transforms: (F, J, 3, 4).
     """
-    config = replace(PRESETS["default"], size=seen.size)
-    place = (config, seen.texels, seen.template, seen.worn)
+    place = (PRESETS["default"], seen.texels, seen.template, seen.worn)
     offsets = template_offsets(*place, vertices=vertices, body_vertices=body_vertices, transforms=transforms)
     return garment_vertices(*place, offsets=offsets, body_vertices=body_vertices, transforms=transforms)
