@@ -43,7 +43,11 @@ VARIANTS: dict[str, tuple[str, ...]] = {
 
 
 def main(
-    data: Path, out: Path, steps: int = 600, holdout: int = 4, only: tuple[str, ...] = tuple(VARIANTS)
+    data: Path,
+    out: Path,
+    steps: int = 600,
+    validation: tuple[str, ...] = (),
+    only: tuple[str, ...] = tuple(VARIANTS),
 ) -> None:
     """Train every variant and print the table. Raises InputError for an unknown variant."""
     for name in only:
@@ -55,7 +59,8 @@ def main(
         finished = run / "finished"
         if not finished.exists():
             resume = ["--resume"] if (run / "training").exists() else []
-            settings = ["--steps", str(steps), "--validate-every", str(steps // 4), "--holdout", str(holdout)]
+            settings = ["--steps", str(steps), "--validate-every", str(steps // 4)]
+            settings += ["--validation", *validation] if validation else []
             command = [sys.executable, "-m", "train", "physxnet", "--data", str(data), "--out", str(run)]
             print(f"{name}:", *VARIANTS[name], file=sys.stderr)
             subprocess.run(

@@ -50,6 +50,8 @@ class Losses:
     """Show half of the samples left-right mirrored."""
     holdout: int = 8
     """Every n-th clip validates and is not trained on."""
+    validation: tuple[str, ...] = ()
+    """The clips that do so, by name, instead."""
 
     def __post_init__(self) -> None:
         """Raises InputError if nothing would be left to train on."""
@@ -76,7 +78,7 @@ class PhysXNetObjective:
         recordings = load_recordings(data, config.templates, self.body)
         self.prepared = prepare(run, self.body, config.templates, config.size)
         check_rests(self.prepared, recordings, self.body)
-        training, held = hold_out(recordings, losses.holdout)
+        training, held = hold_out(recordings, losses.holdout, losses.validation)
         for name in config.templates:
             if not any(name in r.vertices for r in training):
                 raise InputError(f"{data}: no training sequence of {name}; simulate some or set --templates")

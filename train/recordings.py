@@ -78,10 +78,19 @@ def _recording(clip: str, sequences: dict[Path, Sequence]) -> Recording:
     )
 
 
-def hold_out(recordings: list[Recording], every: int) -> tuple[list[Recording], list[Recording]]:
-    """Training and validation clips: every n-th is held out, at least one where there are two or more."""
-    held = recordings[every - 1 :: every] or recordings[1:][-1:]
-    return [r for r in recordings if r not in held], held
+def hold_out(
+    recordings: list[Recording], every: int, named: List[str] = ()
+) -> tuple[list[Recording], list[Recording]]:
+    """Training and validation clips: the named, or every n-th, at least one where there are two or more.
+
+    Raises InputError for a name that no clip has.
+    """
+    clips = [recording.clip for recording in recordings]
+    for name in named:
+        if name not in clips:
+            raise InputError(f"--validation {name}: not a training clip, expected some of {', '.join(clips)}")
+    held = list(named) or clips[every - 1 :: every] or clips[1:][-1:]
+    return [r for r in recordings if r.clip not in held], [r for r in recordings if r.clip in held]
 
 
 def counted(recording: Recording) -> range:
