@@ -46,15 +46,14 @@ def cast_rays(
     max_distance: metres; hits farther away count as missed.
     """
     towards = torch.nn.functional.normalize(directions.double(), dim=1)
+    if both_ways:
+        origins, towards = torch.cat([origins, origins]), torch.cat([towards, -towards])
     hits = _first_hits(origins, towards, vertices, faces)
     if both_ways:
-        behind = _first_hits(origins, -towards, vertices, faces)
-        nearer = behind.distance < hits.distance
-        hits = Hits(
-            torch.where(nearer, behind.face, hits.face),
-            torch.where(nearer[:, None], behind.barycentrics, hits.barycentrics),
-            torch.where(nearer, -behind.distance, hits.distance),
-        )
+        ahead, behind = hits.distance.chunk(2)
+        nearer = behind < ahead
+        ray = torch.arange(len(ahead)) + torch.where(nearer, len(ahead), 0)
+        hits = Hits(hits.face[ray], hits.barycentrics[ray], torch.where(nearer, -behind, ahead))
     far = hits.distance.abs() > max_distance
     return Hits(
         torch.where(far, -1, hits.face),
@@ -107,7 +106,7 @@ def body_to_garment(
     """T^BC (PhysXNet eq. 8): the garment point that each body texel sees along its normal, in rest pose.
 
     points, normals: (M, 3) of the texels. garment: (N, 3), its faces counter-clockwise seen from outside. A
-    ray that misses, or that meets the outside of the cloth (which then covers another limb), sees no garment.
+    ray that misses, or that meets the cloth from outside (it then covers another limb), sees no garment.
     """
     hits = cast_rays(points, normals, garment, garment_faces, max_distance=max_distance, both_ways=False)
     a, b, c = garment[garment_faces[hits.face.clamp(min=0)]].unbind(1)

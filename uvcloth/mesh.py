@@ -45,34 +45,33 @@ def vertex_normals(vertices: Tensor, faces: Tensor) -> Tensor:
 
 def unique_edges(faces: Tensor) -> Tensor:
     """The undirected edges of a mesh, each once, lower vertex index first: (E, 2) int64."""
-    directed = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    return torch.unique(directed.sort(dim=1).values, dim=0)
+    keys = torch.unique(_edge_keys(_directed_edges(faces)))
+    return torch.stack([keys >> 32, keys & 0xFFFFFFFF], dim=1)
 
 
 def face_pairs(faces: Tensor) -> Tensor:
     """Pairs of faces that share an edge (interior edges of a manifold mesh): (P, 2) int64."""
-    directed = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    owner = torch.arange(len(faces)).repeat(3)
-    _, edge = torch.unique(directed.sort(dim=1).values, dim=0, return_inverse=True)
-    order = torch.argsort(edge, stable=True)
-    shared = edge[order][1:] == edge[order][:-1]
-    owners = owner[order]
+    keys, order = _edge_keys(_directed_edges(faces)).sort(stable=True)
+    shared = keys[1:] == keys[:-1]
+    owners = order % len(faces)
     return torch.stack([owners[:-1][shared], owners[1:][shared]], dim=1)
 
 
 def boundary_edges(faces: Tensor) -> Tensor:
     """Directed edges (E, 2) that belong to one face only: hems, cuffs, necklines."""
-    directed = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    _, edge, count = torch.unique(directed.sort(dim=1).values, dim=0, return_inverse=True, return_counts=True)
+    directed = _directed_edges(faces)
+    _, edge, count = torch.unique(_edge_keys(directed), return_inverse=True, return_counts=True)
     return directed[count[edge] == 1]
 
 
-def vertex_areas(vertices: Tensor, faces: Tensor) -> Tensor:
-    """A third of the area of the faces around each vertex, m2: (V,)."""
-    area = face_normals(vertices, faces).norm(dim=-1) / 6.0
-    return torch.zeros(len(vertices), dtype=vertices.dtype).index_add(
-        0, faces.reshape(-1), area.repeat_interleave(3)
-    )
+def _directed_edges(faces: Tensor) -> Tensor:
+    """Every face's edges (3F, 2), corners 0-1 of all faces first."""
+    return torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+
+
+def _edge_keys(edges: Tensor) -> Tensor:
+    """One integer per undirected edge (E, 2): (E,). Finding equal ones is much faster than equal rows."""
+    return (edges.amin(1) << 32) + edges.amax(1)
 
 
 def neighbour_average(faces: Tensor, count: int) -> Tensor:
@@ -94,7 +93,7 @@ def neighbour_average(faces: Tensor, count: int) -> Tensor:
 
 
 def weld(vertices: Tensor) -> Tensor:
-    """For each vertex the first vertex at the same position, for meshes cut at UV seams: (V,) int64."""
+    """For each vertex (or any row) the first at the same place, for meshes cut at UV seams: (V,) int64."""
     _, place = torch.unique(vertices, dim=0, return_inverse=True)
     order = torch.arange(len(vertices), device=vertices.device)
     first = torch.full_like(order, len(vertices)).scatter_reduce(0, place, order, "amin")

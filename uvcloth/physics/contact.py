@@ -9,7 +9,7 @@ one beside it, is left calm and counted apart.
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import torch
@@ -26,6 +26,9 @@ MARGIN = 0.002
 
 REACH = 0.2
 """Metres within which the closest surface point is sought; deeper than any body part is thick."""
+
+ROUNDS = 4
+"""Times that a garment is moved out of the body, by less from time to time."""
 
 SPREAD_PASSES = 10
 """Neighbour averages that spread a correction: it fades within about the square root of that many rings."""
@@ -90,7 +93,7 @@ class BodySurface:
         self.device = vertices.device
         self._points = vertices.detach().to(torch.float32).contiguous().clone()
         self._faces = faces.to(device=self.device, dtype=torch.int32).reshape(-1).contiguous()
-        self._patches = _patches(vertices, faces)
+        self._rest = vertices.detach(), faces
         self._swallowed: Tensor | None = None
         with self._stream():
             points: Any = wp.from_torch(self._points, dtype=wp.vec3)
@@ -128,6 +131,10 @@ class BodySurface:
     def corners(self, faces: Tensor) -> Tensor:
         """The corners of some of the faces (N,) where they are now: (N, 3, 3)."""
         return self._points[self._faces.view(-1, 3)[faces].long()]
+
+    @cached_property
+    def _patches(self) -> _Patches:
+        return _patches(*self._rest)
 
     def swallowed(self) -> Tensor:
         """Faces (F,) bool at which the posed body intersects itself, a patch wide around; kept per frame."""
@@ -217,10 +224,8 @@ def calm_vertices(found: SurfacePoints, surface: BodySurface) -> Tensor:
     return surface.swallowed()[found.faces] & (found.faces >= 0)
 
 
-def resolve(
-    vertices: Tensor, surface: BodySurface, smoother: Smoother, margin: float = MARGIN, rounds: int = 4
-) -> tuple[Tensor, Contacts]:
-    """Move garment vertices (N, 3) that are inside the body, or nearer than `margin`, out to the margin.
+def resolve(vertices: Tensor, surface: BodySurface, smoother: Smoother) -> tuple[Tensor, Contacts]:
+    """Move garment vertices (N, 3) that are inside the body, or nearer than MARGIN, out to the margin.
 
     Each moves along the normal of its closest surface point, and the correction is spread smoothly over its
     neighbours, so that edges do not tear. The last round moves single vertices only. The margin is halved
@@ -230,17 +235,17 @@ def resolve(
     calm = calm_vertices(found, surface)
     distance, normals = found.signed_distance, found.normals
     inside_before = int(((distance < 0) & ~calm).sum())
-    for turn in range(rounds):
-        need = torch.where(calm, 0.0, margin * 0.5**turn - distance).clamp(min=0)
+    for turn in range(ROUNDS):
+        need = torch.where(calm, 0.0, MARGIN * 0.5**turn - distance).clamp(min=0)
         if not bool(need.any()):
             break
-        last = turn == rounds - 1
+        last = turn == ROUNDS - 1
         move = need[:, None] * normals if last else smoother.spread(need, normals)
         vertices = vertices + move
         # A move of length l changes the distance by at most l: only vertices that could have come too near
         # are looked up again, the others keep a lower bound.
         distance = distance - move.norm(dim=1)
-        near = torch.nonzero(distance < margin).squeeze(1)
+        near = torch.nonzero(distance < MARGIN).squeeze(1)
         again = surface.closest(vertices[near])
         distance = distance.index_copy(0, near, again.signed_distance)
         normals = normals.index_copy(0, near, again.normals)
