@@ -34,6 +34,12 @@ def face_components(faces: np.ndarray, cuts: np.ndarray) -> np.ndarray:
     return _components(pairs, len(faces))
 
 
+def largest_piece(faces: np.ndarray) -> np.ndarray:
+    """Which faces make up the largest connected piece of a mesh: (n,) int64, ascending."""
+    pieces = face_components(faces, np.zeros(0, dtype=np.int64))
+    return np.flatnonzero(pieces == np.bincount(pieces).argmax())
+
+
 def weld_corners(faces: np.ndarray, cuts: np.ndarray) -> np.ndarray:
     """Give each vertex one copy per piece and side of the cuts: faces into the copies (F, 3) int64.
 

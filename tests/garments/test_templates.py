@@ -1,14 +1,18 @@
 """The templates: cut, topology and clearance on the shipped body."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
 import trimesh
 
+from rasterize.charts import boundary_loops
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.garments.cut import cut, loops, place
-from uvcloth.garments.templates import TEMPLATES, load_template, outward, wear
+from uvcloth.garments.cut import cut, place
+from uvcloth.garments.templates import TEMPLATES, load_template, outward, save_template, wear
 from uvcloth.physics.contact import BodySurface
 
 OPENINGS = {"tops": 4, "bottoms": 3, "dress": 4}
@@ -22,7 +26,7 @@ def test_a_cut_through_a_sphere_is_exact() -> None:
     assert cap.vertices[:, 2].min() == pytest.approx(0.3, abs=1e-9)
     assert cap.area == pytest.approx(2 * np.pi * 0.7, rel=5e-3)
     assert cap.is_winding_consistent
-    (rim,) = loops(faces)
+    (rim,) = boundary_loops(faces)
     np.testing.assert_allclose(cap.vertices[rim][:, 2], 0.3, atol=1e-9)
     assert np.linalg.norm(cap.vertices[rim][:, :2], axis=1) == pytest.approx(np.sqrt(1 - 0.09), rel=5e-3)
 
@@ -35,7 +39,7 @@ def test_templates_are_clean_garments(name: str, body: Body) -> None:
     assert mesh.body_count == 1
     assert mesh.is_winding_consistent
     assert np.bincount(mesh.edges_unique_inverse).max() == 2
-    assert len(loops(garment.mesh.faces.numpy())) == OPENINGS[name]
+    assert len(boundary_loops(garment.mesh.faces.numpy())) == OPENINGS[name]
     assert mesh.edges_unique_length.max() < 0.04
     skin = BodySurface(body.mesh.vertices, body.mesh.faces).closest(garment.mesh.vertices)
     assert float(skin.signed_distance.min()) > 0.003
@@ -53,6 +57,15 @@ def test_the_band_holds_what_it_should(name: str, body: Body) -> None:
     expected = joints["LowerBack"] if name == "bottoms" else joints["Neck"]
     assert abs(top - float(expected[2])) < 0.08
     torch.testing.assert_close(garment.carrier_weights.sum(1), torch.ones(len(garment.carrier_weights)))
+
+
+def test_indices_of_any_size_survive_the_file(tmp_path: Path) -> None:
+    template = load_template("dress")
+    fine = replace(template, faces=template.faces + 2**16)
+    save_template(fine, tmp_path / "fine.npz")
+    with np.load(tmp_path / "fine.npz") as saved:
+        assert (saved["faces"] == fine.faces.numpy()).all()
+        assert (saved["anchor_faces"] == template.anchor_faces.numpy()).all()
 
 
 def test_an_unknown_template_is_refused() -> None:

@@ -3,11 +3,10 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
-import trimesh
 from torch import Tensor
 
+from rasterize.charts import largest_piece
 from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body, Proxy
 from uvcloth.mesh import Mesh
@@ -64,7 +63,7 @@ def make_body(name: str, phenotype: dict[str, float] | None = None) -> Body:
     skeleton = Skeleton(tuple(skin.bone_labels), tuple(skin.bone_parents), heads)
     weights = _dense_weights(skin)
 
-    kept = _largest_component(faces)
+    kept = torch.from_numpy(largest_piece(faces.numpy()))
     faces, face_uvs = faces[kept], face_uvs[kept]
     used, faces = _compact(faces)
     used_uvs, face_uvs = _compact(face_uvs)
@@ -107,12 +106,6 @@ def _compact(faces: Tensor) -> tuple[Tensor, Tensor]:
     """The indices in use and the faces renumbered to them."""
     used, renumbered = torch.unique(faces, return_inverse=True)
     return used, renumbered
-
-
-def _largest_component(faces: Tensor) -> Tensor:
-    adjacency = trimesh.graph.face_adjacency(faces.numpy())
-    components = trimesh.graph.connected_components(adjacency, nodes=np.arange(len(faces)))
-    return torch.from_numpy(np.sort(max(components, key=len)))
 
 
 def _regions(skeleton: Skeleton, weights: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:

@@ -7,7 +7,15 @@ import numpy as np
 import torch
 from scipy.spatial import cKDTree
 
-from rasterize.charts import boundary_loops, cheapest_path, edge_keys, edges_of, face_components, path_edges
+from rasterize.charts import (
+    boundary_loops,
+    cheapest_path,
+    edge_keys,
+    edges_of,
+    face_components,
+    largest_piece,
+    path_edges,
+)
 from rasterize.errors import InputError
 from rasterize.layout import Chart, Layout, lay_out, load_layout
 from uvcloth.bodies.body import REGIONS, Body
@@ -107,9 +115,8 @@ def _part_labels(body: Body, mirror: np.ndarray | None) -> np.ndarray:
     labels = _without_teeth(labels, faces)
     for part in (TORSO, *PARTS.values()):
         chosen = np.flatnonzero(labels == part)
-        pieces = face_components(faces[chosen], np.zeros(0, dtype=np.int64))
-        if len(pieces):
-            labels[chosen[pieces != np.bincount(pieces).argmax()]] = PRUNED
+        if len(chosen):
+            labels[np.delete(chosen, largest_piece(faces[chosen]))] = PRUNED
     return labels
 
 

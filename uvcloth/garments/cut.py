@@ -45,23 +45,6 @@ def place(vertices: Array, edges: Indices, along: Array) -> Array:
     return vertices[edges[:, 0]] * (1 - along[:, None]) + vertices[edges[:, 1]] * along[:, None]
 
 
-def loops(faces: Indices) -> list[Indices]:
-    """Boundary loops, each an ordered run of vertices along the direction of its faces' edges."""
-    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    _, inverse, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
-    boundary = directed[count[inverse.reshape(-1)] == 1]
-    following = dict(zip(boundary[:, 0].tolist(), boundary[:, 1].tolist(), strict=True))
-    result = []
-    while following:
-        start, current = following.popitem()
-        loop = [start]
-        while current != start:
-            loop.append(current)
-            current = following.pop(current)
-        result.append(np.array(loop, dtype=np.int64))
-    return sorted(result, key=len, reverse=True)
-
-
 def _rotated(faces: Indices, inside: NDArray[np.bool_], lonely: bool) -> Indices:
     """Rotate corners so that the one corner that is inside (or outside, if not lonely) comes first."""
     first = (inside if lonely else ~inside).argmax(axis=1)

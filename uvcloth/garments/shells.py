@@ -15,6 +15,7 @@ from scipy.spatial import ConvexHull
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body
+from uvcloth.garments.cut import place
 
 Array = NDArray[np.float64]
 
@@ -54,9 +55,7 @@ def suit(body: Body) -> tuple[Array, NDArray[np.int64]]:
 
 def gown(body: Body, bodice: Bodice) -> tuple[Array, NDArray[np.int64]]:
     """Vertices and faces of bodice and skirt, welded at the waist loop."""
-    above = suit(body)[0]
-    top = above[bodice.edges[:, 0]] * (1 - bodice.along[:, None])
-    top += above[bodice.edges[:, 1]] * bodice.along[:, None]
+    top = place(suit(body)[0], bodice.edges, bodice.along)
     waist = top[bodice.loop]
     knee = joint(body, "LeftLeg")[2] - 0.02
     heights = np.linspace(0.0, 1.0, SKIRT_ROWS + 1)[1:]

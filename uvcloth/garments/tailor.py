@@ -3,18 +3,20 @@
 `python -m uvcloth.garments.tailor --out DIR [--vertices 3600]` makes them at another density.
 """
 
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
-import trimesh
 from numpy.typing import NDArray
 
+from rasterize.charts import boundary_loops, largest_piece
+from rasterize.command import run_command
 from rasterize.errors import InputError
 from rasterize.layout import unwrap
 from uvcloth.bodies.body import Body, load_body
-from uvcloth.garments.cut import cut, loops, place
+from uvcloth.garments.cut import cut, place
 from uvcloth.garments.shells import Bodice, gown, joint, suit
 from uvcloth.garments.templates import TEMPLATES, Template, eased, hem_band, outward, save_template
 from uvcloth.mesh import Mesh
@@ -76,10 +78,9 @@ def _bodice(body: Body) -> Bodice:
     field = np.minimum(np.minimum(-waist, _neck(body, vertices, drop=0.012)), _sleeves(body, vertices))
     edges, along, cut_faces = cut(faces, field)
     placed = place(vertices, edges, along)
-    kept, cut_faces = _largest_faces(placed, cut_faces)
+    kept, cut_faces = _largest_faces(cut_faces)
     placed = placed[kept]
-    boundary = loops(cut_faces)
-    loop = min(boundary, key=lambda run: float(placed[run][:, 2].mean()))
+    loop = min(boundary_loops(cut_faces), key=lambda run: float(placed[run][:, 2].mean()))
     around = placed[loop][:, :2] - placed[loop][:, :2].mean(axis=0)
     turning = np.cross(np.c_[around, np.zeros(len(loop))], np.c_[np.roll(around, -1, 0), np.zeros(len(loop))])
     if turning[:, 2].sum() < 0:
@@ -144,24 +145,21 @@ def _clearance(name: str, body: Body, vertices: Array) -> Array:
 
 def _band(name: str, body: Body, vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
     """The strip that is held: neck and, for trousers and dress, waist."""
-    top = max(loops(faces.numpy()), key=lambda run: float(vertices[run][:, 2].mean()))
+    top = max(boundary_loops(faces.numpy()), key=lambda run: float(vertices[run][:, 2].mean()))
     band = hem_band(vertices, top.tolist(), BAND_WIDTH)
     if name == "dress":
         band |= (vertices[:, 2] - _waist(body)).abs() < BAND_WIDTH / 2
     return band
 
 
-def _largest_faces(vertices: Array, faces: Indices) -> tuple[Indices, Indices]:
-    components = trimesh.graph.connected_components(
-        trimesh.graph.face_adjacency(faces), nodes=np.arange(len(faces))
-    )
-    largest = faces[np.sort(max(components, key=len))]
-    kept, renumbered = np.unique(largest, return_inverse=True)
+def _largest_faces(faces: Indices) -> tuple[Indices, Indices]:
+    """The vertices of the largest piece, and its faces renumbered to them."""
+    kept, renumbered = np.unique(faces[largest_piece(faces)], return_inverse=True)
     return kept, renumbered.reshape(-1, 3)
 
 
 def _largest(vertices: Array, faces: Indices) -> tuple[Array, Indices]:
-    kept, renumbered = _largest_faces(vertices, faces)
+    kept, renumbered = _largest_faces(faces)
     return vertices[kept], renumbered
 
 
@@ -181,11 +179,11 @@ def _remesh(vertices: Array, faces: Indices, count: int) -> tuple[Array, Indices
     triangles = np.asarray(even.faces).reshape(-1, 4)[:, 1:].astype(np.int64)
     points, triangles = _largest(points, triangles)
     source = _surface(vertices, faces)
-    hems = [vertices[run] for run in loops(faces)]
+    hems = [vertices[run] for run in boundary_loops(faces)]
     for _ in range(10):
         points = _relaxed(points, triangles)
         points = source.closest(torch.from_numpy(points).float()).points.numpy().astype(np.float64)
-        for run in loops(triangles):
+        for run in boundary_loops(triangles):
             points[run] = _snapped(points[run], hems)
     return points, triangles
 
@@ -203,7 +201,7 @@ def _relaxed(points: Array, faces: Indices) -> Array:
         np.add.at(total, edges[:, a], points[edges[:, b]])
         np.add.at(degree, edges[:, a], 1.0)
     relaxed = 0.5 * points + 0.5 * total / degree[:, None]
-    for run in loops(faces):
+    for run in boundary_loops(faces):
         relaxed[run] = 0.5 * points[run] + 0.25 * (np.roll(points[run], 1, 0) + np.roll(points[run], -1, 0))
     return relaxed
 
@@ -248,4 +246,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(run_command("tailor", main))

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 
@@ -97,13 +97,11 @@ def eased(vertices: Tensor, faces: Tensor, clearance: Tensor, snug: Tensor, body
 def smoothing_matrix(faces: Tensor, count: int) -> Tensor:
     """Neighbour averages in which hem vertices only see their neighbours along the hem."""
     hem = boundary_edges(faces)
-    on_hem = torch.zeros(count, dtype=torch.bool)
-    on_hem[hem.reshape(-1)] = True
-    inner = neighbour_average(faces, count).to_dense()
-    inner[on_hem] = 0.0
-    inner[hem[:, 0], hem[:, 1]] = 0.5
-    inner[hem[:, 1], hem[:, 0]] = 0.5
-    return inner.to_sparse_csr()
+    average = neighbour_average(faces, count)
+    off_hem = ~torch.isin(average.indices()[0], hem)
+    places = torch.cat([average.indices()[:, off_hem], hem.T, hem.flip(1).T], dim=1)
+    values = torch.cat([average.values()[off_hem], torch.full((2 * len(hem),), 0.5)])
+    return torch.sparse_coo_tensor(places, values, (count, count), check_invariants=False).to_sparse_csr()
 
 
 def hem_band(vertices: Tensor, loop: Sequence[int], width: float) -> Tensor:
@@ -118,12 +116,12 @@ def outward(mesh: Mesh, body: Body) -> bool:
     return bool((facing > 0).float().mean() > 0.5)
 
 
-@lru_cache(maxsize=8)
-def load_template(name: str, path: Path | None = None) -> Template:
-    """Read a template by name from the package, or from a file made by `tailor`."""
-    if path is None and name not in TEMPLATES:
+@cache
+def load_template(name: str) -> Template:
+    """Read a template by name from the package. Raises InputError for an unknown name."""
+    if name not in TEMPLATES:
         raise InputError(f"garment {name}: unknown template, expected one of {', '.join(TEMPLATES)}")
-    path = path or Path(str(files("uvcloth") / "data" / "templates" / f"{name}.npz"))
+    path = Path(str(files("uvcloth") / "data" / "templates" / f"{name}.npz"))
     data = load_arrays(path, FORMAT, "a garment template")
     bodice = None
     if "bodice_faces" in data:
@@ -151,18 +149,23 @@ def save_template(template: Template, path: Path) -> None:
     """Write a template to one npz."""
     arrays: dict[str, np.ndarray] = {
         "format": np.array(FORMAT),
-        "faces": template.faces.numpy().astype(np.uint16),
+        "faces": _smallest(template.faces.numpy()),
         "uvs": template.uvs.numpy().astype(np.float32),
-        "face_uvs": template.face_uvs.numpy().astype(np.uint16),
-        "anchor_faces": template.anchor_faces.numpy().astype(np.uint16),
+        "face_uvs": _smallest(template.face_uvs.numpy()),
+        "anchor_faces": _smallest(template.anchor_faces.numpy()),
         "anchor_barycentrics": template.anchor_barycentrics.numpy().astype(np.float32),
         "clearance": template.clearance.numpy().astype(np.float32),
         "snug": template.snug.numpy(),
         "band": template.band.numpy(),
     }
     if template.bodice is not None:
-        arrays["bodice_edges"] = template.bodice.edges.astype(np.uint16)
+        arrays["bodice_edges"] = _smallest(template.bodice.edges)
         arrays["bodice_along"] = template.bodice.along.astype(np.float32)
-        arrays["bodice_faces"] = template.bodice.faces.astype(np.uint16)
-        arrays["bodice_loop"] = template.bodice.loop.astype(np.uint16)
+        arrays["bodice_faces"] = _smallest(template.bodice.faces)
+        arrays["bodice_loop"] = _smallest(template.bodice.loop)
     save_arrays(path, arrays)
+
+
+def _smallest(indices: NDArray[np.int64]) -> np.ndarray:
+    """Indices in the smallest type that holds them."""
+    return indices.astype(np.min_scalar_type(indices.max()))
