@@ -52,10 +52,6 @@ class Gutter:
 
     source: Tensor
 
-    def to(self, device: torch.device | str) -> "Gutter":
-        """The same gutter on another device."""
-        return Gutter(self.source.to(device))
-
 
 def nearest_gutter(mask: Tensor, reach: float = float("inf")) -> Gutter:
     """Let the texels outside a mask (H, W) bool copy the nearest inside, up to `reach` texels away."""

@@ -32,10 +32,6 @@ class Sampler:
     pixels: Tensor
     weights: Tensor
 
-    def to(self, device: torch.device | str) -> "Sampler":
-        """The same sampler on another device."""
-        return Sampler(self.pixels.to(device), self.weights.to(device))
-
 
 def decode(maps: Tensor, sampler: Sampler) -> Tensor:
     """Weighted means of texels: maps (..., C, H, W) -> (..., N, C); differentiable, on any device."""

@@ -28,11 +28,6 @@ class Texels:
     def __len__(self) -> int:
         return len(self.pixels)
 
-    def to(self, device: torch.device | str) -> "Texels":
-        """The same texels on another device."""
-        moved = (self.face, self.barycentrics, self.pixels, self.islands, self.uvs)
-        return Texels(self.height, self.width, *(tensor.to(device) for tensor in moved))
-
 
 def rasterize_layout(layout: Layout, size: int) -> Texels:
     """Find the texels of a size x size sheet (PhysXNet eq. 5, T^UB).

@@ -27,12 +27,6 @@ def fold_angle(vertices: Tensor, faces: Tensor) -> Tensor:
     return hinge_angles(vertices, faces).abs().mean(-1)
 
 
-def bend_angle(vertices: Tensor, rest: Tensor, faces: Tensor) -> Tensor:
-    """Mean absolute change of the dihedral angle against rest, radians: -> (...,)."""
-    change = hinge_angles(vertices, faces) - hinge_angles(rest, faces)
-    return torch.remainder(change + torch.pi, 2 * torch.pi).sub(torch.pi).abs().mean(-1)
-
-
 def hinge_angles(vertices: Tensor, faces: Tensor) -> Tensor:
     """Signed angle between the normals at each of P interior edges, radians, positive where it folds outward.
 
