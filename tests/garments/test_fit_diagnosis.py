@@ -110,6 +110,16 @@ def test_bad_garments_are_refused_with_file_and_reason(suit, body, tmp_path):
         assert "\n" not in str(caught.value)
 
 
+def test_a_garment_that_cannot_be_unwrapped_is_named(suit, body, tmp_path, monkeypatch):
+    def refuse(vertices, faces):
+        raise InputError("the mesh cannot be unwrapped")
+
+    monkeypatch.setattr("uvcloth.garments.fit.unwrap", refuse)
+    path = saved(suit.vertices, suit.faces, tmp_path / "suit.ply")
+    with pytest.raises(InputError, match=r"suit\.ply: .* unwrapped"):
+        fit(path, body)
+
+
 @pytest.mark.parametrize(
     ("name", "content", "reason"),
     [

@@ -36,7 +36,8 @@ class Diagnosis:
 
     unit: of the file. up: its up axis, "Y" or "Z". components: pieces, UV seams taken as joined.
     inside_share: fraction of vertices inside the body. mean_distance, max_distance: metres to the skin.
-    ray_misses: vertices attached by the closest point. unwrapped: whether texture coordinates were made.
+    ray_misses: vertices whose ray misses the body, so that the closest point says what part they cover.
+    unwrapped: whether texture coordinates were made.
     """
 
     path: Path
@@ -68,10 +69,10 @@ class Diagnosis:
         ]
         for count, finding in (
             (self.duplicate_faces, "duplicate faces, dropped"),
-            (self.degenerate_faces, "faces without area, dropped"),
+            (self.degenerate_faces, "faces with two corners at one place, dropped"),
             (self.double_sided_faces, "double-sided faces, one side dropped"),
             (self.flipped_faces, "flipped faces, turned outside out"),
-            (self.ray_misses, "vertices whose ray misses the body, attached to its closest point"),
+            (self.ray_misses, "vertices whose ray misses the body, taken to cover its closest point"),
         ):
             if count:
                 found.append(f"  {count} {finding}")
@@ -165,16 +166,10 @@ def _repeated(faces: Tensor) -> tuple[Tensor, Tensor, Tensor]:
     degenerate = (ordered[:, 1:] == ordered[:, :-1]).any(dim=1)
     turn = faces.argmin(dim=1)[:, None] + torch.arange(3)
     started = faces.gather(1, turn % 3)
-    duplicate = ~_first_of_its_kind(started) & ~degenerate
-    reverse = ~_first_of_its_kind(ordered) & ~duplicate & ~degenerate
+    order = torch.arange(len(faces))
+    duplicate = (weld(started) != order) & ~degenerate
+    reverse = (weld(ordered) != order) & ~duplicate & ~degenerate
     return degenerate, duplicate, reverse
-
-
-def _first_of_its_kind(rows: Tensor) -> Tensor:
-    _, kind = torch.unique(rows, dim=0, return_inverse=True)
-    order = torch.arange(len(rows))
-    first = torch.full_like(order, len(rows)).scatter_reduce(0, kind, order, "amin")
-    return first[kind] == order
 
 
 def _orientation(path: Path, mesh: Mesh, welded: Tensor, skin: SurfacePoints) -> tuple[int, Tensor]:

@@ -42,7 +42,7 @@ class Garment:
 
 @dataclass(frozen=True)
 class Outfit:
-    """Garments worn together on one body, inner first."""
+    """Garments worn together on one body. Each meets the body alone: their order changes nothing."""
 
     body: Body
     garments: tuple[Garment, ...]

@@ -15,19 +15,17 @@ from rasterize.bake import bake
 from rasterize.decode import nearest_sampler
 from rasterize.errors import InputError
 from rasterize.layout import Layout
-from rasterize.raycast import cast_rays
+from rasterize.raycast import body_to_garment
+from rasterize.sheet import REACH
 from rasterize.texels import Texels, rasterize_layout
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.bodies.joined_legs import joined_rays, leg_faces, leg_slices
 from uvcloth.garments.garment import Garment
-from uvcloth.mesh import Mesh, face_normals, vertex_normals
+from uvcloth.mesh import Mesh, vertex_normals
 from uvcloth.skinning import apply_transforms, blend_transforms, rotation_part
 
-REACH = 0.12
-"""Cloth farther than this along the body's normal, m, belongs to another part of the body."""
-
 SKIRT_REACH = 0.6
-"""The same for the rays that leave the joined legs."""
+"""Metres within which the rays that leave the joined legs look for cloth; the others have REACH."""
 
 SKIRTS = ("dress",)
 """Templates whose lower part is seen from the joined legs."""
@@ -114,8 +112,8 @@ def layout_of(body: Body) -> Layout:
 def template_texels(template: str, mesh: Mesh, body: Body, texels: BodyTexels) -> TemplateTexels:
     """Cast a ray from every texel along the body's normal, or out of the joined legs under a skirt.
 
-    A texel whose ray misses, or meets the inside of the cloth of another limb, sees no template. Raises
-    InputError if no texel sees it.
+    A texel whose ray misses, or meets the cloth from outside (it then covers another limb), sees no template.
+    Raises InputError if no texel sees it.
     """
     face = texels.sheet.face
     origins = texels.points
@@ -129,11 +127,8 @@ def template_texels(template: str, mesh: Mesh, body: Body, texels: BodyTexels) -
             leg_slices(body), texels.points[legs], body.sides[face[legs]], around
         )
         reach = torch.where(legs, SKIRT_REACH, reach)
-    hits = cast_rays(
-        origins, directions, mesh.vertices, mesh.faces, max_distance=SKIRT_REACH, both_ways=False
-    )
-    outward = (face_normals(mesh.vertices, mesh.faces)[hits.face] * directions).sum(1) > 0
-    seen = torch.nonzero(hits.found & outward & (hits.distance <= reach)).squeeze(1)
+    hits = body_to_garment(origins, directions, mesh.vertices, mesh.faces, SKIRT_REACH)
+    seen = torch.nonzero(hits.distance <= reach).squeeze(1)
     if not len(seen):
         raise InputError(f"template {template}: no texel of body {body.name!r} sees it")
     corners, barycentrics = mesh.faces[hits.face[seen]], hits.barycentrics[seen]
