@@ -1,5 +1,7 @@
 """The joined legs see a skirt once and continuously, on bodies of any width."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -9,9 +11,16 @@ from uvcloth.garments.templates import wear
 from uvcloth.methods.correspondence import body_texels, template_texels
 
 
-@pytest.fixture(scope="module")
-def body():
-    return load_body()
+@pytest.fixture(scope="module", params=[1.0, 1.5], ids=["slim", "wide"])
+def body(request):
+    slim = load_body()
+    across = torch.tensor([request.param, 1.0, 1.0])
+    tights = slim.proxies["tights"]
+    return replace(
+        slim,
+        mesh=replace(slim.mesh, vertices=slim.mesh.vertices * across),
+        proxies={"tights": replace(tights, vertices=tights.vertices * across)},
+    )
 
 
 @pytest.fixture(scope="module")

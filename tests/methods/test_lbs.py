@@ -6,6 +6,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import wear
 from uvcloth.methods.registry import load_method
 from uvcloth.rollout import rollout
+from uvcloth.skinning import skin
 
 
 def test_a_rigid_motion_carries_the_garment_exactly():
@@ -18,6 +19,19 @@ def test_a_rigid_motion_carries_the_garment_exactly():
     for name in ("lbs", "lbs_smooth"):
         for frame in rollout(load_method(name, body), Outfit(body, (garment,)), motion, 30.0, contact=False):
             torch.testing.assert_close(frame.vertices[0], expected, atol=1e-5, rtol=0.0)
+
+
+def test_lbs_follows_the_closest_body_vertices():
+    body = load_body()
+    garment = wear("tops", body)
+    motion = swaying(3, seed=0).transforms()
+    some = torch.arange(0, len(garment.mesh.vertices), 20)
+    points = garment.mesh.vertices[some]
+    nearest = torch.cdist(points.double(), body.mesh.vertices.double()).argmin(1)
+    expected = skin(points, body.weights[nearest], motion)
+    frames = rollout(load_method("lbs", body), Outfit(body, (garment,)), motion, 30.0, contact=False)
+    vertices = torch.stack([frame.vertices[0][some] for frame in frames])
+    torch.testing.assert_close(vertices, expected, atol=1e-5, rtol=0.0)
 
 
 def test_smooth_weights_stretch_edges_less():
