@@ -1,7 +1,6 @@
 """`python -m rasterize SEQUENCE --out DIR`: EXR maps of a simulated sequence and one PNG contact sheet."""
 
 import sys
-import zipfile
 from pathlib import Path
 from typing import Annotated
 
@@ -9,6 +8,7 @@ import numpy as np
 import tyro
 from tyro.conf import Positional, arg
 
+from rasterize.archive import load_arrays, require_finite
 from rasterize.command import run_command
 from rasterize.errors import InputError
 
@@ -45,8 +45,20 @@ def rasterize(
     from rasterize.sheet import contact_sheet, frame_maps, see_garment, write_maps
     from rasterize.texels import rasterize_layout
 
-    motion = _read(sequence, "uvcloth-sequence-1", ("vertices", "faces", "rest", "transforms", "fps"))
-    shape = _read(body, "uvcloth-body-1", ("vertices", "faces", "weight_joints", "weights"))
+    motion = load_arrays(
+        sequence,
+        "uvcloth-sequence-1",
+        "a sequence made by `uvcloth simulate`",
+        ("vertices", "faces", "rest", "transforms", "fps"),
+    )
+    shape = load_arrays(
+        body,
+        "uvcloth-body-1",
+        "a body made by `uvcloth body`",
+        ("vertices", "faces", "weight_joints", "weights"),
+    )
+    require_finite(sequence, motion)
+    require_finite(body, shape)
     sheet = load_layout(layout)
     rest, faces = torch.from_numpy(shape["vertices"]), torch.from_numpy(shape["faces"].astype(np.int64))
     transforms = torch.from_numpy(motion["transforms"])
@@ -88,24 +100,6 @@ def _chosen(frames: str, count: int) -> list[int]:
     if not chosen:
         raise InputError(f"--frames {frames}: names none of the {count} frames")
     return chosen
-
-
-def _read(path: Path, format: str, names: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """The named arrays of an npz of the format; never unpickles. Raises InputError."""
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            found = str(archive["format"]) if "format" in archive else "nothing"
-            if found != format:
-                raise InputError(f"{path}: expected format {format}, found {found}")
-            return {name: archive[name] for name in names}
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except KeyError as error:
-        raise InputError(f"{path}: lacks an array, {error.args[0]}") from error
-    except InputError:
-        raise
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError, AttributeError, TypeError) as error:
-        raise InputError(f"{path}: not a readable npz of format {format}") from error
 
 
 if __name__ == "__main__":

@@ -1,16 +1,16 @@
 """Named float channels in OpenEXR files, and pictures, through OpenImageIO."""
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
+from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
 
 
 def write_exr(path: Path, channels: Mapping[str, np.ndarray], half: bool = True) -> None:
-    """Write channels (H, W) by name, zip-compressed, as half or 32-bit floats; beside the file, then renamed.
+    """Write channels (H, W) by name, zip-compressed, as half or 32-bit floats, whole or not at all.
 
     Raises InputError if the file cannot be written.
     """
@@ -19,7 +19,10 @@ def write_exr(path: Path, channels: Mapping[str, np.ndarray], half: bool = True)
 
 
 def write_png(path: Path, picture: np.ndarray) -> None:
-    """Write a picture (H, W, 3) of values in [0, 1]. Raises InputError if the file cannot be written."""
+    """Write a picture (H, W, 3), uint8 or values in [0, 1], whole or not at all.
+
+    Raises InputError if the file cannot be written.
+    """
     _write(Path(path), picture, "uint8", ["R", "G", "B"])
 
 
@@ -30,25 +33,14 @@ def _write(path: Path, pixels: np.ndarray, kind: str, names: list[str]) -> None:
     spec = OpenImageIO.ImageSpec(width, height, count, kind)
     spec.channelnames = names
     spec.attribute("compression", "zip")
-    # The ending tells OpenImageIO the format, so the unfinished file keeps it.
-    partial = path.with_name(f".partial-{path.name}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{path.parent}: cannot be made ({error.strerror or error})") from error
-    try:
+    with atomic_write(path) as partial:
+        # The ending tells OpenImageIO the format.
         output = OpenImageIO.ImageOutput.create(str(partial))
         if output is None:
             raise InputError(f"{path}: OpenImageIO writes no such format, expected a name in .exr or .png")
-        written = output.open(str(partial), spec)
-        written = written and output.write_image(np.ascontiguousarray(pixels, dtype=np.float32))
+        written = output.open(str(partial), spec) and output.write_image(np.ascontiguousarray(pixels))
         if not (output.close() and written):
             raise InputError(f"{path}: cannot be written ({output.geterror()})")
-        os.replace(partial, path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def read_exr(path: Path) -> dict[str, np.ndarray]:

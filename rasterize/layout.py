@@ -1,7 +1,5 @@
 """UV layouts: which part of a mesh lies where on the unit square."""
 
-import os
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from rasterize.archive import load_arrays, require_finite, save_arrays
 from rasterize.charts import boundary_loops, edge_keys, edges_of, face_components, weld_corners
 from rasterize.errors import InputError
 from rasterize.flatten import flatten
@@ -129,48 +128,25 @@ def unwrap(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
 
 def save_layout(layout: Layout, path: Path) -> None:
     """Write one compressed npz, whole or not at all. Raises InputError if it cannot be written."""
-    path = Path(path)
-    partial = path.with_name(path.name + ".partial")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{path.parent}: cannot be made ({error.strerror or error})") from error
-    try:
-        with partial.open("wb") as stream:
-            np.savez_compressed(
-                stream,
-                format=np.array(FORMAT),
-                faces=layout.faces.numpy().astype(np.int32),
-                uvs=layout.uvs.numpy().astype(np.float32),
-                face_uvs=layout.face_uvs.numpy().astype(np.int32),
-                islands=layout.islands.numpy().astype(np.uint8),
-            )
-        os.replace(partial, path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        partial.unlink(missing_ok=True)
+    save_arrays(
+        path,
+        {
+            "format": np.array(FORMAT),
+            "faces": layout.faces.numpy().astype(np.int32),
+            "uvs": layout.uvs.numpy().astype(np.float32),
+            "face_uvs": layout.face_uvs.numpy().astype(np.int32),
+            "islands": layout.islands.numpy().astype(np.uint8),
+        },
+    )
 
 
 def load_layout(path: Path) -> Layout:
-    """Read a layout npz. Raises InputError if it is missing, truncated or not a layout."""
-    path = Path(path)
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            data = {name: archive[name] for name in archive.files}
-        if str(data["format"]) != FORMAT:
-            raise InputError(f"{path}: expected a layout ({FORMAT}), found {data['format']}")
-        return Layout(
-            faces=torch.from_numpy(data["faces"].astype(np.int64)),
-            uvs=torch.from_numpy(data["uvs"]),
-            face_uvs=torch.from_numpy(data["face_uvs"].astype(np.int64)),
-            islands=torch.from_numpy(data["islands"].astype(np.int64)),
-        )
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except KeyError as error:
-        raise InputError(f"{path}: not a layout, it lacks the array {error}") from error
-    except InputError:
-        raise
-    except (OSError, ValueError, zipfile.BadZipFile, EOFError, AttributeError) as error:
-        raise InputError(f"{path}: not a readable npz, expected a layout") from error
+    """Read a layout npz. Raises InputError if it is missing, damaged, not a layout, or not finite."""
+    data = load_arrays(path, FORMAT, "a UV layout", ("faces", "uvs", "face_uvs", "islands"))
+    require_finite(path, data)
+    return Layout(
+        faces=torch.from_numpy(data["faces"].astype(np.int64)),
+        uvs=torch.from_numpy(data["uvs"]),
+        face_uvs=torch.from_numpy(data["face_uvs"].astype(np.int64)),
+        islands=torch.from_numpy(data["islands"].astype(np.int64)),
+    )

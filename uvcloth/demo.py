@@ -10,19 +10,13 @@ from rich.console import Console
 from torch import Tensor
 
 from rasterize.errors import InputError
+from rasterize.exr import write_png
 from uvcloth.animate import animate
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import TEMPLATES, wear
 from uvcloth.methods.registry import load_method
-from uvcloth.render import (
-    BODY_COLOR,
-    GARMENT_COLORS,
-    Surface,
-    contact_sheet,
-    render_frames,
-    save_png,
-)
+from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render_frames
 from uvcloth.rollout import rollout
 from uvcloth.simulate.farm import simulate_batch
 from uvcloth.simulate.sequence import load_sequence
@@ -54,7 +48,7 @@ def run(out: Path) -> None:
     console.print("3. Drawing simulation (top) and prediction (bottom)")
     for name in TEMPLATES:
         path = out / f"{name}.png"
-        save_png(path, _side_by_side(out / "sequences" / f"{CLIP}_{name}.npz", name, body))
+        write_png(path, _side_by_side(out / "sequences" / f"{CLIP}_{name}.npz", name, body))
         console.print(f"   {path}")
 
 

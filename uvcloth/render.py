@@ -5,10 +5,8 @@ backdrop. How much of either light reaches a point is measured with rays at the 
 floor) and interpolated, so the pictures are free of noise and the same on every run.
 """
 
-import os
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -137,25 +135,6 @@ def contact_sheet(images: Sequence[np.ndarray], columns: int, gap: int = 6) -> n
         y, x = (index // columns) * (height + gap), (index % columns) * (width + gap)
         sheet[y : y + height, x : x + width] = image
     return sheet
-
-
-def save_png(path: Path, image: np.ndarray) -> None:
-    """Write a picture (h, w, 3) uint8 as PNG, whole or not at all; InputError if it cannot be written."""
-    import OpenImageIO as oiio  # noqa: N813
-
-    path = Path(path)
-    partial = path.with_name(path.name + ".partial")
-    buffer = oiio.ImageBuf(np.ascontiguousarray(image))
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            if not buffer.write(str(partial), "uint8", "png"):
-                raise InputError(f"{path}: cannot be written ({buffer.geterror()})")
-            os.replace(partial, path)
-        finally:
-            partial.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
 @dataclass(frozen=True)

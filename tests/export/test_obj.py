@@ -31,6 +31,12 @@ def test_another_suffix_is_refused_and_leaves_nothing(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+def test_a_file_in_the_place_of_the_folder_is_named(tmp_path):
+    (tmp_path / "file.txt").write_text("")
+    with pytest.raises(InputError, match=r"file\.txt: cannot be made a folder"):
+        save_obj(SQUARE, tmp_path / "file.txt" / "square.obj")
+
+
 def test_a_failed_write_leaves_nothing(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")

@@ -5,6 +5,7 @@ import subprocess
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO
 import pytest
 
 from rasterize.errors import InputError
@@ -33,7 +34,14 @@ def test_halves_come_back_rounded_to_half(tmp_path: Path) -> None:
     assert all(
         np.array_equal(read[name], written[name].astype(np.float16).astype(np.float32)) for name in written
     )
-    assert not list(tmp_path.glob(".partial*"))
+    assert [path.name for path in tmp_path.iterdir()] == ["maps.exr"]
+
+
+def test_bytes_of_a_picture_come_back_equal(tmp_path: Path) -> None:
+    picture = np.random.default_rng(0).integers(0, 256, (4, 6, 3)).astype(np.uint8)
+    write_png(tmp_path / "deep" / "picture.png", picture)
+    read = OpenImageIO.ImageBuf(str(tmp_path / "deep" / "picture.png")).get_pixels(OpenImageIO.UINT8)
+    assert np.array_equal(read, picture)
 
 
 @pytest.mark.skipif(shutil.which("oiiotool") is None, reason="oiiotool is not on the path")
@@ -62,5 +70,5 @@ def test_bad_files_are_refused_by_name(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"cut\.exr"):
         read_exr(path)
     (tmp_path / "folder").write_text("a file")
-    with pytest.raises(InputError, match="folder: cannot be made"):
+    with pytest.raises(InputError, match="folder: cannot be made a folder"):
         write_png(tmp_path / "folder" / "picture.png", np.zeros((2, 2, 3)))

@@ -1,5 +1,6 @@
 """The body's sheet: no folds, well used, even, and mirror-symmetric."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -80,6 +81,9 @@ def test_layout_survives_its_file_and_a_broken_file_is_refused(layout: Layout, t
         load_layout(path)
     np.savez(path, format=np.array("something else"))
     with pytest.raises(InputError, match="something else"):
+        load_layout(path)
+    save_layout(replace(layout, uvs=layout.uvs * float("nan")), path)
+    with pytest.raises(InputError, match="uvs holds a value that is not a finite number"):
         load_layout(path)
 
 

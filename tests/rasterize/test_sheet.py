@@ -64,7 +64,10 @@ def test_maps_hold_the_motion_and_the_offset(sequence: Path, tmp_path: Path) -> 
         (["{file}", "--out", "{out}", "--frames", "90:99"], "names none of the 6 frames"),
         (["{file}", "--out", "{out}", "--frames", "x"], "expected FIRST:END:STEP"),
         (["{folder}/none.npz", "--out", "{out}"], "none.npz: no such file"),
-        (["{file}", "--out", "{out}", "--body", "{file}"], "expected format uvcloth-body-1"),
+        (
+            ["{file}", "--out", "{out}", "--body", "{file}"],
+            "(format uvcloth-body-1), found format uvcloth-sequence-1",
+        ),
     ],
 )
 def test_bad_input_is_one_sentence(

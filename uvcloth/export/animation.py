@@ -8,8 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
-from uvcloth.archive import load_arrays, save_arrays
 from uvcloth.bodies.body import Body
 from uvcloth.mesh import Mesh
 from uvcloth.skeleton import Skeleton

@@ -1,10 +1,10 @@
 """Wavefront OBJ: one mesh with its texture coordinates, in its own vertex order."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 
+from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
 from uvcloth.mesh import Mesh
 
@@ -17,20 +17,12 @@ def save_obj(mesh: Mesh, path: Path) -> None:
     path = Path(path)
     if path.suffix.lower() != ".obj":
         raise InputError(f"{path}: a garment is written as .obj, not {path.suffix or 'without a suffix'}")
-    partial = path.with_name(path.name + ".partial")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with partial.open("w", encoding="utf-8") as stream:
-            stream.write(f"# metres, Z up\no {path.stem}\n")
-            np.savetxt(stream, mesh.vertices.numpy(), "v %.9g %.9g %.9g")
-            np.savetxt(stream, mesh.uvs.numpy(), "vt %.9g %.9g")
-            if len(mesh.uvs):
-                corners = np.stack([mesh.faces.numpy(), mesh.face_uvs.numpy()], axis=-1) + 1
-                np.savetxt(stream, corners.reshape(-1, 6), "f %d/%d %d/%d %d/%d")
-            else:
-                np.savetxt(stream, mesh.faces.numpy() + 1, "f %d %d %d")
-        os.replace(partial, path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        partial.unlink(missing_ok=True)
+    with atomic_write(path) as partial, partial.open("w", encoding="utf-8") as stream:
+        stream.write(f"# metres, Z up\no {path.stem}\n")
+        np.savetxt(stream, mesh.vertices.numpy(), "v %.9g %.9g %.9g")
+        np.savetxt(stream, mesh.uvs.numpy(), "vt %.9g %.9g")
+        if len(mesh.uvs):
+            corners = np.stack([mesh.faces.numpy(), mesh.face_uvs.numpy()], axis=-1) + 1
+            np.savetxt(stream, corners.reshape(-1, 6), "f %d/%d %d/%d %d/%d")
+        else:
+            np.savetxt(stream, mesh.faces.numpy() + 1, "f %d %d %d")

@@ -1,0 +1,48 @@
+"""npz files that are written whole or not at all, and read without pickle."""
+
+import zipfile
+import zlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from rasterize.atomic import atomic_write
+from rasterize.errors import InputError
+
+
+def save_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Write arrays to a compressed npz. Raises InputError if it cannot be written or the disk is full."""
+    with atomic_write(path) as partial, partial.open("wb") as stream:
+        np.savez_compressed(stream, allow_pickle=False, **arrays)
+
+
+def load_arrays(path: Path, format: str, expected: str, names: Sequence[str] = ()) -> dict[str, np.ndarray]:
+    """Read every array of an npz whose "format" entry equals `format`; never unpickles.
+
+    expected: says in words what the file should be. names: arrays that it must hold.
+    Raises InputError with the path if it is missing, damaged, not an npz, another format, or lacks an array.
+    """
+    path = Path(path)
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            data = {name: archive[name] for name in archive.files}
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    # Between them, numpy and zipfile raise all of these for damaged bytes, and TypeError for a renamed npy.
+    except (OSError, ValueError, TypeError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
+        raise InputError(f"{path}: not a readable npz, expected {expected}") from error
+    found = str(data.get("format", "nothing"))
+    if found != format:
+        raise InputError(f"{path}: expected {expected} (format {format}), found format {found}")
+    missing = [name for name in names if name not in data]
+    if missing:
+        raise InputError(f"{path}: lacks the array {', '.join(missing)}, expected {expected}")
+    return data
+
+
+def require_finite(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Raise InputError naming the file and the array if any float is not a finite number."""
+    for name, values in arrays.items():
+        if values.dtype.kind == "f" and not np.isfinite(values).all():
+            raise InputError(f"{path}: {name} holds a value that is not a finite number")
