@@ -38,7 +38,19 @@ def test_comes_back_equal(checkpoint, tmp_path):
     assert loaded.data == checkpoint.data
     for name, tensor in checkpoint.tensors.items():
         assert torch.equal(loaded.tensors[name], tensor)
-    assert not list((tmp_path / "run").glob("*.partial"))
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [CONFIG, WEIGHTS]
+
+
+def test_says_which_version_of_the_package_wrote_it(checkpoint, tmp_path, monkeypatch):
+    monkeypatch.setattr("uvcloth.checkpoint.version", lambda name: {"uvcloth": "1.2.3"}[name])
+    save_checkpoint(checkpoint, tmp_path)
+    assert json.loads((tmp_path / CONFIG).read_text())["uvcloth"] == "1.2.3"
+
+
+def test_a_file_in_the_place_of_the_folder_is_named(checkpoint, tmp_path):
+    (tmp_path / "run").write_text("a file")
+    with pytest.raises(InputError, match="run: cannot be made a folder"):
+        save_checkpoint(checkpoint, tmp_path / "run")
 
 
 def test_refuses_another_topology(checkpoint, tmp_path):

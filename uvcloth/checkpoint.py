@@ -1,14 +1,14 @@
 """Checkpoints: a folder with model.safetensors and config.json, and nothing that could run code.
 
 config.json holds the method's name and config, the body that it was trained on, the templates, the hashes of
-the training data and the version of the code; the normalization statistics travel with the weights.
+the training data and the version of this package; the normalization statistics travel with the weights.
 """
 
 import hashlib
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
+from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 
@@ -57,6 +58,7 @@ def save_checkpoint(checkpoint: Checkpoint, folder: Path) -> None:
     folder = Path(folder)
     meta = {
         "version": VERSION,
+        "uvcloth": _package_version(),
         "method": checkpoint.method,
         "config": checkpoint.config,
         "body": checkpoint.body,
@@ -65,7 +67,8 @@ def save_checkpoint(checkpoint: Checkpoint, folder: Path) -> None:
         "notes": checkpoint.notes,
     }
     save_tensors(checkpoint.tensors, {}, folder / WEIGHTS)
-    _write(folder / CONFIG, (json.dumps(meta, indent=2) + "\n").encode())
+    with atomic_write(folder / CONFIG) as partial:
+        partial.write_text(json.dumps(meta, indent=2) + "\n", encoding="utf-8")
 
 
 def load_checkpoint(folder: Path, body: Body | None = None) -> Checkpoint:
@@ -108,7 +111,8 @@ def load_checkpoint(folder: Path, body: Body | None = None) -> Checkpoint:
 def save_tensors(tensors: Mapping[str, Tensor], metadata: Mapping[str, Any], path: Path) -> None:
     """Write tensors and JSON values as one safetensors file, whole or not at all."""
     plain = {name: tensor.detach().cpu().contiguous() for name, tensor in tensors.items()}
-    _write(path, to_bytes(plain, metadata={"json": json.dumps(dict(metadata))}))
+    with atomic_write(path) as partial:
+        partial.write_bytes(to_bytes(plain, metadata={"json": json.dumps(dict(metadata))}))
 
 
 def load_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
@@ -128,13 +132,8 @@ def load_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     return tensors, metadata
 
 
-def _write(path: Path, content: bytes) -> None:
-    partial = path.with_name(path.name + ".partial")
+def _package_version() -> str:
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        partial.write_bytes(content)
-        os.replace(partial, path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        partial.unlink(missing_ok=True)
+        return version("uvcloth")
+    except PackageNotFoundError:
+        return "not installed"
