@@ -1,5 +1,6 @@
 """The shipped body, its file, and posing."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -45,7 +46,7 @@ def test_the_shipped_body_is_a_watertight_standing_adult(body: Body) -> None:
     assert {REGIONS[int(r)] for r in body.regions.unique()} == set(REGIONS)
 
 
-@pytest.mark.parametrize("damage", ["missing", "truncated", "other", "nan"])
+@pytest.mark.parametrize("damage", ["missing", "truncated", "other", "nan", "weights"])
 def test_a_bad_body_file_is_named(body: Body, tmp_path: Path, damage: str) -> None:
     path = tmp_path / "b.npz"
     if damage == "truncated":
@@ -55,7 +56,9 @@ def test_a_bad_body_file_is_named(body: Body, tmp_path: Path, damage: str) -> No
         np.savez(path, format=np.array("something"))
     elif damage == "nan":
         broken = body.mesh.moved(body.mesh.vertices * float("nan"))
-        save_body(Body(**{**body.__dict__, "mesh": broken}), path)
+        save_body(replace(body, mesh=broken), path)
+    elif damage == "weights":
+        save_body(replace(body, weights=body.weights * float("nan")), path)
     with pytest.raises(InputError, match=r"b\.npz"):
         load_body(path)
 

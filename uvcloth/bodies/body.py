@@ -8,8 +8,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from rasterize.archive import load_arrays, require_finite, save_arrays
 from rasterize.errors import InputError
-from uvcloth.archive import load_arrays, save_arrays
 from uvcloth.mesh import Mesh
 from uvcloth.skeleton import Skeleton
 
@@ -82,6 +82,7 @@ def load_body(path: Path | None = None) -> Body:
     """
     path = path or Path(str(files("uvcloth") / "data" / "body.npz"))
     data = load_arrays(path, FORMAT, "a body made by `uvcloth body`")
+    require_finite(path, data)
     try:
         names = tuple(str(name) for name in data["joint_names"])
         skeleton = Skeleton(
@@ -101,7 +102,7 @@ def load_body(path: Path | None = None) -> Body:
             )
             for name in data["proxy_names"]
         }
-        body = Body(
+        return Body(
             name=str(data["name"]),
             mesh=mesh,
             skeleton=skeleton,
@@ -112,9 +113,6 @@ def load_body(path: Path | None = None) -> Body:
         )
     except KeyError as error:
         raise InputError(f"{path}: the body file lacks the array {error}") from error
-    if not torch.isfinite(mesh.vertices).all():
-        raise InputError(f"{path}: a body vertex is not a finite number")
-    return body
 
 
 def _pack_weights(arrays: dict[str, np.ndarray], prefix: str, weights: Tensor) -> None:

@@ -10,10 +10,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from rasterize.archive import load_arrays, require_finite, save_arrays
 from rasterize.errors import InputError
-from uvcloth.archive import load_arrays, save_arrays
 
 FORMAT = "uvcloth-sequence-1"
+ARRAYS = ("vertices", "faces", "rest", "transforms", "fps", "settling", "metadata")
 
 
 @dataclass(frozen=True)
@@ -70,20 +71,28 @@ def save_sequence(sequence: Sequence, path: Path) -> None:
 
 
 def load_sequence(path: Path) -> Sequence:
-    """Read a sequence npz. Raises InputError if it is not one or holds values that are not finite."""
-    data = load_arrays(path, FORMAT, "a sequence made by `uvcloth simulate`")
+    """Read a sequence npz.
+
+    Raises InputError if it is not one, holds a value that is not finite, or does not name clip and garment.
+    """
+    data = load_arrays(path, FORMAT, "a sequence made by `uvcloth simulate`", ARRAYS)
+    require_finite(path, data)
+    return Sequence(
+        vertices=torch.from_numpy(data["vertices"]),
+        faces=torch.from_numpy(data["faces"].astype(np.int64)),
+        rest=torch.from_numpy(data["rest"]),
+        transforms=torch.from_numpy(data["transforms"]),
+        fps=float(data["fps"]),
+        settling=int(data["settling"]),
+        metadata=_metadata(path, str(data["metadata"])),
+    )
+
+
+def _metadata(path: Path, text: str) -> dict[str, Any]:
     try:
-        sequence = Sequence(
-            vertices=torch.from_numpy(data["vertices"]),
-            faces=torch.from_numpy(data["faces"].astype(np.int64)),
-            rest=torch.from_numpy(data["rest"]),
-            transforms=torch.from_numpy(data["transforms"]),
-            fps=float(data["fps"]),
-            settling=int(data["settling"]),
-            metadata=json.loads(str(data["metadata"])),
-        )
-    except KeyError as error:
-        raise InputError(f"{path}: the sequence file lacks the array {error}") from error
-    if not torch.isfinite(sequence.vertices).all():
-        raise InputError(f"{path}: a simulated vertex is not a finite number")
-    return sequence
+        metadata = json.loads(text)
+    except ValueError as error:
+        raise InputError(f"{path}: the metadata is not readable as JSON") from error
+    if not (isinstance(metadata, dict) and {"clip", "garment"} <= metadata.keys()):
+        raise InputError(f"{path}: the metadata does not name the clip and the garment")
+    return metadata
