@@ -3,16 +3,19 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
+from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.templates import wear
-from uvcloth.motion.library import load_clip
+from uvcloth.motion.library import builtin_clips, load_clip
 from uvcloth.simulate.accept import MOST_INSIDE, examine
-from uvcloth.simulate.farm import plan
-from uvcloth.simulate.sequence import Sequence, content_hash, load_sequence, save_sequence
+from uvcloth.simulate.farm import plan, simulate_batch
+from uvcloth.simulate.index import read_index
+from uvcloth.simulate.sequence import FORMAT, Sequence, content_hash, load_sequence, save_sequence
 from uvcloth.skinning import skin
 
 
@@ -39,6 +42,27 @@ def test_a_sequence_survives_its_file(carried: Sequence, tmp_path: Path) -> None
     assert again.metadata["hash"] == content_hash(carried)
     assert (again.settling, again.garment, again.clip) == (1, "tops", "walk")
     assert [path.name for path in tmp_path.iterdir()] == ["s.npz"]
+
+
+@pytest.mark.parametrize("part", ["vertices", "rest", "transforms"])
+def test_a_sequence_with_a_number_that_is_not_finite_is_refused(
+    carried: Sequence, tmp_path: Path, part: str
+) -> None:
+    save_sequence(replace(carried, **{part: getattr(carried, part) * float("nan")}), tmp_path / "s.npz")
+    with pytest.raises(InputError, match=rf"s\.npz: {part} holds a value"):
+        load_sequence(tmp_path / "s.npz")
+
+
+@pytest.mark.parametrize(
+    ("metadata", "words"),
+    [("{", "not readable as JSON"), ("[]", "does not name"), ('{"clip": "walk"}', "does not name")],
+)
+def test_damaged_metadata_is_refused(carried: Sequence, tmp_path: Path, metadata: str, words: str) -> None:
+    save_sequence(carried, tmp_path / "s.npz")
+    arrays = load_arrays(tmp_path / "s.npz", FORMAT, "a sequence")
+    save_arrays(tmp_path / "s.npz", {**arrays, "metadata": np.array(metadata)})
+    with pytest.raises(InputError, match=rf"s\.npz: the metadata .*{words}"):
+        load_sequence(tmp_path / "s.npz")
 
 
 def test_exploded_and_swallowed_sequences_are_refused(carried: Sequence, body: Body) -> None:
@@ -84,3 +108,63 @@ def test_windows_choose_frames_and_name_what_is_wrong(body: Body, tmp_path: Path
     table.write_text("name\nwalk\n")
     with pytest.raises(InputError, match=r"index\.csv: lacks the column trial"):
         plan(["walk"], ["dress"], tmp_path, body, table)
+
+
+HEADER = "trial,split,action,window_start,window_frames\n"
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ("walk,test,walking,-1,30\n", "the window of walk starts at -1"),
+        ("walk,test,walking,0,0\n", "the window of walk starts at 0 and has 0 frames"),
+        ("walk,test,walking,0,x\n", "the window of walk is not given in whole frames"),
+        ("walk,test,walking,0,30\nwalk,train,walking,0,30\n", "two rows for the clip walk"),
+    ],
+)
+def test_an_index_says_what_is_wrong_with_it(tmp_path: Path, rows: str, words: str) -> None:
+    table = tmp_path / "index.csv"
+    table.write_text(HEADER + rows)
+    with pytest.raises(InputError, match=rf"index\.csv: .*{words}"):
+        read_index(table)
+    with pytest.raises(InputError, match="cannot be read"):
+        read_index(tmp_path)
+
+
+def test_two_clips_for_one_file_are_refused(body: Body, tmp_path: Path) -> None:
+    shipped = builtin_clips()["walk"]
+    with pytest.raises(InputError, match=rf"walk_tops\.npz: both walk and {shipped}"):
+        plan(["walk", str(shipped)], ["tops"], tmp_path, body)
+
+
+@pytest.fixture
+def finished(body: Body, tmp_path: Path) -> Path:
+    """A folder in which the sequence of one window is there, so that nothing is left to simulate."""
+    (tmp_path / "mine.csv").write_text(HEADER + "walk,test,walking,40,30\n")
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "walk_tops.npz").write_text("")
+    simulate_batch(["walk"], ["tops"], out, body, windows=tmp_path / "mine.csv")
+    return out
+
+
+def test_windows_are_kept_with_the_sequences_and_others_are_refused(
+    finished: Path, body: Body, tmp_path: Path
+) -> None:
+    mine = tmp_path / "mine.csv"
+    assert (finished / "index.csv").read_text() == mine.read_text()
+    simulate_batch(["walk"], ["tops"], finished, body, windows=mine)
+    mine.write_text(HEADER + "walk,train,walking,40,30\n")
+    with pytest.raises(InputError, match=r"out/index\.csv: holds other windows than .*mine\.csv"):
+        simulate_batch(["walk"], ["tops"], finished, body, windows=mine)
+    assert "test" in (finished / "index.csv").read_text()
+
+
+def test_places_and_numbers_that_cannot_be_are_refused(body: Body, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="file: cannot be made a folder"):
+        simulate_batch(["walk"], ["tops"], tmp_path / "file", body)
+    with pytest.raises(InputError, match="--jobs 0: expected at least 1"):
+        simulate_batch(["walk"], ["tops"], tmp_path / "out", body, jobs=0)
+    with pytest.raises(InputError, match="--scheduler nowhere: no dask scheduler answers there"):
+        simulate_batch(["walk"], ["tops"], tmp_path / "out", body, scheduler="nowhere")

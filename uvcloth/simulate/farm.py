@@ -10,6 +10,7 @@ from typing import Any
 
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from rasterize.atomic import atomic_write, make_folder
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.templates import wear
@@ -61,10 +62,14 @@ def simulate_batch(
     windows: an index of clips and windows, copied to OUT/index.csv.
     repeat: start each window REPEAT_EARLIER frames earlier and write to OUT/repeat instead.
     Sequences that explode or end inside the body go to OUT/rejected with the reason in their metadata.
-    Raises InputError for unreadable clips or windows, or if the `simulate` extra is missing.
+    Raises InputError for unreadable clips or windows, for clips that would share a file, if OUT cannot be
+    written or was made from other windows, for a scheduler that does not answer, or if the `simulate` extra
+    is missing.
     """
+    if jobs is not None and jobs < 1:
+        raise InputError(f"--jobs {jobs}: expected at least 1")
     try:
-        from dask.distributed import Client, LocalCluster, as_completed
+        from dask.distributed import LocalCluster, as_completed
     except ModuleNotFoundError as error:
         raise InputError("simulating needs dask and Newton: install uvcloth[simulate]") from error
     todo = [
@@ -72,9 +77,9 @@ def simulate_batch(
         for job in plan(clips, garments, out / "repeat" if repeat else out, body, windows, repeat)
         if not (job.target.exists() or _rejected(job.target).exists())
     ]
-    out.mkdir(parents=True, exist_ok=True)
-    if windows is not None and not (out / INDEX).exists():
-        shutil.copyfile(windows, out / INDEX)
+    make_folder(out)
+    if windows is not None:
+        _keep_index(windows, out / INDEX)
     if not todo:
         print(f"{out}: every sequence is there already")
         return
@@ -87,7 +92,7 @@ def simulate_batch(
                 n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=50
             )
             stack.callback(_close, cluster)
-        client = stack.enter_context(Client(cluster))
+        client = stack.enter_context(_connect(cluster))
         progress = stack.enter_context(_progress())
         bar = progress.add_task(f"{len(todo)} sequences", total=frames)
         client.subscribe_topic(TOPIC, lambda event: progress.advance(bar, event[1]))
@@ -111,6 +116,7 @@ def plan(
     """The sequences to make, one per clip and garment. Raises InputError as simulate_batch does."""
     table = read_index(windows) if windows is not None else {}
     made = []
+    sources: dict[Path, str] = {}
     for name in clips:
         clip = load_clip(name, body)
         start, frames = 0, len(clip)
@@ -121,8 +127,32 @@ def plan(
         if start + frames > len(clip):
             raise InputError(f"{name}: has {len(clip)} frames, the window ends at {start + frames}")
         motion, before = run_up(clip, start, frames, REPEAT_EARLIER if earlier else 0)
-        made += [Job(motion, before, garment, out / f"{clip.name}_{garment}.npz") for garment in garments]
+        for garment in garments:
+            target = out / f"{clip.name}_{garment}.npz"
+            if target in sources:
+                raise InputError(f"{target}: both {sources[target]} and {name} would be written there")
+            sources[target] = name
+            made.append(Job(motion, before, garment, target))
     return made
+
+
+def _keep_index(windows: Path, kept: Path) -> None:
+    """Copy the windows, by which training and evaluation will go. Raises InputError if others are kept."""
+    if not kept.exists():
+        with atomic_write(kept) as partial:
+            shutil.copyfile(windows, partial)
+    elif read_index(kept) != read_index(windows):
+        raise InputError(f"{kept}: holds other windows than {windows}, simulate them into another folder")
+
+
+def _connect(cluster: Any) -> Any:
+    """A client of a local cluster, or of the scheduler at an address."""
+    from dask.distributed import Client
+
+    try:
+        return Client(cluster)
+    except (OSError, ValueError) as error:
+        raise InputError(f"--scheduler {cluster}: no dask scheduler answers there ({error})") from error
 
 
 def _work(job: Job, body: Body) -> tuple[Recording, str | None]:
