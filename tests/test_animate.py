@@ -8,6 +8,7 @@ import torch
 from rasterize.errors import InputError
 from uvcloth import animate as animation
 from uvcloth.export.animation import load_animation
+from uvcloth.export.writer import FORMATS
 from uvcloth.mesh import Mesh
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.contact import Contacts
@@ -69,6 +70,17 @@ def test_the_summary_counts_what_is_inside_the_body(scene, tmp_path):
     assert set(summary.milliseconds) == {"network", "writing"}
     without = animation.animate("lbs", "walk", ["tops"], [tmp_path / "raw.npz"], contact=False)
     assert without.inside_before is None
+
+
+def test_a_file_that_cannot_be_written_keeps_the_others_away(scene, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setitem(FORMATS, ".glb", full)
+    for order in (["a.npz", "a.glb"], ["a.glb", "a.npz"]):
+        with pytest.raises(InputError, match=r"a\.glb: cannot be written \(No space left"):
+            animation.animate("lbs", "walk", ["tops"], [tmp_path / name for name in order])
+        assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), InputError("a rollout left the finite numbers")])

@@ -63,7 +63,8 @@ def animate(
     """Roll a method out on a motion once and write every file of `out`, each as its suffix says.
 
     model: a checkpoint folder, a baseline's name, or None for the model in the package. garments: template
-    names or mesh files, inner first. Raises InputError for bad input; then, as after Ctrl-C, writes nothing.
+    names or mesh files; contact keeps each out of the body, not out of the others. Raises InputError for bad
+    input or a full disk; then, as after Ctrl-C, writes nothing.
     """
     console = Console(stderr=True)
     body = load_body(body_file)
@@ -91,6 +92,9 @@ def animate(
             rate = (index + 1) / (perf_counter() - start)
             progress.update(task, advance=1, rate=f"{rate:.1f} frames per second")
         begun = perf_counter()
+        # Only when every file is whole may the first of them appear.
+        for writer in writers:
+            writer.finish()
     spent["writing"] += 1e3 * (perf_counter() - begun)
     vertices = len(clip) * sum(len(garment.mesh.vertices) for garment in outfit.garments)
     return Summary(

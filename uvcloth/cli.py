@@ -133,7 +133,8 @@ class Rollout:
     motion: str
     """A motion file (BVH) or the name of a built-in clip."""
     garment: Garments
-    """Templates (tops, bottoms, dress) or garment files, inner first."""
+    """Templates (tops, bottoms, dress) or garment files; contact keeps each out of the body, not out of
+    the others."""
     out: tuple[Path, ...]
     """What to write, one file or several; the suffix says how: .glb, .usdc, .pc2 or .npz."""
     model: Annotated[

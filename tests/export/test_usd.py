@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,15 @@ def test_garment_points_and_texture_coordinates_are_exact(stage: Usd.Stage, anim
         np.testing.assert_array_equal(faces, mesh.faces.numpy())
         st = UsdGeom.PrimvarsAPI(geometry).GetPrimvar("st").ComputeFlattened()
         np.testing.assert_array_equal(np.array(st), mesh.uvs[mesh.face_uvs].reshape(-1, 2).numpy())
+
+
+def test_garments_whose_names_share_an_identifier_are_numbered(animation: Animation, tmp_path: Path) -> None:
+    twins = replace(animation, names=("my-shirt", "my_shirt"), body=None)
+    write_usd(twins, tmp_path / "twins.usdc")
+    stage = Usd.Stage.Open(str(tmp_path / "twins.usdc"))
+    for prim, vertices in zip(("my_shirt", "my_shirt_2"), twins.vertices, strict=True):
+        points = UsdGeom.Mesh(stage.GetPrimAtPath(f"/Outfit/{prim}")).GetPointsAttr()
+        np.testing.assert_array_equal(np.array(points.Get(0)), vertices[0])
 
 
 def test_body_is_posed_by_its_skeleton(stage: Usd.Stage, animation: Animation, tmp_path: Path) -> None:

@@ -78,6 +78,15 @@ def test_a_full_disk_is_one_sentence_and_leaves_nothing(
     assert not list(tmp_path.iterdir())
 
 
+def test_a_finished_file_appears_only_when_it_is_closed(animation: Animation, tmp_path: Path) -> None:
+    writer = open_writer(tmp_path / "a.npz", [("shirt", animation.meshes[0])], None, 30.0)
+    writer.add((torch.from_numpy(animation.vertices[0]),))
+    writer.finish()
+    assert not (tmp_path / "a.npz").exists()
+    writer.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["a.npz"]
+
+
 def test_bad_frames_are_refused(animation: Animation, tmp_path: Path) -> None:
     garments = [("shirt", animation.meshes[0])]
     with pytest.raises(InputError, match="no frame"), open_writer(tmp_path / "a.glb", garments, None, 30.0):

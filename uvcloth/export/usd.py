@@ -1,5 +1,6 @@
 """OpenUSD: garments as points over time, the body as a UsdSkel skeleton with all of its blend weights."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +27,8 @@ def write_usd(animation: Animation, path: Path) -> None:
         stage.SetEndTimeCode(len(animation) - 1)
         root = UsdGeom.Xform.Define(stage, "/Outfit")
         stage.SetDefaultPrim(root.GetPrim())
-        for index, name in enumerate(animation.names):
-            _write_garment(stage, animation, index, f"/Outfit/{_identifier(name)}")
+        for index, identifier in enumerate(_identifiers(animation.names)):
+            _write_garment(stage, animation, index, f"/Outfit/{identifier}")
         if animation.body is not None:
             _write_body(stage, animation, animation.body)
         stage.Save()
@@ -115,6 +116,18 @@ def _define_mesh(stage: Any, prim: str, mesh: Mesh, color: Color) -> Any:
         st.Set(Vt.Vec2fArray.FromNumpy(mesh.uvs.numpy().astype(np.float32)))
         st.SetIndices(Vt.IntArray.FromNumpy(mesh.face_uvs.numpy().astype(np.int32).ravel()))
     return geometry
+
+
+def _identifiers(names: Sequence[str]) -> list[str]:
+    """An identifier for each name, numbered where names share one: my_shirt, my_shirt_2."""
+    found: list[str] = []
+    for plain in map(_identifier, names):
+        identifier, number = plain, 1
+        while identifier in found:
+            number += 1
+            identifier = f"{plain}_{number}"
+        found.append(identifier)
+    return found
 
 
 def _identifier(name: str) -> str:

@@ -10,6 +10,7 @@ from typing import IO
 import numpy as np
 from torch import Tensor
 
+from rasterize.atomic import make_folder
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.export.animation import Animation, write_npz
@@ -29,7 +30,7 @@ FORMATS: dict[str, Callable[[Animation, Path], None]] = {
 
 
 class FrameWriter:
-    """Collects frames of garments and of the body's joints; `close` writes the file (see open_writer)."""
+    """Collects frames of garments and of the body's joints; `close` leaves the file (see open_writer)."""
 
     def __init__(
         self,
@@ -44,6 +45,7 @@ class FrameWriter:
         """The files that close() left."""
         self._garments, self._body, self._fps = tuple(garments), body, fps
         self._spool, self._frames = spool, 0
+        self._finished = spool / "finished"
         joints = 0 if body is None else len(body.skeleton.names)
         self._shapes: list[tuple[int, ...]] = [(len(mesh.vertices), 3) for _, mesh in garments]
         self._shapes.append((joints, 3, 4))
@@ -78,18 +80,28 @@ class FrameWriter:
             raise _cannot_write(self.path, error) from error
         self._frames += len(rows[0])
 
-    def close(self) -> None:
-        """Write the file and drop the spooled frames; InputError if the disk is full or no frame came."""
+    def finish(self) -> None:
+        """Write the file, which appears with `close`. Raises InputError if the disk is full or no frame came.
+
+        Several writers that finish before any of them closes leave all of their files or none.
+        """
         try:
             for stream in self._streams:
                 stream.close()
             if not self._frames:
                 raise InputError(f"{self.path}: there is no frame to write")
-            finished = self._spool / "finished"
-            finished.mkdir()
-            FORMATS[self.path.suffix.lower()](self._animation(), finished / self.path.name)
+            self._finished.mkdir()
+            FORMATS[self.path.suffix.lower()](self._animation(), self._finished / self.path.name)
+        except OSError as error:
+            raise _cannot_write(self.path, error) from error
+
+    def close(self) -> None:
+        """Let the file appear, finished first if need be, and drop the frames; raises as `finish` does."""
+        try:
+            if not self._finished.exists():
+                self.finish()
             self.written = tuple(
-                part.replace(self.path.parent / part.name) for part in sorted(finished.iterdir())
+                part.replace(self.path.parent / part.name) for part in sorted(self._finished.iterdir())
             )
         except OSError as error:
             raise _cannot_write(self.path, error) from error
@@ -156,8 +168,8 @@ def open_writer(
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise InputError(f"{path}: two meshes are called {twice[0]}, each needs its own name")
+    make_folder(path.parent)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
         spool = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent))
     except OSError as error:
         raise _cannot_write(path, error) from error
