@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from rasterize.archive import load_arrays
 from rasterize.errors import InputError
-from uvcloth.archive import load_arrays
 from uvcloth.garments.templates import TEMPLATES
 from uvcloth.simulate.index import INDEX, read_index
 from uvcloth.simulate.sequence import FORMAT
@@ -70,7 +70,8 @@ def _why(window: Window) -> str:
     """Why there is no sequence of a window."""
     if not _rejected(window).is_file():
         return "not simulated"
-    arrays = load_arrays(_rejected(window), FORMAT, "a sequence that `uvcloth simulate` kept apart")
+    kept_apart = "a sequence that `uvcloth simulate` kept apart"
+    arrays = load_arrays(_rejected(window), FORMAT, kept_apart, ("metadata",))
     return str(json.loads(str(arrays["metadata"])).get("rejected", "kept apart"))
 
 

@@ -11,8 +11,8 @@ from torch import Tensor
 
 from evaluate.actions import Window
 from evaluate.metrics import Reference, distance_scores, frame_scores
+from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
-from uvcloth.archive import load_arrays, save_arrays
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.garments.garment import Garment, Outfit

@@ -2,7 +2,6 @@
 
 import base64
 import json
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any
 
 from evaluate.charts import DASH, bars, lines, number
 from evaluate.viewer import ViewerClip, pack_body, pack_clip
-from rasterize.errors import InputError
+from rasterize.atomic import atomic_write
 from uvcloth.bodies.body import Body
 from uvcloth.rollout import BATCH
 
@@ -230,14 +229,6 @@ def _time_charts(results: Results) -> list[Any]:
 
 
 def _write(path: Path, text: str) -> Path:
-    partial = path.with_name(path.name + ".partial")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            partial.write_text(text, encoding="utf-8")
-            os.replace(partial, path)
-        finally:
-            partial.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    with atomic_write(path) as partial:
+        partial.write_text(text, encoding="utf-8")
     return path
