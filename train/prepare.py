@@ -9,9 +9,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from train.recordings import Recording
-from uvcloth.archive import load_arrays, save_arrays
 from uvcloth.bodies.body import Body
 from uvcloth.mesh import unique_edges
 from uvcloth.methods.correspondence import (

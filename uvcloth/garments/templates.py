@@ -11,8 +11,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
-from uvcloth.archive import load_arrays, save_arrays
 from uvcloth.bodies.body import Body
 from uvcloth.garments.attach import make_garment
 from uvcloth.garments.garment import Garment

@@ -7,8 +7,8 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
+from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
-from uvcloth.archive import load_arrays, save_arrays
 from uvcloth.bodies.body import Body
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import Clip
