@@ -26,8 +26,8 @@ PARTS = (
 )
 """Regions that move as one, and the sides that have them; the others are left out."""
 
-LEGS = (4, 5, 6, 7)
-"""Places of thighs and calves among the parts."""
+ARMS, TORSO, LEGS = (1, 2), 3, (4, 5, 6, 7)
+"""Places of upper arms, torso, and thighs and calves among the parts."""
 
 SLACK = 0.03
 """Metres by which a part may be farther than twice the nearest one and still lie beside a point at rest."""
@@ -60,12 +60,16 @@ class Collider:
         """Which part may touch which point of a garment (N, 3) at rest: (parts, N) bool.
 
         Cloth touches the parts that it lies beside, and a skirt the legs. Mocap presses arms into ribs and
-        thighs into bellies: what both of two such parts push comes off the one that it belongs to.
+        thighs into bellies: what both of two such parts push comes off the one that it belongs to. In the
+        armpit, where cloth lies beside arm and torso, only the nearer of the two counts.
         """
         vertices = self.vertices(body_vertices)
         distance = torch.stack([torch.cdist(points, vertices[part.unique()]).amin(1) for part in self.parts])
         nearest = distance.amin(0)
         touches = distance < 2.0 * nearest + SLACK
+        arms = list(ARMS)
+        touches[arms] &= distance[arms] <= distance[TORSO]
+        touches[TORSO] &= distance[TORSO] <= distance[arms].amin(0)
         touches[list(LEGS)] |= nearest > LOOSE
         return touches
 
