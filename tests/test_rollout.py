@@ -6,7 +6,7 @@ import torch
 from rasterize.errors import InputError
 from tests.small_body import small_body
 from uvcloth.bodies.frames import body_frames, with_lead
-from uvcloth.garments.garment import Attachment, Garment, Outfit
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.mesh import Mesh
 from uvcloth.rollout import BATCH, rollout
 from uvcloth.skinning import skin
@@ -17,14 +17,7 @@ FPS = 30.0
 def outfit() -> Outfit:
     body = small_body()
     mesh = body.mesh.moved(body.mesh.vertices * 1.2)
-    count = len(mesh.vertices)
-    attachment = Attachment(
-        torch.zeros(count, dtype=torch.int64),
-        torch.zeros(count, 3),
-        torch.zeros(count, 3),
-        torch.zeros(count),
-    )
-    return Outfit(body, (Garment("shell", "tops", mesh, attachment, body.weights, body.weights),))
+    return Outfit(body, (Garment("shell", "tops", mesh, body.weights, body.weights),))
 
 
 def falling(frames: int) -> torch.Tensor:
@@ -87,9 +80,7 @@ def test_contact_leaves_no_vertex_inside():
     worn = outfit()
     inside = worn.garments[0].mesh.vertices * 0.7
     mesh = Mesh(inside, worn.garments[0].mesh.faces, worn.body.mesh.uvs, worn.body.mesh.face_uvs)
-    tight = Outfit(
-        worn.body, (Garment("tight", "tops", mesh, worn.garments[0].attachment, *[worn.body.weights] * 2),)
-    )
+    tight = Outfit(worn.body, (Garment("tight", "tops", mesh, *[worn.body.weights] * 2),))
     frame = next(iter(rollout(Recorder(False), tight, falling(1), FPS)))
     assert frame.contacts[0].inside_before == 8
     assert frame.raw[0].abs().max() < 0.1

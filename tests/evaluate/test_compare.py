@@ -21,7 +21,7 @@ from rasterize.errors import InputError
 from tests.train.simulated import save_clips
 from uvcloth.bodies.body import Body, save_body
 from uvcloth.checkpoint import WEIGHTS, save_checkpoint
-from uvcloth.garments.garment import Attachment, Garment
+from uvcloth.garments.garment import Garment
 from uvcloth.mesh import Mesh
 from uvcloth.methods.physxnet import PRESETS, physxnet_checkpoint
 from uvcloth.simulate.sequence import Sequence, load_sequence, save_sequence
@@ -51,15 +51,8 @@ def tube_garment(name: str) -> Garment:
     shape.update_faces(upright)
     shape.remove_unreferenced_vertices()
     vertices, faces = torch.tensor(shape.vertices).float(), torch.tensor(shape.faces).long()
-    count = len(vertices)
-    nowhere = Attachment(
-        torch.zeros(count, dtype=torch.long),
-        torch.zeros(count, 3),
-        torch.zeros(count, 3),
-        torch.zeros(count, dtype=torch.bool),
-    )
-    weights = torch.ones(count, 1)
-    return Garment(name, name, Mesh(vertices, faces, vertices[:, :2], faces), nowhere, weights, weights)
+    weights = torch.ones(len(vertices), 1)
+    return Garment(name, name, Mesh(vertices, faces, vertices[:, :2], faces), weights, weights)
 
 
 def motion(frames: int, start: int = 0) -> Tensor:

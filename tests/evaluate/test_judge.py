@@ -8,7 +8,7 @@ from evaluate.actions import Window
 from evaluate.judge import Case, score
 from evaluate.metrics import Reference
 from uvcloth.bodies.body import Body
-from uvcloth.garments.garment import Attachment, Garment, Outfit
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.mesh import Mesh
 from uvcloth.physics.contact import BodySurface, inside_share
 from uvcloth.simulate.sequence import Sequence
@@ -27,12 +27,8 @@ def test_inside_counts_what_lies_within_the_body() -> None:
     generator = torch.Generator().manual_seed(0)
     points = 0.4 * torch.rand(2, 300, 3, generator=generator) - 0.2
     sheet = torch.arange(300).view(-1, 3)
-    none = torch.zeros(300, 3)
-    attachment = Attachment(
-        torch.zeros(300, dtype=torch.long), none, none, torch.zeros(300, dtype=torch.bool)
-    )
     cloth = Mesh(points[0], sheet, points[0, :, :2], sheet)
-    garment = Garment("g", "tops", cloth, attachment, torch.ones(300, 1), torch.ones(300, 1))
+    garment = Garment("g", "tops", cloth, torch.ones(300, 1), torch.ones(300, 1))
     transforms = torch.eye(3, 4).expand(2, 1, 3, 4)
     corners = torch.arange(300)[:, None].expand(-1, 3)
     case = Case(

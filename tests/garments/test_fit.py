@@ -9,8 +9,8 @@ import trimesh
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body, load_body
-from uvcloth.garments.fit import fit
-from uvcloth.mesh import vertex_normals
+from uvcloth.garments.fit import covered_faces, fit
+from uvcloth.mesh import face_normals, vertex_normals
 
 EASE = 0.01
 """Metres that the test garments stand off the skin."""
@@ -159,13 +159,16 @@ def test_negative_indices_and_polygons_of_an_obj_are_read(body, skirt, tmp_path)
     assert torch.equal(fitted.garment.mesh.faces, torch.tensor(skirt.faces))
 
 
-def test_every_vertex_hangs_where_its_offset_says(shorts, body, tmp_path):
-    garment = fit(written(shorts, tmp_path / "shorts.ply"), body).garment
-    corners = body.mesh.vertices[body.mesh.faces[garment.attachment.faces]]
-    anchor = (corners * garment.attachment.barycentrics[..., None]).sum(1)
-    torch.testing.assert_close(anchor + garment.attachment.offset, garment.mesh.vertices)
-    assert garment.attachment.offset.norm(dim=1).median() == pytest.approx(EASE, abs=1e-3)
-    assert garment.attachment.missed.float().mean() < 0.01
+def test_every_vertex_covers_the_skin_below_it(shorts, body, tmp_path):
+    fitted = fit(written(shorts, tmp_path / "shorts.ply"), body)
+    garment = fitted.garment
+    faces, missed = covered_faces(garment.mesh, body)
+    normals = face_normals(body.mesh.vertices, body.mesh.faces[faces])
+    away = garment.mesh.vertices - body.mesh.vertices[body.mesh.faces[faces, 0]]
+    distance = (away * torch.nn.functional.normalize(normals, dim=1)).sum(1)
+    assert distance.median() == pytest.approx(EASE, abs=1e-3)
+    assert fitted.diagnosis.ray_misses == missed.sum()
+    assert missed.float().mean() < 0.01
     for weights in (garment.weights, garment.carrier_weights):
         torch.testing.assert_close(weights.sum(1), torch.ones(len(weights)))
 

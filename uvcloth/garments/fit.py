@@ -8,13 +8,16 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from rasterize.layout import unwrap
-from rasterize.raycast import cast_rays
+from rasterize.raycast import cast_rays, closest_points, garment_to_body
 from uvcloth.bodies.body import REGIONS, Body
-from uvcloth.garments.attach import DIFFUSION, attach, make_garment
+from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.diagnose import Diagnosis, diagnose
-from uvcloth.garments.garment import Attachment, Garment
+from uvcloth.garments.garment import Garment
 from uvcloth.garments.meshfile import read_mesh
-from uvcloth.mesh import Mesh
+from uvcloth.mesh import Mesh, vertex_normals, weld
+
+REACH = 0.3
+"""Metres from the garment within which a ray has to meet the body."""
 
 COVERED = 0.15
 """Fraction of a body part under a garment from which on the garment belongs to that part."""
@@ -51,12 +54,29 @@ def fit(path: Path, body: Body, template: str | None = None) -> Fitted:
             raise InputError(f"{path}: {error}") from error
         mesh = replace(mesh, uvs=uvs, face_uvs=face_uvs)
     skirt = is_skirt(mesh, body)
+    faces, missed = covered_faces(mesh, body)
     if template is None:
-        template = covering_template(attach(mesh, body), body, skirt)
+        template = covering_template(faces, body, skirt)
     diffusion = DIFFUSION["dress"] if skirt else DIFFUSION[template]
     garment = make_garment(path.stem, template, mesh, body, diffusion)
-    missed = int(garment.attachment.missed.sum())
-    return Fitted(garment, replace(diagnosis, ray_misses=missed, unwrapped=unwrapped, template=template))
+    found = replace(diagnosis, ray_misses=int(missed.sum()), unwrapped=unwrapped, template=template)
+    return Fitted(garment, found)
+
+
+def covered_faces(mesh: Mesh, body: Body) -> tuple[Tensor, Tensor]:
+    """Faces (N,) of the body that the vertices of a garment at rest cover, and which vertices (N,) missed it.
+
+    A ray runs along each vertex normal, both ways, to the nearest body point within REACH (PhysXNet section
+    4.3, T^XB); a vertex whose ray misses, or that has no normal, takes the closest surface point.
+    """
+    owner = weld(mesh.vertices)
+    normals = vertex_normals(mesh.vertices, owner[mesh.faces])[owner]
+    lonely = normals.norm(dim=1) < 0.5
+    normals = torch.where(lonely[:, None], normals.new_tensor([0.0, 0.0, 1.0]), normals)
+    hits = garment_to_body(mesh.vertices, normals, body.mesh.vertices, body.mesh.faces, REACH)
+    missed = ~hits.found | lonely
+    nearest = closest_points(mesh.vertices[missed], body.mesh.vertices, body.mesh.faces)
+    return hits.face.masked_scatter(missed, nearest.face), missed
 
 
 def is_skirt(mesh: Mesh, body: Body) -> bool:
@@ -85,8 +105,8 @@ def _axis(centres: Tensor, levels: Tensor) -> Tensor:
     return (near @ centres) / near.sum(1, keepdim=True).clamp(min=1)
 
 
-def covering_template(attachment: Attachment, body: Body, skirt: bool) -> str:
-    """The template that serves the part of the body a garment covers: "tops", "bottoms" or "dress".
+def covering_template(covered: Tensor, body: Body, skirt: bool) -> str:
+    """The template that serves the body faces (N,) a garment covers: "tops", "bottoms" or "dress".
 
     A skirt without an upper part moves like the dress; what covers trunk and both legs, like the larger.
     """
@@ -95,7 +115,7 @@ def covering_template(attachment: Attachment, body: Body, skirt: bool) -> str:
     trunk = body.regions == REGIONS.index("torso")
     lowest, highest = heights[trunk].aminmax()
     hips = trunk & (heights < lowest + WAIST * (highest - lowest))
-    below = (legs | hips)[attachment.faces]
-    if skirt and float(legs[attachment.faces].float().mean()) > COVERED:
+    below = (legs | hips)[covered]
+    if skirt and float(legs[covered].float().mean()) > COVERED:
         return "dress"
     return "bottoms" if float(below.float().mean()) > 0.5 else "tops"

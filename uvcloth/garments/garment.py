@@ -9,20 +9,6 @@ from uvcloth.mesh import Mesh
 
 
 @dataclass(frozen=True)
-class Attachment:
-    """Where each garment vertex hangs on the body at rest (the paper's transference matrix T^CB).
-
-    faces: (N,) int64 body faces. barycentrics: (N, 3). offset: (N, 3) vertex minus body point, metres.
-    missed: (N,) bool, vertices whose ray hit nothing and that fell back to the closest surface point.
-    """
-
-    faces: Tensor
-    barycentrics: Tensor
-    offset: Tensor
-    missed: Tensor
-
-
-@dataclass(frozen=True)
 class Garment:
     """One garment on one body.
 
@@ -35,7 +21,6 @@ class Garment:
     name: str
     template: str
     mesh: Mesh
-    attachment: Attachment
     weights: Tensor
     carrier_weights: Tensor
 
