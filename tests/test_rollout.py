@@ -1,4 +1,4 @@
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 import torch
@@ -16,7 +16,7 @@ FPS = 30.0
 
 def outfit() -> Outfit:
     body = small_body()
-    mesh = body.mesh.moved(body.mesh.vertices * 1.2)
+    mesh = replace(body.mesh, vertices=body.mesh.vertices * 1.2)
     return Outfit(body, (Garment("shell", "tops", mesh, body.weights, body.weights),))
 
 

@@ -1,7 +1,7 @@
 """Triangle meshes as plain tensors: normals, edges, adjacency, neighbour averages."""
 
 import warnings
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -22,10 +22,6 @@ class Mesh:
     faces: Tensor
     uvs: Tensor
     face_uvs: Tensor
-
-    def moved(self, vertices: Tensor) -> "Mesh":
-        """The same topology at other vertex positions (V, 3)."""
-        return replace(self, vertices=vertices)
 
 
 def face_normals(vertices: Tensor, faces: Tensor) -> Tensor:

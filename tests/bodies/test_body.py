@@ -55,7 +55,7 @@ def test_a_bad_body_file_is_named(body: Body, tmp_path: Path, damage: str) -> No
     elif damage == "other":
         np.savez(path, format=np.array("something"))
     elif damage == "nan":
-        broken = body.mesh.moved(body.mesh.vertices * float("nan"))
+        broken = replace(body.mesh, vertices=body.mesh.vertices * float("nan"))
         save_body(replace(body, mesh=broken), path)
     elif damage == "weights":
         save_body(replace(body, weights=body.weights * float("nan")), path)
