@@ -31,7 +31,7 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     "inputs of any size": ("--reach", "0"),
     "no mirroring": ("--no-mirror",),
     "no edge and bend losses": ("--edge", "0", "--bend", "0"),
-    "own last two maps": ("--history", "2"),
+    "no memory": ("--history", "0"),
     "adversarial": ("--adversarial",),
     "batch normalization": ("--norm", "batch"),
     "transposed convolutions": ("--upsample", "transposed"),

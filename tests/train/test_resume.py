@@ -21,7 +21,7 @@ LOOP = replace(LOOPS["tiny"], steps=4, batch=4, validate_every=2, average=0.9)
 NETWORK = replace(PRESETS["tiny"], templates=("tops", "bottoms"), dropout=0.2)
 VARIANTS = {
     "default": (NETWORK, LOSSES["tiny"]),
-    "history": (replace(NETWORK, history=2), LOSSES["tiny"]),
+    "no memory": (replace(NETWORK, history=0), LOSSES["tiny"]),
     "adversarial": (
         replace(PRESETS["paper"], size=32, width=8, templates=NETWORK.templates),
         LOSSES["paper"],

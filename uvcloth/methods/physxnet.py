@@ -61,7 +61,7 @@ class PhysXNetConfig:
     """Three more channels: where the body point is, seen from the root joint, against its place at rest."""
     anchor: Literal["body", "carrier"] = "carrier"
     """What offsets are measured from: the texel's body point (paper) or the smoothly skinned garment."""
-    history: int = 0
+    history: int = 2
     """How many of its own last offset maps the network sees; 0 remembers nothing (paper)."""
     scaling: Literal["min_max", "mean_std"] = "mean_std"
     """Each channel to [-1, 1] by its extremes (paper), or to zero mean and unit deviation."""
@@ -105,6 +105,7 @@ PRESETS: dict[str, PhysXNetConfig] = {
         acceleration="plain",
         pose=False,
         anchor="body",
+        history=0,
         scaling="min_max",
         reach=0.0,
         centre="channel",
