@@ -22,7 +22,7 @@ from uvcloth.simulate.farm import simulate_batch
 from uvcloth.simulate.sequence import load_sequence
 from uvcloth.skinning import skin
 
-CLIP = "twirl"
+CLIP = "jump"
 GARMENT = "skirt.obj"
 PICTURES = 6
 PICTURE_SIZE = (300, 420)
