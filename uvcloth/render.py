@@ -59,12 +59,10 @@ class Camera:
     view: float = 28.0
 
     def following(self, point: Tensor) -> "Camera":
-        """The same view moved along the floor so that it is centred on a point (3,)."""
-        dx, dy = float(point[0]) - self.target[0], float(point[1]) - self.target[1]
-        eye, target = self.eye, self.target
-        return replace(
-            self, eye=(eye[0] + dx, eye[1] + dy, eye[2]), target=(target[0] + dx, target[1] + dy, target[2])
-        )
+        """The same view moved so that it is centred on a point (3,)."""
+        x, y, z = point.tolist()
+        right, back, up = (eye - target for eye, target in zip(self.eye, self.target, strict=True))
+        return replace(self, eye=(x + right, y + back, z + up), target=(x, y, z))
 
 
 def three_quarter(points: Tensor, turn: float = 30.0, rise: float = 8.0, aspect: float = 0.75) -> Camera:
