@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.collider import make_collider
+from uvcloth.bodies.collider import ARMS, LEGS, make_collider
 from uvcloth.mesh import unique_edges
 from uvcloth.physics.contact import BodySurface, calm_vertices, inside_vertices
 from uvcloth.simulate.sequence import Sequence
@@ -24,14 +24,14 @@ MOST_PIERCED = 5.0
 """Percent of the frames in which a bone may stick through the cloth that it belongs in."""
 
 BONES = (
-    (1, "LeftArm", "LeftForeArm"),
-    (2, "RightArm", "RightForeArm"),
-    (4, "LeftUpLeg", "LeftLeg"),
-    (5, "RightUpLeg", "RightLeg"),
-    (6, "LeftLeg", "LeftFoot"),
-    (7, "RightLeg", "RightFoot"),
+    ("LeftArm", "LeftForeArm"),
+    ("RightArm", "RightForeArm"),
+    ("LeftUpLeg", "LeftLeg"),
+    ("RightUpLeg", "RightLeg"),
+    ("LeftLeg", "LeftFoot"),
+    ("RightLeg", "RightFoot"),
 )
-"""The collider's limbs: which of its parts, and the joints at which their bones start and end."""
+"""The joints at which the bones of the collider's arms and legs start and end."""
 
 
 def examine(sequence: Sequence, body: Body) -> tuple[Sequence, str | None]:
@@ -84,7 +84,7 @@ def _pierced_percent(sequence: Sequence, skeleton: Skeleton, touches: Tensor) ->
     transforms = sequence.transforms[sequence.settling :]
     vertices = sequence.vertices[sequence.settling :]
     pierced = torch.zeros(len(vertices), dtype=torch.bool)
-    for part, start, end in BONES:
+    for part, (start, end) in zip((*ARMS, *LEGS), BONES, strict=True):
         joint, child = skeleton.names.index(start), skeleton.names.index(end)
         moved = transforms[:, joint]
         heads, tails = (moved[..., :3] @ skeleton.heads[i] + moved[..., 3] for i in (joint, child))

@@ -61,7 +61,7 @@ def simulate_batch(
 
     windows: an index of clips and windows, copied to OUT/index.csv.
     repeat: start each window REPEAT_EARLIER frames earlier and write to OUT/repeat instead.
-    Sequences that explode or end inside the body go to OUT/rejected with the reason in their metadata.
+    Sequences that `examine` refuses go to OUT/rejected with the reason in their metadata.
     Raises InputError for unreadable clips or windows, for clips that would share a file, if OUT cannot be
     written or was made from other windows, for a scheduler that does not answer, or if the `simulate` extra
     is missing.
