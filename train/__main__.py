@@ -56,8 +56,6 @@ METHODS: dict[str, tuple[type[PhysXNetRun], Any]] = {"physxnet": (PhysXNetRun, p
 
 def main() -> None:
     """Parse the command line and train."""
-    if find_spec("lightning") is None:
-        raise InputError("training needs Lightning: install uvcloth[train]")
     method, *arguments = sys.argv[1:] or ["--help"]
     if method not in METHODS:
         if method in ("-h", "--help"):
@@ -67,6 +65,8 @@ def main() -> None:
     kind, preset = METHODS[method]
     default = replace(kind(data=tyro.MISSING, out=tyro.MISSING), **preset(_preset_of(arguments)))
     run = tyro.cli(kind, args=arguments, default=default, prog=f"python -m train {method}")
+    if find_spec("lightning") is None:
+        raise InputError("training needs Lightning: install uvcloth[train]")
     check_run(run.out, resume=run.resume)
     if run.network.history and run.loop.devices > 1:
         raise InputError("--history: what a network remembers is trained on one device, leave out --devices")
