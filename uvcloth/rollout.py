@@ -13,7 +13,7 @@ from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.frames import LEAD, BodyFrames, body_frames
 from uvcloth.garments.garment import Outfit
 from uvcloth.methods.method import Method
-from uvcloth.physics.contact import BodySurface, Contacts, Smoother, resolve
+from uvcloth.physics.contact import Contacts, Obstacle
 
 BATCH = 8
 """Frames that the body is posed for, and that a method without memory predicts, at once."""
@@ -115,17 +115,17 @@ class _Contact:
     """Moves the garments of an outfit out of the collider, frame after frame."""
 
     def __init__(self, outfit: Outfit) -> None:
-        self.collider = make_collider(outfit.body)
-        self.surface = BodySurface(self.collider.vertices(outfit.body.mesh.vertices), self.collider.faces)
-        self.smoothers = [Smoother(g.mesh.vertices, g.mesh.faces) for g in outfit.garments]
+        body_vertices = outfit.body.mesh.vertices
+        self.obstacle = Obstacle(make_collider(outfit.body), body_vertices)
+        self.garments = [self.obstacle.dress(garment.mesh) for garment in outfit.garments]
 
     def resolve(self, frame: RolloutFrame, body_vertices: Tensor) -> RolloutFrame:
         """The frame with its garments resolved against the posed body (V, 3)."""
         begun = time.perf_counter()
-        self.surface.update(self.collider.vertices(body_vertices))
+        self.obstacle.update(body_vertices)
         moved = [
-            resolve(vertices, self.surface, smoother)
-            for vertices, smoother in zip(frame.raw, self.smoothers, strict=True)
+            self.obstacle.resolve(vertices, garment)
+            for vertices, garment in zip(frame.raw, self.garments, strict=True)
         ]
         spent = 1000.0 * (time.perf_counter() - begun)
         return replace(

@@ -31,7 +31,6 @@ from uvcloth.methods.correspondence import (
     worn_on,
 )
 from uvcloth.methods.unet import UNet
-from uvcloth.physics.inextensible import Inextensible
 
 GRAVITY = (0.0, 0.0, -9.81)
 """m/s2, Z up."""
@@ -69,10 +68,6 @@ class PhysXNetConfig:
     """Scaled inputs beyond this count as this: no motion is far from those seen. 0 sets no limit (paper)."""
     centre: Literal["channel", "texel"] = "texel"
     """Predicted offsets are measured from the middle of their channel (paper) or the mean of each texel."""
-    stiffness: float = 50.0
-    """How strongly decoded edges keep their rest length, against 1 for their place; 0 in the paper."""
-    passes: int = 4
-    """Steps of that projection."""
     templates: tuple[str, ...] = ("tops", "bottoms", "dress")
     """The templates with a decoder each."""
 
@@ -109,7 +104,6 @@ PRESETS: dict[str, PhysXNetConfig] = {
         scaling="min_max",
         reach=0.0,
         centre="channel",
-        stiffness=0.0,
     ),
     "tiny": PhysXNetConfig(size=32, width=8),
 }
@@ -253,13 +247,11 @@ def body_anchors(
 class WornState:
     """The outfit on the maps. history: (history, 3 * templates, H, W) last offset maps, oldest first.
 
-    cloth: per garment what keeps the length of its edges; empty without stiffness.
     """
 
     texels: BodyTexels
     templates: dict[str, TemplateTexels]
     garments: tuple[tuple[str, Worn], ...]
-    cloth: tuple[Inextensible, ...]
     history: Tensor
 
 
@@ -297,12 +289,7 @@ class PhysXNet:
             for garment in outfit.garments
         )
         sheet = (self.config.history, 3 * len(self.config.templates), self.config.size, self.config.size)
-        cloth = tuple(
-            Inextensible(g.mesh.vertices, g.mesh.faces, self.config.stiffness, self.config.passes)
-            for g in outfit.garments
-            if self.config.stiffness
-        )
-        return WornState(texels, templates, garments, cloth, torch.zeros(sheet))
+        return WornState(texels, templates, garments, torch.zeros(sheet))
 
     @torch.no_grad()
     def step(self, state: WornState, frames: BodyFrames) -> tuple[WornState, tuple[Tensor, ...]]:
@@ -334,8 +321,6 @@ class PhysXNet:
                     transforms=transforms,
                 )
             )
-        if state.cloth:
-            moved = [cloth.project(vertices) for cloth, vertices in zip(state.cloth, moved, strict=True)]
         return state, tuple(moved)
 
     def _motion(self, texels: BodyTexels, frames: BodyFrames) -> Tensor:

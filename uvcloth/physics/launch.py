@@ -1,0 +1,58 @@
+"""Launch Warp kernels over torch tensors, on a GPU's stream or shared out over the processor's cores."""
+
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import torch
+import warp as wp
+from torch import Tensor
+
+LEAST_SHARE = 500
+"""Items that are worth a thread of their own."""
+
+wp.config.log_level = wp.LOG_WARNING
+
+
+def array(values: Tensor) -> Any:
+    """A contiguous tensor as Warp sees it, without a copy: (N, 3) as N vectors."""
+    return wp.from_torch(values, dtype=wp.vec3 if values.ndim == 2 else None)
+
+
+def stream(device: torch.device) -> wp.ScopedStream:
+    """Within it, Warp works in the order of torch's own work on the device."""
+    return wp.ScopedStream(wp.stream_from_torch(device) if device.type == "cuda" else None)
+
+
+def launch(kernel: wp.Kernel, count: int, device: torch.device, *arguments: Any) -> None:
+    """Run a kernel for `count` items; its first argument is the first item of the share."""
+    run(record(kernel, count, device, *arguments), device)
+
+
+def record(kernel: wp.Kernel, count: int, device: torch.device, *arguments: Any) -> tuple[wp.Launch, ...]:
+    """A launch, as one share per core, that can be run again and again at little cost."""
+    # Warp runs a CPU kernel on one core and without the interpreter's lock.
+    cores = torch.get_num_threads() if device.type == "cpu" else 1
+    shares = max(1, min(cores, count // LEAST_SHARE))
+    bounds = [count * index // shares for index in range(shares + 1)]
+    return tuple(
+        wp.launch(kernel, end - start, [start, *arguments], device=str(device), record_cmd=True)
+        for start, end in pairwise(bounds)
+        if end > start
+    )
+
+
+def run(shares: tuple[wp.Launch, ...], device: torch.device) -> None:
+    """Run a recorded launch and, on a processor, wait for it."""
+    others = [_workers().submit(share.launch) for share in shares[1:]]
+    with stream(device):
+        for share in shares[:1]:
+            share.launch()
+    for other in others:
+        other.result()
+
+
+@cache
+def _workers() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(thread_name_prefix="contact")

@@ -1,0 +1,90 @@
+"""Triangle meshes that move: closest points and winding numbers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+import warp as wp
+from torch import Tensor
+
+from uvcloth.physics import kernels
+from uvcloth.physics.launch import array, launch, stream
+
+REACH = 0.2
+"""Metres within which the closest surface point is sought; deeper than any body part is thick."""
+
+@dataclass(frozen=True)
+class SurfacePoints:
+    """Closest points on a body surface for N points.
+
+    signed_distance: (N,) metres, negative inside the closest sheet; the reach where nothing is closer.
+    points, normals: (N, 3) the closest point and the direction in which the signed distance grows.
+    faces: (N,) int64, -1 where nothing is within reach. barycentrics: (N, 3).
+    """
+
+    signed_distance: Tensor
+    points: Tensor
+    normals: Tensor
+    faces: Tensor
+    barycentrics: Tensor
+
+
+class MovingMeshes:
+    """Closed meshes over the same moving vertices: one tree each, refitted at every update.
+
+    vertices: (V, 3) metres, faces: (F, 3) of each; everything runs on the device of `vertices`.
+    """
+
+    def __init__(self, vertices: Tensor, faces: Sequence[Tensor]) -> None:
+        wp.init()
+        self.device = vertices.device
+        wp.load_module(kernels, device=str(self.device))
+        self.points = vertices.detach().to(torch.float32).contiguous().clone()
+        with stream(self.device):
+            self._meshes = [
+                wp.Mesh(array(self.points), array(corners.to(self.device, torch.int32).reshape(-1)))
+                for corners in faces
+            ]
+            self.ids = wp.array(
+                [mesh.id for mesh in self._meshes], dtype=wp.uint64, device=self._meshes[0].device
+            )
+
+    def update(self, vertices: Tensor) -> None:
+        """Move to new vertex positions (V, 3)."""
+        self.points.copy_(vertices.detach())
+        with stream(self.device):
+            for mesh in self._meshes:
+                mesh.refit()
+
+
+class BodySurface(MovingMeshes):
+    """One closed mesh: vertices (V, 3) metres, faces (F, 3)."""
+
+    def __init__(self, vertices: Tensor, faces: Tensor) -> None:
+        super().__init__(vertices, (faces,))
+
+    def closest(self, points: Tensor, max_distance: float = REACH) -> SurfacePoints:
+        """The closest surface point of each of N points (N, 3), signed by the closest sheet."""
+        points = self._input(points)
+        count = len(points)
+        distance = points.new_empty(count)
+        closest, normal, barycentrics = (torch.zeros_like(points) for _ in range(3))
+        face = torch.empty(count, dtype=torch.int32, device=self.device)
+        outputs = map(array, (distance, closest, normal, face, barycentrics))
+        query = (self._meshes[0].id, array(points), max_distance)
+        launch(kernels.closest_point, count, self.device, *query, *outputs)
+        return SurfacePoints(distance, closest, normal, face.long(), barycentrics)
+
+    def winding(self, points: Tensor, directions: Tensor) -> Tensor:
+        """How many times each of N points (N, 3) is inside: (N,) int64, 2 or more where parts overlap.
+
+        Counts the signed crossings of a ray along `directions` (N, 3), which may point anywhere.
+        """
+        points, directions = self._input(points), self._input(directions)
+        winding = torch.empty(len(points), dtype=torch.int32, device=self.device)
+        arrays = map(array, (points, directions, winding))
+        launch(kernels.winding_number, len(points), self.device, self._meshes[0].id, *arrays)
+        return winding.long()
+
+    def _input(self, values: Tensor) -> Tensor:
+        return values.detach().to(device=self.device, dtype=torch.float32).contiguous()
