@@ -17,7 +17,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.method import Method
-from uvcloth.physics.contact import BodySurface, calm_vertices
+from uvcloth.physics.contact import Obstacle
 from uvcloth.simulate.sequence import Sequence as Simulated
 from uvcloth.simulate.sequence import content_hash, load_sequence
 from uvcloth.skinning import skin
@@ -35,9 +35,6 @@ SAME_REST = 0.002
 
 SAME_MOTION = 0.001
 """Metres (and matrix entries) between joint transforms that still count as the same motion."""
-
-ANYWHERE = torch.tensor([0.36, 0.48, 0.8])
-"""Where the rays go that count how often a point is inside: along no edge or axis."""
 
 JUDGING = ("rasterize", "uvcloth", "evaluate/metrics.py", "evaluate/maps.py", "evaluate/judge.py")
 """The sources and data that decide a score."""
@@ -152,27 +149,13 @@ def judge_simulation(case: Case) -> Judged:
 def score(case: Case, raw: Tensor, resolved: Tensor) -> Judged:
     """Score predictions before (F, N, 3) and after contact (F, N, 3) on the frames that count."""
     scores = frame_scores(raw, resolved, case.reference)
-    scores["inside_percent_raw"], scores["inside_percent"] = _inside(case, raw, resolved)
+    body, mesh = case.outfit.body, case.outfit.garments[0].mesh
+    obstacle = Obstacle(make_collider(body), body.mesh.vertices)
+    garment = obstacle.dress(mesh.vertices, mesh.faces)
+    scores["inside_percent_raw"], scores["inside_percent"] = (
+        obstacle.inside_percent(frames, garment, case.body_vertices) for frames in (raw, resolved)
+    )
     return Judged(scores, resolved[:: case.stride])
-
-
-def _inside(case: Case, *versions: Tensor) -> list[Tensor]:
-    """Percent of vertices inside the body where it does not intersect itself: (F,) per version (F, N, 3).
-
-    What `inside_share` counts, with the costly search for the closest point at the vertices inside only.
-    """
-    collider = make_collider(case.outfit.body)
-    posed = collider.vertices(case.body_vertices)
-    surface = BodySurface(collider.vertices(case.outfit.body.mesh.vertices), collider.faces)
-    shares: list[list[float]] = [[] for _ in versions]
-    for skin_vertices, *garments in zip(posed, *versions, strict=True):
-        surface.update(skin_vertices)
-        for garment, share in zip(garments, shares, strict=True):
-            winding = surface.winding(garment, ANYWHERE.expand_as(garment))
-            inside = garment[winding > 0]
-            counted = ~calm_vertices(surface.closest(inside), surface) if len(inside) else winding[:0]
-            share.append(100.0 * float(counted.sum()) / len(garment))
-    return [torch.tensor(share) for share in shares]
 
 
 def repeatability(case: Case) -> dict[str, Tensor]:

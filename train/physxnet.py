@@ -225,7 +225,8 @@ class PhysXNetObjective:
     def validate(self, net: nn.Module) -> dict[str, float]:
         """Mean vertex error in mm of each template over the validation clips, and their mean.
 
-        As decoded, before contact. With history the clips are rolled out side by side, on their own predictions.
+        As decoded, before contact. With history the clips are rolled out side by side, on their own
+        predictions.
         """
         net.eval()
         errors = self._errors(net)

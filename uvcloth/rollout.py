@@ -117,7 +117,9 @@ class _Contact:
     def __init__(self, outfit: Outfit) -> None:
         body_vertices = outfit.body.mesh.vertices
         self.obstacle = Obstacle(make_collider(outfit.body), body_vertices)
-        self.garments = [self.obstacle.dress(garment.mesh) for garment in outfit.garments]
+        self.garments = [
+            self.obstacle.dress(garment.mesh.vertices, garment.mesh.faces) for garment in outfit.garments
+        ]
 
     def resolve(self, frame: RolloutFrame, body_vertices: Tensor) -> RolloutFrame:
         """The frame with its garments resolved against the posed body (V, 3)."""

@@ -6,7 +6,7 @@ import torch
 from rasterize.errors import InputError
 from tests.bodies.test_body import random_rotations
 from uvcloth.garments.templates import LEAST_CLEARANCE, TEMPLATES, load_template, tailored
-from uvcloth.physics.contact import BodySurface
+from uvcloth.physics.surface import BodySurface
 from uvcloth.skeleton import joint_transforms
 from uvcloth.skinning import skin
 

@@ -13,7 +13,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.cut import cut, place
 from uvcloth.garments.templates import TEMPLATES, load_template, outward, save_template, wear
-from uvcloth.physics.contact import BodySurface
+from uvcloth.physics.surface import BodySurface
 
 OPENINGS = {"tops": 4, "bottoms": 3, "dress": 4}
 

@@ -9,7 +9,7 @@ from torch import Tensor
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.mesh import Mesh, face_normals, weld
-from uvcloth.physics.contact import BodySurface, SurfacePoints
+from uvcloth.physics.surface import BodySurface, SurfacePoints
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
 """Metres in one unit of a file."""

@@ -20,7 +20,7 @@ from uvcloth.garments.cut import cut, place
 from uvcloth.garments.shells import Bodice, gown, joint, suit
 from uvcloth.garments.templates import TEMPLATES, Template, eased, hem_band, outward, save_template
 from uvcloth.mesh import Mesh
-from uvcloth.physics.contact import BodySurface
+from uvcloth.physics.surface import BodySurface
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -18,7 +18,7 @@ from uvcloth.garments.attach import make_garment
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.shells import Bodice, gown, suit
 from uvcloth.mesh import Mesh, boundary_edges, neighbour_average, vertex_normals
-from uvcloth.physics.contact import BodySurface
+from uvcloth.physics.surface import BodySurface
 
 TEMPLATES = ("tops", "bottoms", "dress")
 FORMAT = "uvcloth-template-1"

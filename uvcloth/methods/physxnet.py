@@ -245,9 +245,7 @@ def body_anchors(
 
 @dataclass(frozen=True)
 class WornState:
-    """The outfit on the maps. history: (history, 3 * templates, H, W) last offset maps, oldest first.
-
-    """
+    """The outfit on the maps. history: (history, 3 * templates, H, W) last offset maps, oldest first."""
 
     texels: BodyTexels
     templates: dict[str, TemplateTexels]

@@ -11,7 +11,6 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.collider import Collider
-from uvcloth.mesh import Mesh
 from uvcloth.physics import kernels
 from uvcloth.physics.inextensible import Inextensible
 from uvcloth.physics.launch import array, launch
@@ -30,7 +29,7 @@ ALERT = 0.03
 """Metres from the skin within which a vertex gets such a plane."""
 
 REACH = 0.1
-"""Metres within which the nearest skin is sought: as deep as cloth may be in the body and find its way out."""
+"""Metres within which the nearest skin is sought: deeper in the body, cloth does not find its way out."""
 
 FREE = -1e6
 """The bound of a vertex without a plane, metres."""
@@ -87,11 +86,11 @@ class Obstacle:
         self.collider, self._rest = collider, body_vertices
         self._parts = MovingMeshes(collider.vertices(body_vertices), collider.parts)
 
-    def dress(self, mesh: Mesh) -> Dressed:
-        """A garment as it lies on the body at rest."""
-        touches = self.collider.touches(mesh.vertices, self._rest)
+    def dress(self, vertices: Tensor, faces: Tensor) -> Dressed:
+        """A garment (N, 3) m, (M, 3) as it lies on the body at rest."""
+        touches = self.collider.touches(vertices, self._rest)
         bits = 2 ** torch.arange(len(touches), device=touches.device)
-        return Dressed(Inextensible(mesh.vertices, mesh.faces), (touches * bits[:, None]).sum(0).int())
+        return Dressed(Inextensible(vertices, faces), (touches * bits[:, None]).sum(0).int())
 
     def update(self, body_vertices: Tensor) -> None:
         """Move to the posed body (V, 3)."""
@@ -124,6 +123,14 @@ class Obstacle:
         return vertices, Contacts(
             inside_before, int(skin.inside.sum()), int(skin.squeezed.sum()), float(depth.max())
         )
+
+    def inside_percent(self, frames: Tensor, garment: Dressed, body_frames: Tensor) -> Tensor:
+        """Percent of a garment's vertices (F, N, 3) that are inside the body (F, V, 3): (F,)."""
+        shares = []
+        for vertices, body_vertices in zip(frames, body_frames, strict=True):
+            self.update(body_vertices)
+            shares.append(100.0 * self.skin(vertices, garment).inside.float().mean())
+        return torch.stack(shares) if shares else frames.new_zeros(0)
 
     def _follow(self, skin: Skin, vertices: Tensor, move: Tensor, garment: Dressed) -> None:
         """Bring the skin up to date, in place, after a move (N, 3).

@@ -98,7 +98,7 @@ def closest_touched(
     bound: wp.array(dtype=float),
     gap: wp.array(dtype=float),
 ):
-    """Of the closed parts that a point may touch (bits of an integer), the one it is deepest in or nearest to.
+    """The closed part that a point is deepest in or nearest to, of those that it may touch (a bit each).
 
     bound: product of the closest point with its normal. gap: room between that part and the nearest one that
     faces it, negative where they overlap; FAR where there is none.
@@ -111,7 +111,7 @@ def closest_touched(
     room = float(FAR)
     for part in range(parts.shape[0]):
         if (touches[i] >> part) & 1 == 1:
-            found, place, direction, face, u, v = signed_closest(parts[part], point, reach[i])
+            found, place, direction, face, _u, _v = signed_closest(parts[part], point, reach[i])
             if wp.dot(outward, direction) < FACING:
                 room = wp.min(room, least + found)
             if face >= 0 and found < least:

@@ -13,6 +13,7 @@ from uvcloth.physics.launch import array, launch, stream
 REACH = 0.2
 """Metres within which the closest surface point is sought; deeper than any body part is thick."""
 
+
 @dataclass(frozen=True)
 class SurfacePoints:
     """Closest points on a body surface for N points.

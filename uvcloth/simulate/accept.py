@@ -8,7 +8,7 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import ARMS, LEGS, make_collider
 from uvcloth.mesh import unique_edges
-from uvcloth.physics.contact import BodySurface, calm_vertices, inside_vertices
+from uvcloth.physics.contact import Obstacle
 from uvcloth.simulate.sequence import Sequence
 from uvcloth.skeleton import Skeleton
 from uvcloth.skinning import skin
@@ -37,8 +37,8 @@ BONES = (
 def examine(sequence: Sequence, body: Body) -> tuple[Sequence, str | None]:
     """The sequence with what was measured in its metadata, and why it is refused, if so.
 
-    inside_percent: of the vertices inside the collider (the body without forearms and hands), not counting
-    places where the body intersects itself and parts that may not touch them; inside_percent_raw counts all.
+    inside_percent: of the vertices inside a part of the collider (the body without forearms and hands) that
+    they may touch, but for those squeezed between two such parts.
     pierced_percent: of the frames in which a bone sticks through the cloth around it. Cloth that has come off
     its limb lies outside of everything: nothing else notices.
     """
@@ -51,24 +51,16 @@ def examine(sequence: Sequence, body: Body) -> tuple[Sequence, str | None]:
     if float(ratio.max()) > MOST_STRETCH:
         return sequence, f"frame {int(ratio.argmax())}: an edge is {float(ratio.max()):.1f} times its length"
     collider = make_collider(body)
-    skinned = skin(body.mesh.vertices, body.weights, sequence.transforms)
-    posed = collider.vertices(skinned)
-    surface = BodySurface(posed[0], collider.faces)
-    touches = collider.touches(sequence.rest, body.mesh.vertices)
-    pierced = _pierced_percent(sequence, body.skeleton, touches)
-    each = torch.arange(len(sequence.rest))
-    raw, outside_conflict = [], []
-    for frame in range(sequence.settling, frames):
-        surface.update(posed[frame])
-        inside, found = inside_vertices(vertices[frame], surface)
-        raw.append(100.0 * float(inside.float().mean()))
-        inside &= touches[collider.owners[found.faces], each] & ~calm_vertices(found, surface)
-        outside_conflict.append(100.0 * float(inside.float().mean()))
-    share = sum(outside_conflict) / max(1, len(outside_conflict))
+    pierced = _pierced_percent(sequence, body.skeleton, collider.touches(sequence.rest, body.mesh.vertices))
+    obstacle = Obstacle(collider, body.mesh.vertices)
+    garment = obstacle.dress(sequence.rest, sequence.faces)
+    counting = slice(sequence.settling, None)
+    posed = skin(body.mesh.vertices, body.weights, sequence.transforms[counting])
+    inside = obstacle.inside_percent(vertices[counting], garment, posed)
+    share = float(inside.mean()) if len(inside) else 0.0
     metadata = {
         **sequence.metadata,
         "inside_percent": round(share, 4),
-        "inside_percent_raw": round(sum(raw) / max(1, len(raw)), 4),
         "pierced_percent": round(pierced, 4),
     }
     reason = None
