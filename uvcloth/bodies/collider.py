@@ -35,21 +35,22 @@ SLACK = 0.03
 LOOSE = 0.04
 """Metres from the body at rest from which on cloth hangs freely, as a skirt does, and meets both legs."""
 
+CHUNK = 4096
+"""Points whose distances to all vertices of a part are held in memory at once."""
+
 BULGE = 0.7
 """Height of the caps, in radii of the opening: a cut knee still is a knee, however deep cloth lies in it."""
 
 
 @dataclass(frozen=True)
 class Collider:
-    """faces: (F, 3) into the body's V vertices followed by the tips of the caps, a closed surface.
+    """parts: faces (F, 3) of closed surfaces, into the body's V vertices followed by the tips of the caps.
 
-    parts: faces of closed surfaces that are the same body cut at its joints. owners: (F,) int64, the part
-    that each face belongs to. rims: per cap, the directed edges (E, 2) of body vertices around it.
+    A body that lacks a part has no faces there. rims: per cap, the directed edges (E, 2) of body vertices
+    around it.
     """
 
-    faces: Tensor
     parts: tuple[Tensor, ...]
-    owners: Tensor
     rims: tuple[Tensor, ...]
 
     def vertices(self, body_vertices: Tensor) -> Tensor:
@@ -64,14 +65,14 @@ class Collider:
         armpit, where cloth lies beside arm and torso, only the nearer of the two counts.
         """
         vertices = self.vertices(body_vertices)
-        distance = torch.stack([torch.cdist(points, vertices[part.unique()]).amin(1) for part in self.parts])
+        distance = torch.stack([_distance(points, vertices[part.unique()]) for part in self.parts])
         nearest = distance.amin(0)
         touches = distance < 2.0 * nearest + SLACK
         arms = list(ARMS)
         touches[arms] &= distance[arms] <= distance[TORSO]
         touches[TORSO] &= distance[TORSO] <= distance[arms].amin(0)
         touches[list(LEGS)] |= nearest > LOOSE
-        return touches
+        return touches & torch.isfinite(distance)
 
 
 def make_collider(body: Body) -> Collider:
@@ -94,14 +95,7 @@ def make_collider(body: Body) -> Collider:
         for regions, sides in PARTS
         for side in sides
     ]
-    parts = tuple(closed(faces) for faces in kept)
-    whole = closed(torch.cat(kept))
-    owner = torch.zeros(count + len(rims), dtype=torch.int64)
-    for index, faces in enumerate(parts):
-        owner[faces[:, 2][faces[:, 2] >= count]] = index
-    skin = torch.repeat_interleave(torch.tensor([len(faces) for faces in kept]))
-    owners = torch.cat([skin, owner[whole[len(skin) :, 2]]])
-    return Collider(whole, parts, owners, tuple(rims))
+    return Collider(tuple(closed(faces) for faces in kept), tuple(rims))
 
 
 def _tip(vertices: Tensor, rim: Tensor) -> Tensor:
@@ -111,6 +105,13 @@ def _tip(vertices: Tensor, rim: Tensor) -> Tensor:
     area = 0.5 * torch.linalg.cross(start - centre, end - centre).sum(-2, keepdim=True)
     size = area.norm(dim=-1, keepdim=True)
     return centre + BULGE * (size / math.pi).sqrt() * area / size.clamp(min=1e-9)
+
+
+def _distance(points: Tensor, others: Tensor) -> Tensor:
+    """How far each point (N, 3) is from the nearest of others (M, 3), infinite without any: (N,)."""
+    if not len(others):
+        return points.new_full((len(points),), math.inf)
+    return torch.cat([torch.cdist(some, others).amin(1) for some in points.split(CHUNK)])
 
 
 def _indices(regions: tuple[str, ...]) -> Tensor:

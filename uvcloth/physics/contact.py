@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.collider import Collider
-from uvcloth.physics import kernels
+from uvcloth.physics import kernels, surface
 from uvcloth.physics.inextensible import Inextensible
 from uvcloth.physics.launch import array, launch
 from uvcloth.physics.surface import MovingMeshes
@@ -96,9 +96,9 @@ class Obstacle:
         """Move to the posed body (V, 3)."""
         self._parts.update(self.collider.vertices(body_vertices))
 
-    def skin(self, vertices: Tensor, garment: Dressed) -> Skin:
-        """The nearest skin of a garment's vertices (N, 3) that each of them may touch."""
-        return self._search(vertices, garment.touches, vertices.new_full((len(vertices),), REACH))
+    def skin(self, vertices: Tensor, garment: Dressed, reach: float = REACH) -> Skin:
+        """The nearest skin within reach, m, that each of a garment's vertices (N, 3) may touch."""
+        return self._search(vertices, garment.touches, vertices.new_full((len(vertices),), reach))
 
     def resolve(self, vertices: Tensor, garment: Dressed) -> tuple[Tensor, Contacts]:
         """Move garment vertices (N, 3) out of the body to MARGIN, and give edges their rest length back.
@@ -129,7 +129,7 @@ class Obstacle:
         shares = []
         for vertices, body_vertices in zip(frames, body_frames, strict=True):
             self.update(body_vertices)
-            shares.append(100.0 * self.skin(vertices, garment).inside.float().mean())
+            shares.append(100.0 * self.skin(vertices, garment, surface.REACH).inside.float().mean())
         return torch.stack(shares) if shares else frames.new_zeros(0)
 
     def _follow(self, skin: Skin, vertices: Tensor, move: Tensor, garment: Dressed) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 import warp as wp
@@ -33,7 +34,8 @@ class SurfacePoints:
 class MovingMeshes:
     """Closed meshes over the same moving vertices: one tree each, refitted at every update.
 
-    vertices: (V, 3) metres, faces: (F, 3) of each; everything runs on the device of `vertices`.
+    vertices: (V, 3) metres, faces: (F, 3) of each, which is not to be asked for if it has none; everything
+    runs on the device of `vertices`.
     """
 
     def __init__(self, vertices: Tensor, faces: Sequence[Tensor]) -> None:
@@ -44,17 +46,18 @@ class MovingMeshes:
         with stream(self.device):
             self._meshes = [
                 wp.Mesh(array(self.points), array(corners.to(self.device, torch.int32).reshape(-1)))
+                if len(corners)
+                else None
                 for corners in faces
             ]
-            self.ids = wp.array(
-                [mesh.id for mesh in self._meshes], dtype=wp.uint64, device=self._meshes[0].device
-            )
+            ids = [mesh.id if mesh else 0 for mesh in self._meshes]
+            self.ids: Any = wp.array(ids, dtype=wp.uint64, device=str(self.device))
 
     def update(self, vertices: Tensor) -> None:
         """Move to new vertex positions (V, 3)."""
         self.points.copy_(vertices.detach())
         with stream(self.device):
-            for mesh in self._meshes:
+            for mesh in filter(None, self._meshes):
                 mesh.refit()
 
 
@@ -63,6 +66,7 @@ class BodySurface(MovingMeshes):
 
     def __init__(self, vertices: Tensor, faces: Tensor) -> None:
         super().__init__(vertices, (faces,))
+        self._id = int(self.ids.numpy()[0])
 
     def closest(self, points: Tensor, max_distance: float = REACH) -> SurfacePoints:
         """The closest surface point of each of N points (N, 3), signed by the closest sheet."""
@@ -72,7 +76,7 @@ class BodySurface(MovingMeshes):
         closest, normal, barycentrics = (torch.zeros_like(points) for _ in range(3))
         face = torch.empty(count, dtype=torch.int32, device=self.device)
         outputs = map(array, (distance, closest, normal, face, barycentrics))
-        query = (self._meshes[0].id, array(points), max_distance)
+        query = (self._id, array(points), max_distance)
         launch(kernels.closest_point, count, self.device, *query, *outputs)
         return SurfacePoints(distance, closest, normal, face.long(), barycentrics)
 
@@ -84,7 +88,7 @@ class BodySurface(MovingMeshes):
         points, directions = self._input(points), self._input(directions)
         winding = torch.empty(len(points), dtype=torch.int32, device=self.device)
         arrays = map(array, (points, directions, winding))
-        launch(kernels.winding_number, len(points), self.device, self._meshes[0].id, *arrays)
+        launch(kernels.winding_number, len(points), self.device, self._id, *arrays)
         return winding.long()
 
     def _input(self, values: Tensor) -> Tensor:

@@ -1,0 +1,75 @@
+"""Closest points and winding numbers against analytic bodies."""
+
+import pytest
+import torch
+import trimesh
+from torch import Tensor
+
+from uvcloth.physics.surface import BodySurface
+
+
+def tensors(mesh: trimesh.Trimesh) -> tuple[Tensor, Tensor]:
+    return torch.tensor(mesh.vertices, dtype=torch.float32), torch.tensor(mesh.faces, dtype=torch.int64)
+
+
+def crossing_limbs() -> BodySurface:
+    """Two ellipsoids 1 m long and 0.2 m thick, one along z and one along x, that cross at the origin."""
+    upright, across = trimesh.creation.icosphere(5), trimesh.creation.icosphere(5)
+    upright.apply_scale([0.1, 0.1, 0.5])
+    across.apply_scale([0.5, 0.1, 0.1])
+    return BodySurface(*tensors(trimesh.util.concatenate([upright, across])))
+
+
+def test_closest_points_of_a_sphere_follow_its_formula() -> None:
+    vertices, faces = tensors(trimesh.creation.icosphere(5, radius=0.3))
+    points = torch.nn.functional.normalize(torch.randn(1200, 3, generator=torch.manual_seed(0)), dim=1)
+    radius = torch.linspace(0.15, 0.45, 1200)
+    found = BodySurface(vertices, faces).closest(points * radius[:, None])
+    torch.testing.assert_close(found.signed_distance, radius - 0.3, atol=3e-4, rtol=0)
+    assert (found.normals * points).sum(1).min() > 0.999
+    corners = vertices[faces[found.faces]]
+    torch.testing.assert_close((corners * found.barycentrics[..., None]).sum(1), found.points)
+
+
+def test_what_is_out_of_reach_has_no_face() -> None:
+    surface = BodySurface(*tensors(trimesh.creation.icosphere(2, radius=0.3)))
+    found = surface.closest(torch.tensor([[0.0, 0.0, 0.9]]), max_distance=0.1)
+    assert found.faces.item() == -1
+    assert found.signed_distance.item() == pytest.approx(0.1)
+
+
+def test_the_sign_is_right_far_from_sharp_edges() -> None:
+    """Outside of a thin wedge the closest point lies on its edge, where the two faces disagree."""
+    wedge = trimesh.creation.cone(radius=0.01, height=0.5, sections=5)
+    points = 0.2 * torch.nn.functional.normalize(torch.randn(4000, 3, generator=torch.manual_seed(3)), dim=1)
+    points += torch.tensor([0.0, 0.0, 0.4])
+    found = BodySurface(*tensors(wedge)).closest(points)
+    outside = torch.from_numpy(~wedge.contains(points.numpy()))
+    assert torch.equal(found.signed_distance > 0, outside)
+
+
+def test_an_updated_surface_answers_at_its_new_place() -> None:
+    vertices, faces = tensors(trimesh.creation.icosphere(4, radius=0.3))
+    surface = BodySurface(vertices, faces)
+    surface.update(vertices + torch.tensor([1.0, 0.0, 0.0]))
+    distance = surface.closest(torch.tensor([[1.0, 0.0, 0.31], [0.0, 0.0, 0.31]]), max_distance=0.05)
+    torch.testing.assert_close(distance.signed_distance, torch.tensor([0.01, 0.05]), atol=1e-3, rtol=0)
+
+
+def test_the_winding_number_counts_the_parts_around_a_point() -> None:
+    points = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.0, 0.4], [0.4, 0.0, 0.03], [0.3, 0.3, 0.3]])
+    directions = torch.randn(4, 3, generator=torch.manual_seed(1))
+    assert crossing_limbs().winding(points, directions).tolist() == [2, 1, 1, 0]
+
+
+def test_the_number_of_threads_changes_no_answer() -> None:
+    surface = crossing_limbs()
+    points = 0.3 * torch.randn(2001, 3, generator=torch.manual_seed(2))
+    threads = torch.get_num_threads()
+    answers = []
+    for count in (1, 3):
+        torch.set_num_threads(count)
+        found = surface.closest(points)
+        answers.append((found.signed_distance, found.faces, surface.winding(points, found.normals + 1e-3)))
+    torch.set_num_threads(threads)
+    assert all(torch.equal(one, other) for one, other in zip(*answers, strict=True))
