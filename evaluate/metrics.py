@@ -54,9 +54,11 @@ def map_mse(predicted: Tensor, truth: Tensor, corners: Tensor, barycentrics: Ten
 def frame_scores(raw: Tensor, resolved: Tensor, reference: Reference) -> dict[str, Tensor]:
     """Every measure that needs no body, per frame: (F,) each, jitter (F - 2,).
 
-    raw: (F, N, 3) as predicted, for the map. resolved: (F, N, 3) after contact, for everything else.
+    raw: (F, N, 3) as predicted, for the map and what is called raw. resolved: (F, N, 3) after contact.
     """
     return {
+        "vertex_mean_mm_raw": distance_scores(raw, reference.vertices)["vertex_mean_mm"],
+        "edge_mm_raw": edge_change(raw, reference.rest, reference.faces) * MM,
         "map_mse_mm2": map_mse(
             raw, reference.vertices, reference.texel_corners, reference.texel_barycentrics
         ),

@@ -24,11 +24,13 @@ MEASURES = {
     "vertex_mean_mm": ("Mean vertex distance", "mm", "mm"),
     "vertex_rmse_mm": ("Vertex RMSE", "mm", "rmse_mm"),
     "vertex_mse_mm2": ("Vertex MSE", "mm²", "mse_mm2"),
+    "vertex_mean_mm_raw": ("Mean vertex distance before contact", "mm", "mm"),
     "map_mse_mm2": ("Map MSE", "mm²", ""),
 }
 """Figure 6 by measure: title, unit, and the suffix of the floors that can stand beside it."""
 
 PHYSICS = {
+    "edge_mm_raw": "Edge change before contact (mm)",
     "edge_mm": "Edge change (mm)",
     "bend_rad": "Bend (rad)",
     "inside_percent_raw": "Inside before contact (%)",

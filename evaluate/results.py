@@ -75,6 +75,8 @@ def _cell(scores: Sequence[Scores], simulation: Sequence[Scores]) -> dict[str, f
         "vertex_mse_mm2": _mean(scores, "vertex_mse_mm2"),
         "vertex_rmse_mm": _mean(scores, "vertex_mse_mm2") ** 0.5,
         "vertex_mean_mm": _mean(scores, "vertex_mean_mm"),
+        "vertex_mean_mm_raw": _mean(scores, "vertex_mean_mm_raw"),
+        "edge_mm_raw": _mean(scores, "edge_mm_raw"),
         "edge_mm": _mean(scores, "edge_mm"),
         "bend_rad": _mean(scores, "bend_rad"),
         "inside_percent_raw": _mean(scores, "inside_percent_raw"),
