@@ -22,7 +22,7 @@ MARGIN = 0.002
 CLOSEST = 0.0005
 """Metres that it is content with in the end, where the edges would have it nearer."""
 
-PASSES = (25, 15)
+PASSES = (30, 15)
 """Passes over the edges, and as many times the planes that keep cloth off the body are found anew."""
 
 ALERT = 0.03

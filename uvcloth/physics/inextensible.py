@@ -8,10 +8,10 @@ from uvcloth.mesh import unique_edges, weld
 from uvcloth.physics import kernels
 from uvcloth.physics.launch import array, record, run
 
-STEP = 1.6
+STEP = 1.8
 """Of the mean correction that its edges ask of a vertex; 2 oscillates where all neighbours move alike."""
 
-MOMENTUM = 0.99
+MOMENTUM = 0.995
 """Spectral radius that the Chebyshev weights are made for: near 1, long waves settle fast."""
 
 PLAIN = 5

@@ -3,6 +3,8 @@
 
 import warp as wp
 
+wp.set_module_options({"enable_backward": False})
+
 DOUBTFUL = wp.constant(0.003)
 """Metres inside from which on the sign is checked: it is wrong now and then far from a sharp edge."""
 
