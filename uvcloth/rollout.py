@@ -42,7 +42,8 @@ def rollout(
 
     transforms: (J, 3, 4) of each frame in turn, a tensor or a stream. The body stands still before its first
     frame. With contact, vertices inside the body (forearms and hands left out, as in the simulations) are
-    moved out of it after each frame, which a method that remembers does not see. Raises InputError naming the
+    moved out of it after each frame and edges get their rest length back, which a method that remembers does
+    not see. Raises InputError naming the
     frame where a transform or a predicted vertex is not a finite number.
     """
     state: Any = None
@@ -112,7 +113,7 @@ def _check(garments: tuple[Tensor, ...], outfit: Outfit, index: int) -> None:
 
 
 class _Contact:
-    """Moves the garments of an outfit out of the collider, frame after frame."""
+    """Finishes the garments of an outfit, frame after frame: off the collider, edges at rest length."""
 
     def __init__(self, outfit: Outfit) -> None:
         body_vertices = outfit.body.mesh.vertices
