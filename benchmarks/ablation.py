@@ -37,7 +37,8 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     "batch normalization": ("--norm", "batch"),
     "transposed convolutions": ("--upsample", "transposed"),
     "maps of 128": ("--size", "128"),
-    "dropout": ("--dropout", "0.3"),
+    "no dropout": ("--dropout", "0"),
+    "four levels": ("--levels", "4"),
     "the paper's choices": ("--preset", "paper", "--size", "64", "--width", "32"),
 }
 """The changes, as arguments of `python -m train physxnet`."""

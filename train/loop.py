@@ -29,7 +29,7 @@ LOG_EVERY = 10
 class LoopConfig:
     """How long and how fast to train."""
 
-    steps: int = 20000
+    steps: int = 3000
     """Optimizer steps in all."""
     minutes: float | None = None
     """Stop after so many minutes of training and validation; the learning rate falls over them."""
@@ -39,7 +39,7 @@ class LoopConfig:
     """Adam's learning rate at its highest (paper: 2e-4)."""
     schedule: Literal["constant", "cosine"] = "cosine"
     """Constant (paper), or rising for the first percent and falling to zero along a cosine."""
-    weight_decay: float = 1e-3
+    weight_decay: float = 0.05
     """Decoupled weight decay."""
     average: float = 0.998
     """Decay of the running mean of the weights, which is validated and saved; 0 takes the weights."""
@@ -62,7 +62,7 @@ class LoopConfig:
 
 LOOPS: dict[str, LoopConfig] = {
     "default": LoopConfig(),
-    "paper": LoopConfig(learning_rate=2e-4, schedule="constant", weight_decay=0.0, average=0.0),
+    "paper": LoopConfig(steps=20000, learning_rate=2e-4, schedule="constant", weight_decay=0.0, average=0.0),
     "tiny": LoopConfig(steps=30, validate_every=15, average=0.9),
 }
 

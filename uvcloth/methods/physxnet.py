@@ -44,14 +44,14 @@ class PhysXNetConfig:
     """Height and width of every map, a multiple of 2 to the number of levels."""
     width: int = 32
     """Channels of the first encoder level; every next level doubles them, up to eight times."""
-    levels: int = 4
-    """Encoder and decoder levels."""
+    levels: int = 3
+    """Encoder and decoder levels (paper: 4); with fewer, less of the body is seen at once."""
     norm: Literal["batch", "group", "instance"] = "group"
     """Normalization layers."""
     upsample: Literal["transposed", "resize"] = "resize"
     """How decoders enlarge: transposed convolutions (paper) or convolution and bilinear enlargement."""
-    dropout: float = 0.0
-    """Share of the deepest level's channels dropped in training."""
+    dropout: float = 0.4
+    """Share of the deepest level's channels dropped in training; 0 in the paper."""
     frame: Literal["world", "body"] = "body"
     """Axes of motion and offsets: the world's (paper) or the rest axes carried along by the body."""
     acceleration: Literal["plain", "specific_force"] = "specific_force"
@@ -94,8 +94,10 @@ PRESETS: dict[str, PhysXNetConfig] = {
     "paper": PhysXNetConfig(
         size=256,
         width=64,
+        levels=4,
         norm="batch",
         upsample="transposed",
+        dropout=0.0,
         frame="world",
         acceleration="plain",
         pose=False,
