@@ -32,7 +32,6 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     "no mirroring": ("--no-mirror",),
     "no edge and bend losses": ("--edge", "0", "--bend", "0"),
     "no memory": ("--history", "0"),
-    "memory always seen": ("--forget", "0"),
     "adversarial": ("--adversarial",),
     "batch normalization": ("--norm", "batch"),
     "transposed convolutions": ("--upsample", "transposed"),

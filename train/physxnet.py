@@ -48,8 +48,6 @@ class Losses:
     """Train against a PatchGAN discriminator (paper)."""
     mirror: bool = True
     """Show half of the samples left-right mirrored."""
-    forget: float = 0.5
-    """Share of the samples whose memory is blank: what it says is a hint, and errors in it die out."""
     holdout: int = 8
     """Every n-th clip validates and is not trained on."""
     validation: tuple[str, ...] = ()
@@ -63,7 +61,7 @@ class Losses:
 
 LOSSES: dict[str, Losses] = {
     "default": Losses(),
-    "paper": Losses(l1=100.0, edge=0.0, bend=0.0, adversarial=True, mirror=False, forget=0.0),
+    "paper": Losses(l1=100.0, edge=0.0, bend=0.0, adversarial=True, mirror=False),
     "tiny": Losses(),
 }
 
@@ -207,7 +205,6 @@ class PhysXNetObjective:
         back = torch.arange(self.config.history, 0, -1, device=rows.device)
         before = rows[:, None] - back
         known = (before >= self.frames.starts[rows][:, None])[..., None, None, None]
-        known = known & (torch.rand(len(rows), 1, 1, 1, 1, device=rows.device) >= self.weights.forget)
         past = self.past[before.clamp(min=0)].float() * known
         return past.flatten(1, 2)
 
