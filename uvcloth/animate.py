@@ -26,7 +26,7 @@ class Summary:
     """What a rollout did.
 
     milliseconds: per frame, by stage. inside_before, inside_after: percent of the garment vertices inside the
-    body before and after contact, without the places where the body intersects itself; None without contact.
+    body before and after contact, but for those squeezed between parts of it; None without contact.
     """
 
     written: tuple[Path, ...]

@@ -43,8 +43,8 @@ def rollout(
     transforms: (J, 3, 4) of each frame in turn, a tensor or a stream. The body stands still before its first
     frame. With contact, vertices inside the body (forearms and hands left out, as in the simulations) are
     moved out of it after each frame and edges get their rest length back, which a method that remembers does
-    not see. Raises InputError naming the
-    frame where a transform or a predicted vertex is not a finite number.
+    not see. Raises InputError naming the frame where a transform or a predicted vertex is not a finite
+    number.
     """
     state: Any = None
     resolver = _Contact(outfit) if contact else None

@@ -1,4 +1,4 @@
-"""Closest points and winding numbers against analytic bodies."""
+"""Closest points against analytic bodies."""
 
 import pytest
 import torch
@@ -56,12 +56,6 @@ def test_an_updated_surface_answers_at_its_new_place() -> None:
     torch.testing.assert_close(distance.signed_distance, torch.tensor([0.01, 0.05]), atol=1e-3, rtol=0)
 
 
-def test_the_winding_number_counts_the_parts_around_a_point() -> None:
-    points = torch.tensor([[0.0, 0.0, 0.0], [0.0, 0.0, 0.4], [0.4, 0.0, 0.03], [0.3, 0.3, 0.3]])
-    directions = torch.randn(4, 3, generator=torch.manual_seed(1))
-    assert crossing_limbs().winding(points, directions).tolist() == [2, 1, 1, 0]
-
-
 def test_the_number_of_threads_changes_no_answer() -> None:
     surface = crossing_limbs()
     points = 0.3 * torch.randn(2001, 3, generator=torch.manual_seed(2))
@@ -70,6 +64,6 @@ def test_the_number_of_threads_changes_no_answer() -> None:
     for count in (1, 3):
         torch.set_num_threads(count)
         found = surface.closest(points)
-        answers.append((found.signed_distance, found.faces, surface.winding(points, found.normals + 1e-3)))
+        answers.append((found.signed_distance, found.faces, found.normals))
     torch.set_num_threads(threads)
     assert all(torch.equal(one, other) for one, other in zip(*answers, strict=True))

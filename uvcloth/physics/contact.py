@@ -14,7 +14,6 @@ from uvcloth.bodies.collider import Collider
 from uvcloth.physics import kernels, surface
 from uvcloth.physics.inextensible import Inextensible
 from uvcloth.physics.launch import array, launch
-from uvcloth.physics.surface import MovingMeshes
 
 MARGIN = 0.002
 """Metres that contact keeps between cloth and skin."""
@@ -84,7 +83,7 @@ class Obstacle:
 
     def __init__(self, collider: Collider, body_vertices: Tensor) -> None:
         self.collider, self._rest = collider, body_vertices
-        self._parts = MovingMeshes(collider.vertices(body_vertices), collider.parts)
+        self._parts = surface.MovingMeshes(collider.vertices(body_vertices), collider.parts)
 
     def dress(self, vertices: Tensor, faces: Tensor) -> Dressed:
         """A garment (N, 3) m, (M, 3) as it lies on the body at rest."""

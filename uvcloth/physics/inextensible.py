@@ -1,7 +1,6 @@
 """Cloth that hardly stretches: moves vertices until edges have their rest length again."""
 
 import torch
-import warp as wp
 from torch import Tensor
 
 from uvcloth.mesh import unique_edges, weld
@@ -32,7 +31,6 @@ class Inextensible:
         ends = ends[ends[:, 0].argsort(stable=True)]
         lengths = (vertices[ends[:, 0]] - vertices[ends[:, 1]]).norm(dim=1)
         first = torch.searchsorted(ends[:, 0].contiguous(), torch.arange(len(vertices) + 1, device=device))
-        wp.load_module(kernels, device=str(device))
         self._edges = tuple(map(array, (first.int(), ends[:, 1].int().contiguous(), lengths.float())))
 
     def relax(self, vertices: Tensor, passes: int, normals: Tensor, bounds: Tensor) -> Tensor:

@@ -1,5 +1,5 @@
 # mypy: ignore-errors
-"""Warp kernels, CPU and CUDA alike: closest points and winding numbers on a triangle mesh, edge lengths."""
+"""Warp kernels, CPU and CUDA alike: closest points on triangle meshes, and edge lengths."""
 
 import warp as wp
 
@@ -8,9 +8,8 @@ wp.set_module_options({"enable_backward": False})
 DOUBTFUL = wp.constant(0.003)
 """Metres inside from which on the sign is checked: it is wrong now and then far from a sharp edge."""
 
-
 ANYWHERE = wp.constant(wp.vec3(0.36, 0.48, 0.8))
-"""Where rays go that count how often a point is inside: along no edge or axis."""
+"""Where rays go that tell whether a point is inside: along no edge or axis."""
 
 FAR = wp.constant(10.0)
 """Metres: farther than anything."""
@@ -124,19 +123,6 @@ def closest_touched(
     normal[i] = outward
     bound[i] = plane
     gap[i] = room
-
-
-@wp.kernel
-def winding_number(
-    share: int,
-    mesh: wp.uint64,
-    points: wp.array(dtype=wp.vec3),
-    directions: wp.array(dtype=wp.vec3),
-    winding: wp.array(dtype=int),
-):
-    """How many times each point is inside: signed crossings of a ray from it."""
-    i = share + wp.tid()
-    winding[i] = crossings(mesh, points[i], wp.normalize(directions[i]))
 
 
 @wp.kernel

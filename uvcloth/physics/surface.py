@@ -1,4 +1,4 @@
-"""Triangle meshes that move: closest points and winding numbers."""
+"""Triangle meshes that move, and the points of them that are closest to others."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,8 +34,8 @@ class SurfacePoints:
 class MovingMeshes:
     """Closed meshes over the same moving vertices: one tree each, refitted at every update.
 
-    vertices: (V, 3) metres, faces: (F, 3) of each, which is not to be asked for if it has none; everything
-    runs on the device of `vertices`.
+    vertices: (V, 3) metres, faces: (F, 3) of each; everything runs on the device of `vertices`. A mesh
+    without faces has id 0, which no kernel may ask.
     """
 
     def __init__(self, vertices: Tensor, faces: Sequence[Tensor]) -> None:
@@ -79,17 +79,6 @@ class BodySurface(MovingMeshes):
         query = (self._id, array(points), max_distance)
         launch(kernels.closest_point, count, self.device, *query, *outputs)
         return SurfacePoints(distance, closest, normal, face.long(), barycentrics)
-
-    def winding(self, points: Tensor, directions: Tensor) -> Tensor:
-        """How many times each of N points (N, 3) is inside: (N,) int64, 2 or more where parts overlap.
-
-        Counts the signed crossings of a ray along `directions` (N, 3), which may point anywhere.
-        """
-        points, directions = self._input(points), self._input(directions)
-        winding = torch.empty(len(points), dtype=torch.int32, device=self.device)
-        arrays = map(array, (points, directions, winding))
-        launch(kernels.winding_number, len(points), self.device, self._id, *arrays)
-        return winding.long()
 
     def _input(self, values: Tensor) -> Tensor:
         return values.detach().to(device=self.device, dtype=torch.float32).contiguous()

@@ -50,10 +50,9 @@ def examine(sequence: Sequence, body: Body) -> tuple[Sequence, str | None]:
     ratio = ((vertices[:, edges[:, 0]] - vertices[:, edges[:, 1]]).norm(dim=-1) / rest).amax(1)
     if float(ratio.max()) > MOST_STRETCH:
         return sequence, f"frame {int(ratio.argmax())}: an edge is {float(ratio.max()):.1f} times its length"
-    collider = make_collider(body)
-    pierced = _pierced_percent(sequence, body.skeleton, collider.touches(sequence.rest, body.mesh.vertices))
-    obstacle = Obstacle(collider, body.mesh.vertices)
+    obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     garment = obstacle.dress(sequence.rest, sequence.faces)
+    pierced = _pierced_percent(sequence, body.skeleton, garment.touches)
     counting = slice(sequence.settling, None)
     posed = skin(body.mesh.vertices, body.weights, sequence.transforms[counting])
     inside = obstacle.inside_percent(vertices[counting], garment, posed)
@@ -72,7 +71,10 @@ def examine(sequence: Sequence, body: Body) -> tuple[Sequence, str | None]:
 
 
 def _pierced_percent(sequence: Sequence, skeleton: Skeleton, touches: Tensor) -> float:
-    """Percent of the frames that count in which a bone crosses a face that lies beside its part at rest."""
+    """Percent of the frames that count in which a bone crosses a face that lies beside its part at rest.
+
+    touches: (N,) int32, a bit per part.
+    """
     transforms = sequence.transforms[sequence.settling :]
     vertices = sequence.vertices[sequence.settling :]
     pierced = torch.zeros(len(vertices), dtype=torch.bool)
@@ -80,7 +82,7 @@ def _pierced_percent(sequence: Sequence, skeleton: Skeleton, touches: Tensor) ->
         joint, child = skeleton.names.index(start), skeleton.names.index(end)
         moved = transforms[:, joint]
         heads, tails = (moved[..., :3] @ skeleton.heads[i] + moved[..., 3] for i in (joint, child))
-        faces = sequence.faces[touches[part][sequence.faces].all(1)]
+        faces = sequence.faces[((touches >> part) & 1).bool()[sequence.faces].all(1)]
         pierced |= _crosses(heads, tails, vertices[:, faces]).any(1)
     return 100.0 * float(pierced.float().mean()) if len(pierced) else 0.0
 
