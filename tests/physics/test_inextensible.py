@@ -4,6 +4,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.mesh import unique_edges
+from uvcloth.physics.energies import fold_angle
 from uvcloth.physics.inextensible import Inextensible
 
 
@@ -59,6 +60,22 @@ def test_nothing_passes_a_plane_in_any_number_of_passes() -> None:
     for passes in (1, 2, 25):
         relaxed = Inextensible(rest, faces).relax(rest + 0.004 * noise, passes, up, bounds)
         assert (relaxed[:, 2] >= bounds - 1e-6).all()
+
+
+def test_a_crumpled_sheet_comes_out_with_wider_folds() -> None:
+    rest, faces = sheet(20)
+    noise = torch.randn(rest.shape, generator=torch.Generator().manual_seed(0))
+    crumpled = rest * torch.tensor([0.9, 1.0, 1.0]) + 0.003 * noise
+    relaxed = relax(rest, faces, crumpled, 45)
+    assert fold_angle(relaxed[None], faces).mean() < 0.5 * fold_angle(crumpled[None], faces).mean()
+    assert stretch(relaxed, rest, faces) < 0.1 * stretch(crumpled, rest, faces)
+
+
+def test_a_bend_that_was_there_at_rest_stays() -> None:
+    flat, faces = sheet()
+    around = flat[:, 0] / 0.05
+    rest = torch.stack([0.05 * around.cos(), 0.05 * around.sin(), flat[:, 1]], dim=1)
+    torch.testing.assert_close(relax(rest, faces, rest, 45), rest, atol=1e-6, rtol=0)
 
 
 def test_seam_copies_stay_together() -> None:

@@ -48,6 +48,27 @@ def test_the_sign_is_right_far_from_sharp_edges() -> None:
     assert torch.equal(found.signed_distance > 0, outside)
 
 
+def test_a_surface_that_crosses_itself_has_one_inside() -> None:
+    """Where two limbs overlap, the nearest sheet faces into the other limb."""
+    points = 0.6 * (torch.rand(4000, 3, generator=torch.manual_seed(4)) - 0.5)
+    limbs = torch.tensor([[0.1, 0.1, 0.5], [0.5, 0.1, 0.1]])
+    height = ((points[:, None] / limbs) ** 2).sum(-1).amin(1)
+    clear = (height - 1).abs() > 0.02
+    found = crossing_limbs().closest(points[clear])
+    assert torch.equal(found.signed_distance < 0, height[clear] < 1)
+
+
+def test_sheets_that_nearly_touch_are_told_apart() -> None:
+    """Two blocks with a gap of 3 micrometres: the ray that leaves one enters the other at once."""
+    blocks = [trimesh.creation.box((0.4, 0.4, 0.1)) for _ in range(2)]
+    blocks[1].apply_translation([0, 0, 0.100003])
+    points = 0.3 * (torch.rand(3000, 3, generator=torch.manual_seed(5)) - 0.5)
+    surface = BodySurface(*tensors(trimesh.util.concatenate(blocks)))
+    height = points[:, 2]
+    clear = ((height + 0.05).abs() > 1e-4) & ((height - 0.05).abs() > 1e-4)
+    assert torch.equal(surface.closest(points).signed_distance[clear] < 0, (height > -0.05)[clear])
+
+
 def test_an_updated_surface_answers_at_its_new_place() -> None:
     vertices, faces = tensors(trimesh.creation.icosphere(4, radius=0.3))
     surface = BodySurface(vertices, faces)

@@ -24,6 +24,9 @@ CLOSEST = 0.0005
 PASSES = (30, 15)
 """Passes over the edges, and as many times the planes that keep cloth off the body are found anew."""
 
+PUSHES = 4
+"""Times that a vertex is moved out in the end, at most: one part's surface may lead into another's."""
+
 ALERT = 0.03
 """Metres from the skin within which a vertex gets such a plane."""
 
@@ -113,8 +116,10 @@ class Obstacle:
             moved = garment.cloth.relax(vertices, passes, skin.normals, bounds)
             self._follow(skin, moved, moved - vertices, garment)
             vertices = moved
-        need = torch.where(skin.squeezed, 0.0, CLOSEST - skin.distance).clamp(min=0)
-        if bool(need.any()):
+        for _ in range(PUSHES):
+            need = torch.where(skin.squeezed, 0.0, CLOSEST - skin.distance).clamp(min=0)
+            if not bool(need.any()):
+                break
             move = need[:, None] * skin.normals
             vertices = vertices + move
             self._follow(skin, vertices, move, garment)

@@ -1,4 +1,4 @@
-"""Cloth that hardly stretches: moves vertices until edges have their rest length again."""
+"""Cloth that hardly stretches: moves vertices until edges have their rest length again, and unbends them."""
 
 import torch
 from torch import Tensor
@@ -13,14 +13,18 @@ STEP = 1.8
 MOMENTUM = 0.995
 """Spectral radius that the Chebyshev weights are made for: near 1, long waves settle fast."""
 
+BEND = 0.02
+"""Share of the curvature beyond that at rest which a pass undoes: without it folds are as small as edges."""
+
 PLAIN = 5
 """Passes without momentum at first, while the largest errors go."""
 
 
 class Inextensible:
-    """A garment's edges and rest lengths; vertices at one place at rest (UV seams) are one.
+    """A garment's edges and its shape at rest; vertices at one place there (UV seams) are one.
 
-    vertices: (N, 3) at rest, m. faces: (M, 3). It runs on the device of `vertices`.
+    Shape is the length of each edge and, as the curvature at a vertex, of the mean of the vectors to its
+    neighbours. vertices: (N, 3) at rest, m. faces: (M, 3). It runs on the device of `vertices`.
     """
 
     def __init__(self, vertices: Tensor, faces: Tensor) -> None:
@@ -29,9 +33,14 @@ class Inextensible:
         edges = unique_edges(self.owner[faces])
         ends = torch.cat([edges, edges.flip(1)])
         ends = ends[ends[:, 0].argsort(stable=True)]
-        lengths = (vertices[ends[:, 0]] - vertices[ends[:, 1]]).norm(dim=1)
+        vectors = vertices[ends[:, 1]] - vertices[ends[:, 0]]
         first = torch.searchsorted(ends[:, 0].contiguous(), torch.arange(len(vertices) + 1, device=device))
-        self._edges = tuple(map(array, (first.int(), ends[:, 1].int().contiguous(), lengths.float())))
+        total = torch.zeros_like(vertices).index_add(0, ends[:, 0], vectors)
+        curvatures = total.norm(dim=1) / first.diff().clamp(min=1)
+        lengths = vectors.norm(dim=1).float()
+        self._shape = tuple(
+            map(array, (first.int(), ends[:, 1].int().contiguous(), lengths, curvatures.float()))
+        )
 
     def relax(self, vertices: Tensor, passes: int, normals: Tensor, bounds: Tensor) -> Tensor:
         """Even out the edges of a garment (N, 3), m, and keep it on the outer side of planes.
@@ -41,10 +50,11 @@ class Inextensible:
         """
         now = vertices[self.owner].float()
         before = now.clone()
-        planes = (array(normals.float().contiguous()), array(bounds.float().contiguous()), STEP, 1.0)
+        planes = (array(normals.float().contiguous()), array(bounds.float().contiguous()))
+        amounts = (STEP, BEND, 1.0)
         places, device = (array(now), array(before)), vertices.device
         there, back = (
-            record(kernels.even_edges, len(now), device, *ends, *self._edges, *planes)
+            record(kernels.even_edges, len(now), device, *ends, *self._shape, *planes, *amounts)
             for ends in (places, places[::-1])
         )
         weight = 1.0

@@ -5,11 +5,14 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
-DOUBTFUL = wp.constant(0.003)
-"""Metres inside from which on the sign is checked: it is wrong now and then far from a sharp edge."""
+ASKEW = wp.constant(wp.vec3(0.36, 0.48, 0.8))
+"""A direction along no edge or axis."""
 
-ANYWHERE = wp.constant(wp.vec3(0.36, 0.48, 0.8))
-"""Where rays go that tell whether a point is inside: along no edge or axis."""
+ON_SURFACE = wp.constant(1.0e-5)
+"""Metres within which a point lies on the surface: no ray from it tells which side."""
+
+BEHIND = wp.constant(1.0e-6)
+"""Metres behind a hit from where a ray goes on: caps and creases have sheets that close together."""
 
 FAR = wp.constant(10.0)
 """Metres: farther than anything."""
@@ -31,7 +34,7 @@ def crossings(mesh: wp.uint64, start: wp.vec3, direction: wp.vec3):
         if hit.result:
             count += wp.where(wp.dot(hit.normal, direction) > 0.0, 1, -1)
             found += 1
-            origin = origin + direction * (hit.t + 1.0e-5)
+            origin = origin + direction * (hit.t + BEHIND)
         else:
             searching = False
     return count
@@ -39,26 +42,33 @@ def crossings(mesh: wp.uint64, start: wp.vec3, direction: wp.vec3):
 
 @wp.func
 def signed_closest(mesh: wp.uint64, point: wp.vec3, reach: float):
-    """Signed distance, place, outward direction, face (-1 beyond the reach) and barycentrics (u, v)."""
+    """Signed distance, place, outward direction, face (-1 beyond the reach) and barycentrics (u, v).
+
+    Posed surfaces fold into themselves, where the nearest sheet may face either way. The ray away from it
+    crosses few others and tells whether the point is inside; where sheet and ray disagree, the majority of
+    three rays decides: one that meets an edge of two sheets may miss them.
+    """
     distance = reach
     place = point
     direction = wp.vec3(0.0)
     face = int(-1)  # noqa: UP018, RUF046
     u = float(0.0)  # noqa: UP018
     v = float(0.0)  # noqa: UP018
-    query = wp.mesh_query_point_sign_normal(mesh, point, reach)
+    query = wp.mesh_query_point_no_sign(mesh, point, reach)
     if query.result:
         place = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
         away = point - place
         length = wp.length(away)
-        sign = query.sign
         direction = wp.mesh_eval_face_normal(mesh, query.face)
-        if length > 1.0e-5:
-            direction = away * (sign / length)
-        if sign < 0.0 and length > DOUBTFUL and crossings(mesh, point, ANYWHERE) <= 0:
-            sign = 1.0
-            direction = -direction
-        distance = sign * length
+        if length > ON_SURFACE:
+            away *= 1.0 / length
+            inside = crossings(mesh, point, away) > 0
+            if inside != (wp.dot(direction, away) < 0.0):
+                there = crossings(mesh, point, ASKEW) > 0
+                back = crossings(mesh, point, -ASKEW) > 0
+                inside = (there and back) or (inside and (there or back))
+            direction = wp.where(inside, -away, away)
+        distance = wp.where(wp.dot(point - place, direction) < 0.0, -length, length)
         face = query.face
         u = query.u
         v = query.v
@@ -77,7 +87,7 @@ def closest_point(
     face: wp.array(dtype=int),
     barycentrics: wp.array(dtype=wp.vec3),
 ):
-    """The surface point closest to each point, signed by the side of its sheet; face -1 beyond the reach."""
+    """The surface point closest to each point, negative distance inside; face -1 beyond the reach."""
     i = share + wp.tid()
     found, place, direction, index, u, v = signed_closest(mesh, points[i], reach)
     distance[i] = found
@@ -133,24 +143,32 @@ def even_edges(
     first: wp.array(dtype=int),
     neighbours: wp.array(dtype=int),
     lengths: wp.array(dtype=float),
+    curvatures: wp.array(dtype=float),
     normals: wp.array(dtype=wp.vec3),
     bounds: wp.array(dtype=float),
     step: float,
+    bend: float,
     momentum: float,
 ):
     """Half of what each edge lacks moves either end, averaged; the new place replaces the one before.
 
-    A vertex stays on the outer side of its plane, given by a normal and the least product with it.
+    The share `bend` of the curvature beyond that at rest goes. A vertex stays on the outer side of its plane,
+    which is given by a normal and the least product with it.
     """
     i = share + wp.tid()
     place = now[i]
     pull = wp.vec3(0.0)
+    curve = wp.vec3(0.0)
     begin = first[i]
     end = first[i + 1]
     for k in range(begin, end):
         edge = now[neighbours[k]] - place
+        curve += edge
         pull += edge * (1.0 - lengths[k] / wp.max(wp.length(edge), 1.0e-9))
-    moved = place + pull * (0.5 * step / wp.max(float(end - begin), 1.0))
+    each = 1.0 / wp.max(float(end - begin), 1.0)
+    curve *= each
+    excess = wp.max(1.0 - curvatures[i] / wp.max(wp.length(curve), 1.0e-9), 0.0)
+    moved = place + 0.5 * step * each * pull + bend * excess * curve
     moved = before[i] + momentum * (moved - before[i])
     depth = bounds[i] - wp.dot(normals[i], moved)
     if depth > 0.0:

@@ -19,7 +19,7 @@ REACH = 0.2
 class SurfacePoints:
     """Closest points on a body surface for N points.
 
-    signed_distance: (N,) metres, negative inside the closest sheet; the reach where nothing is closer.
+    signed_distance: (N,) metres, negative inside; the reach where nothing is closer.
     points, normals: (N, 3) the closest point and the direction in which the signed distance grows.
     faces: (N,) int64, -1 where nothing is within reach. barycentrics: (N, 3).
     """
@@ -69,7 +69,7 @@ class BodySurface(MovingMeshes):
         self._id = int(self.ids.numpy()[0])
 
     def closest(self, points: Tensor, max_distance: float = REACH) -> SurfacePoints:
-        """The closest surface point of each of N points (N, 3), signed by the closest sheet."""
+        """The closest surface point of each of N points (N, 3), signed by the side that it is on."""
         points = self._input(points)
         count = len(points)
         distance = points.new_empty(count)
