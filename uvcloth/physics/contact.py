@@ -15,14 +15,17 @@ from uvcloth.physics import kernels, surface
 from uvcloth.physics.inextensible import Inextensible
 from uvcloth.physics.launch import array, launch
 
-MARGIN = 0.002
-"""Metres that contact keeps between cloth and skin."""
+MARGIN = 0.004
+"""Metres that contact keeps between cloth and skin, so that the faces between vertices clear it too."""
 
 CLOSEST = 0.0005
 """Metres that it is content with in the end, where the edges would have it nearer."""
 
 PASSES = (30, 15)
 """Passes over the edges, and as many times the planes that keep cloth off the body are found anew."""
+
+NARROW = 0.004
+"""Metres between two parts of the body that leave cloth no room."""
 
 PUSHES = 4
 """Times that a vertex is moved out in the end, at most: one part's surface may lead into another's."""
@@ -64,7 +67,7 @@ class Skin:
     """The nearest skin of N vertices. distance: (N,) m to it, negative inside, or less than that.
 
     normals: (N, 3) and bounds: (N,) m, the plane through it, as the product of its points with the normal.
-    squeezed: (N,) bool, where two parts leave less than MARGIN to either side.
+    squeezed: (N,) bool, where two parts leave less than NARROW between them.
     """
 
     distance: Tensor
@@ -159,4 +162,4 @@ class Obstacle:
         normals = torch.empty_like(vertices)
         query = map(array, (touches, vertices, reach, distance, normals, bounds, gap))
         launch(kernels.closest_touched, len(vertices), vertices.device, self._parts.ids, *query)
-        return Skin(distance, normals, bounds, gap < 2.0 * MARGIN)
+        return Skin(distance, normals, bounds, gap < NARROW)
