@@ -2,7 +2,7 @@
 
 Run from the checkout with PYTHONPATH=. as
 
-    python benchmarks/contact.py [--clips walk dance some.bvh] [--every 5]
+    python benchmarks/contact.py [--clips walk dance some.bvh]
 
 Per clip and template it prints milliseconds per frame (refit, queries and passes over the edges: the least,
 the median, and the median processor time of all threads), the median in units of posing the body, the
@@ -46,33 +46,35 @@ COLUMNS = (
 )
 
 
-def main(clips: tuple[str, ...] = (), every: int = 5) -> None:
+def main(clips: tuple[str, ...] = ()) -> None:
     body = load_body()
     garments = [wear(name, body) for name in TEMPLATES]
     table = Table(*COLUMNS, "deepest mm", "longest x")
     for name in track(clips or tuple(builtin_clips()), description="contact"):
         clip = load_clip(name, body)
         for garment in garments:
-            table.add_row(clip.name, garment.name, *measure(clip, garment, body, every))
+            table.add_row(clip.name, garment.name, *measure(clip, garment, body))
     Console().print(table)
 
 
-def measure(clip: Clip, garment: Garment, body: Body, every: int) -> list[str]:
+def measure(clip: Clip, garment: Garment, body: Body) -> list[str]:
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     rest, faces = garment.mesh.vertices, garment.mesh.faces
     dressed = obstacle.dress(rest, faces)
+    before = None
     edges = unique_edges(faces)
     length = (rest[edges[:, 0]] - rest[edges[:, 1]]).norm(dim=1)
     rows = []
-    for transforms in clip.transforms()[::every]:
+    for transforms in clip.transforms():
         pose = time.perf_counter()
         posed = skin(body.mesh.vertices, body.weights, transforms[None])[0]
         pose = time.perf_counter() - pose
         vertices = skin(rest, garment.carrier_weights, transforms[None])[0]
         wall, processor = time.perf_counter(), time.process_time()
         obstacle.update(posed)
-        resolved, contacts = obstacle.resolve(vertices, dressed)
+        resolved, contacts = obstacle.resolve(vertices, dressed, before)
         wall, processor = time.perf_counter() - wall, time.process_time() - processor
+        before = resolved - vertices
         after = (resolved[edges[:, 0]] - resolved[edges[:, 1]]).norm(dim=1)
         rows.append(
             [

@@ -26,7 +26,8 @@ class Summary:
     """What a rollout did.
 
     milliseconds: per frame, by stage. inside_before, inside_after: percent of the garment vertices inside the
-    body before and after contact, but for those squeezed between parts of it; None without contact.
+    body before contact (and after what it carries over from frame to frame) and after it, but for those
+    squeezed between parts of the body; None without contact.
     """
 
     written: tuple[Path, ...]

@@ -113,7 +113,10 @@ def _check(garments: tuple[Tensor, ...], outfit: Outfit, index: int) -> None:
 
 
 class _Contact:
-    """Finishes the garments of an outfit, frame after frame: off the collider, edges at rest length."""
+    """Finishes the garments of an outfit, frame after frame: off the collider, edges at rest length.
+
+    moves: what the frame before moved each garment's vertices, (N, 3) m.
+    """
 
     def __init__(self, outfit: Outfit) -> None:
         body_vertices = outfit.body.mesh.vertices
@@ -121,19 +124,21 @@ class _Contact:
         self.garments = [
             self.obstacle.dress(garment.mesh.vertices, garment.mesh.faces) for garment in outfit.garments
         ]
+        self.moves: list[Tensor | None] = [None] * len(self.garments)
 
     def resolve(self, frame: RolloutFrame, body_vertices: Tensor) -> RolloutFrame:
         """The frame with its garments resolved against the posed body (V, 3)."""
         begun = time.perf_counter()
         self.obstacle.update(body_vertices)
-        moved = [
-            self.obstacle.resolve(vertices, garment)
-            for vertices, garment in zip(frame.raw, self.garments, strict=True)
+        resolved = [
+            self.obstacle.resolve(vertices, garment, before)
+            for vertices, garment, before in zip(frame.raw, self.garments, self.moves, strict=True)
         ]
+        self.moves = [after - raw for (after, _), raw in zip(resolved, frame.raw, strict=True)]
         spent = 1000.0 * (time.perf_counter() - begun)
         return replace(
             frame,
-            vertices=tuple(vertices for vertices, _ in moved),
+            vertices=tuple(vertices for vertices, _ in resolved),
             milliseconds={**frame.milliseconds, "contact": spent},
-            contacts=tuple(contacts for _, contacts in moved),
+            contacts=tuple(contacts for _, contacts in resolved),
         )

@@ -82,6 +82,27 @@ def test_stretched_cloth_gets_its_edges_back() -> None:
     assert left < 0.1 * wrong
 
 
+def test_what_one_frame_moved_helps_the_next() -> None:
+    rest, faces = tube(0.12)
+    limb, worn = obstacle(ellipsoid(0.1, 0.1, 0.5)), dressed(rest, faces)
+    noise = 0.004 * torch.randn(rest.shape, generator=torch.manual_seed(0))
+    stretched = rest * torch.tensor([1.0, 1.0, 1.1]) + noise
+    first, _ = limb.resolve(stretched, worn)
+    second, _ = limb.resolve(stretched, worn, first - stretched)
+    once, twice = ((lengths(v, faces) - lengths(rest, faces)).abs().mean() for v in (first, second))
+    assert twice < 0.85 * once
+
+
+def test_cloth_on_the_wrong_side_of_a_limb_comes_back() -> None:
+    rest, faces = tube(0.12)
+    limb, worn = obstacle(ellipsoid(0.1, 0.1, 0.5)), dressed(rest, faces)
+    move = torch.tensor([0.5, 0.0, 0.0]).expand_as(rest)
+    for _ in range(60):
+        resolved, _ = limb.resolve(rest, worn, move)
+        move = resolved - rest
+    torch.testing.assert_close(resolved, rest, atol=2e-3, rtol=0)
+
+
 def test_vertices_at_one_place_stay_together() -> None:
     sheet = trimesh.creation.box((0.4, 0.4, 0.02)).subdivide().subdivide().subdivide()
     sheet.apply_translation([0, 0, 0.29])

@@ -16,7 +16,7 @@ MOMENTUM = 0.995
 BEND = 0.02
 """Share of the curvature beyond that at rest which a pass undoes: without it folds are as small as edges."""
 
-PLAIN = 5
+PLAIN = 2
 """Passes without momentum at first, while the largest errors go."""
 
 
