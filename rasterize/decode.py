@@ -128,7 +128,7 @@ def _ranges(first: Tensor, last: Tensor) -> tuple[Tensor, Tensor]:
 def _bilinear(texels: Texels, uvs: Tensor, islands: Tensor) -> tuple[Tensor, Tensor]:
     """The four texels around each place (P, 4) and weights (P, 4), zero off the chart.
 
-    A place with no texel of its chart around it takes the chart's nearest.
+    A place with no texel of its chart around it takes the chart's nearest, or that of any if it has none.
     """
     from scipy.spatial import cKDTree
 
@@ -149,7 +149,8 @@ def _bilinear(texels: Texels, uvs: Tensor, islands: Tensor) -> tuple[Tensor, Ten
     bare = torch.nonzero(weights.sum(1) < 1e-3).flatten()
     for island in sorted(set(islands[bare].tolist())):
         lost = bare[islands[bare] == island]
-        members = torch.nonzero(texels.islands == island).flatten()
+        own = torch.nonzero(texels.islands == island).flatten()
+        members = own if len(own) else torch.arange(len(texels))
         _, nearest = cKDTree(texels.uvs[members].numpy()).query(uvs[lost].numpy())
         pixels[lost] = texels.pixels[members[torch.from_numpy(nearest)]][:, None]
         weights[lost] = 0.25

@@ -1,6 +1,7 @@
 """`python -m train METHOD --data DIR --out RUN`: fit a method to simulated sequences."""
 
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -12,10 +13,22 @@ from tyro.conf import OmitArgPrefixes
 
 from rasterize.command import run_command
 from rasterize.errors import InputError
-from train.loop import LOOPS, LoopConfig, check_run, fit
+from train.loop import LOOPS, LoopConfig, check_run, fit, has_begun
+from train.motion_guided import LOOPS as MOTION_GUIDED_LOOPS
+from train.motion_guided import LOSSES as MOTION_GUIDED_LOSSES
+from train.motion_guided import (
+    SHAPE,
+    DynamicsObjective,
+    Material,
+    MotionGuidedLosses,
+    ShapeObjective,
+    load_shape_space,
+)
 from train.physxnet import LOSSES, Losses, PhysXNetObjective
 from uvcloth.bodies.body import load_body
-from uvcloth.methods.physxnet import PRESETS, PhysXNetConfig
+from uvcloth.methods import motion_guided, physxnet
+from uvcloth.methods.motion_guided import MotionGuidedConfig
+from uvcloth.methods.physxnet import PhysXNetConfig
 
 
 @dataclass(frozen=True)
@@ -36,22 +49,84 @@ class PhysXNetRun:
     losses: OmitArgPrefixes[Losses] = field(default_factory=Losses)
     loop: OmitArgPrefixes[LoopConfig] = field(default_factory=LoopConfig)
 
-    def objective(self) -> PhysXNetObjective:
-        """Read the data and build what is trained."""
-        return PhysXNetObjective(
-            self.network, self.losses, self.data, self.out, load_body(self.body) if self.body else None
-        )
+    def train(self) -> dict[str, float]:
+        """Train; returns the best validation errors."""
+        check_run(self.out, resume=self.resume)
+        if self.network.history and self.loop.devices > 1:
+            raise InputError(
+                "--history: what a network remembers is trained on one device, leave out --devices"
+            )
+        body = load_body(self.body) if self.body else None
+        objective = PhysXNetObjective(self.network, self.losses, self.data, self.out, body)
+        return fit(objective, self.out, self.loop, resume=self.resume)
+
+
+@dataclass(frozen=True)
+class MotionGuidedRun:
+    """Train Motion-guided on one garment: a space of its shapes, then the dynamics in it."""
+
+    data: Path
+    """Folder of sequences made by `uvcloth simulate`."""
+    out: Path
+    """Folder of the run: checkpoint, training state, TensorBoard; in its folder shape, the first stage."""
+    preset: str = "fast"
+    """fast, paper or tiny: where every setting below starts from."""
+    resume: bool = False
+    """Continue the run in `out` where it stopped, at either stage."""
+    body: Path | None = None
+    """The body that the sequences were simulated on; default: the one in the package."""
+    network: OmitArgPrefixes[MotionGuidedConfig] = field(default_factory=MotionGuidedConfig)
+    losses: OmitArgPrefixes[MotionGuidedLosses] = field(default_factory=MotionGuidedLosses)
+    loop: OmitArgPrefixes[LoopConfig] = field(default_factory=LoopConfig)
+    """How long and how fast to train the dynamics."""
+    shape: LoopConfig = field(default_factory=LoopConfig)
+    """The same for the space of shapes."""
+
+    def train(self) -> dict[str, float]:
+        """Train what is missing of both stages; returns the best validation errors of the second."""
+        first = self.out / SHAPE
+        second_began = self.resume and has_begun(self.out)
+        check_run(first, resume=self.resume)
+        if not self.resume:
+            check_run(self.out, resume=False)
+        body = load_body(self.body) if self.body else None
+        material = Material(self.network, self.losses, self.data, body)
+        if not second_began:
+            fit(ShapeObjective(material), first, self.shape, resume=self.resume)
+        objective = DynamicsObjective(material, load_shape_space(first, self.network))
+        return fit(objective, self.out, self.loop, resume=second_began)
+
+
+def _of(presets: Mapping[str, Any], name: str) -> Any:
+    if name not in presets:
+        raise InputError(f"--preset {name}: expected one of {', '.join(presets)}")
+    return presets[name]
 
 
 def physxnet_preset(name: str) -> dict[str, Any]:
     """The settings of a preset, as defaults of PhysXNetRun. Raises InputError for an unknown name."""
-    if name not in PRESETS:
-        raise InputError(f"--preset {name}: expected one of {', '.join(PRESETS)}")
-    return {"preset": name, "network": PRESETS[name], "losses": LOSSES[name], "loop": LOOPS[name]}
+    network = _of(physxnet.PRESETS, name)
+    return {"preset": name, "network": network, "losses": LOSSES[name], "loop": LOOPS[name]}
 
 
-METHODS: dict[str, tuple[type[PhysXNetRun], Any]] = {"physxnet": (PhysXNetRun, physxnet_preset)}
-"""What can be trained: its settings, and the presets they start from."""
+def motion_guided_preset(name: str) -> dict[str, Any]:
+    """The settings of a preset, as defaults of MotionGuidedRun. Raises InputError for an unknown name."""
+    network = _of(motion_guided.PRESETS, name)
+    loop = MOTION_GUIDED_LOOPS[name]
+    return {
+        "preset": name,
+        "network": network,
+        "losses": MOTION_GUIDED_LOSSES[name],
+        "loop": loop,
+        "shape": loop,
+    }
+
+
+METHODS: dict[str, tuple[type[PhysXNetRun] | type[MotionGuidedRun], str, Any]] = {
+    "physxnet": (PhysXNetRun, "default", physxnet_preset),
+    "motion_guided": (MotionGuidedRun, "fast", motion_guided_preset),
+}
+"""What can be trained: its settings, and the presets they start from, the usual one by name."""
 
 
 def main() -> None:
@@ -62,26 +137,23 @@ def main() -> None:
             print(f"usage: python -m train {{{','.join(METHODS)}}} --data DIR --out RUN [--help]")
             return
         raise InputError(f"{method}: cannot be trained, expected one of {', '.join(METHODS)}")
-    kind, preset = METHODS[method]
-    default = replace(kind(data=tyro.MISSING, out=tyro.MISSING), **preset(_preset_of(arguments)))
+    kind, usual, preset = METHODS[method]
+    default = replace(kind(data=tyro.MISSING, out=tyro.MISSING), **preset(_preset_of(arguments) or usual))
     run = tyro.cli(kind, args=arguments, default=default, prog=f"python -m train {method}")
     if find_spec("lightning") is None:
         raise InputError("training needs Lightning: install uvcloth[train]")
-    check_run(run.out, resume=run.resume)
-    if run.network.history and run.loop.devices > 1:
-        raise InputError("--history: what a network remembers is trained on one device, leave out --devices")
-    errors = fit(run.objective(), run.out, run.loop, resume=run.resume)
+    errors = run.train()
     parts = ", ".join(f"{key} {value:.1f}" for key, value in errors.items() if key not in ("step", "minutes"))
     Console().print(f"{run.out}: best at step {errors['step']:.0f}, validation mm: {parts}")
 
 
-def _preset_of(arguments: list[str]) -> str:
+def _preset_of(arguments: list[str]) -> str | None:
     for index, argument in enumerate(arguments):
         if argument == "--preset" and index + 1 < len(arguments):
             return arguments[index + 1]
         if argument.startswith("--preset="):
             return argument.partition("=")[2]
-    return "default"
+    return None
 
 
 if __name__ == "__main__":

@@ -149,11 +149,16 @@ def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) ->
     return min(done.errors, key=lambda errors: errors["mean"])
 
 
+def has_begun(run: Path) -> bool:
+    """Whether the folder holds a run that can be resumed."""
+    return (run / STATE).exists()
+
+
 def check_run(run: Path, *, resume: bool) -> None:
     """Raise InputError if a new run would overwrite the folder's, or if there is none to resume."""
-    if resume and not (run / STATE).exists():
+    if resume and not has_begun(run):
         raise InputError(f"{run}: nothing to resume, it has no {STATE}")
-    if not resume and (run / STATE).exists():
+    if not resume and has_begun(run):
         raise InputError(f"{run}: holds a run already; continue it with --resume or name another folder")
 
 

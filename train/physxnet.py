@@ -77,7 +77,7 @@ class PhysXNetObjective:
         self.body = body or load_body()
         recordings = load_recordings(data, config.templates, self.body)
         self.prepared = prepare(run, self.body, config.templates, config.size)
-        check_rests(self.prepared, recordings, self.body)
+        check_rests({name: worn.points for name, worn in self.prepared.worn.items()}, recordings, self.body)
         training, held = hold_out(recordings, losses.holdout, losses.validation)
         for name in config.templates:
             if not any(name in r.vertices for r in training):

@@ -1,6 +1,7 @@
 """What training needs of shapes at rest, made once per run: correspondences from ray casting, mesh edges."""
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -79,11 +80,14 @@ def make(body: Body, templates: tuple[str, ...], size: int) -> Prepared:
     )
 
 
-def check_rests(prepared: Prepared, recordings: list[Recording], body: Body) -> None:
-    """Raise InputError naming the clip if it was simulated with another garment or on another body."""
+def check_rests(rests: Mapping[str, Tensor], recordings: list[Recording], body: Body) -> None:
+    """Raise InputError naming the clip if it was simulated with another garment or on another body.
+
+    rests: template -> (N, 3) m, its vertices at rest on the body.
+    """
     for recording in recordings:
         for name, rest in recording.rests.items():
-            expected = prepared.worn[name].points
+            expected = rests[name]
             if rest.shape != expected.shape or (rest - expected).norm(dim=1).max() > SAME_REST:
                 raise InputError(
                     f"{recording.clip}_{name}: at rest not the template {name} on body {body.name!r}; "

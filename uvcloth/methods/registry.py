@@ -1,5 +1,6 @@
 """The methods that ship, by name, and how a name or a folder becomes one."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -7,19 +8,23 @@ from typing import Any
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.checkpoint import CONFIG, load_checkpoint
+from uvcloth.checkpoint import CONFIG, Checkpoint, load_checkpoint
+from uvcloth.methods import motion_guided, physxnet
 from uvcloth.methods.lbs import LBSConfig
 from uvcloth.methods.method import Method
-from uvcloth.methods.physxnet import PRESETS, load_physxnet
 
 CONFIGS: dict[str, Any] = {
     "lbs": LBSConfig(smooth=False),
     "lbs_smooth": LBSConfig(smooth=True),
-    "physxnet": PRESETS["default"],
+    "physxnet": physxnet.PRESETS["default"],
+    "motion_guided": motion_guided.PRESETS["fast"],
 }
 """A frozen config per method; its `create()` builds the method, untrained where it learns."""
 
-LOADERS = {"physxnet": load_physxnet}
+LOADERS: dict[str, Callable[[Checkpoint, Path], Any]] = {
+    "physxnet": physxnet.load_physxnet,
+    "motion_guided": motion_guided.load_motion_guided,
+}
 """How a checkpoint becomes a method, for those that are trained."""
 
 

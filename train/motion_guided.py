@@ -1,0 +1,390 @@
+"""The objectives of Motion-guided: first a space of shapes, then the encoder that moves through it."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+from rich.console import Console
+from rich.progress import track
+from torch import Tensor, nn
+
+from rasterize.errors import InputError
+from train.loop import LoopConfig
+from train.operators import Operator, differences, sampling
+from train.prepare import check_rests
+from train.recordings import Recording, frames_of, hold_out, load_recordings
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.checkpoint import load_checkpoint, save_checkpoint
+from uvcloth.garments.templates import wear
+from uvcloth.mesh import neighbour_average, unique_edges
+from uvcloth.methods.correspondence import to_device
+from uvcloth.methods.latent import ShapeSpace
+from uvcloth.methods.motion_guided import (
+    MEMORY,
+    GarmentMaps,
+    MotionGuidedConfig,
+    Situation,
+    garment_maps,
+    motion_guided_checkpoint,
+    posed_shape,
+    rest_shape,
+    shape_features,
+    situation_features,
+    turns,
+)
+from uvcloth.methods.seeds import PosedSeeds, pose_seeds
+from uvcloth.physics.surface import BodySurface
+
+CLEARANCE = 0.002
+"""Metres that the rest shape should keep off the body at rest (epsilon of L_SDF)."""
+
+ROLLED = 150
+"""Frames of a validation clip that are rolled out, at most."""
+
+
+@dataclass(frozen=True)
+class MotionGuidedLosses:
+    """Weights of the losses of both stages (sections 4.2 and 5), and how they are trained."""
+
+    laplacian: float = 1.0
+    """Error of the mesh Laplacian, beside that of the vertices."""
+    random: float = 0.1
+    """Edge lengths of shapes decoded from random codes."""
+    inside: float = 100.0
+    """Depth of rest shapes, seen and random, in the body at rest."""
+    regular: float = 0.001
+    """Distance of the mean square of codes from 1."""
+    code: float = 0.01
+    """Error of the predicted codes (paper: 1, with errors of vertices summed)."""
+    still: bool = True
+    """Train on the virtual sample too whose garment does not change: E_t = 0."""
+    past: Literal["own", "true"] = "own"
+    """Histories in training: the network's latest predictions, or the simulation's (paper)."""
+    holdout: int = 8
+    """Every n-th clip validates and is not trained on."""
+    validation: tuple[str, ...] = ()
+    """The clips that do so, by name, instead."""
+
+
+SHAPE = "shape"
+"""The folder in a run that holds the first stage."""
+
+LOOPS: dict[str, LoopConfig] = {
+    "fast": LoopConfig(steps=2000),
+    "paper": LoopConfig(steps=30000, batch=4, learning_rate=1e-4, weight_decay=0.0, average=0.0),
+    "tiny": LoopConfig(steps=8, batch=2, validate_every=4, average=0.9),
+}
+"""How long either stage is trained."""
+
+LOSSES: dict[str, MotionGuidedLosses] = {
+    "fast": MotionGuidedLosses(),
+    "paper": MotionGuidedLosses(past="true"),
+    "tiny": MotionGuidedLosses(),
+}
+
+
+@dataclass(frozen=True)
+class Rows:
+    """R frames of the garment, clip after clip, each led in by MEMORY frames of its settling.
+
+    vertices: (R, N, 3) m, world. transforms: (R, J, 3, 4). seeds: posed. samples: (S,) int64 rows that count.
+    starts: (R,) int64 first row of the clip.
+    """
+
+    vertices: Tensor
+    transforms: Tensor
+    seeds: PosedSeeds
+    samples: Tensor
+    starts: Tensor
+
+    def to(self, device: torch.device) -> "Rows":
+        return to_device(self, device)
+
+
+def load_rows(recordings: list[Recording], garment: str, maps: GarmentMaps) -> Rows:
+    """Join the clips that have the garment."""
+    vertices, transforms, samples, starts = [], [], [], []
+    row = 0
+    for recording in recordings:
+        first = max(0, recording.settling - MEMORY)
+        frames = slice(first, None)
+        vertices.append(recording.vertices[garment][frames].float())
+        transforms.append(recording.transforms[frames])
+        count = len(transforms[-1])
+        samples.append(torch.arange(row + max(MEMORY, recording.settling - first), row + count))
+        starts.append(torch.full((count,), row))
+        row += count
+    joined = torch.cat(transforms)
+    return Rows(
+        torch.cat(vertices), joined, pose_seeds(maps.seeds, joined), torch.cat(samples), torch.cat(starts)
+    )
+
+
+class Material:
+    """What both stages train on: one garment on one body, training and validation clips."""
+
+    def __init__(
+        self, config: MotionGuidedConfig, losses: MotionGuidedLosses, data: Path, body: Body | None = None
+    ) -> None:
+        """Read the data. Raises InputError if it lacks the garment or is of another body."""
+        self.config, self.losses = config, losses
+        self.body = body or load_body()
+        recordings = [
+            r for r in load_recordings(data, (config.garment,), self.body) if config.garment in r.vertices
+        ]
+        garment = wear(config.garment, self.body)
+        check_rests({config.garment: garment.mesh.vertices}, recordings, self.body)
+        training, held = hold_out(recordings, losses.holdout, losses.validation)
+        if not training:
+            raise InputError(f"{data}: needs two clips of {config.garment} at least, one to validate with")
+        self.files = {name: digest for r in recordings for name, digest in r.files.items()}
+        self.fps = recordings[0].fps
+        self.maps = garment_maps(config, garment, self.body)
+        self.rows = load_rows(training, config.garment, self.maps)
+        self.held = load_rows(held, config.garment, self.maps)
+        self.held_clips = [r.clip for r in held]
+        edges = unique_edges(garment.mesh.faces)
+        count = len(garment.mesh.vertices)
+        self.edges = differences(edges, count)
+        self.lengths = (garment.mesh.vertices[edges[:, 0]] - garment.mesh.vertices[edges[:, 1]]).norm(dim=1)
+        self.laplacian = _laplacian(garment.mesh.faces, count)
+        self.sample = sampling(self.maps.pixels, self.maps.shares, 4 * config.size**2)
+        self.skin = BodySurface(self.body.mesh.vertices, self.body.mesh.faces)
+        Console().print(
+            f"{frames_of(training)} training frames of {len(training)} clips, "
+            f"{frames_of(held)} validation frames ({', '.join(self.held_clips)})"
+        )
+
+    def to(self, device: torch.device) -> None:
+        self.maps = to_device(self.maps, device)
+        self.rows, self.held = self.rows.to(device), self.held.to(device)
+        self.edges, self.laplacian = self.edges.to(device), self.laplacian.to(device)
+        self.sample = self.sample.to(device)
+        self.lengths = self.lengths.to(device)
+        self.skin = BodySurface(self.body.mesh.vertices.to(device), self.body.mesh.faces.to(device))
+
+    def local(self, rows: Rows, chosen: Tensor) -> tuple[Tensor, Tensor]:
+        """Garments (B, N, 3) and seeds (B, S, 3) of rows, as the maps hold them."""
+        transforms = rows.transforms[chosen]
+        turn, origin = turns(self.config, transforms), transforms[:, :1, :, 3]
+        return (rows.vertices[chosen] - origin) @ turn, (rows.seeds.points[chosen] - origin) @ turn
+
+    def codes(self, space: ShapeSpace, rows: Rows, chosen: Tensor) -> Tensor:
+        """Z* of simulated garments: (B, Z)."""
+        vertices, seeds = self.local(rows, chosen)
+        return space.encoder(shape_features(space, self.maps, vertices, seeds))
+
+    def shape_error(self, vertices: Tensor, truth: Tensor) -> Tensor:
+        """L_rec: mean absolute error of vertices, and of their Laplacian."""
+        wrong = vertices - truth
+        return wrong.abs().mean() + self.losses.laplacian * self.laplacian(wrong).abs().mean()
+
+    def depth(self, resting: Tensor) -> Tensor:
+        """L_SDF: mean depth below CLEARANCE of rest shapes (B, N, 3), by the exact distance to the body."""
+        points = resting.flatten(0, 1)
+        with torch.no_grad():
+            skin = self.skin.closest(points)
+        distance = ((points - skin.points) * skin.normals).sum(1)
+        return (CLEARANCE - distance).clamp(min=0.0).mean()
+
+
+class ShapeObjective:
+    """Stage one: an autoencoder of the simulated garments."""
+
+    def __init__(self, material: Material) -> None:
+        self.material = material
+
+    @property
+    def samples(self) -> Tensor:
+        return self.material.rows.samples
+
+    def networks(self) -> dict[str, nn.Module]:
+        return {"net": self.material.config.shape_space()}
+
+    def to(self, device: torch.device) -> None:
+        self.material.to(device)
+
+    def steps(
+        self, networks: Mapping[str, Any], rows: Tensor
+    ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
+        material, losses = self.material, self.material.losses
+        space = networks["net"]
+        codes = material.codes(space, material.rows, rows)
+        random = torch.randn_like(codes[: max(1, len(codes) // 2)])
+        resting = rest_shape(space, material.maps, torch.cat([codes, random]), material.sample)
+        posed = posed_shape(space, material.maps, resting[: len(rows)], material.rows.seeds[rows])
+        lengths = material.edges(resting[len(rows) :]).norm(dim=2)
+        parts = {
+            "shape": material.shape_error(posed, material.rows.vertices[rows]),
+            "random": losses.random * (lengths - material.lengths).abs().mean(),
+            "inside": losses.inside * material.depth(resting),
+            "regular": losses.regular * _regular(codes),
+        }
+        yield "net", torch.stack(list(parts.values())).sum(), parts
+
+    @torch.no_grad()
+    def validate(self, net: Any) -> dict[str, float]:
+        """How exactly held-out garments are encoded and decoded, mm."""
+        net.eval()
+        material, errors = self.material, []
+        for chosen in material.held.samples[::2].split(8):
+            codes = material.codes(net, material.held, chosen)
+            resting = rest_shape(net, material.maps, codes)
+            posed = posed_shape(net, material.maps, resting, material.held.seeds[chosen])
+            errors.append((posed - material.held.vertices[chosen]).norm(dim=2).mean(1) * 1000.0)
+        net.train()
+        return {"mean": float(torch.cat(errors).mean())}
+
+    def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
+        material = self.material
+        tensors = {f"space.{name}": value for name, value in net.state_dict().items()}
+        notes = {**notes, "validation_clips": material.held_clips}
+        save_checkpoint(
+            motion_guided_checkpoint(material.config, tensors, material.body, material.files, notes), run
+        )
+
+    def settings(self) -> dict[str, Any]:
+        material = self.material
+        return {**asdict(material.config), **asdict(material.losses), "data": material.files}
+
+    def memory(self) -> dict[str, Tensor]:
+        return {}
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        pass
+
+
+class DynamicsObjective(ShapeObjective):
+    """Stage two: the dynamic encoder, the shape space being fixed."""
+
+    def __init__(self, material: Material, space: ShapeSpace) -> None:
+        super().__init__(material)
+        self.space = space.eval().requires_grad_(False)
+        self.past = material.rows.vertices.clone()
+        with torch.no_grad():
+            self.codes = torch.cat(
+                [
+                    material.codes(self.space, material.rows, chosen)
+                    for chosen in track(torch.arange(len(self.past)).split(16), "codes", transient=True)
+                ]
+            )
+
+    def networks(self) -> dict[str, nn.Module]:
+        net = self.material.config.dynamics()
+        rows, fps = self.material.rows, self.material.fps
+        chosen = rows.samples[::4]
+        velocity = (rows.vertices[chosen - 1] - rows.vertices[chosen - 2]) * fps
+        before = (rows.vertices[chosen - 2] - rows.vertices[chosen - 3]) * fps
+        scales = [velocity.std((0, 1)), ((velocity - before) * fps).std((0, 1))]
+        net.motion_scale.copy_(torch.cat(scales).clamp(min=1e-3)[:, None, None])
+        return {"net": net}
+
+    def to(self, device: torch.device) -> None:
+        super().to(device)
+        self.space.to(device)
+        self.past, self.codes = self.past.to(device), self.codes.to(device)
+
+    def steps(
+        self, networks: Mapping[str, Any], rows: Tensor
+    ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
+        material, losses, net = self.material, self.material.losses, networks["net"]
+        back = torch.arange(1, MEMORY + 1, device=rows.device)
+        features, change = situation_features(
+            self.space,
+            net,
+            material.maps,
+            self._situation(material.rows, self.past[rows[:, None] - back], rows),
+            material.config.sigma,
+        )
+        if losses.still:
+            features = torch.cat([features, features])
+            change = torch.cat([change, torch.zeros_like(change)])
+            wanted = torch.cat([rows, rows - 1])
+        else:
+            wanted = rows
+        codes = net(features, change)
+        resting = rest_shape(self.space, material.maps, codes, material.sample)
+        posed = posed_shape(self.space, material.maps, resting, material.rows.seeds[wanted])
+        if losses.past == "own":
+            self.past[rows] = posed[: len(rows)].detach()
+        truth = material.rows.vertices[wanted]
+        parts = {
+            "shape": (posed - truth).abs().mean(),
+            "code": losses.code * (codes - self.codes[wanted]).abs().mean(),
+            "regular": losses.regular * _regular(codes),
+        }
+        yield "net", torch.stack(list(parts.values())).sum(), parts
+
+    def _situation(self, rows: Rows, before: Tensor, chosen: Tensor) -> Situation:
+        transforms = rows.transforms[chosen]
+        return Situation(
+            before=before,
+            seeds_before=rows.seeds[chosen - 1],
+            seeds=rows.seeds[chosen],
+            turn=turns(self.material.config, transforms),
+            origin=rows.transforms[chosen - 1][:, 0, :, 3],
+            fps=self.material.fps,
+        )
+
+    @torch.no_grad()
+    def validate(self, net: Any) -> dict[str, float]:
+        """Mean vertex error over rollouts of the held-out clips, side by side, before contact, mm."""
+        net.eval()
+        material, held = self.material, self.material.held
+        starts, counts = held.starts.unique(return_counts=True)
+        back = torch.arange(MEMORY - 1, -1, -1, device=starts.device)
+        before = held.vertices[starts[:, None] + back]
+        errors = []
+        for frame in range(MEMORY, min(ROLLED, int(counts.min()))):
+            chosen = starts + frame
+            features, change = situation_features(
+                self.space, net, material.maps, self._situation(held, before, chosen), material.config.sigma
+            )
+            resting = rest_shape(self.space, material.maps, net(features, change))
+            posed = posed_shape(self.space, material.maps, resting, held.seeds[chosen])
+            before = torch.cat([posed[:, None], before[:, :-1]], dim=1)
+            errors.append((posed - held.vertices[chosen]).norm(dim=2).mean(1) * 1000.0)
+        net.train()
+        return {"mean": float(torch.cat(errors).mean())}
+
+    def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
+        material = self.material
+        tensors = {f"space.{name}": value for name, value in self.space.state_dict().items()}
+        tensors |= {f"dynamics.{name}": value for name, value in net.state_dict().items()}
+        notes = {**notes, "validation_clips": material.held_clips}
+        save_checkpoint(
+            motion_guided_checkpoint(material.config, tensors, material.body, material.files, notes), run
+        )
+
+    def memory(self) -> dict[str, Tensor]:
+        return {"past": self.past} if self.material.losses.past == "own" else {}
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        if self.material.losses.past == "own":
+            self.past.copy_(memory["past"])
+
+
+def _regular(codes: Tensor) -> Tensor:
+    """L_reg of codes (B, Z)."""
+    return (codes.square().mean(1) - 1.0).abs().mean()
+
+
+def _laplacian(faces: Tensor, count: int) -> Operator:
+    """Each vertex minus the mean of its neighbours."""
+    here = torch.arange(count).expand(2, -1)
+    identity = torch.sparse_coo_tensor(here, torch.ones(count), check_invariants=False)
+    matrix = (identity - neighbour_average(faces, count)).coalesce()
+    return Operator(matrix.to_sparse_csr(), matrix.t().to_sparse_csr())
+
+
+def load_shape_space(folder: Path, config: MotionGuidedConfig) -> ShapeSpace:
+    """The space of shapes that the first stage saved. Raises InputError if it is of another config."""
+    checkpoint = load_checkpoint(folder)
+    space = config.shape_space()
+    try:
+        space.load_state_dict({name.removeprefix("space."): t for name, t in checkpoint.tensors.items()})
+    except RuntimeError as error:
+        raise InputError(f"{folder}: was trained with other settings of the network") from error
+    return space

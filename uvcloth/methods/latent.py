@@ -1,0 +1,146 @@
+"""The networks of Motion-guided: a latent space of garment shapes, and the encoder that moves through it."""
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import torch
+from torch import Tensor, nn
+
+from uvcloth.methods.descriptor import RelativePositions, SeedForces
+from uvcloth.methods.seeds import PARTS
+from uvcloth.methods.unet import KERNEL, normalization, upsampling
+
+SLOPE = 0.2
+"""Of the leaky rectifiers between convolutions."""
+
+FREQUENCIES = 8
+"""Of the positional encoding of texture coordinates."""
+
+FIRST_RADIUS = 0.05
+"""Metres: every kernel's radius before training."""
+
+REACH = 0.05
+"""Metres of displacement that the network's last layer calls 1."""
+
+
+def uv_encoding(uvs: Tensor) -> Tensor:
+    """Sines and cosines of texture coordinates (N, 2): (N, 4 * FREQUENCIES)."""
+    angles = uvs[:, :, None] * math.pi * 2.0 ** torch.arange(FREQUENCIES, device=uvs.device)
+    return torch.cat([angles.sin(), angles.cos()], dim=2).flatten(1)
+
+
+def _block(layer: nn.Module, channels: int, norm: str) -> nn.Sequential:
+    return nn.Sequential(layer, normalization(norm, channels), nn.LeakyReLU(SLOPE, inplace=True))
+
+
+def _stem(width: int, layers: int, norm: str) -> nn.Sequential:
+    """What follows a first convolution: its normalization, and more layers of the same size."""
+    return nn.Sequential(
+        normalization(norm, width),
+        nn.LeakyReLU(SLOPE, inplace=True),
+        *(_block(nn.Conv2d(width, width, 3, padding=1), width, norm) for _ in range(layers - 1)),
+    )
+
+
+class Encoder(nn.Module):
+    """Maps (B, C, H, W) -> latent codes (B, Z), halving the maps down to 2 x 2."""
+
+    def __init__(self, inputs: int, widths: tuple[int, ...], latent: int, norm: str) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(
+            *(
+                _block(nn.Conv2d(before, after, KERNEL, stride=2, padding=1), after, norm)
+                for before, after in zip((inputs, *widths[:-1]), widths, strict=True)
+            )
+        )
+        self.code = nn.Linear(4 * widths[-1], latent)
+
+    def forward(self, maps: Tensor) -> Tensor:
+        return self.code(self.layers(maps).flatten(1))
+
+
+class ShapeSpace(nn.Module):
+    """The generative space (section 4.2): positions -> features -> code, and code -> displacements at rest.
+
+    widths: channels of the encoder's levels; the decoder mirrors them and enlarges once more.
+    """
+
+    def __init__(
+        self,
+        *,
+        seeds: int,
+        width: int,
+        widths: tuple[int, ...],
+        stem: int,
+        latent: int,
+        hidden: int,
+        layers: int,
+        norm: str,
+        upsample: str,
+    ) -> None:
+        super().__init__()
+        self.relative = RelativePositions(seeds, width)
+        self.stem = _stem(width, stem, norm)
+        self.encoder = Encoder(width, widths, latent, norm)
+        deeper = widths[::-1]
+        self.first = nn.Linear(latent, 4 * deeper[0])
+        self.decoder = nn.Sequential(
+            *(
+                _block(upsampling(upsample, before, after), after, norm)
+                for before, after in zip(deeper, (*deeper[1:], width), strict=True)
+            ),
+            upsampling(upsample, width, width),
+        )
+        sizes = (width + 4 * FREQUENCIES, *[hidden] * (layers - 1))
+        self.vertex = nn.Sequential(
+            *(
+                nn.Sequential(nn.Linear(before, after), nn.LeakyReLU(inplace=True))
+                for before, after in pairwise(sizes)
+            ),
+            nn.Linear(sizes[-1], 3),
+        )
+        self.log_radii = nn.Parameter(torch.full((len(PARTS),), math.log(FIRST_RADIUS)))
+
+    @property
+    def radii(self) -> Tensor:
+        """Radius of each body part's kernels (parts,), m."""
+        return self.log_radii.exp()
+
+    def features(self, positions: Tensor, mask: Tensor, seeds: Tensor) -> Tensor:
+        """S(M^P): positions (B, 3, H, W), mask (1, 1, H, W), seeds (B, S, 3) -> (B, width, H, W)."""
+        return self.stem(self.relative(positions, mask, seeds))
+
+    def decode(self, codes: Tensor, sample: Callable[[Tensor], Tensor], places: Tensor) -> Tensor:
+        """Codes (B, Z) -> displacements (B, N, 3) in the local frames at rest, m.
+
+        sample: reads decoded maps (B, 4 H W, C) at the vertices: (B, N, C). places: (N, P) encoded UVs.
+        """
+        maps = self.decoder(self.first(codes).unflatten(1, (-1, 2, 2)))
+        seen = sample(maps.flatten(2).transpose(1, 2))
+        return REACH * self.vertex(torch.cat([seen, places.expand(len(codes), -1, -1)], dim=2))
+
+
+class Dynamics(nn.Module):
+    """The dynamic encoder (section 5): the previous garment, its motion and its contact -> the next code."""
+
+    motion_scale: Tensor
+
+    def __init__(
+        self, *, seeds: int, width: int, widths: tuple[int, ...], stem: int, latent: int, norm: str
+    ) -> None:
+        super().__init__()
+        self.motion = nn.Conv2d(6, width, 3, padding=1)
+        self.forces = SeedForces(seeds, width)
+        self.stem = _stem(width, stem, norm)
+        self.encoder = Encoder(2 * width, widths, latent, norm)
+        self.register_buffer("motion_scale", torch.ones(6, 1, 1))
+
+    def change(self, motion: Tensor, forces: Tensor, normals: Tensor, pixels: Tensor) -> Tensor:
+        """E_t of velocity and acceleration (B, 6, H, W), forces (B, P, S) and normals (B, S, 3)."""
+        pushed = self.forces(forces, normals, pixels, motion.shape[-1])
+        return self.stem(self.motion(motion / self.motion_scale) + pushed)
+
+    def forward(self, features: Tensor, change: Tensor) -> Tensor:
+        """Z_t: (B, Z)."""
+        return self.encoder(torch.cat([features, change], dim=1))

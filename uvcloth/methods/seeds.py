@@ -1,0 +1,79 @@
+"""Seed points on a body, and the Gaussian kernels around them that skin a garment (Motion-guided)."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from uvcloth.bodies.body import REGIONS, Body
+from uvcloth.mesh import vertex_normals
+from uvcloth.methods.correspondence import body_texels, carry
+
+PARTS = ("torso", "upper_arm", "forearm", "thigh", "calf")
+"""Body parts whose seeds share a kernel radius; the others count as what they are attached to."""
+
+ATTACHED = {"head": "torso", "hand": "forearm", "foot": "calf"}
+
+
+@dataclass(frozen=True)
+class Seeds:
+    """S points on a body at rest.
+
+    points, normals: (S, 3), m. weights: (S, J) blend weights. parts: (S,) int64 into PARTS.
+    """
+
+    points: Tensor
+    normals: Tensor
+    weights: Tensor
+    parts: Tensor
+
+
+@dataclass(frozen=True)
+class PosedSeeds:
+    """Seeds b_t of B frames: points, normals (B, S, 3) m, and rotations R_t since rest (B, S, 3, 3)."""
+
+    points: Tensor
+    normals: Tensor
+    rotations: Tensor
+
+    def __getitem__(self, rows: Tensor | slice) -> "PosedSeeds":
+        """Some of the frames."""
+        return PosedSeeds(self.points[rows], self.normals[rows], self.rotations[rows])
+
+
+def sample_seeds(body: Body, count: int) -> Seeds:
+    """Seeds that lie regularly in the body's UV layout: the texels of a coarse sheet, evenly thinned."""
+    size = 2
+    texels = body_texels(body, size)
+    while len(texels.points) < count:
+        size += 1
+        texels = body_texels(body, size)
+    kept = torch.linspace(0, len(texels.points) - 1, count).round().long()
+    part_of = torch.tensor([PARTS.index(ATTACHED.get(region, region)) for region in REGIONS])
+    return Seeds(
+        points=texels.points[kept],
+        normals=texels.gather(vertex_normals(body.mesh.vertices, body.mesh.faces))[kept],
+        weights=texels.weights[kept],
+        parts=part_of[body.regions[texels.sheet.face[kept]]],
+    )
+
+
+def pose_seeds(seeds: Seeds, transforms: Tensor) -> PosedSeeds:
+    """Carry the seeds by joint transforms (B, J, 3, 4)."""
+    points, rotations = carry(seeds.points, seeds.weights, transforms)
+    return PosedSeeds(points, (rotations @ seeds.normals[..., None]).squeeze(-1), rotations)
+
+
+def kernel_skin(points: Tensor, near: Tensor, radii: Tensor, seeds: Seeds, posed: PosedSeeds) -> Tensor:
+    """Skin points (B, N, 3) in the rest space, m, by the nearness of seeds there (eq. 1): (B, N, 3), m.
+
+    near: (N, K) int64, the seeds that may move a point. radii: (parts,) of the kernels, m.
+    """
+    apart = (points[:, :, None] - seeds.points[near]).square().sum(-1)
+    weights = torch.softmax(-apart / (2.0 * radii[seeds.parts][near].square()), dim=-1)
+    shares = weights.new_zeros(*weights.shape[:2], len(seeds.points))
+    shares = shares.scatter(2, near.expand_as(weights), weights)
+    moves = posed.points - (posed.rotations @ seeds.points[..., None]).squeeze(-1)
+    blended = shares @ torch.cat([posed.rotations.flatten(2), moves], dim=2)
+    turned = (blended[..., :9].unflatten(-1, (3, 3)) * points[:, :, None]).sum(-1)
+    return turned + blended[..., 9:]
