@@ -1,0 +1,95 @@
+"""Motion-guided trains in two stages, and continues at either exactly where it stopped."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from rasterize.errors import InputError
+from tests.train.simulated import save_clips
+from train.__main__ import main
+from train.loop import STATE, fit
+from train.motion_guided import (
+    LOOPS,
+    LOSSES,
+    DynamicsObjective,
+    Material,
+    MotionGuidedLosses,
+    ShapeObjective,
+    load_shape_space,
+)
+from uvcloth.bodies.body import load_body
+from uvcloth.checkpoint import load_tensors
+from uvcloth.methods.motion_guided import PRESETS
+from uvcloth.methods.registry import load_method
+
+pytest.importorskip("lightning")
+
+LOOP = replace(LOOPS["tiny"], steps=4, validate_every=2, schedule="constant")
+HALF = replace(LOOP, steps=2)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("sequences")
+    save_clips(folder, ("dress",), clips=3, frames=14, settling=4)
+    save_clips(folder, ("dress",), clips=2, frames=14, settling=4)
+    return folder
+
+
+def material(data: Path, losses: MotionGuidedLosses = LOSSES["tiny"]) -> Material:
+    return Material(PRESETS["tiny"], losses, data)
+
+
+def states(tmp_path: Path) -> tuple[dict[str, torch.Tensor], dict[str, torch.Tensor]]:
+    whole, _ = load_tensors(tmp_path / "whole" / STATE)
+    parts, _ = load_tensors(tmp_path / "parts" / STATE)
+    assert whole.keys() == parts.keys()
+    return whole, parts
+
+
+def test_the_first_stage_resumes_exactly(data: Path, tmp_path: Path) -> None:
+    fit(ShapeObjective(material(data)), tmp_path / "whole", LOOP, resume=False)
+    fit(ShapeObjective(material(data)), tmp_path / "parts", HALF, resume=False)
+    fit(ShapeObjective(material(data)), tmp_path / "parts", LOOP, resume=True)
+    whole, parts = states(tmp_path)
+    for name, tensor in whole.items():
+        assert torch.equal(tensor, parts[name]), name
+
+
+@pytest.mark.parametrize("past", ["own", "true"])
+def test_the_second_stage_resumes_exactly(past: str, data: Path, tmp_path: Path) -> None:
+    losses = replace(LOSSES["tiny"], past=past)
+    fit(ShapeObjective(material(data, losses)), tmp_path / "shape", LOOP, resume=False)
+
+    def objective() -> DynamicsObjective:
+        return DynamicsObjective(
+            material(data, losses), load_shape_space(tmp_path / "shape", PRESETS["tiny"])
+        )
+
+    fit(objective(), tmp_path / "whole", LOOP, resume=False)
+    fit(objective(), tmp_path / "parts", HALF, resume=False)
+    fit(objective(), tmp_path / "parts", LOOP, resume=True)
+    whole, parts = states(tmp_path)
+    assert ("memory/past" in whole) == (past == "own")
+    for name, tensor in whole.items():
+        assert torch.equal(tensor, parts[name]), name
+
+
+def test_one_command_trains_both_stages(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = tmp_path / "run"
+    command = f"train motion_guided --data {data} --out {run} --preset tiny --steps 4 --shape.steps 4"
+    monkeypatch.setattr(sys, "argv", command.split())
+    main()
+    assert load_method(run, load_body()).name == "run"
+    with pytest.raises(InputError, match="first stage alone"):
+        load_method(run / "shape", load_body())
+    with pytest.raises(InputError, match="--resume"):
+        main()
+
+
+def test_training_needs_the_garment(data: Path) -> None:
+    with pytest.raises(InputError, match="tops"):
+        Material(replace(PRESETS["tiny"], garment="tops"), LOSSES["tiny"], data)
