@@ -42,6 +42,10 @@ class Recorder:
         self.seen.append(frames)
         return garment, (skin(garment.mesh.vertices, garment.weights, frames.transforms[:, -1]),)
 
+    def observe(self, garment, garments):
+        self.observed = garments
+        return garment
+
 
 @pytest.mark.parametrize("remembers", [False, True])
 def test_streams_every_frame_with_its_true_history(remembers):
@@ -86,6 +90,13 @@ def test_contact_leaves_no_vertex_inside():
     assert frame.raw[0].abs().max() < 0.1
     assert frame.vertices[0].abs().amax(1).min() > 0.099
     assert frame.milliseconds["contact"] > 0
+
+
+def test_a_method_that_remembers_observes_what_contact_left():
+    method = Recorder(True)
+    for frame in rollout(method, outfit(), falling(3), FPS):
+        kept = frame.vertices
+    assert torch.equal(method.observed[0], kept[0])
 
 
 def test_stops_at_the_frame_that_is_not_finite():

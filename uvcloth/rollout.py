@@ -42,8 +42,8 @@ def rollout(
 
     transforms: (J, 3, 4) of each frame in turn, a tensor or a stream. The body stands still before its first
     frame. With contact, vertices inside the body (forearms and hands left out, as in the simulations) are
-    moved out of it after each frame and edges get their rest length back, which a method that remembers does
-    not see. Raises InputError naming the frame where a transform or a predicted vertex is not a finite
+    moved out of it after each frame and edges get their rest length back; a method that remembers may
+    observe that. Raises InputError naming the frame where a transform or a predicted vertex is not a finite
     number.
     """
     state: Any = None
@@ -65,7 +65,10 @@ def rollout(
                     transforms=part.transforms[offset, -1],
                     milliseconds={"body": body_ms, "network": network_ms, "contact": 0.0},
                 )
-                yield resolver.resolve(frame, part.vertices[offset, -1]) if resolver else frame
+                if resolver:
+                    frame = resolver.resolve(frame, part.vertices[offset, -1])
+                    state = method.observe(state, frame.vertices) if method.remembers else state
+                yield frame
             first += len(part)
 
 

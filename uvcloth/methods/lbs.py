@@ -39,6 +39,12 @@ class LinearBlendSkinning:
         transforms = frames.transforms[:, -1]
         return state, tuple(skin(worn.points, worn.weights, transforms) for worn in state)
 
+    def observe(
+        self, state: tuple[SkinnedGarment, ...], garments: tuple[Tensor, ...]
+    ) -> tuple[SkinnedGarment, ...]:
+        """It remembers nothing."""
+        return state
+
 
 @dataclass(frozen=True)
 class LBSConfig:

@@ -28,3 +28,10 @@ class Method(Protocol):
     def step(self, state: Any, frames: BodyFrames) -> tuple[Any, tuple[Tensor, ...]]:
         """Predict frames in order: the next state and, per garment, vertices (B, N, 3), metres, world."""
         ...
+
+    def observe(self, state: Any, garments: tuple[Tensor, ...]) -> Any:
+        """What the state becomes when the last garments were (N, 3) each and not as predicted.
+
+        Rollout calls it after contact for a method that remembers; one-step errors feed it the truth.
+        """
+        ...

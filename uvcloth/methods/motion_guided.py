@@ -61,6 +61,8 @@ class MotionGuidedConfig:
     """Of them, those nearest at rest that may move a vertex (paper: all)."""
     heading: bool = True
     """Maps hold vectors in axes that turn with the body's heading (paper: the world's)."""
+    contact: bool = True
+    """The next frame sees the garment after contact; else as it was predicted."""
     sigma: float = 0.04
     """Metres within which a seed's plane pushes the garment."""
 
@@ -319,6 +321,15 @@ class MotionGuided:
             for worn, vertices in zip(state, moved, strict=True)
         )
         return following, moved
+
+    def observe(self, state: tuple[Rolling, ...], garments: tuple[Tensor, ...]) -> tuple[Rolling, ...]:
+        """Go on from the garments as they were after contact, unless the config says otherwise."""
+        if not self.config.contact:
+            return state
+        return tuple(
+            replace(worn, before=torch.cat([vertices[None, None], worn.before[:, 1:]], dim=1))
+            for worn, vertices in zip(state, garments, strict=True)
+        )
 
     def _next(self, worn: Rolling, frames: BodyFrames) -> Tensor:
         transforms = frames.transforms

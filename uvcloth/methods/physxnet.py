@@ -323,6 +323,10 @@ class PhysXNet:
             )
         return state, tuple(moved)
 
+    def observe(self, state: WornState, garments: tuple[Tensor, ...]) -> WornState:
+        """It remembers its maps as predicted: contact is no part of its training."""
+        return state
+
     def _motion(self, texels: BodyTexels, frames: BodyFrames) -> Tensor:
         """The network's motion channels at the texels: (B, C, P).
 
