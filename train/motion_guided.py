@@ -26,19 +26,23 @@ from uvcloth.methods.motion_guided import (
     GarmentMaps,
     MotionGuidedConfig,
     Situation,
+    carried_offsets,
     garment_maps,
     motion_guided_checkpoint,
+    motion_values,
     posed_shape,
     rest_shape,
     shape_features,
     situation_features,
-    turns,
 )
 from uvcloth.methods.seeds import PosedSeeds, pose_seeds
 from uvcloth.physics.surface import BodySurface
 
 CLEARANCE = 0.002
 """Metres that the rest shape should keep off the body at rest (epsilon of L_SDF)."""
+
+CHUNK = 16
+"""Frames that are carried at once."""
 
 ROLLED = 150
 """Frames of a validation clip that are rolled out, at most."""
@@ -89,11 +93,12 @@ LOSSES: dict[str, MotionGuidedLosses] = {
 class Rows:
     """R frames of the garment, clip after clip, each led in by MEMORY frames of its settling.
 
-    vertices: (R, N, 3) m, world. transforms: (R, J, 3, 4). seeds: posed. samples: (S,) int64 rows that count.
-    starts: (R,) int64 first row of the clip.
+    vertices: (R, N, 3) m, world; offsets: the same, as offsets from their carriers. transforms: (R, J, 3, 4).
+    seeds: posed. samples: (S,) int64 rows that count. starts: (R,) int64 first row of the clip.
     """
 
     vertices: Tensor
+    offsets: Tensor
     transforms: Tensor
     seeds: PosedSeeds
     samples: Tensor
@@ -117,9 +122,21 @@ def load_rows(recordings: list[Recording], garment: str, maps: GarmentMaps) -> R
         starts.append(torch.full((count,), row))
         row += count
     joined = torch.cat(transforms)
+    simulated = torch.cat(vertices)
     return Rows(
-        torch.cat(vertices), joined, pose_seeds(maps.seeds, joined), torch.cat(samples), torch.cat(starts)
+        vertices=simulated,
+        offsets=offsets_of(maps, simulated, joined),
+        transforms=joined,
+        seeds=pose_seeds(maps.seeds, joined),
+        samples=torch.cat(samples),
+        starts=torch.cat(starts),
     )
+
+
+def offsets_of(maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> Tensor:
+    """Garments (R, N, 3) as offsets from their carriers, some at a time."""
+    parts = zip(vertices.split(CHUNK), transforms.split(CHUNK), strict=True)
+    return torch.cat([carried_offsets(maps, *part) for part in parts])
 
 
 class Material:
@@ -165,16 +182,10 @@ class Material:
         self.lengths = self.lengths.to(device)
         self.skin = BodySurface(self.body.mesh.vertices.to(device), self.body.mesh.faces.to(device))
 
-    def local(self, rows: Rows, chosen: Tensor) -> tuple[Tensor, Tensor]:
-        """Garments (B, N, 3) and seeds (B, S, 3) of rows, as the maps hold them."""
-        transforms = rows.transforms[chosen]
-        turn, origin = turns(self.config, transforms), transforms[:, :1, :, 3]
-        return (rows.vertices[chosen] - origin) @ turn, (rows.seeds.points[chosen] - origin) @ turn
-
     def codes(self, space: ShapeSpace, rows: Rows, chosen: Tensor) -> Tensor:
         """Z* of simulated garments: (B, Z)."""
-        vertices, seeds = self.local(rows, chosen)
-        return space.encoder(shape_features(space, self.maps, vertices, seeds))
+        seen = (rows.vertices[chosen], rows.offsets[chosen], rows.seeds.points[chosen])
+        return space.encoder(shape_features(space, self.maps, *seen))
 
     def shape_error(self, vertices: Tensor, truth: Tensor) -> Tensor:
         """L_rec: mean absolute error of vertices, and of their Laplacian."""
@@ -262,7 +273,7 @@ class DynamicsObjective(ShapeObjective):
     def __init__(self, material: Material, space: ShapeSpace) -> None:
         super().__init__(material)
         self.space = space.eval().requires_grad_(False)
-        self.past = material.rows.vertices.clone()
+        self.past, self.past_offsets = material.rows.vertices.clone(), material.rows.offsets.clone()
         with torch.no_grad():
             self.codes = torch.cat(
                 [
@@ -273,31 +284,27 @@ class DynamicsObjective(ShapeObjective):
 
     def networks(self) -> dict[str, nn.Module]:
         net = self.material.config.dynamics()
-        rows, fps = self.material.rows, self.material.fps
-        chosen = rows.samples[::4]
-        velocity = (rows.vertices[chosen - 1] - rows.vertices[chosen - 2]) * fps
-        before = (rows.vertices[chosen - 2] - rows.vertices[chosen - 3]) * fps
-        scales = [velocity.std((0, 1)), ((velocity - before) * fps).std((0, 1))]
-        net.motion_scale.copy_(torch.cat(scales).clamp(min=1e-3)[:, None, None])
+        material = self.material
+        seen = [
+            motion_values(material.config.carried, material.maps, self._situation(material.rows, chosen))
+            for chosen in material.rows.samples[::8].split(CHUNK)
+        ]
+        scale = torch.cat(seen).square().mean((0, 1)).sqrt()
+        net.motion_scale.copy_(scale.clamp(min=1e-3)[:, None, None])
         return {"net": net}
 
     def to(self, device: torch.device) -> None:
         super().to(device)
         self.space.to(device)
-        self.past, self.codes = self.past.to(device), self.codes.to(device)
+        self.past, self.past_offsets = self.past.to(device), self.past_offsets.to(device)
+        self.codes = self.codes.to(device)
 
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
         material, losses, net = self.material, self.material.losses, networks["net"]
-        back = torch.arange(1, MEMORY + 1, device=rows.device)
-        features, change = situation_features(
-            self.space,
-            net,
-            material.maps,
-            self._situation(material.rows, self.past[rows[:, None] - back], rows),
-            material.config.sigma,
-        )
+        seen = self._situation(material.rows, rows, (self.past, self.past_offsets))
+        features, change = situation_features(self.space, net, material.maps, seen, material.config.sigma)
         if losses.still:
             features = torch.cat([features, features])
             change = torch.cat([change, torch.zeros_like(change)])
@@ -309,6 +316,9 @@ class DynamicsObjective(ShapeObjective):
         posed = posed_shape(self.space, material.maps, resting, material.rows.seeds[wanted])
         if losses.past == "own":
             self.past[rows] = posed[: len(rows)].detach()
+            self.past_offsets[rows] = carried_offsets(
+                material.maps, self.past[rows], material.rows.transforms[rows]
+            )
         truth = material.rows.vertices[wanted]
         parts = {
             "shape": (posed - truth).abs().mean(),
@@ -317,14 +327,20 @@ class DynamicsObjective(ShapeObjective):
         }
         yield "net", torch.stack(list(parts.values())).sum(), parts
 
-    def _situation(self, rows: Rows, before: Tensor, chosen: Tensor) -> Situation:
-        transforms = rows.transforms[chosen]
+    def _situation(self, rows: Rows, chosen: Tensor, past: tuple[Tensor, Tensor] | None = None) -> Situation:
+        """What comes before the chosen rows (B,); past: the garments (R, N, 3), where not as simulated."""
+        vertices, offsets = past or (rows.vertices, rows.offsets)
+        back = chosen[:, None] - torch.arange(1, MEMORY + 1, device=chosen.device)
+        return self._after(rows, chosen, vertices[back], offsets[back])
+
+    def _after(self, rows: Rows, chosen: Tensor, before: Tensor, offsets: Tensor) -> Situation:
+        now = chosen[:, None] - torch.arange(MEMORY, device=chosen.device)
         return Situation(
             before=before,
+            offsets=offsets,
+            transforms=rows.transforms[now],
             seeds_before=rows.seeds[chosen - 1],
             seeds=rows.seeds[chosen],
-            turn=turns(self.material.config, transforms),
-            origin=rows.transforms[chosen - 1][:, 0, :, 3],
             fps=self.material.fps,
         )
 
@@ -334,18 +350,19 @@ class DynamicsObjective(ShapeObjective):
         net.eval()
         material, held = self.material, self.material.held
         starts, counts = held.starts.unique(return_counts=True)
-        back = torch.arange(MEMORY - 1, -1, -1, device=starts.device)
-        before = held.vertices[starts[:, None] + back]
+        first = self._situation(held, starts + MEMORY)
+        before, offsets = first.before, first.offsets
         errors = []
         for frame in range(MEMORY, min(ROLLED, int(counts.min()))):
             chosen = starts + frame
-            features, change = situation_features(
-                self.space, net, material.maps, self._situation(held, before, chosen), material.config.sigma
-            )
-            resting = rest_shape(self.space, material.maps, net(features, change))
+            seen = self._after(held, chosen, before, offsets)
+            features, change = situation_features(self.space, net, material.maps, seen, material.config.sigma)
+            resting = rest_shape(self.space, material.maps, net(features, change), material.sample)
             posed = posed_shape(self.space, material.maps, resting, held.seeds[chosen])
-            before = torch.cat([posed[:, None], before[:, :-1]], dim=1)
             errors.append((posed - held.vertices[chosen]).norm(dim=2).mean(1) * 1000.0)
+            moved = carried_offsets(material.maps, posed, held.transforms[chosen])
+            before = torch.cat([posed[:, None], before[:, :-1]], dim=1)
+            offsets = torch.cat([moved[:, None], offsets[:, :-1]], dim=1)
         net.train()
         return {"mean": float(torch.cat(errors).mean())}
 
@@ -364,6 +381,7 @@ class DynamicsObjective(ShapeObjective):
     def remember(self, memory: Mapping[str, Tensor]) -> None:
         if self.material.losses.past == "own":
             self.past.copy_(memory["past"])
+            self.past_offsets = offsets_of(self.material.maps, self.past, self.material.rows.transforms)
 
 
 def _regular(codes: Tensor) -> Tensor:

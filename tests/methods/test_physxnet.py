@@ -7,13 +7,12 @@ from rasterize.errors import InputError
 from tests.train.simulated import swaying
 from train.prepare import make
 from uvcloth.bodies.body import load_body
-from uvcloth.bodies.frames import body_frames, with_lead
+from uvcloth.bodies.frames import GRAVITY, body_frames, with_lead
 from uvcloth.checkpoint import load_checkpoint, save_checkpoint
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import wear
 from uvcloth.methods.correspondence import carry, rotate
 from uvcloth.methods.physxnet import (
-    GRAVITY,
     PRESETS,
     garment_vertices,
     load_physxnet,

@@ -11,6 +11,9 @@ from uvcloth.skinning import skin
 HISTORY = 3
 """Frames that a method sees of the body: k-2, k-1 and k (PhysXNet section 3.1)."""
 
+GRAVITY = (0.0, 0.0, -9.81)
+"""m/s2, Z up."""
+
 LEAD = HISTORY + 1
 """Frames before the first one that are needed to difference its history twice."""
 

@@ -63,7 +63,8 @@ class Encoder(nn.Module):
 class ShapeSpace(nn.Module):
     """The generative space (section 4.2): positions -> features -> code, and code -> displacements at rest.
 
-    widths: channels of the encoder's levels; the decoder mirrors them and enlarges once more.
+    widths: channels of the encoder's levels; the decoder mirrors them and enlarges once more. carried: the
+    encoder sees offsets from the smoothly skinned garment, not positions relative to every seed.
     """
 
     def __init__(
@@ -78,13 +79,15 @@ class ShapeSpace(nn.Module):
         layers: int,
         norm: str,
         upsample: str,
+        carried: bool,
     ) -> None:
         super().__init__()
-        self.relative = RelativePositions(seeds, width)
+        self.carried = carried
+        self.first = nn.Conv2d(3, width, 3, padding=1) if carried else RelativePositions(seeds, width)
         self.stem = _stem(width, stem, norm)
         self.encoder = Encoder(width, widths, latent, norm)
         deeper = widths[::-1]
-        self.first = nn.Linear(latent, 4 * deeper[0])
+        self.unfold = nn.Linear(latent, 4 * deeper[0])
         self.decoder = nn.Sequential(
             *(
                 _block(upsampling(upsample, before, after), after, norm)
@@ -107,16 +110,20 @@ class ShapeSpace(nn.Module):
         """Radius of each body part's kernels (parts,), m."""
         return self.log_radii.exp()
 
-    def features(self, positions: Tensor, mask: Tensor, seeds: Tensor) -> Tensor:
-        """S(M^P): positions (B, 3, H, W), mask (1, 1, H, W), seeds (B, S, 3) -> (B, width, H, W)."""
-        return self.stem(self.relative(positions, mask, seeds))
+    def features(self, *maps: Tensor) -> Tensor:
+        """S(M^P): (B, width, H, W), of what the first convolution sees.
+
+        Offsets from the carrier (B, 3, H, W) in metres; or, as published, positions (B, 3, H, W), the charts'
+        mask (1, 1, H, W) and seeds (B, S, 3).
+        """
+        return self.stem(self.first(maps[0] / REACH) if self.carried else self.first(*maps))
 
     def decode(self, codes: Tensor, sample: Callable[[Tensor], Tensor], places: Tensor) -> Tensor:
         """Codes (B, Z) -> displacements (B, N, 3) in the local frames at rest, m.
 
         sample: reads decoded maps (B, 4 H W, C) at the vertices: (B, N, C). places: (N, P) encoded UVs.
         """
-        maps = self.decoder(self.first(codes).unflatten(1, (-1, 2, 2)))
+        maps = self.decoder(self.unfold(codes).unflatten(1, (-1, 2, 2)))
         seen = sample(maps.flatten(2).transpose(1, 2))
         return REACH * self.vertex(torch.cat([seen, places.expand(len(codes), -1, -1)], dim=2))
 
@@ -127,17 +134,25 @@ class Dynamics(nn.Module):
     motion_scale: Tensor
 
     def __init__(
-        self, *, seeds: int, width: int, widths: tuple[int, ...], stem: int, latent: int, norm: str
+        self,
+        *,
+        motion: int,
+        seeds: int,
+        width: int,
+        widths: tuple[int, ...],
+        stem: int,
+        latent: int,
+        norm: str,
     ) -> None:
         super().__init__()
-        self.motion = nn.Conv2d(6, width, 3, padding=1)
+        self.motion = nn.Conv2d(motion, width, 3, padding=1)
         self.forces = SeedForces(seeds, width)
         self.stem = _stem(width, stem, norm)
         self.encoder = Encoder(2 * width, widths, latent, norm)
-        self.register_buffer("motion_scale", torch.ones(6, 1, 1))
+        self.register_buffer("motion_scale", torch.ones(motion, 1, 1))
 
     def change(self, motion: Tensor, forces: Tensor, normals: Tensor, pixels: Tensor) -> Tensor:
-        """E_t of velocity and acceleration (B, 6, H, W), forces (B, P, S) and normals (B, S, 3)."""
+        """E_t of velocities and accelerations (B, C, H, W), forces (B, P, S) and normals (B, S, 3)."""
         pushed = self.forces(forces, normals, pixels, motion.shape[-1])
         return self.stem(self.motion(motion / self.motion_scale) + pushed)
 

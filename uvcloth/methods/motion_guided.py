@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,11 +17,11 @@ from rasterize.errors import InputError
 from rasterize.layout import Layout, unwrap
 from rasterize.texels import Texels, rasterize_layout
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.frames import BodyFrames
+from uvcloth.bodies.frames import GRAVITY, BodyFrames
 from uvcloth.checkpoint import Checkpoint, body_identity
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.mesh import Mesh, vertex_normals
-from uvcloth.methods.correspondence import gather, rotate
+from uvcloth.methods.correspondence import carry, gather, rotate, rotate_back
 from uvcloth.methods.descriptor import contact_forces
 from uvcloth.methods.latent import Dynamics, ShapeSpace, uv_encoding
 from uvcloth.methods.seeds import PosedSeeds, Seeds, kernel_skin, pose_seeds, sample_seeds
@@ -59,8 +59,10 @@ class MotionGuidedConfig:
     """Seed points on the body."""
     near: int = 64
     """Of them, those nearest at rest that may move a vertex (paper: all)."""
-    heading: bool = True
-    """Maps hold vectors in axes that turn with the body's heading (paper: the world's)."""
+    carried: bool = True
+    """What is encoded: offsets from the smoothly skinned garment, in axes that it carries along, their change
+    and the motion of that garment; else positions relative to every seed and the garment's own motion, along
+    the world's axes (paper)."""
     contact: bool = True
     """The next frame sees the garment after contact; else as it was predicted."""
     sigma: float = 0.04
@@ -89,11 +91,13 @@ class MotionGuidedConfig:
             layers=self.layers,
             norm=self.norm,
             upsample=self.upsample,
+            carried=self.carried,
         )
 
     def dynamics(self) -> Dynamics:
         """The second stage, untrained."""
         return Dynamics(
+            motion=12 if self.carried else 6,
             seeds=self.seeds,
             width=self.width,
             widths=self.widths,
@@ -119,7 +123,7 @@ PRESETS: dict[str, MotionGuidedConfig] = {
         norm="instance",
         upsample="transposed",
         near=581,
-        heading=False,
+        carried=False,
     ),
     "tiny": MotionGuidedConfig(size=8, width=8, hidden=16, seeds=61, near=16),
 }
@@ -131,7 +135,7 @@ class GarmentMaps:
 
     sheet: its P texels. corners, shares: (P, 3) vertices around each. mask: (1, 1, H, W). points: (N, 3) m at
     rest; axes: (N, 3, 3) local frames there. pixels, samples: (N, K) of the decoded map, and their shares.
-    places: (N, C) encoded texture coordinates. near: (N, K) seeds. seeds: on the body.
+    places: (N, C) encoded texture coordinates. near: (N, K) of the seeds. carrier_weights: (N, J).
     """
 
     sheet: Texels
@@ -144,6 +148,7 @@ class GarmentMaps:
     places: Tensor
     near: Tensor
     seeds: Seeds
+    carrier_weights: Tensor
 
     def positions(self, vertices: Tensor) -> Tensor:
         """Values of garment vertices (B, N, 3) at the texels: (B, P, 3)."""
@@ -180,6 +185,7 @@ def garment_maps(config: MotionGuidedConfig, garment: Garment, body: Body) -> Ga
         places=uv_encoding(uvs[face_uvs[face, corner]]),
         near=near.indices,
         seeds=seeds,
+        carrier_weights=garment.carrier_weights,
     )
 
 
@@ -206,43 +212,66 @@ def _a_corner_of_each(mesh: Mesh) -> tuple[Tensor, Tensor]:
     return corner // 3, corner % 3
 
 
-def headings(transforms: Tensor) -> Tensor:
-    """Rotations about Z (B, 3, 3) that turn the rest pose as the root joint of (B, J, 3, 4) is turned."""
-    forward = transforms[:, 0, :, 1]
-    angle = torch.atan2(-forward[:, 0], forward[:, 1])
-    cosine, sine, zero = angle.cos(), angle.sin(), 0.0 * angle
-    one = zero + 1.0
-    rows = [cosine, -sine, zero, sine, cosine, zero, zero, zero, one]
-    return torch.stack(rows, dim=1).view(-1, 3, 3)
-
-
 @dataclass(frozen=True)
 class Situation:
-    """What stage two sees of B frames, in the axes of `turn` and metres around `origin`.
+    """What comes before the next garment, of B frames.
 
-    before: (B, MEMORY, N, 3) the garments before, newest first. seeds_before, seeds: the body then and now.
-    turn: (B, 3, 3). origin: (B, 3). fps: frames per second.
+    before: (B, MEMORY, N, 3) m, world, the garments before, newest first; offsets: the same, as offsets from
+    their carriers. transforms: (B, MEMORY, J, 3, 4) of the body, now first. seeds_before, seeds: the body
+    then and now. fps: frames per second.
     """
 
     before: Tensor
+    offsets: Tensor
+    transforms: Tensor
     seeds_before: PosedSeeds
     seeds: PosedSeeds
-    turn: Tensor
-    origin: Tensor
     fps: float
 
-    def local(self, points: Tensor) -> Tensor:
-        """World points (B, N, 3) as the maps hold them."""
-        return (points - self.origin[:, None]) @ self.turn
 
-    def local_vectors(self, vectors: Tensor) -> Tensor:
-        """World vectors (B, N, 3) as the maps hold them."""
-        return vectors @ self.turn
+def carried_offsets(maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> Tensor:
+    """Garments (B, N, 3) m as offsets from the smoothly skinned garment, in axes that it carries along."""
+    origins, frames = carry(maps.points, maps.carrier_weights, transforms)
+    return rotate_back(frames, vertices - origins)
 
 
-def shape_features(space: ShapeSpace, maps: GarmentMaps, vertices: Tensor, seeds: Tensor) -> Tensor:
-    """S(M^P) of garments (B, N, 3) beside seeds (B, S, 3), both local: (B, width, H, W)."""
-    return space.features(maps.map(maps.positions(vertices)), maps.mask, seeds)
+def shape_features(
+    space: ShapeSpace, maps: GarmentMaps, vertices: Tensor, offsets: Tensor, seeds: Tensor
+) -> Tensor:
+    """S(M^P) of garments (B, N, 3) m, world, and as offsets, beside seeds (B, S, 3): (B, width, H, W)."""
+    if space.carried:
+        return space.features(maps.map(maps.positions(offsets)))
+    middle = seeds.mean(1, keepdim=True)
+    return space.features(maps.map(maps.positions(vertices - middle)), maps.mask, seeds - middle)
+
+
+def motion_values(carried: bool, maps: GarmentMaps, seen: Situation) -> Tensor:
+    """What moves, of every vertex (B, N, C), m/s and m/s2: C = 6 as published, the garment's own motion.
+
+    Carried, C = 12: the changes of its offsets, and the carrier's velocity and specific force, in the axes
+    that it carries along.
+    """
+    past = seen.offsets if carried else seen.before
+    velocity = (past[:, :-1] - past[:, 1:]) * seen.fps
+    own = [velocity[:, 0], (velocity[:, 0] - velocity[:, 1]) * seen.fps]
+    if not carried:
+        return torch.cat(own, dim=2)
+    now, frames = carry(maps.points, maps.carrier_weights, seen.transforms[:, 0])
+    before, earlier = (skin(maps.points, maps.carrier_weights, seen.transforms[:, k]) for k in (1, 2))
+    velocity = (now - before) * seen.fps
+    force = (velocity - (before - earlier) * seen.fps) * seen.fps - now.new_tensor(GRAVITY)
+    return torch.cat([*own, rotate_back(frames, velocity), rotate_back(frames, force)], dim=2)
+
+
+def situation_features(
+    space: ShapeSpace, dynamics: Dynamics, maps: GarmentMaps, seen: Situation, sigma: float
+) -> tuple[Tensor, Tensor]:
+    """S(M^P_{t-1}) and E_t."""
+    last, before = seen.before[:, 0], seen.seeds_before.points
+    features = shape_features(space, maps, last, seen.offsets[:, 0], before)
+    motion = maps.map(maps.positions(motion_values(space.carried, maps, seen)))
+    forces = contact_forces(maps.positions(last), before, seen.seeds.points, seen.seeds.normals, sigma)
+    return features, dynamics.change(motion, forces, seen.seeds.normals, maps.sheet.pixels)
 
 
 def rest_shape(
@@ -261,28 +290,29 @@ def posed_shape(space: ShapeSpace, maps: GarmentMaps, resting: Tensor, posed: Po
     return kernel_skin(resting, maps.near, space.radii, maps.seeds, posed)
 
 
-def situation_features(
-    space: ShapeSpace, dynamics: Dynamics, maps: GarmentMaps, seen: Situation, sigma: float
-) -> tuple[Tensor, Tensor]:
-    """S(M^P_{t-1}) and E_t."""
-    last = seen.local(seen.before[:, 0])
-    seeds_before = seen.local(seen.seeds_before.points)
-    features = shape_features(space, maps, last, seeds_before)
-    velocity = (seen.before[:, :-1] - seen.before[:, 1:]) * seen.fps
-    acceleration = (velocity[:, 0] - velocity[:, 1]) * seen.fps
-    motion = torch.cat([seen.local_vectors(velocity[:, 0]), seen.local_vectors(acceleration)], dim=2)
-    normals = seen.local_vectors(seen.seeds.normals)
-    forces = contact_forces(maps.positions(last), seeds_before, seen.local(seen.seeds.points), normals, sigma)
-    change = dynamics.change(maps.map(maps.positions(motion)), forces, normals, maps.sheet.pixels)
-    return features, change
-
-
 @dataclass(frozen=True)
 class Rolling:
-    """A garment on its way. maps: as the networks see it. before: (1, MEMORY, N, 3) m, newest first."""
+    """A garment on its way.
+
+    maps: as the networks see it. before, offsets: (1, MEMORY, N, 3) m, as in Situation. transforms:
+    (1, J, 3, 4) of the newest.
+    """
 
     maps: GarmentMaps
     before: Tensor
+    offsets: Tensor
+    transforms: Tensor
+
+    def moved(self, vertices: Tensor, transforms: Tensor, drop: int) -> "Rolling":
+        """With a newest garment (1, N, 3) more, and one fewer at place `drop`."""
+        kept = [place for place in range(MEMORY) if place != drop]
+        offsets = carried_offsets(self.maps, vertices, transforms)
+        return Rolling(
+            self.maps,
+            torch.cat([vertices[:, None], self.before[:, kept]], dim=1),
+            torch.cat([offsets[:, None], self.offsets[:, kept]], dim=1),
+            transforms,
+        )
 
 
 @dataclass(frozen=True)
@@ -306,52 +336,49 @@ class MotionGuided:
                     f"garment {garment.name}: the model is for template {self.config.garment!r}, "
                     f"this is one of {garment.template!r}"
                 )
-        return tuple(self._hang(garment, outfit.body, frames) for garment in outfit.garments)
-
-    def _hang(self, garment: Garment, body: Body, frames: BodyFrames) -> Rolling:
-        still = skin(garment.mesh.vertices, garment.carrier_weights, frames.transforms[:1, 0])
-        return Rolling(garment_maps(self.config, garment, body), still[:, None].repeat(1, MEMORY, 1, 1))
+        transforms = frames.transforms[:1, 0]
+        hanging = []
+        for garment in outfit.garments:
+            maps = garment_maps(self.config, garment, outfit.body)
+            still = skin(maps.points, maps.carrier_weights, transforms)[:, None].repeat(1, MEMORY, 1, 1)
+            hanging.append(Rolling(maps, still, torch.zeros_like(still), transforms))
+        return tuple(hanging)
 
     @torch.no_grad()
-    def step(self, state: tuple[Rolling, ...], frames: BodyFrames) -> tuple[Any, tuple[Tensor, ...]]:
+    def step(
+        self, state: tuple[Rolling, ...], frames: BodyFrames
+    ) -> tuple[tuple[Rolling, ...], tuple[Tensor, ...]]:
         """The next garments (1, N, 3), m, from the last ones."""
-        moved = tuple(self._next(worn, frames) for worn in state)
+        garments = tuple(self._next(worn, frames) for worn in state)
+        transforms = frames.transforms[:, -1]
         following = tuple(
-            replace(worn, before=torch.cat([vertices[:, None], worn.before[:, :-1]], dim=1))
-            for worn, vertices in zip(state, moved, strict=True)
+            worn.moved(vertices, transforms, drop=MEMORY - 1)
+            for worn, vertices in zip(state, garments, strict=True)
         )
-        return following, moved
+        return following, garments
 
     def observe(self, state: tuple[Rolling, ...], garments: tuple[Tensor, ...]) -> tuple[Rolling, ...]:
         """Go on from the garments as they were after contact, unless the config says otherwise."""
         if not self.config.contact:
             return state
         return tuple(
-            replace(worn, before=torch.cat([vertices[None, None], worn.before[:, 1:]], dim=1))
+            worn.moved(vertices[None], worn.transforms, drop=0)
             for worn, vertices in zip(state, garments, strict=True)
         )
 
     def _next(self, worn: Rolling, frames: BodyFrames) -> Tensor:
-        transforms = frames.transforms
-        seeds = pose_seeds(worn.maps.seeds, transforms[0, -2:])
+        seeds = pose_seeds(worn.maps.seeds, frames.transforms[0, -2:])
         seen = Situation(
             before=worn.before,
+            offsets=worn.offsets,
+            transforms=frames.transforms.flip(1),
             seeds_before=seeds[:1],
             seeds=seeds[1:],
-            turn=turns(self.config, transforms[:, -1]),
-            origin=transforms[:, -2, 0, :, 3],
             fps=frames.fps,
         )
         features, change = situation_features(self.space, self.dynamics, worn.maps, seen, self.config.sigma)
         codes = self.dynamics(features, change)
         return posed_shape(self.space, worn.maps, rest_shape(self.space, worn.maps, codes), seen.seeds)
-
-
-def turns(config: MotionGuidedConfig, transforms: Tensor) -> Tensor:
-    """The axes (B, 3, 3) of the maps at joint transforms (B, J, 3, 4)."""
-    if config.heading:
-        return headings(transforms)
-    return torch.eye(3, device=transforms.device).expand(len(transforms), 3, 3)
 
 
 class Both(nn.Module):

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from rasterize.bake import scatter_map
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.frames import HISTORY, BodyFrames
+from uvcloth.bodies.frames import GRAVITY, HISTORY, BodyFrames
 from uvcloth.checkpoint import Checkpoint, body_identity
 from uvcloth.garments.garment import Outfit
 from uvcloth.mesh import Mesh
@@ -31,9 +31,6 @@ from uvcloth.methods.correspondence import (
     worn_on,
 )
 from uvcloth.methods.unet import UNet
-
-GRAVITY = (0.0, 0.0, -9.81)
-"""m/s2, Z up."""
 
 
 @dataclass(frozen=True)
