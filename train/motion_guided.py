@@ -58,6 +58,8 @@ class MotionGuidedLosses:
     """Edge lengths of shapes decoded from random codes."""
     inside: float = 100.0
     """Depth of rest shapes, seen and random, in the body at rest."""
+    settled: float = 0.02
+    """Metres of error below which these two set in, to their full weight at none."""
     regular: float = 0.001
     """Distance of the mean square of codes from 1."""
     code: float = 0.01
@@ -212,7 +214,12 @@ class ShapeObjective:
         return self.material.rows.samples
 
     def networks(self) -> dict[str, nn.Module]:
-        return {"net": self.material.config.shape_space()}
+        material, net = self.material, self.material.config.shape_space()
+        offsets = material.rows.offsets[material.rows.samples[::4]]
+        seen = material.maps.map(material.maps.positions(offsets))
+        net.shift.copy_(seen.mean(0))
+        net.scale.copy_((seen - net.shift).std().clamp(min=1e-3))
+        return {"net": net}
 
     def to(self, device: torch.device) -> None:
         self.material.to(device)
@@ -227,10 +234,13 @@ class ShapeObjective:
         resting = rest_shape(space, material.maps, torch.cat([codes, random]), material.sample)
         posed = posed_shape(space, material.maps, resting[: len(rows)], material.rows.seeds[rows])
         lengths = material.edges(resting[len(rows) :]).norm(dim=2)
+        shape = material.shape_error(posed, material.rows.vertices[rows])
+        # From the start, they would teach the decoder to ignore its codes.
+        settled = (1.0 - shape.detach() / losses.settled).clamp(min=0.0)
         parts = {
-            "shape": material.shape_error(posed, material.rows.vertices[rows]),
-            "random": losses.random * (lengths - material.lengths).abs().mean(),
-            "inside": losses.inside * material.depth(resting),
+            "shape": shape,
+            "random": settled * losses.random * (lengths - material.lengths).abs().mean(),
+            "inside": settled * losses.inside * material.depth(resting),
             "regular": losses.regular * _regular(codes),
         }
         yield "net", torch.stack(list(parts.values())).sum(), parts

@@ -64,8 +64,12 @@ class ShapeSpace(nn.Module):
     """The generative space (section 4.2): positions -> features -> code, and code -> displacements at rest.
 
     widths: channels of the encoder's levels; the decoder mirrors them and enlarges once more. carried: the
-    encoder sees offsets from the smoothly skinned garment, not positions relative to every seed.
+    encoder sees offsets from the smoothly skinned garment, less their mean (shift) and as shares of their
+    deviation (scale), not positions relative to every seed.
     """
+
+    shift: Tensor
+    scale: Tensor
 
     def __init__(
         self,
@@ -80,9 +84,12 @@ class ShapeSpace(nn.Module):
         norm: str,
         upsample: str,
         carried: bool,
+        size: int,
     ) -> None:
         super().__init__()
         self.carried = carried
+        self.register_buffer("shift", torch.zeros(3, size, size))
+        self.register_buffer("scale", torch.ones(()))
         self.first = nn.Conv2d(3, width, 3, padding=1) if carried else RelativePositions(seeds, width)
         self.stem = _stem(width, stem, norm)
         self.encoder = Encoder(width, widths, latent, norm)
@@ -116,7 +123,9 @@ class ShapeSpace(nn.Module):
         Offsets from the carrier (B, 3, H, W) in metres; or, as published, positions (B, 3, H, W), the charts'
         mask (1, 1, H, W) and seeds (B, S, 3).
         """
-        return self.stem(self.first(maps[0] / REACH) if self.carried else self.first(*maps))
+        return self.stem(
+            self.first((maps[0] - self.shift) / self.scale) if self.carried else self.first(*maps)
+        )
 
     def decode(self, codes: Tensor, sample: Callable[[Tensor], Tensor], places: Tensor) -> Tensor:
         """Codes (B, Z) -> displacements (B, N, 3) in the local frames at rest, m.

@@ -51,8 +51,8 @@ class MotionGuidedConfig:
     """Width of the perceptron that displaces vertices."""
     layers: int = 4
     """Its layers (paper: 6)."""
-    norm: Literal["batch", "group", "instance"] = "group"
-    """Normalization layers (paper: instance)."""
+    norm: Literal["batch", "group", "instance"] = "instance"
+    """Normalization layers."""
     upsample: Literal["transposed", "resize"] = "resize"
     """How the decoder enlarges (paper: transposed)."""
     seeds: int = 581
@@ -92,6 +92,7 @@ class MotionGuidedConfig:
             norm=self.norm,
             upsample=self.upsample,
             carried=self.carried,
+            size=self.size,
         )
 
     def dynamics(self) -> Dynamics:
