@@ -145,7 +145,7 @@ class Rollout:
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     contact: bool = True
-    """Move vertices that are inside the body out of it."""
+    """Move vertices out of the body and give edges their rest length back."""
 
     def run(self) -> None:
         if not self.garment or not self.out:
