@@ -22,7 +22,7 @@ from uvcloth.methods.motion_guided import (
     rest_shape,
 )
 from uvcloth.methods.registry import load_method
-from uvcloth.methods.seeds import PARTS, kernel_skin, pose_seeds, sample_seeds
+from uvcloth.methods.seeds import PARTS, kernel_skin, nearest_kernels, pose_seeds, sample_seeds
 from uvcloth.rollout import rollout
 
 TINY = PRESETS["tiny"]
@@ -57,11 +57,11 @@ def test_kernel_skinning_follows_its_equation(body, maps):
     posed = pose_seeds(maps.seeds, transforms)
     radii = torch.linspace(0.04, 0.08, len(PARTS))
     points = maps.points[::400].expand(5, -1, -1)
-    near = maps.near[::400]
-    got = kernel_skin(points, near, radii, maps.seeds, posed)
+    kernels = nearest_kernels(maps.points[::400], maps.seeds, TINY.near)
+    got = kernel_skin(points, kernels, radii, maps.seeds, posed)
     for frame in (0, 3):
         for vertex in range(points.shape[1]):
-            chosen = near[vertex]
+            chosen = kernels.seeds[vertex]
             radius = radii[maps.seeds.parts[chosen]]
             apart = (points[frame, vertex] - maps.seeds.points[chosen]).norm(dim=1)
             shares = torch.exp(-(apart**2) / (2 * radius**2))
@@ -78,7 +78,9 @@ def test_a_rigid_motion_carries_the_garment_exactly(body, maps):
     rigid = torch.cat([turn, torch.tensor([[1.0], [2.0], [3.0]])], dim=1)
     transforms = rigid.expand(1, len(body.skeleton.names), 3, 4)
     radii = torch.full((len(PARTS),), 0.05)
-    moved = kernel_skin(maps.points[None], maps.near, radii, maps.seeds, pose_seeds(maps.seeds, transforms))
+    moved = kernel_skin(
+        maps.points[None], maps.kernels, radii, maps.seeds, pose_seeds(maps.seeds, transforms)
+    )
     torch.testing.assert_close(moved[0], maps.points @ turn.T + rigid[:, 3], atol=1e-5, rtol=0)
 
 

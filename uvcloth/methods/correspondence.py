@@ -173,6 +173,22 @@ def gather(values: Tensor, indices: Tensor, shares: Tensor) -> Tensor:
     return total
 
 
+def weighted_rows(values: Tensor, indices: Tensor, shares: Tensor) -> Tensor:
+    """Weighted sums of rows: values (B, V, C), indices (N, K), shares (N, K) or (B, N, K) -> (B, N, C).
+
+    One pass for many rows each, where `gather` makes one per column; gradients for the shares are fast.
+    """
+    batch, rows, channels = values.shape
+    first = rows * torch.arange(batch, device=values.device)[:, None, None]
+    picked = torch.nn.functional.embedding_bag(
+        (indices + first).flatten(0, 1),
+        values.reshape(-1, channels),
+        per_sample_weights=shares.expand(batch, *indices.shape).flatten(0, 1),
+        mode="sum",
+    )
+    return picked.view(batch, len(indices), channels)
+
+
 def carry(points: Tensor, weights: Tensor, transforms: Tensor) -> tuple[Tensor, Tensor]:
     """Skinned points (B, N, 3) and frames (B, N, 3, 3) whose columns are the rest axes turned along."""
     blended = blend_transforms(weights, transforms)

@@ -42,6 +42,8 @@ class SeedForces(SeedKernel):
     def forward(self, forces: Tensor, normals: Tensor, pixels: Tensor, size: int) -> Tensor:
         """Forces (B, P, S) on the texels at pixels (P,); normals (B, S, 3) -> (B, C, size, size)."""
         batch, outputs = len(forces), len(self.weight)
+        pushed = torch.nonzero(forces.detach().amax((0, 2))).squeeze(1)
+        forces, pixels = forces[:, pushed], pixels[pushed]
         # A tap reads its neighbour: seen from that texel, it writes to the other side.
         taps = torch.einsum("osat,bsa->bsot", self.weight.flip(-1), normals).flatten(2)
         written = forces.new_zeros(batch, outputs * TAPS**2, size * size)

@@ -21,10 +21,18 @@ from uvcloth.bodies.frames import GRAVITY, BodyFrames
 from uvcloth.checkpoint import Checkpoint, body_identity
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.mesh import Mesh, vertex_normals
-from uvcloth.methods.correspondence import carry, gather, rotate, rotate_back
+from uvcloth.methods.correspondence import carry, gather, rotate, rotate_back, weighted_rows
 from uvcloth.methods.descriptor import contact_forces
 from uvcloth.methods.latent import Dynamics, ShapeSpace, uv_encoding
-from uvcloth.methods.seeds import PosedSeeds, Seeds, kernel_skin, pose_seeds, sample_seeds
+from uvcloth.methods.seeds import (
+    Kernels,
+    PosedSeeds,
+    Seeds,
+    kernel_skin,
+    nearest_kernels,
+    pose_seeds,
+    sample_seeds,
+)
 from uvcloth.skinning import skin
 
 MEMORY = 3
@@ -134,9 +142,9 @@ PRESETS: dict[str, MotionGuidedConfig] = {
 class GarmentMaps:
     """A garment at rest on a body, as the networks see it: fixed from frame to frame.
 
-    sheet: its P texels. corners, shares: (P, 3) vertices around each. mask: (1, 1, H, W). points: (N, 3) m at
-    rest; axes: (N, 3, 3) local frames there. pixels, samples: (N, K) of the decoded map, and their shares.
-    places: (N, C) encoded texture coordinates. near: (N, K) of the seeds. carrier_weights: (N, J).
+    sheet: its P texels. corners: (P, 3) vertices around each. mask: (1, 1, H, W). points: (N, 3) m at rest;
+    axes: (N, 3, 3) local frames there. pixels, shares: (N, K) samples of the decoded map. places: (N, C)
+    encoded texture coordinates. kernels: of the seeds near each vertex. carrier_weights: (N, J).
     """
 
     sheet: Texels
@@ -147,7 +155,7 @@ class GarmentMaps:
     pixels: Tensor
     shares: Tensor
     places: Tensor
-    near: Tensor
+    kernels: Kernels
     seeds: Seeds
     carrier_weights: Tensor
 
@@ -157,7 +165,7 @@ class GarmentMaps:
 
     def sample(self, decoded: Tensor) -> Tensor:
         """Values of decoded maps (B, 4 H W, C) at the vertices: (B, N, C)."""
-        return gather(decoded, self.pixels, self.shares)
+        return weighted_rows(decoded, self.pixels, self.shares)
 
     def map(self, values: Tensor) -> Tensor:
         """Texel values (B, P, C) as maps (B, C, H, W), zero off the charts."""
@@ -174,7 +182,6 @@ def garment_maps(config: MotionGuidedConfig, garment: Garment, body: Body) -> Ga
     face, corner = _a_corner_of_each(mesh)
     at_vertex = torch.nn.functional.one_hot(corner, 3).float()
     sampler = sample_points(layout, fine, mesh.faces, face, at_vertex)
-    near = torch.cdist(mesh.vertices, seeds.points).topk(min(config.near, config.seeds), largest=False)
     return GarmentMaps(
         sheet=sheet,
         corners=mesh.faces[sheet.face],
@@ -184,7 +191,7 @@ def garment_maps(config: MotionGuidedConfig, garment: Garment, body: Body) -> Ga
         pixels=sampler.pixels,
         shares=sampler.weights,
         places=uv_encoding(uvs[face_uvs[face, corner]]),
-        near=near.indices,
+        kernels=nearest_kernels(mesh.vertices, seeds, config.near),
         seeds=seeds,
         carrier_weights=garment.carrier_weights,
     )
@@ -288,7 +295,7 @@ def rest_shape(
 
 def posed_shape(space: ShapeSpace, maps: GarmentMaps, resting: Tensor, posed: PosedSeeds) -> Tensor:
     """Skin rest-space garments (B, N, 3) to the posed body: (B, N, 3), m, world."""
-    return kernel_skin(resting, maps.near, space.radii, maps.seeds, posed)
+    return kernel_skin(resting, maps.kernels, space.radii, maps.seeds, posed)
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """Seed points on a body, and the Gaussian kernels around them that skin a garment (Motion-guided)."""
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -7,7 +8,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.mesh import vertex_normals
-from uvcloth.methods.correspondence import body_texels, carry
+from uvcloth.methods.correspondence import body_texels, carry, rotate, weighted_rows
 
 PARTS = ("torso", "upper_arm", "forearm", "thigh", "calf")
 """Body parts whose seeds share a kernel radius; the others count as what they are attached to."""
@@ -43,7 +44,7 @@ class PosedSeeds:
 
 def sample_seeds(body: Body, count: int) -> Seeds:
     """Seeds that lie regularly in the body's UV layout: the texels of a coarse sheet, evenly thinned."""
-    size = 2
+    size = math.isqrt(count)
     texels = body_texels(body, size)
     while len(texels.points) < count:
         size += 1
@@ -64,16 +65,30 @@ def pose_seeds(seeds: Seeds, transforms: Tensor) -> PosedSeeds:
     return PosedSeeds(points, (rotations @ seeds.normals[..., None]).squeeze(-1), rotations)
 
 
-def kernel_skin(points: Tensor, near: Tensor, radii: Tensor, seeds: Seeds, posed: PosedSeeds) -> Tensor:
+@dataclass(frozen=True)
+class Kernels:
+    """The K seeds that may move each of N points. seeds: (N, K) int64. points: (N, 3, K) m. parts: (N, K)."""
+
+    seeds: Tensor
+    points: Tensor
+    parts: Tensor
+
+
+def nearest_kernels(points: Tensor, seeds: Seeds, count: int) -> Kernels:
+    """The seeds nearest to points (N, 3) at rest."""
+    near = torch.cdist(points, seeds.points).topk(min(count, len(seeds.points)), largest=False).indices
+    return Kernels(near, seeds.points[near].transpose(1, 2).contiguous(), seeds.parts[near])
+
+
+def kernel_skin(points: Tensor, kernels: Kernels, radii: Tensor, seeds: Seeds, posed: PosedSeeds) -> Tensor:
     """Skin points (B, N, 3) in the rest space, m, by the nearness of seeds there (eq. 1): (B, N, 3), m.
 
-    near: (N, K) int64, the seeds that may move a point. radii: (parts,) of the kernels, m.
+    radii: (parts,) of the kernels, m.
     """
-    apart = (points[:, :, None] - seeds.points[near]).square().sum(-1)
-    weights = torch.softmax(-apart / (2.0 * radii[seeds.parts][near].square()), dim=-1)
-    shares = weights.new_zeros(*weights.shape[:2], len(seeds.points))
-    shares = shares.scatter(2, near.expand_as(weights), weights)
+    along = (points.transpose(0, 1) @ kernels.points).transpose(0, 1)
+    apart = points.square().sum(-1, keepdim=True) - 2.0 * along + kernels.points.square().sum(1)
+    weights = torch.softmax(-apart / (2.0 * radii[kernels.parts].square()), dim=-1)
     moves = posed.points - (posed.rotations @ seeds.points[..., None]).squeeze(-1)
-    blended = shares @ torch.cat([posed.rotations.flatten(2), moves], dim=2)
-    turned = (blended[..., :9].unflatten(-1, (3, 3)) * points[:, :, None]).sum(-1)
-    return turned + blended[..., 9:]
+    transforms = torch.cat([posed.rotations.flatten(2), moves], dim=2)
+    blended = weighted_rows(transforms, kernels.seeds, weights)
+    return rotate(blended[..., :9].unflatten(-1, (3, 3)), points) + blended[..., 9:]
