@@ -3,13 +3,12 @@
 PYTHONPATH=. python benchmarks/posing.py [--batch 32]
 """
 
-import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
 import tyro
 
+from benchmarks.timing import fastest
 from uvcloth.bodies.anny import DEFAULT_PHENOTYPE, rig
 from uvcloth.bodies.body import load_body
 from uvcloth.motion.library import load_clip
@@ -24,16 +23,6 @@ class Options:
     """Frames at once."""
     rounds: int = 7
     """Measurements of each; the fastest counts."""
-
-
-def fastest(run: Callable[[], object], rounds: int) -> float:
-    run()
-    times = []
-    for _ in range(rounds):
-        begun = time.perf_counter()
-        run()
-        times.append(time.perf_counter() - begun)
-    return min(times)
 
 
 def main() -> None:
