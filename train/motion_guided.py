@@ -18,7 +18,7 @@ from train.recordings import Recording, frames_of, hold_out, load_recordings
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.checkpoint import load_checkpoint, save_checkpoint
 from uvcloth.garments.templates import wear
-from uvcloth.mesh import neighbour_average, unique_edges
+from uvcloth.mesh import laplacian, unique_edges
 from uvcloth.methods.correspondence import to_device
 from uvcloth.methods.latent import ShapeSpace
 from uvcloth.methods.motion_guided import (
@@ -168,7 +168,8 @@ class Material:
         count = len(garment.mesh.vertices)
         self.edges = differences(edges, count)
         self.lengths = (garment.mesh.vertices[edges[:, 0]] - garment.mesh.vertices[edges[:, 1]]).norm(dim=1)
-        self.laplacian = _laplacian(garment.mesh.faces, count)
+        smooth = laplacian(garment.mesh.faces, count)
+        self.laplacian = Operator(smooth.to_sparse_csr(), smooth.t().to_sparse_csr())
         self.sample = sampling(self.maps.pixels, self.maps.shares, 4 * config.size**2)
         self.skin = BodySurface(self.body.mesh.vertices, self.body.mesh.faces)
         Console().print(
@@ -397,14 +398,6 @@ class DynamicsObjective(ShapeObjective):
 def _regular(codes: Tensor) -> Tensor:
     """L_reg of codes (B, Z)."""
     return (codes.square().mean(1) - 1.0).abs().mean()
-
-
-def _laplacian(faces: Tensor, count: int) -> Operator:
-    """Each vertex minus the mean of its neighbours."""
-    here = torch.arange(count).expand(2, -1)
-    identity = torch.sparse_coo_tensor(here, torch.ones(count), check_invariants=False)
-    matrix = (identity - neighbour_average(faces, count)).coalesce()
-    return Operator(matrix.to_sparse_csr(), matrix.t().to_sparse_csr())
 
 
 def load_shape_space(folder: Path, config: MotionGuidedConfig) -> ShapeSpace:

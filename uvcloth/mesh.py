@@ -88,6 +88,13 @@ def neighbour_average(faces: Tensor, count: int) -> Tensor:
     return matrix.coalesce()
 
 
+def laplacian(faces: Tensor, count: int) -> Tensor:
+    """Sparse (count, count) matrix that takes the mean of a vertex's neighbours from it (uniform weights)."""
+    here = torch.arange(count).expand(2, -1)
+    identity = torch.sparse_coo_tensor(here, torch.ones(count), (count, count), check_invariants=False)
+    return (identity - neighbour_average(faces, count)).coalesce()
+
+
 def weld(vertices: Tensor) -> Tensor:
     """For each vertex (or any row) the first at the same place, for meshes cut at UV seams: (V,) int64."""
     _, place = torch.unique(vertices, dim=0, return_inverse=True)

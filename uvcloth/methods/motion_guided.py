@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,22 +17,26 @@ from rasterize.errors import InputError
 from rasterize.layout import Layout, unwrap
 from rasterize.texels import Texels, rasterize_layout
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.frames import GRAVITY, BodyFrames
 from uvcloth.checkpoint import Checkpoint, body_identity
 from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.mesh import Mesh, vertex_normals
+from uvcloth.mesh import Mesh, laplacian, vertex_normals
 from uvcloth.methods.correspondence import carry, gather, rotate, rotate_back, weighted_rows
 from uvcloth.methods.descriptor import contact_forces
 from uvcloth.methods.latent import Dynamics, ShapeSpace, uv_encoding
+from uvcloth.methods.residual import Resolver
 from uvcloth.methods.seeds import (
     Kernels,
     PosedSeeds,
     Seeds,
     kernel_skin,
+    kernel_transforms,
     nearest_kernels,
     pose_seeds,
     sample_seeds,
 )
+from uvcloth.physics.contact import Obstacle
 from uvcloth.skinning import skin
 
 MEMORY = 3
@@ -73,6 +77,8 @@ class MotionGuidedConfig:
     the world's axes (paper)."""
     contact: bool = True
     """The next frame sees the garment after contact; else as it was predicted."""
+    residual: bool = False
+    """Collisions are resolved by a residual displacement map first (paper, section 5.1)."""
     sigma: float = 0.04
     """Metres within which a seed's plane pushes the garment."""
 
@@ -133,6 +139,7 @@ PRESETS: dict[str, MotionGuidedConfig] = {
         upsample="transposed",
         near=581,
         carried=False,
+        residual=True,
     ),
     "tiny": MotionGuidedConfig(size=8, width=8, hidden=16, seeds=61, near=16),
 }
@@ -303,23 +310,26 @@ class Rolling:
     """A garment on its way.
 
     maps: as the networks see it. before, offsets: (1, MEMORY, N, 3) m, as in Situation. transforms:
-    (1, J, 3, 4) of the newest.
+    (1, J, 3, 4) of the newest. resolver: where collisions are resolved by a map, and residual: that map,
+    (1, 4 H W, 3) m.
     """
 
     maps: GarmentMaps
     before: Tensor
     offsets: Tensor
     transforms: Tensor
+    residual: Tensor
+    resolver: Resolver | None = None
 
     def moved(self, vertices: Tensor, transforms: Tensor, drop: int) -> "Rolling":
         """With a newest garment (1, N, 3) more, and one fewer at place `drop`."""
         kept = [place for place in range(MEMORY) if place != drop]
         offsets = carried_offsets(self.maps, vertices, transforms)
-        return Rolling(
-            self.maps,
-            torch.cat([vertices[:, None], self.before[:, kept]], dim=1),
-            torch.cat([offsets[:, None], self.offsets[:, kept]], dim=1),
-            transforms,
+        return replace(
+            self,
+            before=torch.cat([vertices[:, None], self.before[:, kept]], dim=1),
+            offsets=torch.cat([offsets[:, None], self.offsets[:, kept]], dim=1),
+            transforms=transforms,
         )
 
 
@@ -349,21 +359,24 @@ class MotionGuided:
         for garment in outfit.garments:
             maps = garment_maps(self.config, garment, outfit.body)
             still = skin(maps.points, maps.carrier_weights, transforms)[:, None].repeat(1, MEMORY, 1, 1)
-            hanging.append(Rolling(maps, still, torch.zeros_like(still), transforms))
+            residual = torch.zeros(1, 4 * self.config.size**2, 3)
+            resolver = self._resolver(garment, outfit.body) if self.config.residual else None
+            hanging.append(Rolling(maps, still, torch.zeros_like(still), transforms, residual, resolver))
         return tuple(hanging)
+
+    def _resolver(self, garment: Garment, body: Body) -> Resolver:
+        obstacle = Obstacle(make_collider(body), body.mesh.vertices)
+        mesh = garment.mesh
+        worn = obstacle.dress(mesh.vertices, mesh.faces)
+        return Resolver(obstacle, worn, laplacian(mesh.faces, len(mesh.vertices)))
 
     @torch.no_grad()
     def step(
         self, state: tuple[Rolling, ...], frames: BodyFrames
     ) -> tuple[tuple[Rolling, ...], tuple[Tensor, ...]]:
         """The next garments (1, N, 3), m, from the last ones."""
-        garments = tuple(self._next(worn, frames) for worn in state)
-        transforms = frames.transforms[:, -1]
-        following = tuple(
-            worn.moved(vertices, transforms, drop=MEMORY - 1)
-            for worn, vertices in zip(state, garments, strict=True)
-        )
-        return following, garments
+        following = tuple(self._next(worn, frames) for worn in state)
+        return following, tuple(worn.before[:, 0] for worn in following)
 
     def observe(self, state: tuple[Rolling, ...], garments: tuple[Tensor, ...]) -> tuple[Rolling, ...]:
         """Go on from the garments as they were after contact, unless the config says otherwise."""
@@ -374,7 +387,7 @@ class MotionGuided:
             for worn, vertices in zip(state, garments, strict=True)
         )
 
-    def _next(self, worn: Rolling, frames: BodyFrames) -> Tensor:
+    def _next(self, worn: Rolling, frames: BodyFrames) -> Rolling:
         seeds = pose_seeds(worn.maps.seeds, frames.transforms[0, -2:])
         seen = Situation(
             before=worn.before,
@@ -385,8 +398,24 @@ class MotionGuided:
             fps=frames.fps,
         )
         features, change = situation_features(self.space, self.dynamics, worn.maps, seen, self.config.sigma)
-        codes = self.dynamics(features, change)
-        return posed_shape(self.space, worn.maps, rest_shape(self.space, worn.maps, codes), seen.seeds)
+        resting = rest_shape(self.space, worn.maps, self.dynamics(features, change))
+        vertices = posed_shape(self.space, worn.maps, resting, seen.seeds)
+        if worn.resolver:
+            vertices, residual = self._resolved(worn, worn.resolver, resting, seen.seeds, frames)
+            worn = replace(worn, residual=residual)
+        return worn.moved(vertices, frames.transforms[:, -1], drop=MEMORY - 1)
+
+    def _resolved(
+        self, worn: Rolling, resolver: Resolver, resting: Tensor, posed: PosedSeeds, frames: BodyFrames
+    ) -> tuple[Tensor, Tensor]:
+        """The posed garment (1, N, 3) moved out of the body by a residual map, and that map."""
+        maps = worn.maps
+        blended = kernel_transforms(resting, maps.kernels, self.space.radii, maps.seeds, posed)[0]
+        turns = blended[..., :3] @ maps.axes
+        vertices = rotate(blended[..., :3], resting[0]) + blended[..., 3]
+        resolver.obstacle.update(frames.vertices[0, -1])
+        vertices, residual = resolver.resolve(vertices, turns, maps.sample, worn.residual)
+        return vertices[None], residual
 
 
 class Both(nn.Module):

@@ -85,10 +85,17 @@ def kernel_skin(points: Tensor, kernels: Kernels, radii: Tensor, seeds: Seeds, p
 
     radii: (parts,) of the kernels, m.
     """
+    blended = kernel_transforms(points, kernels, radii, seeds, posed)
+    return rotate(blended[..., :3], points) + blended[..., 3]
+
+
+def kernel_transforms(
+    points: Tensor, kernels: Kernels, radii: Tensor, seeds: Seeds, posed: PosedSeeds
+) -> Tensor:
+    """The transforms (B, N, 3, 4) that `kernel_skin` applies to points (B, N, 3)."""
     along = (points.transpose(0, 1) @ kernels.points).transpose(0, 1)
     apart = points.square().sum(-1, keepdim=True) - 2.0 * along + kernels.points.square().sum(1)
     weights = torch.softmax(-apart / (2.0 * radii[kernels.parts].square()), dim=-1)
     moves = posed.points - (posed.rotations @ seeds.points[..., None]).squeeze(-1)
-    transforms = torch.cat([posed.rotations.flatten(2), moves], dim=2)
-    blended = weighted_rows(transforms, kernels.seeds, weights)
-    return rotate(blended[..., :9].unflatten(-1, (3, 3)), points) + blended[..., 9:]
+    transforms = torch.cat([posed.rotations, moves[..., None]], dim=3).flatten(2)
+    return weighted_rows(transforms, kernels.seeds, weights).unflatten(-1, (3, 4))

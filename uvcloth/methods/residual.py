@@ -1,0 +1,59 @@
+"""Collisions resolved by a residual displacement map, optimized frame by frame (Motion-guided, 5.1)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from uvcloth.physics.contact import Dressed, Obstacle
+
+STEPS = 50
+"""Optimizer steps in a frame, at most."""
+
+RATE = 1e-3
+"""Adam's learning rate, metres."""
+
+ENOUGH = 5e-6
+"""Metres of mean depth at which the optimization stops."""
+
+PUSH = 100.0
+"""Weight of the mean depth (lambda_3)."""
+
+RENEWED = 10
+"""Steps after which the nearest skin is looked up anew."""
+
+
+@dataclass(frozen=True)
+class Resolver:
+    """A garment among the closed parts of the body. laplacian: (N, N) sparse, of its vertices."""
+
+    obstacle: Obstacle
+    garment: Dressed
+    laplacian: Tensor
+
+    def resolve(
+        self, vertices: Tensor, turns: Tensor, sample: Callable[[Tensor], Tensor], residual: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Move a garment (N, 3) m out of the body; returns it and the residual map for the next frame.
+
+        turns: (N, 3, 3), how displacements in the local frames at rest move the posed vertices. sample: reads
+        maps (1, H W, 3) at the vertices. residual: (1, H W, 3) m, of the frame before.
+        """
+        with torch.enable_grad():
+            residual = residual.clone().requires_grad_()
+            optimizer = torch.optim.Adam([residual], lr=RATE)
+            for step in range(STEPS):
+                move = (turns @ sample(residual)[0][..., None]).squeeze(-1)
+                if step % RENEWED == 0:
+                    skin = self.obstacle.skin((vertices + move).detach(), self.garment)
+                depth = (skin.bounds - ((vertices + move) * skin.normals).sum(1)).clamp(min=0.0)
+                mean_depth = torch.where(skin.squeezed, 0.0, depth).mean()
+                if mean_depth < ENOUGH:
+                    break
+                loss = move.abs().mean() + (self.laplacian @ move).abs().mean() + PUSH * mean_depth
+                optimizer.zero_grad()
+                loss.backward()
+                optimizer.step()
+            move = (turns @ sample(residual)[0][..., None]).squeeze(-1)
+        return (vertices + move).detach(), residual.detach()
