@@ -12,6 +12,7 @@ from uvcloth.export.writer import FORMATS
 from uvcloth.mesh import Mesh
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.contact import Contacts
+from uvcloth.rollout import BrokenRolloutError
 
 FRAMES = 4
 
@@ -83,7 +84,20 @@ def test_a_file_that_cannot_be_written_keeps_the_others_away(scene, tmp_path, mo
         assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt(), InputError("a rollout left the finite numbers")])
+def test_a_rollout_that_stops_keeps_the_frames_before(scene, tmp_path, monkeypatch):
+    def stops(*arguments):
+        frames = scene.rollout(*arguments)
+        yield next(frames)
+        yield next(frames)
+        raise BrokenRolloutError("frame 2: garment tops is torn")
+
+    monkeypatch.setattr(animation, "rollout", stops)
+    with pytest.raises(InputError, match=r"frame 2: .* is torn; the 2 frames before it are in .*walk\.npz"):
+        animation.animate("lbs", "walk", ["tops"], [tmp_path / "walk.npz"])
+    assert len(load_animation(tmp_path / "walk.npz")) == 2
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), InputError("the disk is full")])
 def test_a_broken_rollout_leaves_nothing(scene, tmp_path, monkeypatch, error):
     def breaks(*arguments):
         frames = scene.rollout(*arguments)

@@ -8,7 +8,7 @@ from tests.small_body import small_body
 from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.mesh import Mesh
-from uvcloth.rollout import BATCH, rollout
+from uvcloth.rollout import BATCH, BrokenRolloutError, rollout
 from uvcloth.skinning import skin
 
 FPS = 30.0
@@ -111,6 +111,18 @@ class Exploding(Recorder):
     def step(self, garment, frames):
         garment, (vertices,) = super().step(garment, frames)
         return garment, (vertices / (len(self.seen) < 6),)
+
+
+@dataclass
+class Tearing(Recorder):
+    def step(self, garment, frames):
+        garment, (vertices,) = super().step(garment, frames)
+        return garment, (vertices * (9.0 if len(self.seen) == 4 else 1.0),)
+
+
+def test_a_method_that_tears_its_garment_is_stopped():
+    with pytest.raises(BrokenRolloutError, match=r"frame 3: garment shell is torn"):
+        list(rollout(Tearing(True), outfit(), falling(9), FPS, contact=False))
 
 
 def test_a_method_that_explodes_is_stopped_at_its_frame():

@@ -1,7 +1,7 @@
 """From a motion and garments to an animation file: what `uvcloth rollout` does."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.resources import files
@@ -11,6 +11,7 @@ from time import perf_counter
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.fit import fit
@@ -18,7 +19,7 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.templates import TEMPLATES, wear
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.library import load_clip
-from uvcloth.rollout import rollout
+from uvcloth.rollout import BrokenRolloutError, RolloutFrame, rollout
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,8 @@ def animate(
 
     model: a checkpoint folder, a baseline's name, or None for the model in the package. garments: template
     names or mesh files; contact keeps each out of the body, not out of the others. Raises InputError for bad
-    input or a full disk; then, as after Ctrl-C, writes nothing.
+    input or a full disk; then, as after Ctrl-C, writes nothing. Of a rollout that breaks the frames before are
+    kept, and an InputError says so.
     """
     console = Console(stderr=True)
     body = load_body(body_file)
@@ -80,7 +82,10 @@ def animate(
         writers = [stack.enter_context(open_writer(path, meshes, body, clip.fps)) for path in out]
         progress = stack.enter_context(_progress(console))
         task = progress.add_task(clip.name, total=len(clip), rate="")
-        for index, frame in enumerate(rollout(method, outfit, clip.transforms(), clip.fps, contact)):
+        stopped: list[BrokenRolloutError] = []
+        frames = 0
+        for frame in _until_stopped(rollout(method, outfit, clip.transforms(), clip.fps, contact), stopped):
+            frames += 1
             for stage, milliseconds in frame.milliseconds.items():
                 spent[stage] += milliseconds
             for found in frame.contacts:
@@ -90,13 +95,16 @@ def animate(
             for writer in writers:
                 writer.add(frame.vertices, frame.transforms)
             spent["writing"] += 1e3 * (perf_counter() - begun)
-            rate = (index + 1) / (perf_counter() - start)
+            rate = frames / (perf_counter() - start)
             progress.update(task, advance=1, rate=f"{rate:.1f} frames per second")
         begun = perf_counter()
         # Only when every file is whole may the first of them appear.
         for writer in writers:
             writer.finish()
     spent["writing"] += 1e3 * (perf_counter() - begun)
+    if stopped:
+        names = ", ".join(str(path) for writer in writers for path in writer.written)
+        raise InputError(f"{stopped[0]}; the {frames} frames before it are in {names}")
     vertices = len(clip) * sum(len(garment.mesh.vertices) for garment in outfit.garments)
     return Summary(
         written=tuple(path for writer in writers for path in writer.written),
@@ -106,6 +114,21 @@ def animate(
         inside_before=100.0 * inside["before"] / vertices if contact else None,
         inside_after=100.0 * inside["after"] / vertices if contact else None,
     )
+
+
+def _until_stopped(
+    frames: Iterator[RolloutFrame], stopped: list[BrokenRolloutError]
+) -> Iterator[RolloutFrame]:
+    """The frames of a rollout; what stopped it, if there were frames before, is put into a list."""
+    count = 0
+    try:
+        for frame in frames:
+            count += 1
+            yield frame
+    except BrokenRolloutError as error:
+        if not count:
+            raise
+        stopped.append(error)
 
 
 def _dress(name: str, body: Body, console: Console) -> Garment:

@@ -12,8 +12,12 @@ from rasterize.errors import InputError
 from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.frames import LEAD, BodyFrames, body_frames
 from uvcloth.garments.garment import Outfit
+from uvcloth.mesh import unique_edges
 from uvcloth.methods.method import Method
 from uvcloth.physics.contact import Contacts, Obstacle
+
+LONGEST, TORN = 4.0, 0.01
+"""A garment is torn when more than this share of its edges has more than so many times its rest length."""
 
 BATCH = 8
 """Frames that the body is posed for, and that a method without memory predicts, at once."""
@@ -43,11 +47,12 @@ def rollout(
     transforms: (J, 3, 4) of each frame in turn, a tensor or a stream. The body stands still before its first
     frame. With contact, vertices inside the body (forearms and hands left out, as in the simulations) are
     moved out of it after each frame and edges get their rest length back; a method that remembers may
-    observe that. Raises InputError naming the frame where a transform or a predicted vertex is not a finite
-    number.
+    observe that. Raises InputError naming the frame where a transform is not a finite number, BrokenRolloutError
+    where a prediction is not, or is torn.
     """
     state: Any = None
     resolver = _Contact(outfit) if contact else None
+    limits = _Limits(outfit)
     first = 0
     for frames, body_ms in _posed(outfit, transforms, fps):
         state = method.start(outfit, frames) if state is None else state
@@ -57,7 +62,7 @@ def rollout(
             network_ms = 1000.0 * (time.perf_counter() - begun) / len(part)
             for offset in range(len(part)):
                 raw = tuple(vertices[offset].contiguous() for vertices in garments)
-                _check(raw, outfit, first + offset)
+                limits.check(raw, first + offset)
                 frame = RolloutFrame(
                     index=first + offset,
                     raw=raw,
@@ -107,12 +112,35 @@ def _single(frames: BodyFrames) -> Iterator[BodyFrames]:
         )
 
 
-def _check(garments: tuple[Tensor, ...], outfit: Outfit, index: int) -> None:
-    for garment, vertices in zip(outfit.garments, garments, strict=True):
-        if not torch.isfinite(vertices).all():
-            raise InputError(
-                f"frame {index}: garment {garment.name} left the finite numbers; the rollout stopped"
-            )
+class BrokenRolloutError(InputError):
+    """A prediction that nothing can go on from; the frames before it are good."""
+
+
+class _Limits:
+    """What every prediction is held to: finite numbers, and edges that keep some likeness to rest."""
+
+    def __init__(self, outfit: Outfit) -> None:
+        self.names = [garment.name for garment in outfit.garments]
+        meshes = [garment.mesh for garment in outfit.garments]
+        self.edges = [unique_edges(mesh.faces).T for mesh in meshes]
+        self.lengths = [
+            (mesh.vertices[first] - mesh.vertices[second]).norm(dim=1)
+            for mesh, (first, second) in zip(meshes, self.edges, strict=True)
+        ]
+
+    def check(self, garments: tuple[Tensor, ...], index: int) -> None:
+        """Raises BrokenRolloutError naming frame and garment."""
+        for name, vertices, (first, second), lengths in zip(
+            self.names, garments, self.edges, self.lengths, strict=True
+        ):
+            if not torch.isfinite(vertices).all():
+                raise BrokenRolloutError(f"frame {index}: garment {name} left the finite numbers")
+            stretched = (vertices[first] - vertices[second]).norm(dim=1) > LONGEST * lengths
+            if stretched.float().mean() > TORN:
+                raise BrokenRolloutError(
+                    f"frame {index}: garment {name} is torn, {100 * stretched.float().mean():.0f} % of its "
+                    f"edges have more than {LONGEST:.0f} times their length"
+                )
 
 
 class _Contact:
