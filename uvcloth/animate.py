@@ -66,8 +66,8 @@ def animate(
 
     model: a checkpoint folder, a baseline's name, or None for the model in the package. garments: template
     names or mesh files; contact keeps each out of the body, not out of the others. Raises InputError for bad
-    input or a full disk; then, as after Ctrl-C, writes nothing. Of a rollout that breaks the frames before are
-    kept, and an InputError says so.
+    input or a full disk; then, as after Ctrl-C, writes nothing. Of a rollout that breaks the frames before it
+    are kept, and an InputError says so.
     """
     console = Console(stderr=True)
     body = load_body(body_file)

@@ -47,8 +47,8 @@ def rollout(
     transforms: (J, 3, 4) of each frame in turn, a tensor or a stream. The body stands still before its first
     frame. With contact, vertices inside the body (forearms and hands left out, as in the simulations) are
     moved out of it after each frame and edges get their rest length back; a method that remembers may
-    observe that. Raises InputError naming the frame where a transform is not a finite number, BrokenRolloutError
-    where a prediction is not, or is torn.
+    observe that. Raises InputError naming the frame where a transform is not a finite number, and
+    BrokenRolloutError where a prediction is not, or is torn.
     """
     state: Any = None
     resolver = _Contact(outfit) if contact else None
