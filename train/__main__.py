@@ -18,6 +18,7 @@ from train.motion_guided import LOOPS as MOTION_GUIDED_LOOPS
 from train.motion_guided import LOSSES as MOTION_GUIDED_LOSSES
 from train.motion_guided import (
     SHAPE,
+    SHAPE_LOOPS,
     DynamicsObjective,
     Material,
     MotionGuidedLosses,
@@ -118,7 +119,7 @@ def motion_guided_preset(name: str) -> dict[str, Any]:
         "network": network,
         "losses": MOTION_GUIDED_LOSSES[name],
         "loop": loop,
-        "shape": loop,
+        "shape": SHAPE_LOOPS[name],
     }
 
 

@@ -10,7 +10,9 @@ from rich.console import Console
 from rich.progress import track
 from torch import Tensor, nn
 
+from rasterize.bake import bake, scatter_map
 from rasterize.errors import InputError
+from rasterize.texels import rasterize_layout
 from train.loop import LoopConfig
 from train.operators import Operator, differences, sampling
 from train.prepare import check_rests
@@ -19,24 +21,32 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.checkpoint import load_checkpoint, save_checkpoint
 from uvcloth.garments.templates import wear
 from uvcloth.mesh import laplacian, unique_edges
-from uvcloth.methods.correspondence import to_device
-from uvcloth.methods.latent import ShapeSpace
+from uvcloth.methods.correspondence import rotate, rotate_back, to_device
+from uvcloth.methods.latent import REACH, LinearSpace
 from uvcloth.methods.motion_guided import (
     MEMORY,
     GarmentMaps,
     MotionGuidedConfig,
     Situation,
+    Space,
     carried_offsets,
     garment_maps,
     motion_guided_checkpoint,
     motion_values,
+    own_layout,
     posed_shape,
     rest_shape,
     shape_features,
     situation_features,
 )
-from uvcloth.methods.seeds import PosedSeeds, pose_seeds
+from uvcloth.methods.seeds import PosedSeeds, kernel_transforms, pose_seeds
 from uvcloth.physics.surface import BodySurface
+
+ROUNDS = 4
+"""Iterations that take a garment back to the rest space."""
+
+RIDGE = 1e-3
+"""Of the linear encoder, as a share of the mean square of what it sees."""
 
 CLEARANCE = 0.002
 """Metres that the rest shape should keep off the body at rest (epsilon of L_SDF)."""
@@ -82,7 +92,14 @@ LOOPS: dict[str, LoopConfig] = {
     "paper": LoopConfig(steps=30000, batch=4, learning_rate=1e-4, weight_decay=0.0, average=0.0),
     "tiny": LoopConfig(steps=8, batch=2, validate_every=4, average=0.9),
 }
-"""How long either stage is trained."""
+"""How long the dynamics are trained."""
+
+SHAPE_LOOPS: dict[str, LoopConfig] = {
+    "fast": LoopConfig(steps=200, learning_rate=1e-4, weight_decay=0.0, validate_every=50),
+    "paper": LOOPS["paper"],
+    "tiny": LOOPS["tiny"],
+}
+"""How long the space of shapes is trained; a linear one is fitted before."""
 
 LOSSES: dict[str, MotionGuidedLosses] = {
     "fast": MotionGuidedLosses(),
@@ -153,7 +170,7 @@ class Material:
         recordings = [
             r for r in load_recordings(data, (config.garment,), self.body) if config.garment in r.vertices
         ]
-        garment = wear(config.garment, self.body)
+        self.garment = garment = wear(config.garment, self.body)
         check_rests({config.garment: garment.mesh.vertices}, recordings, self.body)
         training, held = hold_out(recordings, losses.holdout, losses.validation)
         if not training:
@@ -185,10 +202,10 @@ class Material:
         self.lengths = self.lengths.to(device)
         self.skin = BodySurface(self.body.mesh.vertices.to(device), self.body.mesh.faces.to(device))
 
-    def codes(self, space: ShapeSpace, rows: Rows, chosen: Tensor) -> Tensor:
+    def codes(self, space: Space, rows: Rows, chosen: Tensor) -> Tensor:
         """Z* of simulated garments: (B, Z)."""
         seen = (rows.vertices[chosen], rows.offsets[chosen], rows.seeds.points[chosen])
-        return space.encoder(shape_features(space, self.maps, *seen))
+        return space.encode(shape_features(space, self.maps, *seen))
 
     def shape_error(self, vertices: Tensor, truth: Tensor) -> Tensor:
         """L_rec: mean absolute error of vertices, and of their Laplacian."""
@@ -220,6 +237,8 @@ class ShapeObjective:
         seen = material.maps.map(material.maps.positions(offsets))
         net.shift.copy_(seen.mean(0))
         net.scale.copy_((seen - net.shift).std().clamp(min=1e-3))
+        if isinstance(net, LinearSpace):
+            fit_linear(net, material)
         return {"net": net}
 
     def to(self, device: torch.device) -> None:
@@ -278,10 +297,63 @@ class ShapeObjective:
         pass
 
 
+def rest_displacements(space: Space, material: Material, chosen: Tensor) -> Tensor:
+    """Simulated garments of rows (B,) as displacements in the local frames at rest: (B, 3 N), m.
+
+    The kernels that take a vertex back depend on where it comes to lie: found by iteration.
+    """
+    maps, rows = material.maps, material.rows
+    resting = maps.points.expand(len(chosen), -1, -1)
+    for _ in range(ROUNDS):
+        blended = kernel_transforms(resting, maps.kernels, space.radii, maps.seeds, rows.seeds[chosen])
+        resting = rotate(torch.linalg.inv(blended[..., :3]), rows.vertices[chosen] - blended[..., 3])
+    return rotate_back(maps.axes, resting - maps.points).flatten(1)
+
+
+def decoded_maps(values: Tensor, material: Material) -> Tensor:
+    """Values at the vertices (B, N, 3) as maps that a decoder would give: (B, 4 H W 3)."""
+    mesh = material.garment.mesh
+    sheet = rasterize_layout(own_layout(mesh), 2 * material.config.size)
+    return scatter_map(bake(values, mesh.faces, sheet), sheet).flatten(2).transpose(1, 2).flatten(1)
+
+
+@torch.no_grad()
+def fit_linear(space: LinearSpace, material: Material) -> None:
+    """Fit encoder and decoder in closed form: principal components of the shapes, of unit variance.
+
+    Shapes are the simulated garments taken back to the rest space by the kernels there; the encoder is ridge
+    regression from the maps that it sees.
+    """
+    maps, rows, chosen = material.maps, material.rows, material.rows.samples
+    shapes = torch.cat([rest_displacements(space, material, part) for part in chosen.split(CHUNK)])
+    mean = shapes.mean(0)
+    torch.manual_seed(0)
+    latent = space.decoder.in_features
+    codes, scales, components = torch.pca_lowrank(shapes - mean, q=min(latent, len(shapes) - 1), center=False)
+    size = codes.std(0).clamp(min=1e-9)
+    directions = (components * (scales * size)).T
+    decoded = decoded_maps(torch.cat([directions, mean[None]]).unflatten(1, (-1, 3)), material) / REACH
+    space.decoder.weight.zero_()
+    space.decoder.weight.T[: len(directions)] = decoded[:-1]
+    space.decoder.bias.copy_(decoded[-1])
+    seen = torch.cat(
+        [
+            space.features(maps.map(maps.positions(rows.offsets[part]))).flatten(1)
+            for part in chosen.split(CHUNK)
+        ]
+    )
+    wanted = codes / size
+    gram = seen @ seen.T
+    ridge = RIDGE * gram.diagonal().mean() * torch.eye(len(gram))
+    space.code.weight.zero_()
+    space.code.bias.zero_()
+    space.code.weight[: wanted.shape[1]] = (seen.T @ torch.linalg.solve(gram + ridge, wanted)).T
+
+
 class DynamicsObjective(ShapeObjective):
     """Stage two: the dynamic encoder, the shape space being fixed."""
 
-    def __init__(self, material: Material, space: ShapeSpace) -> None:
+    def __init__(self, material: Material, space: Space) -> None:
         super().__init__(material)
         self.space = space.eval().requires_grad_(False)
         self.past, self.past_offsets = material.rows.vertices.clone(), material.rows.offsets.clone()
@@ -400,7 +472,7 @@ def _regular(codes: Tensor) -> Tensor:
     return (codes.square().mean(1) - 1.0).abs().mean()
 
 
-def load_shape_space(folder: Path, config: MotionGuidedConfig) -> ShapeSpace:
+def load_shape_space(folder: Path, config: MotionGuidedConfig) -> Space:
     """The space of shapes that the first stage saved. Raises InputError if it is of another config."""
     checkpoint = load_checkpoint(folder)
     space = config.shape_space()

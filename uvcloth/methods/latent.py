@@ -127,6 +127,10 @@ class ShapeSpace(nn.Module):
             self.first((maps[0] - self.shift) / self.scale) if self.carried else self.first(*maps)
         )
 
+    def encode(self, features: Tensor) -> Tensor:
+        """Features (B, width, H, W) -> codes (B, Z)."""
+        return self.encoder(features)
+
     def decode(self, codes: Tensor, sample: Callable[[Tensor], Tensor], places: Tensor) -> Tensor:
         """Codes (B, Z) -> displacements (B, N, 3) in the local frames at rest, m.
 
@@ -137,6 +141,42 @@ class ShapeSpace(nn.Module):
         return REACH * self.vertex(torch.cat([seen, places.expand(len(codes), -1, -1)], dim=2))
 
 
+class LinearSpace(nn.Module):
+    """A generative space without hidden layers: codes are principal components of the garment's shapes.
+
+    It sees and gives what a carried ShapeSpace does; maps of displacements stand in for features.
+    """
+
+    shift: Tensor
+    scale: Tensor
+    carried = True
+
+    def __init__(self, *, size: int, latent: int) -> None:
+        super().__init__()
+        self.register_buffer("shift", torch.zeros(3, size, size))
+        self.register_buffer("scale", torch.ones(()))
+        self.code = nn.Linear(3 * size**2, latent)
+        self.decoder = nn.Linear(latent, 3 * (2 * size) ** 2)
+        self.log_radii = nn.Parameter(torch.full((len(PARTS),), math.log(FIRST_RADIUS)))
+
+    @property
+    def radii(self) -> Tensor:
+        """Radius of each body part's kernels (parts,), m."""
+        return self.log_radii.exp()
+
+    def features(self, *maps: Tensor) -> Tensor:
+        """Offsets from the carrier (B, 3, H, W) m, centred and scaled."""
+        return (maps[0] - self.shift) / self.scale
+
+    def encode(self, features: Tensor) -> Tensor:
+        """Features (B, 3, H, W) -> codes (B, Z)."""
+        return self.code(features.flatten(1))
+
+    def decode(self, codes: Tensor, sample: Callable[[Tensor], Tensor], places: Tensor) -> Tensor:
+        """Codes (B, Z) -> displacements (B, N, 3) in the local frames at rest, m; see ShapeSpace.decode."""
+        return REACH * sample(self.decoder(codes).unflatten(1, (-1, 3)))
+
+
 class Dynamics(nn.Module):
     """The dynamic encoder (section 5): the previous garment, its motion and its contact -> the next code."""
 
@@ -145,6 +185,7 @@ class Dynamics(nn.Module):
     def __init__(
         self,
         *,
+        features: int,
         motion: int,
         seeds: int,
         width: int,
@@ -157,7 +198,7 @@ class Dynamics(nn.Module):
         self.motion = nn.Conv2d(motion, width, 3, padding=1)
         self.forces = SeedForces(seeds, width)
         self.stem = _stem(width, stem, norm)
-        self.encoder = Encoder(2 * width, widths, latent, norm)
+        self.encoder = Encoder(width + features, widths, latent, norm)
         self.register_buffer("motion_scale", torch.ones(motion, 1, 1))
 
     def change(self, motion: Tensor, forces: Tensor, normals: Tensor, pixels: Tensor) -> Tensor:

@@ -24,7 +24,7 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.mesh import Mesh, laplacian, vertex_normals
 from uvcloth.methods.correspondence import carry, gather, rotate, rotate_back, weighted_rows
 from uvcloth.methods.descriptor import contact_forces
-from uvcloth.methods.latent import Dynamics, ShapeSpace, uv_encoding
+from uvcloth.methods.latent import Dynamics, LinearSpace, ShapeSpace, uv_encoding
 from uvcloth.methods.residual import Resolver
 from uvcloth.methods.seeds import (
     Kernels,
@@ -38,6 +38,9 @@ from uvcloth.methods.seeds import (
 )
 from uvcloth.physics.contact import Obstacle
 from uvcloth.skinning import skin
+
+Space = ShapeSpace | LinearSpace
+"""Either kind of generative space."""
 
 MEMORY = 3
 """Garments that the state holds: the last one, and two more for its velocity and acceleration."""
@@ -57,6 +60,8 @@ class MotionGuidedConfig:
     """Convolutions at full size before the encoders (paper: 4 on the garment)."""
     motion_stem: int = 2
     """Convolutions at full size on motion and contact (paper: 6)."""
+    linear: bool = True
+    """The space of shapes is linear, fitted in closed form; else a convolutional autoencoder (paper)."""
     latent: int = 64
     """Length of a latent code."""
     hidden: int = 64
@@ -83,7 +88,9 @@ class MotionGuidedConfig:
     """Metres within which a seed's plane pushes the garment."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for maps that cannot be halved down to 2 x 2."""
+        """Raises InputError for maps that cannot be halved down to 2 x 2, or inputs that do not fit."""
+        if self.linear and not self.carried:
+            raise InputError("--no-carried: a linear space needs offsets from the carrier, add --no-linear")
         if self.size < 4 or self.size & (self.size - 1):
             raise InputError(f"--size {self.size}: has to be a power of two, 4 or more")
 
@@ -93,8 +100,10 @@ class MotionGuidedConfig:
         levels = int(math.log2(self.size)) - 1
         return tuple(self.width * min(2**level, 8) for level in range(levels))
 
-    def shape_space(self) -> ShapeSpace:
+    def shape_space(self) -> ShapeSpace | LinearSpace:
         """The first stage, untrained."""
+        if self.linear:
+            return LinearSpace(size=self.size, latent=self.latent)
         return ShapeSpace(
             seeds=self.seeds,
             width=self.width,
@@ -112,6 +121,7 @@ class MotionGuidedConfig:
     def dynamics(self) -> Dynamics:
         """The second stage, untrained."""
         return Dynamics(
+            features=3 if self.linear else self.width,
             motion=12 if self.carried else 6,
             seeds=self.seeds,
             width=self.width,
@@ -138,6 +148,7 @@ PRESETS: dict[str, MotionGuidedConfig] = {
         norm="instance",
         upsample="transposed",
         near=581,
+        linear=False,
         carried=False,
         residual=True,
     ),
@@ -182,8 +193,7 @@ class GarmentMaps:
 def garment_maps(config: MotionGuidedConfig, garment: Garment, body: Body) -> GarmentMaps:
     """Lay a garment out on its maps; one without texture coordinates is unwrapped first."""
     mesh = garment.mesh
-    uvs, face_uvs = (mesh.uvs, mesh.face_uvs) if len(mesh.uvs) else unwrap(mesh.vertices, mesh.faces)
-    layout = whole_layout(uvs, face_uvs)
+    layout = own_layout(mesh)
     sheet, fine = (rasterize_layout(layout, size) for size in (config.size, 2 * config.size))
     seeds = sample_seeds(body, config.seeds)
     face, corner = _a_corner_of_each(mesh)
@@ -197,15 +207,16 @@ def garment_maps(config: MotionGuidedConfig, garment: Garment, body: Body) -> Ga
         axes=local_axes(mesh),
         pixels=sampler.pixels,
         shares=sampler.weights,
-        places=uv_encoding(uvs[face_uvs[face, corner]]),
+        places=uv_encoding(layout.uvs[layout.face_uvs[face, corner]]),
         kernels=nearest_kernels(mesh.vertices, seeds, config.near),
         seeds=seeds,
         carrier_weights=garment.carrier_weights,
     )
 
 
-def whole_layout(uvs: Tensor, face_uvs: Tensor) -> Layout:
-    """A mesh's own texture coordinates as a layout of all of its faces."""
+def own_layout(mesh: Mesh) -> Layout:
+    """A mesh's own texture coordinates as a layout of all of its faces; unwrapped where it has none."""
+    uvs, face_uvs = (mesh.uvs, mesh.face_uvs) if len(mesh.uvs) else unwrap(mesh.vertices, mesh.faces)
     islands = face_components(face_uvs.numpy(), np.zeros(0, dtype=np.int64))
     return Layout(torch.arange(len(face_uvs)), uvs, face_uvs, torch.from_numpy(islands).long())
 
@@ -251,7 +262,7 @@ def carried_offsets(maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> 
 
 
 def shape_features(
-    space: ShapeSpace, maps: GarmentMaps, vertices: Tensor, offsets: Tensor, seeds: Tensor
+    space: Space, maps: GarmentMaps, vertices: Tensor, offsets: Tensor, seeds: Tensor
 ) -> Tensor:
     """S(M^P) of garments (B, N, 3) m, world, and as offsets, beside seeds (B, S, 3): (B, width, H, W)."""
     if space.carried:
@@ -279,7 +290,7 @@ def motion_values(carried: bool, maps: GarmentMaps, seen: Situation) -> Tensor:
 
 
 def situation_features(
-    space: ShapeSpace, dynamics: Dynamics, maps: GarmentMaps, seen: Situation, sigma: float
+    space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: Situation, sigma: float
 ) -> tuple[Tensor, Tensor]:
     """S(M^P_{t-1}) and E_t."""
     last, before = seen.before[:, 0], seen.seeds_before.points
@@ -290,7 +301,7 @@ def situation_features(
 
 
 def rest_shape(
-    space: ShapeSpace, maps: GarmentMaps, codes: Tensor, sample: Callable[[Tensor], Tensor] | None = None
+    space: Space, maps: GarmentMaps, codes: Tensor, sample: Callable[[Tensor], Tensor] | None = None
 ) -> Tensor:
     """Codes (B, Z) -> the garment in the rest space (B, N, 3), m.
 
@@ -300,7 +311,7 @@ def rest_shape(
     return maps.points + rotate(maps.axes, displaced)
 
 
-def posed_shape(space: ShapeSpace, maps: GarmentMaps, resting: Tensor, posed: PosedSeeds) -> Tensor:
+def posed_shape(space: Space, maps: GarmentMaps, resting: Tensor, posed: PosedSeeds) -> Tensor:
     """Skin rest-space garments (B, N, 3) to the posed body: (B, N, 3), m, world."""
     return kernel_skin(resting, maps.kernels, space.radii, maps.seeds, posed)
 
@@ -338,7 +349,7 @@ class MotionGuided:
     """A Method with memory: each garment of an outfit is rolled out by itself."""
 
     config: MotionGuidedConfig
-    space: ShapeSpace
+    space: Space
     dynamics: Dynamics
     name: str = "motion_guided"
     remembers: bool = True
