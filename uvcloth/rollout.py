@@ -62,7 +62,7 @@ def rollout(
             network_ms = 1000.0 * (time.perf_counter() - begun) / len(part)
             for offset in range(len(part)):
                 raw = tuple(vertices[offset].contiguous() for vertices in garments)
-                limits.check(raw, first + offset)
+                limits.finite(raw, first + offset)
                 frame = RolloutFrame(
                     index=first + offset,
                     raw=raw,
@@ -73,6 +73,7 @@ def rollout(
                 if resolver:
                     frame = resolver.resolve(frame, part.vertices[offset, -1])
                     state = method.observe(state, frame.vertices) if method.remembers else state
+                limits.whole(frame.vertices, frame.index)
                 yield frame
             first += len(part)
 
@@ -128,17 +129,21 @@ class _Limits:
             for mesh, (first, second) in zip(meshes, self.edges, strict=True)
         ]
 
-    def check(self, garments: tuple[Tensor, ...], index: int) -> None:
+    def finite(self, garments: tuple[Tensor, ...], index: int) -> None:
+        """Raises BrokenRolloutError naming frame and garment."""
+        for name, vertices in zip(self.names, garments, strict=True):
+            if not torch.isfinite(vertices).all():
+                raise BrokenRolloutError(f"frame {index}: garment {name} left the finite numbers")
+
+    def whole(self, garments: tuple[Tensor, ...], index: int) -> None:
         """Raises BrokenRolloutError naming frame and garment."""
         for name, vertices, (first, second), lengths in zip(
             self.names, garments, self.edges, self.lengths, strict=True
         ):
-            if not torch.isfinite(vertices).all():
-                raise BrokenRolloutError(f"frame {index}: garment {name} left the finite numbers")
-            stretched = (vertices[first] - vertices[second]).norm(dim=1) > LONGEST * lengths
-            if stretched.float().mean() > TORN:
+            long = (vertices[first] - vertices[second]).norm(dim=1) > LONGEST * lengths
+            if long.float().mean() > TORN:
                 raise BrokenRolloutError(
-                    f"frame {index}: garment {name} is torn, {100 * stretched.float().mean():.0f} % of its "
+                    f"frame {index}: garment {name} is torn, {100 * long.float().mean():.0f} % of its "
                     f"edges have more than {LONGEST:.0f} times their length"
                 )
 

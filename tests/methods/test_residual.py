@@ -36,7 +36,7 @@ def test_a_rollout_with_residual_maps_has_less_inside() -> None:
     torch.manual_seed(2)
     body = load_body()
     outfit, motion = Outfit(body, (wear("dress", body),)), swaying(3, seed=3).transforms()
-    plain = PRESETS["tiny"].create()
+    plain = replace(PRESETS["tiny"], linear=False).create()
     resolving = replace(plain, config=replace(plain.config, residual=True))
     inside = [
         sum(frame.contacts[0].inside_before for frame in rollout(method, outfit, motion, 30.0))
