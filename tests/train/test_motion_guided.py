@@ -22,7 +22,7 @@ from train.motion_guided import (
 )
 from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import load_tensors
-from uvcloth.methods.motion_guided import PRESETS
+from uvcloth.methods.motion_guided import PRESETS, posed_shape, rest_shape
 from uvcloth.methods.registry import load_method
 
 pytest.importorskip("lightning")
@@ -76,6 +76,18 @@ def test_the_second_stage_resumes_exactly(past: str, data: Path, tmp_path: Path)
     assert ("memory/past" in whole) == (past == "own")
     for name, tensor in whole.items():
         assert torch.equal(tensor, parts[name]), name
+
+
+def test_a_linear_space_holds_the_garments_it_was_fitted_to(data: Path) -> None:
+    seen = Material(replace(PRESETS["tiny"], size=32, near=64, seeds=581), LOSSES["tiny"], data)
+    space = ShapeObjective(seen).networks()["net"]
+    rows, chosen = seen.rows, seen.rows.samples
+    with torch.no_grad():
+        resting = rest_shape(space, seen.maps, seen.codes(space, rows, chosen))
+        posed = posed_shape(space, seen.maps, resting, rows.seeds[chosen])
+        undisplaced = posed_shape(space, seen.maps, seen.maps.points.expand_as(posed), rows.seeds[chosen])
+    wrong, before = ((v - rows.vertices[chosen]).norm(dim=2).mean() for v in (posed, undisplaced))
+    assert wrong < 0.3 * before
 
 
 def test_one_command_trains_both_stages(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

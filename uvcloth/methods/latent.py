@@ -46,7 +46,9 @@ def _stem(width: int, layers: int, norm: str) -> nn.Sequential:
 class Encoder(nn.Module):
     """Maps (B, C, H, W) -> latent codes (B, Z), halving the maps down to 2 x 2."""
 
-    def __init__(self, inputs: int, widths: tuple[int, ...], latent: int, norm: str) -> None:
+    def __init__(
+        self, inputs: int, widths: tuple[int, ...], latent: int, norm: str, dropout: float = 0.0
+    ) -> None:
         super().__init__()
         self.layers = nn.Sequential(
             *(
@@ -54,10 +56,11 @@ class Encoder(nn.Module):
                 for before, after in zip((inputs, *widths[:-1]), widths, strict=True)
             )
         )
+        self.dropout = nn.Dropout(dropout)
         self.code = nn.Linear(4 * widths[-1], latent)
 
     def forward(self, maps: Tensor) -> Tensor:
-        return self.code(self.layers(maps).flatten(1))
+        return self.code(self.dropout(self.layers(maps).flatten(1)))
 
 
 class ShapeSpace(nn.Module):
@@ -193,12 +196,13 @@ class Dynamics(nn.Module):
         stem: int,
         latent: int,
         norm: str,
+        dropout: float,
     ) -> None:
         super().__init__()
         self.motion = nn.Conv2d(motion, width, 3, padding=1)
         self.forces = SeedForces(seeds, width)
         self.stem = _stem(width, stem, norm)
-        self.encoder = Encoder(width + features, widths, latent, norm)
+        self.encoder = Encoder(width + features, widths, latent, norm, dropout)
         self.register_buffer("motion_scale", torch.ones(motion, 1, 1))
 
     def change(self, motion: Tensor, forces: Tensor, normals: Tensor, pixels: Tensor) -> Tensor:

@@ -70,6 +70,8 @@ class MotionGuidedConfig:
     """Its layers (paper: 6)."""
     norm: Literal["batch", "group", "instance"] = "instance"
     """Normalization layers."""
+    dropout: float = 0.4
+    """Share of what the dynamic encoder's last layer sees that training drops (paper: 0)."""
     upsample: Literal["transposed", "resize"] = "resize"
     """How the decoder enlarges (paper: transposed)."""
     seeds: int = 581
@@ -129,6 +131,7 @@ class MotionGuidedConfig:
             stem=self.motion_stem,
             latent=self.latent,
             norm=self.norm,
+            dropout=self.dropout,
         )
 
     def create(self) -> "MotionGuided":
@@ -146,6 +149,7 @@ PRESETS: dict[str, MotionGuidedConfig] = {
         hidden=128,
         layers=6,
         norm="instance",
+        dropout=0.0,
         upsample="transposed",
         near=581,
         linear=False,
