@@ -369,6 +369,8 @@ class MotionGuided:
                     f"garment {garment.name}: the model is for template {self.config.garment!r}, "
                     f"this is one of {garment.template!r}"
                 )
+        self.space.eval()
+        self.dynamics.eval()
         transforms = frames.transforms[:1, 0]
         hanging = []
         for garment in outfit.garments:
