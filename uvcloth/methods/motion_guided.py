@@ -124,7 +124,7 @@ class MotionGuidedConfig:
         """The second stage, untrained."""
         return Dynamics(
             features=3 if self.linear else self.width,
-            motion=9 if self.carried else 6,
+            motion=12 if self.carried else 6,
             seeds=self.seeds,
             width=self.width,
             widths=self.widths,
@@ -278,19 +278,19 @@ def shape_features(
 def motion_values(carried: bool, maps: GarmentMaps, seen: Situation) -> Tensor:
     """What moves, of every vertex (B, N, C), m/s and m/s2: C = 6 as published, the garment's own motion.
 
-    Carried, C = 9: the change of its offsets, and the carrier's velocity and specific force, in the axes that
-    it carries along. The offsets' second differences are left out: of own predictions, they are mostly noise.
+    Carried, C = 12: the changes of its offsets, and the carrier's velocity and specific force, in the axes
+    that it carries along.
     """
     past = seen.offsets if carried else seen.before
     velocity = (past[:, :-1] - past[:, 1:]) * seen.fps
+    own = [velocity[:, 0], (velocity[:, 0] - velocity[:, 1]) * seen.fps]
     if not carried:
-        return torch.cat([velocity[:, 0], (velocity[:, 0] - velocity[:, 1]) * seen.fps], dim=2)
-    change = velocity[:, 0]
+        return torch.cat(own, dim=2)
     now, frames = carry(maps.points, maps.carrier_weights, seen.transforms[:, 0])
     before, earlier = (skin(maps.points, maps.carrier_weights, seen.transforms[:, k]) for k in (1, 2))
     velocity = (now - before) * seen.fps
     force = (velocity - (before - earlier) * seen.fps) * seen.fps - now.new_tensor(GRAVITY)
-    return torch.cat([change, rotate_back(frames, velocity), rotate_back(frames, force)], dim=2)
+    return torch.cat([*own, rotate_back(frames, velocity), rotate_back(frames, force)], dim=2)
 
 
 def situation_features(
