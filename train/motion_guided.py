@@ -74,6 +74,8 @@ class MotionGuidedLosses:
     """Distance of the mean square of codes from 1."""
     code: float = 0.01
     """Error of the predicted codes (paper: 1, with errors of vertices summed)."""
+    steady: float = 1.0
+    """Error of the change since the frame before, beside that of the vertices: less jitter (paper: 0)."""
     still: bool = True
     """Train on the virtual sample too whose garment does not change: E_t = 0."""
     past: Literal["own", "true"] = "own"
@@ -103,7 +105,7 @@ SHAPE_LOOPS: dict[str, LoopConfig] = {
 
 LOSSES: dict[str, MotionGuidedLosses] = {
     "fast": MotionGuidedLosses(),
-    "paper": MotionGuidedLosses(past="true"),
+    "paper": MotionGuidedLosses(steady=0.0, past="true"),
     "tiny": MotionGuidedLosses(),
 }
 
@@ -397,17 +399,19 @@ class DynamicsObjective(ShapeObjective):
         codes = net(features, change)
         resting = rest_shape(self.space, material.maps, codes, material.sample)
         posed = posed_shape(self.space, material.maps, resting, material.rows.seeds[wanted])
+        before = self.past[rows - 1] - material.rows.vertices[rows - 1]
+        wrong = posed - material.rows.vertices[wanted]
+        parts = {
+            "shape": wrong.abs().mean(),
+            "steady": losses.steady * (wrong[: len(rows)] - before).abs().mean(),
+            "code": losses.code * (codes - self.codes[wanted]).abs().mean(),
+            "regular": losses.regular * _regular(codes),
+        }
         if losses.past == "own":
             self.past[rows] = posed[: len(rows)].detach()
             self.past_offsets[rows] = carried_offsets(
                 material.maps, self.past[rows], material.rows.transforms[rows]
             )
-        truth = material.rows.vertices[wanted]
-        parts = {
-            "shape": (posed - truth).abs().mean(),
-            "code": losses.code * (codes - self.codes[wanted]).abs().mean(),
-            "regular": losses.regular * _regular(codes),
-        }
         yield "net", torch.stack(list(parts.values())).sum(), parts
 
     def _situation(self, rows: Rows, chosen: Tensor, past: tuple[Tensor, Tensor] | None = None) -> Situation:
