@@ -67,7 +67,10 @@ def pose_seeds(seeds: Seeds, transforms: Tensor) -> PosedSeeds:
 
 @dataclass(frozen=True)
 class Kernels:
-    """The K seeds that may move each of N points. seeds: (N, K) int64. points: (N, 3, K) m. parts: (N, K)."""
+    """The K seeds that may move each of N points.
+
+    seeds: (N, K) int64. points: (N, 3, K) m. parts: (N, K, parts), one where a seed is of that part.
+    """
 
     seeds: Tensor
     points: Tensor
@@ -77,7 +80,8 @@ class Kernels:
 def nearest_kernels(points: Tensor, seeds: Seeds, count: int) -> Kernels:
     """The seeds nearest to points (N, 3) at rest."""
     near = torch.cdist(points, seeds.points).topk(min(count, len(seeds.points)), largest=False).indices
-    return Kernels(near, seeds.points[near].transpose(1, 2).contiguous(), seeds.parts[near])
+    parts = torch.nn.functional.one_hot(seeds.parts[near], len(PARTS)).float()
+    return Kernels(near, seeds.points[near].transpose(1, 2).contiguous(), parts)
 
 
 def kernel_skin(points: Tensor, kernels: Kernels, radii: Tensor, seeds: Seeds, posed: PosedSeeds) -> Tensor:
@@ -95,7 +99,8 @@ def kernel_transforms(
     """The transforms (B, N, 3, 4) that `kernel_skin` applies to points (B, N, 3)."""
     along = (points.transpose(0, 1) @ kernels.points).transpose(0, 1)
     apart = points.square().sum(-1, keepdim=True) - 2.0 * along + kernels.points.square().sum(1)
-    weights = torch.softmax(-apart / (2.0 * radii[kernels.parts].square()), dim=-1)
+    # A product, not a lookup: its gradient is summed in the same order every time.
+    weights = torch.softmax(-apart * (kernels.parts @ (0.5 / radii.square())), dim=-1)
     moves = posed.points - (posed.rotations @ seeds.points[..., None]).squeeze(-1)
     transforms = torch.cat([posed.rotations, moves[..., None]], dim=3).flatten(2)
     return weighted_rows(transforms, kernels.seeds, weights).unflatten(-1, (3, 4))
