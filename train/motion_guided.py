@@ -12,28 +12,26 @@ from torch import Tensor, nn
 
 from rasterize.bake import bake, scatter_map
 from rasterize.errors import InputError
-from rasterize.texels import rasterize_layout
 from train.loop import LoopConfig
 from train.operators import Operator, differences, sampling
 from train.prepare import check_rests
-from train.recordings import Recording, frames_of, hold_out, load_recordings
+from train.recordings import Holdout, Recording, frames_of, hold_out, load_recordings
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.checkpoint import load_checkpoint, save_checkpoint
 from uvcloth.garments.templates import wear
-from uvcloth.mesh import laplacian, unique_edges
+from uvcloth.mesh import edge_lengths, laplacian, unique_edges
 from uvcloth.methods.correspondence import rotate, rotate_back, to_device
-from uvcloth.methods.latent import REACH, LinearSpace
+from uvcloth.methods.latent import REACH, LinearSpace, Space
 from uvcloth.methods.motion_guided import (
     MEMORY,
     GarmentMaps,
     MotionGuidedConfig,
     Situation,
-    Space,
     carried_offsets,
     garment_maps,
     motion_guided_checkpoint,
     motion_values,
-    own_layout,
+    next_shape,
     posed_shape,
     rest_shape,
     shape_features,
@@ -59,7 +57,7 @@ ROLLED = 150
 
 
 @dataclass(frozen=True)
-class MotionGuidedLosses:
+class MotionGuidedLosses(Holdout):
     """Weights of the losses of both stages (sections 4.2 and 5), and how they are trained."""
 
     laplacian: float = 1.0
@@ -80,10 +78,6 @@ class MotionGuidedLosses:
     """Train on the virtual sample too whose garment does not change: E_t = 0."""
     past: Literal["own", "true"] = "own"
     """Histories in training: the network's latest predictions, or the simulation's (paper)."""
-    holdout: int = 8
-    """Every n-th clip validates and is not trained on."""
-    validation: tuple[str, ...] = ()
-    """The clips that do so, by name, instead."""
 
 
 SHAPE = "shape"
@@ -169,12 +163,10 @@ class Material:
         """Read the data. Raises InputError if it lacks the garment or is of another body."""
         self.config, self.losses = config, losses
         self.body = body or load_body()
-        recordings = [
-            r for r in load_recordings(data, (config.garment,), self.body) if config.garment in r.vertices
-        ]
+        recordings = load_recordings(data, (config.garment,), self.body)
         self.garment = garment = wear(config.garment, self.body)
         check_rests({config.garment: garment.mesh.vertices}, recordings, self.body)
-        training, held = hold_out(recordings, losses.holdout, losses.validation)
+        training, held = hold_out(recordings, losses)
         if not training:
             raise InputError(f"{data}: needs two clips of {config.garment} at least, one to validate with")
         self.files = {name: digest for r in recordings for name, digest in r.files.items()}
@@ -186,7 +178,7 @@ class Material:
         edges = unique_edges(garment.mesh.faces)
         count = len(garment.mesh.vertices)
         self.edges = differences(edges, count)
-        self.lengths = (garment.mesh.vertices[edges[:, 0]] - garment.mesh.vertices[edges[:, 1]]).norm(dim=1)
+        self.lengths = edge_lengths(garment.mesh.vertices, edges)
         smooth = laplacian(garment.mesh.faces, count)
         self.laplacian = Operator(smooth.to_sparse_csr(), smooth.t().to_sparse_csr())
         self.sample = sampling(self.maps.pixels, self.maps.shares, 4 * config.size**2)
@@ -281,8 +273,11 @@ class ShapeObjective:
         return {"mean": float(torch.cat(errors).mean())}
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
+        self._save({"space": net}, run, notes)
+
+    def _save(self, stages: dict[str, nn.Module], run: Path, notes: dict[str, Any]) -> None:
         material = self.material
-        tensors = {f"space.{name}": value for name, value in net.state_dict().items()}
+        tensors = {f"{s}.{name}": t for s, net in stages.items() for name, t in net.state_dict().items()}
         notes = {**notes, "validation_clips": material.held_clips}
         save_checkpoint(
             motion_guided_checkpoint(material.config, tensors, material.body, material.files, notes), run
@@ -314,9 +309,9 @@ def rest_displacements(space: Space, material: Material, chosen: Tensor) -> Tens
 
 def decoded_maps(values: Tensor, material: Material) -> Tensor:
     """Values at the vertices (B, N, 3) as maps that a decoder would give: (B, 4 H W 3)."""
-    mesh = material.garment.mesh
-    sheet = rasterize_layout(own_layout(mesh), 2 * material.config.size)
-    return scatter_map(bake(values, mesh.faces, sheet), sheet).flatten(2).transpose(1, 2).flatten(1)
+    sheet = material.maps.fine
+    baked = bake(values, material.garment.mesh.faces, sheet)
+    return scatter_map(baked, sheet).flatten(2).transpose(1, 2).flatten(1)
 
 
 @torch.no_grad()
@@ -327,7 +322,12 @@ def fit_linear(space: LinearSpace, material: Material) -> None:
     regression from the maps that it sees.
     """
     maps, rows, chosen = material.maps, material.rows, material.rows.samples
-    shapes = torch.cat([rest_displacements(space, material, part) for part in chosen.split(CHUNK)])
+    shapes = torch.cat(
+        [
+            rest_displacements(space, material, part)
+            for part in track(chosen.split(CHUNK), "shapes", transient=True)
+        ]
+    )
     mean = shapes.mean(0)
     torch.manual_seed(0)
     latent = space.decoder.in_features
@@ -363,7 +363,7 @@ class DynamicsObjective(ShapeObjective):
             self.codes = torch.cat(
                 [
                     material.codes(self.space, material.rows, chosen)
-                    for chosen in track(torch.arange(len(self.past)).split(16), "codes", transient=True)
+                    for chosen in track(torch.arange(len(self.past)).split(CHUNK), "codes", transient=True)
                 ]
             )
 
@@ -443,8 +443,7 @@ class DynamicsObjective(ShapeObjective):
         for frame in range(MEMORY, min(ROLLED, int(counts.min()))):
             chosen = starts + frame
             seen = self._after(held, chosen, before, offsets)
-            features, change = situation_features(self.space, net, material.maps, seen, material.config.sigma)
-            resting = rest_shape(self.space, material.maps, net(features, change), material.sample)
+            resting = next_shape(self.space, net, material.maps, seen, material.config.sigma)
             posed = posed_shape(self.space, material.maps, resting, held.seeds[chosen])
             errors.append((posed - held.vertices[chosen]).norm(dim=2).mean(1) * 1000.0)
             moved = carried_offsets(material.maps, posed, held.transforms[chosen])
@@ -454,13 +453,7 @@ class DynamicsObjective(ShapeObjective):
         return {"mean": float(torch.cat(errors).mean())}
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
-        material = self.material
-        tensors = {f"space.{name}": value for name, value in self.space.state_dict().items()}
-        tensors |= {f"dynamics.{name}": value for name, value in net.state_dict().items()}
-        notes = {**notes, "validation_clips": material.held_clips}
-        save_checkpoint(
-            motion_guided_checkpoint(material.config, tensors, material.body, material.files, notes), run
-        )
+        self._save({"space": self.space, "dynamics": net}, run, notes)
 
     def memory(self) -> dict[str, Tensor]:
         return {"past": self.past} if self.material.losses.past == "own" else {}

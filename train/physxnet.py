@@ -14,9 +14,10 @@ from train.frames import Frames, body_vertices, load_frames
 from train.operators import Operator, differences, sampling
 from train.patchgan import PatchGAN, discriminator_loss, generator_loss
 from train.prepare import Prepared, check_rests, prepare
-from train.recordings import Recording, frames_of, hold_out, load_recordings, stacked
+from train.recordings import Holdout, Recording, frames_of, hold_out, load_recordings, stacked
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.checkpoint import save_checkpoint
+from uvcloth.mesh import edge_lengths
 from uvcloth.methods.correspondence import to_device
 from uvcloth.methods.physxnet import (
     GarmentNet,
@@ -35,7 +36,7 @@ GEOMETRY_STRIDE = 4
 
 
 @dataclass(frozen=True)
-class Losses:
+class Losses(Holdout):
     """What the network is trained for, beside the L1 error of the normalized maps."""
 
     l1: float = 1.0
@@ -48,15 +49,6 @@ class Losses:
     """Train against a PatchGAN discriminator (paper)."""
     mirror: bool = True
     """Show half of the samples left-right mirrored."""
-    holdout: int = 8
-    """Every n-th clip validates and is not trained on."""
-    validation: tuple[str, ...] = ()
-    """The clips that do so, by name, instead."""
-
-    def __post_init__(self) -> None:
-        """Raises InputError if nothing would be left to train on."""
-        if self.holdout < 2:
-            raise InputError(f"--holdout {self.holdout}: has to be 2 or more")
 
 
 LOSSES: dict[str, Losses] = {
@@ -78,7 +70,7 @@ class PhysXNetObjective:
         recordings = load_recordings(data, config.templates, self.body)
         self.prepared = prepare(run, self.body, config.templates, config.size)
         check_rests({name: worn.points for name, worn in self.prepared.worn.items()}, recordings, self.body)
-        training, held = hold_out(recordings, losses.holdout, losses.validation)
+        training, held = hold_out(recordings, losses)
         for name in config.templates:
             if not any(name in r.vertices for r in training):
                 raise InputError(f"{data}: no training sequence of {name}; simulate some or set --templates")
@@ -197,8 +189,7 @@ class PhysXNetObjective:
         """How a template's texels become vertices, those edge vectors, and the edges' rest lengths, m."""
         worn, edges = self.prepared.worn[name], self.prepared.edges[name]
         sample = sampling(worn.samples, worn.shares, len(self.prepared.templates[name].texels))
-        rest = (worn.points[edges[:, 0]] - worn.points[edges[:, 1]]).norm(dim=1)
-        return sample, differences(edges, len(worn.points)), rest
+        return sample, differences(edges, len(worn.points)), edge_lengths(worn.points, edges)
 
     def _history(self, rows: Tensor) -> Tensor:
         """The latest predictions of the frames before: (B, history * templates * 3, H, W), oldest first."""

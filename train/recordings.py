@@ -78,18 +78,32 @@ def _recording(clip: str, sequences: dict[Path, Sequence]) -> Recording:
     )
 
 
-def hold_out(
-    recordings: list[Recording], every: int, named: List[str] = ()
-) -> tuple[list[Recording], list[Recording]]:
+@dataclass(frozen=True)
+class Holdout:
+    """Which clips validate."""
+
+    holdout: int = 8
+    """Every n-th clip validates and is not trained on."""
+    validation: tuple[str, ...] = ()
+    """The clips that do so, by name, instead."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError if nothing would be left to train on."""
+        if self.holdout < 2:
+            raise InputError(f"--holdout {self.holdout}: has to be 2 or more")
+
+
+def hold_out(recordings: list[Recording], chosen: Holdout) -> tuple[list[Recording], list[Recording]]:
     """Training and validation clips: the named, or every n-th, at least one where there are two or more.
 
     Raises InputError for a name that no clip has.
     """
     clips = [recording.clip for recording in recordings]
-    for name in named:
+    for name in chosen.validation:
         if name not in clips:
             raise InputError(f"--validation {name}: not a training clip, expected some of {', '.join(clips)}")
-    held = list(named) or clips[every - 1 :: every] or clips[1:][-1:]
+    every = chosen.holdout
+    held = list(chosen.validation) or clips[every - 1 :: every] or clips[1:][-1:]
     return [r for r in recordings if r.clip not in held], [r for r in recordings if r.clip in held]
 
 

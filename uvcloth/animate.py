@@ -1,7 +1,7 @@
 """From a motion and garments to an animation file: what `uvcloth rollout` does."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.resources import files
@@ -19,7 +19,7 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.templates import TEMPLATES, wear
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.library import load_clip
-from uvcloth.rollout import BrokenRolloutError, RolloutFrame, rollout
+from uvcloth.rollout import BrokenRolloutError, rollout
 
 
 @dataclass(frozen=True)
@@ -82,29 +82,34 @@ def animate(
         writers = [stack.enter_context(open_writer(path, meshes, body, clip.fps)) for path in out]
         progress = stack.enter_context(_progress(console))
         task = progress.add_task(clip.name, total=len(clip), rate="")
-        stopped: list[BrokenRolloutError] = []
         frames = 0
-        for frame in _until_stopped(rollout(method, outfit, clip.transforms(), clip.fps, contact), stopped):
-            frames += 1
-            for stage, milliseconds in frame.milliseconds.items():
-                spent[stage] += milliseconds
-            for found in frame.contacts:
-                inside["before"] += found.inside_before
-                inside["after"] += found.inside_after
-            begun = perf_counter()
-            for writer in writers:
-                writer.add(frame.vertices, frame.transforms)
-            spent["writing"] += 1e3 * (perf_counter() - begun)
-            rate = frames / (perf_counter() - start)
-            progress.update(task, advance=1, rate=f"{rate:.1f} frames per second")
+        broken: BrokenRolloutError | None = None
+        try:
+            for frame in rollout(method, outfit, clip.transforms(), clip.fps, contact):
+                frames += 1
+                for stage, milliseconds in frame.milliseconds.items():
+                    spent[stage] += milliseconds
+                for found in frame.contacts:
+                    inside["before"] += found.inside_before
+                    inside["after"] += found.inside_after
+                begun = perf_counter()
+                for writer in writers:
+                    writer.add(frame.vertices, frame.transforms)
+                spent["writing"] += 1e3 * (perf_counter() - begun)
+                rate = frames / (perf_counter() - start)
+                progress.update(task, advance=1, rate=f"{rate:.1f} frames per second")
+        except BrokenRolloutError as error:
+            if not frames:
+                raise
+            broken = error
         begun = perf_counter()
         # Only when every file is whole may the first of them appear.
         for writer in writers:
             writer.finish()
     spent["writing"] += 1e3 * (perf_counter() - begun)
-    if stopped:
+    if broken:
         names = ", ".join(str(path) for writer in writers for path in writer.written)
-        raise InputError(f"{stopped[0]}; the {frames} frames before it are in {names}")
+        raise InputError(f"{broken}; the {frames} frames before it are in {names}")
     vertices = len(clip) * sum(len(garment.mesh.vertices) for garment in outfit.garments)
     return Summary(
         written=tuple(path for writer in writers for path in writer.written),
@@ -114,21 +119,6 @@ def animate(
         inside_before=100.0 * inside["before"] / vertices if contact else None,
         inside_after=100.0 * inside["after"] / vertices if contact else None,
     )
-
-
-def _until_stopped(
-    frames: Iterator[RolloutFrame], stopped: list[BrokenRolloutError]
-) -> Iterator[RolloutFrame]:
-    """The frames of a rollout; what stopped it, if there were frames before, is put into a list."""
-    count = 0
-    try:
-        for frame in frames:
-            count += 1
-            yield frame
-    except BrokenRolloutError as error:
-        if not count:
-            raise
-        stopped.append(error)
 
 
 def _dress(name: str, body: Body, console: Console) -> Garment:

@@ -6,8 +6,8 @@ the training data and the version of this package; the normalization statistics 
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from typing import Any
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
-from torch import Tensor
+from torch import Tensor, nn
 
 from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
@@ -106,6 +106,30 @@ def load_checkpoint(folder: Path, body: Body | None = None) -> Checkpoint:
             f"body {body.name!r} has another"
         )
     return checkpoint
+
+
+def restored(
+    checkpoint: Checkpoint, folder: Path, config: Callable[..., Any], networks: Callable[[Any], nn.Module]
+) -> Any:
+    """The method of a checkpoint: what its config creates, with its weights, ready to predict.
+
+    config: the method's config dataclass. networks: what of the method takes the weights. Raises InputError
+    if weights and config do not fit each other.
+    """
+    try:
+        values = {k: tuple(v) if isinstance(v, list) else v for k, v in checkpoint.config.items()}
+        missing = {field.name for field in fields(config)} - values.keys()  # type: ignore[arg-type]
+        if missing:
+            raise KeyError(*sorted(missing))
+        method = config(**values).create()
+        networks(method).load_state_dict(checkpoint.tensors)
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        first = str(error).splitlines()[0]
+        raise InputError(
+            f"{folder}: weights and config of the model do not fit each other ({first})"
+        ) from error
+    networks(method).eval()
+    return method
 
 
 def save_tensors(tensors: Mapping[str, Tensor], metadata: Mapping[str, Any], path: Path) -> None:

@@ -45,6 +45,11 @@ def unique_edges(faces: Tensor) -> Tensor:
     return torch.stack([keys >> 32, keys & 0xFFFFFFFF], dim=1)
 
 
+def edge_lengths(vertices: Tensor, edges: Tensor) -> Tensor:
+    """Lengths (..., E) of edges (E, 2) between vertices (..., V, 3)."""
+    return (vertices[..., edges[:, 0], :] - vertices[..., edges[:, 1], :]).norm(dim=-1)
+
+
 def face_pairs(faces: Tensor) -> Tensor:
     """Pairs of faces that share an edge (interior edges of a manifold mesh): (P, 2) int64."""
     keys, order = _edge_keys(_directed_edges(faces)).sort(stable=True)

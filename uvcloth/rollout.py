@@ -12,7 +12,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.frames import LEAD, BodyFrames, body_frames
 from uvcloth.garments.garment import Outfit
-from uvcloth.mesh import unique_edges
+from uvcloth.mesh import edge_lengths, unique_edges
 from uvcloth.methods.method import Method
 from uvcloth.physics.contact import Contacts, Obstacle
 
@@ -123,11 +123,8 @@ class _Limits:
     def __init__(self, outfit: Outfit) -> None:
         self.names = [garment.name for garment in outfit.garments]
         meshes = [garment.mesh for garment in outfit.garments]
-        self.edges = [unique_edges(mesh.faces).T for mesh in meshes]
-        self.lengths = [
-            (mesh.vertices[first] - mesh.vertices[second]).norm(dim=1)
-            for mesh, (first, second) in zip(meshes, self.edges, strict=True)
-        ]
+        self.edges = [unique_edges(mesh.faces) for mesh in meshes]
+        self.lengths = [edge_lengths(m.vertices, edges) for m, edges in zip(meshes, self.edges, strict=True)]
 
     def finite(self, garments: tuple[Tensor, ...], index: int) -> None:
         """Raises BrokenRolloutError naming frame and garment."""
@@ -137,13 +134,13 @@ class _Limits:
 
     def whole(self, garments: tuple[Tensor, ...], index: int) -> None:
         """Raises BrokenRolloutError naming frame and garment."""
-        for name, vertices, (first, second), lengths in zip(
+        for name, vertices, edges, lengths in zip(
             self.names, garments, self.edges, self.lengths, strict=True
         ):
-            long = (vertices[first] - vertices[second]).norm(dim=1) > LONGEST * lengths
-            if long.float().mean() > TORN:
+            long = float((edge_lengths(vertices, edges) > LONGEST * lengths).float().mean())
+            if long > TORN:
                 raise BrokenRolloutError(
-                    f"frame {index}: garment {name} is torn, {100 * long.float().mean():.0f} % of its "
+                    f"frame {index}: garment {name} is torn, {100 * long:.0f} % of its "
                     f"edges have more than {LONGEST:.0f} times their length"
                 )
 

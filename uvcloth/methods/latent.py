@@ -63,16 +63,57 @@ class Encoder(nn.Module):
         return self.code(self.dropout(self.layers(maps).flatten(1)))
 
 
-class ShapeSpace(nn.Module):
-    """The generative space (section 4.2): positions -> features -> code, and code -> displacements at rest.
+class Space(nn.Module):
+    """A generative space: positions -> features -> code, and code -> displacements at rest (section 4.2).
 
-    widths: channels of the encoder's levels; the decoder mirrors them and enlarges once more. carried: the
-    encoder sees offsets from the smoothly skinned garment, less their mean (shift) and as shares of their
+    carried: it sees offsets from the smoothly skinned garment, less their mean (shift) and as shares of their
     deviation (scale), not positions relative to every seed.
     """
 
     shift: Tensor
     scale: Tensor
+
+    def __init__(self, *, size: int, carried: bool) -> None:
+        super().__init__()
+        self.carried = carried
+        self.register_buffer("shift", torch.zeros(3, size, size))
+        self.register_buffer("scale", torch.ones(()))
+        self.log_radii = nn.Parameter(torch.full((len(PARTS),), math.log(FIRST_RADIUS)))
+
+    @property
+    def radii(self) -> Tensor:
+        """Radius of each body part's kernels (parts,), m."""
+        return self.log_radii.exp()
+
+    def centred(self, offsets: Tensor) -> Tensor:
+        """Offsets from the carrier (B, 3, H, W), m, as it sees them."""
+        return (offsets - self.shift) / self.scale
+
+    def features(self, *maps: Tensor) -> Tensor:
+        """S(M^P): (B, features, H, W).
+
+        Of offsets from the carrier (B, 3, H, W), m; or, as published, of positions (B, 3, H, W), the charts'
+        mask (1, 1, H, W) and seeds (B, S, 3).
+        """
+        raise NotImplementedError
+
+    def encode(self, features: Tensor) -> Tensor:
+        """Features (B, features, H, W) -> codes (B, Z)."""
+        raise NotImplementedError
+
+    def decode(self, codes: Tensor, sample: Callable[[Tensor], Tensor], places: Tensor) -> Tensor:
+        """Codes (B, Z) -> displacements (B, N, 3) in the local frames at rest, m.
+
+        sample: reads decoded maps (B, 4 H W, C) at the vertices: (B, N, C). places: (N, P) encoded UVs.
+        """
+        raise NotImplementedError
+
+
+class ShapeSpace(Space):
+    """The space as published, a convolutional autoencoder.
+
+    widths: channels of the encoder's levels; the decoder mirrors them and enlarges once more.
+    """
 
     def __init__(
         self,
@@ -89,10 +130,7 @@ class ShapeSpace(nn.Module):
         carried: bool,
         size: int,
     ) -> None:
-        super().__init__()
-        self.carried = carried
-        self.register_buffer("shift", torch.zeros(3, size, size))
-        self.register_buffer("scale", torch.ones(()))
+        super().__init__(size=size, carried=carried)
         self.first = nn.Conv2d(3, width, 3, padding=1) if carried else RelativePositions(seeds, width)
         self.stem = _stem(width, stem, norm)
         self.encoder = Encoder(width, widths, latent, norm)
@@ -113,70 +151,37 @@ class ShapeSpace(nn.Module):
             ),
             nn.Linear(sizes[-1], 3),
         )
-        self.log_radii = nn.Parameter(torch.full((len(PARTS),), math.log(FIRST_RADIUS)))
-
-    @property
-    def radii(self) -> Tensor:
-        """Radius of each body part's kernels (parts,), m."""
-        return self.log_radii.exp()
 
     def features(self, *maps: Tensor) -> Tensor:
-        """S(M^P): (B, width, H, W), of what the first convolution sees.
-
-        Offsets from the carrier (B, 3, H, W) in metres; or, as published, positions (B, 3, H, W), the charts'
-        mask (1, 1, H, W) and seeds (B, S, 3).
-        """
-        return self.stem(
-            self.first((maps[0] - self.shift) / self.scale) if self.carried else self.first(*maps)
-        )
+        return self.stem(self.first(self.centred(*maps)) if self.carried else self.first(*maps))
 
     def encode(self, features: Tensor) -> Tensor:
-        """Features (B, width, H, W) -> codes (B, Z)."""
         return self.encoder(features)
 
     def decode(self, codes: Tensor, sample: Callable[[Tensor], Tensor], places: Tensor) -> Tensor:
-        """Codes (B, Z) -> displacements (B, N, 3) in the local frames at rest, m.
-
-        sample: reads decoded maps (B, 4 H W, C) at the vertices: (B, N, C). places: (N, P) encoded UVs.
-        """
         maps = self.decoder(self.unfold(codes).unflatten(1, (-1, 2, 2)))
         seen = sample(maps.flatten(2).transpose(1, 2))
         return REACH * self.vertex(torch.cat([seen, places.expand(len(codes), -1, -1)], dim=2))
 
 
-class LinearSpace(nn.Module):
-    """A generative space without hidden layers: codes are principal components of the garment's shapes.
+class LinearSpace(Space):
+    """A space without hidden layers: codes are principal components of the garment's shapes.
 
-    It sees and gives what a carried ShapeSpace does; maps of displacements stand in for features.
+    Its features are the centred offsets from the carrier, and what it decodes are displacements already.
     """
 
-    shift: Tensor
-    scale: Tensor
-    carried = True
-
     def __init__(self, *, size: int, latent: int) -> None:
-        super().__init__()
-        self.register_buffer("shift", torch.zeros(3, size, size))
-        self.register_buffer("scale", torch.ones(()))
+        super().__init__(size=size, carried=True)
         self.code = nn.Linear(3 * size**2, latent)
         self.decoder = nn.Linear(latent, 3 * (2 * size) ** 2)
-        self.log_radii = nn.Parameter(torch.full((len(PARTS),), math.log(FIRST_RADIUS)))
-
-    @property
-    def radii(self) -> Tensor:
-        """Radius of each body part's kernels (parts,), m."""
-        return self.log_radii.exp()
 
     def features(self, *maps: Tensor) -> Tensor:
-        """Offsets from the carrier (B, 3, H, W) m, centred and scaled."""
-        return (maps[0] - self.shift) / self.scale
+        return self.centred(*maps)
 
     def encode(self, features: Tensor) -> Tensor:
-        """Features (B, 3, H, W) -> codes (B, Z)."""
         return self.code(features.flatten(1))
 
     def decode(self, codes: Tensor, sample: Callable[[Tensor], Tensor], places: Tensor) -> Tensor:
-        """Codes (B, Z) -> displacements (B, N, 3) in the local frames at rest, m; see ShapeSpace.decode."""
         return REACH * sample(self.decoder(codes).unflatten(1, (-1, 3)))
 
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,12 +19,12 @@ from rasterize.texels import Texels, rasterize_layout
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.frames import GRAVITY, BodyFrames
-from uvcloth.checkpoint import Checkpoint, body_identity
+from uvcloth.checkpoint import Checkpoint, body_identity, restored
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.mesh import Mesh, laplacian, vertex_normals
 from uvcloth.methods.correspondence import carry, gather, rotate, rotate_back, weighted_rows
 from uvcloth.methods.descriptor import contact_forces
-from uvcloth.methods.latent import Dynamics, LinearSpace, ShapeSpace, uv_encoding
+from uvcloth.methods.latent import Dynamics, LinearSpace, ShapeSpace, Space, uv_encoding
 from uvcloth.methods.residual import Resolver
 from uvcloth.methods.seeds import (
     Kernels,
@@ -37,10 +37,7 @@ from uvcloth.methods.seeds import (
     sample_seeds,
 )
 from uvcloth.physics.contact import Obstacle
-from uvcloth.skinning import skin
-
-Space = ShapeSpace | LinearSpace
-"""Either kind of generative space."""
+from uvcloth.skinning import apply_transforms, skin
 
 MEMORY = 3
 """Garments that the state holds: the last one, and two more for its velocity and acceleration."""
@@ -102,7 +99,7 @@ class MotionGuidedConfig:
         levels = int(math.log2(self.size)) - 1
         return tuple(self.width * min(2**level, 8) for level in range(levels))
 
-    def shape_space(self) -> ShapeSpace | LinearSpace:
+    def shape_space(self) -> Space:
         """The first stage, untrained."""
         if self.linear:
             return LinearSpace(size=self.size, latent=self.latent)
@@ -164,12 +161,14 @@ PRESETS: dict[str, MotionGuidedConfig] = {
 class GarmentMaps:
     """A garment at rest on a body, as the networks see it: fixed from frame to frame.
 
-    sheet: its P texels. corners: (P, 3) vertices around each. mask: (1, 1, H, W). points: (N, 3) m at rest;
-    axes: (N, 3, 3) local frames there. pixels, shares: (N, K) samples of the decoded map. places: (N, C)
-    encoded texture coordinates. kernels: of the seeds near each vertex. carrier_weights: (N, J).
+    sheet: its P texels; fine: those of the decoded map. corners: (P, 3) vertices around each. mask:
+    (1, 1, H, W). points: (N, 3) m at rest; axes: (N, 3, 3) local frames there. pixels, shares: (N, K) samples
+    of the decoded map. places: (N, C) encoded texture coordinates. kernels: of the seeds near each vertex.
+    carrier_weights: (N, J).
     """
 
     sheet: Texels
+    fine: Texels
     corners: Tensor
     mask: Tensor
     points: Tensor
@@ -205,6 +204,7 @@ def garment_maps(config: MotionGuidedConfig, garment: Garment, body: Body) -> Ga
     sampler = sample_points(layout, fine, mesh.faces, face, at_vertex)
     return GarmentMaps(
         sheet=sheet,
+        fine=fine,
         corners=mesh.faces[sheet.face],
         mask=valid_mask(sheet).float()[None, None],
         points=mesh.vertices,
@@ -315,6 +315,11 @@ def rest_shape(
     return maps.points + rotate(maps.axes, displaced)
 
 
+def next_shape(space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: Situation, sigma: float) -> Tensor:
+    """The next garment in the rest space (B, N, 3), m."""
+    return rest_shape(space, maps, dynamics(*situation_features(space, dynamics, maps, seen, sigma)))
+
+
 def posed_shape(space: Space, maps: GarmentMaps, resting: Tensor, posed: PosedSeeds) -> Tensor:
     """Skin rest-space garments (B, N, 3) to the posed body: (B, N, 3), m, world."""
     return kernel_skin(resting, maps.kernels, space.radii, maps.seeds, posed)
@@ -414,25 +419,16 @@ class MotionGuided:
             seeds=seeds[1:],
             fps=frames.fps,
         )
-        features, change = situation_features(self.space, self.dynamics, worn.maps, seen, self.config.sigma)
-        resting = rest_shape(self.space, worn.maps, self.dynamics(features, change))
-        vertices = posed_shape(self.space, worn.maps, resting, seen.seeds)
-        if worn.resolver:
-            vertices, residual = self._resolved(worn, worn.resolver, resting, seen.seeds, frames)
-            worn = replace(worn, residual=residual)
-        return worn.moved(vertices, frames.transforms[:, -1], drop=MEMORY - 1)
-
-    def _resolved(
-        self, worn: Rolling, resolver: Resolver, resting: Tensor, posed: PosedSeeds, frames: BodyFrames
-    ) -> tuple[Tensor, Tensor]:
-        """The posed garment (1, N, 3) moved out of the body by a residual map, and that map."""
         maps = worn.maps
-        blended = kernel_transforms(resting, maps.kernels, self.space.radii, maps.seeds, posed)[0]
-        turns = blended[..., :3] @ maps.axes
-        vertices = rotate(blended[..., :3], resting[0]) + blended[..., 3]
-        resolver.obstacle.update(frames.vertices[0, -1])
-        vertices, residual = resolver.resolve(vertices, turns, maps.sample, worn.residual)
-        return vertices[None], residual
+        resting = next_shape(self.space, self.dynamics, maps, seen, self.config.sigma)
+        blended = kernel_transforms(resting, maps.kernels, self.space.radii, maps.seeds, seen.seeds)
+        vertices = apply_transforms(blended, resting)
+        if worn.resolver:
+            worn.resolver.obstacle.update(frames.vertices[0, -1])
+            turns = blended[0, :, :, :3] @ maps.axes
+            resolved, residual = worn.resolver.resolve(vertices[0], turns, maps.sample, worn.residual)
+            vertices, worn = resolved[None], replace(worn, residual=residual)
+        return worn.moved(vertices, frames.transforms[:, -1], drop=MEMORY - 1)
 
 
 class Both(nn.Module):
@@ -453,20 +449,7 @@ def load_motion_guided(checkpoint: Checkpoint, folder: Path) -> MotionGuided:
             f"{folder}: holds the first stage alone, the shape space; "
             "train on with `python -m train motion_guided --resume`"
         )
-    try:
-        missing = {f.name for f in fields(MotionGuidedConfig)} - checkpoint.config.keys()
-        if missing:
-            raise KeyError(*sorted(missing))
-        method = MotionGuidedConfig(**checkpoint.config).create()
-        Both(method).load_state_dict(checkpoint.tensors)
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        first = str(error).splitlines()[0]
-        raise InputError(
-            f"{folder}: weights and config of the model do not fit each other ({first})"
-        ) from error
-    method.space.eval()
-    method.dynamics.eval()
-    return method
+    return restored(checkpoint, folder, MotionGuidedConfig, Both)
 
 
 def motion_guided_checkpoint(

@@ -4,7 +4,7 @@ Every idea beyond the paper is one field of `PhysXNetConfig`: an ablation is a l
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,7 +15,7 @@ from rasterize.bake import scatter_map
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import GRAVITY, HISTORY, BodyFrames
-from uvcloth.checkpoint import Checkpoint, body_identity
+from uvcloth.checkpoint import Checkpoint, body_identity, restored
 from uvcloth.garments.garment import Outfit
 from uvcloth.mesh import Mesh
 from uvcloth.methods.correspondence import (
@@ -356,20 +356,7 @@ def template_mesh(name: str, outfit: Outfit) -> Mesh:
 
 def load_physxnet(checkpoint: Checkpoint, folder: Path) -> PhysXNet:
     """The trained method of a checkpoint. Raises InputError if weights and config do not fit each other."""
-    try:
-        values = {**checkpoint.config, "templates": tuple(checkpoint.config["templates"])}
-        missing = {field.name for field in fields(PhysXNetConfig)} - values.keys()
-        if missing:
-            raise KeyError(*sorted(missing))
-        method = PhysXNetConfig(**values).create()
-        method.net.load_state_dict(checkpoint.tensors)
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        first = str(error).splitlines()[0]
-        raise InputError(
-            f"{folder}: weights and config of the model do not fit each other ({first})"
-        ) from error
-    method.net.eval()
-    return method
+    return restored(checkpoint, folder, PhysXNetConfig, lambda method: method.net)
 
 
 def physxnet_checkpoint(

@@ -8,7 +8,8 @@ from torch import Tensor
 
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.mesh import vertex_normals
-from uvcloth.methods.correspondence import body_texels, carry, rotate, weighted_rows
+from uvcloth.methods.correspondence import body_texels, carry, weighted_rows
+from uvcloth.skinning import apply_transforms
 
 PARTS = ("torso", "upper_arm", "forearm", "thigh", "calf")
 """Body parts whose seeds share a kernel radius; the others count as what they are attached to."""
@@ -90,7 +91,7 @@ def kernel_skin(points: Tensor, kernels: Kernels, radii: Tensor, seeds: Seeds, p
     radii: (parts,) of the kernels, m.
     """
     blended = kernel_transforms(points, kernels, radii, seeds, posed)
-    return rotate(blended[..., :3], points) + blended[..., 3]
+    return apply_transforms(blended, points)
 
 
 def kernel_transforms(

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from uvcloth.mesh import face_normals, face_pairs, unique_edges
+from uvcloth.mesh import edge_lengths, face_normals, face_pairs, unique_edges
 
 
 def edge_change(vertices: Tensor, rest: Tensor, faces: Tensor) -> Tensor:
@@ -12,11 +12,7 @@ def edge_change(vertices: Tensor, rest: Tensor, faces: Tensor) -> Tensor:
     PBNS's measure "Edge": a compression counts like a stretch.
     """
     edges = unique_edges(faces)
-
-    def lengths(points: Tensor) -> Tensor:
-        return (points[..., edges[:, 0], :] - points[..., edges[:, 1], :]).norm(dim=-1)
-
-    return (lengths(vertices) - lengths(rest)).abs().mean(-1)
+    return (edge_lengths(vertices, edges) - edge_lengths(rest, edges)).abs().mean(-1)
 
 
 def fold_angle(vertices: Tensor, faces: Tensor) -> Tensor:
