@@ -14,13 +14,13 @@ from tyro.conf import OmitArgPrefixes
 from rasterize.command import run_command
 from rasterize.errors import InputError
 from train.loop import LOOPS, LoopConfig, check_run, fit, has_begun
+from train.material import Material
 from train.motion_guided import LOOPS as MOTION_GUIDED_LOOPS
 from train.motion_guided import LOSSES as MOTION_GUIDED_LOSSES
 from train.motion_guided import (
     SHAPE,
     SHAPE_LOOPS,
     DynamicsObjective,
-    Material,
     MotionGuidedLosses,
     ShapeObjective,
     load_shape_space,
@@ -97,8 +97,8 @@ class MotionGuidedRun:
         body = load_body(self.body) if self.body else None
         material = Material(self.network, self.losses, self.data, body)
         if not second_began:
-            fit(ShapeObjective(material), first, self.shape, resume=self.resume)
-        objective = DynamicsObjective(material, load_shape_space(first, self.network))
+            fit(ShapeObjective(material, self.losses), first, self.shape, resume=self.resume)
+        objective = DynamicsObjective(material, self.losses, load_shape_space(first, self.network))
         return fit(objective, self.out, self.loop, resume=second_began)
 
 

@@ -11,19 +11,20 @@ from rasterize.errors import InputError
 from tests.train.simulated import save_clips
 from train.__main__ import main
 from train.loop import STATE, fit
+from train.material import Material
 from train.motion_guided import (
     LOOPS,
     LOSSES,
     DynamicsObjective,
-    Material,
     MotionGuidedLosses,
     ShapeObjective,
     load_shape_space,
 )
 from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import load_tensors
-from uvcloth.methods.motion_guided import PRESETS, posed_shape, rest_shape
+from uvcloth.methods.motion_guided import PRESETS
 from uvcloth.methods.registry import load_method
+from uvcloth.methods.situation import posed_shape, rest_shape
 
 pytest.importorskip("lightning")
 
@@ -51,9 +52,9 @@ def states(tmp_path: Path) -> tuple[dict[str, torch.Tensor], dict[str, torch.Ten
 
 
 def test_the_first_stage_resumes_exactly(data: Path, tmp_path: Path) -> None:
-    fit(ShapeObjective(material(data)), tmp_path / "whole", LOOP, resume=False)
-    fit(ShapeObjective(material(data)), tmp_path / "parts", HALF, resume=False)
-    fit(ShapeObjective(material(data)), tmp_path / "parts", LOOP, resume=True)
+    fit(ShapeObjective(material(data), LOSSES["tiny"]), tmp_path / "whole", LOOP, resume=False)
+    fit(ShapeObjective(material(data), LOSSES["tiny"]), tmp_path / "parts", HALF, resume=False)
+    fit(ShapeObjective(material(data), LOSSES["tiny"]), tmp_path / "parts", LOOP, resume=True)
     whole, parts = states(tmp_path)
     for name, tensor in whole.items():
         assert torch.equal(tensor, parts[name]), name
@@ -62,11 +63,11 @@ def test_the_first_stage_resumes_exactly(data: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("past", ["own", "true"])
 def test_the_second_stage_resumes_exactly(past: str, data: Path, tmp_path: Path) -> None:
     losses = replace(LOSSES["tiny"], past=past)
-    fit(ShapeObjective(material(data, losses)), tmp_path / "shape", LOOP, resume=False)
+    fit(ShapeObjective(material(data, losses), losses), tmp_path / "shape", LOOP, resume=False)
 
     def objective() -> DynamicsObjective:
         return DynamicsObjective(
-            material(data, losses), load_shape_space(tmp_path / "shape", PRESETS["tiny"])
+            material(data, losses), losses, load_shape_space(tmp_path / "shape", PRESETS["tiny"])
         )
 
     fit(objective(), tmp_path / "whole", LOOP, resume=False)
@@ -79,13 +80,13 @@ def test_the_second_stage_resumes_exactly(past: str, data: Path, tmp_path: Path)
 
 
 def test_a_linear_space_holds_the_garments_it_was_fitted_to(data: Path) -> None:
-    seen = Material(replace(PRESETS["tiny"], size=32, near=64, seeds=581), LOSSES["tiny"], data)
-    space = ShapeObjective(seen).networks()["net"]
+    seen = Material(replace(PRESETS["tiny"], size=32), LOSSES["tiny"], data)
+    space = ShapeObjective(seen, LOSSES["tiny"]).networks()["net"]
     rows, chosen = seen.rows, seen.rows.samples
     with torch.no_grad():
         resting = rest_shape(space, seen.maps, seen.codes(space, rows, chosen))
-        posed = posed_shape(space, seen.maps, resting, rows.seeds[chosen])
-        undisplaced = posed_shape(space, seen.maps, seen.maps.points.expand_as(posed), rows.seeds[chosen])
+        posed = posed_shape(space, seen.maps, resting, rows.pose[chosen])
+        undisplaced = posed_shape(space, seen.maps, seen.maps.points.expand_as(posed), rows.pose[chosen])
     wrong, before = ((v - rows.vertices[chosen]).norm(dim=2).mean() for v in (posed, undisplaced))
     assert wrong < 0.3 * before
 

@@ -1,46 +1,27 @@
 """Motion-guided: a latent dynamic encoder with Gaussian-kernel skinning, fed its own predictions."""
 
 import math
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
-from rasterize.bake import scatter_map, valid_mask
-from rasterize.charts import face_components
-from rasterize.decode import sample_points
 from rasterize.errors import InputError
-from rasterize.layout import Layout, unwrap
-from rasterize.texels import Texels, rasterize_layout
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
-from uvcloth.bodies.frames import GRAVITY, BodyFrames
+from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import Checkpoint, body_identity, restored
 from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.mesh import Mesh, laplacian, vertex_normals
-from uvcloth.methods.correspondence import carry, gather, rotate, rotate_back, weighted_rows
-from uvcloth.methods.descriptor import contact_forces
-from uvcloth.methods.latent import Dynamics, LinearSpace, ShapeSpace, Space, uv_encoding
+from uvcloth.mesh import laplacian
+from uvcloth.methods.garment_maps import GarmentMaps, Skinning, garment_maps
+from uvcloth.methods.latent import Dynamics, LinearSpace, ShapeSpace, Space
 from uvcloth.methods.residual import Resolver
-from uvcloth.methods.seeds import (
-    Kernels,
-    PosedSeeds,
-    Seeds,
-    kernel_skin,
-    kernel_transforms,
-    nearest_kernels,
-    pose_seeds,
-    sample_seeds,
-)
+from uvcloth.methods.seeds import pose_seeds, sample_seeds
+from uvcloth.methods.situation import MEMORY, Situation, carried_offsets, next_shape, pose_transforms
 from uvcloth.physics.contact import Obstacle
 from uvcloth.skinning import apply_transforms, skin
-
-MEMORY = 3
-"""Garments that the state holds: the last one, and two more for its velocity and acceleration."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +55,12 @@ class MotionGuidedConfig:
     seeds: int = 581
     """Seed points on the body."""
     near: int = 64
-    """Of them, those nearest at rest that may move a vertex (paper: all)."""
+    """Of them, those nearest at rest that may move a vertex by their kernels (paper: all)."""
+    skinning: Skinning = "carrier"
+    """What poses a shape: the smooth blend weights of the carrier; or Gaussian kernels around the seeds,
+    weighed at rest (fixed) or where a vertex is displaced to (kernels, paper)."""
+    relative: bool = False
+    """The dynamic encoder predicts how the latent code changes, not the code (paper: the code)."""
     carried: bool = True
     """What is encoded: offsets from the smoothly skinned garment, in axes that it carries along, their change
     and the motion of that garment; else positions relative to every seed and the garment's own motion, along
@@ -129,7 +115,12 @@ class MotionGuidedConfig:
             latent=self.latent,
             norm=self.norm,
             dropout=self.dropout,
+            relative=self.relative,
         )
+
+    def maps(self, garment: Garment, body: Body) -> GarmentMaps:
+        """A garment on a body, as the networks see it."""
+        return garment_maps(garment, sample_seeds(body, self.seeds), self.size, self.near, self.skinning)
 
     def create(self) -> "MotionGuided":
         """Build the method with untrained weights."""
@@ -149,180 +140,13 @@ PRESETS: dict[str, MotionGuidedConfig] = {
         dropout=0.0,
         upsample="transposed",
         near=581,
+        skinning="kernels",
         linear=False,
         carried=False,
         residual=True,
     ),
     "tiny": MotionGuidedConfig(size=8, width=8, hidden=16, seeds=61, near=16),
 }
-
-
-@dataclass(frozen=True)
-class GarmentMaps:
-    """A garment at rest on a body, as the networks see it: fixed from frame to frame.
-
-    sheet: its P texels; fine: those of the decoded map. corners: (P, 3) vertices around each. mask:
-    (1, 1, H, W). points: (N, 3) m at rest; axes: (N, 3, 3) local frames there. pixels, shares: (N, K) samples
-    of the decoded map. places: (N, C) encoded texture coordinates. kernels: of the seeds near each vertex.
-    carrier_weights: (N, J).
-    """
-
-    sheet: Texels
-    fine: Texels
-    corners: Tensor
-    mask: Tensor
-    points: Tensor
-    axes: Tensor
-    pixels: Tensor
-    shares: Tensor
-    places: Tensor
-    kernels: Kernels
-    seeds: Seeds
-    carrier_weights: Tensor
-
-    def positions(self, vertices: Tensor) -> Tensor:
-        """Values of garment vertices (B, N, 3) at the texels: (B, P, 3)."""
-        return gather(vertices, self.corners, self.sheet.barycentrics)
-
-    def sample(self, decoded: Tensor) -> Tensor:
-        """Values of decoded maps (B, 4 H W, C) at the vertices: (B, N, C)."""
-        return weighted_rows(decoded, self.pixels, self.shares)
-
-    def map(self, values: Tensor) -> Tensor:
-        """Texel values (B, P, C) as maps (B, C, H, W), zero off the charts."""
-        return scatter_map(values, self.sheet)
-
-
-def garment_maps(config: MotionGuidedConfig, garment: Garment, body: Body) -> GarmentMaps:
-    """Lay a garment out on its maps; one without texture coordinates is unwrapped first."""
-    mesh = garment.mesh
-    layout = own_layout(mesh)
-    sheet, fine = (rasterize_layout(layout, size) for size in (config.size, 2 * config.size))
-    seeds = sample_seeds(body, config.seeds)
-    face, corner = _a_corner_of_each(mesh)
-    at_vertex = torch.nn.functional.one_hot(corner, 3).float()
-    sampler = sample_points(layout, fine, mesh.faces, face, at_vertex)
-    return GarmentMaps(
-        sheet=sheet,
-        fine=fine,
-        corners=mesh.faces[sheet.face],
-        mask=valid_mask(sheet).float()[None, None],
-        points=mesh.vertices,
-        axes=local_axes(mesh),
-        pixels=sampler.pixels,
-        shares=sampler.weights,
-        places=uv_encoding(layout.uvs[layout.face_uvs[face, corner]]),
-        kernels=nearest_kernels(mesh.vertices, seeds, config.near),
-        seeds=seeds,
-        carrier_weights=garment.carrier_weights,
-    )
-
-
-def own_layout(mesh: Mesh) -> Layout:
-    """A mesh's own texture coordinates as a layout of all of its faces; unwrapped where it has none."""
-    uvs, face_uvs = (mesh.uvs, mesh.face_uvs) if len(mesh.uvs) else unwrap(mesh.vertices, mesh.faces)
-    islands = face_components(face_uvs.numpy(), np.zeros(0, dtype=np.int64))
-    return Layout(torch.arange(len(face_uvs)), uvs, face_uvs, torch.from_numpy(islands).long())
-
-
-def local_axes(mesh: Mesh) -> Tensor:
-    """H_0: columns tangent, bitangent and normal at each vertex (N, 3, 3), the tangent level."""
-    normals = vertex_normals(mesh.vertices, mesh.faces)
-    level = torch.stack([-normals[:, 1], normals[:, 0], 0.0 * normals[:, 0]], dim=1)
-    steep = level.norm(dim=1, keepdim=True) < 1e-3
-    level = torch.where(steep, level.new_tensor([1.0, 0.0, 0.0]), level)
-    tangent = torch.nn.functional.normalize(level - (level * normals).sum(1, keepdim=True) * normals, dim=1)
-    return torch.stack([tangent, torch.linalg.cross(normals, tangent), normals], dim=2)
-
-
-def _a_corner_of_each(mesh: Mesh) -> tuple[Tensor, Tensor]:
-    """For every vertex a face (N,) that has it and which of its corners (N,) it is."""
-    corner = torch.zeros(len(mesh.vertices), dtype=torch.int64)
-    corner[mesh.faces.flatten()] = torch.arange(mesh.faces.numel())
-    return corner // 3, corner % 3
-
-
-@dataclass(frozen=True)
-class Situation:
-    """What comes before the next garment, of B frames.
-
-    before: (B, MEMORY, N, 3) m, world, the garments before, newest first; offsets: the same, as offsets from
-    their carriers. transforms: (B, MEMORY, J, 3, 4) of the body, now first. seeds_before, seeds: the body
-    then and now. fps: frames per second.
-    """
-
-    before: Tensor
-    offsets: Tensor
-    transforms: Tensor
-    seeds_before: PosedSeeds
-    seeds: PosedSeeds
-    fps: float
-
-
-def carried_offsets(maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> Tensor:
-    """Garments (B, N, 3) m as offsets from the smoothly skinned garment, in axes that it carries along."""
-    origins, frames = carry(maps.points, maps.carrier_weights, transforms)
-    return rotate_back(frames, vertices - origins)
-
-
-def shape_features(
-    space: Space, maps: GarmentMaps, vertices: Tensor, offsets: Tensor, seeds: Tensor
-) -> Tensor:
-    """S(M^P) of garments (B, N, 3) m, world, and as offsets, beside seeds (B, S, 3): (B, width, H, W)."""
-    if space.carried:
-        return space.features(maps.map(maps.positions(offsets)))
-    middle = seeds.mean(1, keepdim=True)
-    return space.features(maps.map(maps.positions(vertices - middle)), maps.mask, seeds - middle)
-
-
-def motion_values(carried: bool, maps: GarmentMaps, seen: Situation) -> Tensor:
-    """What moves, of every vertex (B, N, C), m/s and m/s2: C = 6 as published, the garment's own motion.
-
-    Carried, C = 12: the changes of its offsets, and the carrier's velocity and specific force, in the axes
-    that it carries along.
-    """
-    past = seen.offsets if carried else seen.before
-    velocity = (past[:, :-1] - past[:, 1:]) * seen.fps
-    own = [velocity[:, 0], (velocity[:, 0] - velocity[:, 1]) * seen.fps]
-    if not carried:
-        return torch.cat(own, dim=2)
-    now, frames = carry(maps.points, maps.carrier_weights, seen.transforms[:, 0])
-    before, earlier = (skin(maps.points, maps.carrier_weights, seen.transforms[:, k]) for k in (1, 2))
-    velocity = (now - before) * seen.fps
-    force = (velocity - (before - earlier) * seen.fps) * seen.fps - now.new_tensor(GRAVITY)
-    return torch.cat([*own, rotate_back(frames, velocity), rotate_back(frames, force)], dim=2)
-
-
-def situation_features(
-    space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: Situation, sigma: float
-) -> tuple[Tensor, Tensor]:
-    """S(M^P_{t-1}) and E_t."""
-    last, before = seen.before[:, 0], seen.seeds_before.points
-    features = shape_features(space, maps, last, seen.offsets[:, 0], before)
-    motion = maps.map(maps.positions(motion_values(space.carried, maps, seen)))
-    forces = contact_forces(maps.positions(last), before, seen.seeds.points, seen.seeds.normals, sigma)
-    return features, dynamics.change(motion, forces, seen.seeds.normals, maps.sheet.pixels)
-
-
-def rest_shape(
-    space: Space, maps: GarmentMaps, codes: Tensor, sample: Callable[[Tensor], Tensor] | None = None
-) -> Tensor:
-    """Codes (B, Z) -> the garment in the rest space (B, N, 3), m.
-
-    sample: what serves for `maps.sample` where its gradient is wanted fast.
-    """
-    displaced = space.decode(codes, sample or maps.sample, maps.places)
-    return maps.points + rotate(maps.axes, displaced)
-
-
-def next_shape(space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: Situation, sigma: float) -> Tensor:
-    """The next garment in the rest space (B, N, 3), m."""
-    return rest_shape(space, maps, dynamics(*situation_features(space, dynamics, maps, seen, sigma)))
-
-
-def posed_shape(space: Space, maps: GarmentMaps, resting: Tensor, posed: PosedSeeds) -> Tensor:
-    """Skin rest-space garments (B, N, 3) to the posed body: (B, N, 3), m, world."""
-    return kernel_skin(resting, maps.kernels, space.radii, maps.seeds, posed)
 
 
 @dataclass(frozen=True)
@@ -379,7 +203,7 @@ class MotionGuided:
         transforms = frames.transforms[:1, 0]
         hanging = []
         for garment in outfit.garments:
-            maps = garment_maps(self.config, garment, outfit.body)
+            maps = self.config.maps(garment, outfit.body)
             still = skin(maps.points, maps.carrier_weights, transforms)[:, None].repeat(1, MEMORY, 1, 1)
             residual = torch.zeros(1, 4 * self.config.size**2, 3)
             resolver = self._resolver(garment, outfit.body) if self.config.residual else None
@@ -421,7 +245,7 @@ class MotionGuided:
         )
         maps = worn.maps
         resting = next_shape(self.space, self.dynamics, maps, seen, self.config.sigma)
-        blended = kernel_transforms(resting, maps.kernels, self.space.radii, maps.seeds, seen.seeds)
+        blended = pose_transforms(self.space, maps, resting, seen.pose)
         vertices = apply_transforms(blended, resting)
         if worn.resolver:
             worn.resolver.obstacle.update(frames.vertices[0, -1])
@@ -459,11 +283,11 @@ def motion_guided_checkpoint(
     data: dict[str, str],
     notes: dict[str, Any],
 ) -> Checkpoint:
-    """What training saves; data: training file -> content hash."""
+    """What training saves, in half precision; data: training file -> content hash."""
     return Checkpoint(
         method="motion_guided",
         config=asdict(config),
-        tensors=tensors,
+        tensors={name: tensor.half() for name, tensor in tensors.items()},
         body=body_identity(body),
         templates=(config.garment,),
         data=data,

@@ -9,7 +9,6 @@ from torch import Tensor
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.mesh import vertex_normals
 from uvcloth.methods.correspondence import body_texels, carry, weighted_rows
-from uvcloth.skinning import apply_transforms
 
 PARTS = ("torso", "upper_arm", "forearm", "thigh", "calf")
 """Body parts whose seeds share a kernel radius; the others count as what they are attached to."""
@@ -85,19 +84,13 @@ def nearest_kernels(points: Tensor, seeds: Seeds, count: int) -> Kernels:
     return Kernels(near, seeds.points[near].transpose(1, 2).contiguous(), parts)
 
 
-def kernel_skin(points: Tensor, kernels: Kernels, radii: Tensor, seeds: Seeds, posed: PosedSeeds) -> Tensor:
-    """Skin points (B, N, 3) in the rest space, m, by the nearness of seeds there (eq. 1): (B, N, 3), m.
-
-    radii: (parts,) of the kernels, m.
-    """
-    blended = kernel_transforms(points, kernels, radii, seeds, posed)
-    return apply_transforms(blended, points)
-
-
 def kernel_transforms(
     points: Tensor, kernels: Kernels, radii: Tensor, seeds: Seeds, posed: PosedSeeds
 ) -> Tensor:
-    """The transforms (B, N, 3, 4) that `kernel_skin` applies to points (B, N, 3)."""
+    """Move points (B, N, 3) in the rest space, m, with the seeds that are near there (eq. 1): (B, N, 3, 4).
+
+    radii: (parts,) of the kernels, m.
+    """
     along = (points.transpose(0, 1) @ kernels.points).transpose(0, 1)
     apart = points.square().sum(-1, keepdim=True) - 2.0 * along + kernels.points.square().sum(1)
     # A product, not a lookup: its gradient is summed in the same order every time.

@@ -1,0 +1,134 @@
+"""What Motion-guided trains on: one garment on one body, frame after frame, clip after clip."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from rich.console import Console
+from torch import Tensor
+
+from rasterize.errors import InputError
+from train.operators import Operator, differences, sampling
+from train.prepare import check_rests
+from train.recordings import Holdout, Recording, frames_of, hold_out, load_recordings
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.garments.templates import wear
+from uvcloth.mesh import edge_lengths, laplacian, unique_edges
+from uvcloth.methods.correspondence import to_device
+from uvcloth.methods.garment_maps import GarmentMaps
+from uvcloth.methods.latent import Space
+from uvcloth.methods.motion_guided import MotionGuidedConfig
+from uvcloth.methods.seeds import pose_seeds
+from uvcloth.methods.situation import MEMORY, Pose, carried_offsets, shape_features
+from uvcloth.physics.surface import BodySurface
+
+CLEARANCE = 0.002
+"""Metres that the rest shape should keep off the body at rest (epsilon of L_SDF)."""
+
+CHUNK = 16
+"""Frames that are carried at once."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """R frames of the garment, clip after clip, each led in by MEMORY frames of its settling.
+
+    vertices: (R, N, 3) m, world; offsets: the same, as offsets from their carriers. pose: of the body.
+    samples: (S,) int64 rows that count. starts: (R,) int64 first row of the clip.
+    """
+
+    vertices: Tensor
+    offsets: Tensor
+    pose: Pose
+    samples: Tensor
+    starts: Tensor
+
+    def to(self, device: torch.device) -> "Rows":
+        return to_device(self, device)
+
+
+def load_rows(recordings: list[Recording], garment: str, maps: GarmentMaps) -> Rows:
+    """Join the clips that have the garment."""
+    vertices, transforms, samples, starts = [], [], [], []
+    row = 0
+    for recording in recordings:
+        first = max(0, recording.settling - MEMORY)
+        frames = slice(first, None)
+        vertices.append(recording.vertices[garment][frames].float())
+        transforms.append(recording.transforms[frames])
+        count = len(transforms[-1])
+        samples.append(torch.arange(row + max(MEMORY, recording.settling - first), row + count))
+        starts.append(torch.full((count,), row))
+        row += count
+    joined = torch.cat(transforms)
+    simulated = torch.cat(vertices)
+    return Rows(
+        vertices=simulated,
+        offsets=offsets_of(maps, simulated, joined),
+        pose=Pose(joined, pose_seeds(maps.seeds, joined)),
+        samples=torch.cat(samples),
+        starts=torch.cat(starts),
+    )
+
+
+def offsets_of(maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> Tensor:
+    """Garments (R, N, 3) as offsets from their carriers, some at a time."""
+    parts = zip(vertices.split(CHUNK), transforms.split(CHUNK), strict=True)
+    return torch.cat([carried_offsets(maps, *part) for part in parts])
+
+
+class Material:
+    """What both stages train on: one garment on one body, training and validation clips."""
+
+    def __init__(
+        self, config: MotionGuidedConfig, holdout: Holdout, data: Path, body: Body | None = None
+    ) -> None:
+        """Read the data. Raises InputError if it lacks the garment or is of another body."""
+        self.config = config
+        self.body = body or load_body()
+        recordings = load_recordings(data, (config.garment,), self.body)
+        self.garment = garment = wear(config.garment, self.body)
+        check_rests({config.garment: garment.mesh.vertices}, recordings, self.body)
+        training, held = hold_out(recordings, holdout)
+        if not training:
+            raise InputError(f"{data}: needs two clips of {config.garment} at least, one to validate with")
+        self.files = {name: digest for r in recordings for name, digest in r.files.items()}
+        self.fps = recordings[0].fps
+        self.maps = config.maps(garment, self.body)
+        self.rows = load_rows(training, config.garment, self.maps)
+        self.held = load_rows(held, config.garment, self.maps)
+        self.held_clips = [r.clip for r in held]
+        edges = unique_edges(garment.mesh.faces)
+        count = len(garment.mesh.vertices)
+        self.edges = differences(edges, count)
+        self.lengths = edge_lengths(garment.mesh.vertices, edges)
+        smooth = laplacian(garment.mesh.faces, count)
+        self.laplacian = Operator(smooth.to_sparse_csr(), smooth.t().to_sparse_csr())
+        self.sample = sampling(self.maps.pixels, self.maps.shares, 4 * config.size**2)
+        self.skin = BodySurface(self.body.mesh.vertices, self.body.mesh.faces)
+        self.frames = frames_of(training)
+        Console().print(
+            f"{self.frames} training frames of {len(training)} clips, "
+            f"{frames_of(held)} validation frames ({', '.join(self.held_clips)})"
+        )
+
+    def to(self, device: torch.device) -> None:
+        self.maps = to_device(self.maps, device)
+        self.rows, self.held = self.rows.to(device), self.held.to(device)
+        self.edges, self.laplacian = self.edges.to(device), self.laplacian.to(device)
+        self.sample = self.sample.to(device)
+        self.lengths = self.lengths.to(device)
+        self.skin = BodySurface(self.body.mesh.vertices.to(device), self.body.mesh.faces.to(device))
+
+    def codes(self, space: Space, rows: Rows, chosen: Tensor) -> Tensor:
+        """Z* of simulated garments: (B, Z)."""
+        seen = (rows.vertices[chosen], rows.offsets[chosen], rows.pose.seeds.points[chosen])
+        return space.encode(shape_features(space, self.maps, *seen))
+
+    def depth(self, resting: Tensor) -> Tensor:
+        """L_SDF: mean depth below CLEARANCE of rest shapes (B, N, 3), by the exact distance to the body."""
+        points = resting.flatten(0, 1)
+        with torch.no_grad():
+            skin = self.skin.closest(points)
+        distance = ((points - skin.points) * skin.normals).sum(1)
+        return (CLEARANCE - distance).clamp(min=0.0).mean()

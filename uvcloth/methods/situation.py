@@ -1,0 +1,133 @@
+"""What comes before the next garment, and what the networks of Motion-guided make of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from uvcloth.bodies.frames import GRAVITY
+from uvcloth.methods.correspondence import carry, rotate, rotate_back
+from uvcloth.methods.descriptor import contact_forces
+from uvcloth.methods.garment_maps import GarmentMaps
+from uvcloth.methods.latent import Dynamics, Space
+from uvcloth.methods.seeds import PosedSeeds, kernel_transforms
+from uvcloth.skinning import apply_transforms, blend_transforms, skin
+
+MEMORY = 3
+"""Garments that a situation holds: the last one, and two more for its velocity and acceleration."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """The body of B frames: joint transforms (B, J, 3, 4), and the seeds that they carry along."""
+
+    transforms: Tensor
+    seeds: PosedSeeds
+
+    def __getitem__(self, rows: Tensor | slice) -> "Pose":
+        """Some of the frames."""
+        return Pose(self.transforms[rows], self.seeds[rows])
+
+
+@dataclass(frozen=True)
+class Situation:
+    """What comes before the next garment, of B frames.
+
+    before: (B, MEMORY, N, 3) m, world, the garments before, newest first; offsets: the same, as offsets from
+    their carriers. transforms: (B, MEMORY, J, 3, 4) of the body, now first. seeds_before, seeds: the body
+    then and now. fps: frames per second.
+    """
+
+    before: Tensor
+    offsets: Tensor
+    transforms: Tensor
+    seeds_before: PosedSeeds
+    seeds: PosedSeeds
+    fps: float
+
+    @property
+    def pose(self) -> Pose:
+        """The body now."""
+        return Pose(self.transforms[:, 0], self.seeds)
+
+
+def carried_offsets(maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> Tensor:
+    """Garments (B, N, 3) m as offsets from the smoothly skinned garment, in axes that it carries along."""
+    origins, frames = carry(maps.points, maps.carrier_weights, transforms)
+    return rotate_back(frames, vertices - origins)
+
+
+def shape_features(
+    space: Space, maps: GarmentMaps, vertices: Tensor, offsets: Tensor, seeds: Tensor
+) -> Tensor:
+    """S(M^P) of garments (B, N, 3) m, world, and as offsets, beside seeds (B, S, 3): (B, width, H, W)."""
+    if space.carried:
+        return space.features(maps.map(maps.positions(offsets)))
+    middle = seeds.mean(1, keepdim=True)
+    return space.features(maps.map(maps.positions(vertices - middle)), maps.mask, seeds - middle)
+
+
+def motion_values(carried: bool, maps: GarmentMaps, seen: Situation) -> Tensor:
+    """What moves, of every vertex (B, N, C), m/s and m/s2: C = 6 as published, the garment's own motion.
+
+    Carried, C = 12: the changes of its offsets, and the carrier's velocity and specific force, in the axes
+    that it carries along.
+    """
+    past = seen.offsets if carried else seen.before
+    velocity = (past[:, :-1] - past[:, 1:]) * seen.fps
+    own = [velocity[:, 0], (velocity[:, 0] - velocity[:, 1]) * seen.fps]
+    if not carried:
+        return torch.cat(own, dim=2)
+    now, frames = carry(maps.points, maps.carrier_weights, seen.transforms[:, 0])
+    before, earlier = (skin(maps.points, maps.carrier_weights, seen.transforms[:, k]) for k in (1, 2))
+    velocity = (now - before) * seen.fps
+    force = (velocity - (before - earlier) * seen.fps) * seen.fps - now.new_tensor(GRAVITY)
+    return torch.cat([*own, rotate_back(frames, velocity), rotate_back(frames, force)], dim=2)
+
+
+def situation_features(
+    space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: Situation, sigma: float
+) -> tuple[Tensor, Tensor]:
+    """S(M^P_{t-1}) and E_t."""
+    last, before = seen.before[:, 0], seen.seeds_before.points
+    features = shape_features(space, maps, last, seen.offsets[:, 0], before)
+    motion = maps.map(maps.positions(motion_values(space.carried, maps, seen)))
+    forces = contact_forces(maps.positions(last), before, seen.seeds.points, seen.seeds.normals, sigma)
+    return features, dynamics.change(motion, forces, seen.seeds.normals, maps.sheet.pixels)
+
+
+def rest_shape(
+    space: Space, maps: GarmentMaps, codes: Tensor, sample: Callable[[Tensor], Tensor] | None = None
+) -> Tensor:
+    """Codes (B, Z) -> the garment in the rest space (B, N, 3), m.
+
+    sample: what serves for `maps.sample` where its gradient is wanted fast.
+    """
+    displaced = space.decode(codes, sample or maps.sample, maps.places)
+    return maps.points + rotate(maps.axes, displaced)
+
+
+def next_codes(space: Space, dynamics: Dynamics, features: Tensor, change: Tensor) -> Tensor:
+    """Z_t: (B, Z), of S(M^P_{t-1}) and E_t."""
+    codes = dynamics(features, change)
+    return space.encode(features) + codes if dynamics.relative else codes
+
+
+def next_shape(space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: Situation, sigma: float) -> Tensor:
+    """The next garment in the rest space (B, N, 3), m."""
+    features, change = situation_features(space, dynamics, maps, seen, sigma)
+    return rest_shape(space, maps, next_codes(space, dynamics, features, change))
+
+
+def pose_transforms(space: Space, maps: GarmentMaps, resting: Tensor, pose: Pose) -> Tensor:
+    """What poses each vertex of rest-space garments (B, N, 3): (B, N, 3, 4)."""
+    if maps.skinning == "carrier":
+        return blend_transforms(maps.carrier_weights, pose.transforms)
+    where = resting if maps.skinning == "kernels" else maps.points.expand_as(resting)
+    return kernel_transforms(where, maps.kernels, space.radii, maps.seeds, pose.seeds)
+
+
+def posed_shape(space: Space, maps: GarmentMaps, resting: Tensor, pose: Pose) -> Tensor:
+    """Skin rest-space garments (B, N, 3) to the posed body: (B, N, 3), m, world."""
+    return apply_transforms(pose_transforms(space, maps, resting, pose), resting)
