@@ -39,7 +39,7 @@ def scene(monkeypatch, body):
             )
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
-    monkeypatch.setattr(animation, "wear", lambda name, _: SimpleNamespace(name=name, mesh=mesh))
+    monkeypatch.setattr(animation, "take", lambda name, *_: SimpleNamespace(name=name, mesh=mesh))
     monkeypatch.setattr(animation, "load_method", lambda *_: None)
     monkeypatch.setattr(animation, "rollout", rollout)
     return SimpleNamespace(resolved=resolved, rollout=rollout)

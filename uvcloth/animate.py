@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from time import perf_counter
@@ -12,11 +13,10 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from rasterize.errors import InputError
-from uvcloth.bodies.body import Body, load_body
+from uvcloth.bodies.body import load_body
 from uvcloth.export.writer import open_writer
-from uvcloth.garments.fit import fit
-from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.garments.templates import TEMPLATES, wear
+from uvcloth.garments.garment import Outfit
+from uvcloth.garments.wardrobe import take
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.library import load_clip
 from uvcloth.rollout import BrokenRolloutError, rollout
@@ -71,7 +71,8 @@ def animate(
     """
     console = Console(stderr=True)
     body = load_body(body_file)
-    outfit = Outfit(body, tuple(_dress(name, body, console) for name in garments))
+    say = partial(console.print, highlight=False, markup=False)
+    outfit = Outfit(body, tuple(take(name, body, say) for name in garments))
     clip = load_clip(motion, body)
     method = load_method(model or str(files("uvcloth") / "data" / "model"), body)
     inside = {"before": 0, "after": 0}
@@ -119,15 +120,6 @@ def animate(
         inside_before=100.0 * inside["before"] / vertices if contact else None,
         inside_after=100.0 * inside["after"] / vertices if contact else None,
     )
-
-
-def _dress(name: str, body: Body, console: Console) -> Garment:
-    if name in TEMPLATES:
-        return wear(name, body)
-    fitted = fit(Path(name), body, None)
-    for line in fitted.diagnosis.lines():
-        console.print(line, highlight=False, markup=False)
-    return fitted.garment
 
 
 def _progress(console: Console) -> Progress:
