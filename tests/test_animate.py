@@ -40,14 +40,14 @@ def scene(monkeypatch, body):
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
     monkeypatch.setattr(animation, "take", lambda name, *_: SimpleNamespace(name=name, mesh=mesh))
-    monkeypatch.setattr(animation, "load_method", lambda *_: None)
+    monkeypatch.setattr(animation, "load_methods", lambda *_: None)
     monkeypatch.setattr(animation, "rollout", rollout)
     return SimpleNamespace(resolved=resolved, rollout=rollout)
 
 
 def test_the_file_holds_the_resolved_frames(scene, tmp_path):
     out = tmp_path / "walk.npz"
-    summary = animation.animate("lbs", "walk", ["tops"], [out])
+    summary = animation.animate(["lbs"], "walk", ["tops"], [out])
     written = load_animation(out)
     assert written.names == ("tops",)
     torch.testing.assert_close(
@@ -59,17 +59,17 @@ def test_the_file_holds_the_resolved_frames(scene, tmp_path):
 
 def test_one_rollout_writes_every_file_that_is_asked_for(scene, tmp_path):
     wanted = [tmp_path / "walk.npz", tmp_path / "walk.glb"]
-    assert animation.animate("lbs", "walk", ["tops"], wanted).written == tuple(wanted)
+    assert animation.animate(["lbs"], "walk", ["tops"], wanted).written == tuple(wanted)
     assert all(path.stat().st_size for path in wanted)
 
 
 def test_the_summary_counts_what_is_inside_the_body(scene, tmp_path):
-    summary = animation.animate("lbs", "walk", ["tops"], [tmp_path / "walk.npz"])
+    summary = animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"])
     assert summary.inside_before == pytest.approx(100 / 3)
     assert summary.inside_after == 0
     assert summary.milliseconds["network"] == pytest.approx(2.0)
     assert set(summary.milliseconds) == {"network", "writing"}
-    without = animation.animate("lbs", "walk", ["tops"], [tmp_path / "raw.npz"], contact=False)
+    without = animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "raw.npz"], contact=False)
     assert without.inside_before is None
 
 
@@ -80,7 +80,7 @@ def test_a_file_that_cannot_be_written_keeps_the_others_away(scene, tmp_path, mo
     monkeypatch.setitem(FORMATS, ".glb", full)
     for order in (["a.npz", "a.glb"], ["a.glb", "a.npz"]):
         with pytest.raises(InputError, match=r"a\.glb: cannot be written \(No space left"):
-            animation.animate("lbs", "walk", ["tops"], [tmp_path / name for name in order])
+            animation.animate(["lbs"], "walk", ["tops"], [tmp_path / name for name in order])
         assert not list(tmp_path.iterdir())
 
 
@@ -93,7 +93,7 @@ def test_a_rollout_that_stops_keeps_the_frames_before(scene, tmp_path, monkeypat
 
     monkeypatch.setattr(animation, "rollout", stops)
     with pytest.raises(InputError, match=r"frame 2: .* is torn; the 2 frames before it are in .*walk\.npz"):
-        animation.animate("lbs", "walk", ["tops"], [tmp_path / "walk.npz"])
+        animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"])
     assert len(load_animation(tmp_path / "walk.npz")) == 2
 
 
@@ -106,5 +106,5 @@ def test_a_broken_rollout_leaves_nothing(scene, tmp_path, monkeypatch, error):
 
     monkeypatch.setattr(animation, "rollout", breaks)
     with pytest.raises(type(error)):
-        animation.animate("lbs", "walk", ["tops"], [tmp_path / "walk.npz"])
+        animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"])
     assert not list(tmp_path.iterdir())

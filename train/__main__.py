@@ -98,7 +98,7 @@ class MotionGuidedRun:
         material = Material(self.network, self.losses, self.data, body)
         if not second_began:
             fit(ShapeObjective(material, self.losses), first, self.shape, resume=self.resume)
-        objective = DynamicsObjective(material, self.losses, load_shape_space(first, self.network))
+        objective = DynamicsObjective(material, self.losses, load_shape_space(first, material.config))
         return fit(objective, self.out, self.loop, resume=second_began)
 
 

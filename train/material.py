@@ -1,6 +1,6 @@
 """What Motion-guided trains on: one garment on one body, frame after frame, clip after clip."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
@@ -12,13 +12,13 @@ from train.operators import Operator, differences, sampling
 from train.prepare import check_rests
 from train.recordings import Holdout, Recording, frames_of, hold_out, load_recordings
 from uvcloth.bodies.body import Body, load_body
-from uvcloth.garments.templates import wear
+from uvcloth.garments.wardrobe import take_for_data
 from uvcloth.mesh import edge_lengths, laplacian, unique_edges
 from uvcloth.methods.correspondence import to_device
 from uvcloth.methods.garment_maps import GarmentMaps
 from uvcloth.methods.latent import Space
 from uvcloth.methods.motion_guided import MotionGuidedConfig
-from uvcloth.methods.seeds import pose_seeds
+from uvcloth.methods.seeds import PosedSeeds, pose_seeds, seeds_on
 from uvcloth.methods.situation import MEMORY, Pose, carried_offsets, shape_features
 from uvcloth.physics.surface import BodySurface
 
@@ -47,15 +47,19 @@ class Rows:
         return to_device(self, device)
 
 
-def load_rows(recordings: list[Recording], garment: str, maps: GarmentMaps) -> Rows:
-    """Join the clips that have the garment."""
-    vertices, transforms, samples, starts = [], [], [], []
+def load_rows(recordings: list[Recording], garment: str, under: str, maps: GarmentMaps) -> Rows:
+    """Join the clips; under: the garment that the seeds lie on, if any."""
+    vertices, seeds, transforms, samples, starts = [], [], [], [], []
     row = 0
     for recording in recordings:
         first = max(0, recording.settling - MEMORY)
         frames = slice(first, None)
         vertices.append(recording.vertices[garment][frames].float())
         transforms.append(recording.transforms[frames])
+        if under:
+            seeds.append(seeds_on(maps.seeds, recording.vertices[under][frames], transforms[-1]))
+        else:
+            seeds.append(pose_seeds(maps.seeds, transforms[-1]))
         count = len(transforms[-1])
         samples.append(torch.arange(row + max(MEMORY, recording.settling - first), row + count))
         starts.append(torch.full((count,), row))
@@ -65,9 +69,18 @@ def load_rows(recordings: list[Recording], garment: str, maps: GarmentMaps) -> R
     return Rows(
         vertices=simulated,
         offsets=offsets_of(maps, simulated, joined),
-        pose=Pose(joined, pose_seeds(maps.seeds, joined)),
+        pose=Pose(joined, joined_seeds(seeds)),
         samples=torch.cat(samples),
         starts=torch.cat(starts),
+    )
+
+
+def joined_seeds(parts: list[PosedSeeds]) -> PosedSeeds:
+    """The frames of several one after another."""
+    return PosedSeeds(
+        torch.cat([part.points for part in parts]),
+        torch.cat([part.normals for part in parts]),
+        torch.cat([part.rotations for part in parts]),
     )
 
 
@@ -83,20 +96,29 @@ class Material:
     def __init__(
         self, config: MotionGuidedConfig, holdout: Holdout, data: Path, body: Body | None = None
     ) -> None:
-        """Read the data. Raises InputError if it lacks the garment or is of another body."""
-        self.config = config
+        """Read the data.
+
+        Raises InputError if it lacks the garment or what is worn under it, or is of another garment or body.
+        """
         self.body = body or load_body()
-        recordings = load_recordings(data, (config.garment,), self.body)
-        self.garment = garment = wear(config.garment, self.body)
-        check_rests({config.garment: garment.mesh.vertices}, recordings, self.body)
+        self.garment = garment = take_for_data(config.garment, self.body)
+        self.under = under = take_for_data(config.under, self.body) if config.under else None
+        self.config = replace(config, garment=garment.name, under=under.name if under else "")
+        worn = {g.name: g.mesh.vertices for g in (garment, under) if g}
+        recordings = [
+            r for r in load_recordings(data, tuple(worn), self.body) if worn.keys() <= r.rests.keys()
+        ]
+        if not recordings:
+            raise InputError(f"{data}: no training clip was simulated with {' and '.join(worn)}")
+        check_rests(worn, recordings, self.body)
         training, held = hold_out(recordings, holdout)
         if not training:
-            raise InputError(f"{data}: needs two clips of {config.garment} at least, one to validate with")
+            raise InputError(f"{data}: needs two clips of {garment.name} at least, one to validate with")
         self.files = {name: digest for r in recordings for name, digest in r.files.items()}
         self.fps = recordings[0].fps
-        self.maps = config.maps(garment, self.body)
-        self.rows = load_rows(training, config.garment, self.maps)
-        self.held = load_rows(held, config.garment, self.maps)
+        self.maps = config.maps(garment, self.body, under)
+        self.rows = load_rows(training, garment.name, self.config.under, self.maps)
+        self.held = load_rows(held, garment.name, self.config.under, self.maps)
         self.held_clips = [r.clip for r in held]
         edges = unique_edges(garment.mesh.faces)
         count = len(garment.mesh.vertices)

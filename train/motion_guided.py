@@ -16,7 +16,7 @@ from train.material import CHUNK, Material, Rows, offsets_of
 from train.recordings import Holdout
 from uvcloth.checkpoint import load_checkpoint, save_checkpoint
 from uvcloth.methods.latent import LinearSpace, Space
-from uvcloth.methods.motion_guided import MotionGuidedConfig, motion_guided_checkpoint
+from uvcloth.methods.motion_guided import MotionGuidedConfig, faces_hash, motion_guided_checkpoint
 from uvcloth.methods.situation import (
     MEMORY,
     Situation,
@@ -55,6 +55,8 @@ class MotionGuidedLosses(Holdout):
     """Train on the virtual sample too whose garment does not change: E_t = 0."""
     past: Literal["own", "true"] = "own"
     """Histories in training: the network's latest predictions, or the simulation's (paper)."""
+    unroll: int = 1
+    """Frames in a row that a step trains on, one by one, so that own histories grow long (paper: 1)."""
 
 
 SHAPE = "shape"
@@ -146,6 +148,7 @@ class ShapeObjective:
         material = self.material
         tensors = {f"{s}.{name}": t for s, net in stages.items() for name, t in net.state_dict().items()}
         notes = {**notes, "validation_clips": material.held_clips, "training_frames": material.frames}
+        notes |= {"garment_topology": faces_hash(material.garment)}
         save_checkpoint(
             motion_guided_checkpoint(material.config, tensors, material.body, material.files, notes), run
         )
@@ -176,6 +179,13 @@ class DynamicsObjective(ShapeObjective):
                 ]
             )
 
+    @property
+    def samples(self) -> Tensor:
+        """Rows that the clip goes on from for as many frames as are unrolled."""
+        rows, last = self.material.rows, self.losses.unroll - 1
+        first = rows.samples[rows.samples + last < len(rows.starts)]
+        return first[rows.starts[first + last] == rows.starts[first]]
+
     def networks(self) -> dict[str, nn.Module]:
         net = self.material.config.dynamics()
         material = self.material
@@ -196,7 +206,13 @@ class DynamicsObjective(ShapeObjective):
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
-        material, losses, net = self.material, self.losses, networks["net"]
+        for frame in range(self.losses.unroll):
+            parts = self._losses(networks["net"], rows + frame)
+            yield "net", torch.stack(list(parts.values())).sum(), parts
+
+    def _losses(self, net: Any, rows: Tensor) -> dict[str, Tensor]:
+        """The parts of the loss on rows (B,); the predictions become their histories."""
+        material, losses = self.material, self.losses
         seen = self._situation(material.rows, rows, (self.past, self.past_offsets))
         features, change = situation_features(self.space, net, material.maps, seen, material.config.sigma)
         if losses.still:
@@ -221,7 +237,7 @@ class DynamicsObjective(ShapeObjective):
             self.past_offsets[rows] = carried_offsets(
                 material.maps, self.past[rows], material.rows.pose.transforms[rows]
             )
-        yield "net", torch.stack(list(parts.values())).sum(), parts
+        return parts
 
     def _situation(self, rows: Rows, chosen: Tensor, past: tuple[Tensor, Tensor] | None = None) -> Situation:
         """What comes before the chosen rows (B,); past: the garments (R, N, 3), where not as simulated."""

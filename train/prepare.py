@@ -90,8 +90,8 @@ def check_rests(rests: Mapping[str, Tensor], recordings: list[Recording], body: 
             expected = rests[name]
             if rest.shape != expected.shape or (rest - expected).norm(dim=1).max() > SAME_REST:
                 raise InputError(
-                    f"{recording.clip}_{name}: at rest not the template {name} on body {body.name!r}; "
-                    "it was simulated with another template or body"
+                    f"{recording.clip}_{name}: at rest not the garment {name} on body {body.name!r}; "
+                    "it was simulated with another garment or body"
                 )
 
 

@@ -17,7 +17,7 @@ from uvcloth.bodies.body import load_body
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.wardrobe import take
-from uvcloth.methods.registry import load_method
+from uvcloth.methods.registry import load_methods
 from uvcloth.motion.library import load_clip
 from uvcloth.rollout import BrokenRolloutError, rollout
 
@@ -54,7 +54,7 @@ class Summary:
 
 
 def animate(
-    model: str | None,
+    models: Sequence[str],
     motion: str,
     garments: Sequence[str],
     out: Sequence[Path],
@@ -64,7 +64,8 @@ def animate(
 ) -> Summary:
     """Roll a method out on a motion once and write every file of `out`, each as its suffix says.
 
-    model: a checkpoint folder, a baseline's name, or None for the model in the package. garments: template
+    models: a checkpoint folder or a baseline's name for all garments, or one for each in order; none for the
+    model in the package. garments: template
     names or mesh files; contact keeps each out of the body, not out of the others. Raises InputError for bad
     input or a full disk; then, as after Ctrl-C, writes nothing. Of a rollout that breaks the frames before it
     are kept, and an InputError says so.
@@ -74,7 +75,7 @@ def animate(
     say = partial(console.print, highlight=False, markup=False)
     outfit = Outfit(body, tuple(take(name, body, say) for name in garments))
     clip = load_clip(motion, body)
-    method = load_method(model or str(files("uvcloth") / "data" / "model"), body)
+    method = load_methods(models or [str(files("uvcloth") / "data" / "model")], body)
     inside = {"before": 0, "after": 0}
     spent: dict[str, float] = defaultdict(float)
     start = perf_counter()

@@ -133,15 +133,15 @@ class Rollout:
     motion: str
     """A motion file (BVH) or the name of a built-in clip."""
     garment: Garments
-    """Templates (tops, bottoms, dress) or garment files; contact keeps each out of the body, not out of
-    the others."""
+    """Templates (tops, bottoms, dress) or garment files, the innermost first; contact keeps each out of the
+    body, not out of the others."""
     out: tuple[Path, ...]
     """What to write, one file or several; the suffix says how: .glb, .usdc, .pc2 or .npz."""
     model: Annotated[
-        str | None,
-        arg(metavar="RUN|lbs|lbs_smooth", help_behavior_hint="(default: the one in the package)"),
-    ] = None
-    """A folder written by `python -m train`, or a baseline by name."""
+        tuple[str, ...],
+        arg(metavar="RUN|lbs|lbs_smooth ...", help_behavior_hint="(default: the one in the package)"),
+    ] = ()
+    """A folder written by `python -m train`, or a baseline by name; or one for each garment, in order."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     contact: bool = True

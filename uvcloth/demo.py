@@ -43,7 +43,7 @@ def run(out: Path) -> None:
         "2. Rolling the shipped model out on the same clip, on templates and on a skirt it never saw"
     )
     for name, garments in (("dress", ["dress"]), ("outfit", ["tops", skirt])):
-        summary = animate(None, CLIP, garments, [out / f"{name}.{suffix}" for suffix in ("glb", "usdc")])
+        summary = animate([], CLIP, garments, [out / f"{name}.{suffix}" for suffix in ("glb", "usdc")])
         console.print("\n".join(f"   {line}" for line in summary.lines()), highlight=False)
     console.print("3. Drawing simulation (top) and prediction (bottom)")
     for name in TEMPLATES:

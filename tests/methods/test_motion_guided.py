@@ -146,7 +146,7 @@ def test_the_first_stage_alone_is_no_model(body, tmp_path):
 
 def test_another_garment_is_refused(body):
     outfit = Outfit(body, (wear("tops", body),))
-    with pytest.raises(InputError, match="template 'dress'"):
+    with pytest.raises(InputError, match="garment tops: model motion_guided is for the garment dress"):
         next(iter(rollout(TINY.create(), outfit, swaying(2, seed=0).transforms(), 30.0)))
 
 

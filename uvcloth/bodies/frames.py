@@ -23,7 +23,8 @@ class BodyFrames:
     """B frames of a posed body, each with its short history (H = HISTORY, the last is the frame itself).
 
     transforms: (B, H, J, 3, 4). vertices: (B, H, V, 3) m. velocity: (B, H, V, 3) m/s, acceleration:
-    (B, H, V, 3) m/s2, both backward differences (PhysXNet eq. 6 and 7) divided by the frame time.
+    (B, H, V, 3) m/s2, both backward differences (PhysXNet eq. 6 and 7) divided by the frame time. under:
+    (B, N, 3) m, the garment worn beneath the one that is asked for, where a method needs it.
     """
 
     body: Body
@@ -32,6 +33,7 @@ class BodyFrames:
     vertices: Tensor
     velocity: Tensor
     acceleration: Tensor
+    under: Tensor | None = None
 
     def __len__(self) -> int:
         return len(self.transforms)

@@ -27,7 +27,8 @@ class Garment:
 
 @dataclass(frozen=True)
 class Outfit:
-    """Garments worn together on one body. Each meets the body alone: their order changes nothing."""
+    """Garments worn together on one body, the innermost first. under: what is worn beneath all of them."""
 
     body: Body
     garments: tuple[Garment, ...]
+    under: Garment | None = None

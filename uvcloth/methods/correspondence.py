@@ -12,9 +12,10 @@ import torch
 from torch import Tensor
 
 from rasterize.bake import bake
+from rasterize.charts import face_components
 from rasterize.decode import nearest_sampler
 from rasterize.errors import InputError
-from rasterize.layout import Layout
+from rasterize.layout import Layout, unwrap
 from rasterize.raycast import body_to_garment
 from rasterize.sheet import REACH
 from rasterize.texels import Texels, rasterize_layout
@@ -107,6 +108,13 @@ def layout_of(body: Body) -> Layout:
 
     default = load_body()
     return load_body_layout() if torch.equal(default.mesh.faces, body.mesh.faces) else body_layout(body)
+
+
+def own_layout(mesh: Mesh) -> Layout:
+    """A mesh's own texture coordinates as a layout of all of its faces; unwrapped where it has none."""
+    uvs, face_uvs = (mesh.uvs, mesh.face_uvs) if len(mesh.uvs) else unwrap(mesh.vertices, mesh.faces)
+    islands = face_components(face_uvs.numpy(), np.zeros(0, dtype=np.int64))
+    return Layout(torch.arange(len(face_uvs)), uvs, face_uvs, torch.from_numpy(islands).long())
 
 
 def template_texels(template: str, mesh: Mesh, body: Body, texels: BodyTexels) -> TemplateTexels:

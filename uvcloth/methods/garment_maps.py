@@ -3,18 +3,15 @@
 from dataclasses import dataclass
 from typing import Literal
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from rasterize.bake import scatter_map, valid_mask
-from rasterize.charts import face_components
 from rasterize.decode import sample_points
-from rasterize.layout import Layout, unwrap
 from rasterize.texels import Texels, rasterize_layout
 from uvcloth.garments.garment import Garment
 from uvcloth.mesh import Mesh, vertex_normals
-from uvcloth.methods.correspondence import gather, weighted_rows
+from uvcloth.methods.correspondence import gather, own_layout, weighted_rows
 from uvcloth.methods.latent import uv_encoding
 from uvcloth.methods.seeds import Kernels, Seeds, nearest_kernels
 
@@ -86,13 +83,6 @@ def garment_maps(garment: Garment, seeds: Seeds, size: int, near: int, skinning:
         carrier_weights=garment.carrier_weights,
         skinning=skinning,
     )
-
-
-def own_layout(mesh: Mesh) -> Layout:
-    """A mesh's own texture coordinates as a layout of all of its faces; unwrapped where it has none."""
-    uvs, face_uvs = (mesh.uvs, mesh.face_uvs) if len(mesh.uvs) else unwrap(mesh.vertices, mesh.faces)
-    islands = face_components(face_uvs.numpy(), np.zeros(0, dtype=np.int64))
-    return Layout(torch.arange(len(face_uvs)), uvs, face_uvs, torch.from_numpy(islands).long())
 
 
 def local_axes(mesh: Mesh) -> Tensor:

@@ -1,5 +1,6 @@
 """Motion-guided: a latent dynamic encoder with Gaussian-kernel skinning, fed its own predictions."""
 
+import hashlib
 import math
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -18,7 +19,7 @@ from uvcloth.mesh import laplacian
 from uvcloth.methods.garment_maps import GarmentMaps, Skinning, garment_maps
 from uvcloth.methods.latent import Dynamics, LinearSpace, ShapeSpace, Space
 from uvcloth.methods.residual import Resolver
-from uvcloth.methods.seeds import pose_seeds, sample_seeds
+from uvcloth.methods.seeds import PosedSeeds, pose_seeds, sample_seeds, seeds_on
 from uvcloth.methods.situation import MEMORY, Situation, carried_offsets, next_shape, pose_transforms
 from uvcloth.physics.contact import Obstacle
 from uvcloth.skinning import apply_transforms, skin
@@ -29,7 +30,9 @@ class MotionGuidedConfig:
     """What the networks see and are made of; `PRESETS["paper"]` is the method as published."""
 
     garment: str = "dress"
-    """The template that the networks are for: they are garment-specific."""
+    """The garment that the networks are for, a template or a mesh file: they are garment-specific."""
+    under: str = ""
+    """The garment worn beneath it, likewise, whose surface stands for the body's (section 6.5)."""
     size: int = 32
     """Height and width of the maps that are encoded (paper: 128); the decoded ones have twice as much."""
     width: int = 32
@@ -118,9 +121,10 @@ class MotionGuidedConfig:
             relative=self.relative,
         )
 
-    def maps(self, garment: Garment, body: Body) -> GarmentMaps:
-        """A garment on a body, as the networks see it."""
-        return garment_maps(garment, sample_seeds(body, self.seeds), self.size, self.near, self.skinning)
+    def maps(self, garment: Garment, body: Body, under: Garment | None = None) -> GarmentMaps:
+        """A garment on a body, or over what is worn under it, as the networks see it."""
+        seeds = sample_seeds(body, self.seeds, under)
+        return garment_maps(garment, seeds, self.size, self.near, self.skinning)
 
     def create(self) -> "MotionGuided":
         """Build the method with untrained weights."""
@@ -153,15 +157,16 @@ PRESETS: dict[str, MotionGuidedConfig] = {
 class Rolling:
     """A garment on its way.
 
-    maps: as the networks see it. before, offsets: (1, MEMORY, N, 3) m, as in Situation. transforms:
-    (1, J, 3, 4) of the newest. resolver: where collisions are resolved by a map, and residual: that map,
-    (1, 4 H W, 3) m.
+    maps: as the networks see it. before, offsets: (1, MEMORY, N, 3) m, as in Situation. transforms, seeds:
+    (1, J, 3, 4) and posed, of the newest. resolver: where collisions are resolved by a map, and residual:
+    that map, (1, 4 H W, 3) m.
     """
 
     maps: GarmentMaps
     before: Tensor
     offsets: Tensor
     transforms: Tensor
+    seeds: PosedSeeds
     residual: Tensor
     resolver: Resolver | None = None
 
@@ -179,36 +184,48 @@ class Rolling:
 
 @dataclass(frozen=True)
 class MotionGuided:
-    """A Method with memory: each garment of an outfit is rolled out by itself."""
+    """A Method with memory: each garment of an outfit is rolled out by itself.
+
+    topology: of the garment's faces that the networks are for, where they were trained.
+    """
 
     config: MotionGuidedConfig
     space: Space
     dynamics: Dynamics
     name: str = "motion_guided"
+    topology: str = ""
     remembers: bool = True
 
     def start(self, outfit: Outfit, frames: BodyFrames) -> tuple[Rolling, ...]:
         """Let every garment hang still, smoothly skinned, on the body of the first frame.
 
-        Raises InputError for a garment of another template than the networks are for.
+        Raises InputError for another garment than the networks are for, or over another.
         """
+        config, under = self.config, outfit.under
+        if config.under and (under is None or under.name != config.under):
+            worn = f"is worn over {under.name}" if under else "has nothing beneath"
+            raise InputError(f"model {self.name}: is for {config.garment} over {config.under}, this {worn}")
         for garment in outfit.garments:
-            if garment.template != self.config.garment:
+            if garment.name != config.garment:
                 raise InputError(
-                    f"garment {garment.name}: the model is for template {self.config.garment!r}, "
-                    f"this is one of {garment.template!r}"
+                    f"garment {garment.name}: model {self.name} is for the garment {config.garment}"
+                )
+            if self.topology and faces_hash(garment) != self.topology:
+                raise InputError(
+                    f"garment {garment.name}: has another mesh than the one model {self.name} is for"
                 )
         self.space.eval()
         self.dynamics.eval()
-        transforms = frames.transforms[:1, 0]
-        hanging = []
-        for garment in outfit.garments:
-            maps = self.config.maps(garment, outfit.body)
-            still = skin(maps.points, maps.carrier_weights, transforms)[:, None].repeat(1, MEMORY, 1, 1)
-            residual = torch.zeros(1, 4 * self.config.size**2, 3)
-            resolver = self._resolver(garment, outfit.body) if self.config.residual else None
-            hanging.append(Rolling(maps, still, torch.zeros_like(still), transforms, residual, resolver))
-        return tuple(hanging)
+        return tuple(self._hanging(garment, outfit, frames.transforms[:1, 0]) for garment in outfit.garments)
+
+    def _hanging(self, garment: Garment, outfit: Outfit, transforms: Tensor) -> Rolling:
+        under = outfit.under if self.config.under else None
+        maps = self.config.maps(garment, outfit.body, under)
+        still = skin(maps.points, maps.carrier_weights, transforms)[:, None].repeat(1, MEMORY, 1, 1)
+        seeds = pose_seeds(maps.seeds, transforms)
+        residual = torch.zeros(1, 4 * self.config.size**2, 3)
+        resolver = self._resolver(garment, outfit.body) if self.config.residual else None
+        return Rolling(maps, still, torch.zeros_like(still), transforms, seeds, residual, resolver)
 
     def _resolver(self, garment: Garment, body: Body) -> Resolver:
         obstacle = Obstacle(make_collider(body), body.mesh.vertices)
@@ -234,13 +251,18 @@ class MotionGuided:
         )
 
     def _next(self, worn: Rolling, frames: BodyFrames) -> Rolling:
-        seeds = pose_seeds(worn.maps.seeds, frames.transforms[0, -2:])
+        now = frames.transforms[:, -1]
+        if self.config.under:
+            assert frames.under is not None, "the garment beneath is stepped first"
+            seeds = seeds_on(worn.maps.seeds, frames.under, now)
+        else:
+            seeds = pose_seeds(worn.maps.seeds, now)
         seen = Situation(
             before=worn.before,
             offsets=worn.offsets,
             transforms=frames.transforms.flip(1),
-            seeds_before=seeds[:1],
-            seeds=seeds[1:],
+            seeds_before=worn.seeds,
+            seeds=seeds,
             fps=frames.fps,
         )
         maps = worn.maps
@@ -252,7 +274,7 @@ class MotionGuided:
             turns = blended[0, :, :, :3] @ maps.axes
             resolved, residual = worn.resolver.resolve(vertices[0], turns, maps.sample, worn.residual)
             vertices, worn = resolved[None], replace(worn, residual=residual)
-        return worn.moved(vertices, frames.transforms[:, -1], drop=MEMORY - 1)
+        return replace(worn, seeds=seeds).moved(vertices, now, drop=MEMORY - 1)
 
 
 class Both(nn.Module):
@@ -273,7 +295,15 @@ def load_motion_guided(checkpoint: Checkpoint, folder: Path) -> MotionGuided:
             f"{folder}: holds the first stage alone, the shape space; "
             "train on with `python -m train motion_guided --resume`"
         )
-    return restored(checkpoint, folder, MotionGuidedConfig, Both)
+    method: MotionGuided = restored(checkpoint, folder, MotionGuidedConfig, Both)
+    return replace(method, topology=str(checkpoint.notes.get("garment_topology", "")))
+
+
+def faces_hash(garment: Garment) -> str:
+    """What tells garments of one name apart: their faces, those of the texture coordinates included."""
+    digest = hashlib.sha256(garment.mesh.faces.numpy().tobytes())
+    digest.update(garment.mesh.face_uvs.numpy().tobytes())
+    return digest.hexdigest()
 
 
 def motion_guided_checkpoint(

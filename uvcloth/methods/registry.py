@@ -1,6 +1,6 @@
 """The methods that ship, by name, and how a name or a folder becomes one."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
@@ -10,6 +10,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import CONFIG, Checkpoint, load_checkpoint
 from uvcloth.methods import motion_guided, physxnet
+from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.lbs import LBSConfig
 from uvcloth.methods.method import Method
 
@@ -26,6 +27,12 @@ LOADERS: dict[str, Callable[[Checkpoint, Path], Any]] = {
     "motion_guided": motion_guided.load_motion_guided,
 }
 """How a checkpoint becomes a method, for those that are trained."""
+
+
+def load_methods(models: Sequence[str | Path], body: Body) -> Method:
+    """One method for all garments, or several, one for each in order. Raises InputError as load_method."""
+    methods = tuple(load_method(model, body) for model in models)
+    return methods[0] if len(methods) == 1 else Ensemble(methods)
 
 
 def load_method(name_or_run: str | Path, body: Body) -> Method:

@@ -1,4 +1,4 @@
-"""Seed points on a body, and the Gaussian kernels around them that skin a garment (Motion-guided)."""
+"""Seed points on what a garment moves on, and the Gaussian kernels around them (Motion-guided)."""
 
 import math
 from dataclasses import dataclass
@@ -6,9 +6,11 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from rasterize.texels import rasterize_layout
 from uvcloth.bodies.body import REGIONS, Body
+from uvcloth.garments.garment import Garment
 from uvcloth.mesh import vertex_normals
-from uvcloth.methods.correspondence import body_texels, carry, weighted_rows
+from uvcloth.methods.correspondence import carry, gather, layout_of, own_layout, weighted_rows
 
 PARTS = ("torso", "upper_arm", "forearm", "thigh", "calf")
 """Body parts whose seeds share a kernel radius; the others count as what they are attached to."""
@@ -18,15 +20,19 @@ ATTACHED = {"head": "torso", "hand": "forearm", "foot": "calf"}
 
 @dataclass(frozen=True)
 class Seeds:
-    """S points on a body at rest.
+    """S points on a surface at rest: the body's, or that of the garment worn beneath.
 
-    points, normals: (S, 3), m. weights: (S, J) blend weights. parts: (S,) int64 into PARTS.
+    points, normals: (S, 3), m. weights: (S, J) blend weights. parts: (S,) int64 into PARTS. corners: (S, 3)
+    vertices of the surface around each, barycentrics: (S, 3). faces: (M, 3) of the surface.
     """
 
     points: Tensor
     normals: Tensor
     weights: Tensor
     parts: Tensor
+    corners: Tensor
+    barycentrics: Tensor
+    faces: Tensor
 
 
 @dataclass(frozen=True)
@@ -42,27 +48,43 @@ class PosedSeeds:
         return PosedSeeds(self.points[rows], self.normals[rows], self.rotations[rows])
 
 
-def sample_seeds(body: Body, count: int) -> Seeds:
-    """Seeds that lie regularly in the body's UV layout: the texels of a coarse sheet, evenly thinned."""
-    size = math.isqrt(count)
-    texels = body_texels(body, size)
-    while len(texels.points) < count:
-        size += 1
-        texels = body_texels(body, size)
-    kept = torch.linspace(0, len(texels.points) - 1, count).round().long()
-    part_of = torch.tensor([PARTS.index(ATTACHED.get(region, region)) for region in REGIONS])
-    return Seeds(
-        points=texels.points[kept],
-        normals=texels.gather(vertex_normals(body.mesh.vertices, body.mesh.faces))[kept],
-        weights=texels.weights[kept],
-        parts=part_of[body.regions[texels.sheet.face[kept]]],
+def sample_seeds(body: Body, count: int, under: Garment | None = None) -> Seeds:
+    """Seeds that lie regularly in a UV layout: the texels of a coarse sheet, evenly thinned.
+
+    The layout is the body's, or that of the garment worn beneath (section 6.5).
+    """
+    mesh, weights, layout = (
+        (under.mesh, under.carrier_weights, own_layout(under.mesh))
+        if under
+        else (body.mesh, body.weights, layout_of(body))
     )
+    size = math.isqrt(count)
+    while len((sheet := rasterize_layout(layout, size)).face) < count:
+        size += 1
+    kept = torch.linspace(0, len(sheet.face) - 1, count).round().long()
+    corners, barycentrics = mesh.faces[sheet.face[kept]], sheet.barycentrics[kept]
+    points, normals, weights = (
+        gather(values, corners, barycentrics)
+        for values in (mesh.vertices, vertex_normals(mesh.vertices, mesh.faces), weights)
+    )
+    part_of = torch.tensor([PARTS.index(ATTACHED.get(region, region)) for region in REGIONS])
+    centres = body.mesh.vertices[body.mesh.faces].mean(1)
+    beneath = torch.cdist(points, centres).argmin(1) if under else sheet.face[kept]
+    return Seeds(points, normals, weights, part_of[body.regions[beneath]], corners, barycentrics, mesh.faces)
 
 
 def pose_seeds(seeds: Seeds, transforms: Tensor) -> PosedSeeds:
     """Carry the seeds by joint transforms (B, J, 3, 4)."""
     points, rotations = carry(seeds.points, seeds.weights, transforms)
     return PosedSeeds(points, (rotations @ seeds.normals[..., None]).squeeze(-1), rotations)
+
+
+def seeds_on(seeds: Seeds, vertices: Tensor, transforms: Tensor) -> PosedSeeds:
+    """The seeds on the surface as it lies now, vertices (B, V, 3) m; it turns as its skin would."""
+    _, rotations = carry(seeds.points, seeds.weights, transforms)
+    normals = vertex_normals(vertices, seeds.faces)
+    points, normals = (gather(values, seeds.corners, seeds.barycentrics) for values in (vertices, normals))
+    return PosedSeeds(points, torch.nn.functional.normalize(normals, dim=2), rotations)
 
 
 @dataclass(frozen=True)
