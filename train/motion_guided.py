@@ -22,7 +22,6 @@ from uvcloth.methods.situation import (
     Situation,
     carried_offsets,
     motion_values,
-    next_codes,
     next_shape,
     posed_shape,
     rest_shape,
@@ -221,7 +220,7 @@ class DynamicsObjective(ShapeObjective):
             wanted = torch.cat([rows, rows - 1])
         else:
             wanted = rows
-        codes = next_codes(self.space, net, features, change)
+        codes = net(features, change)
         resting = rest_shape(self.space, material.maps, codes, material.sample)
         posed = posed_shape(self.space, material.maps, resting, material.rows.pose[wanted])
         before = self.past[rows - 1] - material.rows.vertices[rows - 1]
