@@ -203,6 +203,12 @@ def carry(points: Tensor, weights: Tensor, transforms: Tensor) -> tuple[Tensor, 
     return apply_transforms(blended, points), rotation_part(blended)
 
 
+def seen_from_root(points: Tensor, transforms: Tensor) -> Tensor:
+    """Points (B, P, 3) m in the axes of the root joint, the first of transforms (B, J, 3, 4)."""
+    root = transforms[:, None, 0]
+    return rotate_back(root[..., :3], points - root[..., 3])
+
+
 def rotate(frames: Tensor, vectors: Tensor) -> Tensor:
     """Local vectors to world: frames (..., 3, 3), vectors (..., 3)."""
     return (frames * vectors.unsqueeze(-2)).sum(-1)

@@ -63,8 +63,8 @@ class MotionGuidedConfig:
     """What poses a shape: the smooth blend weights of the carrier; or Gaussian kernels around the seeds,
     weighed at rest (fixed) or where a vertex is displaced to (kernels, paper)."""
     carried: bool = True
-    """What is encoded: offsets from the smoothly skinned garment, in axes that it carries along, their change
-    and the motion of that garment; else positions relative to every seed and the garment's own motion, along
+    """What is encoded: offsets from the smoothly skinned garment, in axes that it carries along, their change,
+    and pose and motion of that garment; else positions relative to every seed and the garment's own motion, along
     the world's axes (paper)."""
     contact: bool = True
     """The next frame sees the garment after contact; else as it was predicted."""
@@ -107,7 +107,7 @@ class MotionGuidedConfig:
     def dynamics(self) -> Dynamics:
         """The second stage, untrained."""
         return Dynamics(
-            features=3 if self.linear else self.width,
+            features=(3 if self.linear else self.width) + (3 if self.carried else 0),
             motion=12 if self.carried else 6,
             seeds=self.seeds,
             width=self.width,

@@ -27,6 +27,7 @@ from uvcloth.methods.correspondence import (
     gather,
     rotate,
     rotate_back,
+    seen_from_root,
     template_texels,
     worn_on,
 )
@@ -176,9 +177,7 @@ def pose_values(texels: BodyTexels, vertices: Tensor, transforms: Tensor) -> Ten
 
     vertices: (T, V, 3). transforms: (T, J, 3, 4), the root joint first.
     """
-    root = transforms[:, None, 0]
-    seen = rotate_back(root[..., :3], texels.gather(vertices) - root[..., 3])
-    return (seen - texels.points).transpose(1, 2)
+    return (seen_from_root(texels.gather(vertices), transforms) - texels.points).transpose(1, 2)
 
 
 def template_offsets(

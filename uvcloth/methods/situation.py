@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.frames import GRAVITY
-from uvcloth.methods.correspondence import carry, rotate, rotate_back
+from uvcloth.methods.correspondence import carry, rotate, rotate_back, seen_from_root
 from uvcloth.methods.descriptor import contact_forces
 from uvcloth.methods.garment_maps import GarmentMaps
 from uvcloth.methods.latent import Dynamics, Space
@@ -86,12 +86,20 @@ def motion_values(carried: bool, maps: GarmentMaps, seen: Situation) -> Tensor:
     return torch.cat([*own, rotate_back(frames, velocity), rotate_back(frames, force)], dim=2)
 
 
+def pose_values(maps: GarmentMaps, seen: Situation) -> Tensor:
+    """Where the carrier lies now, seen from the root joint, against its rest: (B, N, 3), m."""
+    transforms = seen.transforms[:, 0]
+    return seen_from_root(skin(maps.points, maps.carrier_weights, transforms), transforms) - maps.points
+
+
 def situation_features(
     space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: Situation, sigma: float
 ) -> tuple[Tensor, Tensor]:
-    """S(M^P_{t-1}) and E_t."""
+    """S(M^P_{t-1}) and E_t; carried, the pose goes with the former, since it is no change."""
     last, before = seen.before[:, 0], seen.seeds_before.points
     features = shape_features(space, maps, last, seen.offsets[:, 0], before)
+    if space.carried:
+        features = torch.cat([features, maps.map(maps.positions(pose_values(maps, seen)))], dim=1)
     motion = maps.map(maps.positions(motion_values(space.carried, maps, seen)))
     forces = contact_forces(maps.positions(last), before, seen.seeds.points, seen.seeds.normals, sigma)
     return features, dynamics.change(motion, forces, seen.seeds.normals, maps.sheet.pixels)
