@@ -63,9 +63,9 @@ class MotionGuidedConfig:
     """What poses a shape: the smooth blend weights of the carrier; or Gaussian kernels around the seeds,
     weighed at rest (fixed) or where a vertex is displaced to (kernels, paper)."""
     carried: bool = True
-    """What is encoded: offsets from the smoothly skinned garment, in axes that it carries along, their change,
-    and pose and motion of that garment; else positions relative to every seed and the garment's own motion, along
-    the world's axes (paper)."""
+    """What is encoded: offsets from the smoothly skinned garment, in axes that it carries along, their
+    change, and pose and motion of that garment; else positions relative to every seed and the garment's own
+    motion, along the world's axes (paper)."""
     contact: bool = True
     """The next frame sees the garment after contact; else as it was predicted."""
     residual: bool = False
