@@ -49,8 +49,8 @@ class MotionGuidedConfig:
     """Width of the perceptron that displaces vertices."""
     layers: int = 4
     """Its layers (paper: 6)."""
-    norm: Literal["batch", "group", "instance"] = "instance"
-    """Normalization layers."""
+    norm: Literal["batch", "group", "instance", "none"] = "none"
+    """Normalization layers (paper: instance, which hide how large a motion is)."""
     dropout: float = 0.4
     """Share of what the dynamic encoder's last layer sees that training drops (paper: 0)."""
     upsample: Literal["transposed", "resize"] = "resize"

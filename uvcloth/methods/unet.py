@@ -8,14 +8,16 @@ KERNEL = 4
 
 
 def normalization(kind: str, channels: int) -> nn.Module:
-    """A normalization layer by name: "batch", "group" (of eight channels) or "instance"."""
+    """A normalization layer by name: "batch", "group" (of eight channels), "instance" or "none"."""
     if kind == "batch":
         return nn.BatchNorm2d(channels)
     if kind == "group":
         return nn.GroupNorm(max(1, channels // 8), channels)
     if kind == "instance":
         return nn.InstanceNorm2d(channels, affine=True)
-    raise ValueError(f"normalization {kind!r}: expected batch, group or instance")
+    if kind == "none":
+        return nn.Identity()
+    raise ValueError(f"normalization {kind!r}: expected batch, group, instance or none")
 
 
 def upsampling(kind: str, inputs: int, outputs: int) -> nn.Module:
