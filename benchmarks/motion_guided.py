@@ -1,0 +1,148 @@
+"""What a frame of Motion-guided costs, beside its plain twin and the cloth engine, in one run.
+
+Run from the checkout with PYTHONPATH=. as
+
+    python benchmarks/motion_guided.py [--preset fast|paper] [--vertices 18000]
+
+The weights are untrained and displace nothing: times do not depend on them. The plain twin builds a channel
+per seed and axis, as published (benchmarks/descriptor.py looks at that convolution alone). The engine
+simulates the same garment over the same clip. Every figure is per frame: milliseconds, and how many times the
+method's whole frame (network, contact and writing) it takes.
+"""
+
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+
+import torch
+import tyro
+from rich.console import Console
+from rich.table import Table
+from torch import Tensor, nn
+from torch.nn import functional
+
+from benchmarks.descriptor import plain
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.export.writer import open_writer
+from uvcloth.garments.attach import make_garment
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.tailor import tailor
+from uvcloth.garments.templates import tailored, wear
+from uvcloth.methods.descriptor import TAPS, RelativePositions, SeedForces
+from uvcloth.methods.motion_guided import PRESETS, MotionGuided
+from uvcloth.motion.clip import Clip
+from uvcloth.motion.library import load_clip
+from uvcloth.rollout import rollout
+from uvcloth.simulate.farm import ENGINES
+from uvcloth.simulate.lead_in import LeadIn
+from uvcloth.simulate.run import simulate
+
+
+@dataclass(frozen=True)
+class Options:
+    """Measure a preset on the dress."""
+
+    preset: str = "fast"
+    """fast or paper."""
+    vertices: int | None = None
+    """Tailor the dress with about so many vertices; without it the template."""
+    clip: str = "walk"
+    """A clip."""
+    frames: int = 30
+    """Frames of it."""
+    twin: bool = True
+    """Measure the plain twin."""
+    engine: bool = True
+    """Measure the cloth engine."""
+
+
+class PlainPositions(nn.Module):
+    """RelativePositions with a channel per seed and axis."""
+
+    def __init__(self, layer: RelativePositions) -> None:
+        super().__init__()
+        self.layer = layer
+
+    def forward(self, positions: Tensor, mask: Tensor, seeds: Tensor) -> Tensor:
+        return plain(self.layer, positions, mask, seeds)
+
+
+class PlainForces(nn.Module):
+    """SeedForces with a channel per seed and axis."""
+
+    def __init__(self, layer: SeedForces) -> None:
+        super().__init__()
+        self.layer = layer
+
+    def forward(self, forces: Tensor, normals: Tensor, pixels: Tensor, size: int) -> Tensor:
+        pushes = forces[..., None] * normals[:, None]
+        maps = forces.new_zeros(len(forces), size * size, *pushes.shape[2:]).index_copy(1, pixels, pushes)
+        channels = maps.flatten(2).transpose(1, 2).unflatten(-1, (size, size))
+        kernel = self.layer.weight.flatten(1, 2).unflatten(-1, (TAPS, TAPS))
+        return functional.conv2d(channels, kernel, padding=TAPS // 2)
+
+
+def method(preset: str, twin: bool) -> MotionGuided:
+    made = PRESETS[preset].create()
+    last = [layer for layer in made.space.modules() if isinstance(layer, nn.Linear)][-1]
+    nn.init.zeros_(last.weight)
+    nn.init.zeros_(last.bias)
+    if twin:
+        made.dynamics.forces = PlainForces(made.dynamics.forces)  # type: ignore[assignment]
+        if isinstance(getattr(made.space, "first", None), RelativePositions):
+            made.space.first = PlainPositions(made.space.first)  # type: ignore[assignment,arg-type]
+    return made
+
+
+def garment_of(body: Body, vertices: int | None) -> Garment:
+    if vertices is None:
+        return wear("dress", body)
+    return make_garment("dress", "dress", tailored(tailor("dress", body, vertices), body), body)
+
+
+def stages(made: MotionGuided, garment: Garment, body: Body, clip: Clip) -> dict[str, float]:
+    """Median milliseconds of every stage."""
+
+    spent: dict[str, list[float]] = {"network": [], "contact": [], "writing": []}
+    with tempfile.TemporaryDirectory() as folder:
+        meshes = [(garment.name, garment.mesh)]
+        with open_writer(Path(folder) / "dress.glb", meshes, body, clip.fps) as writer:
+            for frame in rollout(made, Outfit(body, (garment,)), clip.transforms(), clip.fps):
+                spent["network"].append(frame.milliseconds["network"])
+                spent["contact"].append(frame.milliseconds["contact"])
+                begun = time.perf_counter()
+                writer.add(frame.vertices, frame.transforms)
+                spent["writing"].append(1e3 * (time.perf_counter() - begun))
+            begun = time.perf_counter()
+            writer.finish()
+            rest = 1e3 * (time.perf_counter() - begun) / len(clip)
+    return {stage: median(values[2:]) + rest * (stage == "writing") for stage, values in spent.items()}
+
+
+def main(options: Options) -> None:
+    body = load_body()
+    clip = load_clip(options.clip, body).window(0, options.frames)
+    garment = garment_of(body, options.vertices)
+    ours = stages(method(options.preset, twin=False), garment, body, clip)
+    whole = sum(ours.values())
+    table = Table("per frame", "ms", "x the whole")
+    rows = [*ours.items(), ("whole frame", whole)]
+    if options.twin:
+        twin = stages(method(options.preset, twin=True), garment, body, clip.window(0, 5))["network"]
+        rows.append(("plain twin's network", twin))
+    if options.engine:
+        parts = LeadIn(rest=1, blend=8, ramp=4)
+        made = simulate(clip.window(0, 10), 0, garment, body, ENGINES["dress"], parts)
+        rows.append(("cloth engine", 1e3 * made.metadata["wall_seconds"] / len(made.vertices)))
+    for name, spent in rows:
+        table.add_row(name, f"{spent:.1f}", f"{spent / whole:.2f}")
+    console = Console()
+    console.print(f"{options.preset}, dress of {len(garment.mesh.vertices)} vertices, {options.clip}")
+    console.print(f"{torch.get_num_threads()} threads")
+    console.print(table)
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Options))
