@@ -62,10 +62,7 @@ def fit_linear(space: LinearSpace, material: Material) -> None:
     space.decoder.weight.T[: len(directions)] = decoded[:-1]
     space.decoder.bias.copy_(decoded[-1])
     seen = torch.cat(
-        [
-            space.features(maps.map(maps.positions(rows.offsets[part]))).flatten(1)
-            for part in chosen.split(CHUNK)
-        ]
+        [space.features(maps.map(rows.offsets[part])).flatten(1) for part in chosen.split(CHUNK)]
     )
     wanted = codes / size
     gram = seen @ seen.T

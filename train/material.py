@@ -33,7 +33,7 @@ CHUNK = 16
 class Rows:
     """R frames of the garment, clip after clip, each led in by MEMORY frames of its settling.
 
-    vertices: (R, N, 3) m, world; offsets: the same, as offsets from their carriers. pose: of the body.
+    vertices: (R, N, 3) m, world; offsets: (R, P, 3) of their texels from the carriers. pose: of the body.
     samples: (S,) int64 rows that count. starts: (R,) int64 first row of the clip.
     """
 
@@ -85,9 +85,9 @@ def joined_seeds(parts: list[PosedSeeds]) -> PosedSeeds:
 
 
 def offsets_of(maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> Tensor:
-    """Garments (R, N, 3) as offsets from their carriers, some at a time."""
+    """Texels of garments (R, N, 3) as offsets from their carriers (R, P, 3), some at a time."""
     parts = zip(vertices.split(CHUNK), transforms.split(CHUNK), strict=True)
-    return torch.cat([carried_offsets(maps, *part) for part in parts])
+    return torch.cat([carried_offsets(maps, maps.positions(v), now) for v, now in parts])
 
 
 class Material:
@@ -144,7 +144,8 @@ class Material:
 
     def codes(self, space: Space, rows: Rows, chosen: Tensor) -> Tensor:
         """Z* of simulated garments: (B, Z)."""
-        seen = (rows.vertices[chosen], rows.offsets[chosen], rows.pose.seeds.points[chosen])
+        texels = self.maps.positions(rows.vertices[chosen])
+        seen = (texels, rows.offsets[chosen], rows.pose.seeds.points[chosen])
         return space.encode(shape_features(space, self.maps, *seen))
 
     def depth(self, resting: Tensor) -> Tensor:

@@ -95,7 +95,7 @@ class ShapeObjective:
     def networks(self) -> dict[str, nn.Module]:
         material, net = self.material, self.material.config.shape_space()
         offsets = material.rows.offsets[material.rows.samples[::4]]
-        seen = material.maps.map(material.maps.positions(offsets))
+        seen = material.maps.map(offsets)
         net.shift.copy_(seen.mean(0))
         net.scale.copy_((seen - net.shift).std().clamp(min=1e-3))
         if isinstance(net, LinearSpace):
@@ -233,16 +233,16 @@ class DynamicsObjective(ShapeObjective):
         }
         if losses.past == "own":
             self.past[rows] = posed[: len(rows)].detach()
-            self.past_offsets[rows] = carried_offsets(
-                material.maps, self.past[rows], material.rows.pose.transforms[rows]
-            )
+            texels = material.maps.positions(self.past[rows])
+            now = material.rows.pose.transforms[rows]
+            self.past_offsets[rows] = carried_offsets(material.maps, texels, now)
         return parts
 
     def _situation(self, rows: Rows, chosen: Tensor, past: tuple[Tensor, Tensor] | None = None) -> Situation:
         """What comes before the chosen rows (B,); past: the garments (R, N, 3), where not as simulated."""
         vertices, offsets = past or (rows.vertices, rows.offsets)
         back = chosen[:, None] - torch.arange(1, MEMORY + 1, device=chosen.device)
-        return self._after(rows, chosen, vertices[back], offsets[back])
+        return self._after(rows, chosen, self.material.maps.positions(vertices[back]), offsets[back])
 
     def _after(self, rows: Rows, chosen: Tensor, before: Tensor, offsets: Tensor) -> Situation:
         now = chosen[:, None] - torch.arange(MEMORY, device=chosen.device)
@@ -270,8 +270,9 @@ class DynamicsObjective(ShapeObjective):
             resting = next_shape(self.space, net, material.maps, seen, material.config.sigma)
             posed = posed_shape(self.space, material.maps, resting, held.pose[chosen])
             errors.append((posed - held.vertices[chosen]).norm(dim=2).mean(1) * 1000.0)
-            moved = carried_offsets(material.maps, posed, held.pose.transforms[chosen])
-            before = torch.cat([posed[:, None], before[:, :-1]], dim=1)
+            texels = material.maps.positions(posed)
+            moved = carried_offsets(material.maps, texels, held.pose.transforms[chosen])
+            before = torch.cat([texels[:, None], before[:, :-1]], dim=1)
             offsets = torch.cat([moved[:, None], offsets[:, :-1]], dim=1)
         net.train()
         return {"mean": float(torch.cat(errors).mean())}

@@ -82,7 +82,7 @@ def test_offsets_from_the_carrier_do_not_change_with_a_rigid_motion(body, maps):
     turn = torch.linalg.matrix_exp(torch.tensor([[0.0, -0.4, 0.1], [0.4, 0.0, 0.2], [-0.1, -0.2, 0.0]]))
     turned = turn @ still
     turned[..., 3] += torch.tensor([1.0, 2.0, 3.0])
-    garment = maps.points[None] + 0.02
+    garment = maps.texel_points[None] + 0.02
     moved = garment @ turn.T + torch.tensor([1.0, 2.0, 3.0])
     torch.testing.assert_close(
         carried_offsets(maps, moved, turned), carried_offsets(maps, garment, still), atol=1e-5, rtol=0

@@ -27,7 +27,8 @@ class GarmentMaps:
     sheet: its P texels; fine: those of the decoded map. corners: (P, 3) vertices around each. mask:
     (1, 1, H, W). points: (N, 3) m at rest; axes: (N, 3, 3) local frames there. pixels, shares: (N, K) samples
     of the decoded map. places: (N, C) encoded texture coordinates. kernels: of the seeds near each vertex.
-    carrier_weights: (N, J). skinning: which of the two poses the garment.
+    carrier_weights: (N, J). skinning: which of the two poses the garment. texel_points: (P, 3) m at rest, and
+    texel_weights: (P, J), of the carrier at the texels.
     """
 
     sheet: Texels
@@ -43,6 +44,8 @@ class GarmentMaps:
     seeds: Seeds
     carrier_weights: Tensor
     skinning: Skinning
+    texel_points: Tensor
+    texel_weights: Tensor
 
     def positions(self, vertices: Tensor) -> Tensor:
         """Values of garment vertices (B, N, 3) at the texels: (B, P, 3)."""
@@ -66,12 +69,13 @@ def garment_maps(garment: Garment, seeds: Seeds, size: int, near: int, skinning:
     layout = own_layout(mesh)
     sheet, fine = (rasterize_layout(layout, size) for size in (size, 2 * size))
     face, corner = _a_corner_of_each(mesh)
+    corners, barycentrics = mesh.faces[sheet.face], sheet.barycentrics
     at_vertex = torch.nn.functional.one_hot(corner, 3).float()
     sampler = sample_points(layout, fine, mesh.faces, face, at_vertex)
     return GarmentMaps(
         sheet=sheet,
         fine=fine,
-        corners=mesh.faces[sheet.face],
+        corners=corners,
         mask=valid_mask(sheet).float()[None, None],
         points=mesh.vertices,
         axes=local_axes(mesh),
@@ -82,6 +86,8 @@ def garment_maps(garment: Garment, seeds: Seeds, size: int, near: int, skinning:
         seeds=seeds,
         carrier_weights=garment.carrier_weights,
         skinning=skinning,
+        texel_points=gather(mesh.vertices, corners, barycentrics),
+        texel_weights=gather(garment.carrier_weights, corners, barycentrics),
     )
 
 

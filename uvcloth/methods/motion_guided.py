@@ -154,12 +154,13 @@ PRESETS: dict[str, MotionGuidedConfig] = {
 class Rolling:
     """A garment on its way.
 
-    maps: as the networks see it. before, offsets: (1, MEMORY, N, 3) m, as in Situation. transforms, seeds:
-    (1, J, 3, 4) and posed, of the newest. resolver: where collisions are resolved by a map, and residual:
-    that map, (1, 4 H W, 3) m.
+    maps: as the networks see it. vertices: (1, N, 3) m, the newest. before, offsets: (1, MEMORY, P, 3) m, as
+    in Situation. transforms, seeds: (1, J, 3, 4) and posed, of the newest. resolver: where collisions are
+    resolved by a map, and residual: that map, (1, 4 H W, 3) m.
     """
 
     maps: GarmentMaps
+    vertices: Tensor
     before: Tensor
     offsets: Tensor
     transforms: Tensor
@@ -170,10 +171,12 @@ class Rolling:
     def moved(self, vertices: Tensor, transforms: Tensor, drop: int) -> "Rolling":
         """With a newest garment (1, N, 3) more, and one fewer at place `drop`."""
         kept = [place for place in range(MEMORY) if place != drop]
-        offsets = carried_offsets(self.maps, vertices, transforms)
+        texels = self.maps.positions(vertices)
+        offsets = carried_offsets(self.maps, texels, transforms)
         return replace(
             self,
-            before=torch.cat([vertices[:, None], self.before[:, kept]], dim=1),
+            vertices=vertices,
+            before=torch.cat([texels[:, None], self.before[:, kept]], dim=1),
             offsets=torch.cat([offsets[:, None], self.offsets[:, kept]], dim=1),
             transforms=transforms,
         )
@@ -218,11 +221,13 @@ class MotionGuided:
     def _hanging(self, garment: Garment, outfit: Outfit, transforms: Tensor) -> Rolling:
         under = outfit.under if self.config.under else None
         maps = self.config.maps(garment, outfit.body, under)
-        still = skin(maps.points, maps.carrier_weights, transforms)[:, None].repeat(1, MEMORY, 1, 1)
+        still = skin(maps.points, maps.carrier_weights, transforms)
+        before = maps.positions(still)[:, None].repeat(1, MEMORY, 1, 1)
         seeds = pose_seeds(maps.seeds, transforms)
         residual = torch.zeros(1, 4 * self.config.size**2, 3)
         resolver = self._resolver(garment, outfit.body) if self.config.residual else None
-        return Rolling(maps, still, torch.zeros_like(still), transforms, seeds, residual, resolver)
+        offsets = torch.zeros_like(before)
+        return Rolling(maps, still, before, offsets, transforms, seeds, residual, resolver)
 
     def _resolver(self, garment: Garment, body: Body) -> Resolver:
         obstacle = Obstacle(make_collider(body), body.mesh.vertices)
@@ -236,7 +241,7 @@ class MotionGuided:
     ) -> tuple[tuple[Rolling, ...], tuple[Tensor, ...]]:
         """The next garments (1, N, 3), m, from the last ones."""
         following = tuple(self._next(worn, frames) for worn in state)
-        return following, tuple(worn.before[:, 0] for worn in following)
+        return following, tuple(worn.vertices for worn in following)
 
     def observe(self, state: tuple[Rolling, ...], garments: tuple[Tensor, ...]) -> tuple[Rolling, ...]:
         """Go on from the garments as they were after contact, unless the config says otherwise."""

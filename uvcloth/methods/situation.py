@@ -34,9 +34,9 @@ class Pose:
 class Situation:
     """What comes before the next garment, of B frames.
 
-    before: (B, MEMORY, N, 3) m, world, the garments before, newest first; offsets: the same, as offsets from
-    their carriers. transforms: (B, MEMORY, J, 3, 4) of the body, now first. seeds_before, seeds: the body
-    then and now. fps: frames per second.
+    before: (B, MEMORY, P, 3) m, world, the texels of the garments before, newest first; offsets: the same, as
+    offsets from their carriers. transforms: (B, MEMORY, J, 3, 4) of the body, now first. seeds_before, seeds:
+    the body then and now. fps: frames per second.
     """
 
     before: Tensor
@@ -52,24 +52,22 @@ class Situation:
         return Pose(self.transforms[:, 0], self.seeds)
 
 
-def carried_offsets(maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> Tensor:
-    """Garments (B, N, 3) m as offsets from the smoothly skinned garment, in axes that it carries along."""
-    origins, frames = carry(maps.points, maps.carrier_weights, transforms)
-    return rotate_back(frames, vertices - origins)
+def carried_offsets(maps: GarmentMaps, texels: Tensor, transforms: Tensor) -> Tensor:
+    """Texels (B, P, 3) m as offsets from the smoothly skinned garment, in axes that it carries along."""
+    origins, frames = carry(maps.texel_points, maps.texel_weights, transforms)
+    return rotate_back(frames, texels - origins)
 
 
-def shape_features(
-    space: Space, maps: GarmentMaps, vertices: Tensor, offsets: Tensor, seeds: Tensor
-) -> Tensor:
-    """S(M^P) of garments (B, N, 3) m, world, and as offsets, beside seeds (B, S, 3): (B, width, H, W)."""
+def shape_features(space: Space, maps: GarmentMaps, texels: Tensor, offsets: Tensor, seeds: Tensor) -> Tensor:
+    """S(M^P) of texels (B, P, 3) m, world, and as offsets, beside seeds (B, S, 3): (B, width, H, W)."""
     if space.carried:
-        return space.features(maps.map(maps.positions(offsets)))
+        return space.features(maps.map(offsets))
     middle = seeds.mean(1, keepdim=True)
-    return space.features(maps.map(maps.positions(vertices - middle)), maps.mask, seeds - middle)
+    return space.features(maps.map(texels - middle), maps.mask, seeds - middle)
 
 
 def motion_values(carried: bool, maps: GarmentMaps, seen: Situation) -> Tensor:
-    """What moves, of every vertex (B, N, C), m/s and m/s2: C = 6 as published, the garment's own motion.
+    """What moves, of every texel (B, P, C), m/s and m/s2: C = 6 as published, the garment's own motion.
 
     Carried, C = 12: the changes of its offsets, and the carrier's velocity and specific force, in the axes
     that it carries along.
@@ -79,17 +77,17 @@ def motion_values(carried: bool, maps: GarmentMaps, seen: Situation) -> Tensor:
     own = [velocity[:, 0], (velocity[:, 0] - velocity[:, 1]) * seen.fps]
     if not carried:
         return torch.cat(own, dim=2)
-    now, frames = carry(maps.points, maps.carrier_weights, seen.transforms[:, 0])
-    before, earlier = (skin(maps.points, maps.carrier_weights, seen.transforms[:, k]) for k in (1, 2))
+    now, frames = carry(maps.texel_points, maps.texel_weights, seen.transforms[:, 0])
+    before, earlier = (skin(maps.texel_points, maps.texel_weights, seen.transforms[:, k]) for k in (1, 2))
     velocity = (now - before) * seen.fps
     force = (velocity - (before - earlier) * seen.fps) * seen.fps - now.new_tensor(GRAVITY)
     return torch.cat([*own, rotate_back(frames, velocity), rotate_back(frames, force)], dim=2)
 
 
 def pose_values(maps: GarmentMaps, seen: Situation) -> Tensor:
-    """Where the carrier lies now, seen from the root joint, against its rest: (B, N, 3), m."""
-    transforms = seen.transforms[:, 0]
-    return seen_from_root(skin(maps.points, maps.carrier_weights, transforms), transforms) - maps.points
+    """Where the carrier lies now, seen from the root joint, against its rest: (B, P, 3), m."""
+    now = seen.transforms[:, 0]
+    return seen_from_root(skin(maps.texel_points, maps.texel_weights, now), now) - maps.texel_points
 
 
 def situation_features(
@@ -99,9 +97,9 @@ def situation_features(
     last, before = seen.before[:, 0], seen.seeds_before.points
     features = shape_features(space, maps, last, seen.offsets[:, 0], before)
     if space.carried:
-        features = torch.cat([features, maps.map(maps.positions(pose_values(maps, seen)))], dim=1)
-    motion = maps.map(maps.positions(motion_values(space.carried, maps, seen)))
-    forces = contact_forces(maps.positions(last), before, seen.seeds.points, seen.seeds.normals, sigma)
+        features = torch.cat([features, maps.map(pose_values(maps, seen))], dim=1)
+    motion = maps.map(motion_values(space.carried, maps, seen))
+    forces = contact_forces(last, before, seen.seeds.points, seen.seeds.normals, sigma)
     return features, dynamics.change(motion, forces, seen.seeds.normals, maps.sheet.pixels)
 
 
