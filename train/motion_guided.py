@@ -1,7 +1,7 @@
 """The objectives of Motion-guided: first a space of shapes, then the encoder that moves through it."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -54,6 +54,8 @@ class MotionGuidedLosses(Holdout):
     """Train on the virtual sample too whose garment does not change: E_t = 0."""
     past: Literal["own", "true"] = "own"
     """Histories in training: the network's latest predictions, or the simulation's (paper)."""
+    noise: float = 0.0
+    """Deviation of random codes whose shapes are added to histories, so that errors are mended (paper: 0)."""
     unroll: int = 1
     """Frames in a row that a step trains on, one by one, so that own histories grow long (paper: 1)."""
 
@@ -213,6 +215,8 @@ class DynamicsObjective(ShapeObjective):
         """The parts of the loss on rows (B,); the predictions become their histories."""
         material, losses = self.material, self.losses
         seen = self._situation(material.rows, rows, (self.past, self.past_offsets))
+        if losses.noise:
+            seen = replace(seen, offsets=seen.offsets + self._noise(len(rows)))
         features, change = situation_features(self.space, net, material.maps, seen, material.config.sigma)
         if losses.still:
             features = torch.cat([features, features])
@@ -237,6 +241,14 @@ class DynamicsObjective(ShapeObjective):
             now = material.rows.pose.transforms[rows]
             self.past_offsets[rows] = carried_offsets(material.maps, texels, now)
         return parts
+
+    def _noise(self, count: int) -> Tensor:
+        """Random shapes, the same in every frame of a history, as offsets: (B, 1, P, 3), m."""
+        codes = self.losses.noise * torch.randn(count, self.material.config.latent, device=self.past.device)
+        maps = self.material.maps
+        with torch.no_grad():
+            moved = rest_shape(self.space, maps, torch.stack([codes, torch.zeros_like(codes)]).flatten(0, 1))
+            return maps.positions(moved[:count] - moved[count:])[:, None]
 
     def _situation(self, rows: Rows, chosen: Tensor, past: tuple[Tensor, Tensor] | None = None) -> Situation:
         """What comes before the chosen rows (B,); past: the garments (R, N, 3), where not as simulated."""
