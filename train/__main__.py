@@ -76,6 +76,8 @@ class MotionGuidedRun:
     """Continue the run in `out` where it stopped, at either stage."""
     body: Path | None = None
     """The body that the sequences were simulated on; default: the one in the package."""
+    frames: int | None = None
+    """Train on the first so many frames only, clip after clip."""
     network: OmitArgPrefixes[MotionGuidedConfig] = field(default_factory=MotionGuidedConfig)
     losses: OmitArgPrefixes[MotionGuidedLosses] = field(default_factory=MotionGuidedLosses)
     loop: OmitArgPrefixes[LoopConfig] = field(default_factory=LoopConfig)
@@ -95,7 +97,7 @@ class MotionGuidedRun:
         if not self.resume:
             check_run(self.out, resume=False)
         body = load_body(self.body) if self.body else None
-        material = Material(self.network, self.losses, self.data, body)
+        material = Material(self.network, self.losses, self.data, body, self.frames)
         if not second_began:
             fit(ShapeObjective(material, self.losses), first, self.shape, resume=self.resume)
         objective = DynamicsObjective(material, self.losses, load_shape_space(first, material.config))

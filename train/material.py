@@ -94,9 +94,14 @@ class Material:
     """What both stages train on: one garment on one body, training and validation clips."""
 
     def __init__(
-        self, config: MotionGuidedConfig, holdout: Holdout, data: Path, body: Body | None = None
+        self,
+        config: MotionGuidedConfig,
+        holdout: Holdout,
+        data: Path,
+        body: Body | None = None,
+        frames: int | None = None,
     ) -> None:
-        """Read the data.
+        """Read the data; frames: train on the first so many only, clip after clip, None for all.
 
         Raises InputError if it lacks the garment or what is worn under it, or is of another garment or body.
         """
@@ -128,7 +133,11 @@ class Material:
         self.laplacian = Operator(smooth.to_sparse_csr(), smooth.t().to_sparse_csr())
         self.sample = sampling(self.maps.pixels, self.maps.shares, 4 * config.size**2)
         self.skin = BodySurface(self.body.mesh.vertices, self.body.mesh.faces)
-        self.frames = frames_of(training)
+        if frames is not None:
+            if frames < 2:
+                raise InputError(f"--frames {frames}: has to be 2 or more")
+            self.rows = replace(self.rows, samples=self.rows.samples[:frames])
+        self.frames = len(self.rows.samples)
         Console().print(
             f"{self.frames} training frames of {len(training)} clips, "
             f"{frames_of(held)} validation frames ({', '.join(self.held_clips)})"

@@ -156,7 +156,12 @@ class ShapeObjective:
 
     def settings(self) -> dict[str, Any]:
         material = self.material
-        return {**asdict(material.config), **asdict(self.losses), "data": material.files}
+        return {
+            **asdict(material.config),
+            **asdict(self.losses),
+            "data": material.files,
+            "frames": material.frames,
+        }
 
     def memory(self) -> dict[str, Tensor]:
         return {}
