@@ -25,6 +25,7 @@ from uvcloth.methods.situation import (
     next_shape,
     posed_shape,
     rest_shape,
+    shape_features,
     situation_features,
 )
 
@@ -230,6 +231,11 @@ class DynamicsObjective(ShapeObjective):
         else:
             wanted = rows
         codes = net(features, change)
+        if net.relative:
+            last = shape_features(
+                self.space, material.maps, seen.before[:, 0], seen.offsets[:, 0], seen.seeds_before.points
+            )
+            codes = codes + self.space.encode(last).repeat(len(codes) // len(rows), 1)
         resting = rest_shape(self.space, material.maps, codes, material.sample)
         posed = posed_shape(self.space, material.maps, resting, material.rows.pose[wanted])
         before = self.past[rows - 1] - material.rows.vertices[rows - 1]
