@@ -50,7 +50,7 @@ def test_simulate_hands_everything_on(monkeypatch, stand_in):
     calls = []
     stand_in("uvcloth.simulate.farm", simulate_batch=lambda **options: calls.append(options))
     stand_in("uvcloth.bodies.body", load_body=lambda path: f"body from {path}")
-    arguments = ("a.bvh", "walk", "--garment", "tops", "dress", "--out", "data", "--jobs", "2")
+    arguments = ("a.bvh", "walk", "--garment", "tops", "dress", "--out", "data", "--jobs", "2", "--layered")
     assert run(monkeypatch, "simulate", *arguments, "--windows", "index.csv", "--body", "b.npz") == 0
     assert calls == [
         {
@@ -62,6 +62,7 @@ def test_simulate_hands_everything_on(monkeypatch, stand_in):
             "jobs": 2,
             "scheduler": None,
             "repeat": False,
+            "layered": True,
         }
     ]
 
@@ -101,6 +102,7 @@ def test_failing_commands_say_one_sentence(monkeypatch, stand_in, capsys, error,
     ("arguments", "words"),
     [
         (("simulate", "--out", "x"), "at least one clip"),
+        (("simulate", "walk", "--out", "x", "--garment"), "one garment"),
         (("rollout", "--motion", "walk", "--out", "x.glb", "--garment"), "at least one garment"),
         (("fit", "nowhere.obj", "--body", "nowhere.npz"), "nowhere.npz: no such file"),
     ],

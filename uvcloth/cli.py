@@ -64,10 +64,13 @@ class Simulate:
     """Motion files (BVH) or names of built-in clips."""
     out: Path
     """Folder for the sequences, one npz per clip and garment."""
-    garment: tuple[TemplateName, ...] = ("tops", "bottoms", "dress")
-    """Templates to simulate."""
+    garment: Garments = ("tops", "bottoms", "dress")
+    """Templates or garment files to simulate; a file's sequences are named by its stem."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
+    layered: bool = False
+    """The garments are worn over one another, the first innermost, and simulated together, so that they
+    keep apart; otherwise each is simulated alone."""
     windows: Annotated[Path | None, arg(metavar="CSV", help_behavior_hint="(default: whole clips)")] = None
     """Simulate a part of each clip: a table with the columns trial, split, action, window_start and
     window_frames, which training and evaluation then go by."""
@@ -80,8 +83,8 @@ class Simulate:
     the same motion differ, which evaluation prints as the repeatability floor."""
 
     def run(self) -> None:
-        if not self.clips:
-            raise InputError("simulate: name at least one clip")
+        if not self.clips or not self.garment:
+            raise InputError("simulate: name at least one clip and one garment")
         from uvcloth.bodies.body import load_body
         from uvcloth.simulate.farm import simulate_batch
 
@@ -94,6 +97,7 @@ class Simulate:
             jobs=self.jobs,
             scheduler=self.scheduler,
             repeat=self.repeat,
+            layered=self.layered,
         )
 
 

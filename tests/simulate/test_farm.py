@@ -13,6 +13,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.garments.templates import wear
 from uvcloth.motion.library import builtin_clips, load_clip
 from uvcloth.simulate.accept import MOST_INSIDE, examine
+from uvcloth.simulate.cloth import join
 from uvcloth.simulate.farm import plan, simulate_batch
 from uvcloth.simulate.index import read_index
 from uvcloth.simulate.sequence import FORMAT, Sequence, content_hash, load_sequence, save_sequence
@@ -41,6 +42,9 @@ def test_a_sequence_survives_its_file(carried: Sequence, tmp_path: Path) -> None
     assert torch.equal(again.vertices, carried.vertices)
     assert again.metadata["hash"] == content_hash(carried)
     assert (again.settling, again.garment, again.clip) == (1, "tops", "walk")
+    assert (again.template, again.layers) == ("tops", ("tops",))
+    skirt = replace(carried, metadata={"clip": "walk", "garment": "skirt", "template": "dress"})
+    assert (skirt.garment, skirt.template) == ("skirt", "dress")
     assert [path.name for path in tmp_path.iterdir()] == ["s.npz"]
 
 
@@ -97,17 +101,18 @@ def test_windows_choose_frames_and_name_what_is_wrong(body: Body, tmp_path: Path
     table.write_text(
         "trial,split,action,window_start,window_frames\nwalk,test,walking,40,30\nrun,test,run,90,50\n"
     )
-    (job,) = plan(["walk"], ["dress"], tmp_path, body, table)
-    assert (len(job.motion), job.settling, job.target.name) == (45, 15, "walk_dress.npz")
-    (again,) = plan(["walk"], ["dress"], tmp_path, body, table, earlier=True)
+    dress = (join(wear("dress", body), body),)
+    (job,) = plan(["walk"], [dress], tmp_path, body, table)
+    assert (len(job.motion), job.settling, job.targets[0].name) == (45, 15, "walk_dress.npz")
+    (again,) = plan(["walk"], [dress], tmp_path, body, table, earlier=True)
     assert (len(again.motion), again.settling) == (65, 35)
     with pytest.raises(InputError, match="the window ends at 140"):
-        plan(["run"], ["dress"], tmp_path, body, table)
+        plan(["run"], [dress], tmp_path, body, table)
     with pytest.raises(InputError, match="no row for the clip twirl"):
-        plan(["twirl"], ["dress"], tmp_path, body, table)
+        plan(["twirl"], [dress], tmp_path, body, table)
     table.write_text("name\nwalk\n")
     with pytest.raises(InputError, match=r"index\.csv: lacks the column trial"):
-        plan(["walk"], ["dress"], tmp_path, body, table)
+        plan(["walk"], [dress], tmp_path, body, table)
 
 
 HEADER = "trial,split,action,window_start,window_frames\n"
@@ -134,16 +139,16 @@ def test_an_index_says_what_is_wrong_with_it(tmp_path: Path, rows: str, words: s
 def test_two_clips_for_one_file_are_refused(body: Body, tmp_path: Path) -> None:
     shipped = builtin_clips()["walk"]
     with pytest.raises(InputError, match=rf"walk_tops\.npz: both walk and {shipped}"):
-        plan(["walk", str(shipped)], ["tops"], tmp_path, body)
+        plan(["walk", str(shipped)], [(join(wear("tops", body), body),)], tmp_path, body)
 
 
 @pytest.fixture
-def finished(body: Body, tmp_path: Path) -> Path:
+def finished(carried: Sequence, body: Body, tmp_path: Path) -> Path:
     """A folder in which the sequence of one window is there, so that nothing is left to simulate."""
     (tmp_path / "mine.csv").write_text(HEADER + "walk,test,walking,40,30\n")
     out = tmp_path / "out"
     out.mkdir()
-    (out / "walk_tops.npz").write_text("")
+    save_sequence(carried, out / "walk_tops.npz")
     simulate_batch(["walk"], ["tops"], out, body, windows=tmp_path / "mine.csv")
     return out
 
@@ -158,6 +163,19 @@ def test_windows_are_kept_with_the_sequences_and_others_are_refused(
     with pytest.raises(InputError, match=r"out/index\.csv: holds other windows than .*mine\.csv"):
         simulate_batch(["walk"], ["tops"], finished, body, windows=mine)
     assert "test" in (finished / "index.csv").read_text()
+
+
+def test_what_was_simulated_alone_is_not_taken_for_a_layer(finished: Path, body: Body) -> None:
+    with pytest.raises(InputError, match=r"walk_tops\.npz: was simulated as tops, not as bottoms under tops"):
+        simulate_batch(["walk"], ["bottoms", "tops"], finished, body, layered=True)
+
+
+def test_garments_that_would_share_files_or_cross_are_refused(body: Body, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="garment tops: another one is also named tops"):
+        simulate_batch(["walk"], ["tops", "tops"], tmp_path, body)
+    with pytest.raises(InputError, match=r"garment bottoms: cannot be worn over the garment tops, .* 100 %"):
+        simulate_batch(["walk"], ["tops", "bottoms"], tmp_path, body, layered=True)
+    assert not list(tmp_path.iterdir())
 
 
 def test_places_and_numbers_that_cannot_be_are_refused(body: Body, tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import trimesh
 pytest.importorskip("newton", reason="the `simulate` extra is not installed")
 
 from uvcloth.simulate.engine import Scene
+from uvcloth.simulate.layers import wrong_side_percent
 from uvcloth.simulate.newton import Style3D
 
 FPS = 30.0
@@ -37,7 +38,8 @@ def sheet_over_a_ball(frames: int, height: float) -> Scene:
         rest=points,
         faces=faces,
         band=torch.zeros(len(points), dtype=torch.bool),
-        band_mass=1.0,
+        heavier=torch.ones(len(points)),
+        room=torch.zeros(len(points)),
         carrier=points.expand(frames, -1, -1),
         collider=surface.expand(frames, -1, -1),
         collider_parts=(torch.from_numpy(ball.faces),),
@@ -82,3 +84,21 @@ def test_what_may_not_touch_does_not_and_fast_scenes_take_more_substeps() -> Non
     still, moved = scene.carrier[0], scene.carrier[0] + torch.tensor([0.0, 0.0, 0.255])
     assert engine.substeps_between(still, still) == engine.substeps
     assert engine.substeps_between(still, moved) == 26
+
+
+def test_layers_keep_apart_and_the_outer_one_farther_off_the_ball() -> None:
+    inner, outer = sheet_over_a_ball(20, height=0.135), sheet_over_a_ball(20, height=0.145)
+    count = len(inner.rest)
+    both = replace(
+        inner,
+        rest=torch.cat([inner.rest, outer.rest]),
+        faces=torch.cat([inner.faces, inner.faces + count]),
+        band=inner.band.repeat(2),
+        heavier=inner.heavier.repeat(2),
+        room=torch.tensor([0.0, 0.006]).repeat_interleave(count),
+        carrier=torch.cat([inner.carrier, outer.carrier], dim=1),
+        touches=inner.touches.repeat(1, 2),
+    )
+    below, above = torch.stack(list(Style3D().simulate(both))).split(count, dim=1)
+    assert wrong_side_percent(above, below, inner.faces) == 0.0
+    assert float(above[-1].norm(dim=1).min()) > 0.127

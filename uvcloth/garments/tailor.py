@@ -16,9 +16,10 @@ from rasterize.command import run_command
 from rasterize.errors import InputError
 from rasterize.layout import unwrap
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.garments.band import WIDTH, hem_band
 from uvcloth.garments.cut import cut, place
 from uvcloth.garments.shells import Bodice, gown, joint, suit
-from uvcloth.garments.templates import TEMPLATES, Template, eased, hem_band, outward, save_template
+from uvcloth.garments.templates import TEMPLATES, Template, eased, outward, save_template
 from uvcloth.mesh import Mesh
 from uvcloth.physics.surface import BodySurface
 
@@ -27,8 +28,6 @@ Indices = NDArray[np.int64]
 
 SLEEVE = 0.55
 """Sleeve length as a share of the upper arm."""
-
-BAND_WIDTH = 0.03
 
 
 def tailor(name: str, body: Body, vertices: int) -> Template:
@@ -146,9 +145,9 @@ def _clearance(name: str, body: Body, vertices: Array) -> Array:
 def _band(name: str, body: Body, vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
     """The strip that is held: neck and, for trousers and dress, waist."""
     top = max(boundary_loops(faces.numpy()), key=lambda run: float(vertices[run][:, 2].mean()))
-    band = hem_band(vertices, top.tolist(), BAND_WIDTH)
+    band = hem_band(vertices, vertices[top], WIDTH)
     if name == "dress":
-        band |= (vertices[:, 2] - _waist(body)).abs() < BAND_WIDTH / 2
+        band |= (vertices[:, 2] - _waist(body)).abs() < WIDTH / 2
     return band
 
 

@@ -1,6 +1,5 @@
 """The garment templates: one topology and one UV layout each, worn by any body that has the proxies."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -102,11 +101,6 @@ def smoothing_matrix(faces: Tensor, count: int) -> Tensor:
     places = torch.cat([average.indices()[:, off_hem], hem.T, hem.flip(1).T], dim=1)
     values = torch.cat([average.values()[off_hem], torch.full((2 * len(hem),), 0.5)])
     return torch.sparse_coo_tensor(places, values, (count, count), check_invariants=False).to_sparse_csr()
-
-
-def hem_band(vertices: Tensor, loop: Sequence[int], width: float) -> Tensor:
-    """Vertices (N, 3) within `width` metres of a loop of vertices: (N,) bool."""
-    return torch.cdist(vertices, vertices[list(loop)]).min(dim=1).values < width
 
 
 def outward(mesh: Mesh, body: Body) -> bool:

@@ -9,10 +9,11 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class Scene:
-    """One garment on a moving collider.
+    """Cloth on a moving collider: one garment, or several that keep apart.
 
-    rest: (N, 3) garment at rest, also where it starts. faces: (M, 3). band: (N,) bool, held up by a soft
-    attachment. band_mass: how many times heavier the band's vertices are, so that they can carry the rest.
+    rest: (N, 3) cloth at rest, also where it starts. faces: (M, 3). band: (N,) bool, held up by a soft
+    attachment. heavier: (N,) how many times heavier each vertex is; the band's are, so that they can carry
+    the rest. room: (N,) m that other cloth takes between a vertex and the collider.
     carrier: (F, N, 3) the skinned garment, which attachment and drag follow.
     collider: (F, C, 3) collider vertices. collider_parts: (K, 3) faces of each of its closed parts.
     touches: (parts, N) bool, which part may touch which vertex. fps: frames per second.
@@ -21,7 +22,8 @@ class Scene:
     rest: Tensor
     faces: Tensor
     band: Tensor
-    band_mass: float
+    heavier: Tensor
+    room: Tensor
     carrier: Tensor
     collider: Tensor
     collider_parts: tuple[Tensor, ...]
@@ -37,5 +39,5 @@ class Engine(Protocol):
         ...
 
     def simulate(self, scene: Scene) -> Iterator[Tensor]:
-        """Yield the garment's vertices (N, 3) at every frame of the scene, in order."""
+        """Yield the cloth's vertices (N, 3) at every frame of the scene, in order."""
         ...

@@ -13,38 +13,44 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rasterize.atomic import atomic_write, make_folder
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.garments.templates import wear
+from uvcloth.garments.wardrobe import take_for_data
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
 from uvcloth.simulate.accept import examine
+from uvcloth.simulate.cloth import Cloth, join
 from uvcloth.simulate.index import INDEX, read_index
+from uvcloth.simulate.layers import check_order
 from uvcloth.simulate.lead_in import LeadIn
 from uvcloth.simulate.newton import Style3D
 from uvcloth.simulate.run import run_up, simulate
 from uvcloth.simulate.sequence import Sequence as Recording
-from uvcloth.simulate.sequence import save_sequence
+from uvcloth.simulate.sequence import load_sequence, save_sequence
 
 REPEAT_EARLIER = 20
 """Frames by which the second start of a window is earlier, for the repeatability floor."""
 
 TOPIC = "uvcloth-frames"
 PARTS = LeadIn()
-ENGINES = {
-    "tops": Style3D(),
-    "bottoms": Style3D(),
-    # Stiff contact presses hard for an instant, and with friction walks a skirt up the thighs.
-    "dress": Style3D(contact_stiffness=1e3, friction=0.15),
-}
+PLAIN = Style3D()
+# Stiff contact presses hard for an instant, and with friction walks a skirt up the thighs.
+SKIRTED = Style3D(contact_stiffness=1e3, friction=0.15)
 
 
 @dataclass(frozen=True)
 class Job:
-    """One sequence to make: a motion (run-up included) and how many of its leading frames do not count."""
+    """One simulation: a motion (run-up included), how many of its leading frames do not count, and garments.
+
+    Several cloths meet each other, the first is innermost; each has a target, the file of its sequence.
+    """
 
     motion: Clip
     settling: int
-    garment: str
-    target: Path
+    cloths: tuple[Cloth, ...]
+    targets: tuple[Path, ...]
+
+    @property
+    def done(self) -> bool:
+        return all(target.exists() or _rejected(target).exists() for target in self.targets)
 
 
 def simulate_batch(
@@ -56,15 +62,19 @@ def simulate_batch(
     jobs: int | None = None,
     scheduler: str | None = None,
     repeat: bool = False,
+    layered: bool = False,
 ) -> None:
     """Simulate every clip with every garment into OUT/<clip>_<garment>.npz; what is there already is kept.
 
+    garments: template names or mesh files, whose garment is named by the file's stem. layered: they are worn
+    over one another, the first innermost, and simulated together; otherwise each alone.
     windows: an index of clips and windows, copied to OUT/index.csv.
     repeat: start each window REPEAT_EARLIER frames earlier and write to OUT/repeat instead.
-    Sequences that `examine` refuses go to OUT/rejected with the reason in their metadata.
-    Raises InputError for unreadable clips or windows, for clips that would share a file, if OUT cannot be
-    written or was made from other windows, for a scheduler that does not answer, or if the `simulate` extra
-    is missing.
+    Sequences that `examine` refuses go to OUT/rejected with the reason in their metadata, all layers of an
+    outfit together.
+    Raises InputError for unreadable clips, garments or windows, for garments that cannot be simulated or
+    cross as layers, for sequences that would share a file, if OUT cannot be written or was made from other
+    windows or layers, for a scheduler that does not answer, or if the `simulate` extra is missing.
     """
     if jobs is not None and jobs < 1:
         raise InputError(f"--jobs {jobs}: expected at least 1")
@@ -72,11 +82,13 @@ def simulate_batch(
         from dask.distributed import LocalCluster, as_completed
     except ModuleNotFoundError as error:
         raise InputError("simulating needs dask and Newton: install uvcloth[simulate]") from error
-    todo = [
-        job
-        for job in plan(clips, garments, out / "repeat" if repeat else out, body, windows, repeat)
-        if not (job.target.exists() or _rejected(job.target).exists())
-    ]
+    cloths = _cloths(garments, body)
+    outfits = [tuple(cloths)] if layered else [(cloth,) for cloth in cloths]
+    for outfit in outfits:
+        check_order(outfit)
+    planned = plan(clips, outfits, out / "repeat" if repeat else out, body, windows, repeat)
+    _require_same_layers(planned)
+    todo = [job for job in planned if not job.done]
     make_folder(out)
     if windows is not None:
         _keep_index(windows, out / INDEX)
@@ -100,20 +112,32 @@ def simulate_batch(
         waiting = {client.submit(_work, job, shared, pure=False): job for job in todo}
         for future in as_completed(list(waiting)):
             job = waiting[future]
-            recording, reason = future.result()
-            progress.console.print(_keep(recording, reason, job))
+            recordings, reason = future.result()
+            for recording, target in zip(recordings, job.targets, strict=True):
+                progress.console.print(_keep(recording, reason, target), soft_wrap=True)
             future.release()
+
+
+def _cloths(names: Sequence[str], body: Body) -> list[Cloth]:
+    """The garments, ready to simulate. Raises InputError also if two of them have one name."""
+    cloths: dict[str, Cloth] = {}
+    for name in names:
+        cloth = join(take_for_data(name, body, print), body)
+        if cloth.garment.name in cloths:
+            raise InputError(f"garment {name}: another one is also named {cloth.garment.name}")
+        cloths[cloth.garment.name] = cloth
+    return list(cloths.values())
 
 
 def plan(
     clips: Sequence[str],
-    garments: Sequence[str],
+    outfits: Sequence[tuple[Cloth, ...]],
     out: Path,
     body: Body,
     windows: Path | None = None,
     earlier: bool = False,
 ) -> list[Job]:
-    """The sequences to make, one per clip and garment. Raises InputError as simulate_batch does."""
+    """The simulations to make, one per clip and outfit. Raises InputError as simulate_batch does."""
     table = read_index(windows) if windows is not None else {}
     made = []
     sources: dict[Path, str] = {}
@@ -127,12 +151,13 @@ def plan(
         if start + frames > len(clip):
             raise InputError(f"{name}: has {len(clip)} frames, the window ends at {start + frames}")
         motion, before = run_up(clip, start, frames, REPEAT_EARLIER if earlier else 0)
-        for garment in garments:
-            target = out / f"{clip.name}_{garment}.npz"
-            if target in sources:
-                raise InputError(f"{target}: both {sources[target]} and {name} would be written there")
-            sources[target] = name
-            made.append(Job(motion, before, garment, target))
+        for outfit in outfits:
+            targets = tuple(out / f"{clip.name}_{cloth.garment.name}.npz" for cloth in outfit)
+            for target in targets:
+                if target in sources:
+                    raise InputError(f"{target}: both {sources[target]} and {name} would be written there")
+                sources[target] = name
+            made.append(Job(motion, before, outfit, targets))
     return made
 
 
@@ -145,6 +170,20 @@ def _keep_index(windows: Path, kept: Path) -> None:
         raise InputError(f"{kept}: holds other windows than {windows}, simulate them into another folder")
 
 
+def _require_same_layers(jobs: Sequence[Job]) -> None:
+    """Raise InputError if the first sequence that is kept was simulated with other layers, or alone."""
+    for job in jobs:
+        layers = tuple(cloth.garment.name for cloth in job.cloths)
+        for target in filter(Path.exists, job.targets):
+            found = load_sequence(target).layers
+            if found == layers:
+                return
+            raise InputError(
+                f"{target}: was simulated as {' under '.join(found)}, not as {' under '.join(layers)}, "
+                "simulate into another folder"
+            )
+
+
 def _connect(cluster: Any) -> Any:
     """A client of a local cluster, or of the scheduler at an address."""
     from dask.distributed import Client
@@ -155,28 +194,37 @@ def _connect(cluster: Any) -> Any:
         raise InputError(f"--scheduler {cluster}: no dask scheduler answers there ({error})") from error
 
 
-def _work(job: Job, body: Body) -> tuple[Recording, str | None]:
+def _work(job: Job, body: Body) -> tuple[list[Recording], str | None]:
     """Runs in a worker process: one core, frames reported as they are made."""
     import torch
     from dask.distributed import get_worker
 
     torch.set_num_threads(1)
     report: Callable[[int], None] = lambda made: get_worker().log_event(TOPIC, made)  # noqa: E731
-    garment = wear(job.garment, body)
-    recording = simulate(job.motion, job.settling, garment, body, ENGINES[job.garment], PARTS, report)
-    return examine(recording, body)
+    skirted = any(cloth.garment.template == "dress" for cloth in job.cloths)
+    engine = SKIRTED if skirted else PLAIN
+    made = simulate(job.motion, job.settling, job.cloths, body, engine, PARTS, report)
+    examined = [examine(recording, body) for recording in made]
+    reasons = [
+        reason if len(made) == 1 else f"{recording.garment}: {reason}"
+        for recording, reason in examined
+        if reason is not None
+    ]
+    return [recording for recording, _ in examined], "; ".join(reasons) or None
 
 
-def _keep(recording: Recording, reason: str | None, job: Job) -> str:
+def _keep(recording: Recording, reason: str | None, target: Path) -> str:
     """Write a finished sequence where it belongs and say so."""
-    if reason is None:
-        save_sequence(recording, job.target)
-        seconds = recording.metadata["wall_seconds"] / len(recording.vertices)
-        inside = recording.metadata["inside_percent"]
-        return f"{job.target}: {seconds:.2f} s per frame, {inside:.2f} % inside"
-    target = _rejected(job.target)
-    save_sequence(replace(recording, metadata={**recording.metadata, "rejected": reason}), target)
-    return f"{target}: kept apart, {reason}"
+    if reason is not None:
+        apart = _rejected(target)
+        save_sequence(replace(recording, metadata={**recording.metadata, "rejected": reason}), apart)
+        return f"{apart}: kept apart, {reason}"
+    save_sequence(recording, target)
+    seconds = recording.metadata["wall_seconds"] / len(recording.vertices)
+    said = [f"{seconds:.2f} s per frame", f"{recording.metadata['inside_percent']:.2f} % inside"]
+    for name, share in recording.metadata.get("wrong_side_percent", {}).items():
+        said.append(f"{share:.2f} % on the wrong side of {name}")
+    return f"{target}: {', '.join(said)}"
 
 
 def _close(cluster: Any) -> None:

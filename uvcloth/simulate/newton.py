@@ -120,9 +120,8 @@ def _model(settings: Style3D, scene: Scene) -> tuple[Any, list[Any]]:
         tri_aniso_ke=wp.vec3(weft, warp, shear),
         edge_aniso_ke=wp.vec3(settings.bend, settings.bend, settings.bend),
     )
-    mass = np.array(builder.particle_mass)
-    mass[scene.band.numpy()] *= scene.band_mass
-    builder.particle_mass = mass.tolist()
+    builder.particle_mass = (np.array(builder.particle_mass) * scene.heavier.numpy()).tolist()
+    builder.particle_radius = (settings.radius + scene.room).tolist()
     shape = newton.ModelBuilder.ShapeConfig(density=0.0, mu=settings.friction)
     parts = []
     for faces in scene.collider_parts:
@@ -196,7 +195,7 @@ class _Forces:
         self.settings, self.fps = settings, scene.fps
         self.carrier = scene.carrier
         self.mass = torch.from_numpy(model.particle_mass.numpy().copy())[:, None]
-        self.light = torch.where(scene.band[:, None], self.mass / scene.band_mass, self.mass)
+        self.light = self.mass / scene.heavier[:, None]
         self.band = scene.band[:, None].float()
 
     def begin(self, frame: int) -> None:

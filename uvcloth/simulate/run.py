@@ -1,23 +1,21 @@
-"""Simulate one garment over one motion."""
+"""Simulate garments over one motion, each alone or several together."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import torch
+from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
-from uvcloth.garments.garment import Garment
-from uvcloth.garments.templates import load_template
 from uvcloth.motion.clip import Clip
+from uvcloth.simulate.cloth import Cloth
 from uvcloth.simulate.engine import Engine, Scene
+from uvcloth.simulate.layers import room_below, wrong_side_percent
 from uvcloth.simulate.lead_in import LeadIn, lead_in
-from uvcloth.simulate.sequence import Sequence
+from uvcloth.simulate.sequence import Sequence as Recording
 from uvcloth.skinning import skin
-
-BAND_MASS = {"tops": 11.0, "bottoms": 31.0, "dress": 11.0}
-"""How many times heavier the holding band is, so that it can carry the rest; its own weight is cancelled."""
 
 RUN_UP = 15
 """Frames of the clip before a window that are played, not counted: how long cloth remembers its start."""
@@ -32,52 +30,93 @@ def run_up(clip: Clip, start: int, frames: int, earlier: int = 0) -> tuple[Clip,
 def simulate(
     clip: Clip,
     settling: int,
-    garment: Garment,
+    cloths: Sequence[Cloth],
     body: Body,
     engine: Engine,
     parts: LeadIn,
     progress: Callable[[int], None] = lambda frames: None,
-) -> Sequence:
-    """Play a clip (already on the body's skeleton) under a template garment, starting from rest.
+) -> tuple[Recording, ...]:
+    """Play a clip (already on the body's skeleton) under one garment or more, innermost first, from rest.
 
-    settling: leading frames of the clip that do not count (its run-up). The lead-in is added here.
+    settling: leading frames of the clip that do not count (its run-up). The lead-in is added here. Several
+    garments meet each other; the metadata then name the layers, and the percentage of each outer one's
+    vertices that are on the wrong side of an inner one.
     """
     started = time.perf_counter()
-    motion = lead_in(clip, body, parts)
-    transforms = motion.transforms()
-    collider = make_collider(body)
-    carrier = skin(garment.mesh.vertices, garment.carrier_weights, transforms)
-    scene = Scene(
-        rest=carrier[0],
-        faces=garment.mesh.faces,
-        band=load_template(garment.template).band,
-        band_mass=BAND_MASS[garment.template],
-        carrier=carrier,
-        collider=collider.vertices(skin(body.mesh.vertices, body.weights, transforms)),
-        collider_parts=collider.parts,
-        touches=collider.touches(garment.mesh.vertices, body.mesh.vertices),
-        fps=clip.fps,
-    )
-    frames = []
-    for vertices in engine.simulate(scene):
-        frames.append(vertices)
+    transforms = lead_in(clip, body, parts).transforms()
+    carriers = [skin(c.garment.mesh.vertices, c.garment.carrier_weights, transforms) for c in cloths]
+    frames: list[list[Tensor]] = [[] for _ in cloths]
+    scene = _scene(cloths, carriers, transforms, body, clip.fps)
+    for index, vertices in enumerate(engine.simulate(scene)):
+        shares = vertices.split([len(cloth.kept) for cloth in cloths])
+        for made, cloth, share, carrier in zip(frames, cloths, shares, carriers, strict=True):
+            made.append(cloth.whole(share, carrier[index]))
         progress(1)
         if not torch.isfinite(vertices).all():
             break
-    metadata: dict[str, Any] = {
+    settling += len(parts)
+    counting = slice(settling, None if torch.isfinite(vertices).all() else -1)
+    moved = [torch.stack(made) for made in frames]
+    shared: dict[str, Any] = {
         "clip": clip.name,
-        "garment": garment.template,
         "body": body.name,
         "seed": 0,
         "wall_seconds": round(time.perf_counter() - started, 2),
         **engine.describe(),
     }
-    return Sequence(
-        vertices=torch.stack(frames),
-        faces=garment.mesh.faces,
-        rest=garment.mesh.vertices,
-        transforms=transforms[: len(frames)],
-        fps=clip.fps,
-        settling=len(parts) + settling,
-        metadata=metadata,
+    if len(cloths) > 1:
+        shared["layers"] = [cloth.garment.name for cloth in cloths]
+    return tuple(
+        Recording(
+            vertices=vertices,
+            faces=cloth.garment.mesh.faces,
+            rest=cloth.garment.mesh.vertices,
+            transforms=transforms[: len(vertices)],
+            fps=clip.fps,
+            settling=settling,
+            metadata={
+                **shared,
+                "garment": cloth.garment.name,
+                "template": cloth.garment.template,
+                **_sides(cloths[:index], [other[counting] for other in moved], vertices[counting]),
+            },
+        )
+        for index, (cloth, vertices) in enumerate(zip(cloths, moved, strict=True))
+    )
+
+
+def _sides(inner: Sequence[Cloth], moved: Sequence[Tensor], outer: Tensor) -> dict[str, Any]:
+    """What the metadata say of a garment's vertices (F, N, 3) over inner ones; nothing of the innermost."""
+    if not inner:
+        return {}
+    sides = {
+        cloth.garment.name: wrong_side_percent(outer, vertices, cloth.garment.mesh.faces)
+        for cloth, vertices in zip(inner, moved, strict=False)
+    }
+    return {"wrong_side_percent": {name: round(share, 4) for name, share in sides.items()}}
+
+
+def _scene(
+    cloths: Sequence[Cloth], carriers: Sequence[Tensor], transforms: Tensor, body: Body, fps: float
+) -> Scene:
+    """The cloths one after another in one scene."""
+    collider = make_collider(body)
+    counts = [len(cloth.kept) for cloth in cloths]
+    starts = [sum(counts[:index]) for index in range(len(counts))]
+    carrier = torch.cat([c[:, cloth.kept] for c, cloth in zip(carriers, cloths, strict=True)], dim=1)
+    bands = [cloth.band.vertices[cloth.kept] for cloth in cloths]
+    rests = torch.cat([cloth.garment.mesh.vertices[cloth.kept] for cloth in cloths])
+    return Scene(
+        rest=carrier[0],
+        faces=torch.cat([cloth.faces + start for cloth, start in zip(cloths, starts, strict=True)]),
+        band=torch.cat(bands),
+        heavier=torch.cat(
+            [torch.where(band, cloth.band.mass, 1.0) for band, cloth in zip(bands, cloths, strict=True)]
+        ),
+        room=torch.cat([room_below(cloth, cloths[:index]) for index, cloth in enumerate(cloths)]),
+        carrier=carrier,
+        collider=collider.vertices(skin(body.mesh.vertices, body.weights, transforms)),
+        collider_parts=collider.parts,
+        touches=collider.touches(rests, body.mesh.vertices),
+        fps=fps,
     )

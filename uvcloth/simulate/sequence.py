@@ -23,8 +23,9 @@ class Sequence:
 
     transforms: (F, J, 3, 4) joint transforms of the body, so that its vertices can be recomputed.
     settling: how many leading frames only let the cloth settle and never count.
-    metadata: JSON values: clip, garment (template name), body, engine, versions, settings, seed,
-    wall_seconds, inside_percent.
+    metadata: JSON values: clip, garment (its name), template (whose motion it takes), body, engine, versions,
+    settings, seed, wall_seconds, inside_percent, pierced_percent; of garments that were simulated together
+    also layers (their names, innermost first) and wrong_side_percent (by the name of each inner one).
     """
 
     vertices: Tensor
@@ -38,6 +39,16 @@ class Sequence:
     @property
     def garment(self) -> str:
         return str(self.metadata["garment"])
+
+    @property
+    def template(self) -> str:
+        """Whose motion the garment takes; files from before garments other than templates do not say."""
+        return str(self.metadata.get("template", self.garment))
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """The garments that were simulated together, innermost first."""
+        return tuple(self.metadata.get("layers", (self.garment,)))
 
     @property
     def clip(self) -> str:

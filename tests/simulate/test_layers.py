@@ -1,0 +1,23 @@
+"""Which side of an inner layer points are on: a flat sheet, beside its hem, and far from it."""
+
+import pytest
+import torch
+
+from uvcloth.simulate.layers import beside, wrong_side_percent
+
+SQUARE = torch.tensor([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+FACES = torch.tensor([[0, 1, 2], [0, 2, 3]])
+POINTS = torch.tensor([[0.5, 0.4, 0.01], [0.5, 0.4, -0.01], [1.02, 0.5, 0.001], [0.5, 0.5, 0.2]])
+
+
+def test_points_over_and_under_a_sheet_and_beside_its_hem() -> None:
+    found = beside(POINTS, SQUARE, FACES)
+    assert found.covered.tolist() == [True, True, False, False]
+    torch.testing.assert_close(found.distance[:2], torch.tensor([0.01, -0.01]))
+
+
+def test_the_share_counts_only_what_is_covered_at_each_frame() -> None:
+    frames = torch.stack([POINTS, POINTS + torch.tensor([0.0, 0.0, 0.02])])
+    sheets = torch.stack([SQUARE, SQUARE])
+    assert wrong_side_percent(frames, sheets, FACES) == pytest.approx(100 / 4)
+    assert wrong_side_percent(POINTS[None, 3:], SQUARE[None], FACES) == 0.0

@@ -1,0 +1,51 @@
+"""A garment as engines simulate it: joined where its mesh is cut at UV seams, and with what holds it up."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.garments.band import Band, holding_band
+from uvcloth.garments.garment import Garment
+from uvcloth.mesh import face_normals, weld
+
+LEAST_AREA = 1e-9
+"""Square metres of the smallest triangle that an engine can lay flat."""
+
+
+@dataclass(frozen=True)
+class Cloth:
+    """kept: (n,) the vertices of the garment's mesh that are simulated, one where several are at one place.
+
+    places: (N,) which of those each vertex of the mesh goes with, -1 for one that no face uses.
+    faces: (M, 3) into the n.
+    """
+
+    garment: Garment
+    band: Band
+    kept: Tensor
+    places: Tensor
+    faces: Tensor
+
+    def whole(self, simulated: Tensor, carrier: Tensor) -> Tensor:
+        """Simulated vertices (n, 3) for the whole mesh (N, 3); what no face uses is carried (N, 3)."""
+        return torch.where((self.places < 0)[:, None], carrier, simulated[self.places])
+
+
+def join(garment: Garment, body: Body) -> Cloth:
+    """Prepare a garment. Raises InputError if it has no hem to hang by or a face without an area."""
+    mesh = garment.mesh
+    flat = face_normals(mesh.vertices, mesh.faces).norm(dim=1) < 2.0 * LEAST_AREA
+    if bool(flat.any()):
+        face = mesh.faces[flat][0].tolist()
+        raise InputError(
+            f"garment {garment.name}: {int(flat.sum())} faces have no area, which no engine can simulate "
+            f"(one is between the vertices {', '.join(map(str, face))})"
+        )
+    owner = weld(mesh.vertices)
+    kept, faces = owner[mesh.faces].unique(return_inverse=True)
+    places = torch.full_like(owner, -1)
+    places[kept] = torch.arange(len(kept))
+    return Cloth(garment, holding_band(garment, body), kept, places[owner], faces)
