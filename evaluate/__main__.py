@@ -40,6 +40,7 @@ class Evaluate:
         if not all(find_spec(module) for module in ("jinja2", "markupsafe", "PIL")):
             raise InputError("the report needs Jinja and Pillow: install uvcloth[report]")
         from evaluate.compare import compare
+        from evaluate.judge import load_contestants
         from evaluate.progress import progress
         from evaluate.report import write_metrics, write_report
         from evaluate.show import pictured, pictures, viewer_clips
@@ -48,8 +49,9 @@ class Evaluate:
         if self.frames is not None and self.frames < 1:
             raise InputError(f"--frames: {self.frames} is not a number of frames")
         body = load_body(self.body)
+        contestants = load_contestants(self.model, body)
         results, shown = compare(
-            self.model,
+            contestants,
             self.data,
             self.out,
             body=body,
