@@ -34,22 +34,26 @@ class Evaluate:
     map_size: int = 256
     """Height and width of the maps on which the map MSE and the representation floor are measured."""
     pictures: bool = True
-    """Render pictures of every action."""
+    """Draw pictures: of every action, of spaces of garments, and of training and test motion."""
 
     def run(self) -> None:
-        if not all(find_spec(module) for module in ("jinja2", "markupsafe", "PIL")):
-            raise InputError("the report needs Jinja and Pillow: install uvcloth[report]")
+        if not all(find_spec(module) for module in ("jinja2", "markupsafe", "PIL", "sklearn")):
+            raise InputError("the report needs Jinja, Pillow and scikit-learn: install uvcloth[report]")
         from evaluate.compare import compare
+        from evaluate.garment_space import interpolations
+        from evaluate.judge import load_contestants
+        from evaluate.motion_map import motion_maps
         from evaluate.progress import progress
-        from evaluate.report import write_metrics, write_report
+        from evaluate.report import templates_in, write_metrics, write_report
         from evaluate.show import pictured, pictures, viewer_clips
         from uvcloth.bodies.body import load_body
 
         if self.frames is not None and self.frames < 1:
             raise InputError(f"--frames: {self.frames} is not a number of frames")
         body = load_body(self.body)
+        contestants = load_contestants(self.model, body)
         results, shown = compare(
-            self.model,
+            contestants,
             self.data,
             self.out,
             body=body,
@@ -59,12 +63,14 @@ class Evaluate:
             machine=machine(),
         )
         metrics = write_metrics(self.out, results)
-        images = []
+        images, spaces, motion = [], [], []
         if self.pictures:
             chosen = pictured(shown)
             with progress("Pictures", len(chosen)) as tick:
                 images = list(pictures(chosen, body, tick))
-        report = write_report(self.out, results, viewer_clips(shown), images, body)
+                spaces = list(interpolations(contestants, templates_in(results), body))
+            motion = motion_maps(contestants, self.data, shown, body)
+        report = write_report(self.out, results, viewer_clips(shown), images, body, spaces, motion)
         print(summary(results))
         print(f"{metrics}\n{report}")
 

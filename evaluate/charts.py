@@ -10,6 +10,9 @@ ROW = 10
 WIDTH = 370
 DASH = "\u2013"
 
+COLORS = 7
+"""Colours of the page that stand out from its greys: --m1 ... --m7."""
+
 
 def ticks(largest: float) -> list[float]:
     """About four round tick values 0 .. >= largest: steps of 1, 2, 2.5 or 5 times a power of ten."""
@@ -52,7 +55,7 @@ def bars(
     def x(value: float) -> float:
         return left + (right - left) * value / axis[-1]
 
-    parts = [_open(WIDTH, height, title)]
+    parts = [_open(WIDTH, height, title, left)]
     for tick in axis:
         parts.append(
             f'<line class="grid" x1="{x(tick):.1f}" x2="{x(tick):.1f}" y1="{top - 4}" y2="{height - 20}"/>'
@@ -100,7 +103,7 @@ def lines(
     def y(value: float) -> float:
         return bottom - (bottom - top) * value / up[-1]
 
-    parts = [_open(WIDTH, bottom + 26, title)]
+    parts = [_open(WIDTH, bottom + 26, title, left)]
     for tick in up:
         parts.append(
             f'<line class="grid" x1="{left}" x2="{right}" y1="{y(tick):.1f}" y2="{y(tick):.1f}"/>'
@@ -123,10 +126,33 @@ def lines(
     return Markup("".join(parts) + "</svg>")
 
 
-def _open(width: float, height: float, title: str) -> str:
+def scatter(title: str, groups: Mapping[str, Sequence[Sequence[float]]]) -> Markup:
+    """Points (x, y) of each group in the unit square, without axes; the first group lies under the others."""
+    top, margin = 22, 8
+    side = WIDTH - 2 * margin
+    bottom = top + side + 2 * margin
+    parts = [
+        _open(WIDTH, bottom + 1, title, left=0),
+        f'<rect class="frame" x="0.5" y="{top}" width="{WIDTH - 1}" height="{bottom - top}"/>',
+    ]
+    for index, (name, group) in enumerate(groups.items()):
+        dots = "".join(f"M{margin + side * x:.1f} {bottom - margin - side * y:.1f}h0" for x, y in group)
+        parts.append(f'<path class="dots {mark(index)}" d="{dots}"><title>{escape(name)}</title></path>')
+    return Markup("".join(parts) + "</svg>")
+
+
+def mark(index: int) -> str:
+    """The style of group `index` of a scatter: soft discs first, then discs and squares in the colours."""
+    if index == 0:
+        return "p0"
+    lap, color = divmod(index - 1, COLORS)
+    return f"p{color + 1}" + (" square" if lap % 2 else "")
+
+
+def _open(width: float, height: float, title: str, left: float) -> str:
     return (
         f'<svg class="chart" viewBox="0 0 {width} {height}" role="img" aria-label="{escape(title)}">'
-        f'<text class="title" x="{LABEL if height > 230 else 40}" y="13">{escape(title)}</text>'
+        f'<text class="title" x="{left}" y="13">{escape(title)}</text>'
     )
 
 

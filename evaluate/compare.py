@@ -13,11 +13,11 @@ from evaluate.actions import find_missing, find_windows
 from evaluate.judge import (
     SIMULATION,
     Case,
+    Contestant,
     body_fingerprint,
     code_fingerprint,
     judge,
     judge_simulation,
-    load_contestants,
     open_case,
     remembered,
     repeatability,
@@ -25,8 +25,9 @@ from evaluate.judge import (
 from evaluate.maps import GarmentMap, garment_map, round_trip
 from evaluate.metrics import distance_scores
 from evaluate.progress import progress
-from evaluate.results import Entry, Scores, floor, summarize
+from evaluate.results import Entry, Scores, floor, stability, summarize
 from evaluate.show import Shown
+from evaluate.stability import copied_truth
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import wear
@@ -36,7 +37,7 @@ CHUNK = 16
 
 
 def compare(
-    models: Sequence[str],
+    contestants: Sequence[Contestant],
     data: Path,
     out: Path,
     *,
@@ -46,13 +47,12 @@ def compare(
     map_size: int,
     machine: str,
 ) -> tuple[dict[str, Any], list[Shown]]:
-    """Judge models (names or folders) on the test windows of a data folder.
+    """Judge methods on the test windows of a data folder.
 
     frames: of each window, None for all. map_size: of the maps that are measured. machine: for the record.
     Returns the content of metrics.json and what there is to look at. Finished windows are kept under
     OUT/partial and taken over by a rerun. Raises InputError for a model or data that does not fit.
     """
-    contestants = load_contestants(models, body)
     windows = find_windows(data, actions)
     missing = find_missing(data, actions)
     code = code_fingerprint()
@@ -63,6 +63,9 @@ def compare(
     entries: dict[str, list[Entry]] = {name: [] for name in (SIMULATION, *(c.name for c in contestants))}
     represented: dict[str, list[Scores]] = {name: [] for name in garments}
     repeated: dict[str, list[Scores]] = {name: [] for name in garments}
+    copied: dict[str, dict[str, list[Scores]]] = {
+        kind: {name: [] for name in garments} for kind in ("held", "carried")
+    }
     shown: list[Shown] = []
     trained_on: dict[str, list[str]] = {c.name: [] for c in contestants}
     with progress("Windows", len(windows) * (len(contestants) + 1)) as tick:
@@ -75,6 +78,9 @@ def compare(
             judged = {SIMULATION: keep(SIMULATION, setting, partial(judge_simulation, case))}
             represented[window.template].append(representation(case, seen))
             repeated[window.template].append(repeatability(case))
+            end = case.start + len(case.reference.vertices)
+            for kind, scores in copied_truth(garments[window.template], case.sequence, end).items():
+                copied[kind][window.template].append(scores)
             tick()
             for contestant in contestants:
                 tick(0, note=f"{window.action}, {window.template}: {contestant.name}")
@@ -88,6 +94,7 @@ def compare(
             shown.append(
                 Shown(
                     action=window.action,
+                    clip=window.clip,
                     template=window.template,
                     fps=case.sequence.fps / case.stride,
                     stride=case.stride,
@@ -101,7 +108,12 @@ def compare(
     for contestant in contestants:
         results["methods"][contestant.name]["weights_mb"] = contestant.weights_mb
         results["methods"][contestant.name]["trained_on"] = trained_on[contestant.name]
+        results["methods"][contestant.name]["training_frames"] = contestant.training_frames
     results["floor"] = {**floor(represented, "representation"), **floor(repeated, "repeatability")}
+    results["previous_frame"] = {
+        kind: {template: stability(windows) for template, windows in by_template.items()}
+        for kind, by_template in copied.items()
+    }
     results["garments"] = {name: _size(garment) for name, garment in garments.items()}
     return results | {
         "actions": list(dict.fromkeys(window.action for window in windows)),

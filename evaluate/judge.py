@@ -11,6 +11,7 @@ from torch import Tensor
 
 from evaluate.actions import Window
 from evaluate.metrics import Reference, distance_scores, frame_scores
+from evaluate.stability import stability_scores
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
@@ -22,7 +23,7 @@ from uvcloth.simulate.sequence import Sequence as Simulated
 from uvcloth.simulate.sequence import content_hash, load_sequence
 from uvcloth.skinning import skin
 
-FORMAT = "uvcloth-judged-1"
+FORMAT = "uvcloth-judged-2"
 
 SIMULATION = "simulation"
 """The name under which the simulation itself is scored: the yardstick of the physics."""
@@ -36,7 +37,14 @@ SAME_REST = 0.002
 SAME_MOTION = 0.001
 """Metres (and matrix entries) between joint transforms that still count as the same motion."""
 
-JUDGING = ("rasterize", "uvcloth", "evaluate/metrics.py", "evaluate/maps.py", "evaluate/judge.py")
+JUDGING = (
+    "rasterize",
+    "uvcloth",
+    "evaluate/metrics.py",
+    "evaluate/maps.py",
+    "evaluate/stability.py",
+    "evaluate/judge.py",
+)
 """The sources and data that decide a score."""
 
 
@@ -46,6 +54,7 @@ class Contestant:
 
     name: in every table. weights_mb: size of its weights file, 0 without one. fingerprint: hash of what
     decides its predictions besides the code. seen: content hashes of the sequences that it was trained on.
+    training_frames: how many frames those have, where its checkpoint says so.
     """
 
     name: str
@@ -53,13 +62,15 @@ class Contestant:
     weights_mb: float
     fingerprint: str
     seen: frozenset[str]
+    training_frames: int | None = None
 
 
 @dataclass(frozen=True)
 class Judged:
     """One method on one window.
 
-    scores: per frame, F values each (jitter F - 2); with "network_ms" and "contact_ms" if it is a method.
+    scores: per frame, F values each (jitter F - 2); with "network_ms" and "contact_ms" if it is a method, and
+    with the scores of its stability if it remembers.
     shown: (S, N, 3) every stride-th frame of the case after contact, metres, world.
     """
 
@@ -124,7 +135,8 @@ def open_case(
 def judge(case: Case, contestant: Contestant) -> Judged:
     """Roll a method out from the first settling frame and score the frames that count.
 
-    Raises InputError if a prediction is not a finite number.
+    One that remembers is also rolled out from the truth. Raises InputError if a prediction is not a finite
+    number.
     """
     from uvcloth.rollout import rollout
 
@@ -138,7 +150,10 @@ def judge(case: Case, contestant: Contestant) -> Judged:
             milliseconds.append([frame.milliseconds["network"], frame.milliseconds["contact"]])
     times = torch.tensor(milliseconds)
     scored = score(case, torch.stack(raw).cpu(), torch.stack(resolved).cpu())
-    return Judged({**scored.scores, "network_ms": times[:, 0], "contact_ms": times[:, 1]}, scored.shown)
+    scores = {**scored.scores, "network_ms": times[:, 0], "contact_ms": times[:, 1]}
+    if contestant.method.remembers:
+        scores |= stability_scores(contestant.method, case.outfit, case.sequence, end)
+    return Judged(scores, scored.shown)
 
 
 def judge_simulation(case: Case) -> Judged:
@@ -241,9 +256,12 @@ def load_contestants(models: Sequence[str], body: Body) -> tuple[Contestant, ...
         method = load_method(model, body)
         digest = hashlib.sha256(model.encode())
         seen: frozenset[str] = frozenset()
+        training_frames = None
         if trained:
+            checkpoint = load_checkpoint(folder)
             digest = hashlib.sha256((folder / WEIGHTS).read_bytes() + (folder / CONFIG).read_bytes())
-            seen = frozenset(load_checkpoint(folder).data.values())
+            seen = frozenset(checkpoint.data.values())
+            training_frames = checkpoint.notes.get("training_frames")
         contestants.append(
             Contestant(
                 name=method.name,
@@ -251,6 +269,7 @@ def load_contestants(models: Sequence[str], body: Body) -> tuple[Contestant, ...
                 weights_mb=(folder / WEIGHTS).stat().st_size / 1e6 if trained else 0.0,
                 fingerprint=digest.hexdigest(),
                 seen=seen,
+                training_frames=training_frames,
             )
         )
     names = [contestant.name for contestant in contestants]

@@ -7,7 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from evaluate.charts import DASH, bars, lines, number
+from torch import Tensor
+
+from evaluate.charts import DASH, bars, lines, mark, number, scatter
+from evaluate.results import LONG
+from evaluate.stability import ALONE
 from evaluate.viewer import ViewerClip, pack_body, pack_clip
 from rasterize.atomic import atomic_write
 from uvcloth.bodies.body import Body
@@ -49,10 +53,32 @@ PAPER_COSTS = (
 
 @dataclass(frozen=True)
 class Picture:
-    """A rendered picture: PNG bytes and one line that says what it shows."""
+    """A rendered picture: PNG bytes and one line that says what it shows; labels of its columns."""
 
     caption: str
     png: bytes
+    labels: tuple[str, ...] = ()
+
+    @property
+    def base64(self) -> str:
+        return base64.b64encode(self.png).decode("ascii")
+
+
+@dataclass(frozen=True)
+class MotionMap:
+    """Frames laid out in the plane so that similar poses lie together.
+
+    methods: those trained on the same `of` sequences, of which the data holds `found`. seeds: points of the
+    body that make a pose. training: (P, 2) frames of those found, in the unit square; tests: by action, the
+    judged ones, in the same place on every map.
+    """
+
+    methods: tuple[str, ...]
+    of: int
+    found: int
+    seeds: int
+    training: Tensor
+    tests: Mapping[str, Tensor]
 
 
 @dataclass(frozen=True)
@@ -84,11 +110,14 @@ def write_report(
     viewer_sequences: Sequence[ViewerClip],
     pictures: Sequence[Picture],
     body: Body | None = None,
+    spaces: Sequence[Picture] = (),
+    motion: Sequence[MotionMap] = (),
 ) -> Path:
     """Write OUT/report.html from evaluation results and return its path.
 
     viewer_sequences: windows to scrub through. pictures: shown in order. body: drawn under the garments
-    in the viewer. Raises InputError if the folder cannot be written.
+    in the viewer. spaces: interpolated garments. motion: training and test motion. Raises InputError if the
+    folder cannot be written.
     """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -114,11 +143,16 @@ def write_report(
         over_time=_time_charts(results),
         overall=overall,
         batch=BATCH,
+        alone=ALONE,
+        long=LONG,
         viewer_headers=[header for header, _ in packed],
         viewer_blobs=[blob for _, blob in packed],
         viewer_body=pack_body(body) if body is not None and packed else None,
         viewer_script=(TEMPLATES / "viewer.js").read_text(encoding="utf-8"),
-        pictures=[(picture.caption, base64.b64encode(picture.png).decode("ascii")) for picture in pictures],
+        pictures=pictures,
+        spaces=spaces,
+        motion=[(each, _motion_chart(each)) for each in motion],
+        mark=mark,
     )
     return _write(Path(out) / REPORT, page)
 
@@ -228,6 +262,12 @@ def _time_charts(results: Results) -> list[Any]:
         if any(series):
             charts.append(lines(template, series, names, "mm", results["fps"]))
     return charts
+
+
+def _motion_chart(motion: MotionMap) -> Any:
+    groups = {"training": motion.training.tolist()}
+    groups |= {action: places.tolist() for action, places in motion.tests.items()}
+    return scatter("Training of " + ", ".join(motion.methods), groups)
 
 
 def _write(path: Path, text: str) -> Path:

@@ -11,6 +11,15 @@ from evaluate.judge import SIMULATION, Judged
 
 Scores = Mapping[str, Tensor]
 
+SHORT = ("one_step_mm", "rollout_50_mm")
+"""Errors that only a method that remembers has of its own."""
+
+LONG = 250
+"""Frames from which on a window tells whether a rollout drifts,"""
+
+EARLY, LATE = slice(50, 150), slice(-100, None)
+"""and those of its frames that are compared for that."""
+
 
 @dataclass(frozen=True)
 class Entry:
@@ -28,7 +37,14 @@ def summarize(entries: Mapping[str, Sequence[Entry]]) -> dict[str, Any]:
     """
     yardstick = _by_action(entries[SIMULATION], entries[SIMULATION])
     methods = {
-        name: {"actions": _by_action(found, entries[SIMULATION]), "over_time_mm": _over_time(found)}
+        name: {
+            "actions": _by_action(found, entries[SIMULATION]),
+            "over_time_mm": _over_time(found),
+            "stability": {
+                template: stability([e.judged.scores for e in found if e.template == template])
+                for template in dict.fromkeys(entry.template for entry in found)
+            },
+        }
         for name, found in entries.items()
         if name != SIMULATION
     }
@@ -50,6 +66,25 @@ def floor(frames: Mapping[str, Sequence[Scores]], kind: str) -> dict[str, dict[s
         f"{kind}_mm": means,
         f"{kind}_rmse_mm": {template: square**0.5 for template, square in squares.items()},
         f"{kind}_mse_mm2": squares,
+    }
+
+
+def stability(windows: Sequence[Scores]) -> dict[str, float | int | None]:
+    """Mean errors over all frames of some windows: in one step, in short rollouts and in whole ones.
+
+    What does not feed on itself has the same error in all of them. A score that nothing has is None, as is
+    the drift without a long window.
+    """
+    alike = {"one_step_mm_raw": "vertex_mean_mm_raw", **dict.fromkeys(SHORT, "vertex_mean_mm")}
+    windows = [{key: w[own] for key, own in alike.items() if own in w} | dict(w) for w in windows]
+    long = [w["vertex_mean_mm"] for w in windows if len(w["vertex_mean_mm"]) >= LONG]
+    early, late = (float(sum(errors[span].sum() for errors in long)) for span in (EARLY, LATE))
+    return {
+        "frames": sum(len(w["vertex_mean_mm"]) for w in windows),
+        "one_step_mm_raw": _mean(windows, "one_step_mm_raw") if "one_step_mm_raw" in windows[0] else None,
+        **{key: _mean(windows, key) for key in SHORT},
+        "whole_mm": _mean(windows, "vertex_mean_mm"),
+        "late_over_early": late / early if early > 0 else None,
     }
 
 

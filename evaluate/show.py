@@ -41,6 +41,7 @@ class Shown:
     """
 
     action: str
+    clip: str
     template: str
     fps: float
     stride: int

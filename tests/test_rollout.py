@@ -128,3 +128,35 @@ def test_a_method_that_tears_its_garment_is_stopped():
 def test_a_method_that_explodes_is_stopped_at_its_frame():
     with pytest.raises(InputError, match=r"frame 5: garment shell"):
         list(rollout(Exploding(True), outfit(), falling(9), FPS, contact=False))
+
+
+@dataclass
+class Following(Recorder):
+    """A method with memory that stays a metre above the garment that it last observed."""
+
+    def step(self, garment, frames):
+        _, skinned = super().step(garment, frames)
+        last = getattr(self, "observed", skinned)
+        return garment, tuple(vertices.reshape(1, -1, 3) + torch.tensor([0.0, 0.0, 1.0]) for vertices in last)
+
+
+@pytest.mark.parametrize("contact", [False, True])
+def test_the_truth_is_observed_as_far_as_it_is_given(contact):
+    worn, still = outfit(), torch.eye(3, 4).repeat(6, 2, 1, 1)
+    truth = [(worn.garments[0].mesh.vertices + torch.tensor([10.0 * k, 0.0, 0.0]),) for k in (1, 2, 3)]
+    frames = list(rollout(Following(True), worn, still, FPS, contact, truth))
+    up = torch.tensor([0.0, 0.0, 1.0])
+    for before, frame in zip(truth, frames[1:4], strict=True):
+        torch.testing.assert_close(frame.raw[0], before[0] + up)
+    # From then on it is on its own: it sees what contact left, and without contact nothing at all.
+    alone = frames[3].vertices[0] if contact else truth[-1][0]
+    torch.testing.assert_close(frames[4].raw[0], alone + up)
+
+
+def test_a_method_without_memory_takes_no_notice_of_the_truth():
+    method, worn = Recorder(False), outfit()
+    truth = [(worn.garments[0].mesh.vertices + 1.0,)] * 3
+    told, untold = (list(rollout(method, worn, falling(3), FPS, truth=known)) for known in (truth, ()))
+    assert not hasattr(method, "observed")
+    for one, other in zip(told, untold, strict=True):
+        assert torch.equal(one.vertices[0], other.vertices[0])

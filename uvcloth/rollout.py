@@ -1,7 +1,7 @@
 """Roll any method out over any motion, frame after frame, in memory that does not grow with their number."""
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -40,15 +40,26 @@ class RolloutFrame:
 
 
 def rollout(
-    method: Method, outfit: Outfit, transforms: Iterable[Tensor], fps: float, contact: bool = True
+    method: Method,
+    outfit: Outfit,
+    transforms: Iterable[Tensor],
+    fps: float,
+    contact: bool = True,
+    truth: Sequence[tuple[Tensor, ...]] = (),
 ) -> Iterator[RolloutFrame]:
     """Predict the outfit over a motion, frame after frame.
 
     transforms: (J, 3, 4) of each frame in turn, a tensor or a stream. The body stands still before its first
     frame. With contact, vertices inside the body (forearms and hands left out, as in the simulations) are
     moved out of it after each frame and edges get their rest length back; a method that remembers may
-    observe that. Raises InputError naming the frame where a transform is not a finite number, and
-    BrokenRolloutError where a prediction is not, or is torn.
+    observe that.
+
+    truth: the garments, (N, 3) m each, that a method that remembers observes after each of the first frames
+    instead of its own. Contact goes on from what it moved itself, as always. A method without memory takes no
+    notice.
+
+    Raises InputError naming the frame where a transform is not a finite number, and BrokenRolloutError where
+    a prediction is not, or is torn.
     """
     state: Any = None
     resolver = _Contact(outfit) if contact else None
@@ -72,7 +83,10 @@ def rollout(
                 )
                 if resolver:
                     frame = resolver.resolve(frame, part.vertices[offset, -1])
-                    state = method.observe(state, frame.vertices) if method.remembers else state
+                if method.remembers and frame.index < len(truth):
+                    state = method.observe(state, truth[frame.index])
+                elif method.remembers and resolver:
+                    state = method.observe(state, frame.vertices)
                 limits.whole(frame.vertices, frame.index)
                 yield frame
             first += len(part)

@@ -16,6 +16,7 @@ import evaluate.judge as judging
 from evaluate.__main__ import main
 from evaluate.actions import find_windows
 from evaluate.compare import compare
+from evaluate.judge import load_contestants
 from rasterize.errors import InputError
 from tests.train.simulated import save_clips
 from uvcloth.bodies.body import Body, save_body
@@ -110,11 +111,12 @@ def run(
     body: Body | None = None,
     machine: str = "a test",
 ) -> dict:
+    body = body or capsule_body()
     return compare(
-        ("lbs", "lbs_smooth"),
+        load_contestants(("lbs", "lbs_smooth"), body),
         data,
         out,
-        body=body or capsule_body(),
+        body=body,
         actions=actions,
         frames=frames,
         map_size=16,
@@ -137,6 +139,10 @@ def test_known_errors_come_out(world: Path, tmp_path: Path) -> None:
     assert walking["vertex_mean_mm"] == pytest.approx(10.0, abs=1e-3)
     assert results["methods"]["lbs"]["over_time_mm"]["tops"] == pytest.approx([7.5] * COUNTED, abs=1e-2)
     assert results["simulation"]["actions"]["jump"]["tops"]["vertex_mean_mm"] == 0.0
+    steps = results["methods"]["lbs"]["stability"]["tops"]
+    assert steps["one_step_mm"] == steps["rollout_50_mm"] == steps["whole_mm"] == pytest.approx(7.5, abs=1e-2)
+    assert results["previous_frame"]["carried"]["tops"]["one_step_mm"] < 0.01
+    assert results["previous_frame"]["held"]["tops"]["one_step_mm"] > 30.0
     json.dumps(results, allow_nan=False)
 
 
@@ -208,9 +214,9 @@ def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) 
     for parameter in method.net.parameters():
         parameter.data.zero_()
     seen = {"clip0_tops.npz": load_sequence(data / "clip0_tops.npz").metadata["hash"]}
-    save_checkpoint(physxnet_checkpoint(method, body, seen, {}), folder)
+    save_checkpoint(physxnet_checkpoint(method, body, seen, {"training_frames": 1434}), folder)
     results, _ = compare(
-        ("lbs_smooth", str(folder)),
+        load_contestants(("lbs_smooth", str(folder)), body),
         data,
         tmp_path / "out",
         body=body,
@@ -222,6 +228,7 @@ def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) 
     walker, baseline = results["methods"]["walker"], results["methods"]["lbs_smooth"]
     assert walker["trained_on"] == ["clip0_tops"]
     assert baseline["trained_on"] == []
+    assert (walker["training_frames"], baseline["training_frames"]) == (1434, None)
     assert walker["weights_mb"] == (folder / WEIGHTS).stat().st_size / 1e6
     for action, template in (("clip0", "tops"), ("clip0", "bottoms"), ("clip1", "tops")):
         ours, theirs = (m["actions"][action][template] for m in (walker, baseline))

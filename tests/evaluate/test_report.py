@@ -12,8 +12,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from evaluate.charts import DASH, number, ticks
-from evaluate.report import Picture, standings, write_metrics, write_report
+from evaluate.charts import DASH, number, scatter, ticks
+from evaluate.report import MotionMap, Picture, standings, write_metrics, write_report
 from evaluate.viewer import QUANTUM, ViewerClip
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
@@ -46,6 +46,18 @@ def cell(mean: float) -> dict[str, float]:
     }
 
 
+def steps(mean: float) -> dict[str, float | None]:
+    """One of the fields called stability."""
+    return {
+        "frames": 300,
+        "one_step_mm_raw": 0.2 * mean,
+        "one_step_mm": 0.1 * mean,
+        "rollout_50_mm": 0.5 * mean,
+        "whole_mm": mean,
+        "late_over_early": 1.25 if mean == MEANS["net"] else None,
+    }
+
+
 def fake_results() -> dict[str, Any]:
     def method(mean: float) -> dict[str, Any]:
         actions = {
@@ -53,7 +65,14 @@ def fake_results() -> dict[str, Any]:
             for i, action in enumerate(ACTIONS)
         }
         over_time = {t: [mean + 0.05 * k for k in range(100)] for t in ("tops", "dress")}
-        return {"actions": actions, "weights_mb": 0.0, "trained_on": [], "over_time_mm": over_time}
+        return {
+            "actions": actions,
+            "weights_mb": 0.0,
+            "trained_on": [],
+            "training_frames": 1434 if mean == MEANS["net"] else None,
+            "over_time_mm": over_time,
+            "stability": {t: steps(mean) for t in ("tops", "dress")},
+        }
 
     floor = {"tops": 5.5, "dress": 9.0}
     return {
@@ -66,6 +85,10 @@ def fake_results() -> dict[str, Any]:
             "repeatability_mm": floor,
             "repeatability_rmse_mm": {t: 1.4 * v for t, v in floor.items()},
             "repeatability_mse_mm2": {t: 2.0 * v * v for t, v in floor.items()},
+        },
+        "previous_frame": {
+            kind: {t: {**steps(mean), "one_step_mm_raw": None} for t in ("tops", "dress")}
+            for kind, mean in (("held", 400.0), ("carried", 80.0))
         },
         "garments": {t: {"vertices": 3100, "model_mb": 0.2} for t in ("tops", "dress")},
         "actions": list(ACTIONS),
@@ -155,6 +178,55 @@ def test_page_names_what_is_missing(tmp_path: Path) -> None:
     line = "ballet, tops (not simulated); ballet, dress (a limb &lt;b&gt;); jump, dress (x)."
     assert line in write_report(tmp_path, results, [], []).read_text()
     assert "lack of a simulation" not in write_report(tmp_path, fake_results(), [], []).read_text()
+
+
+def rows(page: str, table: str) -> list[list[str]]:
+    """The texts of a table's cells."""
+    inside = page[page.index(table) :].partition("</table>")[0]
+    return [re.findall(r"<t[dh][^>]*>([^<]*)<", row) for row in inside.split("<tr")[1:]]
+
+
+def test_page_says_how_stable_a_method_is(tmp_path: Path) -> None:
+    found = rows(write_report(tmp_path, fake_results(), [], []).read_text(), 'id="stability"')
+    assert ["", "net", "1434", "4.80", "2.40", "12.0", "24.0", "1.25"] in found
+    assert ["tops", "lbs", DASH, "8.00", "4.00", "20.0", "40.0", DASH] in found
+    assert ["", "frame before, carried along", "", DASH, "8.00", "40.0", "80.0", DASH] in found
+
+
+def test_page_says_what_is_inside_the_body_in_each_action(tmp_path: Path) -> None:
+    results = fake_results()
+    results["methods"]["net"]["actions"]["walking"]["dress"]["inside_percent_raw"] = 4.5
+    found = rows(write_report(tmp_path, results, [], []).read_text(), "dress: vertices inside the body")
+    assert ["walking", "0", "1.50", "0", "1.50", "0", "4.50", "0"] in found
+    assert ["all frames", "0", "1.50", "0", "1.50", "0", "2.50", "0"] in found
+
+
+def test_page_shows_motion_and_the_space_of_garments(tmp_path: Path) -> None:
+    tests = {"jump": torch.rand(3, 2), "a & b": torch.rand(4, 2)}
+    motion = [
+        MotionMap(("net",), 5, 2, 581, torch.rand(6, 2), tests),
+        MotionMap(("far",), 3, 0, 581, torch.zeros(0, 2), tests),
+    ]
+    space = [Picture("net, dress", PIXEL, ("a = 1", "a = 0"))]
+    page = write_report(tmp_path, fake_results(), [], [], spaces=space, motion=motion).read_text()
+    assert "net: 2 of the 5 training sequences are in the data folder" in page
+    assert "holds none of the 3 sequences that far learned from" in page
+    assert [path.count("M") for path in re.findall(r'class="dots [^"]*" d="([^"]*)"', page)] == [
+        6,
+        3,
+        4,
+        0,
+        3,
+        4,
+    ]
+    assert "<title>a &amp; b</title>" in page
+    assert "<span>a = 1</span><span>a = 0</span>" in page
+    assert "t-SNE" not in write_report(tmp_path, fake_results(), [], []).read_text()
+
+
+def test_many_groups_of_dots_differ_in_colour_or_shape() -> None:
+    chart = scatter("t", {str(k): [(0.5, 0.5)] for k in range(15)})
+    assert len(set(re.findall(r'class="dots ([^"]*)"', chart))) == 15
 
 
 def test_metrics_are_written_whole(tmp_path: Path) -> None:

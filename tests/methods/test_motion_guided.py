@@ -155,6 +155,12 @@ def test_maps_that_cannot_be_halved_are_refused():
         MotionGuidedConfig(size=48)
 
 
+def test_a_method_decodes_codes_at_rest(body, dress, maps):
+    torch.manual_seed(0)
+    method, codes = TINY.create(), torch.randn(2, TINY.latent)
+    torch.testing.assert_close(method.decode(dress, body, codes), rest_shape(method.space, maps, codes))
+
+
 def test_codes_become_garments_of_the_right_shape(maps):
     space = TINY.shape_space()
     resting = rest_shape(space, maps, torch.randn(2, TINY.latent))

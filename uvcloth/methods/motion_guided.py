@@ -20,7 +20,14 @@ from uvcloth.methods.garment_maps import GarmentMaps, Skinning, garment_maps
 from uvcloth.methods.latent import Dynamics, LinearSpace, ShapeSpace, Space
 from uvcloth.methods.residual import Resolver
 from uvcloth.methods.seeds import PosedSeeds, pose_seeds, sample_seeds, seeds_on
-from uvcloth.methods.situation import MEMORY, Situation, carried_offsets, next_shape, pose_transforms
+from uvcloth.methods.situation import (
+    MEMORY,
+    Situation,
+    carried_offsets,
+    next_shape,
+    pose_transforms,
+    rest_shape,
+)
 from uvcloth.physics.contact import Obstacle
 from uvcloth.skinning import apply_transforms, skin
 
@@ -231,6 +238,12 @@ class MotionGuided:
         resolver = self._resolver(garment, outfit.body) if self.config.residual else None
         offsets = torch.zeros_like(before)
         return Rolling(maps, still, before, offsets, transforms, seeds, residual, resolver)
+
+    @torch.no_grad()
+    def decode(self, garment: Garment, body: Body, codes: Tensor) -> Tensor:
+        """Codes (B, latent), those of training about standard normal -> the garment at rest (B, N, 3), m."""
+        self.space.eval()
+        return rest_shape(self.space, self.config.maps(garment, body), codes)
 
     def _resolver(self, garment: Garment, body: Body) -> Resolver:
         obstacle = Obstacle(make_collider(body), body.mesh.vertices)

@@ -1,0 +1,85 @@
+"""Pictures of a method's space of garments: from one code to another (Motion-guided, Figure 9)."""
+
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from evaluate.judge import Contestant
+from evaluate.progress import progress
+from evaluate.report import Picture
+from evaluate.show import METHOD_COLORS, png
+from uvcloth.bodies.body import Body
+from uvcloth.garments.garment import Garment
+from uvcloth.garments.templates import wear
+from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
+
+STEPS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.2, 0.0)
+"""Shares a of the first code, the second having 1 - a, as in the figure."""
+
+SEEDS = (0, 1)
+"""Of the pairs of codes, one row of pictures each."""
+
+SIZE = (160, 240)
+"""Width and height of one garment, in pixels."""
+
+
+class Coded(Protocol):
+    """The config of a method with codes. latent: their length."""
+
+    @property
+    def latent(self) -> int: ...
+
+
+@runtime_checkable
+class Generative(Protocol):
+    """A method whose garments are decoded from codes that are spread like a standard normal distribution."""
+
+    @property
+    def config(self) -> Coded: ...
+
+    def decode(self, garment: Garment, body: Body, codes: Tensor) -> Tensor:
+        """Garments (B, N, 3) at rest, m, of codes (B, Z)."""
+        ...
+
+
+def interpolations(contestants: Sequence[Contestant], templates: Sequence[str], body: Body) -> list[Picture]:
+    """A sheet for every contestant that is generative and each template: a row per pair of random codes."""
+    wanted = [
+        (contestant.name, contestant.method, METHOD_COLORS[index % len(METHOD_COLORS)], template)
+        for index, contestant in enumerate(contestants)
+        for template in templates
+        if isinstance(contestant.method, Generative)
+    ]
+    sheets = []
+    with progress("Spaces of garments", len(wanted) * len(SEEDS)) as tick:
+        for name, method, color, template in wanted:
+            garment = wear(template, body)
+            images = []
+            for seed in SEEDS:
+                shapes = between(method, garment, body, seed)
+                images += [_picture(body, garment, shape, color) for shape in shapes]
+                tick()
+            sheet = png(contact_sheet(images, columns=len(STEPS)))
+            sheets.append(Picture(f"{name}, {template}", sheet, tuple(f"a = {share:g}" for share in STEPS)))
+    return sheets
+
+
+def between(method: Generative, garment: Garment, body: Body, seed: int) -> Tensor:
+    """Garments (STEPS, N, 3), m, between two random codes."""
+    generator = torch.Generator().manual_seed(seed)
+    first, second = torch.randn(2, method.config.latent, generator=generator)
+    share = torch.tensor(STEPS)[:, None]
+    return method.decode(garment, body, share * first + (1 - share) * second)
+
+
+def _picture(body: Body, garment: Garment, shape: Tensor, color: Color) -> np.ndarray:
+    """A garment (N, 3) over the body at rest."""
+    surfaces = [
+        Surface(body.mesh.vertices, body.mesh.faces, BODY_COLOR),
+        Surface(shape, garment.mesh.faces, color),
+    ]
+    camera = three_quarter(body.mesh.vertices, aspect=SIZE[0] / SIZE[1])
+    return render(surfaces, camera, SIZE, floor=float(body.mesh.vertices[:, 2].min()))

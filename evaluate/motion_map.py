@@ -1,0 +1,101 @@
+"""Where the judged motion lies beside that which methods were trained on (Motion-guided, Figure 5)."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from evaluate.judge import SHOWN, Contestant
+from evaluate.report import MotionMap
+from evaluate.show import Shown
+from uvcloth.bodies.body import Body
+from uvcloth.methods.seeds import pose_seeds, sample_seeds
+from uvcloth.simulate.sequence import load_sequence
+
+SEEDS = 581
+"""Points on the body that a pose is described by."""
+
+PERPLEXITY = 30.0
+"""Of t-SNE: about how many frames count as near to one; fewer where there are few."""
+
+
+def motion_maps(
+    contestants: Sequence[Contestant], data: Path, shown: Sequence[Shown], body: Body
+) -> list[MotionMap]:
+    """One map for the methods of each training set, all from one t-SNE; none if nothing was trained.
+
+    Training motion is what the data folder holds of the sequences that a checkpoint names, test motion the
+    judged windows: at most SHOWN frames of each clip, evenly spaced, without those that settle. Raises
+    InputError for a file of the folder that is not a sequence.
+    """
+    trained = [contestant for contestant in contestants if contestant.seen]
+    if not trained:
+        return []
+    known = _training_motion(data, frozenset[str]().union(*(contestant.seen for contestant in trained)))
+    motion = {("test", each.clip): each.transforms for each in shown}
+    motion |= {("training", clip): transforms for clip, transforms in known.values()}
+    poses = [seed_positions(body, transforms) for transforms in motion.values()]
+    places = embedded(torch.cat(poses)).split([len(frames) for frames in poses])
+    placed = dict(zip(motion, places, strict=True))
+    of_action: dict[str, dict[str, None]] = {}
+    for each in shown:
+        of_action.setdefault(each.action, {})[each.clip] = None
+    tests = {
+        action: torch.cat([placed["test", clip] for clip in clips]) for action, clips in of_action.items()
+    }
+    maps = []
+    for seen in dict.fromkeys(contestant.seen for contestant in trained):
+        found = [known[content][0] for content in known if content in seen]
+        frames = [placed["training", clip] for clip in dict.fromkeys(found)]
+        maps.append(
+            MotionMap(
+                methods=tuple(contestant.name for contestant in trained if contestant.seen == seen),
+                found=len(found),
+                of=len(seen),
+                seeds=SEEDS,
+                training=torch.cat([torch.zeros(0, 2), *frames]),
+                tests=tests,
+            )
+        )
+    return maps
+
+
+def _training_motion(data: Path, seen: frozenset[str]) -> dict[str, tuple[str, Tensor]]:
+    """By content hash in `seen`: the clip, and (F, J, 3, 4) of its frames."""
+    found = {}
+    for path in sorted(Path(data).glob("*.npz")):
+        sequence = load_sequence(path)
+        content = sequence.metadata.get("hash")
+        if content in seen:
+            transforms = sequence.transforms[sequence.settling :]
+            found[content] = (sequence.clip, transforms[:: max(1, -(-len(transforms) // SHOWN))])
+    return found
+
+
+def seed_positions(body: Body, transforms: Tensor) -> Tensor:
+    """Where SEEDS points of the posed body lie, seen from its root: (F, 3 SEEDS), m.
+
+    Its position is taken away and its heading, the part of its rotation about the vertical, turned back:
+    where the body stands and faces does not count. transforms: (F, J, 3, 4).
+    """
+    points = pose_seeds(sample_seeds(body, SEEDS), transforms).points
+    root = body.skeleton.parents.index(-1)
+    rotation = transforms[:, root, :, :3]
+    position = rotation @ body.skeleton.heads[root] + transforms[:, root, :, 3]
+    heading = torch.atan2(rotation[:, 1, 0] - rotation[:, 0, 1], rotation[:, 0, 0] + rotation[:, 1, 1])
+    x, y, z = (points - position[:, None]).unbind(-1)
+    cos, sin = heading.cos()[:, None], heading.sin()[:, None]
+    return torch.cat([cos * x + sin * y, cos * y - sin * x, z], dim=1)
+
+
+def embedded(poses: Tensor) -> Tensor:
+    """t-SNE of poses (P, C): (P, 2) in the unit square, always the same for the same poses."""
+    from sklearn.manifold import TSNE
+
+    perplexity = min(PERPLEXITY, (len(poses) - 1) / 3)
+    if perplexity < 1:
+        return torch.full((len(poses), 2), 0.5)
+    places = TSNE(perplexity=perplexity, init="pca", random_state=0).fit_transform(poses.numpy())
+    low, high = places.min(0), places.max(0)
+    return torch.from_numpy(0.5 + (places - (low + high) / 2) / (high - low).max())

@@ -1,0 +1,96 @@
+"""Errors of methods that feed on themselves, where they are known in advance."""
+
+from dataclasses import dataclass, replace
+
+import pytest
+import torch
+from torch import Tensor
+
+import evaluate.stability as measured
+from evaluate.results import stability
+from evaluate.stability import copied_truth, stability_scores
+from tests.evaluate.test_compare import COUNTED, FPS, SETTLING, capsule_body, motion, simulated, tube_garment
+from uvcloth.bodies.frames import BodyFrames
+from uvcloth.garments.garment import Outfit
+from uvcloth.simulate.sequence import Sequence
+from uvcloth.skinning import skin
+
+STRAY = 0.001
+END = SETTLING + COUNTED
+
+
+@dataclass(frozen=True)
+class Straying:
+    """Carries its garment along with the body's only joint, and a millimetre upwards in every frame."""
+
+    name: str = "straying"
+    remembers: bool = True
+
+    def start(self, outfit: Outfit, frames: BodyFrames) -> Tensor:
+        return skin(outfit.garments[0].mesh.vertices, outfit.garments[0].weights, frames.transforms[:, 0])
+
+    def step(self, state: Tensor, frames: BodyFrames) -> tuple[Tensor, tuple[Tensor, ...]]:
+        moved = frames.transforms[0, -1, 0, :, 3] - frames.transforms[0, -2, 0, :, 3]
+        state = state + moved + torch.tensor([0.0, 0.0, STRAY])
+        return state, (state,)
+
+    def observe(self, state: Tensor, garments: tuple[Tensor, ...]) -> Tensor:
+        return garments[0][None]
+
+
+@pytest.fixture
+def window() -> Sequence:
+    """A garment that stays 5 cm above its rest shape: far enough that contact leaves it alone."""
+    return simulated(tube_garment("tops"), "02_04", torch.tensor([0.0, 0.0, 0.05]))
+
+
+def test_errors_grow_with_the_frames_since_the_truth(
+    window: Sequence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(measured, "ALONE", 5)
+    outfit = Outfit(capsule_body(), (tube_garment("tops"),))
+    scores = stability_scores(Straying(), outfit, window, END)
+    assert scores["one_step_mm"].tolist() == pytest.approx([1.0] * COUNTED, abs=0.05)
+    assert scores["one_step_mm_raw"].tolist() == pytest.approx([1.0] * COUNTED, abs=1e-3)
+    assert scores["rollout_50_mm"].tolist() == pytest.approx([1, 2, 3, 4, 5] * 2 + [1, 2], abs=0.1)
+
+
+def test_copies_of_the_truth_miss_what_has_moved_since(
+    window: Sequence, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(measured, "ALONE", 5)
+    copies = copied_truth(tube_garment("tops"), window, END)
+    path = 1000.0 * motion(END)[:, 0, :, 3]
+    for key, seen in (("one_step_mm", 1), ("rollout_50_mm", 5), ("vertex_mean_mm", COUNTED)):
+        last = [SETTLING - 1 + k // seen * seen for k in range(COUNTED)]
+        moved = (path[SETTLING:] - path[last]).norm(dim=1)
+        torch.testing.assert_close(copies["held"][key], moved, atol=1e-2, rtol=0)
+        assert copies["carried"][key].max() < 1e-2
+
+
+def test_carried_copies_turn_with_the_body(window: Sequence) -> None:
+    garment = tube_garment("tops")
+    turns = torch.arange(END) / FPS
+    rotation = torch.stack([turns.cos(), -turns.sin(), turns.sin(), turns.cos()], dim=-1).view(END, 2, 2)
+    transforms = torch.eye(3, 4).repeat(END, 1, 1, 1)
+    transforms[:, 0, :2, :2] = rotation
+    beside = garment.mesh.vertices + torch.tensor([0.03, 0.0, 0.0])
+    turned = replace(window, transforms=transforms, vertices=skin(beside, garment.weights, transforms))
+    copies = copied_truth(garment, turned, END)
+    assert copies["carried"]["one_step_mm"].max() < 1e-2
+    assert copies["held"]["one_step_mm"].min() > 1.0
+
+
+def test_drift_compares_the_end_of_long_windows_with_their_beginning() -> None:
+    def scores(frames: int) -> dict[str, Tensor]:
+        errors = torch.full((frames,), 10.0)
+        errors[50:150], errors[-100:] = 20.0, 30.0
+        return {"vertex_mean_mm": errors, "vertex_mean_mm_raw": errors + 1.0}
+
+    both = stability([scores(300), scores(200)])
+    assert both["late_over_early"] == pytest.approx(1.5)
+    assert both["frames"] == 500
+    alone = stability([{"vertex_mean_mm": torch.full((100,), 99.0), "one_step_mm": torch.full((100,), 2.0)}])
+    assert alone["late_over_early"] is None
+    assert alone["one_step_mm_raw"] is None
+    assert (alone["one_step_mm"], alone["rollout_50_mm"], alone["whole_mm"]) == (2.0, 99.0, 99.0)
