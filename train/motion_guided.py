@@ -1,7 +1,7 @@
 """The objectives of Motion-guided: first a space of shapes, then the encoder that moves through it."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -25,7 +25,6 @@ from uvcloth.methods.situation import (
     next_shape,
     posed_shape,
     rest_shape,
-    shape_features,
     situation_features,
 )
 
@@ -58,7 +57,7 @@ class MotionGuidedLosses(Holdout):
     noise: float = 0.0
     """Deviation of random codes whose shapes are added to histories, so that errors are mended (paper: 0)."""
     unroll: int = 1
-    """Frames in a row that a step trains on, one by one, so that own histories grow long (paper: 1)."""
+    """Frames in a row that a step predicts, each from the ones before, with the gradient of all (paper: 1)."""
 
 
 SHAPE = "shape"
@@ -213,16 +212,27 @@ class DynamicsObjective(ShapeObjective):
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
-        for frame in range(self.losses.unroll):
-            parts = self._losses(networks["net"], rows + frame)
-            yield "net", torch.stack(list(parts.values())).sum(), parts
-
-    def _losses(self, net: Any, rows: Tensor) -> dict[str, Tensor]:
-        """The parts of the loss on rows (B,); the predictions become their histories."""
         material, losses = self.material, self.losses
-        seen = self._situation(material.rows, rows, (self.past, self.past_offsets))
+        window = self._situation(material.rows, rows, (self.past, self.past_offsets))
+        before, offsets, last = window.before, window.offsets, self.past[rows - 1]
         if losses.noise:
-            seen = replace(seen, offsets=seen.offsets + self._noise(len(rows)))
+            offsets = offsets + self._noise(len(rows))
+        frames: list[dict[str, Tensor]] = []
+        for now in (rows + frame for frame in range(losses.unroll)):
+            seen = self._after(material.rows, now, before, offsets)
+            parts, last = self._losses(networks["net"], seen, now, last)
+            frames.append(parts)
+            before, offsets = self._moved(seen, last)
+            if losses.past == "own":
+                self.past[now], self.past_offsets[now] = last.detach(), offsets[:, 0].detach()
+        parts = {name: torch.stack([each[name] for each in frames]).mean() for name in frames[0]}
+        yield "net", torch.stack(list(parts.values())).sum(), parts
+
+    def _losses(
+        self, net: Any, seen: Situation, rows: Tensor, last: Tensor
+    ) -> tuple[dict[str, Tensor], Tensor]:
+        """The parts of the loss on rows (B,), and the garments (B, N, 3) predicted; last: those before."""
+        material, losses = self.material, self.losses
         features, change = situation_features(self.space, net, material.maps, seen, material.config.sigma)
         if losses.still:
             features = torch.cat([features, features])
@@ -231,27 +241,17 @@ class DynamicsObjective(ShapeObjective):
         else:
             wanted = rows
         codes = net(features, change)
-        if net.relative:
-            last = shape_features(
-                self.space, material.maps, seen.before[:, 0], seen.offsets[:, 0], seen.seeds_before.points
-            )
-            codes = codes + self.space.encode(last).repeat(len(codes) // len(rows), 1)
         resting = rest_shape(self.space, material.maps, codes, material.sample)
         posed = posed_shape(self.space, material.maps, resting, material.rows.pose[wanted])
-        before = self.past[rows - 1] - material.rows.vertices[rows - 1]
         wrong = posed - material.rows.vertices[wanted]
+        before = last - material.rows.vertices[rows - 1]
         parts = {
             "shape": wrong.abs().mean(),
             "steady": losses.steady * (wrong[: len(rows)] - before).abs().mean(),
             "code": losses.code * (codes - self.codes[wanted]).abs().mean(),
             "regular": losses.regular * _regular(codes),
         }
-        if losses.past == "own":
-            self.past[rows] = posed[: len(rows)].detach()
-            texels = material.maps.positions(self.past[rows])
-            now = material.rows.pose.transforms[rows]
-            self.past_offsets[rows] = carried_offsets(material.maps, texels, now)
-        return parts
+        return parts, posed[: len(rows)]
 
     def _noise(self, count: int) -> Tensor:
         """Random shapes, the same in every frame of a history, as offsets: (B, 1, P, 3), m."""
@@ -278,6 +278,15 @@ class DynamicsObjective(ShapeObjective):
             fps=self.material.fps,
         )
 
+    def _moved(self, seen: Situation, posed: Tensor) -> tuple[Tensor, Tensor]:
+        """What comes before the garment that follows (B, N, 3): texels and offsets, as in Situation."""
+        texels = self.material.maps.positions(posed)
+        moved = carried_offsets(self.material.maps, texels, seen.pose.transforms)
+        return (
+            torch.cat([texels[:, None], seen.before[:, :-1]], dim=1),
+            torch.cat([moved[:, None], seen.offsets[:, :-1]], dim=1),
+        )
+
     @torch.no_grad()
     def validate(self, net: Any) -> dict[str, float]:
         """Mean vertex error over rollouts of the held-out clips, side by side, before contact, mm."""
@@ -293,10 +302,7 @@ class DynamicsObjective(ShapeObjective):
             resting = next_shape(self.space, net, material.maps, seen, material.config.sigma)
             posed = posed_shape(self.space, material.maps, resting, held.pose[chosen])
             errors.append((posed - held.vertices[chosen]).norm(dim=2).mean(1) * 1000.0)
-            texels = material.maps.positions(posed)
-            moved = carried_offsets(material.maps, texels, held.pose.transforms[chosen])
-            before = torch.cat([texels[:, None], before[:, :-1]], dim=1)
-            offsets = torch.cat([moved[:, None], offsets[:, :-1]], dim=1)
+            before, offsets = self._moved(seen, posed)
         net.train()
         return {"mean": float(torch.cat(errors).mean())}
 

@@ -186,10 +186,7 @@ class LinearSpace(Space):
 
 
 class Dynamics(nn.Module):
-    """The dynamic encoder (section 5): the previous garment, its motion and its contact -> the next code.
-
-    relative: what it gives is the change since the code of the previous garment.
-    """
+    """The dynamic encoder (section 5): the previous garment, its motion and its contact -> the next code."""
 
     motion_scale: Tensor
 
@@ -205,10 +202,8 @@ class Dynamics(nn.Module):
         latent: int,
         norm: str,
         dropout: float,
-        relative: bool,
     ) -> None:
         super().__init__()
-        self.relative = relative
         self.motion = nn.Conv2d(motion, width, 3, padding=1)
         self.forces = SeedForces(seeds, width)
         self.stem = _stem(width, stem, norm)
@@ -221,5 +216,5 @@ class Dynamics(nn.Module):
         return self.stem(self.motion(motion / self.motion_scale) + pushed)
 
     def forward(self, features: Tensor, change: Tensor) -> Tensor:
-        """Z_t, or its change: (B, Z)."""
+        """Z_t: (B, Z)."""
         return self.encoder(torch.cat([features, change], dim=1))

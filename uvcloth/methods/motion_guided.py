@@ -69,8 +69,6 @@ class MotionGuidedConfig:
     skinning: Skinning = "carrier"
     """What poses a shape: the smooth blend weights of the carrier; or Gaussian kernels around the seeds,
     weighed at rest (fixed) or where a vertex is displaced to (kernels, paper)."""
-    relative: bool = False
-    """The dynamic encoder predicts how the latent code changes, not the code (paper: the code)."""
     carried: bool = True
     """What is encoded: offsets from the smoothly skinned garment, in axes that it carries along, their
     change, and pose and motion of that garment; else positions relative to every seed and the garment's own
@@ -125,7 +123,6 @@ class MotionGuidedConfig:
             latent=self.latent,
             norm=self.norm,
             dropout=self.dropout,
-            relative=self.relative,
         )
 
     def maps(self, garment: Garment, body: Body, under: Garment | None = None) -> GarmentMaps:

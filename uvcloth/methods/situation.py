@@ -114,21 +114,10 @@ def rest_shape(
     return maps.points + rotate(maps.axes, displaced)
 
 
-def next_codes(
-    space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: Situation, features: Tensor, change: Tensor
-) -> Tensor:
-    """Z_t: (B, Z), of S(M^P_{t-1}) and E_t."""
-    codes: Tensor = dynamics(features, change)
-    if not dynamics.relative:
-        return codes
-    last = shape_features(space, maps, seen.before[:, 0], seen.offsets[:, 0], seen.seeds_before.points)
-    return codes + space.encode(last)
-
-
 def next_shape(space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: Situation, sigma: float) -> Tensor:
     """The next garment in the rest space (B, N, 3), m."""
     features, change = situation_features(space, dynamics, maps, seen, sigma)
-    return rest_shape(space, maps, next_codes(space, dynamics, maps, seen, features, change))
+    return rest_shape(space, maps, dynamics(features, change))
 
 
 def pose_transforms(space: Space, maps: GarmentMaps, resting: Tensor, pose: Pose) -> Tensor:
