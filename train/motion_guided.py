@@ -57,7 +57,7 @@ class MotionGuidedLosses(Holdout):
     noise: float = 0.0
     """Deviation of random codes whose shapes are added to histories, so that errors are mended (paper: 0)."""
     unroll: int = 1
-    """Frames in a row that a step predicts, each from the ones before, with the gradient of all (paper: 1)."""
+    """Frames in a row that a step predicts, each from those before, with the gradient of all (paper: 1)."""
 
 
 SHAPE = "shape"
