@@ -8,7 +8,7 @@ INSTALLED := .venv/installed
 
 demo: install
 	$(BIN)/uvcloth demo --out demo
-	$(BIN)/python -m evaluate --model lbs lbs_smooth uvcloth/data/model --data demo/sequences --out demo/report
+	$(BIN)/python -m evaluate --model lbs lbs_smooth physxnet motion_guided --data demo/sequences --out demo/report
 
 test: install
 	$(BIN)/python -m pytest

@@ -245,19 +245,18 @@ def body_fingerprint(body: Body) -> str:
 
 
 def load_contestants(models: Sequence[str], body: Body) -> tuple[Contestant, ...]:
-    """Load baselines by name and trained models by folder. Raises InputError for unknown or equal names."""
+    """Load what ships by name and trained models by folder. Raises InputError for unknown or equal names."""
     from uvcloth.checkpoint import CONFIG, WEIGHTS, load_checkpoint
-    from uvcloth.methods.registry import CONFIGS, LOADERS, load_method
+    from uvcloth.methods.registry import load_method, model_folder
 
     contestants = []
     for model in models:
-        folder = Path(model)
-        trained = model not in CONFIGS or model in LOADERS
+        folder = model_folder(model)
         method = load_method(model, body)
         digest = hashlib.sha256(model.encode())
         seen: frozenset[str] = frozenset()
         training_frames = None
-        if trained:
+        if folder:
             checkpoint = load_checkpoint(folder)
             digest = hashlib.sha256((folder / WEIGHTS).read_bytes() + (folder / CONFIG).read_bytes())
             seen = frozenset(checkpoint.data.values())
@@ -266,7 +265,7 @@ def load_contestants(models: Sequence[str], body: Body) -> tuple[Contestant, ...
             Contestant(
                 name=method.name,
                 method=method,
-                weights_mb=(folder / WEIGHTS).stat().st_size / 1e6 if trained else 0.0,
+                weights_mb=(folder / WEIGHTS).stat().st_size / 1e6 if folder else 0.0,
                 fingerprint=digest.hexdigest(),
                 seen=seen,
                 training_frames=training_frames,

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from importlib.resources import files
 from pathlib import Path
 from time import perf_counter
 
@@ -17,7 +16,7 @@ from uvcloth.bodies.body import load_body
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.wardrobe import take
-from uvcloth.methods.registry import load_methods
+from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.library import load_clip
 from uvcloth.rollout import BrokenRolloutError, rollout
 
@@ -75,7 +74,7 @@ def animate(
     say = partial(console.print, highlight=False, markup=False)
     outfit = Outfit(body, tuple(take(name, body, say) for name in garments))
     clip = load_clip(motion, body)
-    method = load_methods(models or [str(files("uvcloth") / "data" / "model")], body)
+    method = load_methods(models or [DEFAULT], body)
     inside = {"before": 0, "after": 0}
     spent: dict[str, float] = defaultdict(float)
     start = perf_counter()

@@ -143,9 +143,10 @@ class Rollout:
     """What to write, one file or several; the suffix says how: .glb, .usdc, .pc2 or .npz."""
     model: Annotated[
         tuple[str, ...],
-        arg(metavar="RUN|lbs|lbs_smooth ...", help_behavior_hint="(default: the one in the package)"),
+        arg(metavar="NAME|RUN ...", help_behavior_hint="(default: physxnet)"),
     ] = ()
-    """A folder written by `python -m train`, or a baseline by name; or one for each garment, in order."""
+    """What moves the garments: physxnet (any garment) or motion_guided (the dress) as they ship, lbs,
+    lbs_smooth, or a folder written by `python -m train`; one for all, or one for each garment in order."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     contact: bool = True

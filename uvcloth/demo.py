@@ -15,7 +15,7 @@ from uvcloth.animate import animate
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import TEMPLATES, wear
-from uvcloth.methods.registry import load_method
+from uvcloth.methods.registry import DEFAULT, load_method
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render_frames
 from uvcloth.rollout import rollout
 from uvcloth.simulate.farm import simulate_batch
@@ -24,14 +24,17 @@ from uvcloth.skinning import skin
 
 CLIP = "jump"
 GARMENT = "skirt.obj"
+MODELS = {"tops": "physxnet", "bottoms": "physxnet", "dress": "motion_guided"}
+"""The model that each template is drawn with."""
+
 PICTURES = 6
 PICTURE_SIZE = (300, 420)
 
 
 def run(out: Path) -> None:
-    """Simulate the templates over a built-in clip, roll the shipped model out on it, write files, pictures.
+    """Simulate the templates over a built-in clip, roll the shipped models out on it, write files, pictures.
 
-    `make demo` then lets `python -m evaluate` compare the two in a report. Raises InputError if the folder
+    `make demo` then lets `python -m evaluate` compare them in a report. Raises InputError if the folder
     cannot be written.
     """
     console = Console()
@@ -40,10 +43,15 @@ def run(out: Path) -> None:
     simulate_batch([CLIP], TEMPLATES, out / "sequences", body)
     skirt = str(files("uvcloth") / "data" / "garments" / GARMENT)
     console.print(
-        "2. Rolling the shipped model out on the same clip, on templates and on a skirt it never saw"
+        "2. Rolling the shipped models out on the same clip: Motion-guided on its dress, PhysXNet on a shirt "
+        "and a skirt it never saw"
     )
-    for name, garments in (("dress", ["dress"]), ("outfit", ["tops", skirt])):
-        summary = animate([], CLIP, garments, [out / f"{name}.{suffix}" for suffix in ("glb", "usdc")])
+    for name, model, garments in (
+        ("dress", MODELS["dress"], ["dress"]),
+        ("outfit", DEFAULT, [skirt, "tops"]),
+    ):
+        wanted = [out / f"{name}.{suffix}" for suffix in ("glb", "usdc")]
+        summary = animate([model], CLIP, garments, wanted)
         console.print("\n".join(f"   {line}" for line in summary.lines()), highlight=False)
     console.print("3. Drawing simulation (top) and prediction (bottom)")
     for name in TEMPLATES:
@@ -53,11 +61,11 @@ def run(out: Path) -> None:
 
 
 def _side_by_side(path: Path, name: str, body: Body) -> np.ndarray:
-    """A sheet of PICTURES moments of a simulated sequence, the shipped model's rollout below each."""
+    """A sheet of PICTURES moments of a simulated sequence, a shipped model's rollout below each."""
     if not path.exists():
         raise InputError(f"{path}: the simulation was kept apart, see {path.parent / 'rejected'}")
     sequence = load_sequence(path)
-    method = load_method(str(files("uvcloth") / "data" / "model"), body)
+    method = load_method(MODELS[name], body)
     outfit = Outfit(body, (wear(name, body),))
     moments = torch.linspace(sequence.settling, len(sequence.vertices) - 1, PICTURES).long().tolist()
     frames = rollout(method, outfit, sequence.transforms, sequence.fps)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,12 @@ LOADERS: dict[str, Callable[[Checkpoint, Path], Any]] = {
 }
 """How a checkpoint becomes a method, for those that are trained."""
 
+SHIPPED = Path(str(files("uvcloth"))) / "data" / "models"
+"""Folder of the trained models in the package, each named as its method."""
+
+DEFAULT = "physxnet"
+"""The method of a rollout that names none: it dresses any garment."""
+
 
 def load_methods(models: Sequence[str | Path], body: Body) -> Method:
     """One method for all garments, or several, one for each in order. Raises InputError as load_method."""
@@ -35,23 +42,27 @@ def load_methods(models: Sequence[str | Path], body: Body) -> Method:
     return methods[0] if len(methods) == 1 else Ensemble(methods)
 
 
+def model_folder(name_or_run: str | Path) -> Path | None:
+    """Where a trained model lies: in the package if it is named as its method; None for what is untrained."""
+    name = str(name_or_run)
+    if name in LOADERS:
+        return SHIPPED / name
+    return None if name in CONFIGS else Path(name)
+
+
 def load_method(name_or_run: str | Path, body: Body) -> Method:
-    """A method that needs no training by its name, or a trained one from its run folder.
+    """A method that needs no training or ships trained by its name, or a trained one from its run folder.
 
     A trained method is named after its folder, so that several can stand in one report. Raises InputError for
     an unknown name, and for a checkpoint that is damaged, of another method or version, or of another body.
     """
-    folder = Path(name_or_run)
-    name = str(name_or_run)
-    if name in CONFIGS and name not in LOADERS:
+    name, folder = str(name_or_run), model_folder(name_or_run)
+    if folder is None:
         return CONFIGS[name].create()
     if not (folder / CONFIG).exists():
-        untrained = [known for known in CONFIGS if known not in LOADERS]
-        close = get_close_matches(name, untrained, n=1)
+        close = get_close_matches(name, CONFIGS, n=1)
         hint = f", did you mean {close[0]!r}" if close else ""
-        raise InputError(
-            f"{name}: neither a run folder with {CONFIG} nor one of {', '.join(untrained)}{hint}"
-        )
+        raise InputError(f"{name}: neither a run folder with {CONFIG} nor one of {', '.join(CONFIGS)}{hint}")
     checkpoint = load_checkpoint(folder, body)
     if checkpoint.method not in LOADERS:
         known = ", ".join(LOADERS)
