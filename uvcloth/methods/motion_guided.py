@@ -27,6 +27,7 @@ from uvcloth.methods.situation import (
     next_shape,
     pose_transforms,
     rest_shape,
+    shape_features,
 )
 from uvcloth.physics.contact import Obstacle
 from uvcloth.skinning import apply_transforms, skin
@@ -235,6 +236,16 @@ class MotionGuided:
         resolver = self._resolver(garment, outfit.body) if self.config.residual else None
         offsets = torch.zeros_like(before)
         return Rolling(maps, still, before, offsets, transforms, seeds, residual, resolver)
+
+    @torch.no_grad()
+    def encode(self, garment: Garment, body: Body, vertices: Tensor, transforms: Tensor) -> Tensor:
+        """Garments (B, N, 3) m, world, on a body moved by transforms (B, J, 3, 4) -> codes (B, latent)."""
+        self.space.eval()
+        maps = self.config.maps(garment, body)
+        texels = maps.positions(vertices)
+        seeds = pose_seeds(maps.seeds, transforms).points
+        offsets = carried_offsets(maps, texels, transforms)
+        return self.space.encode(shape_features(self.space, maps, texels, offsets, seeds))
 
     @torch.no_grad()
     def decode(self, garment: Garment, body: Body, codes: Tensor) -> Tensor:
