@@ -4,7 +4,6 @@ import torch
 from rich.progress import track
 from torch import Tensor
 
-from rasterize.bake import bake, scatter_map
 from train.material import CHUNK, Material
 from uvcloth.methods.correspondence import rotate, rotate_back
 from uvcloth.methods.latent import REACH, LinearSpace, Space
@@ -30,13 +29,6 @@ def rest_displacements(space: Space, material: Material, chosen: Tensor) -> Tens
     return rotate_back(maps.axes, resting - maps.points).flatten(1)
 
 
-def decoded_maps(values: Tensor, material: Material) -> Tensor:
-    """Values at the vertices (B, N, 3) as maps that a decoder would give: (B, 4 H W 3)."""
-    sheet = material.maps.fine
-    baked = bake(values, material.garment.mesh.faces, sheet)
-    return scatter_map(baked, sheet).flatten(2).transpose(1, 2).flatten(1)
-
-
 @torch.no_grad()
 def fit_linear(space: LinearSpace, material: Material) -> None:
     """Fit encoder and decoder in closed form: principal components of the shapes, of unit variance.
@@ -57,10 +49,9 @@ def fit_linear(space: LinearSpace, material: Material) -> None:
     codes, scales, components = torch.pca_lowrank(shapes - mean, q=min(latent, len(shapes) - 1), center=False)
     size = codes.std(0).clamp(min=1e-9)
     directions = (components * (scales * size)).T
-    decoded = decoded_maps(torch.cat([directions, mean[None]]).unflatten(1, (-1, 3)), material) / REACH
     space.decoder.weight.zero_()
-    space.decoder.weight.T[: len(directions)] = decoded[:-1]
-    space.decoder.bias.copy_(decoded[-1])
+    space.decoder.weight[:, : len(directions)] = directions.T / REACH
+    space.decoder.bias.copy_(mean / REACH)
     seen = torch.cat(
         [space.features(maps.map(rows.offsets[part])).flatten(1) for part in chosen.split(CHUNK)]
     )

@@ -108,7 +108,12 @@ class Material:
         self.body = body or load_body()
         self.garment = garment = take_for_data(config.garment, self.body)
         self.under = under = take_for_data(config.under, self.body) if config.under else None
-        self.config = replace(config, garment=garment.name, under=under.name if under else "")
+        self.config = config = replace(
+            config,
+            garment=garment.name,
+            under=under.name if under else "",
+            vertices=len(garment.mesh.vertices),
+        )
         worn = {g.name: g.mesh.vertices for g in (garment, under) if g}
         recordings = [
             r for r in load_recordings(data, tuple(worn), self.body) if worn.keys() <= r.rests.keys()

@@ -54,9 +54,7 @@ class MotionGuidedLosses(Holdout):
     """Train on the virtual sample too whose garment does not change: E_t = 0."""
     past: Literal["own", "true"] = "own"
     """Histories in training: the network's latest predictions, or the simulation's (paper)."""
-    noise: float = 0.0
-    """Deviation of random codes whose shapes are added to histories, so that errors are mended (paper: 0)."""
-    unroll: int = 1
+    unroll: int = 4
     """Frames in a row that a step predicts, each from those before, with the gradient of all (paper: 1)."""
 
 
@@ -64,7 +62,7 @@ SHAPE = "shape"
 """The folder in a run that holds the first stage."""
 
 LOOPS: dict[str, LoopConfig] = {
-    "fast": LoopConfig(steps=1000),
+    "fast": LoopConfig(steps=200, average=0.99, validate_every=25),
     "paper": LoopConfig(steps=30000, batch=4, learning_rate=1e-4, weight_decay=0.0, average=0.0),
     "tiny": LoopConfig(steps=8, batch=2, validate_every=4, average=0.9),
 }
@@ -79,7 +77,7 @@ SHAPE_LOOPS: dict[str, LoopConfig] = {
 
 LOSSES: dict[str, MotionGuidedLosses] = {
     "fast": MotionGuidedLosses(),
-    "paper": MotionGuidedLosses(steady=0.0, past="true"),
+    "paper": MotionGuidedLosses(steady=0.0, past="true", unroll=1),
     "tiny": MotionGuidedLosses(),
 }
 
@@ -215,8 +213,6 @@ class DynamicsObjective(ShapeObjective):
         material, losses = self.material, self.losses
         window = self._situation(material.rows, rows, (self.past, self.past_offsets))
         before, offsets, last = window.before, window.offsets, self.past[rows - 1]
-        if losses.noise:
-            offsets = offsets + self._noise(len(rows))
         frames: list[dict[str, Tensor]] = []
         for now in (rows + frame for frame in range(losses.unroll)):
             seen = self._after(material.rows, now, before, offsets)
@@ -252,14 +248,6 @@ class DynamicsObjective(ShapeObjective):
             "regular": losses.regular * _regular(codes),
         }
         return parts, posed[: len(rows)]
-
-    def _noise(self, count: int) -> Tensor:
-        """Random shapes, the same in every frame of a history, as offsets: (B, 1, P, 3), m."""
-        codes = self.losses.noise * torch.randn(count, self.material.config.latent, device=self.past.device)
-        maps = self.material.maps
-        with torch.no_grad():
-            moved = rest_shape(self.space, maps, torch.stack([codes, torch.zeros_like(codes)]).flatten(0, 1))
-            return maps.positions(moved[:count] - moved[count:])[:, None]
 
     def _situation(self, rows: Rows, chosen: Tensor, past: tuple[Tensor, Tensor] | None = None) -> Situation:
         """What comes before the chosen rows (B,); past: the garments (R, N, 3), where not as simulated."""

@@ -24,7 +24,7 @@ weighed where a vertex lies at rest or where it is displaced to (as published)."
 class GarmentMaps:
     """A garment at rest on a body, as the networks see it: fixed from frame to frame.
 
-    sheet: its P texels; fine: those of the decoded map. corners: (P, 3) vertices around each. mask:
+    sheet: its P texels. corners: (P, 3) vertices around each. mask:
     (1, 1, H, W). points: (N, 3) m at rest; axes: (N, 3, 3) local frames there. pixels, shares: (N, K) samples
     of the decoded map. places: (N, C) encoded texture coordinates. kernels: of the seeds near each vertex.
     carrier_weights: (N, J). skinning: which of the two poses the garment. texel_points: (P, 3) m at rest, and
@@ -32,7 +32,6 @@ class GarmentMaps:
     """
 
     sheet: Texels
-    fine: Texels
     corners: Tensor
     mask: Tensor
     points: Tensor
@@ -74,7 +73,6 @@ def garment_maps(garment: Garment, seeds: Seeds, size: int, near: int, skinning:
     sampler = sample_points(layout, fine, mesh.faces, face, at_vertex)
     return GarmentMaps(
         sheet=sheet,
-        fine=fine,
         corners=corners,
         mask=valid_mask(sheet).float()[None, None],
         points=mesh.vertices,

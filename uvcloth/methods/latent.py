@@ -167,13 +167,14 @@ class ShapeSpace(Space):
 class LinearSpace(Space):
     """A space without hidden layers: codes are principal components of the garment's shapes.
 
-    Its features are the centred offsets from the carrier, and what it decodes are displacements already.
+    Its features are the centred offsets from the carrier; it decodes the displacement of every vertex, without
+    a map between, which would be least exact along its seams.
     """
 
-    def __init__(self, *, size: int, latent: int) -> None:
+    def __init__(self, *, size: int, latent: int, vertices: int) -> None:
         super().__init__(size=size, carried=True)
         self.code = nn.Linear(3 * size**2, latent)
-        self.decoder = nn.Linear(latent, 3 * (2 * size) ** 2)
+        self.decoder = nn.Linear(latent, 3 * vertices)
 
     def features(self, *maps: Tensor) -> Tensor:
         return self.centred(*maps)
@@ -182,7 +183,7 @@ class LinearSpace(Space):
         return self.code(features.flatten(1))
 
     def decode(self, codes: Tensor, sample: Callable[[Tensor], Tensor], places: Tensor) -> Tensor:
-        return REACH * sample(self.decoder(codes).unflatten(1, (-1, 3)))
+        return REACH * self.decoder(codes).unflatten(1, (-1, 3))
 
 
 class Dynamics(nn.Module):

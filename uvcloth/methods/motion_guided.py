@@ -51,6 +51,8 @@ class MotionGuidedConfig:
     """Convolutions at full size on motion and contact (paper: 6)."""
     linear: bool = True
     """The space of shapes is linear, fitted in closed form; else a convolutional autoencoder (paper)."""
+    vertices: int = 3600
+    """Of the garment, to which a linear space decodes; training counts them."""
     latent: int = 64
     """Length of a latent code."""
     hidden: int = 64
@@ -59,7 +61,7 @@ class MotionGuidedConfig:
     """Its layers (paper: 6)."""
     norm: Literal["batch", "group", "instance", "none"] = "none"
     """Normalization layers (paper: instance, which hide how large a motion is)."""
-    dropout: float = 0.4
+    dropout: float = 0.2
     """Share of what the dynamic encoder's last layer sees that training drops (paper: 0)."""
     upsample: Literal["transposed", "resize"] = "resize"
     """How the decoder enlarges (paper: transposed)."""
@@ -97,7 +99,7 @@ class MotionGuidedConfig:
     def shape_space(self) -> Space:
         """The first stage, untrained."""
         if self.linear:
-            return LinearSpace(size=self.size, latent=self.latent)
+            return LinearSpace(size=self.size, latent=self.latent, vertices=self.vertices)
         return ShapeSpace(
             seeds=self.seeds,
             width=self.width,
