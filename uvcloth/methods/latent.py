@@ -167,8 +167,8 @@ class ShapeSpace(Space):
 class LinearSpace(Space):
     """A space without hidden layers: codes are principal components of the garment's shapes.
 
-    Its features are the centred offsets from the carrier; it decodes the displacement of every vertex, without
-    a map between, which would be least exact along its seams.
+    Its features are the centred offsets from the carrier; it decodes the displacement of every vertex,
+    without a map between, which would be least exact along its seams.
     """
 
     def __init__(self, *, size: int, latent: int, vertices: int) -> None:
