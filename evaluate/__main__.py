@@ -44,7 +44,7 @@ class Evaluate:
         from evaluate.judge import load_contestants
         from evaluate.motion_map import motion_maps
         from evaluate.progress import progress
-        from evaluate.report import templates_in, write_metrics, write_report
+        from evaluate.report import garments_in, write_metrics, write_report
         from evaluate.show import pictured, pictures, viewer_clips
         from uvcloth.bodies.body import load_body
 
@@ -68,7 +68,7 @@ class Evaluate:
             chosen = pictured(shown)
             with progress("Pictures", len(chosen)) as tick:
                 images = list(pictures(chosen, body, tick))
-                spaces = list(interpolations(contestants, templates_in(results), body))
+                spaces = list(interpolations(contestants, garments_in(results), body))
             motion = motion_maps(contestants, self.data, shown, body)
         report = write_report(self.out, results, viewer_clips(shown), images, body, spaces, motion)
         print(summary(results))
@@ -82,7 +82,7 @@ def machine() -> str:
 
 
 def summary(results: dict) -> str:
-    """One line per template and method: the mean vertex distance and how it stands to the better LBS."""
+    """One line per garment and method: the mean vertex distance and how it stands to the better LBS."""
     from evaluate.report import standings
 
     lines = []
@@ -92,7 +92,7 @@ def summary(results: dict) -> str:
             beside = (
                 f", {100 * (row.against - 1):+.0f} % against the better LBS, nearer on {row.won} of {row.of}"
             )
-        lines.append(f"{row.template:8} {row.method:16} {row.vertex_mean_mm:6.1f} mm{beside}")
+        lines.append(f"{row.garment:8} {row.method:16} {row.vertex_mean_mm:6.1f} mm{beside}")
     return "\n".join(lines)
 
 

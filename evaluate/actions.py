@@ -22,13 +22,13 @@ class Window:
 
     action: str
     clip: str
-    template: str
+    garment: str
     path: Path
     repeat: Path | None
 
     @property
     def name(self) -> str:
-        return f"{self.clip}_{self.template}"
+        return f"{self.clip}_{self.garment}"
 
 
 def find_windows(data: Path, actions: Sequence[str] = ()) -> tuple[Window, ...]:
@@ -47,18 +47,18 @@ def find_windows(data: Path, actions: Sequence[str] = ()) -> tuple[Window, ...]:
 
 
 def find_missing(data: Path, actions: Sequence[str] = ()) -> dict[str, dict[str, str]]:
-    """The test windows that there is no sequence of: {action: {template: why}}.
+    """The test windows that there is no sequence of: {action: {garment: why}}.
 
-    A template that was not tried on any test clip is not missed. Raises InputError as find_windows does.
+    A garment that was not tried on any test clip is not missed. Raises InputError as find_windows does.
     """
     everything = _wanted(Path(data), ())
-    tried = {w.template for w in everything if w.path.is_file() or _rejected(w).is_file()}
+    tried = {w.garment for w in everything if w.path.is_file() or _rejected(w).is_file()}
     missing: dict[str, dict[str, str]] = {}
     for window in _wanted(Path(data), actions):
-        if window.template in tried and not window.path.is_file():
+        if window.garment in tried and not window.path.is_file():
             reasons = missing.setdefault(window.action, {})
-            known = f"{reasons[window.template]}; " if window.template in reasons else ""
-            reasons[window.template] = known + _why(window)
+            known = f"{reasons[window.garment]}; " if window.garment in reasons else ""
+            reasons[window.garment] = known + _why(window)
     return missing
 
 
@@ -76,7 +76,7 @@ def _why(window: Window) -> str:
 
 
 def _wanted(data: Path, actions: Sequence[str]) -> list[Window]:
-    """Every test clip of the actions with every template, simulated or not."""
+    """Every test clip of the actions with every garment, simulated or not."""
     if not data.is_dir():
         raise InputError(f"{data}: no such folder, expected one made by `uvcloth simulate`")
     index = data / INDEX
@@ -88,11 +88,11 @@ def _wanted(data: Path, actions: Sequence[str]) -> list[Window]:
                 f"{data}: no test action is called {action!r}, expected one of {', '.join(known)}"
             )
     return [
-        Window(action, clip, template, path, repeat if repeat.is_file() else None)
+        Window(action, clip, garment, path, repeat if repeat.is_file() else None)
         for clip, action in named.items()
         if not actions or action in actions
-        for template in TEMPLATES
-        for path, repeat in [(data / f"{clip}_{template}.npz", data / "repeat" / f"{clip}_{template}.npz")]
+        for garment in TEMPLATES
+        for path, repeat in [(data / f"{clip}_{garment}.npz", data / "repeat" / f"{clip}_{garment}.npz")]
     ]
 
 

@@ -57,7 +57,7 @@ def compare(
     missing = find_missing(data, actions)
     code = code_fingerprint()
     setting = f"{code}/{body_fingerprint(body)}/{map_size}/{machine}"
-    garments = {name: wear(name, body) for name in dict.fromkeys(window.template for window in windows)}
+    garments = {name: wear(name, body) for name in dict.fromkeys(window.garment for window in windows)}
     maps = {name: garment_map(garment, body, map_size) for name, garment in garments.items()}
 
     entries: dict[str, list[Entry]] = {name: [] for name in (SIMULATION, *(c.name for c in contestants))}
@@ -70,32 +70,32 @@ def compare(
     trained_on: dict[str, list[str]] = {c.name: [] for c in contestants}
     with progress("Windows", len(windows) * (len(contestants) + 1)) as tick:
         for window in windows:
-            seen = maps[window.template]
+            seen = maps[window.garment]
             texels = (seen.template.corners, seen.template.barycentrics)
-            case = open_case(window, body, garments[window.template], texels, frames)
-            tick(0, note=f"{window.action}, {window.template}")
+            case = open_case(window, body, garments[window.garment], texels, frames)
+            tick(0, note=f"{window.action}, {window.garment}")
             keep = partial(remembered, out, case)
             judged = {SIMULATION: keep(SIMULATION, setting, partial(judge_simulation, case))}
-            represented[window.template].append(representation(case, seen))
-            repeated[window.template].append(repeatability(case))
+            represented[window.garment].append(representation(case, seen))
+            repeated[window.garment].append(repeatability(case))
             end = case.start + len(case.reference.vertices)
-            for kind, scores in copied_truth(garments[window.template], case.sequence, end).items():
-                copied[kind][window.template].append(scores)
+            for kind, scores in copied_truth(garments[window.garment], case.sequence, end).items():
+                copied[kind][window.garment].append(scores)
             tick()
             for contestant in contestants:
-                tick(0, note=f"{window.action}, {window.template}: {contestant.name}")
+                tick(0, note=f"{window.action}, {window.garment}: {contestant.name}")
                 fingerprint = f"{setting}/{contestant.fingerprint}"
                 judged[contestant.name] = keep(contestant.name, fingerprint, partial(judge, case, contestant))
                 if case.sequence.metadata.get("hash") in contestant.seen:
                     trained_on[contestant.name].append(window.name)
                 tick()
             for name, found in judged.items():
-                entries[name].append(Entry(window.action, window.template, found))
+                entries[name].append(Entry(window.action, window.garment, found))
             shown.append(
                 Shown(
                     action=window.action,
                     clip=window.clip,
-                    template=window.template,
+                    garment=window.garment,
                     fps=case.sequence.fps / case.stride,
                     stride=case.stride,
                     faces=case.reference.faces,
@@ -111,8 +111,8 @@ def compare(
         results["methods"][contestant.name]["training_frames"] = contestant.training_frames
     results["floor"] = {**floor(represented, "representation"), **floor(repeated, "repeatability")}
     results["previous_frame"] = {
-        kind: {template: stability(windows) for template, windows in by_template.items()}
-        for kind, by_template in copied.items()
+        kind: {garment: stability(windows) for garment, windows in by_garment.items()}
+        for kind, by_garment in copied.items()
     }
     results["garments"] = {name: _size(garment) for name, garment in garments.items()}
     return results | {

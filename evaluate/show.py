@@ -42,7 +42,7 @@ class Shown:
 
     action: str
     clip: str
-    template: str
+    garment: str
     fps: float
     stride: int
     faces: Tensor
@@ -59,21 +59,21 @@ class Shown:
 
 
 def viewer_clips(shown: Sequence[Shown]) -> list[ViewerClip]:
-    """The liveliest window of each template, where methods differ most."""
+    """The liveliest window of each garment, where methods differ most."""
     clips = []
-    for template in dict.fromkeys(each.template for each in shown):
-        s = max((s for s in shown if s.template == template), key=lambda s: s.liveliness)
-        clips.append(ViewerClip(s.action, s.template, s.fps, s.stride, s.faces, s.transforms, s.meshes))
+    for garment in dict.fromkeys(each.garment for each in shown):
+        s = max((s for s in shown if s.garment == garment), key=lambda s: s.liveliness)
+        clips.append(ViewerClip(s.action, s.garment, s.fps, s.stride, s.faces, s.transforms, s.meshes))
     return clips
 
 
 def pictured(shown: Sequence[Shown]) -> list[Shown]:
-    """One window per action, taking the templates in turn, so that all are seen."""
+    """One window per action, taking the garments in turn, so that all are seen."""
     chosen = []
-    templates = list(dict.fromkeys(each.template for each in shown))
+    garments = list(dict.fromkeys(each.garment for each in shown))
     for index, action in enumerate(dict.fromkeys(each.action for each in shown)):
         of_action = [each for each in shown if each.action == action]
-        wanted = [each for each in of_action if each.template == templates[-1 - index % len(templates)]]
+        wanted = [each for each in of_action if each.garment == garments[-1 - index % len(garments)]]
         chosen.append((wanted or of_action)[0])
     return chosen
 
@@ -102,7 +102,7 @@ def pictures(shown: Sequence[Shown], body: Body, tick: Callable[[], None]) -> It
         names = ", ".join(window.meshes)
         seconds = ", ".join(f"{frame / window.fps:.1f}" for frame in frames)
         yield Picture(
-            f"{window.action}, {window.template}; from left to right: {names}; "
+            f"{window.action}, {window.garment}; from left to right: {names}; "
             f"from top to bottom at {seconds} s",
             png(contact_sheet(images, columns=len(window.meshes))),
         )

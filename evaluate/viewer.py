@@ -33,7 +33,7 @@ class ViewerClip:
     """
 
     action: str
-    template: str
+    garment: str
     fps: float
     stride: int
     faces: Tensor
@@ -54,7 +54,7 @@ def pack_clip(clip: ViewerClip) -> tuple[dict[str, Any], str]:
     transforms = clip.transforms.numpy().astype("<f4")
     header = {
         "action": clip.action,
-        "template": clip.template,
+        "garment": clip.garment,
         "fps": clip.fps,
         "stride": clip.stride,
         "frames": frames,

@@ -333,7 +333,7 @@
     requestAnimationFrame(play);
   }
 
-  fill(byId("viewer-clip"), headers.map((h) => `${h.action}: ${h.template}`), 0);
+  fill(byId("viewer-clip"), headers.map((h) => `${h.action}: ${h.garment}`), 0);
   byId("viewer-clip").addEventListener("change", (e) => { state.frame = 0; choose(+e.target.value).then(remember); });
   for (const side of ["left", "right"]) {
     byId(`viewer-${side}`).addEventListener("change", (e) => { state[side] = +e.target.value; draw(); remember(); });

@@ -298,7 +298,7 @@ def test_repeat_of_another_motion_is_refused(world: Path, tmp_path: Path) -> Non
 
 
 def test_windows_follow_the_index_or_the_files(world: Path) -> None:
-    found = [(window.action, window.template) for window in find_windows(world)]
+    found = [(window.action, window.garment) for window in find_windows(world)]
     assert found == [("jump", "tops"), ("jump", "dress"), ("walking", "tops"), ("walking", "dress")]
     (world / "index.csv").unlink()
     assert {window.action for window in find_windows(world)} == {"02_04", "12_01"}

@@ -147,7 +147,7 @@ def write_fake(out: Path) -> Path:
 
 
 def test_standings_compare_with_the_better_lbs() -> None:
-    rows = {(row.method, row.template): row for row in standings(fake_results())}
+    rows = {(row.method, row.garment): row for row in standings(fake_results())}
     assert rows["net", "tops"].vertex_mean_mm == pytest.approx(27.0)
     assert rows["net", "tops"].against == pytest.approx(27.0 / 33.0)
     assert (rows["net", "tops"].won, rows["net", "tops"].of) == (3, 3)
