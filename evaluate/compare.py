@@ -1,6 +1,6 @@
 """The whole comparison: every method on every window, the floors, and the content of metrics.json."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import date
 from functools import partial
 from pathlib import Path
@@ -28,8 +28,9 @@ from evaluate.progress import progress
 from evaluate.results import Entry, Scores, floor, stability, summarize
 from evaluate.show import Shown
 from evaluate.stability import copied_truth
+from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.garments.garment import Garment
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.templates import wear
 
 CHUNK = 16
@@ -51,13 +52,15 @@ def compare(
 
     frames: of each window, None for all. map_size: of the maps that are measured. machine: for the record.
     Returns the content of metrics.json and what there is to look at. Finished windows are kept under
-    OUT/partial and taken over by a rerun. Raises InputError for a model or data that does not fit.
+    OUT/partial and taken over by a rerun. A method is judged on the garments that it dresses. Raises
+    InputError for a model or data that does not fit, and for a method that dresses none of the garments.
     """
     windows = find_windows(data, actions)
     missing = find_missing(data, actions)
     code = code_fingerprint()
     setting = f"{code}/{body_fingerprint(body)}/{map_size}/{machine}"
     garments = {name: wear(name, body) for name in dict.fromkeys(window.garment for window in windows)}
+    dressing = assigned(contestants, garments, body, data)
     maps = {name: garment_map(garment, body, map_size) for name, garment in garments.items()}
 
     entries: dict[str, list[Entry]] = {name: [] for name in (SIMULATION, *(c.name for c in contestants))}
@@ -68,7 +71,7 @@ def compare(
     }
     shown: list[Shown] = []
     trained_on: dict[str, list[str]] = {c.name: [] for c in contestants}
-    with progress("Windows", len(windows) * (len(contestants) + 1)) as tick:
+    with progress("Windows", sum(1 + len(dressing[window.garment]) for window in windows)) as tick:
         for window in windows:
             seen = maps[window.garment]
             texels = (seen.template.corners, seen.template.barycentrics)
@@ -82,7 +85,7 @@ def compare(
             for kind, scores in copied_truth(garments[window.garment], case.sequence, end).items():
                 copied[kind][window.garment].append(scores)
             tick()
-            for contestant in contestants:
+            for contestant in dressing[window.garment]:
                 tick(0, note=f"{window.action}, {window.garment}: {contestant.name}")
                 fingerprint = f"{setting}/{contestant.fingerprint}"
                 judged[contestant.name] = keep(contestant.name, fingerprint, partial(judge, case, contestant))
@@ -95,10 +98,9 @@ def compare(
                 Shown(
                     action=window.action,
                     clip=window.clip,
-                    garment=window.garment,
+                    garment=garments[window.garment],
                     fps=case.sequence.fps / case.stride,
                     stride=case.stride,
-                    faces=case.reference.faces,
                     transforms=case.transforms[:: case.stride],
                     meshes={name: found.shown for name, found in judged.items()},
                 )
@@ -135,6 +137,20 @@ def representation(case: Case, seen: GarmentMap) -> dict[str, Tensor]:
     spans = [slice(first, first + CHUNK) for first in range(0, len(truth), CHUNK)]
     chunks = [round_trip(seen, truth[s], case.body_vertices[s], case.transforms[s]) for s in spans]
     return distance_scores(torch.cat(chunks), truth)
+
+
+def assigned(
+    contestants: Sequence[Contestant], garments: Mapping[str, Garment], body: Body, data: Path
+) -> dict[str, tuple[Contestant, ...]]:
+    """By garment, those that dress it. Raises InputError naming one that dresses none, and why not."""
+    outfits = {name: Outfit(body, (garment,)) for name, garment in garments.items()}
+    objections = {
+        c.name: {name: c.method.objection(outfit) for name, outfit in outfits.items()} for c in contestants
+    }
+    for name, heard in objections.items():
+        if all(heard.values()):
+            raise InputError(f"{data}: nothing to judge {name} on: {'; '.join(heard.values())}")
+    return {name: tuple(c for c in contestants if not objections[c.name][name]) for name in garments}
 
 
 def _size(garment: Garment) -> dict[str, float | int]:

@@ -129,11 +129,12 @@ def write_report(
         lstrip_blocks=True,
     )
     environment.filters["figure"] = number
-    packed = [pack_clip(clip) for clip in viewer_sequences]
+    packed = [pack_clip(clip, list(results["methods"])) for clip in viewer_sequences]
     page = environment.get_template("report.html").render(
         results=results,
         methods=list(results["methods"]),
         garments=garments_in(results),
+        judged={garment: methods_on(results, garment) for garment in garments_in(results)},
         measures=MEASURES,
         physics=PHYSICS,
         paper_costs=PAPER_COSTS,
@@ -161,6 +162,12 @@ def garments_in(results: Results) -> list[str]:
     """The garments that any method was judged on, in the order in which they first appear."""
     found = [t for m in results["methods"].values() for a in m["actions"].values() for t in a]
     return list(dict.fromkeys(found))
+
+
+def methods_on(results: Results, garment: str) -> list[str]:
+    """The methods that were judged on a garment: those that dress it."""
+    methods = results["methods"].items()
+    return [name for name, m in methods if any(garment in by for by in m["actions"].values())]
 
 
 def actions_in(results: Results, garment: str) -> list[str]:

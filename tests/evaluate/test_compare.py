@@ -3,8 +3,10 @@
 import json
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import torch
@@ -16,13 +18,17 @@ import evaluate.judge as judging
 from evaluate.__main__ import main
 from evaluate.actions import find_windows
 from evaluate.compare import compare
-from evaluate.judge import load_contestants
+from evaluate.judge import Contestant, load_contestants
+from evaluate.show import Shown, pictures
 from rasterize.errors import InputError
 from tests.train.simulated import save_clips
 from uvcloth.bodies.body import Body, save_body
+from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import WEIGHTS, save_checkpoint
-from uvcloth.garments.garment import Garment
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.mesh import Mesh
+from uvcloth.methods.lbs import LBSConfig
+from uvcloth.methods.method import Method
 from uvcloth.methods.physxnet import PRESETS, physxnet_checkpoint
 from uvcloth.simulate.sequence import Sequence, load_sequence, save_sequence
 from uvcloth.skeleton import Skeleton
@@ -235,6 +241,61 @@ def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) 
         assert ours["vertex_mean_mm"] == pytest.approx(theirs["vertex_mean_mm"], rel=1e-3)
         assert 0.0 < results["floor"]["representation_mm"][template] < 0.2 * theirs["vertex_mean_mm"]
     assert results["missing"] == {"clip1": {"bottoms": "not simulated"}}
+
+
+@dataclass(frozen=True)
+class ForOne:
+    """The baseline for one garment only."""
+
+    garment: str
+    name: str = "for_one"
+    remembers: bool = False
+
+    def objection(self, outfit: Outfit) -> str:
+        names = [garment.name for garment in outfit.garments]
+        return "" if names == [self.garment] else f"garment {names[0]}: model for_one is for {self.garment}"
+
+    def start(self, outfit: Outfit, frames: BodyFrames) -> Any:
+        assert not self.objection(outfit)
+        return LBSConfig().create().start(outfit, frames)
+
+    def step(self, state: Any, frames: BodyFrames) -> Any:
+        return LBSConfig().create().step(state, frames)
+
+    def observe(self, state: Any, garments: tuple[Tensor, ...]) -> Any:
+        return state
+
+
+def judged(method: Method, data: Path, out: Path) -> tuple[dict, list[Shown]]:
+    return compare(
+        (*load_contestants(("lbs",), capsule_body()), Contestant(method.name, method, 0.0, "", frozenset())),
+        data,
+        out,
+        body=capsule_body(),
+        actions=(),
+        frames=None,
+        map_size=16,
+        machine="a test",
+    )
+
+
+def test_a_method_is_judged_on_what_it_dresses(world: Path, tmp_path: Path) -> None:
+    results, shown = judged(ForOne("dress"), world, tmp_path / "out")
+    own = results["methods"]["for_one"]
+    assert own["actions"].keys() == {"jump", "walking"}
+    assert all(by_garment.keys() == {"dress"} for by_garment in own["actions"].values())
+    assert own["stability"].keys() == own["over_time_mm"].keys() == {"dress"}
+    assert results["methods"]["lbs"]["stability"].keys() == {"tops", "dress"}
+    assert results["windows"] == 4
+    assert {"for_one" in each.meshes for each in shown if each.garment.name == "tops"} == {False}
+    drawn = list(pictures(shown, ["lbs", "for_one"], capsule_body(), lambda: None))
+    assert "simulation, lbs;" in drawn[0].caption
+    assert "simulation, lbs, for_one;" in drawn[1].caption
+
+
+def test_a_method_that_dresses_nothing_is_refused(world: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="data: nothing to judge for_one on: garment tops: model for_one is"):
+        judged(ForOne("cape"), world, tmp_path / "out")
 
 
 def test_command_writes_metrics_and_page(world: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
