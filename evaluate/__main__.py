@@ -25,6 +25,8 @@ class Evaluate:
     """A folder made by `uvcloth simulate`; its index.csv names the test clips and their actions."""
     out: Path
     """Folder for metrics.json and report.html."""
+    garment: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE ...")] = ()
+    """Judge these garments too: files that sequences were simulated of, beside the templates."""
     actions: tuple[str, ...] = ()
     """Judge only these actions."""
     frames: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
@@ -58,6 +60,7 @@ class Evaluate:
             self.out,
             body=body,
             actions=self.actions,
+            files=self.garment,
             frames=self.frames,
             map_size=self.map_size,
             machine=machine(),

@@ -31,7 +31,8 @@ from evaluate.stability import copied_truth
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import TEMPLATES, wear
+from uvcloth.garments.wardrobe import take_for_data
 
 CHUNK = 16
 """Frames that are written to maps at the same time: bounds the memory of large maps."""
@@ -44,22 +45,30 @@ def compare(
     *,
     body: Body,
     actions: Sequence[str],
+    files: Sequence[str] = (),
     frames: int | None,
     map_size: int,
     machine: str,
 ) -> tuple[dict[str, Any], list[Shown]]:
     """Judge methods on the test windows of a data folder.
 
-    frames: of each window, None for all. map_size: of the maps that are measured. machine: for the record.
-    Returns the content of metrics.json and what there is to look at. Finished windows are kept under
-    OUT/partial and taken over by a rerun. A method is judged on the garments that it dresses. Raises
-    InputError for a model or data that does not fit, and for a method that dresses none of the garments.
+    files: garments other than the templates. frames: of each window, None for all. map_size: of the maps
+    that are measured. machine: for the record. Returns the content of metrics.json and what there is to look
+    at. Finished windows are kept under OUT/partial and taken over by a rerun. A method is judged on the
+    garments that it dresses. Raises InputError for a model or data that does not fit, and for a method that
+    dresses none of the garments.
     """
-    windows = find_windows(data, actions)
-    missing = find_missing(data, actions)
+    others = taken(files, body)
+    names = (*TEMPLATES, *others)
+    windows = find_windows(data, actions, names)
+    missing = find_missing(data, actions, names)
+    for name in others:
+        if name not in {window.garment for window in windows}:
+            raise InputError(f"{data}: holds no test sequence of the garment {name} (CLIP_{name}.npz)")
     code = code_fingerprint()
     setting = f"{code}/{body_fingerprint(body)}/{map_size}/{machine}"
-    garments = {name: wear(name, body) for name in dict.fromkeys(window.garment for window in windows)}
+    worn = dict.fromkeys(window.garment for window in windows)
+    garments = {name: others[name] if name in others else wear(name, body) for name in worn}
     dressing = assigned(contestants, garments, body, data)
     maps = {name: garment_map(garment, body, map_size) for name, garment in garments.items()}
 
@@ -74,12 +83,12 @@ def compare(
     with progress("Windows", sum(1 + len(dressing[window.garment]) for window in windows)) as tick:
         for window in windows:
             seen = maps[window.garment]
-            texels = (seen.template.corners, seen.template.barycentrics)
+            texels = (seen.template.corners, seen.template.barycentrics) if seen else None
             case = open_case(window, body, garments[window.garment], texels, frames)
             tick(0, note=f"{window.action}, {window.garment}")
             keep = partial(remembered, out, case)
             judged = {SIMULATION: keep(SIMULATION, setting, partial(judge_simulation, case))}
-            represented[window.garment].append(representation(case, seen))
+            represented[window.garment].append(representation(case, seen) if seen else {})
             repeated[window.garment].append(repeatability(case))
             end = case.start + len(case.reference.vertices)
             for kind, scores in copied_truth(garments[window.garment], case.sequence, end).items():
@@ -137,6 +146,20 @@ def representation(case: Case, seen: GarmentMap) -> dict[str, Tensor]:
     spans = [slice(first, first + CHUNK) for first in range(0, len(truth), CHUNK)]
     chunks = [round_trip(seen, truth[s], case.body_vertices[s], case.transforms[s]) for s in spans]
     return distance_scores(torch.cat(chunks), truth)
+
+
+def taken(files: Sequence[str], body: Body) -> dict[str, Garment]:
+    """Garments from files by the names that their sequences have; what is a template is not among them.
+
+    Raises InputError also if two have one name.
+    """
+    garments: dict[str, Garment] = {}
+    for file in files:
+        garment = take_for_data(file, body, print)
+        if garment.name in garments:
+            raise InputError(f"garment {file}: another one is also named {garment.name}")
+        garments[garment.name] = garment
+    return {name: garment for name, garment in garments.items() if name not in TEMPLATES}
 
 
 def assigned(

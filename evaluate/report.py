@@ -255,7 +255,8 @@ def _bar_charts(results: Results) -> dict[str, list[Any]]:
                 for kind in ("representation", "repeatability")
                 if suffix and results["floor"].get(f"{kind}_{suffix}", {}).get(garment) is not None
             }
-            charts[key].append(bars(f"{garment}: {title.lower()}", rows, names, unit, floors))
+            if any(value is not None for row in rows.values() for value in row):
+                charts[key].append(bars(f"{garment}: {title.lower()}", rows, names, unit, floors))
     return charts
 
 

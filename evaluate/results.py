@@ -106,7 +106,7 @@ def _cell(scores: Sequence[Scores], simulation: Sequence[Scores]) -> dict[str, f
     calm = _mean(simulation, "jitter")
     cell: dict[str, float | int | None] = {
         "frames": sum(len(each["vertex_mean_mm"]) for each in scores),
-        "map_mse_mm2": _mean(scores, "map_mse_mm2"),
+        "map_mse_mm2": _mean(scores, "map_mse_mm2") if "map_mse_mm2" in scores[0] else None,
         "vertex_mse_mm2": _mean(scores, "vertex_mse_mm2"),
         "vertex_rmse_mm": _mean(scores, "vertex_mse_mm2") ** 0.5,
         "vertex_mean_mm": _mean(scores, "vertex_mean_mm"),

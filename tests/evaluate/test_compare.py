@@ -3,7 +3,7 @@
 import json
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,7 +18,8 @@ import evaluate.judge as judging
 from evaluate.__main__ import main
 from evaluate.actions import find_windows
 from evaluate.compare import compare
-from evaluate.judge import Contestant, load_contestants
+from evaluate.judge import Case, Contestant, Judged, judge, load_contestants
+from evaluate.report import write_report
 from evaluate.show import Shown, pictures
 from rasterize.errors import InputError
 from tests.train.simulated import save_clips
@@ -72,7 +73,7 @@ def simulated(garment: Garment, clip: str, off: Tensor, start: int = 0) -> Seque
     """A garment that hangs `off` metres beside its rest shape on the moving body."""
     transforms = motion(SETTLING + COUNTED - start, start)
     carried = skin(garment.mesh.vertices, garment.weights, transforms)
-    metadata = {"clip": clip, "garment": garment.template}
+    metadata = {"clip": clip, "garment": garment.name, "template": garment.template}
     return Sequence(
         carried + off, garment.mesh.faces, garment.mesh.vertices, transforms, FPS, SETTLING, metadata
     )
@@ -109,10 +110,25 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return data
 
 
+@pytest.fixture
+def skirt(world: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """A garment file that moves like a dress, and a sequence of it in the world."""
+    garment = replace(tube_garment("dress"), name="long_skirt")
+
+    def from_file(file: str, *_: object) -> Garment:
+        return replace(garment, name=Path(file).stem)
+
+    monkeypatch.setattr(comparison, "take_for_data", from_file)
+    hanging = simulated(garment, "12_01", torch.tensor([0.0, 0.0, 0.02]))
+    save_sequence(hanging, world / "12_01_long_skirt.npz")
+    return "wardrobe/long_skirt.obj"
+
+
 def run(
     data: Path,
     out: Path,
     actions: tuple[str, ...] = (),
+    files: tuple[str, ...] = (),
     frames: int | None = None,
     body: Body | None = None,
     machine: str = "a test",
@@ -124,6 +140,7 @@ def run(
         out,
         body=body,
         actions=actions,
+        files=files,
         frames=frames,
         map_size=16,
         machine=machine,
@@ -336,7 +353,65 @@ def test_bad_input_is_one_sentence(
     save_sequence(grown, short / "a_tops.npz")
     assert "another body" in refused("lbs", short)
     save_sequence(Sequence(**{**vars(sequence), "faces": sequence.faces.flip(1)}), short / "a_tops.npz")
-    assert "not that of the template" in refused("lbs", short)
+    assert "a_tops.npz: its mesh is not that of the garment tops" in refused("lbs", short)
+
+
+def test_a_garment_from_a_file_is_judged_where_it_is_named(world: Path, skirt: str, tmp_path: Path) -> None:
+    assert run(world, tmp_path / "out")["garments"].keys() == {"tops", "dress"}
+    results = run(world, tmp_path / "out", files=(skirt, "tops"))
+    assert results["garments"].keys() == {"tops", "dress", "long_skirt"}
+    cell = results["methods"]["lbs"]["actions"]["walking"]["long_skirt"]
+    assert cell["vertex_mean_mm"] == pytest.approx(20.0, abs=1e-3)
+    assert cell["map_mse_mm2"] == pytest.approx(400.0, rel=1e-3)
+    assert results["missing"] == {"jump": {"long_skirt": "not simulated"}}
+    with pytest.raises(InputError, match=r"no test sequence of the garment cape \(CLIP_cape.npz\)"):
+        run(world, tmp_path / "out", files=(skirt, "cape.obj"))
+    with pytest.raises(InputError, match=r"other/long_skirt.obj: another one is also named long_skirt"):
+        run(world, tmp_path / "out", files=(skirt, "other/long_skirt.obj"))
+    sequence = load_sequence(world / "12_01_long_skirt.npz")
+    save_sequence(replace(sequence, faces=sequence.faces.flip(1)), world / "12_01_long_skirt.npz")
+    with pytest.raises(
+        InputError, match=r"12_01_long_skirt\.npz: its mesh is not that of the garment long_skirt"
+    ):
+        run(world, tmp_path / "out", files=(skirt,))
+
+
+def test_a_changed_file_is_judged_again(
+    world: Path, skirt: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def judged_again() -> list[str]:
+        names = []
+
+        def counted(case: Case, contestant: Contestant) -> Judged:
+            names.append(case.window.name)
+            return judge(case, contestant)
+
+        monkeypatch.setattr(comparison, "judge", counted)
+        run(world, tmp_path / "out", files=(skirt,), frames=3)
+        return names
+
+    assert len(judged_again()) == 2 * 5
+    assert judged_again() == []
+    before = comparison.take_for_data
+
+    def turned(file: str, *more: object) -> Garment:
+        garment = before(file, *more)  # type: ignore[arg-type]
+        return replace(garment, mesh=replace(garment.mesh, uvs=garment.mesh.uvs.flip(1)))
+
+    monkeypatch.setattr(comparison, "take_for_data", turned)
+    assert judged_again() == 2 * ["12_01_long_skirt"]
+
+
+def test_a_garment_that_no_texel_sees_has_no_map(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(comparison, "garment_map", lambda *_: None)
+    results = run(world, tmp_path / "out")
+    assert results["methods"]["lbs"]["actions"]["jump"]["tops"]["map_mse_mm2"] is None
+    assert results["floor"]["representation_mm"] == {}
+    page = write_report(tmp_path, results, [], []).read_text()
+    assert "tops: mean vertex distance" in page
+    assert 'aria-label="tops: map mse"' not in page
 
 
 def test_a_repeat_without_an_earlier_start_tells_nothing(world: Path, tmp_path: Path) -> None:
@@ -356,6 +431,14 @@ def test_repeat_of_another_motion_is_refused(world: Path, tmp_path: Path) -> Non
     )
     with pytest.raises(InputError, match="does not repeat the motion"):
         run(world, tmp_path / "out")
+
+
+def test_clips_are_found_by_the_longest_name_of_a_garment(tmp_path: Path) -> None:
+    for stem in ("a_1_skirt", "a_2_long_skirt", "a_3_tops", "b_cape"):
+        (tmp_path / f"{stem}.npz").touch()
+    found = find_windows(tmp_path, (), ("tops", "skirt", "long_skirt"))
+    assert [window.name for window in found] == ["a_1_skirt", "a_2_long_skirt", "a_3_tops"]
+    assert [window.clip for window in found] == ["a_1", "a_2", "a_3"]
 
 
 def test_windows_follow_the_index_or_the_files(world: Path) -> None:
