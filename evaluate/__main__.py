@@ -25,6 +25,8 @@ class Evaluate:
     """A folder made by `uvcloth simulate`; its index.csv names the test clips and their actions."""
     out: Path
     """Folder for metrics.json and report.html."""
+    garment: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE ...")] = ()
+    """Judge these garments too: files that sequences were simulated of, beside the templates."""
     actions: tuple[str, ...] = ()
     """Judge only these actions."""
     frames: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
@@ -44,8 +46,8 @@ class Evaluate:
         from evaluate.judge import load_contestants
         from evaluate.motion_map import motion_maps
         from evaluate.progress import progress
-        from evaluate.report import templates_in, write_metrics, write_report
-        from evaluate.show import pictured, pictures, viewer_clips
+        from evaluate.report import write_metrics, write_report
+        from evaluate.show import garments_shown, pictured, pictures, viewer_clips
         from uvcloth.bodies.body import load_body
 
         if self.frames is not None and self.frames < 1:
@@ -58,6 +60,7 @@ class Evaluate:
             self.out,
             body=body,
             actions=self.actions,
+            files=self.garment,
             frames=self.frames,
             map_size=self.map_size,
             machine=machine(),
@@ -67,8 +70,8 @@ class Evaluate:
         if self.pictures:
             chosen = pictured(shown)
             with progress("Pictures", len(chosen)) as tick:
-                images = list(pictures(chosen, body, tick))
-                spaces = list(interpolations(contestants, templates_in(results), body))
+                images = list(pictures(chosen, list(results["methods"]), body, tick))
+            spaces = interpolations(contestants, list(garments_shown(shown).values()), body)
             motion = motion_maps(contestants, self.data, shown, body)
         report = write_report(self.out, results, viewer_clips(shown), images, body, spaces, motion)
         print(summary(results))
@@ -82,7 +85,7 @@ def machine() -> str:
 
 
 def summary(results: dict) -> str:
-    """One line per template and method: the mean vertex distance and how it stands to the better LBS."""
+    """One line per garment and method: the mean vertex distance and how it stands to the better LBS."""
     from evaluate.report import standings
 
     lines = []
@@ -92,7 +95,7 @@ def summary(results: dict) -> str:
             beside = (
                 f", {100 * (row.against - 1):+.0f} % against the better LBS, nearer on {row.won} of {row.of}"
             )
-        lines.append(f"{row.template:8} {row.method:16} {row.vertex_mean_mm:6.1f} mm{beside}")
+        lines.append(f"{row.garment:8} {row.method:16} {row.vertex_mean_mm:6.1f} mm{beside}")
     return "\n".join(lines)
 
 

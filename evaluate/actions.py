@@ -22,23 +22,26 @@ class Window:
 
     action: str
     clip: str
-    template: str
+    garment: str
     path: Path
     repeat: Path | None
 
     @property
     def name(self) -> str:
-        return f"{self.clip}_{self.template}"
+        return f"{self.clip}_{self.garment}"
 
 
-def find_windows(data: Path, actions: Sequence[str] = ()) -> tuple[Window, ...]:
+def find_windows(
+    data: Path, actions: Sequence[str] = (), garments: Sequence[str] = TEMPLATES
+) -> tuple[Window, ...]:
     """The test windows of a data folder made by `uvcloth simulate`, in the order of its index.
 
     DATA/index.csv names the test clips and their actions; without one every
-    sequence counts and its clip is its action. actions: keep only these, all if empty. Raises InputError if
-    the folder, the index or an action is missing, or nothing was simulated.
+    sequence counts and its clip is its action. actions: keep only these, all if empty. garments: the names
+    that are looked for. Raises InputError if the folder, the index or an action is missing, or nothing was
+    simulated.
     """
-    wanted = _wanted(Path(data), actions)
+    wanted = _wanted(Path(data), actions, garments)
     windows = tuple(window for window in wanted if window.path.is_file())
     if not windows:
         named = ", ".join(dict.fromkeys(window.action for window in wanted))
@@ -46,19 +49,21 @@ def find_windows(data: Path, actions: Sequence[str] = ()) -> tuple[Window, ...]:
     return windows
 
 
-def find_missing(data: Path, actions: Sequence[str] = ()) -> dict[str, dict[str, str]]:
-    """The test windows that there is no sequence of: {action: {template: why}}.
+def find_missing(
+    data: Path, actions: Sequence[str] = (), garments: Sequence[str] = TEMPLATES
+) -> dict[str, dict[str, str]]:
+    """The test windows that there is no sequence of: {action: {garment: why}}.
 
-    A template that was not tried on any test clip is not missed. Raises InputError as find_windows does.
+    A garment that was not tried on any test clip is not missed. Raises InputError as find_windows does.
     """
-    everything = _wanted(Path(data), ())
-    tried = {w.template for w in everything if w.path.is_file() or _rejected(w).is_file()}
+    everything = _wanted(Path(data), (), garments)
+    tried = {w.garment for w in everything if w.path.is_file() or _rejected(w).is_file()}
     missing: dict[str, dict[str, str]] = {}
-    for window in _wanted(Path(data), actions):
-        if window.template in tried and not window.path.is_file():
+    for window in _wanted(Path(data), actions, garments):
+        if window.garment in tried and not window.path.is_file():
             reasons = missing.setdefault(window.action, {})
-            known = f"{reasons[window.template]}; " if window.template in reasons else ""
-            reasons[window.template] = known + _why(window)
+            known = f"{reasons[window.garment]}; " if window.garment in reasons else ""
+            reasons[window.garment] = known + _why(window)
     return missing
 
 
@@ -75,12 +80,12 @@ def _why(window: Window) -> str:
     return str(json.loads(str(arrays["metadata"])).get("rejected", "kept apart"))
 
 
-def _wanted(data: Path, actions: Sequence[str]) -> list[Window]:
-    """Every test clip of the actions with every template, simulated or not."""
+def _wanted(data: Path, actions: Sequence[str], garments: Sequence[str]) -> list[Window]:
+    """Every test clip of the actions with every garment, simulated or not."""
     if not data.is_dir():
         raise InputError(f"{data}: no such folder, expected one made by `uvcloth simulate`")
     index = data / INDEX
-    named = _test_clips(index) if index.is_file() else _simulated_clips(data)
+    named = _test_clips(index) if index.is_file() else _simulated_clips(data, garments)
     known = list(dict.fromkeys(named.values()))
     for action in actions:
         if action not in known:
@@ -88,11 +93,11 @@ def _wanted(data: Path, actions: Sequence[str]) -> list[Window]:
                 f"{data}: no test action is called {action!r}, expected one of {', '.join(known)}"
             )
     return [
-        Window(action, clip, template, path, repeat if repeat.is_file() else None)
+        Window(action, clip, garment, path, repeat if repeat.is_file() else None)
         for clip, action in named.items()
         if not actions or action in actions
-        for template in TEMPLATES
-        for path, repeat in [(data / f"{clip}_{template}.npz", data / "repeat" / f"{clip}_{template}.npz")]
+        for garment in garments
+        for path, repeat in [(data / f"{clip}_{garment}.npz", data / "repeat" / f"{clip}_{garment}.npz")]
     ]
 
 
@@ -103,9 +108,13 @@ def _test_clips(index: Path) -> dict[str, str]:
     return clips
 
 
-def _simulated_clips(data: Path) -> dict[str, str]:
-    stems = sorted(path.stem for path in data.glob("*.npz"))
-    clips = [stem.rpartition("_")[0] for stem in stems if stem.rpartition("_")[2] in TEMPLATES]
+def _simulated_clips(data: Path, garments: Sequence[str]) -> dict[str, str]:
+    longest_first = sorted(garments, key=len, reverse=True)
+    clips = []
+    for stem in sorted(path.stem for path in data.glob("*.npz")):
+        ends = (f"_{garment}" for garment in longest_first)
+        clips += [stem.removesuffix(end) for end in ends if stem.endswith(end)][:1]
     if not clips:
-        raise InputError(f"{data}: holds no simulated sequence (CLIP_GARMENT.npz)")
+        named = ", ".join(garments)
+        raise InputError(f"{data}: holds no simulated sequence (CLIP_GARMENT.npz) of {named}")
     return {clip: clip for clip in clips}

@@ -44,12 +44,16 @@ def bars(
 ) -> Markup:
     """Grouped horizontal bars: for every row (an action) one bar per name (a method), in order.
 
+    A name without any value has no room in the chart.
     floors: vertical dashed lines by name, in the same unit.
     """
     values = [value for row in rows.values() for value in row if value is not None]
     axis = ticks(max([*values, *floors.values(), 0.0]))
     left, right, top = LABEL, WIDTH - 44, 26
-    group = ROW * len(names) + 8
+    present = [
+        method for method in range(len(names)) if any(row[method] is not None for row in rows.values())
+    ]
+    group = ROW * len(present) + 8
     height = top + group * len(rows) + 22
 
     def x(value: float) -> float:
@@ -67,10 +71,11 @@ def bars(
             f'<text class="label" x="{left - 8}" y="{y + group / 2:.1f}" text-anchor="end">'
             f"{escape(label)}</text>"
         )
-        for method, value in enumerate(row):
+        for place, method in enumerate(present):
+            value = row[method]
             if value is None:
                 continue
-            bar = y + method * ROW
+            bar = y + place * ROW
             parts.append(
                 f'<rect class="m{method}" x="{left}" y="{bar}" width="{x(value) - left:.1f}" '
                 f'height="{ROW - 1.5}"><title>{escape(label)}, {escape(names[method])}: {number(value)} '

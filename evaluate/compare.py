@@ -1,6 +1,6 @@
 """The whole comparison: every method on every window, the floors, and the content of metrics.json."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import date
 from functools import partial
 from pathlib import Path
@@ -28,9 +28,11 @@ from evaluate.progress import progress
 from evaluate.results import Entry, Scores, floor, stability, summarize
 from evaluate.show import Shown
 from evaluate.stability import copied_truth
+from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.garments.garment import Garment
-from uvcloth.garments.templates import wear
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.templates import TEMPLATES, wear
+from uvcloth.garments.wardrobe import take_for_data
 
 CHUNK = 16
 """Frames that are written to maps at the same time: bounds the memory of large maps."""
@@ -43,21 +45,31 @@ def compare(
     *,
     body: Body,
     actions: Sequence[str],
+    files: Sequence[str] = (),
     frames: int | None,
     map_size: int,
     machine: str,
 ) -> tuple[dict[str, Any], list[Shown]]:
     """Judge methods on the test windows of a data folder.
 
-    frames: of each window, None for all. map_size: of the maps that are measured. machine: for the record.
-    Returns the content of metrics.json and what there is to look at. Finished windows are kept under
-    OUT/partial and taken over by a rerun. Raises InputError for a model or data that does not fit.
+    files: garments other than the templates. frames: of each window, None for all. map_size: of the maps
+    that are measured. machine: for the record. Returns the content of metrics.json and what there is to look
+    at. Finished windows are kept under OUT/partial and taken over by a rerun. A method is judged on the
+    garments that it dresses. Raises InputError for a model or data that does not fit, and for a method that
+    dresses none of the garments.
     """
-    windows = find_windows(data, actions)
-    missing = find_missing(data, actions)
+    others = taken(files, body)
+    names = (*TEMPLATES, *others)
+    windows = find_windows(data, actions, names)
+    missing = find_missing(data, actions, names)
+    for name in others:
+        if name not in {window.garment for window in windows}:
+            raise InputError(f"{data}: holds no test sequence of the garment {name} (CLIP_{name}.npz)")
     code = code_fingerprint()
     setting = f"{code}/{body_fingerprint(body)}/{map_size}/{machine}"
-    garments = {name: wear(name, body) for name in dict.fromkeys(window.template for window in windows)}
+    worn = dict.fromkeys(window.garment for window in windows)
+    garments = {name: others[name] if name in others else wear(name, body) for name in worn}
+    dressing = assigned(contestants, garments, body, data)
     maps = {name: garment_map(garment, body, map_size) for name, garment in garments.items()}
 
     entries: dict[str, list[Entry]] = {name: [] for name in (SIMULATION, *(c.name for c in contestants))}
@@ -68,37 +80,36 @@ def compare(
     }
     shown: list[Shown] = []
     trained_on: dict[str, list[str]] = {c.name: [] for c in contestants}
-    with progress("Windows", len(windows) * (len(contestants) + 1)) as tick:
+    with progress("Windows", sum(1 + len(dressing[window.garment]) for window in windows)) as tick:
         for window in windows:
-            seen = maps[window.template]
-            texels = (seen.template.corners, seen.template.barycentrics)
-            case = open_case(window, body, garments[window.template], texels, frames)
-            tick(0, note=f"{window.action}, {window.template}")
+            seen = maps[window.garment]
+            texels = (seen.template.corners, seen.template.barycentrics) if seen else None
+            case = open_case(window, body, garments[window.garment], texels, frames)
+            tick(0, note=f"{window.action}, {window.garment}")
             keep = partial(remembered, out, case)
             judged = {SIMULATION: keep(SIMULATION, setting, partial(judge_simulation, case))}
-            represented[window.template].append(representation(case, seen))
-            repeated[window.template].append(repeatability(case))
+            represented[window.garment].append(representation(case, seen) if seen else {})
+            repeated[window.garment].append(repeatability(case))
             end = case.start + len(case.reference.vertices)
-            for kind, scores in copied_truth(garments[window.template], case.sequence, end).items():
-                copied[kind][window.template].append(scores)
+            for kind, scores in copied_truth(garments[window.garment], case.sequence, end).items():
+                copied[kind][window.garment].append(scores)
             tick()
-            for contestant in contestants:
-                tick(0, note=f"{window.action}, {window.template}: {contestant.name}")
+            for contestant in dressing[window.garment]:
+                tick(0, note=f"{window.action}, {window.garment}: {contestant.name}")
                 fingerprint = f"{setting}/{contestant.fingerprint}"
                 judged[contestant.name] = keep(contestant.name, fingerprint, partial(judge, case, contestant))
                 if case.sequence.metadata.get("hash") in contestant.seen:
                     trained_on[contestant.name].append(window.name)
                 tick()
             for name, found in judged.items():
-                entries[name].append(Entry(window.action, window.template, found))
+                entries[name].append(Entry(window.action, window.garment, found))
             shown.append(
                 Shown(
                     action=window.action,
                     clip=window.clip,
-                    template=window.template,
+                    garment=garments[window.garment],
                     fps=case.sequence.fps / case.stride,
                     stride=case.stride,
-                    faces=case.reference.faces,
                     transforms=case.transforms[:: case.stride],
                     meshes={name: found.shown for name, found in judged.items()},
                 )
@@ -111,8 +122,8 @@ def compare(
         results["methods"][contestant.name]["training_frames"] = contestant.training_frames
     results["floor"] = {**floor(represented, "representation"), **floor(repeated, "repeatability")}
     results["previous_frame"] = {
-        kind: {template: stability(windows) for template, windows in by_template.items()}
-        for kind, by_template in copied.items()
+        kind: {garment: stability(windows) for garment, windows in by_garment.items()}
+        for kind, by_garment in copied.items()
     }
     results["garments"] = {name: _size(garment) for name, garment in garments.items()}
     return results | {
@@ -135,6 +146,34 @@ def representation(case: Case, seen: GarmentMap) -> dict[str, Tensor]:
     spans = [slice(first, first + CHUNK) for first in range(0, len(truth), CHUNK)]
     chunks = [round_trip(seen, truth[s], case.body_vertices[s], case.transforms[s]) for s in spans]
     return distance_scores(torch.cat(chunks), truth)
+
+
+def taken(files: Sequence[str], body: Body) -> dict[str, Garment]:
+    """Garments from files by the names that their sequences have; what is a template is not among them.
+
+    Raises InputError also if two have one name.
+    """
+    garments: dict[str, Garment] = {}
+    for file in files:
+        garment = take_for_data(file, body, print)
+        if garment.name in garments:
+            raise InputError(f"garment {file}: another one is also named {garment.name}")
+        garments[garment.name] = garment
+    return {name: garment for name, garment in garments.items() if name not in TEMPLATES}
+
+
+def assigned(
+    contestants: Sequence[Contestant], garments: Mapping[str, Garment], body: Body, data: Path
+) -> dict[str, tuple[Contestant, ...]]:
+    """By garment, those that dress it. Raises InputError naming one that dresses none, and why not."""
+    outfits = {name: Outfit(body, (garment,)) for name, garment in garments.items()}
+    objections = {
+        c.name: {name: c.method.objection(outfit) for name, outfit in outfits.items()} for c in contestants
+    }
+    for name, heard in objections.items():
+        if all(heard.values()):
+            raise InputError(f"{data}: nothing to judge {name} on: {'; '.join(heard.values())}")
+    return {name: tuple(c for c in contestants if not objections[c.name][name]) for name in garments}
 
 
 def _size(garment: Garment) -> dict[str, float | int]:

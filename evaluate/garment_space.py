@@ -10,10 +10,9 @@ from torch import Tensor
 from evaluate.judge import Contestant
 from evaluate.progress import progress
 from evaluate.report import Picture
-from evaluate.show import METHOD_COLORS, png
+from evaluate.show import method_color, png
 from uvcloth.bodies.body import Body
-from uvcloth.garments.garment import Garment
-from uvcloth.garments.templates import wear
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
 
 STEPS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.2, 0.0)
@@ -45,25 +44,30 @@ class Generative(Protocol):
         ...
 
 
-def interpolations(contestants: Sequence[Contestant], templates: Sequence[str], body: Body) -> list[Picture]:
-    """A sheet for every contestant that is generative and each template: a row per pair of random codes."""
+def interpolations(
+    contestants: Sequence[Contestant], garments: Sequence[Garment], body: Body
+) -> list[Picture]:
+    """A sheet for every contestant that is generative and each garment that it dresses: a row per pair of
+    random codes."""
+    names = [contestant.name for contestant in contestants]
     wanted = [
-        (contestant.name, contestant.method, METHOD_COLORS[index % len(METHOD_COLORS)], template)
-        for index, contestant in enumerate(contestants)
-        for template in templates
+        (contestant.name, contestant.method, method_color(names, contestant.name), garment)
+        for contestant in contestants
+        for garment in garments
         if isinstance(contestant.method, Generative)
+        and not contestant.method.objection(Outfit(body, (garment,)))
     ]
     sheets = []
     with progress("Spaces of garments", len(wanted) * len(SEEDS)) as tick:
-        for name, method, color, template in wanted:
-            garment = wear(template, body)
+        for name, method, color, garment in wanted:
             images = []
             for seed in SEEDS:
                 shapes = between(method, garment, body, seed)
                 images += [_picture(body, garment, shape, color) for shape in shapes]
                 tick()
             sheet = png(contact_sheet(images, columns=len(STEPS)))
-            sheets.append(Picture(f"{name}, {template}", sheet, tuple(f"a = {share:g}" for share in STEPS)))
+            labels = tuple(f"a = {share:g}" for share in STEPS)
+            sheets.append(Picture(f"{name}, {garment.name}", sheet, labels))
     return sheets
 
 

@@ -32,7 +32,7 @@ SHOWN = 50
 """Frames of a window that are kept to be looked at, at most."""
 
 SAME_REST = 0.002
-"""Metres between a sequence's rest mesh and the template on the body that still count as the same garment."""
+"""Metres between a sequence's rest mesh and the garment on the body that still count as the same garment."""
 
 SAME_MOTION = 0.001
 """Metres (and matrix entries) between joint transforms that still count as the same motion."""
@@ -100,17 +100,18 @@ class Case:
 
 
 def open_case(
-    window: Window, body: Body, garment: Garment, texels: tuple[Tensor, Tensor], frames: int | None
+    window: Window, body: Body, garment: Garment, texels: tuple[Tensor, Tensor] | None, frames: int | None
 ) -> Case:
     """Load a window and check that it was simulated with this garment on this body.
 
-    texels: corners and barycentrics (P, 3) of the garment's map. frames: judge at most so many, None for all.
-    Raises InputError naming the file if the mesh, the rest shape or the skeleton differs, or no frame counts.
+    texels: corners and barycentrics (P, 3) of the garment's map, None without one. frames: judge at most so
+    many, None for all. Raises InputError naming the file if the mesh, the rest shape or the skeleton differs,
+    or no frame counts.
     """
     sequence = load_sequence(window.path)
     mesh, joints = garment.mesh, len(body.skeleton.names)
     if not torch.equal(sequence.faces, mesh.faces):
-        raise InputError(f"{window.path}: its mesh is not that of the template {garment.template}")
+        raise InputError(f"{window.path}: its mesh is not that of the garment {garment.name}")
     if sequence.transforms.shape[1] != joints:
         raise InputError(
             f"{window.path}: simulated on a body of {sequence.transforms.shape[1]} joints, "
@@ -119,14 +120,14 @@ def open_case(
     apart = float((sequence.rest - mesh.vertices).norm(dim=1).max())
     if apart > SAME_REST:
         raise InputError(
-            f"{window.path}: at rest it is up to {1000 * apart:.0f} mm from the template {garment.template} "
-            f"on body {body.name!r}; it was simulated on another body"
+            f"{window.path}: at rest it is up to {1000 * apart:.0f} mm from the garment {garment.name} "
+            f"on body {body.name!r}; it was simulated in another shape or on another body"
         )
     end = len(sequence.vertices) if frames is None else sequence.settling + frames
     truth = sequence.vertices[sequence.settling : end]
     if not len(truth):
         raise InputError(f"{window.path}: has no frame after its {sequence.settling} settling frames")
-    reference = Reference(truth, sequence.rest, sequence.faces, sequence.fps, *texels)
+    reference = Reference(truth, sequence.rest, sequence.faces, sequence.fps, *(texels or (None, None)))
     transforms = sequence.transforms[sequence.settling : end]
     posed = skin(body.mesh.vertices, body.weights, transforms)
     return Case(window, sequence, Outfit(body, (garment,)), reference, sequence.settling, transforms, posed)
@@ -203,7 +204,13 @@ def remembered(out: Path, case: Case, name: str, fingerprint: str, work: Callabl
     """The result of an earlier run of the same code on the same input, or that of `work`, then kept."""
     key = hashlib.sha256(
         "/".join(
-            [FORMAT, fingerprint, content_hash(case.sequence), str(len(case.reference.vertices))]
+            [
+                FORMAT,
+                fingerprint,
+                garment_fingerprint(case.outfit.garments[0]),
+                content_hash(case.sequence),
+                str(len(case.reference.vertices)),
+            ]
         ).encode()
     ).hexdigest()[:16]
     path = Path(out) / "partial" / f"{case.window.name}_{name}_{key}.npz"
@@ -239,6 +246,16 @@ def body_fingerprint(body: Body) -> str:
     tensors += [body.regions, body.sides]
     for proxy in body.proxies.values():
         tensors += [proxy.vertices, proxy.faces, proxy.weights]
+    for tensor in tensors:
+        digest.update(tensor.numpy().tobytes())
+    return digest.hexdigest()
+
+
+def garment_fingerprint(garment: Garment) -> str:
+    """Hash of what a method sees of a garment, which a file may change without the sequence."""
+    digest = hashlib.sha256(garment.template.encode())
+    mesh = garment.mesh
+    tensors = (mesh.vertices, mesh.faces, mesh.uvs, mesh.face_uvs, garment.weights, garment.carrier_weights)
     for tensor in tensors:
         digest.update(tensor.numpy().tobytes())
     return digest.hexdigest()

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
+from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
 from uvcloth.methods.correspondence import (
@@ -26,10 +27,16 @@ class GarmentMap:
     worn: Worn
 
 
-def garment_map(garment: Garment, body: Body, size: int) -> GarmentMap:
-    """Cast the rays from the texels of a size x size sheet of the body's layout to a garment at rest."""
+def garment_map(garment: Garment, body: Body, size: int) -> GarmentMap | None:
+    """Cast the rays from the texels of a size x size sheet of the body's layout to a garment at rest.
+
+    The rays meet the garment's own mesh, also where that is not a template's. None if none of them meets it.
+    """
     texels = body_texels(body, size)
-    template = template_texels(garment.template, garment.mesh, body, texels)
+    try:
+        template = template_texels(garment.template, garment.mesh, body, texels)
+    except InputError:
+        return None
     return GarmentMap(texels, template, worn_on(garment, template, texels))
 
 

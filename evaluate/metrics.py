@@ -19,15 +19,15 @@ class Reference:
 
     vertices: (F, N, 3). rest: (N, 3). faces: (M, 3). fps: frames per second.
     texel_corners: (P, 3) int64 garment vertices that each valid texel of the garment's map sees, and
-    texel_barycentrics: (P, 3) their weights (PhysXNet's transference matrix T^BC).
+    texel_barycentrics: (P, 3) their weights (PhysXNet's transference matrix T^BC); None without a map.
     """
 
     vertices: Tensor
     rest: Tensor
     faces: Tensor
     fps: float
-    texel_corners: Tensor
-    texel_barycentrics: Tensor
+    texel_corners: Tensor | None
+    texel_barycentrics: Tensor | None
 
 
 def distance_scores(predicted: Tensor, truth: Tensor) -> dict[str, Tensor]:
@@ -55,13 +55,16 @@ def frame_scores(raw: Tensor, resolved: Tensor, reference: Reference) -> dict[st
     """Every measure that needs no body, per frame: (F,) each, jitter (F - 2,).
 
     raw: (F, N, 3) as predicted, for the map and what is called raw. resolved: (F, N, 3) after contact.
+    A garment without a map has no map_mse_mm2.
     """
+    corners, barycentrics = reference.texel_corners, reference.texel_barycentrics
+    mapped = {}
+    if corners is not None and barycentrics is not None:
+        mapped["map_mse_mm2"] = map_mse(raw, reference.vertices, corners, barycentrics)
     return {
         "vertex_mean_mm_raw": distance_scores(raw, reference.vertices)["vertex_mean_mm"],
         "edge_mm_raw": edge_change(raw, reference.rest, reference.faces) * MM,
-        "map_mse_mm2": map_mse(
-            raw, reference.vertices, reference.texel_corners, reference.texel_barycentrics
-        ),
+        **mapped,
         **distance_scores(resolved, reference.vertices),
         "edge_mm": edge_change(resolved, reference.rest, reference.faces) * MM,
         "bend_rad": fold_angle(resolved, reference.faces),

@@ -83,14 +83,14 @@ class MotionMap:
 
 @dataclass(frozen=True)
 class Standing:
-    """How one method did on one template over all actions.
+    """How one method did on one garment over all actions.
 
     against: mean distance divided by that of the better LBS, None for an LBS itself or without one.
     won, of: actions on which it is nearer to the simulation than the better LBS of that action.
     """
 
     method: str
-    template: str
+    garment: str
     frames: int
     vertex_mean_mm: float
     vertex_rmse_mm: float
@@ -129,11 +129,12 @@ def write_report(
         lstrip_blocks=True,
     )
     environment.filters["figure"] = number
-    packed = [pack_clip(clip) for clip in viewer_sequences]
+    packed = [pack_clip(clip, list(results["methods"])) for clip in viewer_sequences]
     page = environment.get_template("report.html").render(
         results=results,
         methods=list(results["methods"]),
-        templates=templates_in(results),
+        garments=garments_in(results),
+        judged={garment: methods_on(results, garment) for garment in garments_in(results)},
         measures=MEASURES,
         physics=PHYSICS,
         paper_costs=PAPER_COSTS,
@@ -157,31 +158,35 @@ def write_report(
     return _write(Path(out) / REPORT, page)
 
 
-def templates_in(results: Results) -> list[str]:
-    """The templates that any method was judged on, in the order in which they first appear."""
+def garments_in(results: Results) -> list[str]:
+    """The garments that any method was judged on, in the order in which they first appear."""
     found = [t for m in results["methods"].values() for a in m["actions"].values() for t in a]
     return list(dict.fromkeys(found))
 
 
-def actions_in(results: Results, template: str) -> list[str]:
-    """The actions on which any method was judged with a template."""
+def methods_on(results: Results, garment: str) -> list[str]:
+    """The methods that were judged on a garment: those that dress it."""
+    methods = results["methods"].items()
+    return [name for name, m in methods if any(garment in by for by in m["actions"].values())]
+
+
+def actions_in(results: Results, garment: str) -> list[str]:
+    """The actions on which any method was judged with a garment."""
     found = [
         action
         for method in results["methods"].values()
-        for action, by_template in method["actions"].items()
-        if template in by_template
+        for action, by_garment in method["actions"].items()
+        if garment in by_garment
     ]
     return list(dict.fromkeys(found))
 
 
-def overall(
-    actions: Mapping[str, Mapping[str, Mapping[str, float]]], template: str, key: str
-) -> float | None:
-    """The mean of one measure over all actions of a template, weighted by frames; None if there is none.
+def overall(actions: Mapping[str, Mapping[str, Mapping[str, float]]], garment: str, key: str) -> float | None:
+    """The mean of one measure over all actions of a garment, weighted by frames; None if there is none.
 
     A root mean square averages as its square.
     """
-    cells = [by[template] for by in actions.values() if template in by and by[template].get(key) is not None]
+    cells = [by[garment] for by in actions.values() if garment in by and by[garment].get(key) is not None]
     frames = sum(cell["frames"] for cell in cells)
     if not frames:
         return None
@@ -191,25 +196,25 @@ def overall(
 
 
 def standings(results: Results) -> list[Standing]:
-    """Every method on every template beside the better LBS (methods whose names begin with "lbs")."""
+    """Every method on every garment beside the better LBS (methods whose names begin with "lbs")."""
     methods = results["methods"]
     baselines = [name for name in methods if name.startswith("lbs")]
     rows = []
-    for template in templates_in(results):
-        baseline_means = [overall(methods[name]["actions"], template, "vertex_mean_mm") for name in baselines]
+    for garment in garments_in(results):
+        baseline_means = [overall(methods[name]["actions"], garment, "vertex_mean_mm") for name in baselines]
         best = min((mean for mean in baseline_means if mean is not None), default=None)
         for name, method in methods.items():
-            mean = overall(method["actions"], template, "vertex_mean_mm")
-            rmse = overall(method["actions"], template, "vertex_rmse_mm")
+            mean = overall(method["actions"], garment, "vertex_mean_mm")
+            rmse = overall(method["actions"], garment, "vertex_rmse_mm")
             if mean is None or rmse is None:
                 continue
             judged = name not in baselines and best is not None
-            duels = _duels(results, name, baselines, template) if judged else []
+            duels = _duels(results, name, baselines, garment) if judged else []
             rows.append(
                 Standing(
                     method=name,
-                    template=template,
-                    frames=sum(a[template]["frames"] for a in method["actions"].values() if template in a),
+                    garment=garment,
+                    frames=sum(a[garment]["frames"] for a in method["actions"].values() if garment in a),
                     vertex_mean_mm=mean,
                     vertex_rmse_mm=rmse,
                     against=mean / best if judged and best else None,
@@ -220,15 +225,15 @@ def standings(results: Results) -> list[Standing]:
     return rows
 
 
-def _duels(results: Results, name: str, baselines: Iterable[str], template: str) -> list[tuple[float, float]]:
+def _duels(results: Results, name: str, baselines: Iterable[str], garment: str) -> list[tuple[float, float]]:
     """Per action: the method's mean distance and that of the better LBS."""
     methods = results["methods"]
     duels = []
-    for action, by_template in methods[name]["actions"].items():
-        others = [methods[b]["actions"].get(action, {}).get(template) for b in baselines]
+    for action, by_garment in methods[name]["actions"].items():
+        others = [methods[b]["actions"].get(action, {}).get(garment) for b in baselines]
         found = [cell["vertex_mean_mm"] for cell in others if cell is not None]
-        if template in by_template and found:
-            duels.append((by_template[template]["vertex_mean_mm"], min(found)))
+        if garment in by_garment and found:
+            duels.append((by_garment[garment]["vertex_mean_mm"], min(found)))
     return duels
 
 
@@ -237,30 +242,31 @@ def _bar_charts(results: Results) -> dict[str, list[Any]]:
     charts: dict[str, list[Any]] = {}
     for key, (title, unit, suffix) in MEASURES.items():
         charts[key] = []
-        for template in templates_in(results):
+        for garment in garments_in(results):
             rows = {
                 action: [
-                    results["methods"][name]["actions"].get(action, {}).get(template, {}).get(key)
+                    results["methods"][name]["actions"].get(action, {}).get(garment, {}).get(key)
                     for name in names
                 ]
-                for action in actions_in(results, template)
+                for action in actions_in(results, garment)
             }
             floors = {
-                kind: results["floor"][f"{kind}_{suffix}"][template]
+                kind: results["floor"][f"{kind}_{suffix}"][garment]
                 for kind in ("representation", "repeatability")
-                if suffix and results["floor"].get(f"{kind}_{suffix}", {}).get(template) is not None
+                if suffix and results["floor"].get(f"{kind}_{suffix}", {}).get(garment) is not None
             }
-            charts[key].append(bars(f"{template}: {title.lower()}", rows, names, unit, floors))
+            if any(value is not None for row in rows.values() for value in row):
+                charts[key].append(bars(f"{garment}: {title.lower()}", rows, names, unit, floors))
     return charts
 
 
 def _time_charts(results: Results) -> list[Any]:
     names = list(results["methods"])
     charts = []
-    for template in templates_in(results):
-        series = [results["methods"][name].get("over_time_mm", {}).get(template, []) for name in names]
+    for garment in garments_in(results):
+        series = [results["methods"][name].get("over_time_mm", {}).get(garment, []) for name in names]
         if any(series):
-            charts.append(lines(template, series, names, "mm", results["fps"]))
+            charts.append(lines(garment, series, names, "mm", results["fps"]))
     return charts
 
 

@@ -26,12 +26,12 @@ class Entry:
     """What one method scored on one window."""
 
     action: str
-    template: str
+    garment: str
     judged: Judged
 
 
 def summarize(entries: Mapping[str, Sequence[Entry]]) -> dict[str, Any]:
-    """The methods and the simulation, by action and template.
+    """The methods and the simulation, by action and garment.
 
     entries: by method name; those under SIMULATION are the yardstick and go to a key of their own.
     """
@@ -41,8 +41,8 @@ def summarize(entries: Mapping[str, Sequence[Entry]]) -> dict[str, Any]:
             "actions": _by_action(found, entries[SIMULATION]),
             "over_time_mm": _over_time(found),
             "stability": {
-                template: stability([e.judged.scores for e in found if e.template == template])
-                for template in dict.fromkeys(entry.template for entry in found)
+                garment: stability([e.judged.scores for e in found if e.garment == garment])
+                for garment in dict.fromkeys(entry.garment for entry in found)
             },
         }
         for name, found in entries.items()
@@ -52,19 +52,19 @@ def summarize(entries: Mapping[str, Sequence[Entry]]) -> dict[str, Any]:
 
 
 def floor(frames: Mapping[str, Sequence[Scores]], kind: str) -> dict[str, dict[str, float]]:
-    """The mean, root mean square and mean square of a floor by template: {"KIND_mm": ..., ...}.
+    """The mean, root mean square and mean square of a floor by garment: {"KIND_mm": ..., ...}.
 
-    frames: by template, the distance scores of every window; templates without any are left out.
+    frames: by garment, the distance scores of every window; garments without any are left out.
     """
     means, squares = {}, {}
-    for template, windows in frames.items():
+    for garment, windows in frames.items():
         found = [scores for scores in windows if scores]
         if found:
-            means[template] = _mean(found, "vertex_mean_mm")
-            squares[template] = _mean(found, "vertex_mse_mm2")
+            means[garment] = _mean(found, "vertex_mean_mm")
+            squares[garment] = _mean(found, "vertex_mse_mm2")
     return {
         f"{kind}_mm": means,
-        f"{kind}_rmse_mm": {template: square**0.5 for template, square in squares.items()},
+        f"{kind}_rmse_mm": {garment: square**0.5 for garment, square in squares.items()},
         f"{kind}_mse_mm2": squares,
     }
 
@@ -90,23 +90,23 @@ def stability(windows: Sequence[Scores]) -> dict[str, float | int | None]:
 
 def _by_action(entries: Sequence[Entry], simulation: Sequence[Entry]) -> dict[str, dict[str, Any]]:
     actions: dict[str, dict[str, Any]] = {}
-    for action, template in dict.fromkeys((entry.action, entry.template) for entry in entries):
-        actions.setdefault(action, {})[template] = _cell(
-            _scores(entries, action, template), _scores(simulation, action, template)
+    for action, garment in dict.fromkeys((entry.action, entry.garment) for entry in entries):
+        actions.setdefault(action, {})[garment] = _cell(
+            _scores(entries, action, garment), _scores(simulation, action, garment)
         )
     return actions
 
 
-def _scores(entries: Sequence[Entry], action: str, template: str) -> list[Scores]:
-    return [e.judged.scores for e in entries if (e.action, e.template) == (action, template)]
+def _scores(entries: Sequence[Entry], action: str, garment: str) -> list[Scores]:
+    return [e.judged.scores for e in entries if (e.action, e.garment) == (action, garment)]
 
 
 def _cell(scores: Sequence[Scores], simulation: Sequence[Scores]) -> dict[str, float | int | None]:
-    """Means over all frames of one action and template."""
+    """Means over all frames of one action and garment."""
     calm = _mean(simulation, "jitter")
     cell: dict[str, float | int | None] = {
         "frames": sum(len(each["vertex_mean_mm"]) for each in scores),
-        "map_mse_mm2": _mean(scores, "map_mse_mm2"),
+        "map_mse_mm2": _mean(scores, "map_mse_mm2") if "map_mse_mm2" in scores[0] else None,
         "vertex_mse_mm2": _mean(scores, "vertex_mse_mm2"),
         "vertex_rmse_mm": _mean(scores, "vertex_mse_mm2") ** 0.5,
         "vertex_mean_mm": _mean(scores, "vertex_mean_mm"),
@@ -131,11 +131,11 @@ def _mean(scores: Sequence[Scores], key: str) -> float:
 
 
 def _over_time(entries: Sequence[Entry]) -> dict[str, list[float]]:
-    """Mean vertex distance at each frame over a template's windows, while at least half of them last."""
+    """Mean vertex distance at each frame over a garment's windows, while at least half of them last."""
     lines = {}
-    for template in dict.fromkeys(entry.template for entry in entries):
-        windows = [e.judged.scores["vertex_mean_mm"] for e in entries if e.template == template]
+    for garment in dict.fromkeys(entry.garment for entry in entries):
+        windows = [e.judged.scores["vertex_mean_mm"] for e in entries if e.garment == garment]
         padded = torch.nn.utils.rnn.pad_sequence(windows, padding_value=float("nan"))
         enough = padded.isfinite().sum(1) * 2 >= len(windows)
-        lines[template] = [round(float(value), 3) for value in padded.nanmean(1)[enough]]
+        lines[garment] = [round(float(value), 3) for value in padded.nanmean(1)[enough]]
     return lines

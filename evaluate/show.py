@@ -10,6 +10,7 @@ from torch import Tensor
 from evaluate.report import Picture
 from evaluate.viewer import ViewerClip
 from uvcloth.bodies.body import Body
+from uvcloth.garments.garment import Garment
 from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
 from uvcloth.skinning import skin
 
@@ -37,15 +38,15 @@ METHOD_COLORS: tuple[Color, ...] = (
 class Shown:
     """A judged window as far as it is looked at.
 
-    meshes: by name, the simulation first, (S, N, 3) metres. transforms: (S, J, 3, 4). fps: of the S frames.
+    meshes: by name, the simulation first, then the methods that dress the garment, (S, N, 3) metres.
+    transforms: (S, J, 3, 4). fps: of the S frames.
     """
 
     action: str
     clip: str
-    template: str
+    garment: Garment
     fps: float
     stride: int
-    faces: Tensor
     transforms: Tensor
     meshes: Mapping[str, Tensor]
 
@@ -59,50 +60,64 @@ class Shown:
 
 
 def viewer_clips(shown: Sequence[Shown]) -> list[ViewerClip]:
-    """The liveliest window of each template, where methods differ most."""
+    """The liveliest window of each garment, where methods differ most."""
     clips = []
-    for template in dict.fromkeys(each.template for each in shown):
-        s = max((s for s in shown if s.template == template), key=lambda s: s.liveliness)
-        clips.append(ViewerClip(s.action, s.template, s.fps, s.stride, s.faces, s.transforms, s.meshes))
+    for name in garments_shown(shown):
+        s = max((s for s in shown if s.garment.name == name), key=lambda s: s.liveliness)
+        faces = s.garment.mesh.faces
+        clips.append(ViewerClip(s.action, name, s.fps, s.stride, faces, s.transforms, s.meshes))
     return clips
 
 
+def garments_shown(shown: Sequence[Shown]) -> dict[str, Garment]:
+    """The garments that were judged, by name."""
+    return {each.garment.name: each.garment for each in shown}
+
+
 def pictured(shown: Sequence[Shown]) -> list[Shown]:
-    """One window per action, taking the templates in turn, so that all are seen."""
+    """One window per action, taking the garments in turn, so that all are seen."""
     chosen = []
-    templates = list(dict.fromkeys(each.template for each in shown))
+    garments = list(garments_shown(shown))
     for index, action in enumerate(dict.fromkeys(each.action for each in shown)):
         of_action = [each for each in shown if each.action == action]
-        wanted = [each for each in of_action if each.template == templates[-1 - index % len(templates)]]
+        wanted = [each for each in of_action if each.garment.name == garments[-1 - index % len(garments)]]
         chosen.append((wanted or of_action)[0])
     return chosen
 
 
-def pictures(shown: Sequence[Shown], body: Body, tick: Callable[[], None]) -> Iterator[Picture]:
-    """One picture per window: a row per moment, the simulation first, then every method. tick: after each."""
+def method_color(methods: Sequence[str], name: str) -> Color:
+    """The colour of one of the methods, the same in every picture and chart."""
+    return METHOD_COLORS[methods.index(name) % len(METHOD_COLORS)]
+
+
+def pictures(
+    shown: Sequence[Shown], methods: Sequence[str], body: Body, tick: Callable[[], None]
+) -> Iterator[Picture]:
+    """One picture per window: a row per moment, the simulation first, then every method. tick: after each.
+
+    methods: all that were judged on anything, in order.
+    """
     for window in shown:
         frames = [min(int(share * len(window.transforms)), len(window.transforms) - 1) for share in MOMENTS]
         frames = list(dict.fromkeys(frames))
         posed = skin(body.mesh.vertices, body.weights, window.transforms[frames])
-        colors = [SIMULATION_COLOR] + [
-            METHOD_COLORS[i % len(METHOD_COLORS)] for i in range(len(window.meshes))
-        ]
+        colors = [SIMULATION_COLOR, *(method_color(methods, name) for name in list(window.meshes)[1:])]
         images = [
             render(
                 [
                     Surface(skin_vertices, body.mesh.faces, BODY_COLOR),
-                    Surface(mesh[frame], window.faces, color),
+                    Surface(mesh[frame], window.garment.mesh.faces, color),
                 ],
                 three_quarter(skin_vertices),
                 PICTURE,
             )
             for frame, skin_vertices in zip(frames, posed, strict=True)
-            for mesh, color in zip(window.meshes.values(), colors, strict=False)
+            for mesh, color in zip(window.meshes.values(), colors, strict=True)
         ]
         names = ", ".join(window.meshes)
         seconds = ", ".join(f"{frame / window.fps:.1f}" for frame in frames)
         yield Picture(
-            f"{window.action}, {window.template}; from left to right: {names}; "
+            f"{window.action}, {window.garment.name}; from left to right: {names}; "
             f"from top to bottom at {seconds} s",
             png(contact_sheet(images, columns=len(window.meshes))),
         )

@@ -8,7 +8,7 @@ values are split into planes of low and high bytes, compressed with gzip and wri
 
 import base64
 import gzip
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +25,7 @@ INFLUENCES = 4
 
 @dataclass(frozen=True)
 class ViewerClip:
-    """One window to scrub through: the same garment from the simulation and from every method.
+    """One window to scrub through: the same garment from the simulation and from methods that dress it.
 
     meshes: by name, the simulation first, each (F, N, 3) metres, world. faces: (M, 3).
     transforms: (F, J, 3, 4) joint transforms of the body. stride: of the frames shown, the first being
@@ -33,7 +33,7 @@ class ViewerClip:
     """
 
     action: str
-    template: str
+    garment: str
     fps: float
     stride: int
     faces: Tensor
@@ -41,8 +41,8 @@ class ViewerClip:
     meshes: Mapping[str, Tensor]
 
 
-def pack_clip(clip: ViewerClip) -> tuple[dict[str, Any], str]:
-    """A JSON header and the base64 text of one clip."""
+def pack_clip(clip: ViewerClip, methods: Sequence[str]) -> tuple[dict[str, Any], str]:
+    """A JSON header and the base64 text of one clip. methods: all of the page, as their colours go."""
     positions = [mesh.numpy() for mesh in clip.meshes.values()]
     low = np.min([mesh.min((0, 1)) for mesh in positions], axis=0)
     extent = np.max([mesh.max((0, 1)) for mesh in positions], axis=0) - low
@@ -54,7 +54,7 @@ def pack_clip(clip: ViewerClip) -> tuple[dict[str, Any], str]:
     transforms = clip.transforms.numpy().astype("<f4")
     header = {
         "action": clip.action,
-        "template": clip.template,
+        "garment": clip.garment,
         "fps": clip.fps,
         "stride": clip.stride,
         "frames": frames,
@@ -64,6 +64,7 @@ def pack_clip(clip: ViewerClip) -> tuple[dict[str, Any], str]:
         "origin": [float(value) for value in low],
         "quantum": quantum,
         "meshes": list(clip.meshes),
+        "colors": [methods.index(name) for name in list(clip.meshes)[1:]],
     }
     blob = clip.faces.numpy().astype("<u4").tobytes() + transforms.tobytes() + b"".join(planes)
     return header, _compress(blob)

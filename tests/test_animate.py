@@ -40,7 +40,8 @@ def scene(monkeypatch, body):
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
     monkeypatch.setattr(animation, "take", lambda name, *_: SimpleNamespace(name=name, mesh=mesh))
-    monkeypatch.setattr(animation, "load_methods", lambda *_: None)
+    method = SimpleNamespace(objection=lambda outfit: "it itches" if len(outfit.garments) > 1 else "")
+    monkeypatch.setattr(animation, "load_methods", lambda *_: method)
     monkeypatch.setattr(animation, "rollout", rollout)
     return SimpleNamespace(resolved=resolved, rollout=rollout)
 
@@ -108,3 +109,13 @@ def test_a_broken_rollout_leaves_nothing(scene, tmp_path, monkeypatch, error):
     with pytest.raises(type(error)):
         animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"])
     assert not list(tmp_path.iterdir())
+
+
+def test_an_objection_of_one_model_to_several_garments_hints_at_one_each(scene, tmp_path):
+    def refused(models):
+        with pytest.raises(InputError, match="it itches") as caught:
+            animation.animate(models, "walk", ["tops", "dress"], [tmp_path / "walk.npz"])
+        return str(caught.value)
+
+    assert refused(["lbs"]).endswith("each garment may have a model of its own, as in --model A B")
+    assert refused(["lbs", "lbs"]) == "it itches"

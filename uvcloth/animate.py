@@ -74,7 +74,12 @@ def animate(
     say = partial(console.print, highlight=False, markup=False)
     outfit = Outfit(body, tuple(take(name, body, say) for name in garments))
     clip = load_clip(motion, body)
-    method = load_methods(models or [DEFAULT], body)
+    models = models or [DEFAULT]
+    method = load_methods(models, body)
+    if objection := method.objection(outfit):
+        several = len(models) == 1 < len(outfit.garments)
+        hint = "; each garment may have a model of its own, as in --model A B" if several else ""
+        raise InputError(objection + hint)
     inside = {"before": 0, "after": 0}
     spent: dict[str, float] = defaultdict(float)
     start = perf_counter()

@@ -286,7 +286,7 @@
       if (skin) drawMesh(skin, body.faces, [0.70, 0.62, 0.56], null);
       const mesh = side === 0 ? state.left : state.right;
       const painted = byId("viewer-paint").checked && mesh !== 0;
-      drawMesh(points, current.faces, colourOf(mesh === 0 ? "--simulation" : `--m${(mesh - 1) % 8}`),
+      drawMesh(points, current.faces, colourOf(mesh === 0 ? "--simulation" : `--m${current.header.colors[mesh - 1] % 8}`),
         painted ? errors[side] : null);
     });
   }
@@ -320,6 +320,12 @@
     canvas.dataset.ready = index;
   }
 
+  /* The mesh of another clip that has the same name; not every method dresses every garment. */
+  function counterpart(mesh, from, to) {
+    const names = headers[to].meshes, same = names.indexOf(headers[from].meshes[mesh]);
+    return same < 0 ? names.length - 1 : same;
+  }
+
   function show(frame) { state.frame = frame; draw(); }
 
   let before = null;
@@ -333,8 +339,13 @@
     requestAnimationFrame(play);
   }
 
-  fill(byId("viewer-clip"), headers.map((h) => `${h.action}: ${h.template}`), 0);
-  byId("viewer-clip").addEventListener("change", (e) => { state.frame = 0; choose(+e.target.value).then(remember); });
+  fill(byId("viewer-clip"), headers.map((h) => `${h.action}: ${h.garment}`), 0);
+  byId("viewer-clip").addEventListener("change", (e) => {
+    const to = +e.target.value;
+    for (const side of ["left", "right"]) state[side] = counterpart(state[side], state.clip, to);
+    state.frame = 0;
+    choose(to).then(remember);
+  });
   for (const side of ["left", "right"]) {
     byId(`viewer-${side}`).addEventListener("change", (e) => { state[side] = +e.target.value; draw(); remember(); });
   }

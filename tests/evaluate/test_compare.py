@@ -3,8 +3,10 @@
 import json
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import torch
@@ -16,13 +18,18 @@ import evaluate.judge as judging
 from evaluate.__main__ import main
 from evaluate.actions import find_windows
 from evaluate.compare import compare
-from evaluate.judge import load_contestants
+from evaluate.judge import Case, Contestant, Judged, judge, load_contestants
+from evaluate.report import write_report
+from evaluate.show import Shown, pictures
 from rasterize.errors import InputError
 from tests.train.simulated import save_clips
 from uvcloth.bodies.body import Body, save_body
+from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import WEIGHTS, save_checkpoint
-from uvcloth.garments.garment import Garment
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.mesh import Mesh
+from uvcloth.methods.lbs import LBSConfig
+from uvcloth.methods.method import Method
 from uvcloth.methods.physxnet import PRESETS, physxnet_checkpoint
 from uvcloth.simulate.sequence import Sequence, load_sequence, save_sequence
 from uvcloth.skeleton import Skeleton
@@ -66,7 +73,7 @@ def simulated(garment: Garment, clip: str, off: Tensor, start: int = 0) -> Seque
     """A garment that hangs `off` metres beside its rest shape on the moving body."""
     transforms = motion(SETTLING + COUNTED - start, start)
     carried = skin(garment.mesh.vertices, garment.weights, transforms)
-    metadata = {"clip": clip, "garment": garment.template}
+    metadata = {"clip": clip, "garment": garment.name, "template": garment.template}
     return Sequence(
         carried + off, garment.mesh.faces, garment.mesh.vertices, transforms, FPS, SETTLING, metadata
     )
@@ -103,10 +110,25 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return data
 
 
+@pytest.fixture
+def skirt(world: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """A garment file that moves like a dress, and a sequence of it in the world."""
+    garment = replace(tube_garment("dress"), name="long_skirt")
+
+    def from_file(file: str, *_: object) -> Garment:
+        return replace(garment, name=Path(file).stem)
+
+    monkeypatch.setattr(comparison, "take_for_data", from_file)
+    hanging = simulated(garment, "12_01", torch.tensor([0.0, 0.0, 0.02]))
+    save_sequence(hanging, world / "12_01_long_skirt.npz")
+    return "wardrobe/long_skirt.obj"
+
+
 def run(
     data: Path,
     out: Path,
     actions: tuple[str, ...] = (),
+    files: tuple[str, ...] = (),
     frames: int | None = None,
     body: Body | None = None,
     machine: str = "a test",
@@ -118,6 +140,7 @@ def run(
         out,
         body=body,
         actions=actions,
+        files=files,
         frames=frames,
         map_size=16,
         machine=machine,
@@ -237,6 +260,61 @@ def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) 
     assert results["missing"] == {"clip1": {"bottoms": "not simulated"}}
 
 
+@dataclass(frozen=True)
+class ForOne:
+    """The baseline for one garment only."""
+
+    garment: str
+    name: str = "for_one"
+    remembers: bool = False
+
+    def objection(self, outfit: Outfit) -> str:
+        names = [garment.name for garment in outfit.garments]
+        return "" if names == [self.garment] else f"garment {names[0]}: model for_one is for {self.garment}"
+
+    def start(self, outfit: Outfit, frames: BodyFrames) -> Any:
+        assert not self.objection(outfit)
+        return LBSConfig().create().start(outfit, frames)
+
+    def step(self, state: Any, frames: BodyFrames) -> Any:
+        return LBSConfig().create().step(state, frames)
+
+    def observe(self, state: Any, garments: tuple[Tensor, ...]) -> Any:
+        return state
+
+
+def judged(method: Method, data: Path, out: Path) -> tuple[dict, list[Shown]]:
+    return compare(
+        (*load_contestants(("lbs",), capsule_body()), Contestant(method.name, method, 0.0, "", frozenset())),
+        data,
+        out,
+        body=capsule_body(),
+        actions=(),
+        frames=None,
+        map_size=16,
+        machine="a test",
+    )
+
+
+def test_a_method_is_judged_on_what_it_dresses(world: Path, tmp_path: Path) -> None:
+    results, shown = judged(ForOne("dress"), world, tmp_path / "out")
+    own = results["methods"]["for_one"]
+    assert own["actions"].keys() == {"jump", "walking"}
+    assert all(by_garment.keys() == {"dress"} for by_garment in own["actions"].values())
+    assert own["stability"].keys() == own["over_time_mm"].keys() == {"dress"}
+    assert results["methods"]["lbs"]["stability"].keys() == {"tops", "dress"}
+    assert results["windows"] == 4
+    assert {"for_one" in each.meshes for each in shown if each.garment.name == "tops"} == {False}
+    drawn = list(pictures(shown, ["lbs", "for_one"], capsule_body(), lambda: None))
+    assert "simulation, lbs;" in drawn[0].caption
+    assert "simulation, lbs, for_one;" in drawn[1].caption
+
+
+def test_a_method_that_dresses_nothing_is_refused(world: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="data: nothing to judge for_one on: garment tops: model for_one is"):
+        judged(ForOne("cape"), world, tmp_path / "out")
+
+
 def test_command_writes_metrics_and_page(world: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     out = tmp_path / "report"
     arguments = ["--model", "lbs", "lbs_smooth", "--data", str(world), "--out", str(out)]
@@ -275,7 +353,65 @@ def test_bad_input_is_one_sentence(
     save_sequence(grown, short / "a_tops.npz")
     assert "another body" in refused("lbs", short)
     save_sequence(Sequence(**{**vars(sequence), "faces": sequence.faces.flip(1)}), short / "a_tops.npz")
-    assert "not that of the template" in refused("lbs", short)
+    assert "a_tops.npz: its mesh is not that of the garment tops" in refused("lbs", short)
+
+
+def test_a_garment_from_a_file_is_judged_where_it_is_named(world: Path, skirt: str, tmp_path: Path) -> None:
+    assert run(world, tmp_path / "out")["garments"].keys() == {"tops", "dress"}
+    results = run(world, tmp_path / "out", files=(skirt, "tops"))
+    assert results["garments"].keys() == {"tops", "dress", "long_skirt"}
+    cell = results["methods"]["lbs"]["actions"]["walking"]["long_skirt"]
+    assert cell["vertex_mean_mm"] == pytest.approx(20.0, abs=1e-3)
+    assert cell["map_mse_mm2"] == pytest.approx(400.0, rel=1e-3)
+    assert results["missing"] == {"jump": {"long_skirt": "not simulated"}}
+    with pytest.raises(InputError, match=r"no test sequence of the garment cape \(CLIP_cape.npz\)"):
+        run(world, tmp_path / "out", files=(skirt, "cape.obj"))
+    with pytest.raises(InputError, match=r"other/long_skirt.obj: another one is also named long_skirt"):
+        run(world, tmp_path / "out", files=(skirt, "other/long_skirt.obj"))
+    sequence = load_sequence(world / "12_01_long_skirt.npz")
+    save_sequence(replace(sequence, faces=sequence.faces.flip(1)), world / "12_01_long_skirt.npz")
+    with pytest.raises(
+        InputError, match=r"12_01_long_skirt\.npz: its mesh is not that of the garment long_skirt"
+    ):
+        run(world, tmp_path / "out", files=(skirt,))
+
+
+def test_a_changed_file_is_judged_again(
+    world: Path, skirt: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def judged_again() -> list[str]:
+        names = []
+
+        def counted(case: Case, contestant: Contestant) -> Judged:
+            names.append(case.window.name)
+            return judge(case, contestant)
+
+        monkeypatch.setattr(comparison, "judge", counted)
+        run(world, tmp_path / "out", files=(skirt,), frames=3)
+        return names
+
+    assert len(judged_again()) == 2 * 5
+    assert judged_again() == []
+    before = comparison.take_for_data
+
+    def turned(file: str, *more: object) -> Garment:
+        garment = before(file, *more)  # type: ignore[arg-type]
+        return replace(garment, mesh=replace(garment.mesh, uvs=garment.mesh.uvs.flip(1)))
+
+    monkeypatch.setattr(comparison, "take_for_data", turned)
+    assert judged_again() == 2 * ["12_01_long_skirt"]
+
+
+def test_a_garment_that_no_texel_sees_has_no_map(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(comparison, "garment_map", lambda *_: None)
+    results = run(world, tmp_path / "out")
+    assert results["methods"]["lbs"]["actions"]["jump"]["tops"]["map_mse_mm2"] is None
+    assert results["floor"]["representation_mm"] == {}
+    page = write_report(tmp_path, results, [], []).read_text()
+    assert "tops: mean vertex distance" in page
+    assert 'aria-label="tops: map mse"' not in page
 
 
 def test_a_repeat_without_an_earlier_start_tells_nothing(world: Path, tmp_path: Path) -> None:
@@ -297,8 +433,16 @@ def test_repeat_of_another_motion_is_refused(world: Path, tmp_path: Path) -> Non
         run(world, tmp_path / "out")
 
 
+def test_clips_are_found_by_the_longest_name_of_a_garment(tmp_path: Path) -> None:
+    for stem in ("a_1_skirt", "a_2_long_skirt", "a_3_tops", "b_cape"):
+        (tmp_path / f"{stem}.npz").touch()
+    found = find_windows(tmp_path, (), ("tops", "skirt", "long_skirt"))
+    assert [window.name for window in found] == ["a_1_skirt", "a_2_long_skirt", "a_3_tops"]
+    assert [window.clip for window in found] == ["a_1", "a_2", "a_3"]
+
+
 def test_windows_follow_the_index_or_the_files(world: Path) -> None:
-    found = [(window.action, window.template) for window in find_windows(world)]
+    found = [(window.action, window.garment) for window in find_windows(world)]
     assert found == [("jump", "tops"), ("jump", "dress"), ("walking", "tops"), ("walking", "dress")]
     (world / "index.csv").unlink()
     assert {window.action for window in find_windows(world)} == {"02_04", "12_01"}

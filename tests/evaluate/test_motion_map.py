@@ -11,6 +11,7 @@ from evaluate.motion_map import embedded, motion_maps, seed_positions
 from evaluate.show import Shown
 from tests.train.simulated import save_clips, swaying
 from uvcloth.bodies.body import Body
+from uvcloth.garments.templates import wear
 from uvcloth.methods.registry import load_method
 from uvcloth.simulate.sequence import load_sequence
 
@@ -54,7 +55,7 @@ def test_a_map_per_training_set(body: Body, tmp_path: Path) -> None:
 
     moving = judged.transforms[judged.settling :]
     shown = [
-        Shown("jump", "clip0", template, 30.0, 1, judged.faces, moving, {}) for template in ("tops", "dress")
+        Shown("jump", "clip0", wear(template, body), 30.0, 1, moving, {}) for template in ("tops", "dress")
     ]
     one, two, none = (contestant(*c) for c in (("one", known), ("two", known), ("none", frozenset({"x"}))))
     together, elsewhere = motion_maps([contestant("lbs", frozenset()), one, two, none], tmp_path, shown, body)

@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -147,11 +148,58 @@ def write_fake(out: Path) -> Path:
 
 
 def test_standings_compare_with_the_better_lbs() -> None:
-    rows = {(row.method, row.template): row for row in standings(fake_results())}
+    rows = {(row.method, row.garment): row for row in standings(fake_results())}
     assert rows["net", "tops"].vertex_mean_mm == pytest.approx(27.0)
     assert rows["net", "tops"].against == pytest.approx(27.0 / 33.0)
     assert (rows["net", "tops"].won, rows["net", "tops"].of) == (3, 3)
     assert rows["lbs", "tops"].against is None
+
+
+def only_the_dress() -> dict[str, Any]:
+    """Results in which net dresses nothing but the dress."""
+    results = fake_results()
+    net = results["methods"]["net"]
+    del net["over_time_mm"]["tops"], net["stability"]["tops"]
+    for by_garment in net["actions"].values():
+        del by_garment["tops"]
+    del results["methods"]["lbs"]["actions"]["jump"]["dress"]
+    return results
+
+
+def test_a_method_counts_only_on_what_it_dresses() -> None:
+    found = {(row.method, row.garment): row for row in standings(only_the_dress())}
+    assert ("net", "tops") not in found
+    dress = found["net", "dress"]
+    assert (dress.frames, dress.won, dress.of) == (300, 3, 3)
+    assert dress.vertex_mean_mm == pytest.approx(36.0)
+    assert found["lbs_smooth", "tops"].frames == 300
+
+
+def test_page_leaves_out_what_a_method_does_not_dress(tmp_path: Path) -> None:
+    clips = [
+        fake_clip(),
+        replace(
+            fake_clip(),
+            garment="tops",
+            meshes={"simulation": tube()[0][None], "lbs_smooth": tube()[0][None]},
+            transforms=torch.eye(3, 4)[None, None],
+        ),
+    ]
+    page = write_report(tmp_path, only_the_dress(), clips, []).read_text()
+    assert "net does not dress every garment: it is judged on dress." in page
+    assert "net" not in rows(page, "tops: vertices inside the body")[0]
+    assert "net" in rows(page, "dress: vertices inside the body")[0]
+    assert "net" not in rows(page, "tops: map MSE")[0]
+    assert [row[1] for row in rows(page, 'id="physics"')] == [
+        "Method", "simulation", "lbs", "lbs_smooth", "simulation", "lbs", "lbs_smooth", "net"
+    ]  # fmt: skip
+    assert [row[:2] for row in rows(page, 'id="cost"')][-1] == ["net", "dress"]
+    charts = re.findall(r'aria-label="tops: mean vertex distance">.*?</svg>', page)
+    assert 'class="m1"' in charts[0]
+    assert 'class="m2"' not in charts[0]
+    headers = re.search(r'id="viewer-clips">(.*?)</script>', page)
+    assert headers is not None
+    assert [header["colors"] for header in json.loads(headers.group(1))] == [[0, 2], [1]]
 
 
 def test_page_is_self_contained_and_escaped(tmp_path: Path) -> None:

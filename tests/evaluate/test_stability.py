@@ -26,6 +26,9 @@ class Straying:
     name: str = "straying"
     remembers: bool = True
 
+    def objection(self, outfit: Outfit) -> str:
+        return ""
+
     def start(self, outfit: Outfit, frames: BodyFrames) -> Tensor:
         return skin(outfit.garments[0].mesh.vertices, outfit.garments[0].weights, frames.transforms[:, 0])
 

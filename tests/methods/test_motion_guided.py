@@ -10,7 +10,9 @@ from uvcloth.checkpoint import save_checkpoint
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import wear
 from uvcloth.mesh import Mesh
+from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.garment_maps import local_axes
+from uvcloth.methods.lbs import LBSConfig
 from uvcloth.methods.motion_guided import PRESETS, Both, MotionGuidedConfig, motion_guided_checkpoint
 from uvcloth.methods.registry import load_method
 from uvcloth.methods.seeds import PARTS, kernel_transforms, nearest_kernels, pose_seeds, sample_seeds
@@ -148,6 +150,19 @@ def test_another_garment_is_refused(body):
     outfit = Outfit(body, (wear("tops", body),))
     with pytest.raises(InputError, match="garment tops: model motion_guided is for the garment dress"):
         next(iter(rollout(TINY.create(), outfit, swaying(2, seed=0).transforms(), 30.0)))
+
+
+def test_it_says_what_it_is_for(body, dress):
+    tops, layered = wear("tops", body), replace(TINY, under="tops").create()
+    assert TINY.create().objection(Outfit(body, (dress,))) == ""
+    assert "over tops, here it is over nothing" in layered.objection(Outfit(body, (dress,)))
+    assert layered.objection(Outfit(body, (dress,), under=tops)) == ""
+    other = replace(TINY.create(), topology="another")
+    assert "another mesh of that name" in other.objection(Outfit(body, (dress,)))
+    both = Outfit(body, (tops, dress))
+    assert Ensemble((LBSConfig().create(), layered)).objection(both) == ""
+    assert "over nothing" in Ensemble((layered, LBSConfig().create())).objection(Outfit(body, (dress, tops)))
+    assert "1 models for 2 garments" in Ensemble((layered,)).objection(both)
 
 
 def test_maps_that_cannot_be_halved_are_refused():

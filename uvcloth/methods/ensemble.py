@@ -22,18 +22,22 @@ class Ensemble:
     def name(self) -> str:
         return "+".join(method.name for method in self.methods)
 
-    def start(self, outfit: Outfit, frames: BodyFrames) -> tuple[Any, ...]:
-        """Start each on its garment. Raises InputError unless there are as many methods as garments."""
+    def objection(self, outfit: Outfit) -> str:
+        """It dresses as many garments as there are methods, each of which dresses its own."""
         if len(self.methods) != len(outfit.garments):
-            raise InputError(
+            return (
                 f"{len(self.methods)} models for {len(outfit.garments)} garments: expected one for all, "
                 "or one for each in order, the innermost first"
             )
-        beneath = (None, *outfit.garments[:-1])
-        return tuple(
-            method.start(Outfit(outfit.body, (garment,), under), frames)
-            for method, garment, under in zip(self.methods, outfit.garments, beneath, strict=True)
-        )
+        parts = zip(self.methods, _layers(outfit), strict=True)
+        return next(filter(None, (method.objection(layer) for method, layer in parts)), "")
+
+    def start(self, outfit: Outfit, frames: BodyFrames) -> tuple[Any, ...]:
+        """Start each on its garment. Raises InputError for an outfit that it has an objection to."""
+        if objection := self.objection(outfit):
+            raise InputError(objection)
+        parts = zip(self.methods, _layers(outfit), strict=True)
+        return tuple(method.start(layer, frames) for method, layer in parts)
 
     def step(self, state: tuple[Any, ...], frames: BodyFrames) -> tuple[tuple[Any, ...], tuple[Tensor, ...]]:
         """The next garments (1, N, 3), m."""
@@ -52,3 +56,12 @@ class Ensemble:
             method.observe(before, (vertices,)) if method.remembers else before
             for method, before, vertices in zip(self.methods, state, garments, strict=True)
         )
+
+
+def _layers(outfit: Outfit) -> tuple[Outfit, ...]:
+    """Each garment by itself, over the one before it."""
+    beneath = (None, *outfit.garments[:-1])
+    return tuple(
+        Outfit(outfit.body, (garment,), under)
+        for garment, under in zip(outfit.garments, beneath, strict=True)
+    )

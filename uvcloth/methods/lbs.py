@@ -25,6 +25,10 @@ class LinearBlendSkinning:
     smooth: bool
     remembers: bool = False
 
+    def objection(self, outfit: Outfit) -> str:
+        """It dresses everything."""
+        return ""
+
     def start(self, outfit: Outfit, frames: BodyFrames) -> tuple[SkinnedGarment, ...]:
         """Take the blend weights of every garment."""
         return tuple(

@@ -21,8 +21,15 @@ class Method(Protocol):
     @property
     def remembers(self) -> bool: ...
 
+    def objection(self, outfit: Outfit) -> str:
+        """Why it cannot dress an outfit: a sentence that names garment and model; "" where it can."""
+        ...
+
     def start(self, outfit: Outfit, frames: BodyFrames) -> Any:
-        """Prepare an outfit (projections, carriers) at the first frame; returns the state."""
+        """Prepare an outfit (projections, carriers) at the first frame; returns the state.
+
+        Raises InputError for an outfit that it has an objection to.
+        """
         ...
 
     def step(self, state: Any, frames: BodyFrames) -> tuple[Any, tuple[Tensor, ...]]:

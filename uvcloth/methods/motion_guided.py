@@ -206,24 +206,27 @@ class MotionGuided:
     topology: str = ""
     remembers: bool = True
 
+    def objection(self, outfit: Outfit) -> str:
+        """It dresses one garment, over what it was trained over."""
+        config, under = self.config, outfit.under
+        for garment in outfit.garments:
+            who = f"garment {garment.name}: model {self.name}"
+            if garment.name != config.garment:
+                return f"{who} is for the garment {config.garment}"
+            if self.topology and faces_hash(garment) != self.topology:
+                return f"{who} is for another mesh of that name"
+            if config.under and (under is None or under.name != config.under):
+                beneath = under.name if under else "nothing"
+                return f"{who} is for it over {config.under}, here it is over {beneath}"
+        return ""
+
     def start(self, outfit: Outfit, frames: BodyFrames) -> tuple[Rolling, ...]:
         """Let every garment hang still, smoothly skinned, on the body of the first frame.
 
         Raises InputError for another garment than the networks are for, or over another.
         """
-        config, under = self.config, outfit.under
-        if config.under and (under is None or under.name != config.under):
-            worn = f"is worn over {under.name}" if under else "has nothing beneath"
-            raise InputError(f"model {self.name}: is for {config.garment} over {config.under}, this {worn}")
-        for garment in outfit.garments:
-            if garment.name != config.garment:
-                raise InputError(
-                    f"garment {garment.name}: model {self.name} is for the garment {config.garment}"
-                )
-            if self.topology and faces_hash(garment) != self.topology:
-                raise InputError(
-                    f"garment {garment.name}: has another mesh than the one model {self.name} is for"
-                )
+        if objection := self.objection(outfit):
+            raise InputError(objection)
         self.space.eval()
         self.dynamics.eval()
         return tuple(self._hanging(garment, outfit, frames.transforms[:1, 0]) for garment in outfit.garments)

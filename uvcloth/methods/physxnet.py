@@ -264,18 +264,24 @@ class PhysXNet:
         """Whether the network sees its own last predictions."""
         return self.config.history > 0
 
+    def objection(self, outfit: Outfit) -> str:
+        """It dresses what a template with a decoder serves."""
+        for garment in outfit.garments:
+            if garment.template not in self.config.templates:
+                return (
+                    f"garment {garment.name}: model {self.name} has no decoder for template "
+                    f"{garment.template!r}, it has {', '.join(self.config.templates)}"
+                )
+        return ""
+
     def start(self, outfit: Outfit, frames: BodyFrames) -> WornState:
         """Dress the outfit's body in the templates at rest and project its garments onto their maps.
 
         Raises InputError for a garment whose template has no decoder.
         """
+        if objection := self.objection(outfit):
+            raise InputError(objection)
         texels = body_texels(outfit.body, self.config.size)
-        for garment in outfit.garments:
-            if garment.template not in self.config.templates:
-                raise InputError(
-                    f"garment {garment.name}: the model has no decoder for template {garment.template!r}, "
-                    f"it has {', '.join(self.config.templates)}"
-                )
         templates = {
             name: template_texels(name, template_mesh(name, outfit), outfit.body, texels)
             for name in dict.fromkeys(garment.template for garment in outfit.garments)
