@@ -52,8 +52,8 @@ def rollout(
 
     transforms: (J, 3, 4) of each frame in turn, a tensor or a stream. The body stands still before its first
     frame. With contact, vertices inside the body (forearms and hands left out, as in the simulations) are
-    moved out of it after each frame and edges get their rest length back; a method that remembers may
-    observe that.
+    moved out of it after each frame, outer garments off the inner ones that they cover, and edges get
+    their rest length back; a method that remembers may observe that.
 
     truth: the garments, (N, 3) m each, that a method that remembers observes after each of the first frames
     instead of its own. Contact goes on from what it moved itself, as always. A method without memory takes no
