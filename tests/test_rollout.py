@@ -5,9 +5,13 @@ import torch
 
 from rasterize.errors import InputError
 from tests.small_body import small_body
+from tests.train.simulated import swaying
+from uvcloth.bodies.body import load_body
 from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.templates import wear
 from uvcloth.mesh import Mesh
+from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.rollout import BATCH, BrokenRolloutError, rollout
 from uvcloth.skinning import skin
 
@@ -90,6 +94,38 @@ def test_contact_leaves_no_vertex_inside():
     assert frame.raw[0].abs().max() < 0.1
     assert frame.vertices[0].abs().amax(1).min() > 0.099
     assert frame.milliseconds["contact"] > 0
+
+
+@dataclass
+class Slipping(Recorder):
+    """Skins garments, trousers too far in front and the shirt too far behind."""
+
+    def start(self, outfit, frames):
+        return outfit.garments
+
+    def step(self, garments, frames):
+        aside = {"bottoms": -0.015, "tops": 0.015}
+        return garments, tuple(
+            skin(g.mesh.vertices, g.carrier_weights, frames.transforms[:, -1])
+            + torch.tensor([0.0, aside[g.name], 0.0])
+            for g in garments
+        )
+
+
+def test_contact_keeps_an_outer_garment_over_the_inner_one():
+    body = load_body()
+    bottoms, tops = (wear(name, body) for name in ("bottoms", "tops"))
+    motion = swaying(3, seed=0).transforms()
+
+    def finished(*garments):
+        frames = list(rollout(Slipping(False), Outfit(body, garments), motion, FPS))
+        return [torch.stack(vertices) for vertices in zip(*(f.vertices for f in frames), strict=True)]
+
+    (below,), (alone,) = finished(bottoms), finished(tops)
+    both = finished(bottoms, tops)
+    assert torch.equal(both[0], below)
+    assert wrong_side_percent(alone, below, bottoms.mesh.faces) > 5.0
+    assert wrong_side_percent(both[1], below, bottoms.mesh.faces) < 0.5
 
 
 def test_a_method_that_remembers_observes_what_contact_left():

@@ -138,7 +138,7 @@ class Rollout:
     """A motion file (BVH) or the name of a built-in clip."""
     garment: Garments
     """Templates (tops, bottoms, dress) or garment files, the innermost first; contact keeps each out of the
-    body, not out of the others."""
+    body and off what is beneath."""
     out: tuple[Path, ...]
     """What to write, one file or several; the suffix says how: .glb, .usdc, .pc2 or .npz."""
     model: Annotated[

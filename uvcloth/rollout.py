@@ -15,6 +15,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.mesh import edge_lengths, unique_edges
 from uvcloth.methods.method import Method
 from uvcloth.physics.contact import Contacts, Obstacle
+from uvcloth.physics.layers import Layer
 
 LONGEST, TORN = 4.0, 0.01
 """A garment is torn when more than this share of its edges has more than so many times its rest length."""
@@ -51,8 +52,8 @@ def rollout(
 
     transforms: (J, 3, 4) of each frame in turn, a tensor or a stream. The body stands still before its first
     frame. With contact, vertices inside the body (forearms and hands left out, as in the simulations) are
-    moved out of it after each frame and edges get their rest length back; a method that remembers may
-    observe that.
+    moved out of it after each frame, outer garments off the inner ones that they cover, and edges get
+    their rest length back; a method that remembers may observe that.
 
     truth: the garments, (N, 3) m each, that a method that remembers observes after each of the first frames
     instead of its own. Contact goes on from what it moved itself, as always. A method without memory takes no
@@ -162,30 +163,37 @@ class _Limits:
 class _Contact:
     """Finishes the garments of an outfit, frame after frame: off the collider, edges at rest length.
 
-    moves: what the frame before moved each garment's vertices, (N, 3) m.
+    The innermost comes first, and where it ends each other one stays on its outer side. moves: what the frame
+    before moved each garment's vertices, (N, 3) m.
     """
 
     def __init__(self, outfit: Outfit) -> None:
+        meshes = [garment.mesh for garment in outfit.garments]
         body_vertices = outfit.body.mesh.vertices
         self.obstacle = Obstacle(make_collider(outfit.body), body_vertices)
+        self.layers = [Layer(mesh.vertices, mesh.faces) for mesh in meshes[:-1]]
         self.garments = [
-            self.obstacle.dress(garment.mesh.vertices, garment.mesh.faces) for garment in outfit.garments
+            self.obstacle.dress(mesh.vertices, mesh.faces, self.layers[:index])
+            for index, mesh in enumerate(meshes)
         ]
-        self.moves: list[Tensor | None] = [None] * len(self.garments)
+        self.moves: list[Tensor | None] = [None] * len(meshes)
 
     def resolve(self, frame: RolloutFrame, body_vertices: Tensor) -> RolloutFrame:
         """The frame with its garments resolved against the posed body (V, 3)."""
         begun = time.perf_counter()
         self.obstacle.update(body_vertices)
-        resolved = [
-            self.obstacle.resolve(vertices, garment, before)
-            for vertices, garment, before in zip(frame.raw, self.garments, self.moves, strict=True)
-        ]
-        self.moves = [after - raw for (after, _), raw in zip(resolved, frame.raw, strict=True)]
+        finished, contacts = [], []
+        for index, (raw, garment) in enumerate(zip(frame.raw, self.garments, strict=True)):
+            vertices, found = self.obstacle.resolve(raw, garment, self.moves[index])
+            self.moves[index] = vertices - raw
+            for layer in self.layers[index : index + 1]:
+                layer.update(vertices)
+            finished.append(vertices)
+            contacts.append(found)
         spent = 1000.0 * (time.perf_counter() - begun)
         return replace(
             frame,
-            vertices=tuple(vertices for vertices, _ in resolved),
+            vertices=tuple(finished),
             milliseconds={**frame.milliseconds, "contact": spent},
-            contacts=tuple(contacts for _, contacts in resolved),
+            contacts=tuple(contacts),
         )

@@ -1,5 +1,7 @@
 """Contact against analytic bodies (a sphere, limbs that cross) and on the default body."""
 
+from dataclasses import replace
+
 import torch
 import trimesh
 from torch import Tensor
@@ -8,8 +10,9 @@ from uvcloth.bodies.body import load_body
 from uvcloth.bodies.collider import Collider, make_collider
 from uvcloth.garments.templates import TEMPLATES, wear
 from uvcloth.mesh import unique_edges
-from uvcloth.physics.contact import MARGIN, Dressed, Obstacle
+from uvcloth.physics.contact import CLOSEST, GAP, MARGIN, Beneath, Dressed, Obstacle
 from uvcloth.physics.inextensible import Inextensible
+from uvcloth.physics.layers import Layer
 
 
 def tensors(mesh: trimesh.Trimesh) -> tuple[Tensor, Tensor]:
@@ -145,6 +148,54 @@ def test_cloth_between_two_limbs_that_leave_it_no_room_is_left_calm() -> None:
     torch.testing.assert_close(
         resolved[:, 2], torch.full_like(sheet[:, 2], 0.006 + MARGIN), atol=1e-4, rtol=0
     )
+
+
+def over(garment: Dressed, layer: Layer, parts: int = 1) -> Dressed:
+    """A garment worn over a layer whose faces lie beside the parts with those bits."""
+    every = torch.arange(len(garment.touches))
+    beside = torch.full((len(layer.faces),), parts, dtype=torch.int32)
+    return replace(garment, over=(Beneath(layer, every, garment.touches, beside),))
+
+
+def test_what_is_worn_over_another_ends_over_it_where_that_one_lies_now() -> None:
+    limb, (vertices, faces) = obstacle(ellipsoid(0.1, 0.1, 0.5)), tube(0.13)
+    inner, inner_faces = tube(0.12)
+    layer, worn = Layer(inner, inner_faces), dressed(vertices, faces)
+    sunk = tube(0.11)[0]
+    for aside in (torch.zeros(3), torch.tensor([0.01, 0.0, 0.0])):
+        layer.update(inner + aside)
+        resolved, _ = limb.resolve(sunk, over(worn, layer))
+        found = layer.beside(resolved)
+        assert found.covered.float().mean() > 0.9
+        distance = found.distance[found.covered]
+        assert distance.min() > CLOSEST - 1e-5
+        assert distance.median() > 0.9 * GAP
+    resolved, _ = limb.resolve(sunk, worn)
+    assert layer.beside(resolved).distance.min() < 0
+
+
+def test_a_sleeve_is_free_of_a_layer_that_lies_beside_other_parts() -> None:
+    limb, (vertices, faces) = obstacle(ellipsoid(0.1, 0.1, 0.5)), tube(0.11)
+    worn = dressed(vertices, faces)
+    layer = Layer(*tube(0.12))
+    alone, _ = limb.resolve(vertices, worn)
+    assert torch.equal(limb.resolve(vertices, over(worn, layer, parts=2))[0], alone)
+    assert not torch.equal(limb.resolve(vertices, over(worn, layer, parts=1))[0], alone)
+
+
+def test_a_layer_holds_what_is_over_it_at_rest_and_nothing_under_it() -> None:
+    body = load_body()
+    worn = Obstacle(make_collider(body), body.mesh.vertices)
+    tops, bottoms = (wear(name, body).mesh for name in ("tops", "bottoms"))
+    layer = Layer(bottoms.vertices, bottoms.faces)
+    (shirt,) = worn.dress(tops.vertices, tops.faces, [layer]).over
+    assert len(shirt.rows) == len(tops.vertices)
+    rows, distance, _ = shirt.find(tops.vertices)
+    assert len(rows) > 100
+    assert distance.min() > 0
+    (tucked,) = worn.dress(bottoms.vertices, bottoms.faces, [Layer(tops.vertices, tops.faces)]).over
+    rows, _, _ = tucked.find(bottoms.vertices)
+    assert not len(rows)
 
 
 def test_templates_at_rest_on_the_default_body_are_outside_and_stay() -> None:

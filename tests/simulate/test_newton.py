@@ -9,8 +9,8 @@ import trimesh
 
 pytest.importorskip("newton", reason="the `simulate` extra is not installed")
 
+from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.simulate.engine import Scene
-from uvcloth.simulate.layers import wrong_side_percent
 from uvcloth.simulate.newton import Style3D
 
 FPS = 30.0

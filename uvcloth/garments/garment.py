@@ -27,7 +27,10 @@ class Garment:
 
 @dataclass(frozen=True)
 class Outfit:
-    """Garments worn together on one body, the innermost first. under: what is worn beneath all of them."""
+    """Garments worn together on one body, the innermost first: contact keeps each over those before it.
+
+    under: what is worn beneath all of them, for a method that asks; it is not rolled out.
+    """
 
     body: Body
     garments: tuple[Garment, ...]

@@ -5,8 +5,12 @@ A frame begins with what the one before moved, so that folds last and few passes
 Mocap presses arms into ribs and thighs into bellies. A vertex touches only the parts of the body that it lies
 beside at rest, as in the simulations: another part that reaches into the cloth is none of its business. Where
 two of its own parts leave no room for it, pushing leads nowhere: it is left calm and counted apart.
+
+What is worn over other garments stays on their outer side wherever they cover it. What lies on their inner
+side at rest, as a shirt that is tucked in, stays as free of them as they are of it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -16,12 +20,16 @@ from uvcloth.bodies.collider import Collider
 from uvcloth.physics import kernels, surface
 from uvcloth.physics.inextensible import Inextensible
 from uvcloth.physics.launch import array, launch
+from uvcloth.physics.layers import Layer
 
 MARGIN = 0.004
 """Metres that contact keeps between cloth and skin, so that the faces between vertices clear it too."""
 
 CLOSEST = 0.0005
 """Metres that it is content with in the end, where the edges would have it nearer."""
+
+GAP = 0.004
+"""Metres that it keeps between one garment and the next."""
 
 PASSES = 20
 """Passes over the edges in a frame."""
@@ -64,11 +72,40 @@ class Contacts:
 
 
 @dataclass(frozen=True)
+class Beneath:
+    """An inner garment, as one that is worn over it meets it.
+
+    rows: (R,) int64, the outer garment's vertices that are kept on its outer side. touches: (R,) int32, as in
+    Dressed; parts: (F,) int32, the same of the inner garment's faces. A sleeve meets sleeves, not the
+    trousers that an arm is pressed into.
+    """
+
+    layer: Layer
+    rows: Tensor
+    touches: Tensor
+    parts: Tensor
+
+    def find(self, vertices: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Which of an outer garment's vertices (N, 3) the layer is beside, as it lies now.
+
+        Their rows (n,), their distance (n,) m and its normals there (n, 3).
+        """
+        found = self.layer.beside(vertices[self.rows])
+        met = found.covered & (self.parts[found.faces] & self.touches != 0)
+        return self.rows[met], found.distance[met], found.normals[met]
+
+
+@dataclass(frozen=True)
 class Dressed:
-    """A garment in contact. cloth: its edges. touches: (N,) int32, a bit per part that may touch a vertex."""
+    """A garment in contact.
+
+    cloth: its edges. touches: (N,) int32, a bit per part that may touch a vertex. over: what it is worn over,
+    the innermost first.
+    """
 
     cloth: Inextensible
     touches: Tensor
+    over: tuple[Beneath, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -100,11 +137,11 @@ class Obstacle:
         self.collider, self._rest = collider, body_vertices
         self._parts = surface.MovingMeshes(collider.vertices(body_vertices), collider.parts)
 
-    def dress(self, vertices: Tensor, faces: Tensor) -> Dressed:
-        """A garment (N, 3) m, (M, 3) as it lies on the body at rest."""
-        touches = self.collider.touches(vertices, self._rest)
-        bits = 2 ** torch.arange(len(touches), device=touches.device)
-        return Dressed(Inextensible(vertices, faces), (touches * bits[:, None]).sum(0).int())
+    def dress(self, vertices: Tensor, faces: Tensor, over: Sequence[Layer] = ()) -> Dressed:
+        """A garment (N, 3) m, (M, 3) as it lies on the body at rest, and over others that do so too."""
+        touches = self._touches(vertices)
+        beneath = tuple(self._beneath(layer, vertices, touches) for layer in over)
+        return Dressed(Inextensible(vertices, faces), touches, beneath)
 
     def update(self, body_vertices: Tensor) -> None:
         """Move to the posed body (V, 3)."""
@@ -120,15 +157,25 @@ class Obstacle:
         """Move garment vertices (N, 3) out of the body to MARGIN, and give edges their rest length back.
 
         before: (N, 3) m, what contact moved in the frame before. Passes over the edges and planes beside the
-        nearest skin work together, so that what is pushed out tears nothing; in the end single vertices that
-        are still inside are moved out to CLOSEST.
+        nearest skin, or of the garment beneath, work together, so that what is pushed out tears nothing; in
+        the end single vertices that are still inside are moved out to CLOSEST.
+
+        The layers that it is worn over have to be where they end in this frame.
         """
         start = vertices if before is None else vertices + _carried(before)
         skin = self.skin(start, garment)
         inside_before = int(skin.inside.sum())
         held = (skin.distance < ALERT) & ~skin.squeezed
         bounds = torch.where(held, skin.bounds + MARGIN, FREE)
-        vertices = garment.cloth.relax(start, PASSES, skin.normals, bounds)
+        normals = skin.normals.clone() if garment.over else skin.normals
+        for beneath in garment.over:
+            rows, distance, directions = beneath.find(start)
+            normals[rows] = directions
+            bounds[rows] = (directions * start[rows]).sum(1) - distance + GAP
+        vertices = garment.cloth.relax(start, PASSES, normals, bounds)
+        for beneath in garment.over:
+            rows, distance, directions = beneath.find(vertices)
+            vertices[rows] += (CLOSEST - distance).clamp(min=0)[:, None] * directions
         self._follow(skin, vertices, vertices - start, garment)
         for _ in range(PUSHES):
             need = torch.where(skin.squeezed, 0.0, CLOSEST - skin.distance).clamp(min=0)
@@ -149,6 +196,19 @@ class Obstacle:
             self.update(body_vertices)
             shares.append(100.0 * self.skin(vertices, garment, surface.REACH).inside.float().mean())
         return torch.stack(shares) if shares else frames.new_zeros(0)
+
+    def _touches(self, vertices: Tensor) -> Tensor:
+        """A bit per part that may touch each of a garment's vertices (N, 3) at rest: (N,) int32."""
+        touches = self.collider.touches(vertices, self._rest)
+        bits = 2 ** torch.arange(len(touches), device=touches.device)
+        return (touches * bits[:, None]).sum(0).int()
+
+    def _beneath(self, layer: Layer, vertices: Tensor, touches: Tensor) -> Beneath:
+        """A layer at rest as the vertices (N, 3) over it meet it, all but those on its inner side."""
+        found = layer.beside(vertices, surface.REACH)
+        rows = torch.nonzero(~found.covered | (found.distance >= 0)).squeeze(1)
+        first, second, third = self._touches(layer.points)[layer.faces].unbind(1)
+        return Beneath(layer, rows, touches[rows], first | second | third)
 
     def _follow(self, skin: Skin, vertices: Tensor, move: Tensor, garment: Dressed) -> None:
         """Bring the skin up to date, in place, after a move (N, 3).

@@ -136,6 +136,39 @@ def closest_touched(
 
 
 @wp.kernel
+def beside_sheet(
+    share: int,
+    mesh: wp.uint64,
+    normals: wp.array(dtype=wp.vec3),
+    points: wp.array(dtype=wp.vec3),
+    reach: float,
+    steepest: float,
+    face: wp.array(dtype=int),
+    distance: wp.array(dtype=float),
+    normal: wp.array(dtype=wp.vec3),
+):
+    """The face of an open sheet that covers each point, -1 where none does, by the normals of its vertices.
+
+    steepest: cosine of the angle from the normal there under which the closest place still covers a point.
+    distance: along that normal.
+    """
+    i = share + wp.tid()
+    face[i] = -1
+    query = wp.mesh_query_point_no_sign(mesh, points[i], reach)
+    if query.result:
+        away = points[i] - wp.mesh_eval_position(mesh, query.face, query.u, query.v)
+        direction = query.u * normals[wp.mesh_get_index(mesh, 3 * query.face)]
+        direction += query.v * normals[wp.mesh_get_index(mesh, 3 * query.face + 1)]
+        direction += (1.0 - query.u - query.v) * normals[wp.mesh_get_index(mesh, 3 * query.face + 2)]
+        direction = wp.normalize(direction)
+        along = wp.dot(away, direction)
+        if wp.abs(along) >= steepest * wp.length(away):
+            face[i] = query.face
+            distance[i] = along
+            normal[i] = direction
+
+
+@wp.kernel
 def even_edges(
     share: int,
     now: wp.array(dtype=wp.vec3),

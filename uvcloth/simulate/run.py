@@ -10,9 +10,10 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.motion.clip import Clip
+from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.simulate.cloth import Cloth
 from uvcloth.simulate.engine import Engine, Scene
-from uvcloth.simulate.layers import room_below, wrong_side_percent
+from uvcloth.simulate.layers import room_below
 from uvcloth.simulate.lead_in import LeadIn, lead_in
 from uvcloth.simulate.sequence import Sequence as Recording
 from uvcloth.skinning import skin

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from uvcloth.simulate.layers import beside, wrong_side_percent
+from uvcloth.physics.layers import Layer, wrong_side_percent
 
 SQUARE = torch.tensor([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 FACES = torch.tensor([[0, 1, 2], [0, 2, 3]])
@@ -11,7 +11,7 @@ POINTS = torch.tensor([[0.5, 0.4, 0.01], [0.5, 0.4, -0.01], [1.02, 0.5, 0.001], 
 
 
 def test_points_over_and_under_a_sheet_and_beside_its_hem() -> None:
-    found = beside(POINTS, SQUARE, FACES)
+    found = Layer(SQUARE, FACES).beside(POINTS)
     assert found.covered.tolist() == [True, True, False, False]
     torch.testing.assert_close(found.distance[:2], torch.tensor([0.01, -0.01]))
 

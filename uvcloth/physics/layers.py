@@ -1,0 +1,75 @@
+"""Garments worn over one another: which side of an inner one an outer one is on."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from uvcloth.mesh import vertex_normals
+from uvcloth.physics import kernels
+from uvcloth.physics.launch import array, launch
+from uvcloth.physics.surface import MovingMeshes
+
+NEAR = 0.03
+"""Metres within which an inner garment is looked for."""
+
+STEEPEST = 0.7
+"""Cosine of the angle from its normal under which it covers a point: beside its hem it does not."""
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Where N points are beside an inner garment.
+
+    faces: (N,) int64, the closest one, -1 where none covers the point. distance: (N,) m along its normals,
+    negative on its inner side, and normals: (N, 3); both count only where it covers the point.
+    """
+
+    faces: Tensor
+    distance: Tensor
+    normals: Tensor
+
+    @property
+    def covered(self) -> Tensor:
+        """Whether the garment is near a point, and not beside its hem: (N,) bool."""
+        return self.faces >= 0
+
+
+class Layer(MovingMeshes):
+    """A garment that others are worn over, as it moves: vertices (M, 3) metres, faces (F, 3)."""
+
+    def __init__(self, vertices: Tensor, faces: Tensor) -> None:
+        super().__init__(vertices, (faces,))
+        self.faces = faces
+        self._normals = vertex_normals(self.points, faces)
+        self._id = int(self.ids.numpy()[0])
+
+    def update(self, vertices: Tensor) -> None:
+        """Move to new vertex positions (M, 3)."""
+        super().update(vertices)
+        self._normals.copy_(vertex_normals(self.points, self.faces))
+
+    def beside(self, points: Tensor, reach: float = NEAR) -> Beside:
+        """Where points (N, 3) are beside the garment, no farther than reach, m."""
+        points = points.detach().float().contiguous()
+        distance, normals = torch.zeros_like(points[:, 0]), torch.zeros_like(points)
+        faces = torch.empty_like(distance, dtype=torch.int32)
+        query = (self._id, array(self._normals), array(points), reach, STEEPEST)
+        outputs = map(array, (faces, distance, normals))
+        launch(kernels.beside_sheet, len(points), self.device, *query, *outputs)
+        return Beside(faces.long(), distance, normals)
+
+
+def wrong_side_percent(outer: Tensor, inner: Tensor, faces: Tensor) -> float:
+    """Percent of an outer garment's vertices that are on the inner side of an inner one, of those it covers.
+
+    outer: (F, N, 3), inner: (F, M, 3) m, over all frames; 0 if it covers none.
+    """
+    layer = Layer(inner[0], faces)
+    covered = wrong = 0
+    for points, vertices in zip(outer, inner, strict=True):
+        layer.update(vertices)
+        found = layer.beside(points)
+        covered += int(found.covered.sum())
+        wrong += int((found.covered & (found.distance < 0)).sum())
+    return 100.0 * wrong / max(covered, 1)
