@@ -115,8 +115,8 @@ def test_an_outer_model_sees_the_inner_garment(runs: tuple[Path, Path]) -> None:
 @pytest.mark.parametrize(
     ("garments", "words"),
     [
-        (("tops",), "tops: is for tops over bottoms, this has nothing beneath"),
-        (("dress", "tops"), "tops: is for tops over bottoms, this is worn over dress"),
+        (("tops",), "is for it over bottoms, here it is over nothing"),
+        (("dress", "tops"), "is for it over bottoms, here it is over dress"),
     ],
 )
 def test_an_outer_model_without_its_inner_garment_is_refused(
