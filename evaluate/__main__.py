@@ -47,7 +47,7 @@ class Evaluate:
         from evaluate.motion_map import motion_maps
         from evaluate.progress import progress
         from evaluate.report import write_metrics, write_report
-        from evaluate.show import garments_shown, pictured, pictures, viewer_clips
+        from evaluate.show import pictured, pictures, viewer_clips
         from uvcloth.bodies.body import load_body
 
         if self.frames is not None and self.frames < 1:
@@ -71,7 +71,7 @@ class Evaluate:
             chosen = pictured(shown)
             with progress("Pictures", len(chosen)) as tick:
                 images = list(pictures(chosen, list(results["methods"]), body, tick))
-            spaces = interpolations(contestants, list(garments_shown(shown).values()), body)
+            spaces = interpolations(contestants, shown, body)
             motion = motion_maps(contestants, self.data, shown, body)
         report = write_report(self.out, results, viewer_clips(shown), images, body, spaces, motion)
         print(summary(results))

@@ -7,19 +7,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from evaluate.judge import Contestant
+from evaluate.judge import SIMULATION, Contestant
 from evaluate.progress import progress
 from evaluate.report import Picture
-from evaluate.show import method_color, png
+from evaluate.show import Shown, garments_shown, method_color, png
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
 
 STEPS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.2, 0.0)
 """Shares a of the first code, the second having 1 - a, as in the figure."""
-
-SEEDS = (0, 1)
-"""Of the pairs of codes, one row of pictures each."""
 
 SIZE = (160, 240)
 """Width and height of one garment, in pixels."""
@@ -39,42 +36,60 @@ class Generative(Protocol):
     @property
     def config(self) -> Coded: ...
 
+    def encode(self, garment: Garment, body: Body, vertices: Tensor, transforms: Tensor) -> Tensor:
+        """Codes (B, Z) of garments (B, N, 3), m, on a body moved by joint transforms (B, J, 3, 4)."""
+        ...
+
     def decode(self, garment: Garment, body: Body, codes: Tensor) -> Tensor:
         """Garments (B, N, 3) at rest, m, of codes (B, Z)."""
         ...
 
 
-def interpolations(
-    contestants: Sequence[Contestant], garments: Sequence[Garment], body: Body
-) -> list[Picture]:
-    """A sheet for every contestant that is generative and each garment that it dresses: a row per pair of
-    random codes."""
+def interpolations(contestants: Sequence[Contestant], shown: Sequence[Shown], body: Body) -> list[Picture]:
+    """A sheet for every contestant that is generative and each garment that it dresses.
+
+    Its rows lie between the codes of the two simulated garments shown whose codes are farthest apart, and
+    between two random codes.
+    """
     names = [contestant.name for contestant in contestants]
     wanted = [
         (contestant.name, contestant.method, method_color(names, contestant.name), garment)
         for contestant in contestants
-        for garment in garments
+        for garment in garments_shown(shown).values()
         if isinstance(contestant.method, Generative)
         and not contestant.method.objection(Outfit(body, (garment,)))
     ]
     sheets = []
-    with progress("Spaces of garments", len(wanted) * len(SEEDS)) as tick:
+    with progress("Spaces of garments", len(wanted)) as tick:
         for name, method, color, garment in wanted:
-            images = []
-            for seed in SEEDS:
-                shapes = between(method, garment, body, seed)
-                images += [_picture(body, garment, shape, color) for shape in shapes]
-                tick()
+            ends = (farthest(method, garment, body, shown), random_pair(method))
+            rows = [between(method, garment, body, *pair) for pair in ends]
+            images = [_picture(body, garment, shape, color) for row in rows for shape in row]
+            tick()
             sheet = png(contact_sheet(images, columns=len(STEPS)))
             labels = tuple(f"a = {share:g}" for share in STEPS)
             sheets.append(Picture(f"{name}, {garment.name}", sheet, labels))
     return sheets
 
 
-def between(method: Generative, garment: Garment, body: Body, seed: int) -> Tensor:
-    """Garments (STEPS, N, 3), m, between two random codes."""
-    generator = torch.Generator().manual_seed(seed)
-    first, second = torch.randn(2, method.config.latent, generator=generator)
+def farthest(
+    method: Generative, garment: Garment, body: Body, shown: Sequence[Shown]
+) -> tuple[Tensor, Tensor]:
+    """The two codes (Z,) farthest apart of the simulated garments shown."""
+    windows = [window for window in shown if window.garment.name == garment.name]
+    codes = torch.cat([method.encode(garment, body, w.meshes[SIMULATION], w.transforms) for w in windows])
+    first, second = divmod(int(torch.cdist(codes, codes).argmax()), len(codes))
+    return codes[first], codes[second]
+
+
+def random_pair(method: Generative) -> tuple[Tensor, Tensor]:
+    """Two codes (Z,), the same every time."""
+    first, second = torch.randn(2, method.config.latent, generator=torch.Generator().manual_seed(0))
+    return first, second
+
+
+def between(method: Generative, garment: Garment, body: Body, first: Tensor, second: Tensor) -> Tensor:
+    """Garments (STEPS, N, 3), m, between two codes (Z,)."""
     share = torch.tensor(STEPS)[:, None]
     return method.decode(garment, body, share * first + (1 - share) * second)
 

@@ -2,22 +2,41 @@
 
 import torch
 
-from evaluate.garment_space import STEPS, Generative, between
+from evaluate.garment_space import STEPS, Generative, between, farthest, random_pair
+from evaluate.judge import SIMULATION
+from evaluate.show import Shown
+from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body
 from uvcloth.garments.templates import wear
 from uvcloth.methods.motion_guided import PRESETS
 from uvcloth.methods.registry import CONFIGS
+from uvcloth.skinning import skin
 
 
 def test_a_linear_space_is_crossed_in_even_steps(body: Body) -> None:
     torch.manual_seed(0)
     method, dress = PRESETS["tiny"].create(), wear("dress", body)
-    shapes = between(method, dress, body, seed=3)
+    first, second = random_pair(method)
+    assert not torch.equal(first, second)
+    shapes = between(method, dress, body, first, second)
     assert shapes.shape == (len(STEPS), len(dress.mesh.vertices), 3)
     share = torch.tensor(STEPS)[:, None, None]
     torch.testing.assert_close(shapes, share * shapes[:1] + (1 - share) * shapes[-1:], atol=1e-5, rtol=0)
     assert (shapes[0] - shapes[-1]).norm(dim=1).max() > 1e-4
-    torch.testing.assert_close(between(method, dress, body, seed=3), shapes)
+
+
+def test_the_codes_farthest_apart_are_those_of_the_garments_that_differ_most(body: Body) -> None:
+    torch.manual_seed(0)
+    method, dress = PRESETS["tiny"].create(), wear("dress", body)
+    transforms = swaying(4, seed=0).transforms()
+    skinned = skin(dress.mesh.vertices, dress.carrier_weights, transforms)
+    wide = skinned.clone()
+    wide[1] += 0.05
+    wide[3] -= 0.05
+    window = Shown("sway", "sway", dress, 30.0, 1, transforms, {SIMULATION: wide})
+    first, second = farthest(method, dress, body, [window])
+    codes = method.encode(dress, body, wide, transforms)
+    assert {int((codes - code).norm(dim=1).argmin()) for code in (first, second)} == {1, 3}
 
 
 def test_only_methods_that_decode_are_generative() -> None:
