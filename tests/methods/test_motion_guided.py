@@ -162,7 +162,7 @@ def test_it_says_what_it_is_for(body, dress):
     both = Outfit(body, (tops, dress))
     assert Ensemble((LBSConfig().create(), layered)).objection(both) == ""
     assert "over nothing" in Ensemble((layered, LBSConfig().create())).objection(Outfit(body, (dress, tops)))
-    assert "1 models for 2 garments" in Ensemble((layered,)).objection(both)
+    assert "models given: 1, garments: 2" in Ensemble((layered,)).objection(both)
 
 
 def test_maps_that_cannot_be_halved_are_refused():

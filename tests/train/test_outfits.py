@@ -133,7 +133,7 @@ def test_more_models_than_garments_are_refused() -> None:
     body = load_body()
     method, motion = load_methods(("lbs", "lbs_smooth"), body), swaying(2, seed=0).transforms()
     outfit = Outfit(body, (wear("tops", body),))
-    with pytest.raises(InputError, match="2 models for 1 garments: expected one for all"):
+    with pytest.raises(InputError, match="models given: 2, garments: 1; expected one model for all"):
         next(iter(rollout(method, outfit, motion, 30.0)))
 
 

@@ -26,7 +26,7 @@ class Ensemble:
         """It dresses as many garments as there are methods, each of which dresses its own."""
         if len(self.methods) != len(outfit.garments):
             return (
-                f"{len(self.methods)} models for {len(outfit.garments)} garments: expected one for all, "
+                f"models given: {len(self.methods)}, garments: {len(outfit.garments)}; expected one model for all, "
                 "or one for each in order, the innermost first"
             )
         parts = zip(self.methods, _layers(outfit), strict=True)
