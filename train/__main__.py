@@ -51,7 +51,7 @@ class PhysXNetRun:
     loop: OmitArgPrefixes[LoopConfig] = field(default_factory=LoopConfig)
 
     def train(self) -> dict[str, float]:
-        """Train; returns the best validation errors."""
+        """Train; returns the validation errors of the network kept."""
         check_run(self.out, resume=self.resume)
         if self.network.history and self.loop.devices > 1:
             raise InputError(
@@ -86,7 +86,7 @@ class MotionGuidedRun:
     """The same for the space of shapes."""
 
     def train(self) -> dict[str, float]:
-        """Train what is missing of both stages; returns the best validation errors of the second."""
+        """Train what is missing of both stages; returns the validation errors of the second."""
         if self.losses.past == "own" and self.loop.devices > 1:
             raise InputError(
                 "--past own: what a network remembers is trained on one device, leave out --devices"
@@ -151,7 +151,7 @@ def main() -> None:
         raise InputError("training needs Lightning: install uvcloth[train]")
     errors = run.train()
     parts = ", ".join(f"{key} {value:.1f}" for key, value in errors.items() if key not in ("step", "minutes"))
-    Console().print(f"{run.out}: best at step {errors['step']:.0f}, validation mm: {parts}")
+    Console().print(f"{run.out}: kept that of step {errors['step']:.0f}, validation mm: {parts}")
 
 
 def _preset_of(arguments: list[str]) -> str | None:

@@ -44,7 +44,9 @@ class LoopConfig:
     average: float = 0.998
     """Decay of the running mean of the weights, which is validated and saved; 0 takes the weights."""
     validate_every: int = 250
-    """Steps between validations; the best network is kept."""
+    """Steps between validations."""
+    keep: Literal["best", "last"] = "best"
+    """Which network is kept: the best in validation, or the last."""
     save_seconds: float = 120.0
     """Seconds between saved training states."""
     seed: int = 0
@@ -126,7 +128,7 @@ class Training:
 
 
 def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) -> dict[str, float]:
-    """Train until the steps or the minutes are spent; returns the best validation errors.
+    """Train until the steps or the minutes are spent; returns the validation errors of the network kept.
 
     Every step seeds its own randomness and draws its samples by its number, so that a resumed run continues
     exactly. Ctrl-C ends the step and saves. Raises InputError if there is nothing to resume, if the run was
@@ -146,7 +148,7 @@ def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) ->
     if not done.errors or done.errors[-1]["step"] != done.step:
         Console(stderr=True).print(f"step {done.step}: {_validate(training)}")
     _save_state(training)
-    return min(done.errors, key=lambda errors: errors["mean"])
+    return done.errors[-1] if config.keep == "last" else min(done.errors, key=lambda each: each["mean"])
 
 
 def has_begun(run: Path) -> bool:
@@ -238,17 +240,17 @@ def _step(training: Training, samples: Tensor) -> dict[str, Tensor]:
 
 
 def _validate(training: Training) -> str:
-    """Validate, keep the checkpoint if it is the best so far, and say the errors in words."""
+    """Validate, save the network if it is to be kept so far, and say the errors in words."""
     done = training.done
     errors = training.objective.validate(training.average)
     when = {"step": done.step, "minutes": done.seconds / 60}
     done.errors.append({**when, **errors})
     training.fabric.log_dict({f"validation_mm/{name}": error for name, error in errors.items()}, done.step)
-    if errors["mean"] < done.best:
+    if training.config.keep == "last" or errors["mean"] < done.best:
         if training.fabric.is_global_zero:
             notes = {**when, "validation_mm": errors, "loop": asdict(training.config), "curve": done.errors}
             training.objective.save(training.average, training.run, notes)
-        done.best = errors["mean"]
+        done.best = min(done.best, errors["mean"])
     return "validation mm: " + ", ".join(f"{name} {error:.1f}" for name, error in errors.items())
 
 

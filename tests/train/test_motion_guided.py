@@ -3,6 +3,7 @@
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import pytest
 import torch
@@ -21,7 +22,7 @@ from train.motion_guided import (
     load_shape_space,
 )
 from uvcloth.bodies.body import load_body
-from uvcloth.checkpoint import load_tensors
+from uvcloth.checkpoint import load_checkpoint, load_tensors
 from uvcloth.methods.motion_guided import PRESETS
 from uvcloth.methods.registry import load_method
 from uvcloth.methods.situation import posed_shape, rest_shape
@@ -77,6 +78,25 @@ def test_the_second_stage_resumes_exactly(past: str, data: Path, tmp_path: Path)
     assert ("memory/past" in whole) == (past == "own")
     for name, tensor in whole.items():
         assert torch.equal(tensor, parts[name]), name
+
+
+class Worsening(ShapeObjective):
+    """Validates worse every time."""
+
+    found = 0.0
+
+    def validate(self, net: object) -> dict[str, float]:
+        self.found += 1.0
+        return {"mean": self.found}
+
+
+@pytest.mark.parametrize(("keep", "step"), [("best", 2), ("last", 4)])
+def test_the_network_that_is_kept(
+    keep: Literal["best", "last"], step: int, data: Path, tmp_path: Path
+) -> None:
+    objective = Worsening(material(data), LOSSES["tiny"])
+    errors = fit(objective, tmp_path, replace(LOOP, keep=keep), resume=False)
+    assert errors["step"] == load_checkpoint(tmp_path).notes["step"] == step
 
 
 def test_a_linear_space_holds_the_garments_it_was_fitted_to(data: Path) -> None:

@@ -25,10 +25,8 @@ class Ensemble:
     def objection(self, outfit: Outfit) -> str:
         """It dresses as many garments as there are methods, each of which dresses its own."""
         if len(self.methods) != len(outfit.garments):
-            return (
-                f"models given: {len(self.methods)}, garments: {len(outfit.garments)}; expected one model for all, "
-                "or one for each in order, the innermost first"
-            )
+            counts = f"models given: {len(self.methods)}, garments: {len(outfit.garments)}"
+            return f"{counts}; expected one model for all, or one for each in order, the innermost first"
         parts = zip(self.methods, _layers(outfit), strict=True)
         return next(filter(None, (method.objection(layer) for method, layer in parts)), "")
 
