@@ -107,7 +107,7 @@ class Material:
         """
         self.body = body or load_body()
         self.garment = garment = take_for_data(config.garment, self.body)
-        self.under = under = take_for_data(config.under, self.body) if config.under else None
+        under = take_for_data(config.under, self.body) if config.under else None
         self.config = config = replace(
             config,
             garment=garment.name,
