@@ -6,17 +6,18 @@ import torch
 from rasterize.errors import InputError
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import load_body
-from uvcloth.checkpoint import save_checkpoint
+from uvcloth.checkpoint import WEIGHTS, save_checkpoint
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import wear
-from uvcloth.mesh import Mesh
+from uvcloth.mesh import Mesh, edge_lengths, unique_edges
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.garment_maps import local_axes
 from uvcloth.methods.lbs import LBSConfig
 from uvcloth.methods.motion_guided import PRESETS, Both, MotionGuidedConfig, motion_guided_checkpoint
-from uvcloth.methods.registry import load_method
+from uvcloth.methods.registry import SHIPPED, load_method
 from uvcloth.methods.seeds import PARTS, kernel_transforms, nearest_kernels, pose_seeds, sample_seeds
 from uvcloth.methods.situation import Pose, carried_offsets, posed_shape, rest_shape
+from uvcloth.motion.library import load_clip
 from uvcloth.rollout import rollout
 from uvcloth.skinning import apply_transforms
 
@@ -182,3 +183,19 @@ def test_codes_become_garments_of_the_right_shape(maps):
     transforms = swaying(2, seed=0).transforms()
     posed = posed_shape(space, maps, resting, Pose(transforms, pose_seeds(maps.seeds, transforms)))
     assert posed.shape == (2, *maps.points.shape)
+
+
+def test_the_model_that_ships_dresses_the_dress(body, dress):
+    assert (SHIPPED / "motion_guided" / WEIGHTS).stat().st_size < 5e6
+    frames = rollout(
+        load_method("motion_guided", body),
+        Outfit(body, (dress,)),
+        load_clip("walk", body).transforms()[:5],
+        30.0,
+    )
+    edges = unique_edges(dress.mesh.faces)
+    stretched = [
+        edge_lengths(frame.raw[0], edges) / edge_lengths(dress.mesh.vertices, edges) for frame in frames
+    ]
+    assert 0.9 < torch.stack(stretched).median() < 1.1
+    assert torch.stack(stretched).max() < 4.0
