@@ -21,7 +21,7 @@ from uvcloth.methods.situation import (
     MEMORY,
     Situation,
     carried_offsets,
-    motion_values,
+    motion_and_pose,
     next_shape,
     posed_shape,
     rest_shape,
@@ -194,7 +194,7 @@ class DynamicsObjective(ShapeObjective):
         net = self.material.config.dynamics()
         material = self.material
         seen = [
-            motion_values(material.config.carried, material.maps, self._situation(material.rows, chosen))
+            motion_and_pose(material.config.carried, material.maps, self._situation(material.rows, chosen))[0]
             for chosen in material.rows.samples[::8].split(CHUNK)
         ]
         scale = torch.cat(seen).square().mean((0, 1)).sqrt()
