@@ -124,12 +124,15 @@ def restored(
         method = config(**values).create()
         networks(method).load_state_dict(checkpoint.tensors)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        first = str(error).splitlines()[0]
-        raise InputError(
-            f"{folder}: weights and config of the model do not fit each other ({first})"
-        ) from error
+        raise misfit(folder, error) from error
     networks(method).eval()
     return method
+
+
+def misfit(folder: Path, error: Exception) -> InputError:
+    """What to raise where weights and config of a model in a folder do not fit each other."""
+    first = str(error).partition("\n")[0]
+    return InputError(f"{folder}: weights and config of the model do not fit each other ({first})")
 
 
 def save_tensors(tensors: Mapping[str, Tensor], metadata: Mapping[str, Any], path: Path) -> None:

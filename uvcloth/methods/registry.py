@@ -10,7 +10,7 @@ from typing import Any
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import CONFIG, Checkpoint, load_checkpoint
-from uvcloth.methods import motion_guided, physxnet
+from uvcloth.methods import motion_guided, pbns, physxnet
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.lbs import LBSConfig
 from uvcloth.methods.method import Method
@@ -20,12 +20,14 @@ CONFIGS: dict[str, Any] = {
     "lbs_smooth": LBSConfig(smooth=True),
     "physxnet": physxnet.PRESETS["default"],
     "motion_guided": motion_guided.PRESETS["fast"],
+    "pbns": pbns.PBNSConfig(),
 }
 """A frozen config per method; its `create()` builds the method, untrained where it learns."""
 
 LOADERS: dict[str, Callable[[Checkpoint, Path], Any]] = {
     "physxnet": physxnet.load_physxnet,
     "motion_guided": motion_guided.load_motion_guided,
+    "pbns": pbns.load_pbns,
 }
 """How a checkpoint becomes a method, for those that are trained."""
 
@@ -59,6 +61,10 @@ def load_method(name_or_run: str | Path, body: Body) -> Method:
     name, folder = str(name_or_run), model_folder(name_or_run)
     if folder is None:
         return CONFIGS[name].create()
+    if not (folder / CONFIG).exists() and name in LOADERS:
+        raise InputError(
+            f"{name}: ships untrained; train it (python -m train {name}) and name its run folder"
+        )
     if not (folder / CONFIG).exists():
         close = get_close_matches(name, CONFIGS, n=1)
         hint = f", did you mean {close[0]!r}" if close else ""

@@ -1,0 +1,275 @@
+"""PBNS: blend weights and blend shapes that follow the pose, which physics teaches without data.
+
+A garment or outfit is posed by linear blend skinning of its rest shape plus a deformation, and the
+deformation is a sum of blend shapes weighed by a perceptron that sees the pose (Bertiche et al. 2021, eq. 1
+and 2). Every engine can play that. It is static: the same pose always looks the same, however fast the body
+came there.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.bodies.frames import BodyFrames
+from uvcloth.checkpoint import Checkpoint, body_identity, misfit
+from uvcloth.garments.garment import Outfit
+from uvcloth.mesh import Mesh, weld
+from uvcloth.skinning import apply_transforms, blend_transforms
+
+SAME_SHAPE = 0.002
+"""Metres between joints or rest vertices that still count as the same body and garment."""
+
+SHARPNESS = 100.0
+"""Of blend weights while they are trained: a step of 0.01 moves about a hundredth of the weight."""
+
+LEAST_WEIGHT = 0.01
+"""Of SHARPNESS: what a joint without weight starts from, so that it can gain some."""
+
+FIRST_SHAPE = 1e-3
+"""Standard deviation of the blend shapes before training, metres."""
+
+
+@dataclass(frozen=True)
+class PBNSConfig:
+    """What the network is made of."""
+
+    width: int = 256
+    """Width of the pose embedding's layers, and number of blend shapes."""
+    layers: int = 4
+    """Layers of the pose embedding."""
+    influences: int = 4
+    """Joints that may move a vertex, the strongest (paper: all): four are what every engine plays."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for sizes that are none."""
+        for name in ("width", "layers", "influences"):
+            if getattr(self, name) < 1:
+                raise InputError(f"--{name} {getattr(self, name)}: has to be 1 or more")
+
+    def create(self) -> "PBNS":
+        """The method without a garment; training gives it one."""
+        return PBNS(self, PBNSNetwork(self, 0, 0, 1, 0), RestOutfit((), (), torch.zeros(1, 3), (-1,)))
+
+
+@dataclass(frozen=True)
+class RestOutfit:
+    """What a model dresses: garments at rest on one body, the innermost first, as one list of N vertices.
+
+    names: of the garments. meshes: of each. heads: (J, 3) the body's joints at rest, m. parents: (J,).
+    """
+
+    names: tuple[str, ...]
+    meshes: tuple[Mesh, ...]
+    heads: Tensor
+    parents: tuple[int, ...]
+
+    @property
+    def vertices(self) -> Tensor:
+        """All vertices at rest (N, 3), m."""
+        return torch.cat([mesh.vertices for mesh in self.meshes])
+
+    @property
+    def sizes(self) -> list[int]:
+        """Vertices of each garment."""
+        return [len(mesh.vertices) for mesh in self.meshes]
+
+
+class PBNSNetwork(nn.Module):
+    """Pose embedding, blend shapes and blend weights for N vertices on J joints.
+
+    Vertices at one place at rest (texture seams) are one to the network: owner (N,) int64 says which of U.
+    rest: (N, 3) m. poses: (M, 3 J) the training poses as vectors, which give the embedding its range.
+    """
+
+    rest: Tensor
+    owner: Tensor
+    strongest: Tensor
+    poses: Tensor
+
+    def __init__(self, config: PBNSConfig, vertices: int, unique: int, joints: int, poses: int) -> None:
+        super().__init__()
+        widths = [3 * joints, *[config.width] * config.layers]
+        self.layers = nn.ModuleList(nn.Linear(a, b) for a, b in pairwise(widths))
+        self.shapes = nn.Parameter(FIRST_SHAPE * torch.randn(config.width, 3 * unique))
+        influences = min(config.influences, joints)
+        self.sharp_weights = nn.Parameter(torch.zeros(unique, influences))
+        self.register_buffer("strongest", torch.zeros(unique, influences, dtype=torch.int64))
+        self.register_buffer("rest", torch.zeros(vertices, 3))
+        self.register_buffer("owner", torch.zeros(vertices, dtype=torch.int64))
+        self.register_buffer("poses", torch.zeros(poses, 3 * joints))
+
+    @property
+    def joints(self) -> int:
+        """Of the skeleton, J."""
+        return self.poses.shape[1] // 3
+
+    def start_from(self, weights: Tensor) -> None:
+        """Take over the strongest of blend weights (U, J)."""
+        shares, self.strongest = weights.topk(self.sharp_weights.shape[1], dim=1)
+        positive = SHARPNESS * shares / shares.sum(1, keepdim=True)
+        sharp = torch.where(positive > 1.0, positive - 1.0, positive.clamp(min=LEAST_WEIGHT).log())
+        with torch.no_grad():
+            self.sharp_weights.copy_(sharp / SHARPNESS)
+
+    def embed(self, poses: Tensor) -> Tensor:
+        """High-level pose embedding f_X (paper eq. 2): pose vectors (B, 3 J) -> (B, width), none negative."""
+        for layer in self.layers:
+            poses = torch.relu(layer(poses))
+        return poses
+
+    def deform(self, poses: Tensor) -> Tensor:
+        """Deformation dT of the rest shape, f_X(theta) D (paper eq. 2): (B, 3 J) -> (B, U, 3), m."""
+        return (self.embed(poses) @ self.shapes).view(len(poses), -1, 3)
+
+    def blend_shapes(self) -> Tensor:
+        """The PSD matrix D: (width, N, 3), m."""
+        return self.shapes.view(len(self.shapes), -1, 3)[:, self.owner]
+
+    def blend_weights(self) -> Tensor:
+        """(N, J), rows sum to one; no row has more than the config's influences."""
+        return self.unique_weights()[self.owner]
+
+    def unique_weights(self) -> Tensor:
+        """Blend weights of the U vertices: (U, J). What is trained is made positive by ELU and normalized."""
+        positive = nn.functional.elu(SHARPNESS * self.sharp_weights) + 1.0
+        shares = positive / positive.sum(1, keepdim=True)
+        return shares.new_zeros(len(shares), self.joints).scatter_add(1, self.strongest, shares)
+
+
+@dataclass(frozen=True)
+class Skinned:
+    """A model ready to pose an outfit. points: (N, 3) at rest, m. weights: (N, J)."""
+
+    points: Tensor
+    weights: Tensor
+
+
+@dataclass(frozen=True)
+class PBNS:
+    """A Method without memory: it dresses the outfit on the body that it was trained for."""
+
+    config: PBNSConfig
+    network: PBNSNetwork
+    worn: RestOutfit
+    name: str = "pbns"
+    remembers: bool = False
+
+    def objection(self, outfit: Outfit) -> str:
+        """It dresses the garments that it was trained for, in their order, on that very body."""
+        names = tuple(garment.name for garment in outfit.garments)
+        own = " over ".join(reversed(self.worn.names)) or "no garment yet"
+        who = f"model {self.name} is for {own}"
+        if names != self.worn.names:
+            return f"{who}, not for {' over '.join(reversed(names))}"
+        if fault := self.body_fault(outfit.body):
+            return fault
+        for garment, mesh in zip(outfit.garments, self.worn.meshes, strict=True):
+            if not torch.equal(garment.mesh.faces, mesh.faces):
+                return f"garment {garment.name}: {who}, but another mesh of that name"
+            apart = float((garment.mesh.vertices - mesh.vertices).norm(dim=1).max())
+            if apart > SAME_SHAPE:
+                return f"garment {garment.name}: {who}, {1000 * apart:.0f} mm from it at rest"
+        return ""
+
+    def body_fault(self, body: Body) -> str:
+        """Why the model does not fit a body: blend shapes are for one body's shape; "" where it fits."""
+        heads, own = body.skeleton.heads, self.worn.heads
+        if heads.shape == own.shape and float((heads - own).norm(dim=1).max()) < SAME_SHAPE:
+            return ""
+        return f"model {self.name} was trained on another body than {body.name!r}, in skeleton or shape"
+
+    def start(self, outfit: Outfit, frames: BodyFrames) -> Skinned:
+        """Take the outfit. Raises InputError for one that it has an objection to."""
+        if objection := self.objection(outfit):
+            raise InputError(objection)
+        with torch.no_grad():
+            return Skinned(self.network.rest, self.network.blend_weights())
+
+    @torch.no_grad()
+    def step(self, state: Skinned, frames: BodyFrames) -> tuple[Skinned, tuple[Tensor, ...]]:
+        """Garment vertices (B, N, 3) of each garment, m (paper eq. 1)."""
+        transforms = frames.transforms[:, -1]
+        deformed = self.network.deform(pose_vectors(self.worn.parents, transforms))[:, self.network.owner]
+        posed = apply_transforms(blend_transforms(state.weights, transforms), state.points + deformed)
+        return state, posed.split(self.worn.sizes, dim=1)
+
+    def observe(self, state: Skinned, garments: tuple[Tensor, ...]) -> Skinned:
+        """It remembers nothing."""
+        return state
+
+
+def pose_vectors(parents: Sequence[int], transforms: Tensor) -> Tensor:
+    """The pose theta as the network sees it: joint transforms (B, J, 3, 4) -> (B, 3 J).
+
+    Three numbers per joint: the axis-angle of its rotation relative to its parent, radians, and in place of
+    the root's, which would tell north from south, the direction of gravity in the root's axes.
+    """
+    from kornia.geometry.conversions import rotation_matrix_to_axis_angle
+
+    turns = transforms[..., :3]
+    local = turns[:, [max(parent, 0) for parent in parents]].mT @ turns
+    vectors = rotation_matrix_to_axis_angle(local.reshape(-1, 3, 3)).view(len(turns), -1, 3)
+    down = turns.new_tensor([0.0, 0.0, -1.0])
+    root = torch.tensor([parent < 0 for parent in parents], device=turns.device)
+    return torch.where(root[:, None], turns.mT @ down, vectors).flatten(1)
+
+
+def rest_outfit(outfit: Outfit) -> RestOutfit:
+    """An outfit as a model keeps it."""
+    skeleton = outfit.body.skeleton
+    names = tuple(garment.name for garment in outfit.garments)
+    meshes = tuple(garment.mesh for garment in outfit.garments)
+    return RestOutfit(names, meshes, skeleton.heads, skeleton.parents)
+
+
+def new_network(config: PBNSConfig, worn: RestOutfit, weights: Tensor, poses: Tensor) -> PBNSNetwork:
+    """An untrained network for an outfit. weights: (N, J) to start from. poses: (M, 3 J) of training."""
+    starts = torch.tensor([0, *worn.sizes[:-1]]).cumsum(0)
+    joined = torch.cat([weld(mesh.vertices) + at for mesh, at in zip(worn.meshes, starts, strict=True)])
+    kept, owner = joined.unique(return_inverse=True)
+    network = PBNSNetwork(config, len(owner), len(kept), len(worn.heads), len(poses))
+    network.rest, network.owner, network.poses = worn.vertices, owner, poses
+    network.start_from(weights[kept])
+    return network
+
+
+def pbns_checkpoint(method: PBNS, body: Body, data: dict[str, str], notes: dict[str, Any]) -> Checkpoint:
+    """What training saves: the network, and the outfit that it is for. data: pose file -> content hash."""
+    tensors = {f"network.{name}": tensor for name, tensor in method.network.state_dict().items()}
+    for index, mesh in enumerate(method.worn.meshes):
+        tensors |= {f"mesh.{index}.{field.name}": getattr(mesh, field.name) for field in fields(Mesh)}
+    return Checkpoint(
+        method="pbns",
+        config=asdict(method.config),
+        tensors=tensors | {"heads": method.worn.heads, "parents": torch.tensor(method.worn.parents)},
+        body=body_identity(body),
+        templates=method.worn.names,
+        data=data,
+        notes=notes,
+    )
+
+
+def load_pbns(checkpoint: Checkpoint, folder: Path) -> PBNS:
+    """The trained method of a checkpoint. Raises InputError if its parts do not fit each other."""
+    tensors = checkpoint.tensors
+    try:
+        config = PBNSConfig(**checkpoint.config)
+        meshes = tuple(
+            Mesh(**{field.name: tensors[f"mesh.{index}.{field.name}"] for field in fields(Mesh)})
+            for index in range(len(checkpoint.templates))
+        )
+        worn = RestOutfit(checkpoint.templates, meshes, tensors["heads"], tuple(tensors["parents"].tolist()))
+        state = {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
+        counts = (len(state["owner"]), len(state["strongest"]), len(worn.heads), len(state["poses"]))
+        network = PBNSNetwork(config, *counts)
+        network.load_state_dict(state)
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise misfit(folder, error) from error
+    return PBNS(config, network.eval(), worn)
