@@ -71,12 +71,12 @@ def main(
             )
             finished.touch()
         rows.append((name, load_checkpoint(run).notes))
-    templates = [key for key in rows[0][1]["validation_mm"] if key != "mean"]
+    templates = [key for key in rows[0][1]["validation"] if key != "mean_mm"]
     print("| variant | change | mean | " + " | ".join(templates) + " | ms/step |")
     print("|---|---|" + "---:|" * (len(templates) + 2))
     for name, notes in rows:
-        errors = notes["validation_mm"]
-        values = [f"{errors[key]:.1f}" for key in ("mean", *templates)]
+        errors = notes["validation"]
+        values = [f"{errors[key]:.1f}" for key in ("mean_mm", *templates)]
         change = " ".join(VARIANTS[name])
         pace = 60000 * notes["minutes"] / notes["step"]
         print(f"| {name} | `{change}` | " + " | ".join(values) + f" | {pace:.0f} |")

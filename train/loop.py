@@ -21,6 +21,9 @@ from uvcloth.checkpoint import load_tensors, save_tensors
 STATE = Path("training") / "state.safetensors"
 """Where a run keeps what an exact resume needs."""
 
+WHEN = ("step", "minutes")
+"""What stands beside the scores of a validation."""
+
 LOG_EVERY = 10
 """Steps between entries in the log."""
 
@@ -88,7 +91,10 @@ class Objective(Protocol):
         """For each network to update in turn: its name, its loss and the parts of it for the log."""
 
     def validate(self, net: nn.Module) -> dict[str, float]:
-        """Errors in mm by name, "mean" among them: the lower, the better."""
+        """Scores by name and unit; by the first of them, the lower the better, the network kept is chosen."""
+
+    def picture(self, net: nn.Module) -> Tensor | None:
+        """What the network does, to look at in the log: (H, W, 3) uint8, if there is something to see."""
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
         """Write the checkpoint of the network."""
@@ -105,7 +111,7 @@ class Objective(Protocol):
 
 @dataclass
 class Progressed:
-    """How far a run has come: optimizer steps, seconds of training, and the validation errors so far, mm."""
+    """How far a run has come: optimizer steps, seconds of training, and the validation scores so far."""
 
     step: int = 0
     seconds: float = 0.0
@@ -128,7 +134,7 @@ class Training:
 
 
 def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) -> dict[str, float]:
-    """Train until the steps or the minutes are spent; returns the validation errors of the network kept.
+    """Train until the steps or the minutes are spent; returns the validation scores of the network kept.
 
     Every step seeds its own randomness and draws its samples by its number, so that a resumed run continues
     exactly. Ctrl-C ends the step and saves. Raises InputError if there is nothing to resume, if the run was
@@ -148,7 +154,17 @@ def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) ->
     if not done.errors or done.errors[-1]["step"] != done.step:
         Console(stderr=True).print(f"step {done.step}: {_validate(training)}")
     _save_state(training)
-    return done.errors[-1] if config.keep == "last" else min(done.errors, key=lambda each: each["mean"])
+    return done.errors[-1] if config.keep == "last" else min(done.errors, key=_first)
+
+
+def said(scores: Mapping[str, float]) -> str:
+    """Validation scores in words, without those that say when."""
+    return ", ".join(f"{name} {score:.4g}" for name, score in scores.items() if name not in WHEN)
+
+
+def _first(scores: Mapping[str, float]) -> float:
+    """The score that decides."""
+    return next(score for name, score in scores.items() if name not in WHEN)
 
 
 def has_begun(run: Path) -> bool:
@@ -184,7 +200,7 @@ def _begin(objective: Objective, run: Path, config: LoopConfig) -> Training:
     for name, network in fresh.items():
         laid_out = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         optimizer = torch.optim.AdamW(
-            laid_out.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay
+            laid_out.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay, fused=True
         )
         networks[name], optimizers[name] = fabric.setup(laid_out, optimizer)
     average = copy.deepcopy(networks["net"].module) if config.average else networks["net"].module
@@ -245,13 +261,15 @@ def _validate(training: Training) -> str:
     errors = training.objective.validate(training.average)
     when = {"step": done.step, "minutes": done.seconds / 60}
     done.errors.append({**when, **errors})
-    training.fabric.log_dict({f"validation_mm/{name}": error for name, error in errors.items()}, done.step)
-    if training.config.keep == "last" or errors["mean"] < done.best:
+    training.fabric.log_dict({f"validation/{name}": error for name, error in errors.items()}, done.step)
+    if (picture := training.objective.picture(training.average)) is not None:
+        training.fabric.logger.experiment.add_image("validation", picture, done.step, dataformats="HWC")
+    if training.config.keep == "last" or _first(errors) < done.best:
         if training.fabric.is_global_zero:
-            notes = {**when, "validation_mm": errors, "loop": asdict(training.config), "curve": done.errors}
+            notes = {**when, "validation": errors, "loop": asdict(training.config), "curve": done.errors}
             training.objective.save(training.average, training.run, notes)
-        done.best = min(done.best, errors["mean"])
-    return "validation mm: " + ", ".join(f"{name} {error:.1f}" for name, error in errors.items())
+        done.best = min(done.best, _first(errors))
+    return "validation: " + said(errors)
 
 
 def _progress(shown: bool) -> Progress:

@@ -138,7 +138,7 @@ class ShapeObjective:
             posed = posed_shape(net, material.maps, resting, material.held.pose[chosen])
             errors.append((posed - material.held.vertices[chosen]).norm(dim=2).mean(1) * 1000.0)
         net.train()
-        return {"mean": float(torch.cat(errors).mean())}
+        return {"mean_mm": float(torch.cat(errors).mean())}
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
         self._save({"space": net}, run, notes)
@@ -292,7 +292,7 @@ class DynamicsObjective(ShapeObjective):
             errors.append((posed - held.vertices[chosen]).norm(dim=2).mean(1) * 1000.0)
             before, offsets = self._moved(seen, posed)
         net.train()
-        return {"mean": float(torch.cat(errors).mean())}
+        return {"mean_mm": float(torch.cat(errors).mean())}
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
         self._save({"space": self.space, "dynamics": net}, run, notes)

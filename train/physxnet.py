@@ -89,7 +89,7 @@ class PhysXNetObjective:
         self.past = _new_past(config, self.frames) if config.history else torch.zeros(0)
         if config.anchor == "carrier":
             errors = {name: f"{error:.1f}" for name, error in self._errors(self._without_change).items()}
-            Console().print(f"smooth skinning alone, validation mm: {errors}")
+            Console().print(f"smooth skinning alone: {errors}")
 
     @property
     def samples(self) -> Tensor:
@@ -251,8 +251,8 @@ class PhysXNetObjective:
                 )
                 true = truth[places[here]].to(vertices)
                 errors[name].append((vertices - true).norm(dim=2).mean(1) * 1000.0)
-        means = {name: float(torch.cat(parts).mean()) for name, parts in errors.items() if parts}
-        return {"mean": sum(means.values()) / len(means), **means}
+        means = {f"{name}_mm": float(torch.cat(parts).mean()) for name, parts in errors.items() if parts}
+        return {"mean_mm": sum(means.values()) / len(means), **means}
 
     def _batches(self, net: Callable[[Tensor], Tensor]) -> Iterator[tuple[Tensor, Tensor]]:
         for rows in self.held.samples[:: max(1, len(self.held.samples) // 128)].split(8):

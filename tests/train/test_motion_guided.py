@@ -87,7 +87,7 @@ class Worsening(ShapeObjective):
 
     def validate(self, net: object) -> dict[str, float]:
         self.found += 1.0
-        return {"mean": self.found}
+        return {"mean_mm": self.found}
 
 
 @pytest.mark.parametrize(("keep", "step"), [("best", 2), ("last", 4)])

@@ -14,6 +14,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
+from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.mesh import boundary_edges
 
@@ -77,7 +78,31 @@ class Collider:
 
 def make_collider(body: Body) -> Collider:
     """Leave out forearms and hands, cut the rest at its joints and close each opening with a cap."""
-    count = len(body.mesh.vertices)
+    kept = [
+        body.mesh.faces[torch.isin(body.regions, _indices(regions)) & (body.sides == side)]
+        for regions, sides in PARTS
+        for side in sides
+    ]
+    return _closed(kept, len(body.mesh.vertices))
+
+
+def collider_near(body: Body, points: Tensor, reach: float) -> tuple[Tensor, Collider]:
+    """What of a body at rest is within reach, m, of points (N, 3), as one closed part.
+
+    Its vertices (K,) int64 among the body's, and the part, into those K. Raises InputError if nothing is near.
+    """
+    from scipy.spatial import KDTree
+
+    distance, _ = KDTree(points.numpy()).query(body.mesh.vertices.numpy(), distance_upper_bound=reach)
+    faces = body.mesh.faces[torch.from_numpy(distance < reach)[body.mesh.faces].all(1)]
+    if not len(faces):
+        raise InputError(f"body {body.name}: no part of it is within {reach:.2f} m of the garment")
+    kept, corners = faces.unique(return_inverse=True)
+    return kept, _closed([corners], len(kept))
+
+
+def _closed(parts: list[Tensor], count: int) -> Collider:
+    """Parts (F, 3) into `count` vertices, each opening closed with a cap; equal rims share one."""
     tips: dict[tuple[int, ...], int] = {}
     rims: list[Tensor] = []
 
@@ -90,12 +115,7 @@ def make_collider(body: Body) -> Collider:
             fans.append(torch.stack([rim[:, 1], rim[:, 0], torch.full((len(rim),), tip)], dim=1))
         return torch.cat(fans)
 
-    kept = [
-        body.mesh.faces[torch.isin(body.regions, _indices(regions)) & (body.sides == side)]
-        for regions, sides in PARTS
-        for side in sides
-    ]
-    return Collider(tuple(closed(faces) for faces in kept), tuple(rims))
+    return Collider(tuple(closed(faces) for faces in parts), tuple(rims))
 
 
 def _tip(vertices: Tensor, rim: Tensor) -> Tensor:

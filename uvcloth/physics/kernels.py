@@ -207,3 +207,44 @@ def even_edges(
     if depth > 0.0:
         moved += depth * normals[i]
     before[i] = moved
+
+
+@wp.kernel
+def closest_in_crowd(
+    share: int,
+    meshes: wp.array(dtype=wp.uint64),
+    each: int,
+    points: wp.array(dtype=wp.vec3),
+    visited: wp.array(dtype=wp.vec3),
+    clearance: wp.array(dtype=float),
+    near: float,
+    reach: float,
+    normal: wp.array(dtype=wp.vec3),
+    bound: wp.array(dtype=float),
+):
+    """The plane through the closest point of the mesh that each run of points has to itself, if it is near.
+
+    visited, clearance: where a point was when it was last looked up, and its signed distance then, within reach.
+    """
+    i = share + wp.tid()
+    point = points[i]
+    moved = wp.length(point - visited[i])
+    if clearance[i] - moved > near:
+        return
+    limit = wp.min(reach, wp.abs(clearance[i]) + moved + ON_SURFACE)
+    mesh = meshes[i // each]
+    visited[i] = point
+    query = wp.mesh_query_point_sign_normal(mesh, point, limit)
+    if query.result:
+        place = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
+        away = point - place
+        length = wp.length(away)
+        direction = wp.mesh_eval_face_normal(mesh, query.face)
+        if length > ON_SURFACE:
+            direction = away * (query.sign / length)
+        clearance[i] = query.sign * length
+        if clearance[i] < near:
+            normal[i] = direction
+            bound[i] = wp.dot(direction, place)
+    else:
+        clearance[i] = limit

@@ -19,7 +19,7 @@ from uvcloth.motion.library import load_clip
 from uvcloth.simulate.accept import examine
 from uvcloth.simulate.cloth import Cloth, join
 from uvcloth.simulate.index import INDEX, read_index
-from uvcloth.simulate.layers import check_order
+from uvcloth.garments.order import check_order
 from uvcloth.simulate.lead_in import LeadIn
 from uvcloth.simulate.newton import Style3D
 from uvcloth.simulate.run import run_up, simulate
@@ -85,7 +85,7 @@ def simulate_batch(
     cloths = _cloths(garments, body)
     outfits = [tuple(cloths)] if layered else [(cloth,) for cloth in cloths]
     for outfit in outfits:
-        check_order(outfit)
+        check_order([cloth.garment for cloth in outfit])
     planned = plan(clips, outfits, out / "repeat" if repeat else out, body, windows, repeat)
     _require_same_layers(planned)
     todo = [job for job in planned if not job.done]

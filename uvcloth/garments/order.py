@@ -1,0 +1,24 @@
+"""The order in which garments are worn over one another."""
+
+from collections.abc import Sequence
+
+from rasterize.errors import InputError
+from uvcloth.garments.garment import Garment
+from uvcloth.physics.layers import wrong_side_percent
+
+MOST_CROSSED = 1.0
+"""Percent of the covered vertices that may be on the wrong side at rest."""
+
+
+def check_order(garments: Sequence[Garment]) -> None:
+    """Raise InputError if, at rest, one garment is not over those before it wherever they cover it."""
+    for index, over in enumerate(garments):
+        for under in garments[:index]:
+            crossed = wrong_side_percent(
+                over.mesh.vertices[None], under.mesh.vertices[None], under.mesh.faces
+            )
+            if crossed > MOST_CROSSED:
+                raise InputError(
+                    f"garment {over.name}: cannot be worn over the garment {under.name}, at rest it is "
+                    f"under it in {crossed:.0f} % of the places where they meet"
+                )

@@ -1,0 +1,56 @@
+"""Which vertices of a garment are pinned: what holds it up, its waist or neck alone, or those that a file names."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.garments.band import holding_band
+from uvcloth.garments.garment import Garment
+from uvcloth.garments.shells import joint
+
+PLACES = ("band", "waist", "neck", "none")
+"""Named vertex sets: all that holds the garment up, the part of that below or above the middle of the trunk."""
+
+
+def pinned(garment: Garment, body: Body, names: Sequence[str]) -> Tensor:
+    """The union of the named vertex sets: (N,) bool.
+
+    names: words of PLACES, or text files of vertex numbers, counted from 0 in the order of the garment's mesh.
+    Raises InputError for a name that is neither, a set without a vertex, and a number that no vertex has.
+    """
+    held = torch.zeros(len(garment.mesh.vertices), dtype=torch.bool)
+    for name in names:
+        if name == "none":
+            continue
+        found = _place(garment, body, name) if name in PLACES else _listed(garment, Path(name))
+        if not found.any():
+            raise InputError(f"--pins {name}: names no vertex of the garment {garment.name}")
+        held |= found
+    return held
+
+
+def _place(garment: Garment, body: Body, place: str) -> Tensor:
+    band = holding_band(garment, body).vertices
+    middle = 0.5 * float(joint(body, "Hips")[2] + joint(body, "LeftArm")[2])
+    low = garment.mesh.vertices[:, 2] < middle
+    return {"band": band, "waist": band & low, "neck": band & ~low}[place]
+
+
+def _listed(garment: Garment, path: Path) -> Tensor:
+    try:
+        numbers = np.array(path.read_text().split(), dtype=np.int64)
+    except OSError as error:
+        places = ", ".join(PLACES)
+        raise InputError(f"--pins {path}: neither a readable file of vertex numbers nor one of {places}") from error
+    except ValueError as error:
+        raise InputError(f"{path}: expected vertex numbers, {error}") from error
+    count = len(garment.mesh.vertices)
+    if len(numbers) and not 0 <= numbers.min() <= numbers.max() < count:
+        wrong = int(numbers[(numbers < 0) | (numbers >= count)][0])
+        raise InputError(f"{path}: vertex {wrong} is none of the {count} of the garment {garment.name}")
+    return torch.zeros(count, dtype=torch.bool).index_fill(0, torch.from_numpy(numbers), True)
