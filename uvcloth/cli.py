@@ -1,4 +1,4 @@
-"""The `uvcloth` command: body, simulate, fit, rollout, demo.
+"""The `uvcloth` command: body, simulate, fit, rollout, poses, demo.
 
 Heavy modules are imported by the subcommand that needs them, so that `uvcloth --help` answers at once.
 """
@@ -164,6 +164,40 @@ class Rollout:
 
 
 @dataclass(frozen=True)
+class Poses:
+    """Draw distinct poses, in which the body does not run through itself, from motion capture."""
+
+    out: Path
+    """The npz to write."""
+    clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP|DIR ...", help_behavior_hint="")]] = ()
+    """Motion files (BVH), folders of them or names of built-in clips; without any, the built-in ones. An
+    index.csv in a folder says which clips are for training and which for the test."""
+    body: BodyFile = None
+    """A body made by `uvcloth body`."""
+    apart: float = 0.5
+    """Radians by which at least one joint differs between any two poses."""
+    extra: bool = False
+    """Also train on the clips that an index gives to neither training nor test."""
+    mirror: bool = True
+    """Draw training poses also left-right mirrored."""
+    seed: int = 0
+    """Decides the order in which poses are drawn."""
+
+    def run(self) -> None:
+        from uvcloth.bodies.body import load_body
+        from uvcloth.bodies.self_contact import SelfContact
+        from uvcloth.motion.clip_splits import find_sources
+        from uvcloth.motion.draw_poses import draw_poses
+        from uvcloth.motion.poses import SPLITS, save_poses
+
+        sources = find_sources(self.clips, self.extra)
+        body = load_body(self.body)
+        poses = draw_poses(sources, body, SelfContact(body).clear, self.apart, self.mirror, self.seed)
+        save_poses(poses, self.out)
+        print(f"{self.out}: {', '.join(f'{len(poses.of(split))} {split}' for split in SPLITS)} poses")
+
+
+@dataclass(frozen=True)
 class Demo:
     """Simulate a short motion, roll the shipped model out on it, and leave a report, pictures and files."""
 
@@ -181,6 +215,7 @@ Command = (
     | Annotated[Simulate, subcommand("simulate")]
     | Annotated[Fit, subcommand("fit")]
     | Annotated[Rollout, subcommand("rollout")]
+    | Annotated[Poses, subcommand("poses")]
     | Annotated[Demo, subcommand("demo")]
 )
 
@@ -191,7 +226,7 @@ def main() -> int:
 
 
 def _run() -> None:
-    command: MakeBody | Simulate | Fit | Rollout | Demo = tyro.cli(
+    command: MakeBody | Simulate | Fit | Rollout | Poses | Demo = tyro.cli(
         Command,
         prog="uvcloth",
         description="Motion capture in, moving clothes out.",

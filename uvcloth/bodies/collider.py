@@ -6,6 +6,7 @@ on its own says where its outside is, where one surface of the whole body would 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,14 +19,17 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.mesh import boundary_edges
 
-PARTS = (
+Parts = Sequence[tuple[tuple[str, ...], tuple[int, ...]]]
+"""Regions that move as one, and the sides that have them."""
+
+PARTS: Parts = (
     (("head",), (0,)),
     (("upper_arm",), (1, -1)),
     (("torso",), (0,)),
     (("thigh",), (1, -1)),
     (("calf", "foot"), (1, -1)),
 )
-"""Regions that move as one, and the sides that have them; the others are left out."""
+"""What cloth meets; forearms and hands are left out."""
 
 ARMS, TORSO, LEGS = (1, 2), 3, (4, 5, 6, 7)
 """Places of upper arms, torso, and thighs and calves among the parts."""
@@ -76,11 +80,11 @@ class Collider:
         return touches & torch.isfinite(distance)
 
 
-def make_collider(body: Body) -> Collider:
-    """Leave out forearms and hands, cut the rest at its joints and close each opening with a cap."""
+def make_collider(body: Body, parts: Parts = PARTS) -> Collider:
+    """Cut the body into parts and close each opening with a cap; `touches` is for the parts of cloth."""
     kept = [
         body.mesh.faces[torch.isin(body.regions, _indices(regions)) & (body.sides == side)]
-        for regions, sides in PARTS
+        for regions, sides in parts
         for side in sides
     ]
     return _closed(kept, len(body.mesh.vertices))
@@ -89,7 +93,7 @@ def make_collider(body: Body) -> Collider:
 def collider_near(body: Body, points: Tensor, reach: float) -> tuple[Tensor, Collider]:
     """What of a body at rest is within reach, m, of points (N, 3), as one closed part.
 
-    Its vertices (K,) int64 among the body's, and the part, into those K. Raises InputError if nothing is near.
+    Its vertices (K,) int64 among the body's, and the part, into those K. Raises InputError if none is near.
     """
     from scipy.spatial import KDTree
 

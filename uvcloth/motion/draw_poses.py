@@ -1,0 +1,146 @@
+"""Draw distinct, valid poses from motion capture (PBNS section 4.3)."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import torch
+from kornia.geometry.conversions import rotation_matrix_to_axis_angle
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.motion.clip_splits import Source
+from uvcloth.motion.library import load_clip
+from uvcloth.motion.poses import SPLITS, PoseDatabase, rest_hash
+from uvcloth.skeleton import Skeleton
+from uvcloth.skinning import skin
+
+CHUNK = 256
+"""Candidates that are compared with the poses drawn before, and with one another, at once."""
+
+SIDES = (("Left", "Right"), ("left", "right"), ("L", "R"))
+"""How names of joints begin, after a prefix like "mixamorig:", on either side."""
+
+
+def draw_poses(
+    sources: Sequence[Source],
+    body: Body,
+    valid: Callable[[Tensor], bool],
+    apart: float = 0.5,
+    mirror: bool = True,
+    seed: int = 0,
+) -> PoseDatabase:
+    """Poses of the sources, drawn in random order, training first, then validation, then test.
+
+    A pose is kept if it is at least `apart` radians from every one kept before, of all splits (the largest
+    difference of their `local_angles`), and if it is valid; that is asked of the posed body (V, 3), last.
+    mirror: training poses are also drawn left-right mirrored.
+
+    Raises InputError for unreadable clips, for `apart` not above zero, for mirroring where a joint lacks its
+    counterpart, and if no pose is valid.
+    """
+    if not 0.0 < apart < float("inf"):
+        raise InputError(f"--apart {apart}: expected an angle above 0 radians")
+    generator = torch.Generator().manual_seed(seed)
+    with _progress() as progress:
+        candidates = _candidates(sources, body, mirror, progress)
+        candidates = replace(candidates, apart=apart)
+        skeleton = body.skeleton
+        near = torch.empty(0, 3 * (len(skeleton.names) - 1))
+        drawn: list[Tensor] = []
+        for split, name in enumerate(SPLITS):
+            rows = torch.nonzero(candidates.splits == split).squeeze(1)
+            rows = rows[torch.randperm(len(rows), generator=generator)]
+            bar = progress.add_task(f"drawing for {name}", total=len(rows))
+            for chunk in rows.split(CHUNK):
+                angles = local_angles(candidates.rotations[chunk], skeleton)
+                far = (torch.cdist(angles, near, p=torch.inf) >= apart).all(1)
+                transforms = candidates.take(chunk[far]).transforms(skeleton)
+                kept = _distinct(angles[far], apart, transforms, body, valid)
+                near = torch.cat([near, angles[far][kept]])
+                drawn.append(chunk[far][kept])
+                progress.advance(bar, len(chunk))
+    if not len(near):
+        raise InputError(f"{sources[0].file}: no pose of the clips is valid on the body {body.name}")
+    return candidates.take(torch.cat(drawn))
+
+
+def local_angles(rotations: Tensor, skeleton: Skeleton) -> Tensor:
+    """Axis-angles of all joints but the root relative to their parents: (B, J, 3, 3) -> (B, 3 (J - 1))."""
+    parents = rotations[:, list(skeleton.parents[1:])]
+    local = (parents.mT @ rotations[:, 1:]).flatten(0, 1)
+    return rotation_matrix_to_axis_angle(local).reshape(len(rotations), -1)
+
+
+def mirror_rotations(rotations: Tensor, skeleton: Skeleton) -> Tensor:
+    """World rotations (B, J, 3, 3) of the pose mirrored across x = 0: left and right joints change places.
+
+    Raises InputError naming a joint whose counterpart the skeleton lacks.
+    """
+    names = skeleton.names
+    counterparts = [_counterpart(name, names) for name in names]
+    flip = torch.tensor([-1.0, 1.0, 1.0]).to(rotations)
+    return rotations[:, counterparts] * flip[:, None] * flip
+
+
+def _counterpart(name: str, names: tuple[str, ...]) -> int:
+    """Index of the joint on the other side, or of the joint itself if it is on neither."""
+    prefix, colon, plain = name.rpartition(":")
+    for left, right in (*SIDES, *(side[::-1] for side in SIDES)):
+        rest = plain.removeprefix(left)
+        # "L" begins LowerBack as well as LThumb.
+        if rest == plain or not (rest[:1].isupper() or rest.startswith("_")):
+            continue
+        other = f"{prefix}{colon}{right}{rest}"
+        if other not in names:
+            raise InputError(f"joint {name}: the skeleton has no {other} to mirror it to (use --no-mirror)")
+        return names.index(other)
+    return names.index(name)
+
+
+def _candidates(sources: Sequence[Source], body: Body, mirror: bool, progress: Progress) -> PoseDatabase:
+    """Every frame of every source, and with `mirror` those for training once more, mirrored."""
+    rotations: list[Tensor] = []
+    labels: list[Tensor] = []
+    bar = progress.add_task("reading clips", total=len(sources))
+    for index, source in enumerate(sources):
+        split = SPLITS.index(source.split)
+        motion = load_clip(source.file, body).rotations
+        frames = torch.arange(len(motion))
+        for mirrored in (False, True) if mirror and source.split == "train" else (False,):
+            rotations.append(mirror_rotations(motion, body.skeleton) if mirrored else motion)
+            same = torch.tensor([index, mirrored, split]).expand(len(motion), 3)
+            labels.append(torch.cat([frames[:, None], same], dim=1))
+        progress.advance(bar)
+    frame, clip, mirrored_, split_ = torch.cat(labels).unbind(1)
+    return PoseDatabase(
+        joints=body.skeleton.names,
+        rotations=torch.cat(rotations),
+        clip_names=tuple(source.name for source in sources),
+        clips=clip,
+        frames=frame,
+        mirrored=mirrored_.bool(),
+        splits=split_,
+        apart=0.0,
+        body_name=body.name,
+        body_hash=rest_hash(body),
+    )
+
+
+def _distinct(
+    angles: Tensor, apart: float, transforms: Tensor, body: Body, valid: Callable[[Tensor], bool]
+) -> Tensor:
+    """Of poses (B, A), (B, J, 3, 4), first come first served, those valid and apart from each other: (K,)."""
+    close = torch.cdist(angles, angles, p=torch.inf) < apart
+    free = torch.ones(len(angles), dtype=torch.bool)
+    kept: list[int] = []
+    for row in range(len(angles)):
+        if free[row] and valid(skin(body.mesh.vertices, body.weights, transforms[row : row + 1])[0]):
+            kept.append(row)
+            free &= ~close[row]
+    return torch.tensor(kept, dtype=torch.int64)
+
+
+def _progress() -> Progress:
+    return Progress(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())

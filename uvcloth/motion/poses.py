@@ -1,0 +1,144 @@
+"""Pose databases: distinct, valid poses of one body, without the motion between them, in one npz."""
+
+import hashlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from scipy.spatial.transform import Rotation
+from torch import Tensor
+
+from rasterize.archive import load_arrays, require_finite, save_arrays
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.skeleton import Skeleton, joint_transforms
+
+SPLITS = ("train", "validation", "test")
+
+FORMAT = "uvcloth-poses-1"
+ARRAYS = ("joint_names", "quaternions", "clip_names", "clips", "frames", "mirrored", "splits")
+SCALARS = ("apart", "body_name", "body_hash")
+
+
+@dataclass(frozen=True)
+class PoseDatabase:
+    """M poses of a skeleton of J joints (PBNS section 4.3).
+
+    joints: names. rotations: (M, J, 3, 3) float32 world rotations relative to rest. clip_names: the clips
+    that they come from. clips: (M,) int64 index of the clip. frames: (M,) int64 frame of it at 30 frames per
+    second. mirrored: (M,) bool, left and right swapped. splits: (M,) int64 indices into SPLITS. apart:
+    radians by which any two poses differ at least. body_name, body_hash: the body that they are valid for,
+    see `rest_hash`.
+    """
+
+    joints: tuple[str, ...]
+    rotations: Tensor
+    clip_names: tuple[str, ...]
+    clips: Tensor
+    frames: Tensor
+    mirrored: Tensor
+    splits: Tensor
+    apart: float
+    body_name: str
+    body_hash: str
+
+    def __len__(self) -> int:
+        return len(self.rotations)
+
+    def transforms(self, skeleton: Skeleton) -> Tensor:
+        """(M, J, 3, 4) rest-to-posed transforms of every joint; the root joint stays where it is at rest."""
+        return joint_transforms(skeleton, self.rotations, skeleton.heads[:1].expand(len(self), 3))
+
+    def of(self, split: str) -> "PoseDatabase":
+        """Only the poses of one split, a word of SPLITS."""
+        return self.take(torch.nonzero(self.splits == SPLITS.index(split)).squeeze(1))
+
+    def take(self, rows: Tensor) -> "PoseDatabase":
+        """Only the poses at `rows` (K,), in that order."""
+        return replace(
+            self,
+            rotations=self.rotations[rows],
+            clips=self.clips[rows],
+            frames=self.frames[rows],
+            mirrored=self.mirrored[rows],
+            splits=self.splits[rows],
+        )
+
+
+def rest_hash(body: Body) -> str:
+    """SHA-256 of the body's vertices at rest, in hexadecimal: two bodies of one shape have the same."""
+    return hashlib.sha256(body.mesh.vertices.numpy().astype("<f4").tobytes()).hexdigest()
+
+
+def save_poses(poses: PoseDatabase, path: Path) -> None:
+    """Write a database to one npz, rotations as quaternions. Raises InputError if it cannot be written."""
+    quaternions = Rotation.from_matrix(poses.rotations.flatten(0, 1).numpy()).as_quat()
+    save_arrays(
+        path,
+        {
+            "format": np.array(FORMAT),
+            "joint_names": np.array(poses.joints),
+            "quaternions": quaternions.reshape(*poses.rotations.shape[:2], 4).astype(np.float32),
+            "clip_names": np.array(poses.clip_names),
+            "clips": poses.clips.numpy().astype(np.int32),
+            "frames": poses.frames.numpy().astype(np.int32),
+            "mirrored": poses.mirrored.numpy(),
+            "splits": poses.splits.numpy().astype(np.uint8),
+            "apart": np.array(poses.apart),
+            "body_name": np.array(poses.body_name),
+            "body_hash": np.array(poses.body_hash),
+        },
+    )
+
+
+def load_poses(path: Path, body: Body) -> PoseDatabase:
+    """Read what `save_poses` wrote, to pose a body with.
+
+    Raises InputError naming the file if it is missing, damaged, another format, without poses, made for
+    another skeleton, or holds arrays that do not fit together or are not finite.
+    """
+    path = Path(path)
+    data = load_arrays(path, FORMAT, "poses drawn by `uvcloth poses`", (*ARRAYS, *SCALARS))
+    require_finite(path, data)
+    names = tuple(str(name) for name in data["joint_names"].reshape(-1))
+    if names != body.skeleton.names:
+        raise InputError(
+            f"{path}: the poses are of another skeleton than the body {body.name} "
+            f"({len(names)} joints {', '.join(names[:3])}, ...)"
+        )
+    _check(path, data, len(names))
+    quaternions = data["quaternions"]
+    rotations = Rotation.from_quat(quaternions.reshape(-1, 4)).as_matrix().astype(np.float32)
+    return PoseDatabase(
+        joints=names,
+        rotations=torch.from_numpy(rotations).view(*quaternions.shape[:2], 3, 3),
+        clip_names=tuple(str(name) for name in data["clip_names"]),
+        clips=torch.from_numpy(data["clips"].astype(np.int64)),
+        frames=torch.from_numpy(data["frames"].astype(np.int64)),
+        mirrored=torch.from_numpy(data["mirrored"]),
+        splits=torch.from_numpy(data["splits"].astype(np.int64)),
+        apart=float(data["apart"]),
+        body_name=str(data["body_name"]),
+        body_hash=str(data["body_hash"]),
+    )
+
+
+def _check(path: Path, data: dict[str, np.ndarray], joints: int) -> None:
+    """Raise InputError unless shapes, kinds and ranges are those of poses of `joints` joints."""
+    quaternions, clip_names = data["quaternions"], data["clip_names"]
+    count = len(quaternions) if quaternions.ndim else 0
+    if count == 0:
+        raise InputError(f"{path}: holds no poses")
+    flat = all(data[name].shape == (count,) for name in ("clips", "frames", "mirrored", "splits"))
+    single = all(data[name].ndim == 0 for name in SCALARS)
+    kinds = [data[name].dtype.kind for name in ("quaternions", "mirrored", "apart")] == ["f", "b", "f"]
+    whole = all(data[name].dtype.kind in "iu" for name in ("clips", "frames", "splits"))
+    fit = quaternions.shape == (count, joints, 4) and clip_names.ndim == 1 and flat and single
+    if not (fit and kinds and whole):
+        raise InputError(f"{path}: the arrays of the poses do not fit together")
+    for name, end in (("clips", len(clip_names)), ("splits", len(SPLITS)), ("frames", np.inf)):
+        if data[name].min() < 0 or data[name].max() >= end:
+            raise InputError(f"{path}: {name} holds an index out of range")
+    if not np.allclose(np.linalg.norm(quaternions, axis=-1), 1.0, atol=1e-3):
+        raise InputError(f"{path}: a rotation of the poses is no unit quaternion")
