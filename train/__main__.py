@@ -2,10 +2,11 @@
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
@@ -13,7 +14,7 @@ from tyro.conf import OmitArgPrefixes
 
 from rasterize.command import run_command
 from rasterize.errors import InputError
-from train.loop import LOOPS, LoopConfig, check_run, fit, has_begun
+from train.loop import LOOPS, LoopConfig, check_run, fit, has_begun, said
 from train.material import Material
 from train.motion_guided import LOOPS as MOTION_GUIDED_LOOPS
 from train.motion_guided import LOSSES as MOTION_GUIDED_LOSSES
@@ -25,10 +26,17 @@ from train.motion_guided import (
     ShapeObjective,
     load_shape_space,
 )
+from train.pbns import LOOPS as PBNS_LOOPS
+from train.pbns import PRESETS as PBNS_PRESETS
+from train.pbns import Fabric, Hanging, PBNSObjective
 from train.physxnet import LOSSES, Losses, PhysXNetObjective
+from train.poses import poses_for
 from uvcloth.bodies.body import load_body
+from uvcloth.garments.garment import Outfit
+from uvcloth.garments.wardrobe import take
 from uvcloth.methods import motion_guided, physxnet
 from uvcloth.methods.motion_guided import MotionGuidedConfig
+from uvcloth.methods.pbns import PBNSConfig
 from uvcloth.methods.physxnet import PhysXNetConfig
 
 
@@ -104,6 +112,43 @@ class MotionGuidedRun:
         return fit(objective, self.out, self.loop, resume=second_began)
 
 
+@dataclass(frozen=True)
+class PBNSRun:
+    """Train PBNS on a garment or an outfit: physics alone teaches, no sequence is needed."""
+
+    garment: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")]
+    """Templates (tops, bottoms, dress) or garment files, the innermost first."""
+    out: Path
+    """Folder of the run: checkpoint, training state, TensorBoard, and the poses if they are drawn here."""
+    poses: Annotated[
+        tuple[str, ...],
+        tyro.conf.arg(metavar="NPZ|DIR|CLIP ...", help_behavior_hint="(default: the built-in clips)"),
+    ] = ()
+    """Poses drawn by `uvcloth poses`, or the motion to draw them from."""
+    preset: str = "default"
+    """default, paper or tiny: where every setting below starts from."""
+    resume: bool = False
+    """Continue the run in `out` where it stopped."""
+    body: Path | None = None
+    """A body made by `uvcloth body`; default: the one in the package."""
+    network: OmitArgPrefixes[PBNSConfig] = field(default_factory=PBNSConfig)
+    fabric: OmitArgPrefixes[Fabric] = field(default_factory=Fabric)
+    hanging: OmitArgPrefixes[Hanging] = field(default_factory=Hanging)
+    loop: OmitArgPrefixes[LoopConfig] = field(default_factory=lambda: PBNS_LOOPS["default"])
+
+    def train(self) -> dict[str, float]:
+        """Train; returns the validation scores of the network kept."""
+        check_run(self.out, resume=self.resume)
+        if not self.garment:
+            raise InputError("--garment: name at least one garment")
+        body = load_body(self.body)
+        say = partial(Console(stderr=True).print, highlight=False, markup=False)
+        outfit = Outfit(body, tuple(take(name, body, say) for name in self.garment))
+        poses = poses_for(self.poses, body, self.out)
+        objective = PBNSObjective(self.network, self.fabric, self.hanging, outfit, poses, self.loop.batch)
+        return fit(objective, self.out, self.loop, resume=self.resume)
+
+
 def _of(presets: Mapping[str, Any], name: str) -> Any:
     if name not in presets:
         raise InputError(f"--preset {name}: expected one of {', '.join(presets)}")
@@ -129,9 +174,15 @@ def motion_guided_preset(name: str) -> dict[str, Any]:
     }
 
 
-METHODS: dict[str, tuple[type[PhysXNetRun] | type[MotionGuidedRun], str, Any]] = {
+def pbns_preset(name: str) -> dict[str, Any]:
+    """The settings of a preset, as defaults of PBNSRun. Raises InputError for an unknown name."""
+    return {"preset": name, **_of(PBNS_PRESETS, name), "loop": PBNS_LOOPS[name]}
+
+
+METHODS: dict[str, tuple[type[PhysXNetRun] | type[MotionGuidedRun] | type[PBNSRun], str, Any]] = {
     "physxnet": (PhysXNetRun, "default", physxnet_preset),
     "motion_guided": (MotionGuidedRun, "fast", motion_guided_preset),
+    "pbns": (PBNSRun, "default", pbns_preset),
 }
 """What can be trained: its settings, and the presets they start from, the usual one by name."""
 
@@ -141,17 +192,18 @@ def main() -> None:
     method, *arguments = sys.argv[1:] or ["--help"]
     if method not in METHODS:
         if method in ("-h", "--help"):
-            print(f"usage: python -m train {{{','.join(METHODS)}}} --data DIR --out RUN [--help]")
+            print(f"usage: python -m train {{{','.join(METHODS)}}} --out RUN [--help]")
             return
         raise InputError(f"{method}: cannot be trained, expected one of {', '.join(METHODS)}")
     kind, usual, preset = METHODS[method]
-    default = replace(kind(data=tyro.MISSING, out=tyro.MISSING), **preset(_preset_of(arguments) or usual))
+    needed = [part.name for part in fields(kind) if part.default is part.default_factory is MISSING]
+    asked: Any = {name: tyro.MISSING for name in needed}
+    default = replace(kind(**asked), **preset(_preset_of(arguments) or usual))
     run = tyro.cli(kind, args=arguments, default=default, prog=f"python -m train {method}")
     if find_spec("lightning") is None:
         raise InputError("training needs Lightning: install uvcloth[train]")
-    errors = run.train()
-    parts = ", ".join(f"{key} {value:.1f}" for key, value in errors.items() if key not in ("step", "minutes"))
-    Console().print(f"{run.out}: kept that of step {errors['step']:.0f}, validation mm: {parts}")
+    scores = run.train()
+    Console().print(f"{run.out}: kept that of step {scores['step']:.0f}, validation: {said(scores)}")
 
 
 def _preset_of(arguments: list[str]) -> str | None:

@@ -1,4 +1,4 @@
-"""Which vertices of a garment are pinned: what holds it up, its waist or neck alone, or those that a file names."""
+"""Which vertices of a garment are pinned: what holds it up, a part of that, or those that a file names."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,13 +14,13 @@ from uvcloth.garments.garment import Garment
 from uvcloth.garments.shells import joint
 
 PLACES = ("band", "waist", "neck", "none")
-"""Named vertex sets: all that holds the garment up, the part of that below or above the middle of the trunk."""
+"""Named vertex sets: all that holds the garment up, or its part below or above the middle of the trunk."""
 
 
 def pinned(garment: Garment, body: Body, names: Sequence[str]) -> Tensor:
     """The union of the named vertex sets: (N,) bool.
 
-    names: words of PLACES, or text files of vertex numbers, counted from 0 in the order of the garment's mesh.
+    names: words of PLACES, or text files of vertex numbers, counted from 0 in the order of the mesh.
     Raises InputError for a name that is neither, a set without a vertex, and a number that no vertex has.
     """
     held = torch.zeros(len(garment.mesh.vertices), dtype=torch.bool)
@@ -46,7 +46,9 @@ def _listed(garment: Garment, path: Path) -> Tensor:
         numbers = np.array(path.read_text().split(), dtype=np.int64)
     except OSError as error:
         places = ", ".join(PLACES)
-        raise InputError(f"--pins {path}: neither a readable file of vertex numbers nor one of {places}") from error
+        raise InputError(
+            f"--pins {path}: neither a readable file of vertex numbers nor one of {places}"
+        ) from error
     except ValueError as error:
         raise InputError(f"{path}: expected vertex numbers, {error}") from error
     count = len(garment.mesh.vertices)

@@ -118,6 +118,11 @@ class PBNSNetwork(nn.Module):
         with torch.no_grad():
             self.sharp_weights.copy_(sharp / SHARPNESS)
 
+    def forward(self, poses: Tensor) -> tuple[Tensor, Tensor]:
+        """Deformation (B, U, 3) m of some poses (B, 3 J), and the blend weights (U, J) that pose it."""
+        with torch.autocast(poses.device.type, enabled=False):
+            return self.deform(poses), self.unique_weights()
+
     def embed(self, poses: Tensor) -> Tensor:
         """High-level pose embedding f_X (paper eq. 2): pose vectors (B, 3 J) -> (B, width), none negative."""
         for layer in self.layers:

@@ -11,6 +11,7 @@ import torch
 import warp as wp
 from torch import Tensor
 
+from uvcloth.mesh import vertex_normals
 from uvcloth.physics import kernels
 from uvcloth.physics.launch import array, launch, stream
 from uvcloth.physics.surface import REACH
@@ -23,8 +24,8 @@ FREE = -1.0e6
 class Planes:
     """What keeps B x N points off a surface: a plane each, or none.
 
-    normals: (B, N, 3) the direction in which the signed distance grows, unit length. bounds: (B, N) m, product
-    of the plane's points with its normal; FREE where nothing is near.
+    normals: (B, N, 3) the direction in which the signed distance grows, unit length. bounds: (B, N) m,
+    product of the plane's points with its normal; FREE where nothing is near.
     """
 
     normals: Tensor
@@ -48,7 +49,9 @@ class Visit:
 
 def first_visit(poses: int, points: int, device: torch.device) -> Visit:
     """Of P poses with N points that were never looked up."""
-    return Visit(torch.full((poses, points, 3), torch.inf, device=device), torch.zeros(poses, points, device=device))
+    return Visit(
+        torch.full((poses, points, 3), torch.inf, device=device), torch.zeros(poses, points, device=device)
+    )
 
 
 class Crowd:
@@ -59,6 +62,7 @@ class Crowd:
         self.device = vertices.device
         wp.load_module(kernels, device=str(self.device))
         self._points = vertices.detach().float().repeat(count, 1, 1).contiguous()
+        self._faces = faces.to(self.device)
         with stream(self.device):
             corners = array(faces.to(self.device, torch.int32).reshape(-1).contiguous())
             self._meshes = [wp.Mesh(array(points), corners) for points in self._points]
@@ -75,13 +79,16 @@ class Crowd:
     def planes(self, points: Tensor, near: float, visit: Visit | None = None, corner: bool = False) -> Planes:
         """The plane that touches the surface at the point closest to each of (B, N, 3), if it is near, m.
 
-        visit: of these poses; brought up to date, in place. corner: the plane at the closest vertex instead.
+        visit: of these poses; brought up to date, in place. corner: the plane at the nearest vertex of the
+        closest face instead, across that vertex's normal (PBNS eq. 5).
         """
         points = points.detach().float().contiguous()
         count, each = points.shape[:2]
         visit = visit or first_visit(count, each, self.device)
+        corners = vertex_normals(self._points, self._faces) if corner else points.new_empty(0, 0, 3)
         normals, bounds = torch.zeros_like(points), torch.full_like(points[..., 0], FREE)
         tensors = (points.view(-1, 3), visit.points.view(-1, 3), visit.clearance.view(-1))
-        arguments = (*map(array, tensors), near, REACH, array(normals.view(-1, 3)), array(bounds.view(-1)))
-        launch(kernels.closest_in_crowd, count * each, self.device, self._ids, each, *arguments)
+        found = map(array, (corners.view(-1, 3), normals.view(-1, 3), bounds.view(-1)))
+        query = (self._ids, each, *map(array, tensors), near, REACH)
+        launch(kernels.closest_in_crowd, count * each, self.device, *query, *found)
         return Planes(normals, bounds)

@@ -34,7 +34,7 @@ class RestShape:
 
 
 def rest_shape(vertices: Tensor, faces: Tensor, density: float) -> RestShape:
-    """Cloth at rest: vertices (N, 3) m, faces (F, 3), density kg/m2. A vertex has a third of its faces' mass."""
+    """Cloth at rest: vertices (N, 3) m, faces (F, 3), density kg/m2; faces weigh on their corners."""
     edges = unique_edges(faces)
     areas = 0.5 * face_normals(vertices, faces).norm(dim=1)
     masses = vertices.new_zeros(len(vertices)).index_add(0, faces.flatten(), areas.repeat_interleave(3))
@@ -53,7 +53,7 @@ def bend_energy(vertices: Tensor, cloth: RestShape, stiffness: float) -> Tensor:
     """L_bend (PBNS eq. 4): vertices (..., N, 3) m, stiffness J -> (...,) J.
 
     stiffness times the sum of squared differences between the normals of neighbouring faces, as the paper's
-    program has its Laplace-Beltrami operator on face normals. Flat cloth has none, whatever its shape at rest.
+    program has its Laplace-Beltrami operator on face normals. Flat cloth has none, whatever its rest shape.
     """
     first, second = _neighbours(_normals(vertices, cloth.faces), cloth.pairs)
     return stiffness * (first - second).square().sum((-2, -1))

@@ -219,12 +219,16 @@ def closest_in_crowd(
     clearance: wp.array(dtype=float),
     near: float,
     reach: float,
+    corners: wp.array(dtype=wp.vec3),
     normal: wp.array(dtype=wp.vec3),
     bound: wp.array(dtype=float),
 ):
     """The plane through the closest point of the mesh that each run of points has to itself, if it is near.
 
-    visited, clearance: where a point was when it was last looked up, and its signed distance then, within reach.
+    corners: normals of the vertices of all meshes; with them, the plane at the nearest corner of the closest
+    face, without them, through that point across the way to it.
+
+    visited, clearance: where a point was when last looked up, and its signed distance then, within reach.
     """
     i = share + wp.tid()
     point = points[i]
@@ -243,6 +247,16 @@ def closest_in_crowd(
         if length > ON_SURFACE:
             direction = away * (query.sign / length)
         clearance[i] = query.sign * length
+        if corners.shape[0] > 0 and clearance[i] < near:
+            nearest = FAR
+            start = (i // each) * (corners.shape[0] // meshes.shape[0])
+            for k in range(3):
+                corner = wp.mesh_get_index(mesh, 3 * query.face + k)
+                there = wp.mesh_get_point(mesh, 3 * query.face + k)
+                if wp.length(point - there) < nearest:
+                    nearest = wp.length(point - there)
+                    place = there
+                    direction = corners[start + corner]
         if clearance[i] < near:
             normal[i] = direction
             bound[i] = wp.dot(direction, place)

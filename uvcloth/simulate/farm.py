@@ -13,13 +13,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rasterize.atomic import atomic_write, make_folder
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.garments.order import check_order
 from uvcloth.garments.wardrobe import take_for_data
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
 from uvcloth.simulate.accept import examine
 from uvcloth.simulate.cloth import Cloth, join
 from uvcloth.simulate.index import INDEX, read_index
-from uvcloth.garments.order import check_order
 from uvcloth.simulate.lead_in import LeadIn
 from uvcloth.simulate.newton import Style3D
 from uvcloth.simulate.run import run_up, simulate

@@ -1,0 +1,52 @@
+"""The poses to train on: a database from a file, or drawn from motion into the run's folder."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from rich.progress import track
+
+from uvcloth.bodies.body import Body
+from uvcloth.bodies.self_contact import SelfContact
+from uvcloth.motion.clip_splits import find_sources
+from uvcloth.motion.draw_poses import draw_poses
+from uvcloth.motion.poses import PoseDatabase, load_poses, rest_hash, save_poses
+from uvcloth.skinning import skin
+
+DRAWN = "poses.npz"
+"""Where a run keeps the poses that were drawn for it."""
+
+
+@dataclass(frozen=True)
+class Poses:
+    """A database for one body, the file that it is from and the hash of that."""
+
+    database: PoseDatabase
+    file: str
+    hash: str
+
+
+def poses_for(given: Sequence[str], body: Body, run: Path) -> Poses:
+    """Read the database of `given`, or draw one from its clips and folders into the run, once.
+
+    Poses that were drawn for another shape of body and in which this one runs through itself are left out.
+    Raises InputError as load_poses, find_sources and draw_poses do.
+    """
+    ready = len(given) == 1 and Path(given[0]).suffix == ".npz"
+    path = Path(given[0]) if ready else run / DRAWN
+    if not ready and not path.exists():
+        save_poses(draw_poses(find_sources(given), body, SelfContact(body).clear), path)
+    database = load_poses(path, body)
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    if database.body_hash != rest_hash(body):
+        database = _valid_for(body, database)
+    return Poses(database, path.name, digest)
+
+
+def _valid_for(body: Body, database: PoseDatabase) -> PoseDatabase:
+    valid = SelfContact(body).clear
+    posed = track(database.transforms(body.skeleton), f"poses of {database.body_name} on {body.name}")
+    clear = [valid(skin(body.mesh.vertices, body.weights, transforms[None])[0]) for transforms in posed]
+    return database.take(torch.nonzero(torch.tensor(clear)).squeeze(1))

@@ -1,0 +1,84 @@
+"""What an outfit collides with in many poses at once: the body near it, and its own inner layers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+from uvcloth.bodies.collider import Collider, collider_near
+from uvcloth.physics.crowd import FREE, Crowd, Planes, Visit
+from uvcloth.physics.layers import Layer
+from uvcloth.skinning import skin
+
+NEAR_BODY = 0.2
+"""Metres from the outfit at rest within which the body is collided with."""
+
+NEAR_LAYER = 0.1
+"""Metres from an inner layer at rest within which an outer one meets it."""
+
+BESIDE = 10.0
+"""Metres between the copies of a layer, one for each pose, which are one mesh."""
+
+
+class BodyBeside:
+    """The part of a body near an outfit at rest (U, 3) m, in as many poses at once as a batch has."""
+
+    def __init__(self, body: Body, outfit: Tensor, batch: int, device: torch.device) -> None:
+        kept, collider = collider_near(body, outfit.cpu(), NEAR_BODY)
+        self._rest, self._weights = body.mesh.vertices[kept].to(device), body.weights[kept].to(device)
+        self._collider = Collider(collider.parts, tuple(rim.to(device) for rim in collider.rims))
+        self._crowd = Crowd(self._collider.vertices(self._rest), collider.parts[0], batch)
+
+    def move(self, transforms: Tensor) -> None:
+        """Take the poses of joint transforms (B, J, 3, 4)."""
+        self._crowd.update(self._collider.vertices(skin(self._rest, self._weights, transforms)))
+
+    def planes(self, outfit: Tensor, near: float, visit: Visit | None, plane: str) -> Planes:
+        """The planes that keep an outfit (B, U, 3) m off the body where it is near, m; see Crowd.planes."""
+        return self._crowd.planes(outfit, near, visit, corner=plane == "vertex")
+
+
+@dataclass(frozen=True)
+class InnerLayer:
+    """A garment of an outfit that others are worn over.
+
+    rows: (n,) of it among the outfit's U vertices. outer: (m,) those of what lies near it, over it. copies:
+    the layer in as many poses as a batch has.
+    """
+
+    rows: Tensor
+    outer: Tensor
+    copies: Layer
+
+    def planes(self, outfit: Tensor) -> Planes:
+        """The planes that keep what lies near (B, m, 3) off the layer: outfit (B, U, 3) m, as it is now."""
+        aside = outfit.new_zeros(len(outfit), 1, 3)
+        aside[:, 0, 0] = BESIDE * torch.arange(len(outfit), device=outfit.device)
+        inner, outer = (outfit[:, rows].detach() + aside for rows in (self.rows, self.outer))
+        placed = self.copies.points.clone()
+        placed[: inner[..., 0].numel()] = inner.flatten(0, 1)
+        self.copies.update(placed)
+        found = self.copies.beside(outer.flatten(0, 1), NEAR_LAYER)
+        bounds = (found.normals * (outer - aside).flatten(0, 1)).sum(1) - found.distance
+        bounds = torch.where(found.covered, bounds, FREE)
+        return Planes(found.normals.view_as(outer), bounds.view(outer.shape[:2]))
+
+
+def inner_layers(outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batch: int) -> list[InnerLayer]:
+    """The layers of an outfit at rest (U, 3) m: garments as rows (n,) among the U and faces (F, 3) into them.
+
+    Innermost first, each with all that lies near it of those after it.
+    """
+    layers = []
+    for index, (rows, faces) in enumerate(garments[:-1]):
+        over = torch.cat([rows for rows, _ in garments[index + 1 :]])
+        near = Layer(outfit[rows], faces).beside(outfit[over], NEAR_LAYER).covered
+        aside = (
+            BESIDE * torch.arange(batch, device=outfit.device)[:, None, None] * outfit.new_tensor([1.0, 0, 0])
+        )
+        tiled = faces + len(rows) * torch.arange(batch, device=faces.device)[:, None, None]
+        copies = Layer((outfit[rows] + aside).flatten(0, 1), tiled.flatten(0, 1))
+        layers.append(InnerLayer(rows, over[near], copies))
+    return layers
