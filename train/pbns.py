@@ -202,7 +202,8 @@ class PBNSObjective:
 
     def to(self, device: torch.device) -> None:
         """Move what a step touches to a device, and stand as many bodies there as a batch has poses."""
-        self.poses, self.held, self.cloth = (x.to(device) for x in (self.poses, self.held, self.cloth))
+        self.poses, self.held = self.poses.to(device), self.held.to(device)
+        self.cloth = self.cloth.to(device)
         self.points, self.pins = self.points.to(device), self.pins.to(device)
         self.faces = [faces.to(device) for faces in self.faces]
         self.visits = Visit(self.visits.points.to(device), self.visits.clearance.to(device))
