@@ -215,12 +215,12 @@ class PBNSObjective:
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
         """The potential energy of a batch of poses, mJ each (paper eq. 3, and the pins)."""
         visit = Visit(self.visits.points[rows], self.visits.clearance[rows])
-        deformed, posed = self._pose(networks["net"], self.poses, rows)
+        deformed, posed = self.pose(networks["net"], self.poses, rows)
         parts = self._energies(deformed, posed, self.poses.transforms[rows], visit)
         self.visits.points[rows], self.visits.clearance[rows] = visit.points, visit.clearance
         yield "net", torch.stack(list(parts.values())).sum(), parts
 
-    def _pose(self, net: Any, poses: Posed, rows: Tensor) -> tuple[Tensor, Tensor]:
+    def pose(self, net: Any, poses: Posed, rows: Tensor) -> tuple[Tensor, Tensor]:
         """The deformation at rest and the posed outfit of some poses, (B, U, 3) m each."""
         deformed, weights = net(poses.vectors[rows])
         blended = blend_transforms(weights, poses.transforms[rows])
@@ -258,7 +258,7 @@ class PBNSObjective:
         rows = torch.arange(0, len(self.held.vectors), stride, device=self.held.vectors.device)
         energies, posed = [], []
         for some in rows.split(self.batch):
-            deformed, vertices = self._pose(net, self.held, some)
+            deformed, vertices = self.pose(net, self.held, some)
             parts = self._energies(deformed, vertices, self.held.transforms[some], None)
             energies.append(len(some) * torch.stack(list(parts.values())).sum())
             posed.append(vertices)
@@ -311,7 +311,7 @@ class PBNSObjective:
         """A few validation poses, rendered: (H, W, 3) uint8."""
         body = self.outfit.body
         rows = torch.linspace(0, len(self.held.vectors) - 1, PICTURED).long().to(self.held.vectors.device)
-        _, posed = self._pose(net, self.held, rows)
+        _, posed = self.pose(net, self.held, rows)
         bodies = skin(body.mesh.vertices, body.weights, self.held.transforms[rows].cpu())
         pictures = []
         for vertices, skin_vertices in zip(posed.cpu(), bodies, strict=True):
