@@ -12,7 +12,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.motion.clip_splits import Source
 from uvcloth.motion.library import load_clip
-from uvcloth.motion.poses import SPLITS, PoseDatabase, rest_hash
+from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase, rest_hash
 from uvcloth.skeleton import Skeleton
 from uvcloth.skinning import skin
 
@@ -122,6 +122,7 @@ def _candidates(sources: Sequence[Source], body: Body, mirror: bool, progress: P
         frames=frame,
         mirrored=mirrored_.bool(),
         splits=split_,
+        donors=torch.full((len(split_), DONORS), -1),
         apart=0.0,
         body_name=body.name,
         body_hash=rest_hash(body),
