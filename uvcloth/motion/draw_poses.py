@@ -51,6 +51,8 @@ def draw_poses(
         drawn: list[Tensor] = []
         for split, name in enumerate(SPLITS):
             rows = torch.nonzero(candidates.splits == split).squeeze(1)
+            if not len(rows):
+                continue
             rows = rows[torch.randperm(len(rows), generator=generator)]
             bar = progress.add_task(f"drawing for {name}", total=len(rows))
             for chunk in rows.split(CHUNK):
