@@ -26,6 +26,7 @@ def poses() -> PoseDatabase:
         frames=torch.tensor([5, 0, 2, 9]),
         mirrored=torch.tensor([False, True, False, False]),
         splits=torch.tensor([0, 0, 1, 2]),
+        donors=torch.tensor([[-1] * 4, [0, 0, 0, 0], [-1] * 4, [-1] * 4]),
         apart=0.5,
         body_name="box",
         body_hash=rest_hash(small_body()),
@@ -36,7 +37,7 @@ def test_poses_save_and_load(tmp_path: Path, poses: PoseDatabase) -> None:
     save_poses(poses, tmp_path / "poses.npz")
     again = load_poses(tmp_path / "poses.npz", small_body())
     torch.testing.assert_close(again.rotations, poses.rotations, atol=1e-6, rtol=0)
-    for name in ("clips", "frames", "mirrored", "splits"):
+    for name in ("clips", "frames", "mirrored", "splits", "donors"):
         torch.testing.assert_close(getattr(again, name), getattr(poses, name))
     for name in ("joints", "clip_names", "apart", "body_name", "body_hash"):
         assert getattr(again, name) == getattr(poses, name)
@@ -84,6 +85,8 @@ def test_poses_of_another_skeleton_are_refused(tmp_path: Path, poses: PoseDataba
         ("clips", lambda a: a + 1, "clips holds an index out of range"),
         ("splits", lambda a: a + 1, "splits holds an index out of range"),
         ("splits", lambda a: a.astype(str), "do not fit together"),
+        ("donors", lambda a: a[:, :3], "do not fit together"),
+        ("donors", lambda a: a + 4, "donors holds an index out of range"),
         ("mirrored", lambda a: a.astype(float), "do not fit together"),
         ("apart", lambda a: np.array([0.5]), "do not fit together"),
         ("body_hash", None, "lacks the array body_hash"),
