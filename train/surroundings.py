@@ -15,8 +15,11 @@ from uvcloth.skinning import skin
 NEAR_BODY = 0.2
 """Metres from the outfit at rest within which the body is collided with."""
 
-NEAR_LAYER = 0.1
-"""Metres from an inner layer at rest within which an outer one meets it."""
+NEAR_LAYER = 0.2
+"""Metres from an inner layer at rest within which an outer one can meet it: bodies bend."""
+
+DEEPEST = 0.05
+"""Metres within which it is looked for."""
 
 BESIDE = 10.0
 """Metres between the copies of a layer, one for each pose, which are one mesh."""
@@ -60,7 +63,7 @@ class InnerLayer:
         placed = self.copies.points.clone()
         placed[: inner[..., 0].numel()] = inner.flatten(0, 1)
         self.copies.update(placed)
-        found = self.copies.beside(outer.flatten(0, 1), NEAR_LAYER)
+        found = self.copies.beside(outer.flatten(0, 1), DEEPEST)
         bounds = (found.normals * (outer - aside).flatten(0, 1)).sum(1) - found.distance
         bounds = torch.where(found.covered, bounds, FREE)
         return Planes(found.normals.view_as(outer), bounds.view(outer.shape[:2]))
@@ -74,7 +77,7 @@ def inner_layers(outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batc
     layers = []
     for index, (rows, faces) in enumerate(garments[:-1]):
         over = torch.cat([rows for rows, _ in garments[index + 1 :]])
-        near = Layer(outfit[rows], faces).beside(outfit[over], NEAR_LAYER).covered
+        near = torch.cdist(outfit[over], outfit[rows]).amin(1) < NEAR_LAYER
         aside = (
             BESIDE * torch.arange(batch, device=outfit.device)[:, None, None] * outfit.new_tensor([1.0, 0, 0])
         )
