@@ -13,7 +13,8 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from uvcloth.export.animation import Animation
-from uvcloth.export.gltf import split_seams, write_glb
+from uvcloth.export.gltf import write_glb
+from uvcloth.export.gltf_scene import split_seams
 from uvcloth.skinning import skin
 
 KINDS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
