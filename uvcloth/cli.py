@@ -1,4 +1,4 @@
-"""The `uvcloth` command: body, simulate, fit, rollout, demo.
+"""The `uvcloth` command: body, simulate, fit, rollout, export, demo.
 
 Heavy modules are imported by the subcommand that needs them, so that `uvcloth --help` answers at once.
 """
@@ -164,6 +164,40 @@ class Rollout:
 
 
 @dataclass(frozen=True)
+class Export:
+    """Write a trained PBNS as a rig that engines play: skeleton, skin, blend shapes and their motion."""
+
+    model: Annotated[str, arg(metavar="RUN")]
+    """A folder written by `python -m train pbns`."""
+    out: Path
+    """What to write: .glb, .usdc or .usd."""
+    motion: Annotated[str | None, arg(metavar="BVH|NAME", help_behavior_hint="(default: the rig alone)")] = (
+        None
+    )
+    """A motion file or the name of a built-in clip. Without one, the pose embedding is written beside the rig
+    as .onnx, for engines that make the blend shape weights themselves."""
+    shapes: Annotated[int | None, arg(metavar="K", help_behavior_hint="(default: the model's own)")] = None
+    """Fewer blend shapes: the principal components of what the training poses need."""
+    body: BodyFile = None
+    """The body that the model was trained on."""
+    with_body: bool = True
+    """Write the body too."""
+
+    def run(self) -> None:
+        from uvcloth.engines import export
+
+        exported = export(
+            self.model,
+            self.out,
+            motion=self.motion,
+            shapes=self.shapes,
+            body_file=self.body,
+            with_body=self.with_body,
+        )
+        print("\n".join(exported.lines()))
+
+
+@dataclass(frozen=True)
 class Demo:
     """Simulate a short motion, roll the shipped model out on it, and leave a report, pictures and files."""
 
@@ -181,6 +215,7 @@ Command = (
     | Annotated[Simulate, subcommand("simulate")]
     | Annotated[Fit, subcommand("fit")]
     | Annotated[Rollout, subcommand("rollout")]
+    | Annotated[Export, subcommand("export")]
     | Annotated[Demo, subcommand("demo")]
 )
 
@@ -191,7 +226,7 @@ def main() -> int:
 
 
 def _run() -> None:
-    command: MakeBody | Simulate | Fit | Rollout | Demo = tyro.cli(
+    command: MakeBody | Simulate | Fit | Rollout | Export | Demo = tyro.cli(
         Command,
         prog="uvcloth",
         description="Motion capture in, moving clothes out.",
