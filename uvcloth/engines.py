@@ -41,7 +41,7 @@ class Exported:
         return [
             *(f"{path}: {path.stat().st_size / 1e6:.1f} MB" for path in self.written),
             f"{', '.join(parts)}; {len(rig.skeleton.names)} joints, {shapes} blend shapes, {motion}",
-            _line("four joints per vertex cost", cost.pruning),
+            _line("four joints per garment vertex cost", cost.pruning),
             _line(f"{shapes} blend shapes cost", cost.fewer),
         ]
 

@@ -1,12 +1,16 @@
-"""OpenUSD: a rig as one UsdSkel root with skinned garments, their blend shapes, and one animation."""
+"""OpenUSD: a rig as one UsdSkel root: skinned garments with blend shapes, one animation, the body.
+
+The body keeps all of its influences, garments have what the rig gives them.
+"""
 
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from uvcloth.bodies.body import INFLUENCES
 from uvcloth.export.animation import strongest
-from uvcloth.export.rig import INFLUENCES, Rig, RiggedGarment
+from uvcloth.export.rig import Rig, RiggedGarment
 from uvcloth.export.usd_stage import (
     add_skeleton,
     animate_skeleton,
