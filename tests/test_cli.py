@@ -3,7 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
@@ -42,7 +42,7 @@ def test_help_imports_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "[]"
-    for subcommand in ("body", "simulate", "fit", "rollout", "demo"):
+    for subcommand in ("body", "simulate", "fit", "rollout", "export", "demo"):
         assert subcommand in done.stdout
 
 
@@ -81,6 +81,23 @@ def test_body_hands_on_only_the_given_phenotypes(monkeypatch, stand_in, tmp_path
     assert run(monkeypatch, "body", "--out", str(out), "--height", "0.9", "--gender", "0") == 0
     assert calls == [("tall", {"height": 0.9, "gender": 0.0})]
     assert len(load_body(out).mesh.vertices) == len(load_body().mesh.vertices)
+
+
+def test_export_hands_everything_on(monkeypatch, stand_in, capsys):
+    calls = []
+
+    def export(*given, **options):
+        calls.append((given, options))
+        return SimpleNamespace(lines=lambda: ["out.glb: 1.0 MB"])
+
+    stand_in("uvcloth.engines", export=export)
+    assert run(monkeypatch, "export", "--model", "runs/a", "--out", "out.glb") == 0
+    more = ("--motion", "walk", "--shapes", "40", "--body", "b.npz", "--no-with-body")
+    assert run(monkeypatch, "export", "--model", "runs/a", "--out", "out.glb", *more) == 0
+    plain = {"motion": None, "shapes": None, "body_file": None, "with_body": True}
+    named = {"motion": "walk", "shapes": 40, "body_file": Path("b.npz"), "with_body": False}
+    assert calls == [(("runs/a", Path("out.glb")), options) for options in (plain, named)]
+    assert capsys.readouterr().out == "out.glb: 1.0 MB\n" * 2
 
 
 @pytest.mark.parametrize(

@@ -17,6 +17,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.methods.pbns import PBNS, pose_vectors
 from uvcloth.motion.clip import Clip
 
+pytest.importorskip("onnx")
 onnxruntime = pytest.importorskip("onnxruntime")
 
 
