@@ -1,4 +1,4 @@
-"""Run by a Python that has bpy: python play_in_blender.py FILE.glb OUT.npz FPS MESH ... -- FRAME ...
+"""Run by a Python that has bpy: python play_in_blender.py FILE OUT.npz FPS MESH ... -- FRAME ...
 
 Imports the file as an artist would and writes the evaluated vertices of each mesh, (frames, V, 3), world.
 """
@@ -8,13 +8,16 @@ import sys
 import bpy
 import numpy as np
 
-glb, out, fps, *rest = sys.argv[1:]
+file, out, fps, *rest = sys.argv[1:]
 names, frames = rest[: rest.index("--")], [int(frame) for frame in rest[rest.index("--") + 1 :]]
 bpy.ops.wm.read_factory_settings(use_empty=True)
 scene = bpy.context.scene
 scene.render.fps = int(fps)
-bpy.ops.import_scene.gltf(filepath=glb)
-# An animated mesh hangs on an empty of its own name, so its object has another; its data keep the name.
+if file.endswith(".glb"):
+    bpy.ops.import_scene.gltf(filepath=file)
+else:
+    bpy.ops.wm.usd_import(filepath=file)
+# From glTF an animated mesh hangs on an empty of its name and gets another; its data keep the name.
 objects = {part.data.name: part for part in bpy.data.objects if part.type == "MESH"}
 played: dict[str, list[np.ndarray]] = {name: [] for name in names}
 for frame in frames:
