@@ -5,6 +5,8 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
+from rich.console import Console
+
 from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
 from uvcloth.bodies.body import load_body
@@ -74,8 +76,15 @@ def export(
             "`uvcloth rollout` writes any model's frames"
         )
     clip = load_clip(motion, body) if motion is not None else None
-    rigged = rig_of(method, body, clip, shapes, with_body)
-    files = [out] if clip else [out, out.with_suffix(".onnx")]
+    with Console(stderr=True).status(f"{out.name} ..."):
+        rigged = rig_of(method, body, clip, shapes, with_body)
+        return Exported(_write(method, rigged, out), rigged)
+
+
+def _write(method: PBNS, rigged: Rigged, out: Path) -> tuple[Path, ...]:
+    """The rig, and beside a rig without motion the embedding: all of these files or none."""
+    alone = not len(rigged.rig.transforms)
+    files = (out, out.with_suffix(".onnx")) if alone else (out,)
     for path in files:
         if path.is_dir():
             raise InputError(f"{path}: cannot be written (is a folder)")
@@ -83,9 +92,9 @@ def export(
         # They appear when the stack unwinds: only when all are whole.
         partial = [stack.enter_context(atomic_write(path)) for path in files]
         FORMATS[out.suffix.lower()](rigged.rig, partial[0])
-        if not clip:
+        if alone:
             write_embedding(method.network, rigged, partial[1])
-    return Exported(tuple(files), rigged)
+    return files
 
 
 def _line(what: str, costs: Sequence[Cost]) -> str:

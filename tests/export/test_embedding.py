@@ -37,7 +37,7 @@ def test_onnx_gives_the_rig_s_weights(
     assert free.min() < -0.01  # The clip leaves the trained range, where the file's weights stop.
 
 
-def pose_vector(glb: GlbReader, frame: int, names: list[str], parents: list[int]) -> np.ndarray:
+def pose_vector(glb: GlbReader, frame: int | None, names: list[str], parents: list[int]) -> np.ndarray:
     """The input as docs/engines.md builds it: from the rotations of glTF nodes, which are Y up."""
     parts = []
     for name, parent in zip(names, parents, strict=True):
@@ -45,6 +45,18 @@ def pose_vector(glb: GlbReader, frame: int, names: list[str], parents: list[int]
         vector = turn.as_rotvec() if parent >= 0 else turn.inv().apply([0.0, -1.0, 0.0])
         parts.append(to_z_up(vector))
     return np.concatenate(parts).astype(np.float32)[None]
+
+
+def test_the_rest_pose_gives_the_file_s_own_weights(pbns: PBNS, outfit: Outfit, tmp_path: Path) -> None:
+    rigged = rig_of(pbns, outfit.body)
+    write_rig_glb(rigged.rig, tmp_path / "rig.glb")
+    write_embedding(pbns.network, rigged, tmp_path / "rig.onnx")
+    rig = GlbReader.load(tmp_path / "rig.glb")
+    session = onnxruntime.InferenceSession(tmp_path / "rig.onnx")
+    facts = session.get_modelmeta().custom_metadata_map
+    pose = pose_vector(rig, None, json.loads(facts["joints"]), json.loads(facts["parents"]))
+    (weights,) = session.run(["weights"], {"pose": pose})
+    np.testing.assert_allclose(weights[0], rig.weights("shirt", None), atol=1e-6)
 
 
 def test_an_engine_can_pose_the_rig_alone(pbns: PBNS, outfit: Outfit, practice: Clip, tmp_path: Path) -> None:
