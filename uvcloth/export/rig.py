@@ -10,7 +10,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.export.animation import strongest
 from uvcloth.export.shapes import ROWS, Cost, ShapeCode, cost, own_shapes, principal_shapes, shape_cost
-from uvcloth.mesh import Mesh, face_normals, vertex_normals
+from uvcloth.mesh import Mesh, face_normals
 from uvcloth.methods.pbns import PBNS, pose_vectors
 from uvcloth.motion.clip import Clip
 from uvcloth.skeleton import Skeleton, joint_transforms
@@ -25,6 +25,7 @@ class RiggedGarment:
     """N vertices that follow joints and K blend shapes.
 
     mesh: at rest with all weights zero. joints, weights: (N, INFLUENCES). shapes: (K, N, 3) m, at rest.
+    usual: (K,) mean weights of the training poses.
     """
 
     name: str
@@ -32,20 +33,31 @@ class RiggedGarment:
     joints: np.ndarray
     weights: np.ndarray
     shapes: Tensor
+    usual: Tensor
 
-    def normal_shapes(self) -> Tensor:
-        """What each shape adds to the unit normals, to first order: (K, N, 3)."""
-        rest, faces = self.mesh.vertices, self.mesh.faces
-        normals = vertex_normals(rest, faces)
+    def normals(self) -> tuple[Tensor, Tensor]:
+        """Normals that go with the blend shapes: (N, 3) unit, and what each shape adds to them, (K, N, 3).
+
+        Their normalized sum is right to first order around the usual weights. The first are not the normals
+        of the mesh, whose weights are all at their lowest, which no pose has.
+        """
+        faces = self.mesh.faces
+        usual = self.mesh.vertices + torch.tensordot(self.usual, self.shapes, 1)
         # A face's normal is quadratic in its corners: this difference is its exact derivative.
-        change = 0.5 * (face_normals(rest + self.shapes, faces) - face_normals(rest - self.shapes, faces))
-        total = torch.zeros_like(rest)
-        summed = torch.zeros_like(self.shapes)
+        slope = 0.5 * (face_normals(usual + self.shapes, faces) - face_normals(usual - self.shapes, faces))
+        total, change = torch.zeros_like(usual), torch.zeros_like(self.shapes)
         for corner in range(3):
-            total = total.index_add(0, faces[:, corner], face_normals(rest, faces))
-            summed = summed.index_add(1, faces[:, corner], change)
-        relative = summed / total.norm(dim=1, keepdim=True).clamp(min=1e-12)
-        return relative - (relative * normals).sum(-1, keepdim=True) * normals
+            total = total.index_add(0, faces[:, corner], face_normals(usual, faces))
+            change = change.index_add(1, faces[:, corner], slope)
+        lengths = total.norm(dim=1, keepdim=True)
+        up = torch.tensor([0.0, 0.0, 1.0])
+        normals = torch.where(lengths > 0, total / lengths, up)  # A vertex without faces points up.
+        change = change / lengths.clamp(min=1e-12)
+        change = change - (change * normals).sum(-1, keepdim=True) * normals
+        # Where all weights are zero. Never shorter than one, as what is taken off is across the normal.
+        start = normals - torch.tensordot(self.usual, change, 1)
+        lengths = start.norm(dim=1, keepdim=True)
+        return start / lengths, change / lengths
 
 
 @dataclass(frozen=True)
@@ -112,7 +124,7 @@ def rig_of(
     if not len(code):
         raise InputError(f"model {method.name}: no pose that it knows moves any of its blend shapes")
     rig = Rig(
-        garments=_garments(method, code),
+        garments=_garments(method, code, code.weights(training).mean(0)),
         skeleton=body.skeleton,
         body=body if with_body else None,
         resting=code.weights(resting)[0].numpy(),
@@ -135,7 +147,7 @@ def rig_of(
     )
 
 
-def _garments(method: PBNS, code: ShapeCode) -> tuple[RiggedGarment, ...]:
+def _garments(method: PBNS, code: ShapeCode, usual: Tensor) -> tuple[RiggedGarment, ...]:
     network = method.network
     shapes = network.blend_shapes()
     base = network.rest + torch.tensordot(code.constant, shapes, 1)
@@ -149,6 +161,7 @@ def _garments(method: PBNS, code: ShapeCode) -> tuple[RiggedGarment, ...]:
             joints[end - size : end],
             weights[end - size : end],
             mixed[:, end - size : end],
+            usual,
         )
         for name, mesh, size, end in zip(
             method.worn.names, method.worn.meshes, method.worn.sizes, ends, strict=True

@@ -20,6 +20,7 @@ from uvcloth.export.usd_stage import (
     rest_geometry,
     writing,
 )
+from uvcloth.mesh import vertex_normals
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS
 
 
@@ -49,22 +50,21 @@ def write_rig_usd(rig: Rig, path: Path) -> None:
             _rig_garment(stage, geometry, skeleton, rig.garments[index], rig.shape_names)
         if body := rig.body:
             geometry = define_mesh(stage, "/Outfit/body", body.mesh, BODY_COLOR)
-            rest_geometry(geometry, body.mesh)
+            rest_geometry(geometry, body.mesh, vertex_normals(body.mesh.vertices, body.mesh.faces).numpy())
             bind(geometry, skeleton, *strongest(body.weights, INFLUENCES))
 
 
 def _rig_garment(stage: Any, geometry: Any, skeleton: Any, garment: RiggedGarment, names: list[str]) -> None:
     from pxr import UsdSkel, Vt
 
-    rest_geometry(geometry, garment.mesh)
+    normals, changes = (np.ascontiguousarray(values.numpy()) for values in garment.normals())
+    rest_geometry(geometry, garment.mesh, normals)
     bind(geometry, skeleton, garment.joints, garment.weights)
     paths = [geometry.GetPath().AppendChild(name) for name in names]
-    for path, offsets, normals in zip(
-        paths, garment.shapes.numpy(), garment.normal_shapes().numpy(), strict=True
-    ):
+    for path, offsets, change in zip(paths, garment.shapes.numpy(), changes, strict=True):
         shape = UsdSkel.BlendShape.Define(stage, path)
         shape.CreateOffsetsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(offsets)))
-        shape.CreateNormalOffsetsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(normals)))
+        shape.CreateNormalOffsetsAttr(Vt.Vec3fArray.FromNumpy(change))
     binding = UsdSkel.BindingAPI(geometry.GetPrim())
     binding.CreateBlendShapesAttr(names)
     binding.CreateBlendShapeTargetsRel().SetTargets(paths)
