@@ -3,7 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import pytest
 
@@ -42,7 +42,7 @@ def test_help_imports_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "[]"
-    for subcommand in ("body", "simulate", "fit", "rollout", "poses", "demo"):
+    for subcommand in ("body", "simulate", "fit", "rollout", "poses", "export", "demo"):
         assert subcommand in done.stdout
 
 
@@ -88,11 +88,23 @@ def test_poses_draws_saves_and_counts(monkeypatch, capsys, tmp_path):
     from uvcloth.motion.poses import load_poses
 
     out = tmp_path / "poses.npz"
-    arguments = ("poses", "run", "walk", "--out", str(out), "--apart", "0.8", "--no-mirror")
+    arguments = (
+        "poses",
+        "run",
+        "walk",
+        "--out",
+        str(out),
+        "--apart",
+        "0.8",
+        "--no-mirror",
+        "--recombine",
+        "3",
+    )
     assert run(monkeypatch, *arguments) == 0
     poses = load_poses(out, load_body())
     assert (poses.clip_names, poses.apart, poses.mirrored.any()) == (("run", "walk"), 0.8, False)
     counts = [len(poses.of(split)) for split in ("train", "validation", "test")]
+    assert int((poses.donors[:, 0] >= 0).sum()) == 3
     assert f"{counts[0]} train, {counts[1]} validation, 0 test poses" in capsys.readouterr().out
 
 
@@ -103,6 +115,23 @@ def test_an_interrupted_drawing_leaves_nothing(monkeypatch, tmp_path):
     monkeypatch.setattr("uvcloth.bodies.self_contact.SelfContact.clear", interrupt)
     assert run(monkeypatch, "poses", "run", "--out", str(tmp_path / "poses.npz")) == 130
     assert not list(tmp_path.iterdir())
+
+
+def test_export_hands_everything_on(monkeypatch, stand_in, capsys):
+    calls = []
+
+    def export(*given, **options):
+        calls.append((given, options))
+        return SimpleNamespace(lines=lambda: ["out.glb: 1.0 MB"])
+
+    stand_in("uvcloth.engines", export=export)
+    assert run(monkeypatch, "export", "--model", "runs/a", "--out", "out.glb") == 0
+    more = ("--motion", "walk", "--shapes", "40", "--body", "b.npz", "--no-with-body")
+    assert run(monkeypatch, "export", "--model", "runs/a", "--out", "out.glb", *more) == 0
+    plain = {"motion": None, "shapes": None, "body_file": None, "with_body": True}
+    named = {"motion": "walk", "shapes": 40, "body_file": Path("b.npz"), "with_body": False}
+    assert calls == [(("runs/a", Path("out.glb")), options) for options in (plain, named)]
+    assert capsys.readouterr().out == "out.glb: 1.0 MB\n" * 2
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The `uvcloth` command: body, simulate, fit, rollout, poses, demo.
+"""The `uvcloth` command: body, simulate, fit, rollout, poses, export, demo.
 
 Heavy modules are imported by the subcommand that needs them, so that `uvcloth --help` answers at once.
 """
@@ -203,6 +203,40 @@ class Poses:
 
 
 @dataclass(frozen=True)
+class Export:
+    """Write a trained PBNS as a rig that engines play: skeleton, skin, blend shapes and their motion."""
+
+    model: Annotated[str, arg(metavar="RUN")]
+    """A folder written by `python -m train pbns`."""
+    out: Path
+    """What to write: .glb, .usdc or .usd."""
+    motion: Annotated[str | None, arg(metavar="BVH|NAME", help_behavior_hint="(default: the rig alone)")] = (
+        None
+    )
+    """A motion file or the name of a built-in clip. Without one, the pose embedding is written beside the rig
+    as .onnx, for engines that make the blend shape weights themselves."""
+    shapes: Annotated[int | None, arg(metavar="K", help_behavior_hint="(default: the model's own)")] = None
+    """Fewer blend shapes: the principal components of what the training poses need."""
+    body: BodyFile = None
+    """The body that the model was trained on."""
+    with_body: bool = True
+    """Write the body too."""
+
+    def run(self) -> None:
+        from uvcloth.engines import export
+
+        exported = export(
+            self.model,
+            self.out,
+            motion=self.motion,
+            shapes=self.shapes,
+            body_file=self.body,
+            with_body=self.with_body,
+        )
+        print("\n".join(exported.lines()))
+
+
+@dataclass(frozen=True)
 class Demo:
     """Simulate a short motion, roll the shipped model out on it, and leave a report, pictures and files."""
 
@@ -221,6 +255,7 @@ Command = (
     | Annotated[Fit, subcommand("fit")]
     | Annotated[Rollout, subcommand("rollout")]
     | Annotated[Poses, subcommand("poses")]
+    | Annotated[Export, subcommand("export")]
     | Annotated[Demo, subcommand("demo")]
 )
 
@@ -231,7 +266,7 @@ def main() -> int:
 
 
 def _run() -> None:
-    command: MakeBody | Simulate | Fit | Rollout | Poses | Demo = tyro.cli(
+    command: MakeBody | Simulate | Fit | Rollout | Poses | Export | Demo = tyro.cli(
         Command,
         prog="uvcloth",
         description="Motion capture in, moving clothes out.",

@@ -1,0 +1,167 @@
+"""Rigs against what they stand for: blend shape weights, principal components and joint influences."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from rasterize.errors import InputError
+from tests.small_body import small_body
+from uvcloth.bodies.body import Body
+from uvcloth.export.rig import Rig, rig_of
+from uvcloth.garments.garment import Outfit
+from uvcloth.mesh import vertex_normals
+from uvcloth.methods.pbns import PBNS, pose_vectors
+from uvcloth.motion.clip import Clip
+from uvcloth.rollout import rollout
+from uvcloth.skeleton import Skeleton
+
+
+def rolled_out(method: PBNS, outfit: Outfit, clip: Clip) -> list[np.ndarray]:
+    """Per garment (F, N, 3): what `uvcloth rollout` makes of the clip."""
+    frames = [frame.vertices for frame in rollout(method, outfit, clip.transforms(), clip.fps, contact=False)]
+    return [torch.stack(parts).numpy() for parts in zip(*frames, strict=True)]
+
+
+def played(rig: Rig) -> list[np.ndarray]:
+    """Per garment (F, N, 3): blend shapes, then skinning, written out."""
+    made = []
+    for garment in rig.garments:
+        rest = garment.mesh.vertices.numpy() + np.einsum("fk,knc->fnc", rig.weights, garment.shapes.numpy())
+        blended = np.einsum("ni,fniab->fnab", garment.weights, rig.transforms[:, garment.joints])
+        made.append(np.einsum("fnab,fnb->fna", blended[..., :3], rest) + blended[..., 3])
+    return made
+
+
+def farthest(made: list[np.ndarray], expected: list[np.ndarray]) -> float:
+    return max(float(np.linalg.norm(a - b, axis=-1).max()) for a, b in zip(made, expected, strict=True))
+
+
+def test_the_rig_is_the_rollout(pbns: PBNS, outfit: Outfit, clip: Clip) -> None:
+    rigged = rig_of(pbns, outfit.body, clip)
+    assert rigged.pruning == rigged.fewer == ()
+    expected = rolled_out(pbns, outfit, clip)
+    assert farthest(played(rigged.rig), expected) < 1e-5
+    still = replace(rigged.rig, weights=np.zeros_like(rigged.rig.weights))
+    assert farthest(played(still), expected) > 0.02  # The blend shapes matter here.
+
+
+def test_every_weight_uses_the_whole_range(pbns: PBNS, outfit: Outfit, clip: Clip, practice: Clip) -> None:
+    rigged = rig_of(pbns, outfit.body, clip)
+    known = torch.cat([pbns.network.poses, pose_vectors(pbns.worn.parents, clip.transforms())])
+    with torch.no_grad():
+        weights = rigged.code.weights(pbns.network.embed(known))
+    np.testing.assert_allclose(weights.amin(0), 0.0, atol=1e-5)
+    np.testing.assert_allclose(weights.amax(0), 1.0, atol=1e-5)
+    practised = rig_of(pbns, outfit.body, practice)
+    assert rigged.code.scale.abs().sum() < 0.95 * practised.code.scale.abs().sum()  # The clip went further.
+
+
+def test_shapes_that_nothing_moves_are_left_out(pbns: PBNS, outfit: Outfit) -> None:
+    with torch.no_grad():
+        embeddings = pbns.network.embed(pbns.network.poses)
+    moving = int((embeddings.amax(0) > embeddings.amin(0)).sum())
+    assert moving < pbns.config.width
+    assert len(rig_of(pbns, outfit.body).rig.resting) == moving
+
+
+@pytest.mark.parametrize("count", [1, 4, 9])
+def test_fewer_shapes_are_the_best_there_are(pbns: PBNS, outfit: Outfit, count: int) -> None:
+    """The error that is left is what numpy's SVD of all deformations leaves (Eckart and Young)."""
+    rigged = rig_of(pbns, outfit.body, shapes=count)
+    with torch.no_grad():
+        embeddings = pbns.network.embed(pbns.network.poses)
+        deformed = (embeddings @ pbns.network.shapes).double().numpy()
+        restored = rigged.code.restored(rigged.code.weights(embeddings)) @ pbns.network.shapes
+    left = np.linalg.norm(deformed - restored.numpy())
+    values = np.linalg.svd(deformed - deformed.mean(0), compute_uv=False)
+    assert left == pytest.approx(np.linalg.norm(values[count:]), rel=1e-3)
+    apart = np.linalg.norm((deformed - restored.numpy()).reshape(len(deformed), -1, 3), axis=-1)
+    (cost,) = rigged.fewer
+    assert (cost.mean, cost.most) == pytest.approx((apart.mean(), apart.max()), rel=1e-3)
+
+
+def test_the_cost_of_fewer_shapes_is_what_the_rig_misses(pbns: PBNS, outfit: Outfit, clip: Clip) -> None:
+    rigged = rig_of(pbns, outfit.body, clip, shapes=6)
+    expected = rolled_out(pbns, outfit, clip)
+    apart = [np.linalg.norm(a - b, axis=-1) for a, b in zip(played(rigged.rig), expected, strict=True)]
+    cost = rigged.fewer[1]
+    assert cost.over == "wave"
+    # Blended joints shorten what they turn, so the posed error is a little below that at rest.
+    assert np.concatenate(apart, axis=1).mean() == pytest.approx(cost.mean, rel=0.05)
+    assert farthest(played(rigged.rig), expected) < 1.05 * cost.most
+
+
+def test_the_cost_of_four_influences_is_what_the_rig_misses(
+    make_pbns: Callable[..., PBNS], outfit: Outfit, clip: Clip
+) -> None:
+    many = make_pbns(influences=7)
+    rigged = rig_of(many, outfit.body, clip)
+    assert all(garment.joints.shape[1] == 4 for garment in rigged.rig.garments)
+    expected = rolled_out(many, outfit, clip)
+    apart = [np.linalg.norm(a - b, axis=-1) for a, b in zip(played(rigged.rig), expected, strict=True)]
+    trained, cost = rigged.pruning
+    assert 0 < trained.mean < cost.mean
+    # The cost is that of the skinned rest shape, without blend shapes.
+    assert np.concatenate(apart, axis=1).mean() == pytest.approx(cost.mean, rel=0.3)
+    assert farthest(played(rigged.rig), expected) == pytest.approx(cost.most, rel=0.3)
+
+
+def test_the_rest_pose_is_held_without_a_motion(pbns: PBNS, outfit: Outfit) -> None:
+    rig = rig_of(pbns, outfit.body).rig
+    assert len(rig.transforms) == len(rig.weights) == 0
+    still = torch.eye(3, 4).expand(1, len(rig.skeleton.names), 3, 4)
+    posed = replace(rig, weights=rig.resting[None], transforms=still.numpy())
+    frame = next(rollout(pbns, outfit, still, 30.0, contact=False))
+    assert farthest(played(posed), [vertices[None].numpy() for vertices in frame.vertices]) < 1e-5
+
+
+def test_normals_are_right_to_first_order_around_the_usual_weights(pbns: PBNS, outfit: Outfit) -> None:
+    """Halving the way from the usual weights quarters the error."""
+    garment = rig_of(pbns, outfit.body).rig.garments[0]
+    start, changes = garment.normals()
+    torch.testing.assert_close(start.norm(dim=1), torch.ones(len(start)))
+    away = torch.rand(3, len(changes), generator=torch.Generator().manual_seed(0)) - 0.5
+    errors = []
+    for step in (0.0, 0.1, 0.2):
+        weights = garment.usual + step * away
+        surface = garment.mesh.vertices + torch.tensordot(weights, garment.shapes, 1)
+        written = torch.nn.functional.normalize(start + torch.tensordot(weights, changes, 1), dim=-1)
+        errors.append(float((written - vertex_normals(surface, garment.mesh.faces)).norm(dim=-1).mean()))
+    assert errors[0] < 1e-5
+    assert errors[1] == pytest.approx(errors[2] / 4, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("shapes", "words"),
+    [
+        (0, "--shapes 0: has to be from 1 to 24"),
+        (25, "--shapes 25: has to be from 1 to 24"),
+        (24, "--shapes 24: the training poses need no more than"),
+    ],
+)
+def test_impossible_numbers_of_shapes_are_refused(
+    pbns: PBNS, outfit: Outfit, shapes: int, words: str
+) -> None:
+    with pytest.raises(InputError, match=words):
+        rig_of(pbns, outfit.body, shapes=shapes)
+
+
+def test_another_body_and_a_clip_on_another_rig_are_refused(pbns: PBNS, body: Body, clip: Clip) -> None:
+    with pytest.raises(InputError, match="trained on another body than 'box'"):
+        rig_of(pbns, small_body())
+    skeleton = body.skeleton
+    taller = replace(body, skeleton=replace(skeleton, heads=skeleton.heads * 1.1))
+    with pytest.raises(InputError, match="trained on another body"):
+        rig_of(pbns, taller)
+    renamed = Skeleton(tuple(f"b{name}" for name in skeleton.names), skeleton.parents, skeleton.heads)
+    with pytest.raises(InputError, match="clip wave: it moves another skeleton"):
+        rig_of(pbns, body, replace(clip, skeleton=renamed))
+
+
+def test_a_model_that_never_deforms_is_refused(pbns: PBNS, body: Body) -> None:
+    one = replace(pbns, network=type(pbns.network)(pbns.config, 9, 9, len(body.skeleton.names), 1))
+    with pytest.raises(InputError, match="no pose that it knows moves"):
+        rig_of(one, body)

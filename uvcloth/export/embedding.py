@@ -1,0 +1,72 @@
+"""The pose embedding as ONNX: pose vector in, blend shape weights out, for engines that run it themselves."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.export.rig import Rigged
+from uvcloth.methods.pbns import PBNSNetwork
+
+OPSET, IR_VERSION = 13, 8
+"""Old enough for the runtimes of engines; the operators are Gemm, Relu and Clip."""
+
+POSE = (
+    "three numbers per joint, in the order of `joints`, along Z-up axes: the axis-angle (radians) of its "
+    "rotation relative to its parent; in place of the root's the direction of gravity in the root's axes"
+)
+
+
+def write_embedding(network: PBNSNetwork, rigged: Rigged, path: Path) -> None:
+    """Write f_X and the map to a rig's weights: input pose (B, 3 J), output weights (B, K) in [0, 1].
+
+    The metadata names joints, parents and shapes. Raises InputError if the package onnx is not installed.
+    """
+    try:
+        import onnx
+        from onnx import TensorProto, helper, numpy_helper
+    except ImportError as error:
+        raise InputError(
+            f"{path}: writing it needs the package onnx: pip install 'uvcloth[export]', or name a --motion"
+        ) from error
+
+    layers: list[tuple[Tensor, Tensor]] = [(layer.weight.T, layer.bias) for layer in network.layers]  # type: ignore[misc]
+    layers.append((rigged.code.scale, rigged.code.shift))
+    constants: list[Any] = [
+        numpy_helper.from_array(np.array(value, np.float32), name)
+        for name, value in (("lowest", 0.0), ("highest", 1.0))
+    ]
+    nodes: list[Any] = []
+    value = "pose"
+    for index, (weight, bias) in enumerate(layers):
+        for kind, tensor in (("weight", weight), ("bias", bias)):
+            array = np.ascontiguousarray(tensor.detach().numpy())
+            constants.append(numpy_helper.from_array(array, f"{kind}_{index}"))
+        inputs = [value, f"weight_{index}", f"bias_{index}"]
+        nodes.append(helper.make_node("Gemm", inputs, [f"linear_{index}"]))
+        value = f"linear_{index}"
+        if index < len(layers) - 1:
+            nodes.append(helper.make_node("Relu", [value], [f"relu_{index}"]))
+            value = f"relu_{index}"
+    nodes.append(helper.make_node("Clip", [value, "lowest", "highest"], ["weights"]))
+    sizes = (("pose", 3 * network.joints), ("weights", len(rigged.code)))
+    ends = [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["batch", size]) for name, size in sizes]
+    graph = helper.make_graph(nodes, "pose_embedding", ends[:1], ends[1:], constants)
+    model = helper.make_model(
+        graph, opset_imports=[helper.make_opsetid("", OPSET)], ir_version=IR_VERSION, producer_name="uvcloth"
+    )
+    skeleton = rigged.rig.skeleton
+    helper.set_model_props(
+        model,
+        {
+            "pose": POSE,
+            "joints": json.dumps(skeleton.names),
+            "parents": json.dumps(skeleton.parents),
+            "shapes": json.dumps(rigged.rig.shape_names),
+        },
+    )
+    onnx.checker.check_model(model)
+    onnx.save(model, str(path))

@@ -1,0 +1,136 @@
+"""The container of glTF 2.0 binary: JSON and one buffer, which is written piece by piece."""
+
+import json
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rasterize.errors import InputError
+from uvcloth.render import Color
+
+LARGEST = 2**32 - 1
+SHORT, INT, FLOAT = 5123, 5125, 5126
+TYPES = {FLOAT: np.float32, INT: np.uint32, SHORT: np.uint16}
+VERTICES, INDICES = 34962, 34963
+
+
+@dataclass
+class Document:
+    """The JSON part as it grows, and what will fill the binary part: functions that yield its bytes."""
+
+    accessors: list[dict[str, Any]] = field(default_factory=list)
+    views: list[dict[str, Any]] = field(default_factory=list)
+    parts: list[Callable[[], Iterator[np.ndarray]]] = field(default_factory=list)
+    length: int = 0
+    nodes: list[dict[str, Any]] = field(default_factory=list)
+    roots: list[int] = field(default_factory=list)
+    meshes: list[dict[str, Any]] = field(default_factory=list)
+    materials: list[dict[str, Any]] = field(default_factory=list)
+    skins: list[dict[str, Any]] = field(default_factory=list)
+    samplers: list[dict[str, Any]] = field(default_factory=list)
+    channels: list[dict[str, Any]] = field(default_factory=list)
+
+    def view(
+        self,
+        length: int,
+        part: Callable[[], Iterator[np.ndarray]],
+        target: int | None = None,
+        stride: int | None = None,
+    ) -> int:
+        """Reserve `length` bytes (a multiple of 4), which `part` will yield when the file is written.
+
+        stride: needed where several accessors of vertices share the view.
+        """
+        optional = {"target": target, "byteStride": stride}
+        self.views.append(
+            {"buffer": 0, "byteOffset": self.length, "byteLength": length}
+            | {key: value for key, value in optional.items() if value is not None}
+        )
+        self.parts.append(part)
+        self.length += length
+        return len(self.views) - 1
+
+    def array(
+        self,
+        values: np.ndarray,
+        kind: str,
+        component: int = FLOAT,
+        target: int | None = None,
+        bounds: bool = False,
+    ) -> int:
+        """An accessor over an array of its own. Returns its index."""
+        data = np.ascontiguousarray(values, TYPES[component])
+        view = self.view(data.nbytes, lambda: iter([data]), target)
+        accessor = {"bufferView": view, "componentType": component, "count": len(data), "type": kind}
+        if bounds:
+            rows = data.reshape(len(data), -1)
+            accessor |= {"min": rows.min(0).tolist(), "max": rows.max(0).tolist()}
+        self.accessors.append(accessor)
+        return len(self.accessors) - 1
+
+    def mesh(self, name: str, primitive: dict[str, Any], skin: int | None = None, **others: Any) -> int:
+        """A mesh of one primitive, and the node at the root of the scene that shows it. Returns the node."""
+        self.meshes.append({"name": name, "primitives": [primitive], **others})
+        node = {"name": name, "mesh": len(self.meshes) - 1}
+        self.nodes.append(node if skin is None else {**node, "skin": skin})
+        self.roots.append(len(self.nodes) - 1)
+        return len(self.nodes) - 1
+
+    def animate(self, node: int, path: str, time: int, output: int) -> None:
+        """Move a node's translation, rotation or weights: accessors of the times and of the values."""
+        self.samplers.append({"input": time, "output": output, "interpolation": "LINEAR"})
+        self.channels.append({"sampler": len(self.samplers) - 1, "target": {"node": node, "path": path}})
+
+    def material(self, name: str, color: Color) -> int:
+        """A dull cloth or skin of one colour. Returns its index."""
+        linear = [channel**2.2 for channel in color]
+        self.materials.append(
+            {
+                "name": name,
+                "doubleSided": True,
+                "pbrMetallicRoughness": {
+                    "baseColorFactor": [*linear, 1.0],
+                    "metallicFactor": 0.0,
+                    "roughnessFactor": 0.9,
+                },
+            }
+        )
+        return len(self.materials) - 1
+
+    def write(self, path: Path) -> None:
+        """Write the file. Raises InputError if it would exceed the 4 GiB that the format can hold."""
+        document: dict[str, Any] = {
+            "asset": {"version": "2.0", "generator": "uvcloth"},
+            "scene": 0,
+            "scenes": [{"nodes": self.roots}],
+            "nodes": self.nodes,
+            "meshes": self.meshes,
+            "materials": self.materials,
+            "accessors": self.accessors,
+            "bufferViews": self.views,
+            "buffers": [{"byteLength": self.length}],
+        }
+        if self.channels:
+            motion = {"name": path.stem, "samplers": self.samplers, "channels": self.channels}
+            document["animations"] = [motion]
+        if self.skins:
+            document["skins"] = self.skins
+        text = json.dumps(document, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        total = 12 + 8 + len(text) + 8 + self.length
+        if total > LARGEST:
+            raise InputError(
+                f"{path.name}: {total / 2**30:.1f} GiB do not fit into a .glb (at most 4 GiB), "
+                "write fewer frames or blend shapes, or another format"
+            )
+        with path.open("wb") as stream:
+            stream.write(struct.pack("<4sII", b"glTF", 2, total))
+            stream.write(struct.pack("<I4s", len(text), b"JSON") + text)
+            stream.write(struct.pack("<I4s", self.length, b"BIN\0"))
+            for part in self.parts:
+                for data in part():
+                    stream.write(np.ascontiguousarray(data).data)

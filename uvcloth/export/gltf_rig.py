@@ -1,0 +1,60 @@
+"""glTF 2.0 binary: a rig with skinned garments, blend shapes as morph targets, and its motion if any."""
+
+from pathlib import Path
+
+import numpy as np
+
+from uvcloth.export.glb import FLOAT, VERTICES, Document
+from uvcloth.export.gltf_scene import (
+    TO_Y_UP,
+    add_body,
+    add_geometry,
+    add_influences,
+    add_skeleton,
+    animate_skeleton,
+)
+from uvcloth.export.rig import Rig
+from uvcloth.render import GARMENT_COLORS
+
+
+def write_rig_glb(rig: Rig, path: Path) -> None:
+    """Write a rig as one .glb: metres, Y up, seconds. The file shows the rest pose where it does not play.
+
+    Raises InputError if the file would exceed the 4 GiB that the format can hold.
+    """
+    document = Document()
+    skin, first = add_skeleton(document, rig.skeleton)
+    nodes = [_add_garment(document, rig, index, skin) for index in range(len(rig.garments))]
+    if rig.body is not None:
+        add_body(document, rig.body, skin)
+    if len(rig.transforms):
+        times = np.arange(len(rig.transforms), dtype=np.float32) / np.float32(rig.fps)
+        time = document.array(times, "SCALAR", bounds=True)
+        animate_skeleton(document, rig.skeleton, first, rig.transforms, time)
+        weights = document.array(rig.weights.ravel(), "SCALAR")
+        for node in nodes:
+            document.animate(node, "weights", time, weights)
+    document.write(path)
+
+
+def _add_garment(document: Document, rig: Rig, index: int, skin: int) -> int:
+    """A garment with all of its targets. Returns its node."""
+    garment = rig.garments[index]
+    normals, changes = (values.numpy() for values in garment.normals())
+    source, primitive = add_geometry(document, garment.mesh, normals)
+    add_influences(document, primitive, garment.joints[source], garment.weights[source])
+    primitive["material"] = document.material(garment.name, GARMENT_COLORS[index % len(GARMENT_COLORS)])
+    primitive["targets"] = [
+        {
+            "POSITION": document.array(shape[source] @ TO_Y_UP.T, "VEC3", FLOAT, VERTICES, bounds=True),
+            "NORMAL": document.array(change[source] @ TO_Y_UP.T, "VEC3", FLOAT, VERTICES),
+        }
+        for shape, change in zip(garment.shapes.numpy(), changes, strict=True)
+    ]
+    return document.mesh(
+        garment.name,
+        primitive,
+        skin,
+        weights=rig.resting.tolist(),
+        extras={"targetNames": rig.shape_names, "source_vertices": source.tolist()},
+    )

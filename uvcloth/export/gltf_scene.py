@@ -1,0 +1,124 @@
+"""What glTF files of ours share: meshes at rest, a skeleton, its poses, and skins.
+
+glTF knows one texture coordinate per vertex, so vertices on texture seams are repeated after the mesh's own
+vertices, and the mesh's `extras.source_vertices` names the original of each.
+"""
+
+from typing import Any
+
+import numpy as np
+import torch
+
+from uvcloth.bodies.body import Body
+from uvcloth.export.animation import local_pose, strongest
+from uvcloth.export.glb import FLOAT, INDICES, INT, SHORT, VERTICES, Document
+from uvcloth.mesh import Mesh, vertex_normals
+from uvcloth.render import BODY_COLOR
+from uvcloth.skeleton import Skeleton
+
+INFLUENCES = 4
+"""Joint influences per vertex that every glTF reader supports."""
+
+# Z up, facing -Y -> Y up, facing +Z.
+TO_Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], np.float32)
+
+
+def add_geometry(document: Document, mesh: Mesh, normals: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
+    """A mesh at rest with normals (V, 3): the source vertex of each glTF vertex (M,), and a primitive."""
+    source, faces, uvs = split_seams(mesh)
+    positions = mesh.vertices.numpy()[source] @ TO_Y_UP.T
+    attributes = {
+        "POSITION": document.array(positions, "VEC3", FLOAT, VERTICES, bounds=True),
+        "NORMAL": document.array(normals[source] @ TO_Y_UP.T, "VEC3", FLOAT, VERTICES),
+    }
+    if len(mesh.uvs):
+        # glTF measures the second coordinate from the top of the picture.
+        attributes["TEXCOORD_0"] = document.array(uvs * [1, -1] + [0, 1], "VEC2", FLOAT, VERTICES)
+    indices = document.array(faces.ravel(), "SCALAR", INT, INDICES)
+    return source, {"attributes": attributes, "indices": indices}
+
+
+def add_influences(
+    document: Document, primitive: dict[str, Any], joints: np.ndarray, weights: np.ndarray
+) -> None:
+    """Hang a primitive of M vertices on the joints (M, 4) of a skin, with weights (M, 4)."""
+    primitive["attributes"]["JOINTS_0"] = document.array(joints, "VEC4", SHORT, VERTICES)
+    primitive["attributes"]["WEIGHTS_0"] = document.array(weights, "VEC4", FLOAT, VERTICES)
+
+
+def add_skeleton(document: Document, skeleton: Skeleton) -> tuple[int, int]:
+    """Nodes of all joints, in their order, and a skin on them: the index of the skin and of the first node.
+
+    At rest every joint has the axes of the scene.
+    """
+    heads = skeleton.heads.numpy() @ TO_Y_UP.T
+    first = len(document.nodes)
+    inverse_bind = np.tile(np.eye(4, dtype=np.float32), (len(heads), 1, 1))
+    inverse_bind[:, 3, :3] = -heads  # Column-major: the last four numbers are the shift.
+    document.skins.append(
+        {
+            "inverseBindMatrices": document.array(inverse_bind.reshape(-1, 16), "MAT4"),
+            "joints": list(range(first, first + len(heads))),
+        }
+    )
+    for joint, parent in enumerate(skeleton.parents):
+        bone = heads[joint] - heads[parent] if parent >= 0 else heads[joint]
+        node: dict[str, Any] = {"name": skeleton.names[joint], "translation": bone.tolist()}
+        children = [first + child for child, of in enumerate(skeleton.parents) if of == joint]
+        document.nodes.append(node | ({"children": children} if children else {}))
+        if parent < 0:
+            document.roots.append(first + joint)
+    return len(document.skins) - 1, first
+
+
+def animate_skeleton(
+    document: Document, skeleton: Skeleton, first: int, transforms: np.ndarray, time: int
+) -> None:
+    """Pose the nodes of `add_skeleton` by transforms (F, J, 3, 4) at F times (an accessor)."""
+    heads = skeleton.heads.numpy() @ TO_Y_UP.T
+    translations, rotations = local_pose(skeleton, transforms)
+    for joint, parent in enumerate(skeleton.parents):
+        bone = heads[joint] - heads[parent] if parent >= 0 else heads[joint]
+        quaternions = rotations[:, joint]
+        turned = np.concatenate([quaternions[:, :3] @ TO_Y_UP.T, quaternions[:, 3:]], axis=1)
+        document.animate(first + joint, "rotation", time, document.array(turned, "VEC4"))
+        shifts = translations[:, joint] @ TO_Y_UP.T
+        if np.abs(shifts - bone).max() > 1e-6:
+            document.animate(first + joint, "translation", time, document.array(shifts, "VEC3"))
+
+
+def add_body(document: Document, body: Body, skin: int) -> None:
+    """The skinned body, with the four strongest influences of each vertex."""
+    source, primitive = add_geometry(document, body.mesh, unit_normals(body.mesh.vertices.numpy(), body.mesh))
+    joints, weights = strongest(body.weights, INFLUENCES)
+    add_influences(document, primitive, joints[source], weights[source])
+    primitive["material"] = document.material("body", BODY_COLOR)
+    document.mesh("body", primitive, skin, extras={"source_vertices": source.tolist()})
+
+
+def split_seams(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """One texture coordinate per vertex: source vertices (M,), faces (F, 3), uvs (M, 2).
+
+    The first V vertices are the mesh's own in their order; the repeated ones of seams follow.
+    """
+    count = len(mesh.vertices)
+    vertex, faces = mesh.faces.numpy().ravel(), mesh.faces.numpy()
+    if not len(mesh.uvs):
+        return np.arange(count), faces, np.zeros((count, 2), np.float32)
+    pairs, corner = np.unique(
+        np.stack([vertex, mesh.face_uvs.numpy().ravel()], axis=1), axis=0, return_inverse=True
+    )
+    owner, uv = pairs[:, 0], pairs[:, 1]
+    first = np.r_[True, owner[1:] != owner[:-1]]
+    place = np.where(first, owner, count + np.cumsum(~first) - 1)
+    source = np.concatenate([np.arange(count), owner[~first]])
+    uvs = np.zeros((len(source), 2), np.float32)
+    uvs[place] = mesh.uvs.numpy()[uv]
+    return source, place[corner.ravel()].reshape(-1, 3), uvs
+
+
+def unit_normals(vertices: np.ndarray, mesh: Mesh) -> np.ndarray:
+    """Unit normals (..., V, 3); a vertex without faces points up."""
+    normals = vertex_normals(torch.from_numpy(vertices), mesh.faces).numpy()
+    normals[np.linalg.norm(normals, axis=-1) < 0.5] = (0.0, 0.0, 1.0)
+    return normals

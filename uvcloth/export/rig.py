@@ -1,0 +1,193 @@
+"""A trained PBNS as what engines play: a skeleton, skinned garments with blend shapes, and their motion."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.export.animation import strongest
+from uvcloth.export.shapes import ROWS, Cost, ShapeCode, cost, own_shapes, principal_shapes, shape_cost
+from uvcloth.mesh import Mesh, face_normals
+from uvcloth.methods.pbns import PBNS, pose_vectors
+from uvcloth.motion.clip import Clip
+from uvcloth.skeleton import Skeleton, joint_transforms
+from uvcloth.skinning import skin
+
+INFLUENCES = 4
+"""Joint influences per vertex that every engine plays."""
+
+
+@dataclass(frozen=True)
+class RiggedGarment:
+    """N vertices that follow joints and K blend shapes.
+
+    mesh: at rest with all weights zero. joints, weights: (N, INFLUENCES). shapes: (K, N, 3) m, at rest.
+    usual: (K,) mean weights of the training poses.
+    """
+
+    name: str
+    mesh: Mesh
+    joints: np.ndarray
+    weights: np.ndarray
+    shapes: Tensor
+    usual: Tensor
+
+    def normals(self) -> tuple[Tensor, Tensor]:
+        """Normals that go with the blend shapes: (N, 3) unit, and what each shape adds to them, (K, N, 3).
+
+        Their normalized sum is right to first order around the usual weights. The first are not the normals
+        of the mesh, whose weights are all at their lowest, which no pose has.
+        """
+        faces = self.mesh.faces
+        usual = self.mesh.vertices + torch.tensordot(self.usual, self.shapes, 1)
+        # A face's normal is quadratic in its corners: this difference is its exact derivative.
+        slope = 0.5 * (face_normals(usual + self.shapes, faces) - face_normals(usual - self.shapes, faces))
+        total, change = torch.zeros_like(usual), torch.zeros_like(self.shapes)
+        for corner in range(3):
+            total = total.index_add(0, faces[:, corner], face_normals(usual, faces))
+            change = change.index_add(1, faces[:, corner], slope)
+        lengths = total.norm(dim=1, keepdim=True)
+        up = torch.tensor([0.0, 0.0, 1.0])
+        normals = torch.where(lengths > 0, total / lengths, up)  # A vertex without faces points up.
+        change = change / lengths.clamp(min=1e-12)
+        change = change - (change * normals).sum(-1, keepdim=True) * normals
+        # Where all weights are zero. Never shorter than one, as what is taken off is across the normal.
+        start = normals - torch.tensordot(self.usual, change, 1)
+        lengths = start.norm(dim=1, keepdim=True)
+        return start / lengths, change / lengths
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Garments, the innermost first, on one skeleton; all of them share the weights of K blend shapes.
+
+    body: None leaves it out. resting: (K,) weights of the rest pose. transforms: (F, J, 3, 4) rest to posed,
+    and weights: (F, K) in [0, 1]: the motion, F = 0 without one. fps: frames per second.
+    """
+
+    garments: tuple[RiggedGarment, ...]
+    skeleton: Skeleton
+    body: Body | None
+    resting: np.ndarray
+    transforms: np.ndarray
+    weights: np.ndarray
+    fps: float
+
+    @property
+    def shape_names(self) -> list[str]:
+        """Of the K blend shapes, the same in every garment."""
+        return [f"shape_{index:03d}" for index in range(len(self.resting))]
+
+
+@dataclass(frozen=True)
+class Rigged:
+    """A rig, how pose embeddings become its weights, and what it gave up against the method.
+
+    pruning: of joint influences. fewer: of blend shapes. Empty where nothing was given up.
+    """
+
+    rig: Rig
+    code: ShapeCode
+    pruning: tuple[Cost, ...]
+    fewer: tuple[Cost, ...]
+
+
+@torch.no_grad()
+def rig_of(
+    method: PBNS, body: Body, clip: Clip | None = None, shapes: int | None = None, with_body: bool = True
+) -> Rigged:
+    """Make a rig of a trained model on its body, with the motion of a clip on that body or without.
+
+    shapes: how many blend shapes, as principal components; None keeps the network's own. Weights cover the
+    training poses and the clip. Raises InputError for another body, a clip on another skeleton, and a number
+    of shapes that there cannot be.
+    """
+    if fault := method.body_fault(body):
+        raise InputError(fault)
+    if clip and clip.skeleton.names != body.skeleton.names:
+        raise InputError(f"clip {clip.name}: it moves another skeleton than that of body {body.name!r}")
+    network = method.network
+    if shapes is not None and not 1 <= shapes <= len(network.shapes):
+        most = len(network.shapes)
+        raise InputError(f"--shapes {shapes}: has to be from 1 to {most}, as many as the model has")
+    transforms = clip.transforms() if clip else torch.zeros(0, len(body.skeleton.names), 3, 4)
+    rest = torch.eye(3, 4).expand(1, len(body.skeleton.names), 3, 4)
+    training = network.embed(network.poses)
+    poses = pose_vectors(method.worn.parents, torch.cat([rest, transforms]))
+    resting, moving = network.embed(poses).split([1, len(transforms)])
+    known = torch.cat([training, moving])
+    own = network.shapes.view(len(network.shapes), -1, 3)
+    code = own_shapes(own, known) if shapes is None else principal_shapes(own, training, known, shapes)
+    if not len(code):
+        raise InputError(f"model {method.name}: no pose that it knows moves any of its blend shapes")
+    rig = Rig(
+        garments=_garments(method, code, code.weights(training).mean(0)),
+        skeleton=body.skeleton,
+        body=body if with_body else None,
+        resting=code.weights(resting)[0].numpy(),
+        transforms=transforms.numpy(),
+        weights=code.weights(moving).numpy(),
+        fps=clip.fps if clip else 30.0,
+    )
+    seen = {f"{len(training)} training poses": (training, _stances(body.skeleton, network.poses))}
+    if clip:
+        seen[clip.name] = (moving, transforms)
+    return Rigged(
+        rig,
+        code,
+        pruning=_pruning(method, {over: posed for over, (_, posed) in seen.items()}),
+        fewer=tuple(
+            shape_cost(code, own, embeddings, over)
+            for over, (embeddings, _) in seen.items()
+            if shapes is not None
+        ),
+    )
+
+
+def _garments(method: PBNS, code: ShapeCode, usual: Tensor) -> tuple[RiggedGarment, ...]:
+    network = method.network
+    shapes = network.blend_shapes()
+    base = network.rest + torch.tensordot(code.constant, shapes, 1)
+    mixed = torch.tensordot(code.mix, shapes, 1)
+    joints, weights = strongest(network.blend_weights(), INFLUENCES)
+    ends = np.cumsum(method.worn.sizes)
+    return tuple(
+        RiggedGarment(
+            name,
+            replace(mesh, vertices=base[end - size : end]),
+            joints[end - size : end],
+            weights[end - size : end],
+            mixed[:, end - size : end],
+            usual,
+        )
+        for name, mesh, size, end in zip(
+            method.worn.names, method.worn.meshes, method.worn.sizes, ends, strict=True
+        )
+    )
+
+
+def _pruning(method: PBNS, poses: dict[str, Tensor]) -> tuple[Cost, ...]:
+    """What the skinned rest shape moves by if only the strongest joints of each vertex are kept."""
+    weights = method.network.blend_weights()
+    if int((weights > 0).sum(1).max()) <= INFLUENCES:
+        return ()
+    joints, kept = (torch.from_numpy(values) for values in strongest(weights, INFLUENCES))
+    lost = weights.scatter_add(1, joints, -kept)
+    return tuple(
+        cost((skin(method.network.rest, lost, some).norm(dim=-1) for some in transforms.split(ROWS)), over)
+        for over, transforms in poses.items()
+    )
+
+
+def _stances(skeleton: Skeleton, poses: Tensor) -> Tensor:
+    """Joint transforms (M, J, 3, 4) that have pose vectors (M, 3 J), the root turned as at rest."""
+    from kornia.geometry.conversions import axis_angle_to_rotation_matrix
+
+    local = axis_angle_to_rotation_matrix(poses.reshape(-1, 3)).view(len(poses), -1, 3, 3)
+    turns: list[Tensor] = []
+    for joint, parent in enumerate(skeleton.parents):
+        turns.append(turns[parent] @ local[:, joint] if parent >= 0 else torch.eye(3).expand_as(local[:, 0]))
+    return joint_transforms(skeleton, torch.stack(turns, 1), skeleton.heads[:1].expand(len(poses), 3))

@@ -1,0 +1,117 @@
+"""Which blend shapes a file gets, and weights for them that every engine plays: none leaves [0, 1].
+
+A pose embedding X (width) deforms by X D, D the network's blend shapes. Engines clamp weights to [0, 1], so
+each shape is scaled by the range lo .. hi that its weight has over known poses, and lo of it goes into the
+base: base += lo D, D *= hi - lo, w = (w - lo) / (hi - lo). Within that range nothing changes.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+
+LEAST_MOVE = 1e-6
+"""Metres: a shape that moves no vertex by more over the known poses is left out."""
+
+LEAST_SHARE = 1e-5
+"""Of the strongest direction's spread: weaker ones are rounding."""
+
+ROWS = 256
+"""Poses whose deformations are held in memory at once."""
+
+
+@dataclass(frozen=True)
+class ShapeCode:
+    """K weights for a pose embedding, and what they stand for: X D ~ (constant + weights @ mix) D.
+
+    scale: (W, K) and shift: (K,) make weights of embeddings (B, W). constant: (W,). mix: (K, W).
+    """
+
+    scale: Tensor
+    shift: Tensor
+    constant: Tensor
+    mix: Tensor
+
+    def __len__(self) -> int:
+        return len(self.mix)
+
+    def weights(self, embeddings: Tensor) -> Tensor:
+        """(B, W) -> (B, K) in [0, 1]; what lies beyond the known range is clamped."""
+        return (embeddings @ self.scale + self.shift).clamp(0.0, 1.0)
+
+    def restored(self, weights: Tensor) -> Tensor:
+        """The embeddings (B, W) that weights (B, K) stand for."""
+        return self.constant + weights @ self.mix
+
+
+def own_shapes(shapes: Tensor, known: Tensor) -> ShapeCode:
+    """The network's own blend shapes (W, V, 3), those that move anything over known embeddings (M, W)."""
+    low, high = known.amin(0), known.amax(0)
+    moves = (high - low) * shapes.norm(dim=-1).amax(1) > LEAST_MOVE
+    chosen = torch.eye(len(moves), dtype=known.dtype)[:, moves]
+    still = torch.where(moves, 0.0, 0.5 * (low + high))
+    return _ranged(known, still, chosen, chosen.T)
+
+
+def principal_shapes(shapes: Tensor, training: Tensor, known: Tensor, count: int) -> ShapeCode:
+    """The `count` shapes that best explain the training poses' deformations (principal components).
+
+    shapes: (W, V, 3). training: (M, W) embeddings. known: (B, W) embeddings that have to stay in range.
+    Raises InputError if the training poses' deformations have fewer directions.
+    """
+    # Singular vectors of (X - mean) D, found in the W dimensions of X: D is L times orthonormal rows.
+    flat = shapes.flatten(1).double()
+    sizes, axes = torch.linalg.eigh(flat @ flat.T)
+    kept = sizes > LEAST_SHARE**2 * sizes[-1]
+    lengths = sizes[kept].sqrt()
+    mean = training.double().mean(0)
+    spread = (training.double() - mean) @ (axes[:, kept] * lengths)
+    variance, directions = torch.linalg.eigh(spread.T @ spread)
+    there = int((variance > LEAST_SHARE**2 * variance[-1].clamp(min=1e-30)).sum())
+    if count > there:
+        raise InputError(f"--shapes {count}: the training poses need no more than {there} blend shapes")
+    directions = directions.flip(1)[:, :count]
+    encode = (axes[:, kept] * lengths) @ directions
+    decode = directions.T @ (axes[:, kept] / lengths).T
+    return _ranged(known.double(), mean, encode, decode, shapes.dtype)
+
+
+def _ranged(
+    known: Tensor, centre: Tensor, encode: Tensor, decode: Tensor, dtype: torch.dtype = torch.float32
+) -> ShapeCode:
+    """A code with weights (X - centre) @ encode, shifted into [0, 1]; X ~ centre + weights @ decode."""
+    coordinates = (known - centre) @ encode
+    low, high = coordinates.amin(0), coordinates.amax(0)
+    extent = high - low
+    parts = (
+        encode / extent,
+        -(centre @ encode + low) / extent,
+        centre + low @ decode,
+        decode * extent[:, None],
+    )
+    return ShapeCode(*(part.to(dtype) for part in parts))
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a simplification moves: mean and maximum over vertices and poses, m, and over which poses."""
+
+    mean: float
+    most: float
+    over: str
+
+
+def cost(apart: Iterable[Tensor], over: str) -> Cost:
+    """The cost of distances that come in batches of whole poses (B, V)."""
+    sums = [(float(part.mean(1).sum()), float(part.max()), len(part)) for part in apart]
+    means, mosts, counts = zip(*sums, strict=True)
+    return Cost(sum(means) / sum(counts), max(mosts), over)
+
+
+def shape_cost(code: ShapeCode, shapes: Tensor, embeddings: Tensor, over: str) -> Cost:
+    """How far a code's deformations are from the network's own, shapes (W, V, 3), at rest."""
+    lost, flat = embeddings - code.restored(code.weights(embeddings)), shapes.flatten(1)
+    return cost(((rows @ flat).view(len(rows), -1, 3).norm(dim=-1) for rows in lost.split(ROWS)), over)

@@ -1,0 +1,125 @@
+"""What OpenUSD files of ours share: a stage, meshes at rest, a UsdSkel skeleton, its poses, and skins."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uvcloth.export.animation import local_pose
+from uvcloth.mesh import Mesh
+from uvcloth.render import Color
+from uvcloth.skeleton import Skeleton
+
+
+@contextmanager
+def writing(path: Path, fps: float, frames: int) -> Iterator[Any]:
+    """A new stage, saved at the end: metres, Z up, time codes are frames from 0 on; OSError if it cannot."""
+    from pxr import Tf, Usd, UsdGeom
+
+    try:
+        stage = Usd.Stage.CreateNew(str(path))
+        UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+        UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+        stage.SetTimeCodesPerSecond(fps)
+        stage.SetFramesPerSecond(fps)
+        stage.SetStartTimeCode(0)
+        stage.SetEndTimeCode(max(frames - 1, 0))
+        yield stage
+        stage.Save()
+    except Tf.ErrorException as error:
+        raise OSError(f"OpenUSD: {str(error).strip().splitlines()[-1]}") from error
+
+
+def define_mesh(stage: Any, prim: str, mesh: Mesh, color: Color) -> Any:
+    """A polygon mesh without points: topology, texture coordinates by face corner, a display colour."""
+    from pxr import Gf, Sdf, UsdGeom, Vt
+
+    geometry = UsdGeom.Mesh.Define(stage, prim)
+    geometry.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    geometry.CreateDoubleSidedAttr(True)
+    geometry.CreateFaceVertexCountsAttr(Vt.IntArray(len(mesh.faces), 3))
+    geometry.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.numpy().astype(np.int32).ravel()))
+    linear = [channel**2.2 for channel in color]
+    geometry.CreateDisplayColorAttr([Gf.Vec3f(*linear)])
+    if len(mesh.uvs):
+        primvars = UsdGeom.PrimvarsAPI(geometry)
+        st = primvars.CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
+        st.Set(Vt.Vec2fArray.FromNumpy(mesh.uvs.numpy().astype(np.float32)))
+        st.SetIndices(Vt.IntArray.FromNumpy(mesh.face_uvs.numpy().astype(np.int32).ravel()))
+    return geometry
+
+
+def rest_geometry(geometry: Any, mesh: Mesh, normals: np.ndarray) -> None:
+    """Points, normals (V, 3) and extent of a mesh that stays at rest but for its skin."""
+    from pxr import UsdGeom, Vt
+
+    positions = mesh.vertices.numpy()
+    geometry.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(positions))
+    geometry.GetExtentAttr().Set(Vt.Vec3fArray.FromNumpy(np.stack([positions.min(0), positions.max(0)])))
+    geometry.GetNormalsAttr().Set(Vt.Vec3fArray.FromNumpy(normals))
+    geometry.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+
+
+def add_skeleton(stage: Any, prim: str, skeleton: Skeleton) -> Any:
+    """A skeleton at rest; every joint then has the axes of the stage."""
+    from pxr import Gf, UsdSkel
+
+    paths: list[str] = []
+    for joint, parent in enumerate(skeleton.parents):
+        own = f"j{joint:03d}_{_identifier(skeleton.names[joint])}"
+        paths.append(own if parent < 0 else f"{paths[parent]}/{own}")
+    rig = UsdSkel.Skeleton.Define(stage, prim)
+    heads = skeleton.heads.double().numpy()
+    parents = np.array(skeleton.parents)
+    local = heads - np.where(parents[:, None] >= 0, heads[parents], 0.0)
+    rig.CreateJointsAttr(paths)
+    rig.CreateBindTransformsAttr([Gf.Matrix4d().SetTranslate(Gf.Vec3d(*head)) for head in heads.tolist()])
+    rig.CreateRestTransformsAttr([Gf.Matrix4d().SetTranslate(Gf.Vec3d(*bone)) for bone in local.tolist()])
+    return rig
+
+
+def animate_skeleton(stage: Any, rig: Any, skeleton: Skeleton, transforms: np.ndarray) -> Any:
+    """The motion that a skeleton plays, as a prim below it: transforms (F, J, 3, 4), one per time code."""
+    from pxr import Gf, UsdSkel, Vt
+
+    motion = UsdSkel.Animation.Define(stage, rig.GetPath().AppendChild("motion"))
+    motion.CreateJointsAttr(rig.GetJointsAttr().Get())
+    motion.CreateScalesAttr(Vt.Vec3hArray(len(skeleton.names), Gf.Vec3h(1)))
+    translations, rotations = local_pose(skeleton, transforms)
+    shift, turn = motion.CreateTranslationsAttr(), motion.CreateRotationsAttr()
+    for frame in range(len(transforms)):
+        shift.Set(Vt.Vec3fArray.FromNumpy(translations[frame]), frame)
+        turn.Set(Vt.QuatfArray.FromNumpy(rotations[frame]), frame)
+    UsdSkel.BindingAPI.Apply(rig.GetPrim()).CreateAnimationSourceRel().SetTargets([motion.GetPath()])
+    return motion
+
+
+def bind(geometry: Any, rig: Any, joints: np.ndarray, weights: np.ndarray) -> None:
+    """Hang a mesh of N vertices on a skeleton: joints (N, I) and weights (N, I)."""
+    from pxr import Gf, UsdSkel, Vt
+
+    binding = UsdSkel.BindingAPI.Apply(geometry.GetPrim())
+    binding.CreateSkeletonRel().SetTargets([rig.GetPath()])
+    binding.CreateGeomBindTransformAttr(Gf.Matrix4d(1))
+    binding.CreateJointIndicesPrimvar(False, joints.shape[1]).Set(joints.ravel().tolist())
+    binding.CreateJointWeightsPrimvar(False, joints.shape[1]).Set(Vt.FloatArray.FromNumpy(weights.ravel()))
+
+
+def identifiers(names: Sequence[str]) -> list[str]:
+    """An identifier for each name, numbered where names share one: my_shirt, my_shirt_2."""
+    found: list[str] = []
+    for plain in map(_identifier, names):
+        identifier, number = plain, 1
+        while identifier in found:
+            number += 1
+            identifier = f"{plain}_{number}"
+        found.append(identifier)
+    return found
+
+
+def _identifier(name: str) -> str:
+    from pxr import Tf
+
+    return str(Tf.MakeValidIdentifier(name))
