@@ -207,7 +207,7 @@ class PBNSObjective:
         self.faces = [faces.to(device) for faces in self.faces]
         self.visits = Visit(self.visits.points.to(device), self.visits.clearance.to(device))
         self.body = BodyBeside(self.outfit.body, self.points, self.batch, device)
-        self.layers = inner_layers(self.points, self._pieces(), self.batch)
+        self.layers = inner_layers(self.outfit.body, self.points, self._pieces(), self.batch)
 
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor

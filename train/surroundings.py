@@ -7,7 +7,8 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.collider import Collider, collider_near
+from uvcloth.bodies.collider import Collider, collider_near, make_collider
+from uvcloth.physics.contact import Obstacle
 from uvcloth.physics.crowd import FREE, Crowd, Planes, Visit
 from uvcloth.physics.layers import Layer
 from uvcloth.skinning import skin
@@ -45,14 +46,18 @@ class BodyBeside:
 
 @dataclass(frozen=True)
 class InnerLayer:
-    """A garment of an outfit that others are worn over.
+    """A garment of an outfit and one worn over it, which meet as in contact (uvcloth.physics.contact).
 
-    rows: (n,) of it among the outfit's U vertices. outer: (m,) those of what lies near it, over it. copies:
-    the layer in as many poses as a batch has.
+    rows: (n,) of it among the outfit's U vertices. outer: (m,) those of the other that can meet it. touches:
+    (m,) and parts: (F,) int32, a bit for each part of the body that these, and its faces, lie beside: a shirt
+    over the belly does not come off the trousers of a thigh that is pressed into it. copies: the layer in as
+    many poses as a batch has.
     """
 
     rows: Tensor
     outer: Tensor
+    touches: Tensor
+    parts: Tensor
     copies: Layer
 
     def planes(self, outfit: Tensor) -> Planes:
@@ -65,23 +70,31 @@ class InnerLayer:
         self.copies.update(placed)
         found = self.copies.beside(outer.flatten(0, 1), DEEPEST)
         bounds = (found.normals * (outer - aside).flatten(0, 1)).sum(1) - found.distance
-        bounds = torch.where(found.covered, bounds, FREE)
+        parts = self.parts[found.faces % len(self.parts)]
+        met = found.covered & (parts & self.touches.repeat(len(outfit)) != 0)
+        bounds = torch.where(met, bounds, FREE)
         return Planes(found.normals.view_as(outer), bounds.view(outer.shape[:2]))
 
 
-def inner_layers(outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batch: int) -> list[InnerLayer]:
+def inner_layers(
+    body: Body, outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batch: int
+) -> list[InnerLayer]:
     """The layers of an outfit at rest (U, 3) m: garments as rows (n,) among the U and faces (F, 3) into them.
 
-    Innermost first, each with all that lies near it of those after it.
+    Innermost first, each with each of those after it.
     """
+    obstacle = Obstacle(make_collider(body), body.mesh.vertices)
+    device, rest = outfit.device, outfit.cpu()
+    aside = BESIDE * torch.arange(batch, device=device)[:, None, None] * outfit.new_tensor([1.0, 0.0, 0.0])
     layers = []
     for index, (rows, faces) in enumerate(garments[:-1]):
-        over = torch.cat([rows for rows, _ in garments[index + 1 :]])
-        near = torch.cdist(outfit[over], outfit[rows]).amin(1) < NEAR_LAYER
-        aside = (
-            BESIDE * torch.arange(batch, device=outfit.device)[:, None, None] * outfit.new_tensor([1.0, 0, 0])
-        )
-        tiled = faces + len(rows) * torch.arange(batch, device=faces.device)[:, None, None]
+        inner = Layer(rest[rows.cpu()], faces.cpu())
+        tiled = faces + len(rows) * torch.arange(batch, device=device)[:, None, None]
         copies = Layer((outfit[rows] + aside).flatten(0, 1), tiled.flatten(0, 1))
-        layers.append(InnerLayer(rows, over[near], copies))
+        for over, over_faces in garments[index + 1 :]:
+            points = rest[over.cpu()]
+            worn = obstacle.dress(points, over_faces.cpu(), (inner,)).over[0]
+            near = torch.cdist(points[worn.rows], inner.points).amin(1) < NEAR_LAYER
+            outer, touches = over[worn.rows[near].to(device)], worn.touches[near].to(device)
+            layers.append(InnerLayer(rows, outer, touches, worn.parts.to(device), copies))
     return layers
