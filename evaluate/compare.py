@@ -119,6 +119,7 @@ def compare(
     for contestant in contestants:
         results["methods"][contestant.name]["weights_mb"] = contestant.weights_mb
         results["methods"][contestant.name]["trained_on"] = trained_on[contestant.name]
+        results["methods"][contestant.name]["static"] = contestant.method.static
         results["methods"][contestant.name]["training_frames"] = contestant.training_frames
     results["floor"] = {**floor(represented, "representation"), **floor(repeated, "repeatability")}
     results["previous_frame"] = {

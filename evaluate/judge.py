@@ -23,7 +23,7 @@ from uvcloth.simulate.sequence import Sequence as Simulated
 from uvcloth.simulate.sequence import content_hash, load_sequence
 from uvcloth.skinning import skin
 
-FORMAT = "uvcloth-judged-2"
+FORMAT = "uvcloth-judged-3"
 
 SIMULATION = "simulation"
 """The name under which the simulation itself is scored: the yardstick of the physics."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from uvcloth.physics.energies import acceleration_jitter, edge_change, fold_angle
+from uvcloth.physics.energies import acceleration_jitter, edge_change, fold_angle, fold_cosine
 
 MM = 1000.0
 
@@ -64,6 +64,7 @@ def frame_scores(raw: Tensor, resolved: Tensor, reference: Reference) -> dict[st
     return {
         "vertex_mean_mm_raw": distance_scores(raw, reference.vertices)["vertex_mean_mm"],
         "edge_mm_raw": edge_change(raw, reference.rest, reference.faces) * MM,
+        "bend_cos_raw": fold_cosine(raw, reference.faces),
         **mapped,
         **distance_scores(resolved, reference.vertices),
         "edge_mm": edge_change(resolved, reference.rest, reference.faces) * MM,

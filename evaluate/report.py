@@ -35,6 +35,7 @@ MEASURES = {
 
 PHYSICS = {
     "edge_mm_raw": "Edge change before contact (mm)",
+    "bend_cos_raw": "Bend before contact (cosine distance)",
     "edge_mm": "Edge change (mm)",
     "bend_rad": "Bend (rad)",
     "inside_percent_raw": "Inside before contact (%)",
@@ -133,6 +134,7 @@ def write_report(
     page = environment.get_template("report.html").render(
         results=results,
         methods=list(results["methods"]),
+        static=[name for name, judged in results["methods"].items() if judged["static"]],
         garments=garments_in(results),
         judged={garment: methods_on(results, garment) for garment in garments_in(results)},
         measures=MEASURES,

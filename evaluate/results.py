@@ -112,6 +112,7 @@ def _cell(scores: Sequence[Scores], simulation: Sequence[Scores]) -> dict[str, f
         "vertex_mean_mm": _mean(scores, "vertex_mean_mm"),
         "vertex_mean_mm_raw": _mean(scores, "vertex_mean_mm_raw"),
         "edge_mm_raw": _mean(scores, "edge_mm_raw"),
+        "bend_cos_raw": _mean(scores, "bend_cos_raw"),
         "edge_mm": _mean(scores, "edge_mm"),
         "bend_rad": _mean(scores, "bend_rad"),
         "inside_percent_raw": _mean(scores, "inside_percent_raw"),

@@ -42,7 +42,7 @@ def test_help_imports_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "[]"
-    for subcommand in ("body", "simulate", "fit", "rollout", "demo"):
+    for subcommand in ("body", "simulate", "fit", "rollout", "poses", "demo"):
         assert subcommand in done.stdout
 
 
@@ -81,6 +81,28 @@ def test_body_hands_on_only_the_given_phenotypes(monkeypatch, stand_in, tmp_path
     assert run(monkeypatch, "body", "--out", str(out), "--height", "0.9", "--gender", "0") == 0
     assert calls == [("tall", {"height": 0.9, "gender": 0.0})]
     assert len(load_body(out).mesh.vertices) == len(load_body().mesh.vertices)
+
+
+def test_poses_draws_saves_and_counts(monkeypatch, capsys, tmp_path):
+    from uvcloth.bodies.body import load_body
+    from uvcloth.motion.poses import load_poses
+
+    out = tmp_path / "poses.npz"
+    arguments = ("poses", "run", "walk", "--out", str(out), "--apart", "0.8", "--no-mirror")
+    assert run(monkeypatch, *arguments) == 0
+    poses = load_poses(out, load_body())
+    assert (poses.clip_names, poses.apart, poses.mirrored.any()) == (("run", "walk"), 0.8, False)
+    counts = [len(poses.of(split)) for split in ("train", "validation", "test")]
+    assert f"{counts[0]} train, {counts[1]} validation, 0 test poses" in capsys.readouterr().out
+
+
+def test_an_interrupted_drawing_leaves_nothing(monkeypatch, tmp_path):
+    def interrupt(contact, vertices):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("uvcloth.bodies.self_contact.SelfContact.clear", interrupt)
+    assert run(monkeypatch, "poses", "run", "--out", str(tmp_path / "poses.npz")) == 130
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import torch
 from rich.console import Console
@@ -93,9 +93,6 @@ class Objective(Protocol):
     def validate(self, net: nn.Module) -> dict[str, float]:
         """Scores by name and unit; by the first of them, the lower the better, the network kept is chosen."""
 
-    def picture(self, net: nn.Module) -> Tensor | None:
-        """What the network does, to look at in the log: (H, W, 3) uint8, if there is something to see."""
-
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
         """Write the checkpoint of the network."""
 
@@ -107,6 +104,14 @@ class Objective(Protocol):
 
     def remember(self, memory: Mapping[str, Tensor]) -> None:
         """Take that back."""
+
+
+@runtime_checkable
+class Pictured(Protocol):
+    """An objective that also shows what it validates."""
+
+    def picture(self, net: nn.Module) -> Tensor:
+        """What the network does, to look at in the log: (H, W, 3) uint8."""
 
 
 @dataclass
@@ -262,7 +267,8 @@ def _validate(training: Training) -> str:
     when = {"step": done.step, "minutes": done.seconds / 60}
     done.errors.append({**when, **errors})
     training.fabric.log_dict({f"validation/{name}": error for name, error in errors.items()}, done.step)
-    if (picture := training.objective.picture(training.average)) is not None:
+    if isinstance(training.objective, Pictured):
+        picture = training.objective.picture(training.average)
         training.fabric.logger.experiment.add_image("validation", picture, done.step, dataformats="HWC")
     if training.config.keep == "last" or _first(errors) < done.best:
         if training.fabric.is_global_zero:

@@ -13,10 +13,11 @@ from rasterize.errors import InputError
 from train.loop import LoopConfig
 from train.poses import Poses
 from train.surroundings import BodyBeside, inner_layers
+from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.checkpoint import save_checkpoint
 from uvcloth.garments.fit import is_skirt
-from uvcloth.garments.garment import Outfit
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.order import check_order
 from uvcloth.garments.pins import pinned
 from uvcloth.methods.pbns import (
@@ -43,11 +44,15 @@ from uvcloth.physics.energies import (
     rest_shape,
 )
 from uvcloth.physics.layers import wrong_side_percent
+from uvcloth.physics.surface import BodySurface
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 from uvcloth.skinning import apply_transforms, blend_transforms, skin
 
 MILLI = 1000.0
 """Losses are logged in millijoules, lengths in millimetres."""
+
+LOOSE = (0.02, 0.06)
+"""Metres from the skin at rest over which cloth goes from close to free."""
 
 VALIDATED = 128
 """Poses that validation takes, at most."""
@@ -93,8 +98,8 @@ class Hanging:
     pins: tuple[str, ...] = ("band",)
     """What is pinned: band (what holds each garment up), waist, neck, none, or a file of vertex numbers."""
     weights: Literal["auto", "closest", "smooth"] = "auto"
-    """Blend weights of the closest body vertex (paper), or those smoothed over the garment; auto smooths
-    those of skirts."""
+    """Blend weights of the closest body vertex (paper), or those smoothed over the garment; auto takes the
+    smooth ones where cloth hangs free of the body."""
     train_weights: Literal["auto", "yes", "no"] = "auto"
     """Whether blend weights are trained too; auto trains those of an outfit with a skirt (paper)."""
 
@@ -163,16 +168,10 @@ class PBNSObjective:
         )
         if not len(self.poses.vectors) or not len(self.held.vectors):
             raise InputError(f"{poses.file}: lacks training or validation poses, draw them from more clips")
-        skirts = [is_skirt(garment.mesh, outfit.body) for garment in outfit.garments]
-        smooth = [hanging.weights == "smooth" or (hanging.weights == "auto" and skirt) for skirt in skirts]
-        self.weights = torch.cat(
-            [
-                garment.carrier_weights if even else garment.weights
-                for garment, even in zip(outfit.garments, smooth, strict=True)
-            ]
-        )
-        self.trains_weights = (
-            any(skirts) if hanging.train_weights == "auto" else hanging.train_weights == "yes"
+        self.weights = torch.cat([_weights(garment, outfit.body, hanging) for garment in outfit.garments])
+        self.trains_weights = hanging.train_weights == "yes" or (
+            hanging.train_weights == "auto"
+            and any(is_skirt(garment.mesh, outfit.body) for garment in outfit.garments)
         )
         held = torch.cat([pinned(garment, outfit.body, hanging.pins) for garment in outfit.garments])
         network = self._network()
@@ -202,7 +201,8 @@ class PBNSObjective:
 
     def to(self, device: torch.device) -> None:
         """Move what a step touches to a device, and stand as many bodies there as a batch has poses."""
-        self.poses, self.held, self.cloth = (x.to(device) for x in (self.poses, self.held, self.cloth))
+        self.poses, self.held = self.poses.to(device), self.held.to(device)
+        self.cloth = self.cloth.to(device)
         self.points, self.pins = self.points.to(device), self.pins.to(device)
         self.faces = [faces.to(device) for faces in self.faces]
         self.visits = Visit(self.visits.points.to(device), self.visits.clearance.to(device))
@@ -214,12 +214,12 @@ class PBNSObjective:
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
         """The potential energy of a batch of poses, mJ each (paper eq. 3, and the pins)."""
         visit = Visit(self.visits.points[rows], self.visits.clearance[rows])
-        deformed, posed = self._pose(networks["net"], self.poses, rows)
+        deformed, posed = self.pose(networks["net"], self.poses, rows)
         parts = self._energies(deformed, posed, self.poses.transforms[rows], visit)
         self.visits.points[rows], self.visits.clearance[rows] = visit.points, visit.clearance
         yield "net", torch.stack(list(parts.values())).sum(), parts
 
-    def _pose(self, net: Any, poses: Posed, rows: Tensor) -> tuple[Tensor, Tensor]:
+    def pose(self, net: Any, poses: Posed, rows: Tensor) -> tuple[Tensor, Tensor]:
         """The deformation at rest and the posed outfit of some poses, (B, U, 3) m each."""
         deformed, weights = net(poses.vectors[rows])
         blended = blend_transforms(weights, poses.transforms[rows])
@@ -257,7 +257,7 @@ class PBNSObjective:
         rows = torch.arange(0, len(self.held.vectors), stride, device=self.held.vectors.device)
         energies, posed = [], []
         for some in rows.split(self.batch):
-            deformed, vertices = self._pose(net, self.held, some)
+            deformed, vertices = self.pose(net, self.held, some)
             parts = self._energies(deformed, vertices, self.held.transforms[some], None)
             energies.append(len(some) * torch.stack(list(parts.values())).sum())
             posed.append(vertices)
@@ -310,7 +310,7 @@ class PBNSObjective:
         """A few validation poses, rendered: (H, W, 3) uint8."""
         body = self.outfit.body
         rows = torch.linspace(0, len(self.held.vectors) - 1, PICTURED).long().to(self.held.vectors.device)
-        _, posed = self._pose(net, self.held, rows)
+        _, posed = self.pose(net, self.held, rows)
         bodies = skin(body.mesh.vertices, body.weights, self.held.transforms[rows].cpu())
         pictures = []
         for vertices, skin_vertices in zip(posed.cpu(), bodies, strict=True):
@@ -349,6 +349,18 @@ def _posed(poses: PoseDatabase, outfit: Outfit) -> Posed:
     skeleton = outfit.body.skeleton
     transforms = poses.transforms(skeleton)
     return Posed(pose_vectors(skeleton.parents, transforms), transforms)
+
+
+def _weights(garment: Garment, body: Body, hanging: Hanging) -> Tensor:
+    """The blend weights (N, J) that a garment starts from."""
+    if hanging.weights == "closest":
+        return garment.weights
+    if hanging.weights == "smooth":
+        return garment.carrier_weights
+    surface = BodySurface(body.mesh.vertices, body.mesh.faces)
+    distance = surface.closest(garment.mesh.vertices, LOOSE[1]).signed_distance
+    loose = ((distance - LOOSE[0]) / (LOOSE[1] - LOOSE[0])).clamp(0.0, 1.0)
+    return torch.lerp(garment.weights, garment.carrier_weights, loose[:, None])
 
 
 def _starts(sizes: Sequence[int]) -> list[int]:

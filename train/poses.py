@@ -13,6 +13,7 @@ from uvcloth.bodies.self_contact import SelfContact
 from uvcloth.motion.clip_splits import find_sources
 from uvcloth.motion.draw_poses import draw_poses
 from uvcloth.motion.poses import PoseDatabase, load_poses, rest_hash, save_poses
+from uvcloth.motion.recombine import RECOMBINED, recombine
 from uvcloth.skinning import skin
 
 DRAWN = "poses.npz"
@@ -37,7 +38,8 @@ def poses_for(given: Sequence[str], body: Body, run: Path) -> Poses:
     ready = len(given) == 1 and Path(given[0]).suffix == ".npz"
     path = Path(given[0]) if ready else run / DRAWN
     if not ready and not path.exists():
-        save_poses(draw_poses(find_sources(given), body, SelfContact(body).clear), path)
+        clear = SelfContact(body).clear
+        save_poses(recombine(draw_poses(find_sources(given), body, clear), body, clear, RECOMBINED), path)
     database = load_poses(path, body)
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     if database.body_hash != rest_hash(body):

@@ -180,6 +180,8 @@ class Poses:
     """Also train on the clips that an index gives to neither training nor test."""
     mirror: bool = True
     """Draw training poses also left-right mirrored."""
+    recombine: int = 2000
+    """Training poses that are made besides, of the legs, trunk and arms of several that were drawn."""
     seed: int = 0
     """Decides the order in which poses are drawn."""
 
@@ -189,10 +191,13 @@ class Poses:
         from uvcloth.motion.clip_splits import find_sources
         from uvcloth.motion.draw_poses import draw_poses
         from uvcloth.motion.poses import SPLITS, save_poses
+        from uvcloth.motion.recombine import recombine
 
         sources = find_sources(self.clips, self.extra)
         body = load_body(self.body)
-        poses = draw_poses(sources, body, SelfContact(body).clear, self.apart, self.mirror, self.seed)
+        clear = SelfContact(body).clear
+        poses = draw_poses(sources, body, clear, self.apart, self.mirror, self.seed)
+        poses = recombine(poses, body, clear, self.recombine, self.seed)
         save_poses(poses, self.out)
         print(f"{self.out}: {', '.join(f'{len(poses.of(split))} {split}' for split in SPLITS)} poses")
 

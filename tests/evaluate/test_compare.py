@@ -267,6 +267,7 @@ class ForOne:
     garment: str
     name: str = "for_one"
     remembers: bool = False
+    static: bool = True
 
     def objection(self, outfit: Outfit) -> str:
         names = [garment.name for garment in outfit.garments]

@@ -70,6 +70,7 @@ def fake_results() -> dict[str, Any]:
             "actions": actions,
             "weights_mb": 0.0,
             "trained_on": [],
+            "static": mean != MEANS["net"],
             "training_frames": 1434 if mean == MEANS["net"] else None,
             "over_time_mm": over_time,
             "stability": {t: steps(mean) for t in ("tops", "dress")},
@@ -173,6 +174,15 @@ def test_a_method_counts_only_on_what_it_dresses() -> None:
     assert (dress.frames, dress.won, dress.of) == (300, 3, 3)
     assert dress.vertex_mean_mm == pytest.approx(36.0)
     assert found["lbs_smooth", "tops"].frames == 300
+
+
+def test_page_says_which_methods_are_static(tmp_path: Path) -> None:
+    page = write_report(tmp_path, fake_results(), [fake_clip()], []).read_text()
+    assert "<p>lbs, lbs_smooth are static:" in page
+    results = fake_results()
+    for judged in results["methods"].values():
+        judged["static"] = False
+    assert "static:" not in write_report(tmp_path, results, [fake_clip()], []).read_text()
 
 
 def test_page_leaves_out_what_a_method_does_not_dress(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ class Straying:
 
     name: str = "straying"
     remembers: bool = True
+    static: bool = False
 
     def objection(self, outfit: Outfit) -> str:
         return ""

@@ -29,17 +29,15 @@ SPACING = 0.012
 TOLERANCE = 0.01
 """Metres that one part may be inside another."""
 
-FLESH = 0.03
-"""The same where flesh touches flesh and would give way."""
-
-SOFT = (
-    ("upper_arm", "torso"),
-    ("thigh", "thigh"),
-    ("thigh", "torso"),
-    ("calf", "thigh"),
-    ("forearm", "upper_arm"),
-)
-"""Where it does."""
+FLESH = {
+    frozenset(("upper_arm", "torso")): 0.03,
+    frozenset(("forearm", "torso")): 0.02,
+    frozenset(("forearm", "upper_arm")): 0.03,
+    frozenset(("thigh", "torso")): 0.03,
+    frozenset(("thigh",)): 0.03,
+    frozenset(("calf", "thigh")): 0.03,
+}
+"""The same in metres where flesh would give way: armpits, elbows at the waist, bellies, hips and knees."""
 
 
 class SelfContact:
@@ -47,6 +45,7 @@ class SelfContact:
 
     def __init__(self, body: Body) -> None:
         self._collider = make_collider(body, PARTS)
+        self._tolerances = tolerances()
         rest = self._collider.vertices(body.mesh.vertices)
         chosen = _spread(body.mesh.vertices, SPACING)
         owners = _owners(self._collider.parts, len(rest))
@@ -78,15 +77,14 @@ class SelfContact:
         return depths
 
     def clear(self, vertices: Tensor) -> bool:
-        """Whether no part of the posed body (V, 3) is deeper in another than `tolerances` allows."""
-        return bool((self.depths(vertices) <= tolerances().to(vertices)).all())
+        """Whether no part of the posed body (V, 3) is deeper in another than `tolerances` allow."""
+        return bool((self.depths(vertices) <= self._tolerances.to(vertices)).all())
 
 
 def tolerances() -> Tensor:
     """(P, P) metres that the parts of NAMES may be inside one another."""
-    pairs = {frozenset(pair) for pair in SOFT}
     return torch.tensor(
-        [[FLESH if frozenset((row, column)) in pairs else TOLERANCE for column in NAMES] for row in NAMES]
+        [[FLESH.get(frozenset((row, column)), TOLERANCE) for column in NAMES] for row in NAMES]
     )
 
 

@@ -22,6 +22,10 @@ class Ensemble:
     def name(self) -> str:
         return "+".join(method.name for method in self.methods)
 
+    @property
+    def static(self) -> bool:
+        return all(method.static for method in self.methods)
+
     def objection(self, outfit: Outfit) -> str:
         """It dresses as many garments as there are methods, each of which dresses its own."""
         if len(self.methods) != len(outfit.garments):

@@ -24,6 +24,7 @@ class LinearBlendSkinning:
     name: str
     smooth: bool
     remembers: bool = False
+    static: bool = True
 
     def objection(self, outfit: Outfit) -> str:
         """It dresses everything."""

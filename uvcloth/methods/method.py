@@ -13,6 +13,8 @@ class Method(Protocol):
 
     remembers: whether the state carries the garment from frame to frame. A method that remembers nothing may
     be given many frames at once as a batch; one that remembers gets one frame at a time (B = 1).
+
+    static: whether a frame depends on its own pose alone, however fast the body came there.
     """
 
     @property
@@ -20,6 +22,9 @@ class Method(Protocol):
 
     @property
     def remembers(self) -> bool: ...
+
+    @property
+    def static(self) -> bool: ...
 
     def objection(self, outfit: Outfit) -> str:
         """Why it cannot dress an outfit: a sentence that names garment and model; "" where it can."""

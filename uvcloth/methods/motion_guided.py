@@ -205,6 +205,7 @@ class MotionGuided:
     name: str = "motion_guided"
     topology: str = ""
     remembers: bool = True
+    static: bool = False
 
     def objection(self, outfit: Outfit) -> str:
         """It dresses one garment, over what it was trained over."""

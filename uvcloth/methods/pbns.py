@@ -165,6 +165,7 @@ class PBNS:
     worn: RestOutfit
     name: str = "pbns"
     remembers: bool = False
+    static: bool = True
 
     def objection(self, outfit: Outfit) -> str:
         """It dresses the garments that it was trained for, in their order, on that very body."""

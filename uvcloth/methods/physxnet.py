@@ -258,6 +258,7 @@ class PhysXNet:
     config: PhysXNetConfig
     net: GarmentNet
     name: str = "physxnet"
+    static: bool = False
 
     @property
     def remembers(self) -> bool:

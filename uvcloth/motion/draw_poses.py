@@ -12,7 +12,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.motion.clip_splits import Source
 from uvcloth.motion.library import load_clip
-from uvcloth.motion.poses import SPLITS, PoseDatabase, rest_hash
+from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase, rest_hash
 from uvcloth.skeleton import Skeleton
 from uvcloth.skinning import skin
 
@@ -51,6 +51,8 @@ def draw_poses(
         drawn: list[Tensor] = []
         for split, name in enumerate(SPLITS):
             rows = torch.nonzero(candidates.splits == split).squeeze(1)
+            if not len(rows):
+                continue
             rows = rows[torch.randperm(len(rows), generator=generator)]
             bar = progress.add_task(f"drawing for {name}", total=len(rows))
             for chunk in rows.split(CHUNK):
@@ -122,6 +124,7 @@ def _candidates(sources: Sequence[Source], body: Body, mirror: bool, progress: P
         frames=frame,
         mirrored=mirrored_.bool(),
         splits=split_,
+        donors=torch.full((len(split_), DONORS), -1),
         apart=0.0,
         body_name=body.name,
         body_hash=rest_hash(body),

@@ -3,6 +3,7 @@
 import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -17,7 +18,9 @@ from uvcloth.skeleton import Skeleton, joint_transforms
 SPLITS = ("train", "validation", "test")
 
 FORMAT = "uvcloth-poses-1"
-ARRAYS = ("joint_names", "quaternions", "clip_names", "clips", "frames", "mirrored", "splits")
+ARRAYS = ("joint_names", "quaternions", "clip_names", "clips", "frames", "mirrored", "splits", "donors")
+DONORS = 4
+PER_POSE = ("rotations", "clips", "frames", "mirrored", "splits", "donors")
 SCALARS = ("apart", "body_name", "body_hash")
 
 
@@ -27,9 +30,10 @@ class PoseDatabase:
 
     joints: names. rotations: (M, J, 3, 3) float32 world rotations relative to rest. clip_names: the clips
     that they come from. clips: (M,) int64 index of the clip. frames: (M,) int64 frame of it at 30 frames per
-    second. mirrored: (M,) bool, left and right swapped. splits: (M,) int64 indices into SPLITS. apart:
-    radians by which any two poses differ at least. body_name, body_hash: the body that they are valid for,
-    see `rest_hash`.
+    second. mirrored: (M,) bool, left and right swapped. splits: (M,) int64 indices into SPLITS. donors:
+    (M, DONORS) int64 the poses of the file whose legs, trunk, left and right arm a recombined one has (clip,
+    frame and mirrored are those of the legs), -1 for one that was drawn. apart: radians by which any two that
+    were drawn differ at least. body_name, body_hash: the body that they are valid for, see `rest_hash`.
     """
 
     joints: tuple[str, ...]
@@ -39,6 +43,7 @@ class PoseDatabase:
     frames: Tensor
     mirrored: Tensor
     splits: Tensor
+    donors: Tensor
     apart: float
     body_name: str
     body_hash: str
@@ -56,14 +61,15 @@ class PoseDatabase:
 
     def take(self, rows: Tensor) -> "PoseDatabase":
         """Only the poses at `rows` (K,), in that order."""
-        return replace(
-            self,
-            rotations=self.rotations[rows],
-            clips=self.clips[rows],
-            frames=self.frames[rows],
-            mirrored=self.mirrored[rows],
-            splits=self.splits[rows],
-        )
+        taken: dict[str, Any] = {name: getattr(self, name)[rows] for name in PER_POSE}
+        return replace(self, **taken)
+
+    def followed_by(self, other: "PoseDatabase") -> "PoseDatabase":
+        """These poses, then those of another database of the same clips."""
+        joined: dict[str, Any] = {
+            name: torch.cat([getattr(self, name), getattr(other, name)]) for name in PER_POSE
+        }
+        return replace(self, **joined)
 
 
 def rest_hash(body: Body) -> str:
@@ -85,6 +91,7 @@ def save_poses(poses: PoseDatabase, path: Path) -> None:
             "frames": poses.frames.numpy().astype(np.int32),
             "mirrored": poses.mirrored.numpy(),
             "splits": poses.splits.numpy().astype(np.uint8),
+            "donors": poses.donors.numpy().astype(np.int32),
             "apart": np.array(poses.apart),
             "body_name": np.array(poses.body_name),
             "body_hash": np.array(poses.body_hash),
@@ -118,6 +125,7 @@ def load_poses(path: Path, body: Body) -> PoseDatabase:
         frames=torch.from_numpy(data["frames"].astype(np.int64)),
         mirrored=torch.from_numpy(data["mirrored"]),
         splits=torch.from_numpy(data["splits"].astype(np.int64)),
+        donors=torch.from_numpy(data["donors"].astype(np.int64)),
         apart=float(data["apart"]),
         body_name=str(data["body_name"]),
         body_hash=str(data["body_hash"]),
@@ -137,6 +145,11 @@ def _check(path: Path, data: dict[str, np.ndarray], joints: int) -> None:
     fit = quaternions.shape == (count, joints, 4) and clip_names.ndim == 1 and flat and single
     if not (fit and kinds and whole):
         raise InputError(f"{path}: the arrays of the poses do not fit together")
+    donors = data["donors"]
+    if donors.shape != (count, DONORS) or donors.dtype.kind != "i":
+        raise InputError(f"{path}: the arrays of the poses do not fit together")
+    if donors.min() < -1 or donors.max() >= count:
+        raise InputError(f"{path}: donors holds an index out of range")
     for name, end in (("clips", len(clip_names)), ("splits", len(SPLITS)), ("frames", np.inf)):
         if data[name].min() < 0 or data[name].max() >= end:
             raise InputError(f"{path}: {name} holds an index out of range")

@@ -6,6 +6,7 @@ the search where it may: most points need no search, the others a short one. Wha
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 import warp as wp
@@ -67,7 +68,7 @@ class Crowd:
             corners = array(faces.to(self.device, torch.int32).reshape(-1).contiguous())
             self._meshes = [wp.Mesh(array(points), corners) for points in self._points]
             ids = [mesh.id for mesh in self._meshes]
-            self._ids = wp.array(ids, dtype=wp.uint64, device=str(self.device))
+            self._ids: Any = wp.array(ids, dtype=wp.uint64, device=str(self.device))
 
     def update(self, vertices: Tensor) -> None:
         """Move to new poses (B, V, 3), of which there may be fewer than copies."""

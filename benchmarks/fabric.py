@@ -1,0 +1,81 @@
+"""Five fabrics of PBNS, from soft to stiff, as in the paper's Figure 5: do edges and folds follow?
+
+Run from the checkout with PYTHONPATH=. as
+
+    python benchmarks/fabric.py --poses poses.npz --out fabrics [--garment tops] [--steps 1500]
+
+Each fabric is trained alike in OUT/EDGE_BEND, which an interrupted run resumes. Prints the measures on the
+validation poses and draws one of them in every fabric: OUT/fabrics.png.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import torch
+import tyro
+from PIL import Image
+
+from rasterize.command import run_command
+from train.loop import has_begun
+from train.poses import poses_for
+from uvcloth.bodies.body import load_body
+from uvcloth.bodies.frames import body_frames, with_lead
+from uvcloth.checkpoint import load_checkpoint
+from uvcloth.garments.garment import Outfit
+from uvcloth.garments.wardrobe import take
+from uvcloth.methods.registry import load_method
+from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+
+FABRICS = ((5.0, 1e-6), (10.0, 5e-6), (15.0, 1e-5), (20.0, 5e-5), (25.0, 1e-4))
+"""Edge (N/m) and bend (J) stiffness, as printed in the paper."""
+
+SIZE = (360, 480)
+"""Width and height of a picture, pixels."""
+
+
+def main(poses: Path, out: Path, garment: str = "tops", steps: int = 1500, pose: int = 0) -> None:
+    """Train what is missing, then compare. pose: number of the validation pose that is drawn."""
+    body = load_body()
+    chosen = poses_for([str(poses)], body, out).database.of("validation").transforms(body.skeleton)[pose]
+    frames = body_frames(body, with_lead(chosen[None]), 30.0)
+    outfit = Outfit(body, (take(garment, body),))
+    skin = frames.vertices[0, -1]
+    pictures = []
+    print("| edge, N/m | bend, J | edge change, mm | bend, rad | bend, 1 - cos | inside, % |")
+    print("|---:|---:|---:|---:|---:|---:|")
+    for edge, bend in FABRICS:
+        run = out / f"{edge:g}_{bend:g}"
+        _train(run, poses, garment, steps, edge, bend)
+        found = load_checkpoint(run).notes["validation"]
+        keys = ("edge_mm", "bend_rad", "bend_cos", "inside_percent")
+        print(
+            f"| {edge:g} | {bend:g} | " + " | ".join(f"{found[key]:.3f}" for key in keys) + " |", flush=True
+        )
+        method = load_method(run, body)
+        _, (vertices,) = method.step(method.start(outfit, frames), frames)
+        faces = outfit.garments[0].mesh.faces
+        surfaces = [
+            Surface(skin, body.mesh.faces, BODY_COLOR),
+            Surface(vertices[0], faces, GARMENT_COLORS[0]),
+        ]
+        camera = three_quarter(skin, aspect=SIZE[0] / SIZE[1])
+        pictures.append(render(surfaces, camera, SIZE, float(skin[:, 2].min())))
+    Image.fromarray(contact_sheet(pictures, columns=len(pictures))).save(out / "fabrics.png")
+
+
+def _train(run: Path, poses: Path, garment: str, steps: int, edge: float, bend: float) -> None:
+    finished = run / "finished"
+    if finished.exists():
+        return
+    command = [sys.executable, "-m", "train", "pbns", "--garment", garment, "--poses", str(poses)]
+    command += ["--out", str(run), "--steps", str(steps), "--validate-every", str(steps)]
+    command += ["--edge", str(edge), "--bend", str(bend), *(["--resume"] if has_begun(run) else [])]
+    subprocess.run(command, check=True, env={**os.environ, "PYTHONPATH": "."})
+    finished.touch()
+
+
+if __name__ == "__main__":
+    torch.set_grad_enabled(False)
+    sys.exit(run_command("fabric", lambda: tyro.cli(main)))

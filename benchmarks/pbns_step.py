@@ -1,0 +1,116 @@
+"""How a training step of PBNS spends its time, side by side with two other ways to find the closest points.
+
+Run from the checkout with PYTHONPATH=. as
+
+    python benchmarks/pbns_step.py --poses poses.npz [--garment tops] [--epochs 1 4 16]
+
+Prints, after so many passes over the poses: milliseconds of a step, the share of it in which the body's trees
+are moved and asked, and how long the same questions take without what is remembered of the last visit, and as
+the brute-force distance to every vertex of the body, in units of ours.
+"""
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Annotated, Any
+
+import torch
+import tyro
+from rich.progress import Progress
+from torch import Tensor
+
+from rasterize.command import run_command
+from train.loop import rows_of_step
+from train.pbns import LOOPS, Fabric, Hanging, PBNSObjective
+from train.poses import poses_for
+from uvcloth.bodies.body import load_body
+from uvcloth.garments.garment import Outfit
+from uvcloth.garments.wardrobe import take
+from uvcloth.methods.pbns import PBNSConfig
+from uvcloth.skinning import skin
+
+MEASURED = 20
+"""Steps that are averaged."""
+
+
+def main(
+    poses: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NPZ|DIR ...")] = (),
+    garment: tuple[str, ...] = ("tops",),
+    epochs: tuple[int, ...] = (1, 4, 16),
+) -> None:
+    """Train, and time single steps on the way."""
+    body = load_body()
+    outfit = Outfit(body, tuple(take(name, body) for name in garment))
+    config = LOOPS["default"]
+    with TemporaryDirectory() as folder:
+        database = poses_for(poses, body, Path(folder))
+    objective = PBNSObjective(PBNSConfig(), Fabric(), Hanging(), outfit, database, config.batch)
+    objective.to(torch.device("cpu"))
+    net: Any = objective.networks()["net"]
+    optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=0.0, fused=True)
+    spent: dict[str, float] = {}
+    objective.body.move = _timed(objective.body.move, "move", spent)  # type: ignore[method-assign]
+    objective.body.planes = _timed(objective.body.planes, "planes", spent)  # type: ignore[method-assign]
+
+    def step(number: int) -> Tensor:
+        rows = rows_of_step(objective.samples, config, number)
+        for _, loss, _ in objective.steps({"net": net}, rows):
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.step()
+        return rows
+
+    each = len(objective.samples) // config.batch
+    print("| passes | step ms | trees moved and asked | nothing remembered | brute force |")
+    print("|---:|---:|---:|---:|---:|")
+    done = 0
+    with Progress(transient=True) as bar:
+        task = bar.add_task("training", total=max(epochs) * each)
+        for epoch in epochs:
+            while done < epoch * each:
+                step(done)
+                done += 1
+                bar.update(task, completed=done)
+            spent.clear()
+            begun = time.perf_counter()
+            for _ in range(MEASURED):
+                rows = step(done)
+                done += 1
+            whole, asked = time.perf_counter() - begun, spent["planes"] / MEASURED
+            share = (spent["move"] + spent["planes"]) / whole
+            with torch.no_grad():
+                _, posed = objective.pose(net, objective.poses, rows)
+            bodies = skin(body.mesh.vertices, body.weights, objective.poses.transforms[rows])
+            anew = _seconds(lambda posed=posed: objective.body.planes(posed, 0.004, None, "surface"))
+            brute = _seconds(lambda posed=posed, bodies=bodies: _nearest(posed, bodies))
+            print(
+                f"| {epoch} | {1000 * whole / MEASURED:.0f} | {100 * share:.0f} % "
+                f"| {anew / asked:.1f} | {brute / asked:.0f} |"
+            )
+
+
+def _nearest(points: Tensor, vertices: Tensor) -> list[Tensor]:
+    """The closest of all vertices (B, V, 3) to each of (B, N, 3), as the published program searches."""
+    return [torch.cdist(some, others).argmin(1) for some, others in zip(points, vertices, strict=True)]
+
+
+def _seconds(run: Callable[[], object]) -> float:
+    begun = time.perf_counter()
+    run()
+    return time.perf_counter() - begun
+
+
+def _timed(run: Callable[..., Any], name: str, spent: dict[str, float]) -> Callable[..., Any]:
+    def timed(*arguments: Any) -> Any:
+        begun = time.perf_counter()
+        found = run(*arguments)
+        spent[name] = spent.get(name, 0.0) + time.perf_counter() - begun
+        return found
+
+    return timed
+
+
+if __name__ == "__main__":
+    sys.exit(run_command("pbns_step", lambda: tyro.cli(main)))

@@ -1,0 +1,109 @@
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+
+from rasterize.archive import save_arrays
+from rasterize.errors import InputError
+from tests.small_body import small_body
+from uvcloth.bodies.body import Body
+from uvcloth.motion.poses import PoseDatabase, load_poses, rest_hash, save_poses
+
+
+@pytest.fixture
+def poses() -> PoseDatabase:
+    """Four poses of the small body."""
+    rotations = Rotation.random(8, rng=0).as_matrix().astype(np.float32)
+    return PoseDatabase(
+        joints=("hips", "chest"),
+        rotations=torch.from_numpy(rotations).view(4, 2, 3, 3),
+        clip_names=("walk", "run"),
+        clips=torch.tensor([0, 1, 0, 1]),
+        frames=torch.tensor([5, 0, 2, 9]),
+        mirrored=torch.tensor([False, True, False, False]),
+        splits=torch.tensor([0, 0, 1, 2]),
+        apart=0.5,
+        body_name="box",
+        body_hash=rest_hash(small_body()),
+    )
+
+
+def test_poses_save_and_load(tmp_path: Path, poses: PoseDatabase) -> None:
+    save_poses(poses, tmp_path / "poses.npz")
+    again = load_poses(tmp_path / "poses.npz", small_body())
+    torch.testing.assert_close(again.rotations, poses.rotations, atol=1e-6, rtol=0)
+    for name in ("clips", "frames", "mirrored", "splits"):
+        torch.testing.assert_close(getattr(again, name), getattr(poses, name))
+    for name in ("joints", "clip_names", "apart", "body_name", "body_hash"):
+        assert getattr(again, name) == getattr(poses, name)
+
+
+def test_a_split_holds_its_poses_only(poses: PoseDatabase) -> None:
+    train, test = poses.of("train"), poses.of("test")
+    assert (len(train), len(poses.of("validation")), len(test)) == (2, 1, 1)
+    assert train.frames.tolist() == [5, 0]
+    torch.testing.assert_close(test.rotations, poses.rotations[3:])
+
+
+def test_the_roots_head_stays_at_rest(poses: PoseDatabase) -> None:
+    skeleton = small_body().skeleton
+    transforms = poses.transforms(skeleton)
+    posed = transforms[:, :, :, :3] @ skeleton.heads[:, :, None] + transforms[..., 3:]
+    torch.testing.assert_close(posed[:, 0, :, 0], skeleton.heads[:1].expand(4, 3))
+    turned = poses.rotations[:, 0] @ (skeleton.heads[1] - skeleton.heads[0])
+    torch.testing.assert_close(posed[:, 1, :, 0], skeleton.heads[0] + turned)
+
+
+def test_bodies_of_one_shape_have_one_hash() -> None:
+    assert rest_hash(small_body()) == rest_hash(replace(small_body(), name="other"))
+    assert rest_hash(small_body()) != rest_hash(small_body(scale=1.001))
+
+
+def test_poses_of_another_skeleton_are_refused(tmp_path: Path, poses: PoseDatabase, body: Body) -> None:
+    save_poses(poses, tmp_path / "box.npz")
+    with pytest.raises(
+        InputError, match=r"box\.npz: the poses are of another skeleton than the body default"
+    ):
+        load_poses(tmp_path / "box.npz", body)
+
+
+@pytest.mark.parametrize(
+    ("name", "damage", "said"),
+    [
+        ("quaternions", lambda a: a * np.nan, "not a finite number"),
+        ("quaternions", lambda a: a * 0, "no unit quaternion"),
+        ("quaternions", lambda a: a[:, :1], "do not fit together"),
+        ("quaternions", lambda a: a[:0], "no poses"),
+        ("quaternions", lambda a: a[0, 0, 0], "no poses"),
+        ("frames", lambda a: a[1:], "do not fit together"),
+        ("frames", lambda a: a - 1, "frames holds an index out of range"),
+        ("clips", lambda a: a + 1, "clips holds an index out of range"),
+        ("splits", lambda a: a + 1, "splits holds an index out of range"),
+        ("splits", lambda a: a.astype(str), "do not fit together"),
+        ("mirrored", lambda a: a.astype(float), "do not fit together"),
+        ("apart", lambda a: np.array([0.5]), "do not fit together"),
+        ("body_hash", None, "lacks the array body_hash"),
+        ("format", lambda a: np.array("uvcloth-clip-1"), "poses drawn by"),
+    ],
+)
+def test_damaged_poses_are_refused(
+    tmp_path: Path,
+    poses: PoseDatabase,
+    name: str,
+    damage: Callable[[np.ndarray], np.ndarray] | None,
+    said: str,
+) -> None:
+    save_poses(poses, tmp_path / "whole.npz")
+    with np.load(tmp_path / "whole.npz") as archive:
+        arrays = dict(archive)
+    if damage is None:
+        del arrays[name]
+    else:
+        arrays[name] = damage(arrays[name])
+    save_arrays(tmp_path / "damaged.npz", arrays)
+    with pytest.raises(InputError, match=rf"damaged\.npz.*{said}"):
+        load_poses(tmp_path / "damaged.npz", small_body())

@@ -1,0 +1,92 @@
+"""New poses from those of a database: the legs of one, the trunk of another, the arms of two more.
+
+A few clips hold each arm and each leg in many positions, but only in few combinations. A method that learns
+without data can be shown the others too: all that it needs of a pose is that the body can take it.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import torch
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.motion.poses import SPLITS, PoseDatabase
+from uvcloth.motion.retarget import joint_roles
+from uvcloth.skeleton import Skeleton
+from uvcloth.skinning import skin
+
+PARTS: tuple[tuple[str, ...], ...] = (
+    (),
+    ("lower_spine", "middle_spine", "upper_spine"),
+    ("left_clavicle", "left_upper_arm"),
+    ("right_clavicle", "right_upper_arm"),
+)
+"""What hangs on the first of these that a skeleton has: legs (all the rest), trunk, left and right arm."""
+
+RECOMBINED = 2000
+"""Poses that are made unless another number is asked for."""
+
+TRIES = 20
+"""Candidates for each pose that is wanted, at most."""
+
+
+def recombine(
+    poses: PoseDatabase, body: Body, valid: Callable[[Tensor], bool], count: int, seed: int = 0
+) -> PoseDatabase:
+    """The database with `count` more training poses, each made of the parts of training poses.
+
+    Each arm is the trunk's own with even odds. valid: asked of the posed body (V, 3). Raises InputError for a
+    negative count, and if too few of the combinations are valid.
+    """
+    if count < 0:
+        raise InputError(f"--recombine {count}: expected a number of poses, 0 or more")
+    generator = torch.Generator().manual_seed(seed)
+    rows = torch.nonzero(poses.splits == SPLITS.index("train")).squeeze(1)
+    part = joint_parts(body.skeleton)
+    kept: list[Tensor] = []
+    with Progress(TextColumn("recombining"), BarColumn(), MofNCompleteColumn()) as progress:
+        bar = progress.add_task("", total=count)
+        for _ in range(TRIES * count):
+            if len(kept) == count:
+                break
+            donors = rows[torch.randint(len(rows), (len(PARTS),), generator=generator)]
+            own = torch.rand(2, generator=generator) < 0.5
+            donors[2:] = torch.where(own, donors[1], donors[2:])
+            made = _made_of(poses, donors[None], part, body.skeleton)
+            if valid(skin(body.mesh.vertices, body.weights, made.transforms(body.skeleton))[0]):
+                kept.append(donors)
+                progress.advance(bar)
+    if len(kept) < count:
+        raise InputError(f"--recombine {count}: only {len(kept)} combinations are valid on body {body.name}")
+    if not kept:
+        return poses
+    made = _made_of(poses, torch.stack(kept), part, body.skeleton)
+    return poses.followed_by(made)
+
+
+def joint_parts(skeleton: Skeleton) -> Tensor:
+    """Which of PARTS each joint belongs to: (J,) int64."""
+    roles = joint_roles(skeleton.names)
+    tops = {
+        next((roles[role] for role in part if role in roles), None): index for index, part in enumerate(PARTS)
+    }
+    parts: list[int] = []
+    for joint, parent in enumerate(skeleton.parents):
+        parts.append(tops.get(joint, parts[parent] if parent >= 0 else 0))
+    return torch.tensor(parts)
+
+
+def _made_of(poses: PoseDatabase, donors: Tensor, part: Tensor, skeleton: Skeleton) -> PoseDatabase:
+    """Training poses of the joints' rotations, relative to their parents, of their donors (K, parts)."""
+    parents = torch.tensor(skeleton.parents).clamp(min=0)
+    root = torch.tensor(skeleton.parents)[:, None, None] < 0
+    local = torch.where(root, poses.rotations, poses.rotations[:, parents].mT @ poses.rotations)
+    picked = local[donors[:, part], torch.arange(len(part))]
+    world: list[Tensor] = []
+    for joint, parent in enumerate(skeleton.parents):
+        world.append(world[parent] @ picked[:, joint] if parent >= 0 else picked[:, joint])
+    legs = poses.take(donors[:, 0])
+    return replace(legs, rotations=torch.stack(world, dim=1), donors=donors)
