@@ -222,7 +222,7 @@ def pose_vectors(parents: Sequence[int], transforms: Tensor) -> Tensor:
 
     turns = transforms[..., :3]
     local = turns[:, [max(parent, 0) for parent in parents]].mT @ turns
-    vectors = rotation_matrix_to_axis_angle(local.reshape(-1, 3, 3)).view(len(turns), -1, 3)
+    vectors = rotation_matrix_to_axis_angle(local.reshape(-1, 3, 3)).view(*turns.shape[:2], 3)
     down = turns.new_tensor([0.0, 0.0, -1.0])
     root = torch.tensor([parent < 0 for parent in parents], device=turns.device)
     return torch.where(root[:, None], turns.mT @ down, vectors).flatten(1)
