@@ -1,4 +1,4 @@
-"""`python -m train METHOD --data DIR --out RUN`: fit a method to simulated sequences."""
+"""`python -m train METHOD --out RUN`: fit a method to simulated sequences, or PBNS to physics alone."""
 
 import sys
 from collections.abc import Mapping

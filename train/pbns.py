@@ -1,5 +1,6 @@
 """What PBNS learns from: the potential energy of cloth on a body, over many poses and no simulation."""
 
+import hashlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -20,6 +21,7 @@ from uvcloth.garments.fit import is_skirt
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.order import check_order
 from uvcloth.garments.pins import pinned
+from uvcloth.mesh import Mesh
 from uvcloth.methods.pbns import (
     PBNS,
     PBNSConfig,
@@ -29,7 +31,7 @@ from uvcloth.methods.pbns import (
     pose_vectors,
     rest_outfit,
 )
-from uvcloth.motion.poses import PoseDatabase
+from uvcloth.motion.poses import PoseDatabase, rest_hash
 from uvcloth.physics.contact import Obstacle
 from uvcloth.physics.crowd import Visit, first_visit
 from uvcloth.physics.energies import (
@@ -146,8 +148,8 @@ class Posed:
 class PBNSObjective:
     """Energies of an outfit on one body over a database of poses (PBNS section 3.3).
 
-    batch: poses in a step. Raises InputError for layers
-    that cross at rest, pins that name no vertex, and a database without training or validation poses.
+    batch: poses in a step. Raises InputError for layers that cross at rest, pins that name no vertex, and a
+    database without training or validation poses.
     """
 
     def __init__(
@@ -253,7 +255,7 @@ class PBNSObjective:
         of vertices, as the evaluation counts it. layers_percent: of an outer garment's vertices over an inner
         one that are on its wrong side.
         """
-        stride = max(1, len(self.held.vectors) // VALIDATED)
+        stride = math.ceil(len(self.held.vectors) / VALIDATED)
         rows = torch.arange(0, len(self.held.vectors), stride, device=self.held.vectors.device)
         energies, posed = [], []
         for some in rows.split(self.batch):
@@ -331,11 +333,10 @@ class PBNSObjective:
 
     def settings(self) -> dict[str, Any]:
         """What must not change within a run."""
-        garments = {
-            name: len(mesh.faces) for name, mesh in zip(self.worn.names, self.worn.meshes, strict=True)
-        }
+        garments = {name: _digest(mesh) for name, mesh in zip(self.worn.names, self.worn.meshes, strict=True)}
+        body = {self.outfit.body.name: rest_hash(self.outfit.body)}
         made_of = {"fabric": asdict(self.fabric), "hanging": asdict(self.hanging)}
-        return {**asdict(self.config), **made_of, "garments": garments, "data": self.source}
+        return {**asdict(self.config), **made_of, "body": body, "garments": garments, "data": self.source}
 
     def memory(self) -> dict[str, Tensor]:
         """Nothing: where vertices were last looked up saves time and changes nothing."""
@@ -361,6 +362,11 @@ def _weights(garment: Garment, body: Body, hanging: Hanging) -> Tensor:
     distance = surface.closest(garment.mesh.vertices, LOOSE[1]).signed_distance
     loose = ((distance - LOOSE[0]) / (LOOSE[1] - LOOSE[0])).clamp(0.0, 1.0)
     return torch.lerp(garment.weights, garment.carrier_weights, loose[:, None])
+
+
+def _digest(mesh: Mesh) -> str:
+    """SHA-256 of where a mesh is at rest and of its faces, in hexadecimal."""
+    return hashlib.sha256(mesh.vertices.numpy().tobytes() + mesh.faces.numpy().tobytes()).hexdigest()
 
 
 def _starts(sizes: Sequence[int]) -> list[int]:

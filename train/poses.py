@@ -8,6 +8,7 @@ from pathlib import Path
 import torch
 from rich.progress import track
 
+from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.self_contact import SelfContact
 from uvcloth.motion.clip_splits import find_sources
@@ -33,14 +34,18 @@ def poses_for(given: Sequence[str], body: Body, run: Path) -> Poses:
     """Read the database of `given`, or draw one from its clips and folders into the run, once.
 
     Poses that were drawn for another shape of body and in which this one runs through itself are left out.
-    Raises InputError as load_poses, find_sources and draw_poses do.
+    Raises InputError as load_poses, find_sources, draw_poses and recombine do, and if the run holds poses of
+    other clips.
     """
     ready = len(given) == 1 and Path(given[0]).suffix == ".npz"
     path = Path(given[0]) if ready else run / DRAWN
+    sources = [] if ready else find_sources(given)
     if not ready and not path.exists():
         clear = SelfContact(body).clear
-        save_poses(recombine(draw_poses(find_sources(given), body, clear), body, clear, RECOMBINED), path)
+        save_poses(recombine(draw_poses(sources, body, clear), body, clear, RECOMBINED), path)
     database = load_poses(path, body)
+    if not ready and database.clip_names != tuple(source.name for source in sources):
+        raise InputError(f"{path}: was drawn from other clips; name them again, or another folder")
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     if database.body_hash != rest_hash(body):
         database = _valid_for(body, database)

@@ -117,16 +117,24 @@ def restored(
     if weights and config do not fit each other.
     """
     try:
-        values = {k: tuple(v) if isinstance(v, list) else v for k, v in checkpoint.config.items()}
-        missing = {field.name for field in fields(config)} - values.keys()  # type: ignore[arg-type]
-        if missing:
-            raise KeyError(*sorted(missing))
-        method = config(**values).create()
+        method = stored_config(checkpoint, config).create()
         networks(method).load_state_dict(checkpoint.tensors)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise misfit(folder, error) from error
     networks(method).eval()
     return method
+
+
+def stored_config(checkpoint: Checkpoint, config: Callable[..., Any]) -> Any:
+    """The config of a checkpoint, of the given dataclass.
+
+    Raises KeyError, TypeError or ValueError if a setting is missing, unknown or impossible.
+    """
+    values = {k: tuple(v) if isinstance(v, list) else v for k, v in checkpoint.config.items()}
+    missing = {field.name for field in fields(config)} - values.keys()  # type: ignore[arg-type]
+    if missing:
+        raise KeyError(*sorted(missing))
+    return config(**values)
 
 
 def misfit(folder: Path, error: Exception) -> InputError:

@@ -49,7 +49,7 @@ def _listed(garment: Garment, path: Path) -> Tensor:
         raise InputError(
             f"--pins {path}: neither a readable file of vertex numbers nor one of {places}"
         ) from error
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise InputError(f"{path}: expected vertex numbers, {error}") from error
     count = len(garment.mesh.vertices)
     if len(numbers) and not 0 <= numbers.min() <= numbers.max() < count:

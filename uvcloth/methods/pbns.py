@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
-from uvcloth.checkpoint import Checkpoint, body_identity, misfit
+from uvcloth.checkpoint import Checkpoint, body_identity, misfit, stored_config
 from uvcloth.garments.garment import Outfit
 from uvcloth.mesh import Mesh, weld
 from uvcloth.skinning import apply_transforms, blend_transforms
@@ -177,7 +177,8 @@ class PBNS:
         if fault := self.body_fault(outfit.body):
             return fault
         for garment, mesh in zip(outfit.garments, self.worn.meshes, strict=True):
-            if not torch.equal(garment.mesh.faces, mesh.faces):
+            same_faces = torch.equal(garment.mesh.faces, mesh.faces)
+            if not same_faces or garment.mesh.vertices.shape != mesh.vertices.shape:
                 return f"garment {garment.name}: {who}, but another mesh of that name"
             apart = float((garment.mesh.vertices - mesh.vertices).norm(dim=1).max())
             if apart > SAME_SHAPE:
@@ -221,7 +222,7 @@ def pose_vectors(parents: Sequence[int], transforms: Tensor) -> Tensor:
 
     turns = transforms[..., :3]
     local = turns[:, [max(parent, 0) for parent in parents]].mT @ turns
-    vectors = rotation_matrix_to_axis_angle(local.reshape(-1, 3, 3)).view(len(turns), -1, 3)
+    vectors = rotation_matrix_to_axis_angle(local.reshape(-1, 3, 3)).view(*turns.shape[:2], 3)
     down = turns.new_tensor([0.0, 0.0, -1.0])
     root = torch.tensor([parent < 0 for parent in parents], device=turns.device)
     return torch.where(root[:, None], turns.mT @ down, vectors).flatten(1)
@@ -250,7 +251,8 @@ def pbns_checkpoint(method: PBNS, body: Body, data: dict[str, str], notes: dict[
     """What training saves: the network, and the outfit that it is for. data: pose file -> content hash."""
     tensors = {f"network.{name}": tensor for name, tensor in method.network.state_dict().items()}
     for index, mesh in enumerate(method.worn.meshes):
-        tensors |= {f"mesh.{index}.{field.name}": getattr(mesh, field.name) for field in fields(Mesh)}
+        # Faces may serve as face_uvs too, which safetensors refuses to write twice.
+        tensors |= {f"mesh.{index}.{field.name}": getattr(mesh, field.name).clone() for field in fields(Mesh)}
     return Checkpoint(
         method="pbns",
         config=asdict(method.config),
@@ -266,7 +268,7 @@ def load_pbns(checkpoint: Checkpoint, folder: Path) -> PBNS:
     """The trained method of a checkpoint. Raises InputError if its parts do not fit each other."""
     tensors = checkpoint.tensors
     try:
-        config = PBNSConfig(**checkpoint.config)
+        config = stored_config(checkpoint, PBNSConfig)
         meshes = tuple(
             Mesh(**{field.name: tensors[f"mesh.{index}.{field.name}"] for field in fields(Mesh)})
             for index in range(len(checkpoint.templates))
@@ -276,6 +278,17 @@ def load_pbns(checkpoint: Checkpoint, folder: Path) -> PBNS:
         counts = (len(state["owner"]), len(state["strongest"]), len(worn.heads), len(state["poses"]))
         network = PBNSNetwork(config, *counts)
         network.load_state_dict(state)
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        _require_fit(network, worn)
+    except (KeyError, IndexError, TypeError, ValueError, RuntimeError) as error:
         raise misfit(folder, error) from error
     return PBNS(config, network.eval(), worn)
+
+
+def _require_fit(network: PBNSNetwork, worn: RestOutfit) -> None:
+    """Raise ValueError, IndexError or RuntimeError unless a network has the outfit's vertices and joints."""
+    if not sum(worn.sizes) == len(network.rest) == len(network.owner):
+        raise ValueError(f"{sum(worn.sizes)} vertices, weights for {len(network.owner)}")
+    joints = len(worn.heads)
+    if not (len(worn.parents) == network.joints == joints and max(worn.parents) < joints):
+        raise ValueError(f"{joints} joints, {len(worn.parents)} parents, poses of {network.joints}")
+    network.blend_weights()

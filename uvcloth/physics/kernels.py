@@ -238,27 +238,17 @@ def closest_in_crowd(
     limit = wp.min(reach, wp.abs(clearance[i]) + moved + ON_SURFACE)
     mesh = meshes[i // each]
     visited[i] = point
-    query = wp.mesh_query_point_sign_normal(mesh, point, limit)
-    if query.result:
-        place = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
-        away = point - place
-        length = wp.length(away)
-        direction = wp.mesh_eval_face_normal(mesh, query.face)
-        if length > ON_SURFACE:
-            direction = away * (query.sign / length)
-        clearance[i] = query.sign * length
-        if corners.shape[0] > 0 and clearance[i] < near:
+    found, place, direction, face, _u, _v = signed_closest(mesh, point, limit)
+    clearance[i] = found
+    if found < near and face >= 0:
+        if corners.shape[0] > 0:
             nearest = FAR
             start = (i // each) * (corners.shape[0] // meshes.shape[0])
             for k in range(3):
-                corner = wp.mesh_get_index(mesh, 3 * query.face + k)
-                there = wp.mesh_get_point(mesh, 3 * query.face + k)
-                if wp.length(point - there) < nearest:
-                    nearest = wp.length(point - there)
-                    place = there
-                    direction = corners[start + corner]
-        if clearance[i] < near:
-            normal[i] = direction
-            bound[i] = wp.dot(direction, place)
-    else:
-        clearance[i] = limit
+                corner = wp.mesh_get_point(mesh, 3 * face + k)
+                if wp.length(point - corner) < nearest:
+                    nearest = wp.length(point - corner)
+                    place = corner
+                    direction = corners[start + wp.mesh_get_index(mesh, 3 * face + k)]
+        normal[i] = direction
+        bound[i] = wp.dot(direction, place)
