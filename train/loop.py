@@ -365,8 +365,14 @@ def _load_state(training: Training) -> None:
             for key, value in part(f"optimizer/{name}/").items():
                 index, _, entry = key.partition("/")
                 state.setdefault(int(index), {})[entry] = value
-            groups = training.optimizers[name].state_dict()["param_groups"]
-            training.optimizers[name].load_state_dict({"state": state, "param_groups": groups})
+            optimizer = training.optimizers[name]
+            groups = optimizer.state_dict()["param_groups"]
+            optimizer.load_state_dict({"state": state, "param_groups": groups})
+            # The fused optimizer walks weights and moments by their place in memory.
+            for weight, moments in optimizer.state.items():
+                for key, value in moments.items():
+                    if value.shape == weight.shape:
+                        moments[key] = torch.empty_like(weight).copy_(value)
         if training.config.average:
             training.average.load_state_dict(part("average/"))
     except (RuntimeError, ValueError, KeyError) as error:
