@@ -41,9 +41,9 @@ def write_glb(animation: Animation, path: Path) -> None:
 
 def _add_garment(document: Document, animation: Animation, index: int, time: int) -> None:
     name, mesh, vertices = animation.names[index], animation.meshes[index], animation.vertices[index]
-    base, base_normals = mesh.vertices.numpy(), unit_normals(mesh.vertices.numpy(), mesh)
-    source, primitive = add_geometry(document, mesh, base_normals)
+    source, primitive = add_geometry(document, mesh)
     primitive["material"] = document.material(name, GARMENT_COLORS[index % len(GARMENT_COLORS)])
+    base, base_normals = mesh.vertices.numpy(), unit_normals(mesh.vertices.numpy(), mesh)
 
     def deltas() -> Iterator[np.ndarray]:
         for frames in animation.chunks():

@@ -40,8 +40,7 @@ def write_rig_glb(rig: Rig, path: Path) -> None:
 def _add_garment(document: Document, rig: Rig, index: int, skin: int) -> int:
     """A garment with all of its targets. Returns its node."""
     garment = rig.garments[index]
-    normals, changes = (values.numpy() for values in garment.normals())
-    source, primitive = add_geometry(document, garment.mesh, normals)
+    source, primitive = add_geometry(document, garment.mesh)
     add_influences(document, primitive, garment.joints[source], garment.weights[source])
     primitive["material"] = document.material(garment.name, GARMENT_COLORS[index % len(GARMENT_COLORS)])
     primitive["targets"] = [
@@ -49,7 +48,7 @@ def _add_garment(document: Document, rig: Rig, index: int, skin: int) -> int:
             "POSITION": document.array(shape[source] @ TO_Y_UP.T, "VEC3", FLOAT, VERTICES, bounds=True),
             "NORMAL": document.array(change[source] @ TO_Y_UP.T, "VEC3", FLOAT, VERTICES),
         }
-        for shape, change in zip(garment.shapes.numpy(), changes, strict=True)
+        for shape, change in zip(garment.shapes.numpy(), garment.normal_shapes().numpy(), strict=True)
     ]
     return document.mesh(
         garment.name,

@@ -23,13 +23,14 @@ INFLUENCES = 4
 TO_Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], np.float32)
 
 
-def add_geometry(document: Document, mesh: Mesh, normals: np.ndarray) -> tuple[np.ndarray, dict[str, Any]]:
-    """A mesh at rest with normals (V, 3): the source vertex of each glTF vertex (M,), and a primitive."""
+def add_geometry(document: Document, mesh: Mesh) -> tuple[np.ndarray, dict[str, Any]]:
+    """A mesh at rest: the source vertex of each glTF vertex (M,), and a primitive without material."""
     source, faces, uvs = split_seams(mesh)
     positions = mesh.vertices.numpy()[source] @ TO_Y_UP.T
+    normals = unit_normals(mesh.vertices.numpy(), mesh)[source] @ TO_Y_UP.T
     attributes = {
         "POSITION": document.array(positions, "VEC3", FLOAT, VERTICES, bounds=True),
-        "NORMAL": document.array(normals[source] @ TO_Y_UP.T, "VEC3", FLOAT, VERTICES),
+        "NORMAL": document.array(normals, "VEC3", FLOAT, VERTICES),
     }
     if len(mesh.uvs):
         # glTF measures the second coordinate from the top of the picture.
@@ -89,7 +90,7 @@ def animate_skeleton(
 
 def add_body(document: Document, body: Body, skin: int) -> None:
     """The skinned body, with the four strongest influences of each vertex."""
-    source, primitive = add_geometry(document, body.mesh, unit_normals(body.mesh.vertices.numpy(), body.mesh))
+    source, primitive = add_geometry(document, body.mesh)
     joints, weights = strongest(body.weights, INFLUENCES)
     add_influences(document, primitive, joints[source], weights[source])
     primitive["material"] = document.material("body", BODY_COLOR)

@@ -10,7 +10,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.export.animation import strongest
 from uvcloth.export.shapes import ROWS, Cost, ShapeCode, cost, own_shapes, principal_shapes, shape_cost
-from uvcloth.mesh import Mesh, face_normals
+from uvcloth.mesh import Mesh, face_normals, vertex_normals
 from uvcloth.methods.pbns import PBNS, pose_vectors
 from uvcloth.motion.clip import Clip
 from uvcloth.skeleton import Skeleton, joint_transforms
@@ -19,13 +19,16 @@ from uvcloth.skinning import skin
 INFLUENCES = 4
 """Joint influences per vertex that every engine plays."""
 
+RIDGE = 1e-3
+"""Squared weights: keeps the solution for `one` small where the training poses leave it open."""
+
 
 @dataclass(frozen=True)
 class RiggedGarment:
     """N vertices that follow joints and K blend shapes.
 
     mesh: at rest with all weights zero. joints, weights: (N, INFLUENCES). shapes: (K, N, 3) m, at rest.
-    usual: (K,) mean weights of the training poses.
+    usual: (K,) mean weights of the training poses. one: (K,), weights @ one is nearly 1 in all of them.
     """
 
     name: str
@@ -34,30 +37,27 @@ class RiggedGarment:
     weights: np.ndarray
     shapes: Tensor
     usual: Tensor
+    one: Tensor
 
-    def normals(self) -> tuple[Tensor, Tensor]:
-        """Normals that go with the blend shapes: (N, 3) unit, and what each shape adds to them, (K, N, 3).
+    def normal_shapes(self) -> Tensor:
+        """What each shape adds to the mesh's unit normals: (K, N, 3).
 
-        Their normalized sum is right to first order around the usual weights. The first are not the normals
-        of the mesh, whose weights are all at their lowest, which no pose has.
+        Normalized, the sum is right at the usual weights and nearly so to first order around them. It starts
+        from all weights at their lowest, where no pose is; a tangent there would be worth little.
         """
-        faces = self.mesh.faces
-        usual = self.mesh.vertices + torch.tensordot(self.usual, self.shapes, 1)
+        rest, faces = self.mesh.vertices, self.mesh.faces
+        usual = rest + torch.tensordot(self.usual, self.shapes, 1)
         # A face's normal is quadratic in its corners: this difference is its exact derivative.
         slope = 0.5 * (face_normals(usual + self.shapes, faces) - face_normals(usual - self.shapes, faces))
         total, change = torch.zeros_like(usual), torch.zeros_like(self.shapes)
         for corner in range(3):
             total = total.index_add(0, faces[:, corner], face_normals(usual, faces))
             change = change.index_add(1, faces[:, corner], slope)
-        lengths = total.norm(dim=1, keepdim=True)
-        up = torch.tensor([0.0, 0.0, 1.0])
-        normals = torch.where(lengths > 0, total / lengths, up)  # A vertex without faces points up.
-        change = change / lengths.clamp(min=1e-12)
+        normals = torch.nn.functional.normalize(total, dim=-1)
+        change = change / total.norm(dim=1, keepdim=True).clamp(min=1e-12)
         change = change - (change * normals).sum(-1, keepdim=True) * normals
-        # Where all weights are zero. Never shorter than one, as what is taken off is across the normal.
-        start = normals - torch.tensordot(self.usual, change, 1)
-        lengths = start.norm(dim=1, keepdim=True)
-        return start / lengths, change / lengths
+        start = vertex_normals(rest, faces) + torch.tensordot(self.usual, change, 1)
+        return change + self.one[:, None, None] * (normals - start)
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ def rig_of(
     if not len(code):
         raise InputError(f"model {method.name}: no pose that it knows moves any of its blend shapes")
     rig = Rig(
-        garments=_garments(method, code, code.weights(training).mean(0)),
+        garments=_garments(method, code, code.weights(training)),
         skeleton=body.skeleton,
         body=body if with_body else None,
         resting=code.weights(resting)[0].numpy(),
@@ -147,7 +147,10 @@ def rig_of(
     )
 
 
-def _garments(method: PBNS, code: ShapeCode, usual: Tensor) -> tuple[RiggedGarment, ...]:
+def _garments(method: PBNS, code: ShapeCode, trained: Tensor) -> tuple[RiggedGarment, ...]:
+    """trained: (M, K) weights of the training poses."""
+    usual = trained.mean(0)
+    one = torch.linalg.solve(trained.T @ trained / len(trained) + RIDGE * torch.eye(len(usual)), usual)
     network = method.network
     shapes = network.blend_shapes()
     base = network.rest + torch.tensordot(code.constant, shapes, 1)
@@ -162,6 +165,7 @@ def _garments(method: PBNS, code: ShapeCode, usual: Tensor) -> tuple[RiggedGarme
             weights[end - size : end],
             mixed[:, end - size : end],
             usual,
+            one / (one @ usual),
         )
         for name, mesh, size, end in zip(
             method.worn.names, method.worn.meshes, method.worn.sizes, ends, strict=True

@@ -35,7 +35,7 @@ def write_usd(animation: Animation, path: Path) -> None:
             skeleton = add_skeleton(stage, "/Outfit/body/skeleton", body.skeleton)
             animate_skeleton(stage, skeleton, body.skeleton, animation.transforms)
             geometry = define_mesh(stage, "/Outfit/body/mesh", body.mesh, BODY_COLOR)
-            rest_geometry(geometry, body.mesh, vertex_normals(body.mesh.vertices, body.mesh.faces).numpy())
+            rest_geometry(geometry, body.mesh)
             bind(geometry, skeleton, *strongest(body.weights, INFLUENCES))
 
 

@@ -20,7 +20,6 @@ from uvcloth.export.usd_stage import (
     rest_geometry,
     writing,
 )
-from uvcloth.mesh import vertex_normals
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS
 
 
@@ -50,15 +49,15 @@ def write_rig_usd(rig: Rig, path: Path) -> None:
             _rig_garment(stage, geometry, skeleton, rig.garments[index], rig.shape_names)
         if body := rig.body:
             geometry = define_mesh(stage, "/Outfit/body", body.mesh, BODY_COLOR)
-            rest_geometry(geometry, body.mesh, vertex_normals(body.mesh.vertices, body.mesh.faces).numpy())
+            rest_geometry(geometry, body.mesh)
             bind(geometry, skeleton, *strongest(body.weights, INFLUENCES))
 
 
 def _rig_garment(stage: Any, geometry: Any, skeleton: Any, garment: RiggedGarment, names: list[str]) -> None:
     from pxr import UsdSkel, Vt
 
-    normals, changes = (np.ascontiguousarray(values.numpy()) for values in garment.normals())
-    rest_geometry(geometry, garment.mesh, normals)
+    rest_geometry(geometry, garment.mesh)
+    changes = garment.normal_shapes().numpy()
     bind(geometry, skeleton, garment.joints, garment.weights)
     paths = [geometry.GetPath().AppendChild(name) for name in names]
     for path, offsets, change in zip(paths, garment.shapes.numpy(), changes, strict=True):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from uvcloth.export.animation import local_pose
-from uvcloth.mesh import Mesh
+from uvcloth.mesh import Mesh, vertex_normals
 from uvcloth.render import Color
 from uvcloth.skeleton import Skeleton
 
@@ -51,13 +51,14 @@ def define_mesh(stage: Any, prim: str, mesh: Mesh, color: Color) -> Any:
     return geometry
 
 
-def rest_geometry(geometry: Any, mesh: Mesh, normals: np.ndarray) -> None:
-    """Points, normals (V, 3) and extent of a mesh that stays at rest but for its skin."""
+def rest_geometry(geometry: Any, mesh: Mesh) -> None:
+    """Points, normals and extent of a mesh that stays at rest but for its skin."""
     from pxr import UsdGeom, Vt
 
     positions = mesh.vertices.numpy()
     geometry.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(positions))
     geometry.GetExtentAttr().Set(Vt.Vec3fArray.FromNumpy(np.stack([positions.min(0), positions.max(0)])))
+    normals = vertex_normals(mesh.vertices, mesh.faces).numpy()
     geometry.GetNormalsAttr().Set(Vt.Vec3fArray.FromNumpy(normals))
     geometry.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
 
