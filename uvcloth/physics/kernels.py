@@ -41,8 +41,10 @@ def crossings(mesh: wp.uint64, start: wp.vec3, direction: wp.vec3):
 
 
 @wp.func
-def signed_closest(mesh: wp.uint64, point: wp.vec3, reach: float):
+def signed_closest(mesh: wp.uint64, point: wp.vec3, reach: float, side: float):
     """Signed distance, place, outward direction, face (-1 beyond the reach) and barycentrics (u, v).
+
+    side: negative inside and positive outside, where that is known; zero asks.
 
     Posed surfaces fold into themselves, where the nearest sheet may face either way. The ray away from it
     crosses few others and tells whether the point is inside; where sheet and ray disagree, the majority of
@@ -62,11 +64,13 @@ def signed_closest(mesh: wp.uint64, point: wp.vec3, reach: float):
         direction = wp.mesh_eval_face_normal(mesh, query.face)
         if length > ON_SURFACE:
             away *= 1.0 / length
-            inside = crossings(mesh, point, away) > 0
-            if inside != (wp.dot(direction, away) < 0.0):
-                there = crossings(mesh, point, ASKEW) > 0
-                back = crossings(mesh, point, -ASKEW) > 0
-                inside = (there and back) or (inside and (there or back))
+            inside = side < 0.0
+            if side == 0.0:
+                inside = crossings(mesh, point, away) > 0
+                if inside != (wp.dot(direction, away) < 0.0):
+                    there = crossings(mesh, point, ASKEW) > 0
+                    back = crossings(mesh, point, -ASKEW) > 0
+                    inside = (there and back) or (inside and (there or back))
             direction = wp.where(inside, -away, away)
         distance = wp.where(wp.dot(point - place, direction) < 0.0, -length, length)
         face = query.face
@@ -89,7 +93,7 @@ def closest_point(
 ):
     """The surface point closest to each point, negative distance inside; face -1 beyond the reach."""
     i = share + wp.tid()
-    found, place, direction, index, u, v = signed_closest(mesh, points[i], reach)
+    found, place, direction, index, u, v = signed_closest(mesh, points[i], reach, 0.0)
     distance[i] = found
     closest[i] = place
     normal[i] = direction
@@ -122,7 +126,7 @@ def closest_touched(
     room = float(FAR)
     for part in range(parts.shape[0]):
         if (touches[i] >> part) & 1 == 1:
-            found, place, direction, face, _u, _v = signed_closest(parts[part], point, reach[i])
+            found, place, direction, face, _u, _v = signed_closest(parts[part], point, reach[i], 0.0)
             if wp.dot(outward, direction) < FACING:
                 room = wp.min(room, least + found)
             if face >= 0 and found < least:
@@ -236,9 +240,11 @@ def closest_in_crowd(
     if clearance[i] - moved > near:
         return
     limit = wp.min(reach, wp.abs(clearance[i]) + moved + ON_SURFACE)
+    # No way shorter than the distance to the surface leads through it.
+    side = wp.where(wp.abs(clearance[i]) > moved + ON_SURFACE, clearance[i], 0.0)
     mesh = meshes[i // each]
     visited[i] = point
-    found, place, direction, face, _u, _v = signed_closest(mesh, point, limit)
+    found, place, direction, face, _u, _v = signed_closest(mesh, point, limit, side)
     clearance[i] = found
     if found < near and face >= 0:
         if corners.shape[0] > 0:
