@@ -21,7 +21,7 @@ from uvcloth.garments.fit import is_skirt
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.order import check_order
 from uvcloth.garments.pins import pinned
-from uvcloth.mesh import Mesh
+from uvcloth.mesh import Mesh, vertex_normals
 from uvcloth.methods.pbns import (
     PBNS,
     PBNSConfig,
@@ -209,7 +209,7 @@ class PBNSObjective:
         self.faces = [faces.to(device) for faces in self.faces]
         self.visits = Visit(self.visits.points.to(device), self.visits.clearance.to(device))
         self.body = BodyBeside(self.outfit.body, self.points, self.batch, device)
-        self.layers = inner_layers(self.outfit.body, self.points, self._pieces(), self.batch)
+        self.layers = inner_layers(self.points, self._pieces(), self.batch)
 
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
@@ -235,8 +235,9 @@ class PBNSObjective:
         self.body.move(transforms)
         planes = self.body.planes(posed, fabric.thickness, visit, fabric.plane)
         met = [collision_energy(planes.distance(posed), fabric.thickness, fabric.collision)]
+        normals = vertex_normals(posed.detach(), cloth.faces) if self.layers else posed
         for layer in self.layers:
-            distance = layer.planes(posed).distance(posed[:, layer.outer])
+            distance = layer.planes(posed, normals).distance(posed[:, layer.outer])
             met.append(collision_energy(distance, fabric.thickness, fabric.collision))
         energies = {
             "edge": edge_energy(posed, cloth, fabric.edge),

@@ -7,8 +7,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.collider import Collider, collider_near, make_collider
-from uvcloth.physics.contact import Obstacle
+from uvcloth.bodies.collider import Collider, collider_near
 from uvcloth.physics.crowd import FREE, Crowd, Planes, Visit
 from uvcloth.physics.layers import Layer
 from uvcloth.skinning import skin
@@ -46,22 +45,22 @@ class BodyBeside:
 
 @dataclass(frozen=True)
 class InnerLayer:
-    """A garment of an outfit and one worn over it, which meet as in contact (uvcloth.physics.contact).
+    """A garment of an outfit and one worn over it.
 
-    rows: (n,) of it among the outfit's U vertices. outer: (m,) those of the other that can meet it. touches:
-    (m,) and parts: (F,) int32, a bit for each part of the body that these, and its faces, lie beside: a shirt
-    over the belly does not come off the trousers of a thigh that is pressed into it. copies: the layer in as
-    many poses as a batch has.
+    rows: (n,) of it among the outfit's U vertices. outer: (m,) those of the other that can meet it. copies:
+    the layer in as many poses as a batch has.
     """
 
     rows: Tensor
     outer: Tensor
-    touches: Tensor
-    parts: Tensor
     copies: Layer
 
-    def planes(self, outfit: Tensor) -> Planes:
-        """The planes that keep what lies near (B, m, 3) off the layer: outfit (B, U, 3) m, as it is now."""
+    def planes(self, outfit: Tensor, normals: Tensor) -> Planes:
+        """The planes that keep the other garment (B, m, 3) over the layer: outfit (B, U, 3) m, as it is now.
+
+        normals: (B, U, 3) of the outfit. Only where both face the same way does one lie over the other:
+        trousers of a thigh that is pressed into the belly do not lie under the shirt there.
+        """
         aside = outfit.new_zeros(len(outfit), 1, 3)
         aside[:, 0, 0] = BESIDE * torch.arange(len(outfit), device=outfit.device)
         inner, outer = (outfit[:, rows].detach() + aside for rows in (self.rows, self.outer))
@@ -70,31 +69,24 @@ class InnerLayer:
         self.copies.update(placed)
         found = self.copies.beside(outer.flatten(0, 1), DEEPEST)
         bounds = (found.normals * (outer - aside).flatten(0, 1)).sum(1) - found.distance
-        parts = self.parts[found.faces % len(self.parts)]
-        met = found.covered & (parts & self.touches.repeat(len(outfit)) != 0)
-        bounds = torch.where(met, bounds, FREE)
+        alike = (found.normals * normals[:, self.outer].flatten(0, 1)).sum(1) > 0
+        bounds = torch.where(found.covered & alike, bounds, FREE)
         return Planes(found.normals.view_as(outer), bounds.view(outer.shape[:2]))
 
 
-def inner_layers(
-    body: Body, outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batch: int
-) -> list[InnerLayer]:
+def inner_layers(outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batch: int) -> list[InnerLayer]:
     """The layers of an outfit at rest (U, 3) m: garments as rows (n,) among the U and faces (F, 3) into them.
 
-    Innermost first, each with each of those after it.
+    Innermost first, each with each of those after it; what lies on its inner side at rest stays free of it.
     """
-    obstacle = Obstacle(make_collider(body), body.mesh.vertices)
-    device, rest = outfit.device, outfit.cpu()
-    aside = BESIDE * torch.arange(batch, device=device)[:, None, None] * outfit.new_tensor([1.0, 0.0, 0.0])
+    aside = BESIDE * torch.arange(batch, device=outfit.device)[:, None, None] * outfit.new_tensor([1.0, 0, 0])
     layers = []
     for index, (rows, faces) in enumerate(garments[:-1]):
-        inner = Layer(rest[rows.cpu()], faces.cpu())
-        tiled = faces + len(rows) * torch.arange(batch, device=device)[:, None, None]
+        tiled = faces + len(rows) * torch.arange(batch, device=outfit.device)[:, None, None]
         copies = Layer((outfit[rows] + aside).flatten(0, 1), tiled.flatten(0, 1))
-        for over, over_faces in garments[index + 1 :]:
-            points = rest[over.cpu()]
-            worn = obstacle.dress(points, over_faces.cpu(), (inner,)).over[0]
-            near = torch.cdist(points[worn.rows], inner.points).amin(1) < NEAR_LAYER
-            outer, touches = over[worn.rows[near].to(device)], worn.touches[near].to(device)
-            layers.append(InnerLayer(rows, outer, touches, worn.parts.to(device), copies))
+        alone = Layer(outfit[rows], faces)
+        for over, _ in garments[index + 1 :]:
+            found = alone.beside(outfit[over], NEAR_LAYER)
+            near = torch.cdist(outfit[over], outfit[rows]).amin(1) < NEAR_LAYER
+            layers.append(InnerLayer(rows, over[near & ~(found.covered & (found.distance < 0))], copies))
     return layers

@@ -23,6 +23,7 @@ from uvcloth.checkpoint import load_tensors
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.pins import pinned
 from uvcloth.garments.templates import wear
+from uvcloth.mesh import vertex_normals
 from uvcloth.methods.pbns import PBNSConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.poses import DONORS, PoseDatabase, rest_hash, save_poses
@@ -211,17 +212,18 @@ def test_planes_between_layers_are_those_of_each_pose_alone(layered: Outfit) -> 
     objective = objective_of(layered)
     objective.to(torch.device("cpu"))
     posed, _ = posed_by(objective, objective.networks()["net"])
+    normals = vertex_normals(posed, objective.cloth.faces)
     (layer,) = objective.layers
     noise = torch.randn(posed.shape, generator=torch.Generator().manual_seed(0))
     posed = posed + 0.001 * noise
     posed[:, layer.outer] += 0.015 * noise[:, layer.outer]
-    planes = layer.planes(posed)
+    planes = layer.planes(posed, normals)
     distance = planes.distance(posed[:, layer.outer])
     assert len(posed) < objective.batch
-    for vertices, found, bounds in zip(posed, distance, planes.bounds, strict=True):
+    for vertices, facing, found, bounds in zip(posed, normals, distance, planes.bounds, strict=True):
         alone = Layer(vertices[layer.rows], objective.faces[0])
         beside = alone.beside(vertices[layer.outer], DEEPEST)
-        met = beside.covered & (layer.parts[beside.faces] & layer.touches != 0)
+        met = beside.covered & ((beside.normals * facing[layer.outer]).sum(1) > 0)
         same = (bounds > FREE) == met
         assert same.float().mean() > 0.999
         covered = same & met
