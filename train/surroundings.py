@@ -19,7 +19,10 @@ NEAR_LAYER = 0.2
 """Metres from an inner layer at rest within which an outer one can meet it: bodies bend."""
 
 DEEPEST = 0.05
-"""Metres within which it is looked for."""
+"""Metres within which it is looked for,"""
+
+SHALLOW = 0.01
+"""and below it, where the two garments face each other."""
 
 BESIDE = 10.0
 """Metres between the copies of a layer, one for each pose, which are one mesh."""
@@ -58,8 +61,8 @@ class InnerLayer:
     def planes(self, outfit: Tensor, normals: Tensor) -> Planes:
         """The planes that keep the other garment (B, m, 3) over the layer: outfit (B, U, 3) m, as it is now.
 
-        normals: (B, U, 3) of the outfit. Only where both face the same way does one lie over the other:
-        trousers of a thigh that is pressed into the belly do not lie under the shirt there.
+        normals: (B, U, 3) of the outfit. Where the garments face each other, as trousers of a thigh that is
+        pulled up do a shirt, only what is shallow counts: flesh that is pressed into flesh leaves no room.
         """
         aside = outfit.new_zeros(len(outfit), 1, 3)
         aside[:, 0, 0] = BESIDE * torch.arange(len(outfit), device=outfit.device)
@@ -70,7 +73,8 @@ class InnerLayer:
         found = self.copies.beside(outer.flatten(0, 1), DEEPEST)
         bounds = (found.normals * (outer - aside).flatten(0, 1)).sum(1) - found.distance
         alike = (found.normals * normals[:, self.outer].flatten(0, 1)).sum(1) > 0
-        bounds = torch.where(found.covered & alike, bounds, FREE)
+        met = found.covered & (alike | (found.distance > -SHALLOW))
+        bounds = torch.where(met, bounds, FREE)
         return Planes(found.normals.view_as(outer), bounds.view(outer.shape[:2]))
 
 
