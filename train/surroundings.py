@@ -15,14 +15,11 @@ from uvcloth.skinning import skin
 NEAR_BODY = 0.2
 """Metres from the outfit at rest within which the body is collided with."""
 
-NEAR_LAYER = 0.2
-"""Metres from an inner layer at rest within which an outer one can meet it: bodies bend."""
+NEAR_LAYER = 0.1
+"""Metres from an inner layer within which what it covers at rest lies over it."""
 
-DEEPEST = 0.05
-"""Metres within which it is looked for,"""
-
-SHALLOW = 0.01
-"""and below it, where the two garments face each other."""
+DEEPEST = 0.03
+"""Metres within which it is looked for."""
 
 BESIDE = 10.0
 """Metres between the copies of a layer, one for each pose, which are one mesh."""
@@ -61,8 +58,8 @@ class InnerLayer:
     def planes(self, outfit: Tensor, normals: Tensor) -> Planes:
         """The planes that keep the other garment (B, m, 3) over the layer: outfit (B, U, 3) m, as it is now.
 
-        normals: (B, U, 3) of the outfit. Where the garments face each other, as trousers of a thigh that is
-        pulled up do a shirt, only what is shallow counts: flesh that is pressed into flesh leaves no room.
+        normals: (B, U, 3) of the outfit. Only where both face the same way does one lie over the other:
+        trousers of a thigh that is pressed into the belly do not lie under the shirt there.
         """
         aside = outfit.new_zeros(len(outfit), 1, 3)
         aside[:, 0, 0] = BESIDE * torch.arange(len(outfit), device=outfit.device)
@@ -73,15 +70,15 @@ class InnerLayer:
         found = self.copies.beside(outer.flatten(0, 1), DEEPEST)
         bounds = (found.normals * (outer - aside).flatten(0, 1)).sum(1) - found.distance
         alike = (found.normals * normals[:, self.outer].flatten(0, 1)).sum(1) > 0
-        met = found.covered & (alike | (found.distance > -SHALLOW))
-        bounds = torch.where(met, bounds, FREE)
+        bounds = torch.where(found.covered & alike, bounds, FREE)
         return Planes(found.normals.view_as(outer), bounds.view(outer.shape[:2]))
 
 
 def inner_layers(outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batch: int) -> list[InnerLayer]:
     """The layers of an outfit at rest (U, 3) m: garments as rows (n,) among the U and faces (F, 3) into them.
 
-    Innermost first, each with each of those after it; what lies on its inner side at rest stays free of it.
+    Innermost first, each with what it covers at rest of each of those after it, but for what lies on its inner
+    side there.
     """
     aside = BESIDE * torch.arange(batch, device=outfit.device)[:, None, None] * outfit.new_tensor([1.0, 0, 0])
     layers = []
@@ -91,6 +88,5 @@ def inner_layers(outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batc
         alone = Layer(outfit[rows], faces)
         for over, _ in garments[index + 1 :]:
             found = alone.beside(outfit[over], NEAR_LAYER)
-            near = torch.cdist(outfit[over], outfit[rows]).amin(1) < NEAR_LAYER
-            layers.append(InnerLayer(rows, over[near & ~(found.covered & (found.distance < 0))], copies))
+            layers.append(InnerLayer(rows, over[found.covered & (found.distance >= 0)], copies))
     return layers

@@ -17,7 +17,7 @@ from train.__main__ import main
 from train.loop import STATE, fit
 from train.pbns import LOOPS, Fabric, Hanging, PBNSObjective
 from train.poses import DRAWN, Poses, poses_for
-from train.surroundings import DEEPEST, SHALLOW
+from train.surroundings import DEEPEST
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import load_tensors
 from uvcloth.garments.garment import Garment, Outfit
@@ -223,8 +223,7 @@ def test_planes_between_layers_are_those_of_each_pose_alone(layered: Outfit) -> 
     for vertices, facing, found, bounds in zip(posed, normals, distance, planes.bounds, strict=True):
         alone = Layer(vertices[layer.rows], objective.faces[0])
         beside = alone.beside(vertices[layer.outer], DEEPEST)
-        alike = (beside.normals * facing[layer.outer]).sum(1) > 0
-        met = beside.covered & (alike | (beside.distance > -SHALLOW))
+        met = beside.covered & ((beside.normals * facing[layer.outer]).sum(1) > 0)
         same = (bounds > FREE) == met
         assert same.float().mean() > 0.999
         covered = same & met
