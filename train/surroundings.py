@@ -77,8 +77,7 @@ class InnerLayer:
 def inner_layers(outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batch: int) -> list[InnerLayer]:
     """The layers of an outfit at rest (U, 3) m: garments as rows (n,) among the U and faces (F, 3) into them.
 
-    Innermost first, each with what it covers at rest of each of those after it, but for what lies on its inner
-    side there.
+    Innermost first, each with what it covers of each of those after it, but for what is on its inner side.
     """
     aside = BESIDE * torch.arange(batch, device=outfit.device)[:, None, None] * outfit.new_tensor([1.0, 0, 0])
     layers = []
