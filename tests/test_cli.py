@@ -108,6 +108,17 @@ def test_poses_draws_saves_and_counts(monkeypatch, capsys, tmp_path):
     assert f"{counts[0]} train, {counts[1]} validation, 0 test poses" in capsys.readouterr().out
 
 
+def test_what_poses_cannot_do_is_refused_before_drawing(monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr("uvcloth.motion.draw_poses.draw_poses", None)
+    (tmp_path / "file").write_text("mine")
+    negative = ("poses", "run", "--out", str(tmp_path / "poses.npz"), "--recombine", "-1")
+    assert run(monkeypatch, *negative) == 2
+    assert "--recombine -1: expected a number of poses, 0 or more" in capsys.readouterr().err
+    assert run(monkeypatch, "poses", "run", "--out", str(tmp_path / "file" / "poses.npz")) == 2
+    assert "file: cannot be made a folder" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
 def test_an_interrupted_drawing_leaves_nothing(monkeypatch, tmp_path):
     def interrupt(contact, vertices):
         raise KeyboardInterrupt

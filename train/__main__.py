@@ -28,7 +28,7 @@ from train.motion_guided import (
 )
 from train.pbns import LOOPS as PBNS_LOOPS
 from train.pbns import PRESETS as PBNS_PRESETS
-from train.pbns import Fabric, Hanging, PBNSObjective
+from train.pbns import Fabric, Hanging, PBNSObjective, held_vertices
 from train.physxnet import LOSSES, Losses, PhysXNetObjective
 from train.poses import poses_for
 from uvcloth.bodies.body import load_body
@@ -144,6 +144,8 @@ class PBNSRun:
         body = load_body(self.body)
         say = partial(Console(stderr=True).print, highlight=False, markup=False)
         outfit = Outfit(body, tuple(take(name, body, say) for name in self.garment))
+        # To draw poses takes minutes: what cannot hang is refused before.
+        held_vertices(outfit, self.hanging)
         poses = poses_for(self.poses, body, self.out)
         objective = PBNSObjective(self.network, self.fabric, self.hanging, outfit, poses, self.loop.batch)
         return fit(objective, self.out, self.loop, resume=self.resume)

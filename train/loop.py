@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from torch import Tensor, nn
 
+from rasterize.atomic import make_folder
 from rasterize.errors import InputError
 from train.interrupt import waiting_interrupt
 from uvcloth.checkpoint import load_tensors, save_tensors
@@ -58,11 +59,15 @@ class LoopConfig:
     """GPUs to train on, where there are any."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for a length that cannot be trained for."""
-        for name in ("steps", "batch", "validate_every", "devices", "minutes"):
+        """Raises InputError for what cannot be trained with."""
+        for name in ("steps", "batch", "validate_every", "devices", "minutes", "learning_rate"):
             value = getattr(self, name)
-            if value is not None and value <= 0:
+            if value is not None and not value > 0:
                 raise InputError(f"--{name.replace('_', '-')} {value}: has to be more than 0")
+        if not self.weight_decay >= 0:
+            raise InputError(f"--weight-decay {self.weight_decay}: has to be 0 or more")
+        if not 0 <= self.average < 1:
+            raise InputError(f"--average {self.average}: has to be 0 or more, and less than 1")
 
 
 LOOPS: dict[str, LoopConfig] = {
@@ -143,7 +148,7 @@ def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) ->
 
     Every step seeds its own randomness and draws its samples by its number, so that a resumed run continues
     exactly. Ctrl-C ends the step and saves. Raises InputError if there is nothing to resume, if the run was
-    started with other settings or data, or if the loss is no longer a number.
+    started with other settings or data, if its folder cannot be made, or if the loss is no longer a number.
     """
     check_run(run, resume=resume)
     training = _begin(objective, run, config)
@@ -189,6 +194,7 @@ def _begin(objective: Objective, run: Path, config: LoopConfig) -> Training:
     from lightning.fabric import Fabric
     from lightning.fabric.loggers.tensorboard import TensorBoardLogger
 
+    make_folder((run / STATE).parent)
     gpu = torch.cuda.is_available()
     fabric = Fabric(
         accelerator="cuda" if gpu else "cpu",

@@ -161,21 +161,18 @@ class PBNSObjective:
         poses: Poses,
         batch: int,
     ) -> None:
-        check_order(outfit.garments)
         self.config, self.fabric, self.hanging, self.outfit = config, fabric, hanging, outfit
         self.source, self.batch = {poses.file: poses.hash}, batch
         self.worn = rest_outfit(outfit)
         self.poses, self.held = (
             _posed(poses.database.of(split), outfit) for split in ("train", "validation")
         )
-        if not len(self.poses.vectors) or not len(self.held.vectors):
-            raise InputError(f"{poses.file}: lacks training or validation poses, draw them from more clips")
         self.weights = torch.cat([_weights(garment, outfit.body, hanging) for garment in outfit.garments])
         self.trains_weights = hanging.train_weights == "yes" or (
             hanging.train_weights == "auto"
             and any(is_skirt(garment.mesh, outfit.body) for garment in outfit.garments)
         )
-        held = torch.cat([pinned(garment, outfit.body, hanging.pins) for garment in outfit.garments])
+        held = held_vertices(outfit, hanging)
         network = self._network()
         owner = network.owner
         self.points = self.worn.vertices[_first_of(owner)]
@@ -345,6 +342,12 @@ class PBNSObjective:
 
     def remember(self, memory: Mapping[str, Tensor]) -> None:
         """There is nothing to take back."""
+
+
+def held_vertices(outfit: Outfit, hanging: Hanging) -> Tensor:
+    """The pinned vertices of all garments: (N,) bool. Raises InputError as `check_order` and `pinned` do."""
+    check_order(outfit.garments)
+    return torch.cat([pinned(garment, outfit.body, hanging.pins) for garment in outfit.garments])
 
 
 def _posed(poses: PoseDatabase, outfit: Outfit) -> Posed:

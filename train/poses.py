@@ -8,12 +8,13 @@ from pathlib import Path
 import torch
 from rich.progress import track
 
+from rasterize.atomic import make_folder
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.self_contact import SelfContact
 from uvcloth.motion.clip_splits import find_sources
 from uvcloth.motion.draw_poses import draw_poses
-from uvcloth.motion.poses import PoseDatabase, load_poses, rest_hash, save_poses
+from uvcloth.motion.poses import SPLITS, PoseDatabase, load_poses, rest_hash, save_poses
 from uvcloth.motion.recombine import RECOMBINED, recombine
 from uvcloth.skinning import skin
 
@@ -35,12 +36,15 @@ def poses_for(given: Sequence[str], body: Body, run: Path) -> Poses:
 
     Poses that were drawn for another shape of body and in which this one runs through itself are left out.
     Raises InputError as load_poses, find_sources, draw_poses and recombine do, and if the run holds poses of
-    other clips.
+    other clips. A run's clips, or the poses left, must be for training and for validation: InputError if not.
     """
     ready = len(given) == 1 and Path(given[0]).suffix == ".npz"
     path = Path(given[0]) if ready else run / DRAWN
     sources = [] if ready else find_sources(given)
+    if not ready:
+        _require_splits(f"--poses {' '.join(given)}", {source.split for source in sources}, "name more clips")
     if not ready and not path.exists():
+        make_folder(run)
         clear = SelfContact(body).clear
         save_poses(recombine(draw_poses(sources, body, clear), body, clear, RECOMBINED), path)
     database = load_poses(path, body)
@@ -49,7 +53,15 @@ def poses_for(given: Sequence[str], body: Body, run: Path) -> Poses:
     digest = hashlib.sha256(path.read_bytes()).hexdigest()
     if database.body_hash != rest_hash(body):
         database = _valid_for(body, database)
+    _require_splits(
+        str(path), {SPLITS[split] for split in database.splits.unique()}, "draw them from more clips"
+    )
     return Poses(database, path.name, digest)
+
+
+def _require_splits(where: str, splits: set[str], advice: str) -> None:
+    if not {"train", "validation"} <= splits:
+        raise InputError(f"{where}: lacks training or validation poses, {advice}")
 
 
 def _valid_for(body: Body, database: PoseDatabase) -> PoseDatabase:

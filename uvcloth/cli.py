@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import tyro
 from tyro.conf import OmitArgPrefixes, Positional, arg, subcommand
 
+from rasterize.atomic import make_folder
 from rasterize.command import run_command
 from rasterize.errors import InputError
 
@@ -193,7 +194,10 @@ class Poses:
         from uvcloth.motion.poses import SPLITS, save_poses
         from uvcloth.motion.recombine import recombine
 
+        if self.recombine < 0:
+            raise InputError(f"--recombine {self.recombine}: expected a number of poses, 0 or more")
         sources = find_sources(self.clips, self.extra)
+        make_folder(self.out.parent)
         body = load_body(self.body)
         clear = SelfContact(body).clear
         poses = draw_poses(sources, body, clear, self.apart, self.mirror, self.seed)

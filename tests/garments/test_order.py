@@ -41,6 +41,11 @@ def test_every_pair_is_looked_at() -> None:
         check_order([coat, far, shirt])
 
 
+def test_a_garment_is_worn_once() -> None:
+    with pytest.raises(InputError, match="garment shirt: is named twice"):
+        check_order([sheet("shirt", 0.0), sheet("coat", 0.005), sheet("shirt", 0.01)])
+
+
 def test_a_few_crossed_vertices_are_let_through() -> None:
     shirt = sheet("shirt", 0.0)
     check_order([shirt, sheet("coat", 0.005, lowered=3)])

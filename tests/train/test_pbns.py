@@ -327,12 +327,18 @@ def test_visits_are_kept_by_pose(belt: Outfit) -> None:
     assert torch.equal(objective.visits.clearance[0], fresh.clearance[0])
 
 
-def test_poses_that_lack_a_split_and_crossed_layers_are_refused(layered: Outfit) -> None:
-    body = layered.body
+def test_poses_that_lack_a_split_are_refused(body: Body, tmp_path: Path) -> None:
     for held in (0, 9):
-        lacking = Poses(database_of(body, held=held), "poses.npz", "abc")
-        with pytest.raises(InputError, match=r"poses\.npz: lacks training or validation poses"):
-            PBNSObjective(TINY, Fabric(), FREELY, layered, lacking, 4)
+        save_poses(database_of(body, held=held), tmp_path / "poses.npz")
+        with pytest.raises(InputError, match=r"/poses\.npz: lacks training or validation poses"):
+            poses_for([str(tmp_path / "poses.npz")], body, tmp_path / "run")
+    with pytest.raises(InputError, match="--poses walk: lacks training or validation poses, name more clips"):
+        poses_for(["walk"], body, tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_crossed_layers_and_pins_without_a_vertex_are_refused(layered: Outfit) -> None:
+    body = layered.body
     turned = replace(layered, garments=layered.garments[::-1])
     with pytest.raises(InputError, match="garment part of bottoms: cannot be worn over the garment part of"):
         objective_of(turned)
@@ -368,21 +374,21 @@ def test_poses_of_another_skeleton_are_refused(body: Body, tmp_path: Path) -> No
 def test_poses_of_another_shape_are_looked_through(
     body: Body, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The first three frames are valid on this body, as the stand-in for its self-contact has it."""
+    """All but three frames are valid on this body, as the stand-in for its self-contact has it."""
     other = replace(database_of(body), body_hash="another")
     save_poses(other, tmp_path / "mine.npz")
     expected = skin(body.mesh.vertices, body.weights, other.transforms(body.skeleton))
 
-    class FirstThree:
+    class AllButThree:
         def __init__(self, body: Body) -> None:
             pass
 
         def clear(self, vertices: Tensor) -> bool:
-            return int((vertices - expected).norm(dim=2).amax(1).argmin()) < 3
+            return int((vertices - expected).norm(dim=2).amax(1).argmin()) not in (3, 4, 5)
 
-    monkeypatch.setattr(poses, "SelfContact", FirstThree)
+    monkeypatch.setattr(poses, "SelfContact", AllButThree)
     taken = poses_for([str(tmp_path / "mine.npz")], body, tmp_path / "run")
-    assert taken.database.frames.tolist() == [0, 1, 2]
+    assert taken.database.frames.tolist() == [0, 1, 2, 6, 7, 8]
     save_poses(database_of(body), tmp_path / "own.npz")
     assert len(poses_for([str(tmp_path / "own.npz")], body, tmp_path / "run").database) == 9
 
@@ -437,6 +443,9 @@ def test_one_command_trains_a_model_that_dresses(
         (("--preset", "silk"), "--preset silk: expected one of default, paper, tiny"),
         (("--preset", "tiny", "--edge", "-1"), r"--edge -1\.0: has to be 0 or more"),
         (("--preset", "tiny", "--width", "0"), "--width 0: has to be 1 or more"),
+        (("--preset", "tiny", "--learning-rate", "nan"), "--learning-rate nan: has to be more than 0"),
+        (("--preset", "tiny", "--average", "2"), r"--average 2\.0: has to be 0 or more, and less than 1"),
+        (("--preset", "tiny", "--pins", "waist"), "--pins waist: names no vertex of the garment tops"),
         (("--preset", "tiny", "--resume"), "nothing to resume"),
         (("--preset", "tiny", "--poses", "nowhere.npz"), "nowhere.npz: no such file"),
     ],
@@ -452,3 +461,15 @@ def test_what_cannot_be_trained_is_refused_and_leaves_nothing(
         command(monkeypatch, "--garment", "tops", "--out", tmp_path / "run", *words)
     assert re.search(fault, str(refused.value) + capsys.readouterr().err)
     assert not (tmp_path / "run").exists()
+
+
+def test_a_run_that_cannot_be_a_folder_is_refused_before_training(
+    body: Body, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_poses(database_of(body), tmp_path / "poses.npz")
+    (tmp_path / "run").write_text("mine")
+    asked = ("--garment", "tops", "--preset", "tiny", "--steps", 2, "--poses", tmp_path / "poses.npz")
+    for out in (tmp_path / "run", tmp_path / "run" / "deeper"):
+        with pytest.raises(InputError, match="cannot be made a folder"):
+            command(monkeypatch, *asked, "--out", out)
+    assert (tmp_path / "run").read_text() == "mine"

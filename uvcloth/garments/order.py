@@ -11,9 +11,11 @@ MOST_CROSSED = 1.0
 
 
 def check_order(garments: Sequence[Garment]) -> None:
-    """Raise InputError if, at rest, one garment is not over those before it wherever they cover it."""
+    """Raise InputError if two have one name, or one is, at rest, not over those before it that it covers."""
     for index, over in enumerate(garments):
         for under in garments[:index]:
+            if over.name == under.name:
+                raise InputError(f"garment {over.name}: is named twice, an outfit has each once")
             crossed = wrong_side_percent(
                 over.mesh.vertices[None], under.mesh.vertices[None], under.mesh.faces
             )

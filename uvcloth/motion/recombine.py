@@ -38,11 +38,9 @@ def recombine(
 ) -> PoseDatabase:
     """The database with `count` more training poses, each made of the parts of training poses.
 
-    Each arm is the trunk's own with even odds. valid: asked of the posed body (V, 3). Raises InputError for a
-    negative count, and if too few of the combinations are valid.
+    Each arm is the trunk's own with even odds. valid: asked of the posed body (V, 3). Raises InputError
+    if too few of the combinations are valid.
     """
-    if count < 0:
-        raise InputError(f"--recombine {count}: expected a number of poses, 0 or more")
     generator = torch.Generator().manual_seed(seed)
     rows = torch.nonzero(poses.splits == SPLITS.index("train")).squeeze(1)
     part = joint_parts(body.skeleton)
