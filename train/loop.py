@@ -38,9 +38,9 @@ class LoopConfig:
     minutes: float | None = None
     """Stop after so many minutes of training and validation; the learning rate falls over them."""
     batch: int = 8
-    """Frames in a step, over all devices."""
+    """Frames, or poses, in a step, over all devices."""
     learning_rate: float = 1e-3
-    """Adam's learning rate at its highest (paper: 2e-4)."""
+    """Adam's learning rate at its highest (PhysXNet: 2e-4, PBNS: 1e-3)."""
     schedule: Literal["constant", "cosine"] = "cosine"
     """Constant (paper), or rising for the first percent and falling to zero along a cosine."""
     weight_decay: float = 0.05

@@ -1,5 +1,6 @@
 """Skeletons and forward kinematics."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -34,3 +35,18 @@ def joint_transforms(skeleton: Skeleton, rotations: Tensor, translation: Tensor)
             posed.append(posed[parent] + rotations[:, parent] @ bone)
     origin = torch.stack(posed, dim=1) - (rotations @ heads[:, :, None]).squeeze(-1)
     return torch.cat([rotations, origin[..., None]], dim=-1)
+
+
+def local_rotations(parents: Sequence[int], rotations: Tensor) -> Tensor:
+    """World rotations (B, J, 3, 3) -> each relative to its parent's; the root's stay as they are."""
+    above = torch.tensor(parents, device=rotations.device)
+    local = rotations[:, above.clamp(min=0)].mT @ rotations
+    return torch.where((above < 0)[:, None, None], rotations, local)
+
+
+def world_rotations(parents: Sequence[int], local: Tensor) -> Tensor:
+    """Rotations (B, J, 3, 3) relative to the parent's -> world rotations."""
+    world: list[Tensor] = []
+    for joint, parent in enumerate(parents):
+        world.append(world[parent] @ local[:, joint] if parent >= 0 else local[:, joint])
+    return torch.stack(world, dim=1)

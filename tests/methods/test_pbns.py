@@ -354,7 +354,7 @@ def test_a_model_of_another_topology_is_refused(tmp_path: Path) -> None:
 
 
 def test_it_ships_untrained() -> None:
-    with pytest.raises(InputError, match=r"pbns: ships untrained; train it \(python -m train pbns\)"):
+    with pytest.raises(InputError, match=r"pbns: no trained one ships; train it \(python -m train pbns\)"):
         load_method("pbns", small_body())
 
 

@@ -9,15 +9,13 @@ from torch import Tensor
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.export.animation import strongest
+from uvcloth.export.gltf_scene import INFLUENCES
 from uvcloth.export.shapes import ROWS, Cost, ShapeCode, cost, own_shapes, principal_shapes, shape_cost
 from uvcloth.mesh import Mesh, face_normals, vertex_normals
 from uvcloth.methods.pbns import PBNS, pose_vectors
 from uvcloth.motion.clip import Clip
-from uvcloth.skeleton import Skeleton, joint_transforms
+from uvcloth.skeleton import Skeleton, joint_transforms, world_rotations
 from uvcloth.skinning import skin
-
-INFLUENCES = 4
-"""Joint influences per vertex that every engine plays."""
 
 RIDGE = 1e-3
 """Squared weights: keeps the solution for `one` small where the training poses leave it open."""
@@ -191,7 +189,6 @@ def _stances(skeleton: Skeleton, poses: Tensor) -> Tensor:
     from kornia.geometry.conversions import axis_angle_to_rotation_matrix
 
     local = axis_angle_to_rotation_matrix(poses.reshape(-1, 3)).view(len(poses), -1, 3, 3)
-    turns: list[Tensor] = []
-    for joint, parent in enumerate(skeleton.parents):
-        turns.append(turns[parent] @ local[:, joint] if parent >= 0 else torch.eye(3).expand_as(local[:, 0]))
-    return joint_transforms(skeleton, torch.stack(turns, 1), skeleton.heads[:1].expand(len(poses), 3))
+    root = torch.tensor(skeleton.parents)[:, None, None] < 0
+    turns = world_rotations(skeleton.parents, torch.where(root, torch.eye(3), local))
+    return joint_transforms(skeleton, turns, skeleton.heads[:1].expand(len(poses), 3))

@@ -21,6 +21,8 @@ from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import Checkpoint, body_identity, misfit, stored_config
 from uvcloth.garments.garment import Outfit
 from uvcloth.mesh import Mesh, weld
+from uvcloth.methods.lbs import SkinnedGarment
+from uvcloth.skeleton import local_rotations
 from uvcloth.skinning import apply_transforms, blend_transforms
 
 SAME_SHAPE = 0.002
@@ -149,14 +151,6 @@ class PBNSNetwork(nn.Module):
 
 
 @dataclass(frozen=True)
-class Skinned:
-    """A model ready to pose an outfit. points: (N, 3) at rest, m. weights: (N, J)."""
-
-    points: Tensor
-    weights: Tensor
-
-
-@dataclass(frozen=True)
 class PBNS:
     """A Method without memory: it dresses the outfit on the body that it was trained for."""
 
@@ -192,22 +186,22 @@ class PBNS:
             return ""
         return f"model {self.name} was trained on another body than {body.name!r}, in skeleton or shape"
 
-    def start(self, outfit: Outfit, frames: BodyFrames) -> Skinned:
+    def start(self, outfit: Outfit, frames: BodyFrames) -> SkinnedGarment:
         """Take the outfit. Raises InputError for one that it has an objection to."""
         if objection := self.objection(outfit):
             raise InputError(objection)
         with torch.no_grad():
-            return Skinned(self.network.rest, self.network.blend_weights())
+            return SkinnedGarment(self.network.rest, self.network.blend_weights())
 
     @torch.no_grad()
-    def step(self, state: Skinned, frames: BodyFrames) -> tuple[Skinned, tuple[Tensor, ...]]:
+    def step(self, state: SkinnedGarment, frames: BodyFrames) -> tuple[SkinnedGarment, tuple[Tensor, ...]]:
         """Garment vertices (B, N, 3) of each garment, m (paper eq. 1)."""
         transforms = frames.transforms[:, -1]
         deformed = self.network.deform(pose_vectors(self.worn.parents, transforms))[:, self.network.owner]
         posed = apply_transforms(blend_transforms(state.weights, transforms), state.points + deformed)
         return state, posed.split(self.worn.sizes, dim=1)
 
-    def observe(self, state: Skinned, garments: tuple[Tensor, ...]) -> Skinned:
+    def observe(self, state: SkinnedGarment, garments: tuple[Tensor, ...]) -> SkinnedGarment:
         """It remembers nothing."""
         return state
 
@@ -221,7 +215,7 @@ def pose_vectors(parents: Sequence[int], transforms: Tensor) -> Tensor:
     from kornia.geometry.conversions import rotation_matrix_to_axis_angle
 
     turns = transforms[..., :3]
-    local = turns[:, [max(parent, 0) for parent in parents]].mT @ turns
+    local = local_rotations(parents, turns)
     vectors = rotation_matrix_to_axis_angle(local.reshape(-1, 3, 3)).view(*turns.shape[:2], 3)
     down = turns.new_tensor([0.0, 0.0, -1.0])
     root = torch.tensor([parent < 0 for parent in parents], device=turns.device)

@@ -63,7 +63,7 @@ def load_method(name_or_run: str | Path, body: Body) -> Method:
         return CONFIGS[name].create()
     if not (folder / CONFIG).exists() and name in LOADERS:
         raise InputError(
-            f"{name}: ships untrained; train it (python -m train {name}) and name its run folder"
+            f"{name}: no trained one ships; train it (python -m train {name}) and name its run folder"
         )
     if not (folder / CONFIG).exists():
         close = get_close_matches(name, CONFIGS, n=1)

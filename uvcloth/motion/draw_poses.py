@@ -13,7 +13,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.motion.clip_splits import Source
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase, rest_hash
-from uvcloth.skeleton import Skeleton
+from uvcloth.skeleton import Skeleton, local_rotations
 from uvcloth.skinning import skin
 
 CHUNK = 256
@@ -70,8 +70,7 @@ def draw_poses(
 
 def local_angles(rotations: Tensor, skeleton: Skeleton) -> Tensor:
     """Axis-angles of all joints but the root relative to their parents: (B, J, 3, 3) -> (B, 3 (J - 1))."""
-    parents = rotations[:, list(skeleton.parents[1:])]
-    local = (parents.mT @ rotations[:, 1:]).flatten(0, 1)
+    local = local_rotations(skeleton.parents, rotations)[:, 1:].flatten(0, 1)
     return rotation_matrix_to_axis_angle(local).reshape(len(rotations), -1)
 
 

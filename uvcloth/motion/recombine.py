@@ -15,7 +15,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.motion.poses import SPLITS, PoseDatabase
 from uvcloth.motion.retarget import joint_roles
-from uvcloth.skeleton import Skeleton
+from uvcloth.skeleton import Skeleton, local_rotations, world_rotations
 from uvcloth.skinning import skin
 
 PARTS: tuple[tuple[str, ...], ...] = (
@@ -79,12 +79,7 @@ def joint_parts(skeleton: Skeleton) -> Tensor:
 
 def _made_of(poses: PoseDatabase, donors: Tensor, part: Tensor, skeleton: Skeleton) -> PoseDatabase:
     """Training poses of the joints' rotations, relative to their parents, of their donors (K, parts)."""
-    parents = torch.tensor(skeleton.parents).clamp(min=0)
-    root = torch.tensor(skeleton.parents)[:, None, None] < 0
-    local = torch.where(root, poses.rotations, poses.rotations[:, parents].mT @ poses.rotations)
+    local = local_rotations(skeleton.parents, poses.rotations)
     picked = local[donors[:, part], torch.arange(len(part))]
-    world: list[Tensor] = []
-    for joint, parent in enumerate(skeleton.parents):
-        world.append(world[parent] @ picked[:, joint] if parent >= 0 else picked[:, joint])
     legs = poses.take(donors[:, 0])
-    return replace(legs, rotations=torch.stack(world, dim=1), donors=donors)
+    return replace(legs, rotations=world_rotations(skeleton.parents, picked), donors=donors)
