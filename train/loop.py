@@ -227,7 +227,7 @@ def _train(training: Training, interrupted: Callable[[], bool]) -> None:
     with _progress(fabric.is_global_zero) as bar:
         task = bar.add_task("training", total=1.0)
         while not interrupted() and (share := _share(config, done)) < 1.0:
-            _set_rates(training.optimizers, config, share)
+            set_rates(training.optimizers, config, share)
             parts = _step(training, samples)
             done.seconds = fabric.broadcast(time.monotonic() - begun)
             if done.step % LOG_EVERY == 0:
@@ -309,7 +309,8 @@ def _share(config: LoopConfig, done: Progressed) -> float:
     return spent if config.minutes is None else max(spent, done.seconds / 60.0 / config.minutes)
 
 
-def _set_rates(optimizers: Mapping[str, Any], config: LoopConfig, share: float) -> None:
+def set_rates(optimizers: Mapping[str, Any], config: LoopConfig, share: float) -> None:
+    """The learning rate after a share of the training, 0 to 1."""
     rate = config.learning_rate
     if config.schedule == "cosine":
         rate *= min(1.0, share / 0.01 + 1e-2) * 0.5 * (1.0 + math.cos(math.pi * share))
