@@ -347,7 +347,7 @@ class PBNSObjective:
 def held_vertices(outfit: Outfit, hanging: Hanging) -> Tensor:
     """The pinned vertices of all garments: (N,) bool. Raises InputError as `check_order` and `pinned` do."""
     check_order(outfit.garments)
-    return torch.cat([pinned(garment, outfit.body, hanging.pins) for garment in outfit.garments])
+    return pinned(outfit.garments, outfit.body, hanging.pins)
 
 
 def _posed(poses: PoseDatabase, outfit: Outfit) -> Posed:

@@ -268,7 +268,7 @@ def test_pinned_vertices_pay_for_what_is_deformed_also_at_a_seam(body: Body) -> 
         moved = TINY.width * 0.001
         expected = 1000 * 10.0 * 3 * moved**2 * len(objective.pins)
         assert losses[-1]["pin"].item() == pytest.approx(expected, rel=1e-4)
-        assert len(objective.pins) == int(pinned(uncut, body, ["band"]).sum())
+        assert len(objective.pins) == int(pinned([uncut], body, ["band"]).sum())
     whole, apart = losses
     for name in whole:
         assert apart[name].item() == pytest.approx(whole[name].item(), rel=1e-3), name
@@ -445,7 +445,7 @@ def test_one_command_trains_a_model_that_dresses(
         (("--preset", "tiny", "--width", "0"), "--width 0: has to be 1 or more"),
         (("--preset", "tiny", "--learning-rate", "nan"), "--learning-rate nan: has to be more than 0"),
         (("--preset", "tiny", "--average", "2"), r"--average 2\.0: has to be 0 or more, and less than 1"),
-        (("--preset", "tiny", "--pins", "waist"), "--pins waist: names no vertex of the garment tops"),
+        (("--preset", "tiny", "--pins", "waist"), "--pins waist: names no vertex of tops"),
         (("--preset", "tiny", "--resume"), "nothing to resume"),
         (("--preset", "tiny", "--poses", "nowhere.npz"), "nowhere.npz: no such file"),
     ],

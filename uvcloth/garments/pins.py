@@ -1,4 +1,4 @@
-"""Which vertices of a garment are pinned: what holds it up, a part of that, or those that a file names."""
+"""Which vertices of an outfit are pinned: what holds it up, a part of that, or those that a file names."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,19 +17,24 @@ PLACES = ("band", "waist", "neck", "none")
 """Named vertex sets: all that holds the garment up, or its part below or above the middle of the trunk."""
 
 
-def pinned(garment: Garment, body: Body, names: Sequence[str]) -> Tensor:
-    """The union of the named vertex sets: (N,) bool.
+def pinned(garments: Sequence[Garment], body: Body, names: Sequence[str]) -> Tensor:
+    """The union of the named vertex sets of an outfit: (N,) bool over its garments, one after another.
 
-    names: words of PLACES, or text files of vertex numbers, counted from 0 in the order of the mesh.
+    names: words of PLACES, or text files of vertex numbers, counted from 0 through the meshes of all garments.
     Raises InputError for a name that is neither, a set without a vertex, and a number that no vertex has.
     """
-    held = torch.zeros(len(garment.mesh.vertices), dtype=torch.bool)
+    count = sum(len(garment.mesh.vertices) for garment in garments)
+    outfit = " and ".join(garment.name for garment in garments)
+    held = torch.zeros(count, dtype=torch.bool)
     for name in names:
         if name == "none":
             continue
-        found = _place(garment, body, name) if name in PLACES else _listed(garment, Path(name))
+        if name in PLACES:
+            found = torch.cat([_place(garment, body, name) for garment in garments])
+        else:
+            found = _listed(Path(name), count, outfit)
         if not found.any():
-            raise InputError(f"--pins {name}: names no vertex of the garment {garment.name}")
+            raise InputError(f"--pins {name}: names no vertex of {outfit}")
         held |= found
     return held
 
@@ -41,7 +46,7 @@ def _place(garment: Garment, body: Body, place: str) -> Tensor:
     return {"band": band, "waist": band & low, "neck": band & ~low}[place]
 
 
-def _listed(garment: Garment, path: Path) -> Tensor:
+def _listed(path: Path, count: int, outfit: str) -> Tensor:
     try:
         numbers = np.array(path.read_text().split(), dtype=np.int64)
     except OSError as error:
@@ -51,8 +56,7 @@ def _listed(garment: Garment, path: Path) -> Tensor:
         ) from error
     except (ValueError, OverflowError) as error:
         raise InputError(f"{path}: expected vertex numbers, {error}") from error
-    count = len(garment.mesh.vertices)
     if len(numbers) and not 0 <= numbers.min() <= numbers.max() < count:
         wrong = int(numbers[(numbers < 0) | (numbers >= count)][0])
-        raise InputError(f"{path}: vertex {wrong} is none of the {count} of the garment {garment.name}")
+        raise InputError(f"{path}: vertex {wrong} is none of the {count} of {outfit}")
     return torch.zeros(count, dtype=torch.bool).index_fill(0, torch.from_numpy(numbers), True)
