@@ -20,7 +20,7 @@ PLACES = ("band", "waist", "neck", "none")
 def pinned(garments: Sequence[Garment], body: Body, names: Sequence[str]) -> Tensor:
     """The union of the named vertex sets of an outfit: (N,) bool over its garments, one after another.
 
-    names: words of PLACES, or text files of vertex numbers, counted from 0 through the meshes of all garments.
+    names: words of PLACES, or text files of vertex numbers, counted from 0 through all garments' meshes.
     Raises InputError for a name that is neither, a set without a vertex, and a number that no vertex has.
     """
     count = sum(len(garment.mesh.vertices) for garment in garments)
