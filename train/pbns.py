@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -21,7 +21,7 @@ from uvcloth.garments.fit import is_skirt
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.order import check_order
 from uvcloth.garments.pins import pinned
-from uvcloth.mesh import Mesh, vertex_normals
+from uvcloth.mesh import Mesh, first_of, vertex_normals
 from uvcloth.methods.pbns import (
     PBNS,
     PBNSConfig,
@@ -175,11 +175,10 @@ class PBNSObjective:
         held = held_vertices(outfit, hanging)
         network = self._network()
         owner = network.owner
-        self.points = self.worn.vertices[_first_of(owner)]
+        self.points = self.worn.vertices[first_of(owner)]
         self.pins = owner[held].unique()
         self.faces = [
-            owner[mesh.faces + start]
-            for mesh, start in zip(self.worn.meshes, _starts(self.worn.sizes), strict=True)
+            owner[mesh.faces + start] for mesh, start in zip(self.worn.meshes, self.worn.starts, strict=True)
         ]
         self.cloth = rest_shape(self.points, torch.cat(self.faces), fabric.mass)
         self.visits = first_visit(len(self.poses.vectors), len(self.points), torch.device("cpu"))
@@ -371,15 +370,3 @@ def _weights(garment: Garment, body: Body, hanging: Hanging) -> Tensor:
 def _digest(mesh: Mesh) -> str:
     """SHA-256 of where a mesh is at rest and of its faces, in hexadecimal."""
     return hashlib.sha256(mesh.vertices.numpy().tobytes() + mesh.faces.numpy().tobytes()).hexdigest()
-
-
-def _starts(sizes: Sequence[int]) -> list[int]:
-    """Where each of several runs begins in their concatenation."""
-    return [0, *torch.tensor(sizes).cumsum(0).tolist()][:-1]
-
-
-def _first_of(owner: Tensor) -> Tensor:
-    """The first of those (N,) that share an owner: (U,)."""
-    order = torch.arange(len(owner))
-    first = torch.full((int(owner.max()) + 1,), len(owner))
-    return first.scatter_reduce(0, owner, order, "amin")

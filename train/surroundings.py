@@ -8,8 +8,9 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import Collider, collider_near
-from uvcloth.physics.crowd import FREE, Crowd, Planes, Visit
+from uvcloth.physics.crowd import Crowd, Planes, Visit
 from uvcloth.physics.layers import Layer
+from uvcloth.physics.surface import FREE
 from uvcloth.skinning import skin
 
 NEAR_BODY = 0.2

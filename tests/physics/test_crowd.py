@@ -6,8 +6,8 @@ import trimesh
 from torch import Tensor
 
 from uvcloth.mesh import vertex_normals
-from uvcloth.physics.crowd import FREE, Crowd, Planes, Visit, first_visit
-from uvcloth.physics.surface import REACH, BodySurface
+from uvcloth.physics.crowd import Crowd, Planes, Visit, first_visit
+from uvcloth.physics.surface import FREE, REACH, BodySurface
 
 NEAR = 0.004
 CPU = torch.device("cpu")

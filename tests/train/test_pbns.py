@@ -27,8 +27,9 @@ from uvcloth.mesh import vertex_normals
 from uvcloth.methods.pbns import PBNSConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.poses import DONORS, PoseDatabase, rest_hash, save_poses
-from uvcloth.physics.crowd import FREE, first_visit
+from uvcloth.physics.crowd import first_visit
 from uvcloth.physics.layers import Layer
+from uvcloth.physics.surface import FREE
 from uvcloth.rollout import rollout
 from uvcloth.skinning import skin
 

@@ -5,6 +5,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import Parts, make_collider
+from uvcloth.mesh import first_of
 from uvcloth.physics.surface import BodySurface
 
 PARTS: Parts = (
@@ -91,9 +92,7 @@ def tolerances() -> Tensor:
 def _spread(vertices: Tensor, spacing: float) -> Tensor:
     """One vertex of (V, 3) in each cell of a grid: (K,) indices."""
     _, cell = torch.unique((vertices / spacing).floor().long(), dim=0, return_inverse=True)
-    order = torch.arange(len(vertices))
-    first = torch.full_like(order, len(vertices)).scatter_reduce(0, cell, order, "amin")
-    return first[first < len(vertices)]
+    return first_of(cell)
 
 
 def _owners(parts: tuple[Tensor, ...], count: int) -> Tensor:

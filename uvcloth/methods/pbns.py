@@ -8,7 +8,7 @@ came there.
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +81,11 @@ class RestOutfit:
     def sizes(self) -> list[int]:
         """Vertices of each garment."""
         return [len(mesh.vertices) for mesh in self.meshes]
+
+    @property
+    def starts(self) -> list[int]:
+        """The first vertex of each garment."""
+        return list(accumulate(self.sizes[:-1], initial=0))
 
 
 class PBNSNetwork(nn.Module):
@@ -232,8 +237,7 @@ def rest_outfit(outfit: Outfit) -> RestOutfit:
 
 def new_network(config: PBNSConfig, worn: RestOutfit, weights: Tensor, poses: Tensor) -> PBNSNetwork:
     """An untrained network for an outfit. weights: (N, J) to start from. poses: (M, 3 J) of training."""
-    starts = torch.tensor([0, *worn.sizes[:-1]]).cumsum(0)
-    joined = torch.cat([weld(mesh.vertices) + at for mesh, at in zip(worn.meshes, starts, strict=True)])
+    joined = torch.cat([weld(mesh.vertices) + at for mesh, at in zip(worn.meshes, worn.starts, strict=True)])
     kept, owner = joined.unique(return_inverse=True)
     network = PBNSNetwork(config, len(owner), len(kept), len(worn.heads), len(poses))
     network.rest, network.owner, network.poses = worn.vertices, owner, poses

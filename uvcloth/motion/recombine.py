@@ -44,6 +44,7 @@ def recombine(
     generator = torch.Generator().manual_seed(seed)
     rows = torch.nonzero(poses.splits == SPLITS.index("train")).squeeze(1)
     part = joint_parts(body.skeleton)
+    local = local_rotations(body.skeleton.parents, poses.rotations)
     kept: list[Tensor] = []
     with Progress(TextColumn("recombining"), BarColumn(), MofNCompleteColumn()) as progress:
         bar = progress.add_task("", total=count)
@@ -53,7 +54,7 @@ def recombine(
             donors = rows[torch.randint(len(rows), (len(PARTS),), generator=generator)]
             own = torch.rand(2, generator=generator) < 0.5
             donors[2:] = torch.where(own, donors[1], donors[2:])
-            made = _made_of(poses, donors[None], part, body.skeleton)
+            made = _made_of(poses, local, donors[None], part, body.skeleton)
             if valid(skin(body.mesh.vertices, body.weights, made.transforms(body.skeleton))[0]):
                 kept.append(donors)
                 progress.advance(bar)
@@ -61,7 +62,7 @@ def recombine(
         raise InputError(f"--recombine {count}: only {len(kept)} combinations are valid on body {body.name}")
     if not kept:
         return poses
-    made = _made_of(poses, torch.stack(kept), part, body.skeleton)
+    made = _made_of(poses, local, torch.stack(kept), part, body.skeleton)
     return poses.followed_by(made)
 
 
@@ -77,9 +78,10 @@ def joint_parts(skeleton: Skeleton) -> Tensor:
     return torch.tensor(parts)
 
 
-def _made_of(poses: PoseDatabase, donors: Tensor, part: Tensor, skeleton: Skeleton) -> PoseDatabase:
-    """Training poses of the joints' rotations, relative to their parents, of their donors (K, parts)."""
-    local = local_rotations(skeleton.parents, poses.rotations)
+def _made_of(
+    poses: PoseDatabase, local: Tensor, donors: Tensor, part: Tensor, skeleton: Skeleton
+) -> PoseDatabase:
+    """Training poses of the rotations relative to parents, local (M, J, 3, 3), of donors (K, parts)."""
     picked = local[donors[:, part], torch.arange(len(part))]
     legs = poses.take(donors[:, 0])
     return replace(legs, rotations=world_rotations(skeleton.parents, picked), donors=donors)

@@ -21,6 +21,7 @@ from uvcloth.physics import kernels, surface
 from uvcloth.physics.inextensible import Inextensible
 from uvcloth.physics.launch import array, launch
 from uvcloth.physics.layers import Layer
+from uvcloth.physics.surface import FREE
 
 MARGIN = 0.004
 """Metres that contact keeps between cloth and skin, so that the faces between vertices clear it too."""
@@ -51,9 +52,6 @@ ALERT = 0.03
 
 REACH = 0.1
 """Metres within which the nearest skin is sought: deeper in the body, cloth does not find its way out."""
-
-FREE = -1e6
-"""The bound of a vertex without a plane, metres."""
 
 
 @dataclass(frozen=True)

@@ -15,10 +15,7 @@ from torch import Tensor
 from uvcloth.mesh import vertex_normals
 from uvcloth.physics import kernels
 from uvcloth.physics.launch import array, launch, stream
-from uvcloth.physics.surface import REACH
-
-FREE = -1.0e6
-"""The bound of a point without a plane, metres."""
+from uvcloth.physics.surface import FREE, REACH
 
 
 @dataclass(frozen=True)

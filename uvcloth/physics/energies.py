@@ -9,10 +9,11 @@ from dataclasses import dataclass, fields
 import torch
 from torch import Tensor
 
+from uvcloth.bodies import frames
 from uvcloth.mesh import edge_lengths, face_normals, face_pairs, unique_edges
 
-GRAVITY = 9.81
-"""m/s2."""
+GRAVITY = -frames.GRAVITY[2]
+"""m/s2, downwards."""
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,9 @@ from torch import Tensor
 from uvcloth.physics import kernels
 from uvcloth.physics.launch import array, launch, stream
 
+FREE = -1.0e6
+"""The bound of a point without a plane, metres: the least product that it has with the plane's normal."""
+
 REACH = 0.2
 """Metres within which the closest surface point is sought; deeper than any body part is thick."""
 
