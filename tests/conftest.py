@@ -10,10 +10,10 @@ from uvcloth.bodies.body import Body, load_body
 
 @pytest.fixture(scope="session")
 def mocap_folder() -> Path:
-    """A folder with index.csv and cmu/*.bvh: UVCLOTH_MOCAP, or ../shared/mocap beside the checkout."""
+    """A folder with index_v2.csv and its clips: UVCLOTH_MOCAP, or ../shared/mocap beside the checkout."""
     beside = Path(__file__).parents[2] / "shared" / "mocap"
     folder = Path(os.environ.get("UVCLOTH_MOCAP", beside))
-    if not (folder / "index.csv").is_file():
+    if not (folder / "index_v2.csv").is_file():
         pytest.skip(f"no motion capture in {folder} (set UVCLOTH_MOCAP)")
     return folder
 

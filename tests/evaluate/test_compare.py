@@ -103,8 +103,8 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     repeat = simulated(tube_garment("tops"), "02_04", torch.tensor([0.002, 0.0, 0.005]), start=3)
     save_sequence(repeat, data / "repeat" / "02_04_tops.npz")
     (data / "index.csv").write_text(
-        "trial,split,action,window_start,window_frames\n"
-        "02_04,test,jump,0,9\n12_01,test,walking,0,9\n01_01,train,playground,0,9\n"
+        "trial,subject,split,action,window_start,window_frames\n"
+        "02_04,02,test,jump,0,9\n12_01,12,test,walking,0,9\n01_01,01,train,playground,0,9\n"
     )
     save_body(capsule_body(), tmp_path / "body.npz")
     return data
@@ -448,5 +448,5 @@ def test_windows_follow_the_index_or_the_files(world: Path) -> None:
     (world / "index.csv").unlink()
     assert {window.action for window in find_windows(world)} == {"02_04", "12_01"}
     (world / "index.csv").write_text("trial,action\n02_04,jump\n")
-    with pytest.raises(InputError, match="lacks the column split"):
+    with pytest.raises(InputError, match="lacks the column subject"):
         find_windows(world)

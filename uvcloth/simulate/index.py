@@ -1,63 +1,123 @@
-"""The index of a benchmark: which window of which clip is trained on or tested, and what it shows."""
+"""The index of a benchmark: which window of which clip is for training, choosing or testing, and of whom."""
 
 import csv
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 from rasterize.errors import InputError
+from uvcloth.motion.poses import SPLITS
 
 INDEX = "index.csv"
 """Name of the index in a data folder."""
 
-COLUMNS = ("trial", "split", "action", "window_start", "window_frames")
+UNUSED = "unused"
+"""The split of what is neither trained on, nor chosen by, nor tested."""
+
+COLUMNS = ("trial", "subject", "split", "action", "window_start", "window_frames")
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One window of a clip. split: train, test or any other word. start, frames: at 30 frames per second."""
+    """One window of a clip.
+
+    subject: the person who moves. split: one of SPLITS, or UNUSED. start, frames: at 30 frames per second.
+    file: the clip's file, relative to a folder of clips; "" where the index does not say.
+    """
 
     clip: str
+    subject: str
     split: str
     action: str
     start: int
     frames: int
+    file: str = ""
 
 
 def read_index(path: Path) -> dict[str, Entry]:
     """The windows of an index by clip.
 
-    Raises InputError if it is missing or not such a table, for a clip that it names twice, and for a window
-    that starts before the clip or is empty.
+    Raises InputError if it is missing or not such a table, for a clip that it names twice, for a split that
+    is none, for a person in two of SPLITS, and for a window that starts before the clip or is empty.
     """
     try:
         with path.open(newline="", encoding="utf-8") as stream:
             rows = csv.DictReader(stream)
-            missing = [column for column in COLUMNS if column not in (rows.fieldnames or ())]
-            if missing:
-                raise InputError(f"{path}: lacks the column {', '.join(missing)}")
+            _require_columns(path, rows.fieldnames or ())
             entries: dict[str, Entry] = {}
             for row in rows:
                 entry = _entry(path, row)
                 if entry.clip in entries:
                     raise InputError(f"{path}: has two rows for the clip {entry.clip}")
                 entries[entry.clip] = entry
-            return entries
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: not a table of text") from error
+    _require_one_split_each(path, entries.values())
+    return entries
+
+
+def clip_file(entry: Entry, folder: Path) -> Path:
+    """The file of an entry's clip in a folder of clips.
+
+    That is what the index names, else FOLDER/CLIP.bvh or the CLIP.bvh of a folder in it. Raises InputError
+    if there is none, or several of one name.
+    """
+    name = f"{entry.clip}.bvh"
+    if entry.file:
+        found = [folder / entry.file]
+    else:
+        found = [path for pattern in (name, f"*/{name}") for path in sorted(folder.glob(pattern))]
+    if len(found) > 1:
+        raise InputError(f"{folder}: holds two clips {entry.clip} ({found[0]} and {found[1]})")
+    if not found or not found[0].is_file():
+        raise InputError(f"{folder}: lacks the clip {entry.clip} ({entry.file or name})")
+    return found[0]
+
+
+def _require_columns(path: Path, columns: Iterable[str]) -> None:
+    missing = [column for column in COLUMNS if column not in columns]
+    if "subject" in missing:
+        raise InputError(
+            f"{path}: lacks the column subject; add one that says who moves in each clip, "
+            f"so that nobody is in two of {', '.join(SPLITS)}"
+        )
+    if missing:
+        raise InputError(f"{path}: lacks the column {', '.join(missing)}")
+
+
+def _require_one_split_each(path: Path, entries: Iterable[Entry]) -> None:
+    """Raise InputError naming a person who is in two splits, and a clip of each."""
+    first: dict[str, Entry] = {}
+    for entry in entries:
+        if entry.split == UNUSED:
+            continue
+        other = first.setdefault(entry.subject, entry)
+        if other.split != entry.split:
+            raise InputError(
+                f"{path}: person {entry.subject} is in two splits, {other.split} (clip {other.clip}) and "
+                f"{entry.split} (clip {entry.clip}); keep one and call the other clips {UNUSED}"
+            )
 
 
 def _entry(path: Path, row: dict[str, str]) -> Entry:
+    clip = row["trial"]
+    if not row["subject"]:
+        raise InputError(f"{path}: does not say who moves in {clip} (column subject)")
+    if row["split"] not in (*SPLITS, UNUSED):
+        raise InputError(
+            f"{path}: the split of {clip} is {row['split']!r}, expected {', '.join(SPLITS)} or {UNUSED}"
+        )
     try:
         start, frames = int(row["window_start"]), int(row["window_frames"])
     except (TypeError, ValueError) as error:
-        raise InputError(f"{path}: the window of {row['trial']} is not given in whole frames") from error
+        raise InputError(f"{path}: the window of {clip} is not given in whole frames") from error
     if start < 0 or frames < 1:
         raise InputError(
-            f"{path}: the window of {row['trial']} starts at {start} and has {frames} frames, "
+            f"{path}: the window of {clip} starts at {start} and has {frames} frames, "
             "expected a start of at least 0 and at least 1 frame"
         )
-    return Entry(row["trial"], row["split"], row["action"], start, frames)
+    return Entry(clip, row["subject"], row["split"], row["action"], start, frames, row.get("file") or "")
