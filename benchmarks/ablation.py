@@ -47,7 +47,6 @@ def main(
     data: Path,
     out: Path,
     steps: int = 600,
-    validation: tuple[str, ...] = (),
     only: tuple[str, ...] = tuple(VARIANTS),
 ) -> None:
     """Train every variant and print the table. Raises InputError for an unknown variant."""
@@ -61,7 +60,6 @@ def main(
         if not finished.exists():
             resume = ["--resume"] if (run / "training").exists() else []
             settings = ["--steps", str(steps), "--validate-every", str(steps // 4)]
-            settings += ["--validation", *validation] if validation else []
             command = [sys.executable, "-m", "train", "physxnet", "--data", str(data), "--out", str(run)]
             print(f"{name}:", *VARIANTS[name], file=sys.stderr)
             subprocess.run(

@@ -276,7 +276,7 @@ def load_contestants(models: Sequence[str], body: Body) -> tuple[Contestant, ...
         if folder:
             checkpoint = load_checkpoint(folder)
             digest = hashlib.sha256((folder / WEIGHTS).read_bytes() + (folder / CONFIG).read_bytes())
-            seen = frozenset(checkpoint.data.values())
+            seen = frozenset(checkpoint.data.files.values())
             training_frames = checkpoint.notes.get("training_frames")
         contestants.append(
             Contestant(

@@ -9,6 +9,7 @@ from uvcloth.checkpoint import (
     CONFIG,
     WEIGHTS,
     Checkpoint,
+    TrainingData,
     body_identity,
     load_checkpoint,
     load_tensors,
@@ -25,7 +26,7 @@ def checkpoint():
         tensors={"weight": torch.arange(6.0).view(2, 3), "count": torch.tensor(3)},
         body=body_identity(small_body()),
         templates=("tops",),
-        data={"walk_tops.npz": "abc"},
+        data=TrainingData({"walk_tops.npz": "abc"}, {"train": {"walk": "ann"}, "validation": {"run": ""}}),
         notes={"step": 7},
     )
 
@@ -67,8 +68,8 @@ def test_accepts_another_shape(checkpoint, tmp_path):
 def test_refuses_another_version(checkpoint, tmp_path):
     save_checkpoint(checkpoint, tmp_path)
     meta = json.loads((tmp_path / CONFIG).read_text())
-    (tmp_path / CONFIG).write_text(json.dumps({**meta, "version": 99}))
-    with pytest.raises(InputError, match="version 99"):
+    (tmp_path / CONFIG).write_text(json.dumps({**meta, "version": 1}))
+    with pytest.raises(InputError, match="a model of version 1, this program reads version 2; train it anew"):
         load_checkpoint(tmp_path)
 
 

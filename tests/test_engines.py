@@ -9,7 +9,7 @@ import torch
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, save_body
-from uvcloth.checkpoint import save_checkpoint
+from uvcloth.checkpoint import TrainingData, save_checkpoint
 from uvcloth.engines import FORMATS, export
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import wear
@@ -26,7 +26,7 @@ def run(body: Body, tmp_path_factory: pytest.TempPathFactory) -> Path:
     torch.manual_seed(0)
     network = new_network(config, worn, outfit.garments[0].weights, poses)
     folder = tmp_path_factory.mktemp("runs") / "shirt"
-    save_checkpoint(pbns_checkpoint(PBNS(config, network, worn), body, {}, {}), folder)
+    save_checkpoint(pbns_checkpoint(PBNS(config, network, worn), body, TrainingData(), {}), folder)
     return folder
 
 

@@ -10,7 +10,7 @@ from torch import Tensor
 from rasterize.errors import InputError
 from train.operators import Operator, differences, sampling
 from train.prepare import check_rests
-from train.recordings import Holdout, Recording, frames_of, hold_out, load_recordings
+from train.recordings import Holdout, Recording, frames_of, hold_out, load_recordings, training_data
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.wardrobe import take_for_data
 from uvcloth.mesh import edge_lengths, laplacian, unique_edges
@@ -121,15 +121,14 @@ class Material:
         if not recordings:
             raise InputError(f"{data}: no training clip was simulated with {' and '.join(worn)}")
         check_rests(worn, recordings, self.body)
-        training, held = hold_out(recordings, holdout)
+        training, held = hold_out(recordings, holdout, data)
         if not training:
             raise InputError(f"{data}: needs two clips of {garment.name} at least, one to validate with")
-        self.files = {name: digest for r in recordings for name, digest in r.files.items()}
+        self.data = training_data(training, held)
         self.fps = recordings[0].fps
         self.maps = config.maps(garment, self.body, under)
         self.rows = load_rows(training, garment.name, self.config.under, self.maps)
         self.held = load_rows(held, garment.name, self.config.under, self.maps)
-        self.held_clips = [r.clip for r in held]
         edges = unique_edges(garment.mesh.faces)
         count = len(garment.mesh.vertices)
         self.edges = differences(edges, count)
@@ -145,7 +144,7 @@ class Material:
         self.frames = len(self.rows.samples)
         Console().print(
             f"{self.frames} training frames of {len(training)} clips, "
-            f"{frames_of(held)} validation frames ({', '.join(self.held_clips)})"
+            f"{frames_of(held)} validation frames ({', '.join(r.clip for r in held)})"
         )
 
     def to(self, device: torch.device) -> None:

@@ -146,10 +146,10 @@ class ShapeObjective:
     def _save(self, stages: dict[str, nn.Module], run: Path, notes: dict[str, Any]) -> None:
         material = self.material
         tensors = {f"{s}.{name}": t for s, net in stages.items() for name, t in net.state_dict().items()}
-        notes = {**notes, "validation_clips": material.held_clips, "training_frames": material.frames}
+        notes = {**notes, "training_frames": material.frames}
         notes |= {"garment_topology": faces_hash(material.garment)}
         save_checkpoint(
-            motion_guided_checkpoint(material.config, tensors, material.body, material.files, notes), run
+            motion_guided_checkpoint(material.config, tensors, material.body, material.data, notes), run
         )
 
     def settings(self) -> dict[str, Any]:
@@ -157,7 +157,7 @@ class ShapeObjective:
         return {
             **asdict(material.config),
             **asdict(self.losses),
-            "data": material.files,
+            "data": asdict(material.data),
             "frames": material.frames,
         }
 

@@ -162,7 +162,7 @@ class PBNSObjective:
         batch: int,
     ) -> None:
         self.config, self.fabric, self.hanging, self.outfit = config, fabric, hanging, outfit
-        self.source, self.batch = {poses.file: poses.hash}, batch
+        self.data, self.batch = poses.data, batch
         self.worn = rest_outfit(outfit)
         self.poses, self.held = (
             _posed(poses.database.of(split), outfit) for split in ("train", "validation")
@@ -326,14 +326,20 @@ class PBNSObjective:
         """Write the checkpoint of the network."""
         made_of = {"fabric": asdict(self.fabric), "hanging": asdict(self.hanging)}
         method = PBNS(self.config, net, self.worn)
-        save_checkpoint(pbns_checkpoint(method, self.outfit.body, self.source, notes | made_of), run)
+        save_checkpoint(pbns_checkpoint(method, self.outfit.body, self.data, notes | made_of), run)
 
     def settings(self) -> dict[str, Any]:
         """What must not change within a run."""
         garments = {name: _digest(mesh) for name, mesh in zip(self.worn.names, self.worn.meshes, strict=True)}
         body = {self.outfit.body.name: rest_hash(self.outfit.body)}
         made_of = {"fabric": asdict(self.fabric), "hanging": asdict(self.hanging)}
-        return {**asdict(self.config), **made_of, "body": body, "garments": garments, "data": self.source}
+        return {
+            **asdict(self.config),
+            **made_of,
+            "body": body,
+            "garments": garments,
+            "data": asdict(self.data),
+        }
 
     def memory(self) -> dict[str, Tensor]:
         """Nothing: where vertices were last looked up saves time and changes nothing."""

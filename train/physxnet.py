@@ -14,7 +14,7 @@ from train.frames import Frames, body_vertices, load_frames
 from train.operators import Operator, differences, sampling
 from train.patchgan import PatchGAN, discriminator_loss, generator_loss
 from train.prepare import Prepared, check_rests, prepare
-from train.recordings import Holdout, Recording, frames_of, hold_out, load_recordings, stacked
+from train.recordings import Holdout, Recording, frames_of, hold_out, load_recordings, stacked, training_data
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.checkpoint import save_checkpoint
 from uvcloth.mesh import edge_lengths
@@ -70,20 +70,19 @@ class PhysXNetObjective:
         recordings = load_recordings(data, config.templates, self.body)
         self.prepared = prepare(run, self.body, config.templates, config.size)
         check_rests({name: worn.points for name, worn in self.prepared.worn.items()}, recordings, self.body)
-        training, held = hold_out(recordings, losses)
+        training, held = hold_out(recordings, losses, data)
         for name in config.templates:
             if not any(name in r.vertices for r in training):
                 raise InputError(f"{data}: no training sequence of {name}; simulate some or set --templates")
-        self.files = {name: digest for r in recordings for name, digest in r.files.items()}
+        self.data = training_data(training, held)
         self.frames = load_frames(config, self.body, self.prepared, training, "training frames")
         held = held or training
         self.held = load_frames(config, self.body, self.prepared, held, "validation frames")
         self.truth = [stacked(held, name) for name in config.templates]
-        self.held_clips = [r.clip for r in held]
         self.held_rows = [_counting_rows(self.held, held, name) for name in config.templates]
         Console().print(
             f"{frames_of(training)} training frames of {len(training)} clips, "
-            f"{frames_of(held)} validation frames ({', '.join(self.held_clips)})"
+            f"{frames_of(held)} validation frames ({', '.join(r.clip for r in held)})"
         )
         self.geometry = [self._geometry(name) for name in config.templates]
         self.past = _new_past(config, self.frames) if config.history else torch.zeros(0)
@@ -273,12 +272,11 @@ class PhysXNetObjective:
     def save(self, net: GarmentNet, run: Path, notes: dict[str, Any]) -> None:
         """Write the trained method to the run's folder."""
         method = PhysXNet(self.config, net)
-        notes = {**notes, "validation_clips": self.held_clips}
-        save_checkpoint(physxnet_checkpoint(method, self.body, self.files, notes), run)
+        save_checkpoint(physxnet_checkpoint(method, self.body, self.data, notes), run)
 
     def settings(self) -> dict[str, Any]:
         """What must not change within a run."""
-        return {**asdict(self.config), **asdict(self.weights), "data": self.files}
+        return {**asdict(self.config), **asdict(self.weights), "data": asdict(self.data)}
 
     def memory(self) -> dict[str, Tensor]:
         """What the objective remembers between steps and an exact resume needs."""

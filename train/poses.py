@@ -10,9 +10,11 @@ from rich.progress import track
 
 from rasterize.atomic import make_folder
 from rasterize.errors import InputError
+from train.recordings import SEEN
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.self_contact import SelfContact
-from uvcloth.motion.clip_splits import find_sources
+from uvcloth.checkpoint import TrainingData
+from uvcloth.motion.clip_splits import Source, find_sources
 from uvcloth.motion.draw_poses import draw_poses
 from uvcloth.motion.poses import SPLITS, PoseDatabase, load_poses, rest_hash, save_poses
 from uvcloth.motion.recombine import RECOMBINED, recombine
@@ -24,11 +26,10 @@ DRAWN = "poses.npz"
 
 @dataclass(frozen=True)
 class Poses:
-    """A database for one body, the file that it is from and the hash of that."""
+    """A database for one body; data: its file, and the clips of its training and validation poses."""
 
     database: PoseDatabase
-    file: str
-    hash: str
+    data: TrainingData
 
 
 def poses_for(given: Sequence[str], body: Body, run: Path) -> Poses:
@@ -48,19 +49,32 @@ def poses_for(given: Sequence[str], body: Body, run: Path) -> Poses:
         clear = SelfContact(body).clear
         save_poses(recombine(draw_poses(sources, body, clear), body, clear, RECOMBINED), path)
     database = load_poses(path, body)
-    if not ready and database.clip_names != tuple(source.name for source in sources):
-        raise InputError(f"{path}: was drawn from other clips; name them again, or another folder")
-    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    if not ready and not _drawn_from(database, sources):
+        raise InputError(f"{path}: was drawn from other clips or splits; name them again, or another folder")
+    # What is no longer valid here may still be part of a recombined pose: the clips are those of the file.
+    data = TrainingData(
+        files={path.name: hashlib.sha256(path.read_bytes()).hexdigest()},
+        clips={split: database.clips_of(split) for split in SEEN},
+    )
     if database.body_hash != rest_hash(body):
         database = _valid_for(body, database)
     _require_splits(
         str(path), {SPLITS[split] for split in database.splits.unique()}, "draw them from more clips"
     )
-    return Poses(database, path.name, digest)
+    return Poses(database, data)
+
+
+def _drawn_from(database: PoseDatabase, sources: Sequence[Source]) -> bool:
+    """Whether its clips, and what they are for, are those of the sources."""
+    same = database.clip_names == tuple(source.name for source in sources)
+    if not same or database.subjects != tuple(source.subject for source in sources):
+        return False
+    splits = torch.tensor([SPLITS.index(source.split) for source in sources])
+    return torch.equal(splits[database.clips], database.splits)
 
 
 def _require_splits(where: str, splits: set[str], advice: str) -> None:
-    if not {"train", "validation"} <= splits:
+    if not set(SEEN) <= splits:
         raise InputError(f"{where}: lacks training or validation poses, {advice}")
 
 

@@ -1,13 +1,14 @@
 """Checkpoints: a folder with model.safetensors and config.json, and nothing that could run code.
 
-config.json holds the method's name and config, the body that it was trained on, the templates, the hashes of
-the training data and the version of this package; the normalization statistics travel with the weights.
+config.json holds the method's name and config, the body that it was trained on, the templates, the training
+data (hashes of the files, clips, people) and the version of this package; the normalization statistics
+travel with the weights.
 """
 
 import hashlib
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -21,11 +22,23 @@ from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 
-VERSION = 1
-"""Raised whenever weights of an older version would no longer mean the same."""
+VERSION = 2
+"""Raised whenever a model of an older version can no longer be read or would no longer mean the same."""
 
 WEIGHTS = "model.safetensors"
 CONFIG = "config.json"
+
+
+@dataclass(frozen=True)
+class TrainingData:
+    """What a model was made from.
+
+    files: name -> content hash, those that it was chosen by included. clips: "train" (what taught it) and
+    "validation" (what it was chosen by) -> name of a clip -> who moves in it, "" where that is not known.
+    """
+
+    files: dict[str, str] = field(default_factory=dict)
+    clips: dict[str, dict[str, str]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -34,7 +47,7 @@ class Checkpoint:
 
     method: its name in the registry. config: its config as JSON values. tensors: weights and statistics.
     body: name and topology hash of the body it was trained on. templates: names, in the network's order.
-    data: training file name -> content hash. notes: anything worth knowing (steps, minutes, errors).
+    data: what it was made from. notes: anything worth knowing (steps, minutes, errors).
     """
 
     method: str
@@ -42,7 +55,7 @@ class Checkpoint:
     tensors: dict[str, Tensor]
     body: dict[str, str]
     templates: tuple[str, ...]
-    data: dict[str, str]
+    data: TrainingData
     notes: dict[str, Any]
 
 
@@ -63,7 +76,7 @@ def save_checkpoint(checkpoint: Checkpoint, folder: Path) -> None:
         "config": checkpoint.config,
         "body": checkpoint.body,
         "templates": checkpoint.templates,
-        "data": checkpoint.data,
+        "data": asdict(checkpoint.data),
         "notes": checkpoint.notes,
     }
     save_tensors(checkpoint.tensors, {}, folder / WEIGHTS)
@@ -86,7 +99,9 @@ def load_checkpoint(folder: Path, body: Body | None = None) -> Checkpoint:
         raise InputError(f"{path}: not readable as JSON") from error
     if not isinstance(meta, dict) or meta.get("version") != VERSION:
         found = meta.get("version") if isinstance(meta, dict) else None
-        raise InputError(f"{path}: a model of version {found}, this program reads version {VERSION}")
+        raise InputError(
+            f"{path}: a model of version {found}, this program reads version {VERSION}; train it anew"
+        )
     tensors, _ = load_tensors(folder / WEIGHTS)
     try:
         checkpoint = Checkpoint(
@@ -95,7 +110,10 @@ def load_checkpoint(folder: Path, body: Body | None = None) -> Checkpoint:
             tensors=tensors,
             body=dict(meta["body"]),
             templates=tuple(meta["templates"]),
-            data=dict(meta["data"]),
+            data=TrainingData(
+                files=dict(meta["data"]["files"]),
+                clips={split: dict(clips) for split, clips in dict(meta["data"]["clips"]).items()},
+            ),
             notes=dict(meta["notes"]),
         )
     except (KeyError, TypeError, ValueError) as error:

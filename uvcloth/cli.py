@@ -171,14 +171,16 @@ class Poses:
     out: Path
     """The npz to write."""
     clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP|DIR ...", help_behavior_hint="")]] = ()
-    """Motion files (BVH), folders of them or names of built-in clips; without any, the built-in ones. An
-    index.csv in a folder says which clips are for training and which for the test."""
+    """Motion files (BVH), folders of them or names of built-in clips; without any, and without --windows, the
+    built-in ones. An index.csv in a folder says which clips are for training, validation and the test."""
+    windows: Annotated[Path | None, arg(metavar="CSV", help_behavior_hint="")] = None
+    """Such an index by any name: poses are drawn from the clips that it gives to a split."""
+    clips_from: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
+    """The folder that those clips are in."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     apart: float = 0.5
     """Radians by which at least one joint differs between any two poses."""
-    extra: bool = False
-    """Also train on the clips that an index gives to neither training nor test."""
     mirror: bool = True
     """Draw training poses also left-right mirrored."""
     recombine: int = 2000
@@ -196,7 +198,7 @@ class Poses:
 
         if self.recombine < 0:
             raise InputError(f"--recombine {self.recombine}: expected a number of poses, 0 or more")
-        sources = find_sources(self.clips, self.extra)
+        sources = find_sources(self.clips, self.windows, self.clips_from)
         make_folder(self.out.parent)
         body = load_body(self.body)
         clear = SelfContact(body).clear

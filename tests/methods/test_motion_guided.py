@@ -6,7 +6,7 @@ import torch
 from rasterize.errors import InputError
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import load_body
-from uvcloth.checkpoint import WEIGHTS, save_checkpoint
+from uvcloth.checkpoint import WEIGHTS, TrainingData, save_checkpoint
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import wear
 from uvcloth.mesh import Mesh, edge_lengths, unique_edges
@@ -120,7 +120,7 @@ def test_a_garment_without_texture_coordinates_is_unwrapped(body, dress):
 
 def checkpoint_of(method, folder, body, tensors=None):
     tensors = Both(method).state_dict() if tensors is None else tensors
-    save_checkpoint(motion_guided_checkpoint(method.config, tensors, body, {}, {}), folder)
+    save_checkpoint(motion_guided_checkpoint(method.config, tensors, body, TrainingData(), {}), folder)
 
 
 def test_a_saved_model_rolls_out_as_before(body, dress, tmp_path):

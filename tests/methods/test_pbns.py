@@ -15,7 +15,7 @@ from tests.small_body import small_body
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import body_frames, with_lead
-from uvcloth.checkpoint import CONFIG, WEIGHTS, load_tensors, save_checkpoint, save_tensors
+from uvcloth.checkpoint import CONFIG, WEIGHTS, TrainingData, load_tensors, save_checkpoint, save_tensors
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.mesh import Mesh
 from uvcloth.methods.pbns import (
@@ -268,7 +268,9 @@ def test_another_order_is_refused() -> None:
 
 def saved(folder: Path, outfit: Outfit) -> PBNS:
     method = untrained(outfit)
-    save_checkpoint(pbns_checkpoint(method, outfit.body, {"poses.npz": "abc"}, {"step": 1}), folder)
+    save_checkpoint(
+        pbns_checkpoint(method, outfit.body, TrainingData({"poses.npz": "abc"}), {"step": 1}), folder
+    )
     return method
 
 

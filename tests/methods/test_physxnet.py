@@ -8,7 +8,7 @@ from tests.train.simulated import swaying
 from train.prepare import make
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.frames import GRAVITY, body_frames, with_lead
-from uvcloth.checkpoint import load_checkpoint, save_checkpoint
+from uvcloth.checkpoint import TrainingData, load_checkpoint, save_checkpoint
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import wear
 from uvcloth.methods.correspondence import carry, rotate
@@ -162,7 +162,7 @@ def test_a_saved_model_predicts_the_same(history, body, outfit, tmp_path):
     torch.manual_seed(0)
     method = replace(TINY, history=history).create()
     method.net.output_scale.fill_(0.01)
-    save_checkpoint(physxnet_checkpoint(method, body, {}, {}), tmp_path / "walker")
+    save_checkpoint(physxnet_checkpoint(method, body, TrainingData(), {}), tmp_path / "walker")
     loaded = load_method(tmp_path / "walker", body)
     assert loaded.name == "walker"
     motion = swaying(3, seed=5).transforms()
@@ -191,7 +191,7 @@ def test_refuses_a_template_without_decoder(body):
 
 
 def test_refuses_weights_of_another_width(body, tmp_path):
-    checkpoint = physxnet_checkpoint(TINY.create(), body, {}, {})
+    checkpoint = physxnet_checkpoint(TINY.create(), body, TrainingData(), {})
     save_checkpoint(replace(checkpoint, config={**checkpoint.config, "width": 16}), tmp_path)
     with pytest.raises(InputError, match="do not fit"):
         load_physxnet(load_checkpoint(tmp_path), tmp_path)

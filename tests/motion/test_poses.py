@@ -22,6 +22,7 @@ def poses() -> PoseDatabase:
         joints=("hips", "chest"),
         rotations=torch.from_numpy(rotations).view(4, 2, 3, 3),
         clip_names=("walk", "run"),
+        subjects=("ann", ""),
         clips=torch.tensor([0, 1, 0, 1]),
         frames=torch.tensor([5, 0, 2, 9]),
         mirrored=torch.tensor([False, True, False, False]),
@@ -39,7 +40,7 @@ def test_poses_save_and_load(tmp_path: Path, poses: PoseDatabase) -> None:
     torch.testing.assert_close(again.rotations, poses.rotations, atol=1e-6, rtol=0)
     for name in ("clips", "frames", "mirrored", "splits", "donors"):
         torch.testing.assert_close(getattr(again, name), getattr(poses, name))
-    for name in ("joints", "clip_names", "apart", "body_name", "body_hash"):
+    for name in ("joints", "clip_names", "subjects", "apart", "body_name", "body_hash"):
         assert getattr(again, name) == getattr(poses, name)
 
 
@@ -48,6 +49,12 @@ def test_a_split_holds_its_poses_only(poses: PoseDatabase) -> None:
     assert (len(train), len(poses.of("validation")), len(test)) == (2, 1, 1)
     assert train.frames.tolist() == [5, 0]
     torch.testing.assert_close(test.rotations, poses.rotations[3:])
+
+
+def test_a_split_names_its_clips_and_people(poses: PoseDatabase) -> None:
+    assert poses.clips_of("train") == {"walk": "ann", "run": ""}
+    assert poses.clips_of("validation") == {"walk": "ann"}
+    assert poses.clips_of("test") == {"run": ""}
 
 
 def test_the_roots_head_stays_at_rest(poses: PoseDatabase) -> None:

@@ -78,7 +78,9 @@ def test_seeds_lie_on_the_inner_garment_and_follow_it() -> None:
 
 def test_an_outfit_trains_on_the_clips_that_have_both(data: Path) -> None:
     material = Material(OUTER, LOSSES["tiny"], data)
-    assert sorted(material.files) == [f"clip{k}_{name}.npz" for k in (0, 1) for name in ("bottoms", "tops")]
+    assert sorted(material.data.files) == [
+        f"clip{k}_{name}.npz" for k in (0, 1) for name in ("bottoms", "tops")
+    ]
     bottoms = wear("bottoms", load_body()).mesh
     seeds = material.rows.pose.seeds.points[0]
     late = swaying(12, seed=0).transforms()[:1]

@@ -19,7 +19,7 @@ from train.pbns import LOOPS, Fabric, Hanging, PBNSObjective
 from train.poses import DRAWN, Poses, poses_for
 from train.surroundings import DEEPEST
 from uvcloth.bodies.body import Body
-from uvcloth.checkpoint import load_tensors
+from uvcloth.checkpoint import TrainingData, load_tensors
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.pins import pinned
 from uvcloth.garments.templates import wear
@@ -48,6 +48,7 @@ def database_of(body: Body, frames: int = 9, held: int = 3) -> PoseDatabase:
         joints=body.skeleton.names,
         rotations=rotations,
         clip_names=("swaying",),
+        subjects=("ann",),
         clips=torch.zeros(frames, dtype=torch.int64),
         frames=order,
         mirrored=torch.zeros(frames, dtype=torch.bool),
@@ -106,7 +107,14 @@ def objective_of(
     outfit: Outfit, hanging: Hanging = FREELY, kind: type[PBNSObjective] = Quick, **changed: Any
 ) -> PBNSObjective:
     database = database_of(outfit.body)
-    return kind(TINY, Fabric(**changed), hanging, outfit, Poses(database, "poses.npz", "abc"), LOOP.batch)
+    return kind(
+        TINY,
+        Fabric(**changed),
+        hanging,
+        outfit,
+        Poses(database, TrainingData({"poses.npz": "abc"})),
+        LOOP.batch,
+    )
 
 
 def trained(objective: PBNSObjective, steps: int) -> tuple[list[float], Any]:
@@ -358,11 +366,12 @@ def test_a_file_of_poses_is_taken_as_it_is(body: Body, tmp_path: Path) -> None:
     save_poses(database_of(body), tmp_path / "mine.npz")
     taken = poses_for([str(tmp_path / "mine.npz")], body, tmp_path / "run")
     assert len(taken.database) == 9
-    assert taken.file == "mine.npz"
-    assert len(taken.hash) == 64
+    assert list(taken.data.files) == ["mine.npz"]
+    assert len(taken.data.files["mine.npz"]) == 64
+    assert taken.data.clips == {"train": {"swaying": "ann"}, "validation": {"swaying": "ann"}}
     assert not (tmp_path / "run").exists()
-    save_poses(database_of(body, frames=8), tmp_path / "other.npz")
-    assert poses_for([str(tmp_path / "other.npz")], body, tmp_path / "run").hash != taken.hash
+    save_poses(database_of(body, frames=8), tmp_path / "mine.npz")
+    assert poses_for([str(tmp_path / "mine.npz")], body, tmp_path / "run").data.files != taken.data.files
 
 
 def test_poses_of_another_skeleton_are_refused(body: Body, tmp_path: Path) -> None:
@@ -400,14 +409,15 @@ def test_clips_are_drawn_into_the_run_once(
     monkeypatch.setattr(poses, "RECOMBINED", 3)
     run = tmp_path / "run"
     taken = poses_for(["jump", "twirl"], body, run)
-    assert taken.file == DRAWN
+    assert list(taken.data.files) == [DRAWN]
+    assert taken.data.clips == {"train": {"jump": ""}, "validation": {"twirl": ""}}
     assert set(taken.database.clip_names) == {"jump", "twirl"}
     assert len(taken.database.of("train")) > 3
     assert len(taken.database.of("validation")) > 0
     drawn = (run / DRAWN).read_bytes()
     monkeypatch.setattr(poses, "draw_poses", None)
     again = poses_for(["jump", "twirl"], body, run)
-    assert again.hash == taken.hash
+    assert again.data == taken.data
     assert (run / DRAWN).read_bytes() == drawn
     with pytest.raises(InputError, match=r"run/poses\.npz: was drawn from other clips"):
         poses_for(["jump", "walk"], body, run)

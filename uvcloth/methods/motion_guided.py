@@ -13,7 +13,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.frames import BodyFrames
-from uvcloth.checkpoint import Checkpoint, body_identity, restored
+from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, restored
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.mesh import laplacian
 from uvcloth.methods.garment_maps import GarmentMaps, Skinning, garment_maps
@@ -342,10 +342,10 @@ def motion_guided_checkpoint(
     config: MotionGuidedConfig,
     tensors: dict[str, Tensor],
     body: Body,
-    data: dict[str, str],
+    data: TrainingData,
     notes: dict[str, Any],
 ) -> Checkpoint:
-    """What training saves, in half precision; data: training file -> content hash."""
+    """What training saves, in half precision."""
     return Checkpoint(
         method="motion_guided",
         config=asdict(config),

@@ -18,7 +18,7 @@ from torch import Tensor, nn
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
-from uvcloth.checkpoint import Checkpoint, body_identity, misfit, stored_config
+from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, misfit, stored_config
 from uvcloth.garments.garment import Outfit
 from uvcloth.mesh import Mesh, weld
 from uvcloth.methods.lbs import SkinnedGarment
@@ -245,8 +245,8 @@ def new_network(config: PBNSConfig, worn: RestOutfit, weights: Tensor, poses: Te
     return network
 
 
-def pbns_checkpoint(method: PBNS, body: Body, data: dict[str, str], notes: dict[str, Any]) -> Checkpoint:
-    """What training saves: the network, and the outfit that it is for. data: pose file -> content hash."""
+def pbns_checkpoint(method: PBNS, body: Body, data: TrainingData, notes: dict[str, Any]) -> Checkpoint:
+    """What training saves: the network, and the outfit that it is for."""
     tensors = {f"network.{name}": tensor for name, tensor in method.network.state_dict().items()}
     for index, mesh in enumerate(method.worn.meshes):
         # Faces may serve as face_uvs too, which safetensors refuses to write twice.

@@ -15,7 +15,7 @@ from rasterize.bake import scatter_map
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import GRAVITY, HISTORY, BodyFrames
-from uvcloth.checkpoint import Checkpoint, body_identity, restored
+from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, restored
 from uvcloth.garments.garment import Outfit
 from uvcloth.mesh import Mesh
 from uvcloth.methods.correspondence import (
@@ -366,9 +366,9 @@ def load_physxnet(checkpoint: Checkpoint, folder: Path) -> PhysXNet:
 
 
 def physxnet_checkpoint(
-    method: PhysXNet, body: Body, data: dict[str, str], notes: dict[str, Any]
+    method: PhysXNet, body: Body, data: TrainingData, notes: dict[str, Any]
 ) -> Checkpoint:
-    """What a trained method saves; data: training file -> content hash."""
+    """What a trained method saves."""
     return Checkpoint(
         method=method.name,
         config=asdict(method.config),

@@ -7,46 +7,60 @@ from pathlib import Path
 
 from rasterize.errors import InputError
 from uvcloth.motion.library import builtin_clips
-from uvcloth.simulate.index import INDEX, read_index
+from uvcloth.motion.poses import SPLITS
+from uvcloth.simulate.index import INDEX, clip_file, read_index
 
 HELD_OUT = 0.15
-"""Share of the clips that is for validation, and of those without an index also for the test."""
+"""Share of the clips without an index that is for validation, and of them that is for the test."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """A clip. file: a path or the name of a built-in clip. split: train, validation or test."""
+    """A clip.
+
+    file: a path or the name of a built-in clip. split: train, validation or test. subject: who moves, ""
+    where it is not known.
+    """
 
     name: str
     file: str
     split: str
+    subject: str = ""
 
 
-def find_sources(clips: Sequence[str], extra: bool = False) -> list[Source]:
-    """The clips of files, folders and built-in names, sorted by name, each for one split.
+def find_sources(
+    clips: Sequence[str], windows: Path | None = None, clips_from: Path | None = None
+) -> list[Source]:
+    """The clips of files, folders, built-in names and an index, sorted by name, each for one split.
 
-    A folder gives its BVH files and those of the folders in it. If an index.csv lies in it, that decides: its
-    test clips are for the test, HELD_OUT of its train clips for validation and the others for training; its
-    other clips, and those that it does not name, are for training with `extra` and left out without. Of the
-    clips without an index, HELD_OUT each are for validation and for the test. Whole clips are held out,
-    evenly spread over the names: of two the second is for validation, a single one is for training.
-    No clips at all are the built-in ones.
+    A folder gives its BVH files and those of the folders in it. If an index.csv lies in it, that decides:
+    its clips are for what it says, and those that it calls unused or does not name are left out. windows: an
+    index that decides so over the clips of the folder `clips_from`. Of the clips without an index, HELD_OUT
+    each are for validation and for the test, whole clips, evenly spread over the names: of two the second is
+    for validation, a single one is for training. No clips and no index are the built-in ones.
 
-    Raises InputError for a folder without clips, an index that is not one, and two clips of one name.
+    Raises InputError for a folder without clips, an index that is not one or whose clips are not there, one
+    without its folder or the reverse, and two clips of one name.
     """
     loose: dict[str, str] = {}
     sources: list[Source] = []
-    for clip in clips or builtin_clips():
+    if windows is not None and clips_from is not None:
+        sources += _indexed(windows, clips_from)
+    elif windows is not None or clips_from is not None:
+        raise InputError(
+            "poses: --windows and --clips-from go together, an index and the folder of its clips"
+        )
+    for clip in clips or ([] if sources else builtin_clips()):
         found = {Path(clip).stem: clip}
         if clip not in builtin_clips() and Path(clip).is_dir():
-            found = _in_folder(Path(clip))
             if (Path(clip) / INDEX).is_file():
-                sources += _indexed(Path(clip) / INDEX, found, extra)
+                sources += _indexed(Path(clip) / INDEX, Path(clip))
                 continue
+            found = _in_folder(Path(clip))
         for name in found.keys() & loose.keys():
             raise InputError(f"{found[name]}: another clip is also named {name} ({loose[name]})")
         loose |= found
-    sources += _deal(loose, ("validation", "test"))
+    sources += _deal(loose)
     sources.sort(key=lambda source: source.name)
     for first, second in pairwise(sources):
         if first.name == second.name:
@@ -66,25 +80,20 @@ def _in_folder(folder: Path) -> dict[str, str]:
     return named
 
 
-def _indexed(index: Path, files: dict[str, str], extra: bool) -> list[Source]:
-    entries = read_index(index)
-    splits = {name: entries[name].split if name in entries else "extra" for name in files}
-    train, test = ({n: files[n] for n in files if splits[n] == split} for split in ("train", "test"))
-    sources = [*_deal(train, ("validation",)), *(Source(name, file, "test") for name, file in test.items())]
-    if extra:
-        others = files.keys() - train.keys() - test.keys()
-        sources += [Source(name, files[name], "train") for name in others]
-    if not sources:
-        raise InputError(f"{index}: names no train or test clip of which there is a file")
-    return sources
+def _indexed(index: Path, folder: Path) -> list[Source]:
+    """The clips that an index gives to a split."""
+    entries = [entry for entry in read_index(index).values() if entry.split in SPLITS]
+    if not entries:
+        raise InputError(f"{index}: gives no clip to {', '.join(SPLITS)}")
+    return [Source(e.clip, str(clip_file(e, folder)), e.split, e.subject) for e in entries]
 
 
-def _deal(files: dict[str, str], held_out: tuple[str, ...]) -> list[Source]:
-    """Clips by name, HELD_OUT of them (at least one, if one for training remains) for each of some splits."""
+def _deal(files: dict[str, str]) -> list[Source]:
+    """Clips by name, HELD_OUT of them (at least one, if one for training remains) for each other split."""
     names = sorted(files)
     splits = ["train"] * len(names)
     count = max(1, round(HELD_OUT * len(names)))
-    for place, split in enumerate(held_out[: max(len(names) - 1, 0)]):
+    for place, split in enumerate(("validation", "test")[: max(len(names) - 1, 0)]):
         for index in range(count):
             middle = int((index + 0.5) * len(names) / count)
             splits[(middle + place) % len(names)] = split

@@ -119,6 +119,7 @@ def _candidates(sources: Sequence[Source], body: Body, mirror: bool, progress: P
         joints=body.skeleton.names,
         rotations=torch.cat(rotations),
         clip_names=tuple(source.name for source in sources),
+        subjects=tuple(source.subject for source in sources),
         clips=clip,
         frames=frame,
         mirrored=mirrored_.bool(),

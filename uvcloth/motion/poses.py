@@ -17,8 +17,18 @@ from uvcloth.skeleton import Skeleton, joint_transforms
 
 SPLITS = ("train", "validation", "test")
 
-FORMAT = "uvcloth-poses-1"
-ARRAYS = ("joint_names", "quaternions", "clip_names", "clips", "frames", "mirrored", "splits", "donors")
+FORMAT = "uvcloth-poses-2"
+ARRAYS = (
+    "joint_names",
+    "quaternions",
+    "clip_names",
+    "subjects",
+    "clips",
+    "frames",
+    "mirrored",
+    "splits",
+    "donors",
+)
 DONORS = 4
 PER_POSE = ("rotations", "clips", "frames", "mirrored", "splits", "donors")
 SCALARS = ("apart", "body_name", "body_hash")
@@ -29,16 +39,18 @@ class PoseDatabase:
     """M poses of a skeleton of J joints (PBNS section 4.3).
 
     joints: names. rotations: (M, J, 3, 3) float32 world rotations relative to rest. clip_names: the clips
-    that they come from. clips: (M,) int64 index of the clip. frames: (M,) int64 frame of it at 30 frames per
-    second. mirrored: (M,) bool, left and right swapped. splits: (M,) int64 indices into SPLITS. donors:
-    (M, DONORS) int64 the poses of the file whose legs, trunk, left and right arm a recombined one has (clip,
-    frame and mirrored are those of the legs), -1 for one that was drawn. apart: radians by which any two that
-    were drawn differ at least. body_name, body_hash: the body that they are valid for, see `rest_hash`.
+    that they come from. subjects: who moves in each of those, "" where it is not known. clips: (M,) int64
+    index of the clip. frames: (M,) int64 frame of it at 30 frames per second. mirrored: (M,) bool, left and
+    right swapped. splits: (M,) int64 indices into SPLITS. donors: (M, DONORS) int64 the poses of the file
+    whose legs, trunk, left and right arm a recombined one has (clip, frame and mirrored are those of the
+    legs), -1 for one that was drawn. apart: radians by which any two that were drawn differ at least.
+    body_name, body_hash: the body that they are valid for, see `rest_hash`.
     """
 
     joints: tuple[str, ...]
     rotations: Tensor
     clip_names: tuple[str, ...]
+    subjects: tuple[str, ...]
     clips: Tensor
     frames: Tensor
     mirrored: Tensor
@@ -58,6 +70,11 @@ class PoseDatabase:
     def of(self, split: str) -> "PoseDatabase":
         """Only the poses of one split, a word of SPLITS."""
         return self.take(torch.nonzero(self.splits == SPLITS.index(split)).squeeze(1))
+
+    def clips_of(self, split: str) -> dict[str, str]:
+        """The clips that the poses of a split are from, and who moves in each."""
+        clips = self.of(split).clips.unique().tolist()
+        return {self.clip_names[clip]: self.subjects[clip] for clip in clips}
 
     def take(self, rows: Tensor) -> "PoseDatabase":
         """Only the poses at `rows` (K,), in that order."""
@@ -87,6 +104,7 @@ def save_poses(poses: PoseDatabase, path: Path) -> None:
             "joint_names": np.array(poses.joints),
             "quaternions": quaternions.reshape(*poses.rotations.shape[:2], 4).astype(np.float32),
             "clip_names": np.array(poses.clip_names),
+            "subjects": np.array(poses.subjects),
             "clips": poses.clips.numpy().astype(np.int32),
             "frames": poses.frames.numpy().astype(np.int32),
             "mirrored": poses.mirrored.numpy(),
@@ -121,6 +139,7 @@ def load_poses(path: Path, body: Body) -> PoseDatabase:
         joints=names,
         rotations=torch.from_numpy(rotations).view(*quaternions.shape[:2], 3, 3),
         clip_names=tuple(str(name) for name in data["clip_names"]),
+        subjects=tuple(str(name) for name in data["subjects"]),
         clips=torch.from_numpy(data["clips"].astype(np.int64)),
         frames=torch.from_numpy(data["frames"].astype(np.int64)),
         mirrored=torch.from_numpy(data["mirrored"]),
@@ -142,7 +161,8 @@ def _check(path: Path, data: dict[str, np.ndarray], joints: int) -> None:
     single = all(data[name].ndim == 0 for name in SCALARS)
     kinds = [data[name].dtype.kind for name in ("quaternions", "mirrored", "apart")] == ["f", "b", "f"]
     whole = all(data[name].dtype.kind in "iu" for name in ("clips", "frames", "splits"))
-    fit = quaternions.shape == (count, joints, 4) and clip_names.ndim == 1 and flat and single
+    named = clip_names.ndim == 1 and data["subjects"].shape == clip_names.shape
+    fit = quaternions.shape == (count, joints, 4) and named and flat and single
     if not (fit and kinds and whole):
         raise InputError(f"{path}: the arrays of the poses do not fit together")
     donors = data["donors"]
