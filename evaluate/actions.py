@@ -16,12 +16,13 @@ from uvcloth.simulate.sequence import FORMAT
 class Window:
     """One garment over one unseen clip.
 
-    path: its sequence, there or not. repeat: the same window simulated from an earlier start, or None where
-    there is none.
+    subject: who moves, "" where it is not known. path: its sequence, there or not. repeat: the same window
+    simulated from an earlier start, or None where there is none.
     """
 
     action: str
     clip: str
+    subject: str
     garment: str
     path: Path
     repeat: Path | None
@@ -32,34 +33,34 @@ class Window:
 
 
 def find_windows(
-    data: Path, actions: Sequence[str] = (), garments: Sequence[str] = TEMPLATES
+    data: Path, actions: Sequence[str] = (), garments: Sequence[str] = TEMPLATES, split: str = "test"
 ) -> tuple[Window, ...]:
-    """The test windows of a data folder made by `uvcloth simulate`, in the order of its index.
+    """The windows of a split in a data folder made by `uvcloth simulate`, in the order of its index.
 
-    DATA/index.csv names the test clips and their actions; without one every
-    sequence counts and its clip is its action. actions: keep only these, all if empty. garments: the names
+    split: test or validation. DATA/index.csv names its clips and their actions; without one every sequence
+    is for the test and its clip is its action. actions: keep only these, all if empty. garments: the names
     that are looked for. Raises InputError if the folder, the index or an action is missing, or nothing was
     simulated.
     """
-    wanted = _wanted(Path(data), actions, garments)
+    wanted = _wanted(Path(data), actions, garments, split)
     windows = tuple(window for window in wanted if window.path.is_file())
     if not windows:
         named = ", ".join(dict.fromkeys(window.action for window in wanted))
-        raise InputError(f"{data}: holds no simulated test window (CLIP_GARMENT.npz) for {named}")
+        raise InputError(f"{data}: holds no simulated {split} window (CLIP_GARMENT.npz) for {named}")
     return windows
 
 
 def find_missing(
-    data: Path, actions: Sequence[str] = (), garments: Sequence[str] = TEMPLATES
+    data: Path, actions: Sequence[str] = (), garments: Sequence[str] = TEMPLATES, split: str = "test"
 ) -> dict[str, dict[str, str]]:
-    """The test windows that there is no sequence of: {action: {garment: why}}.
+    """The windows of a split that there is no sequence of: {action: {garment: why}}.
 
-    A garment that was not tried on any test clip is not missed. Raises InputError as find_windows does.
+    A garment that was not tried on any of its clips is not missed. Raises InputError as find_windows does.
     """
-    everything = _wanted(Path(data), (), garments)
+    everything = _wanted(Path(data), (), garments, split)
     tried = {w.garment for w in everything if w.path.is_file() or _rejected(w).is_file()}
     missing: dict[str, dict[str, str]] = {}
-    for window in _wanted(Path(data), actions, garments):
+    for window in _wanted(Path(data), actions, garments, split):
         if window.garment in tried and not window.path.is_file():
             reasons = missing.setdefault(window.action, {})
             known = f"{reasons[window.garment]}; " if window.garment in reasons else ""
@@ -80,20 +81,29 @@ def _why(window: Window) -> str:
     return str(json.loads(str(arrays["metadata"])).get("rejected", "kept apart"))
 
 
-def _wanted(data: Path, actions: Sequence[str], garments: Sequence[str]) -> list[Window]:
-    """Every test clip of the actions with every garment, simulated or not."""
+def people_in(data: Path) -> dict[str, str]:
+    """Who moves in each clip, by the index of a data folder; nothing without one."""
+    index = Path(data) / INDEX
+    return {clip: entry.subject for clip, entry in read_index(index).items()} if index.is_file() else {}
+
+
+def _wanted(data: Path, actions: Sequence[str], garments: Sequence[str], split: str) -> list[Window]:
+    """Every clip of the actions in a split with every garment, simulated or not."""
     if not data.is_dir():
         raise InputError(f"{data}: no such folder, expected one made by `uvcloth simulate`")
     index = data / INDEX
-    named = _test_clips(index) if index.is_file() else _simulated_clips(data, garments)
+    if not index.is_file() and split != "test":
+        raise InputError(f"{data}: has no {INDEX} that would say which clips are for {split}")
+    named = _clips_of(index, split) if index.is_file() else _simulated_clips(data, garments)
+    people = people_in(data)
     known = list(dict.fromkeys(named.values()))
     for action in actions:
         if action not in known:
             raise InputError(
-                f"{data}: no test action is called {action!r}, expected one of {', '.join(known)}"
+                f"{data}: no {split} action is called {action!r}, expected one of {', '.join(known)}"
             )
     return [
-        Window(action, clip, garment, path, repeat if repeat.is_file() else None)
+        Window(action, clip, people.get(clip, ""), garment, path, repeat if repeat.is_file() else None)
         for clip, action in named.items()
         if not actions or action in actions
         for garment in garments
@@ -101,10 +111,10 @@ def _wanted(data: Path, actions: Sequence[str], garments: Sequence[str]) -> list
     ]
 
 
-def _test_clips(index: Path) -> dict[str, str]:
-    clips = {entry.clip: entry.action for entry in read_index(index).values() if entry.split == "test"}
+def _clips_of(index: Path, split: str) -> dict[str, str]:
+    clips = {entry.clip: entry.action for entry in read_index(index).values() if entry.split == split}
     if not clips:
-        raise InputError(f"{index}: no row has the split test")
+        raise InputError(f"{index}: no row has the split {split}")
     return clips
 
 

@@ -9,7 +9,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from evaluate.actions import find_missing, find_windows
+from evaluate.actions import Window, find_missing, find_windows, people_in
+from evaluate.familiar import acquaintance
 from evaluate.judge import (
     SIMULATION,
     Case,
@@ -49,8 +50,9 @@ def compare(
     frames: int | None,
     map_size: int,
     machine: str,
+    split: str = "test",
 ) -> tuple[dict[str, Any], list[Shown]]:
-    """Judge methods on the test windows of a data folder.
+    """Judge methods on the windows of a split of a data folder: test, or validation to choose by.
 
     files: garments other than the templates. frames: of each window, None for all. map_size: of the maps
     that are measured. machine: for the record. Returns the content of metrics.json and what there is to look
@@ -60,11 +62,11 @@ def compare(
     """
     others = taken(files, body)
     names = (*TEMPLATES, *others)
-    windows = find_windows(data, actions, names)
-    missing = find_missing(data, actions, names)
+    windows = find_windows(data, actions, names, split)
+    missing = find_missing(data, actions, names, split)
     for name in others:
         if name not in {window.garment for window in windows}:
-            raise InputError(f"{data}: holds no test sequence of the garment {name} (CLIP_{name}.npz)")
+            raise InputError(f"{data}: holds no {split} sequence of the garment {name} (CLIP_{name}.npz)")
     code = code_fingerprint()
     setting = f"{code}/{body_fingerprint(body)}/{map_size}/{machine}"
     worn = dict.fromkeys(window.garment for window in windows)
@@ -79,13 +81,14 @@ def compare(
         kind: {name: [] for name in garments} for kind in ("held", "carried")
     }
     shown: list[Shown] = []
-    trained_on: dict[str, list[str]] = {c.name: [] for c in contestants}
+    contents: dict[Window, str] = {}
     with progress("Windows", sum(1 + len(dressing[window.garment]) for window in windows)) as tick:
         for window in windows:
             seen = maps[window.garment]
             texels = (seen.template.corners, seen.template.barycentrics) if seen else None
             case = open_case(window, body, garments[window.garment], texels, frames)
             tick(0, note=f"{window.action}, {window.garment}")
+            contents[window] = str(case.sequence.metadata.get("hash"))
             keep = partial(remembered, out, case)
             judged = {SIMULATION: keep(SIMULATION, setting, partial(judge_simulation, case))}
             represented[window.garment].append(representation(case, seen) if seen else {})
@@ -98,8 +101,6 @@ def compare(
                 tick(0, note=f"{window.action}, {window.garment}: {contestant.name}")
                 fingerprint = f"{setting}/{contestant.fingerprint}"
                 judged[contestant.name] = keep(contestant.name, fingerprint, partial(judge, case, contestant))
-                if case.sequence.metadata.get("hash") in contestant.seen:
-                    trained_on[contestant.name].append(window.name)
                 tick()
             for name, found in judged.items():
                 entries[name].append(Entry(window.action, window.garment, found))
@@ -118,7 +119,8 @@ def compare(
     results = summarize(entries)
     for contestant in contestants:
         results["methods"][contestant.name]["weights_mb"] = contestant.weights_mb
-        results["methods"][contestant.name]["trained_on"] = trained_on[contestant.name]
+        worn_by = {w: content for w, content in contents.items() if contestant in dressing[w.garment]}
+        results["methods"][contestant.name] |= acquaintance(contestant, worn_by, people_in(data))
         results["methods"][contestant.name]["static"] = contestant.method.static
         results["methods"][contestant.name]["training_frames"] = contestant.training_frames
     results["floor"] = {**floor(represented, "representation"), **floor(repeated, "repeatability")}
@@ -129,6 +131,7 @@ def compare(
     results["garments"] = {name: _size(garment) for name, garment in garments.items()}
     return results | {
         "actions": list(dict.fromkeys(window.action for window in windows)),
+        "split": split,
         "windows": len(windows),
         "missing": missing,
         "frames": sum(len(e.judged.scores["vertex_mean_mm"]) for e in entries[SIMULATION]),

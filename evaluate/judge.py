@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -53,8 +53,9 @@ class Contestant:
     """A method in the comparison.
 
     name: in every table. weights_mb: size of its weights file, 0 without one. fingerprint: hash of what
-    decides its predictions besides the code. seen: content hashes of the sequences that it was trained on.
-    training_frames: how many frames those have, where its checkpoint says so.
+    decides its predictions besides the code. seen: content hashes of the sequences that it was trained
+    on or chosen by. training_frames: how many frames the former have, where its checkpoint says so. clips:
+    the clips of both and who moves in them, see `TrainingData`.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Contestant:
     fingerprint: str
     seen: frozenset[str]
     training_frames: int | None = None
+    clips: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -273,10 +275,12 @@ def load_contestants(models: Sequence[str], body: Body) -> tuple[Contestant, ...
         digest = hashlib.sha256(model.encode())
         seen: frozenset[str] = frozenset()
         training_frames = None
+        clips: Mapping[str, Mapping[str, str]] = {}
         if folder:
             checkpoint = load_checkpoint(folder)
             digest = hashlib.sha256((folder / WEIGHTS).read_bytes() + (folder / CONFIG).read_bytes())
             seen = frozenset(checkpoint.data.files.values())
+            clips = checkpoint.data.clips
             training_frames = checkpoint.notes.get("training_frames")
         contestants.append(
             Contestant(
@@ -286,6 +290,7 @@ def load_contestants(models: Sequence[str], body: Body) -> tuple[Contestant, ...
                 fingerprint=digest.hexdigest(),
                 seen=seen,
                 training_frames=training_frames,
+                clips=clips,
             )
         )
     names = [contestant.name for contestant in contestants]

@@ -10,6 +10,7 @@ from typing import Any
 from torch import Tensor
 
 from evaluate.charts import DASH, bars, lines, mark, number, scatter
+from evaluate.familiar import cautions
 from evaluate.results import LONG
 from evaluate.stability import ALONE
 from evaluate.viewer import ViewerClip, pack_body, pack_clip
@@ -134,6 +135,7 @@ def write_report(
     page = environment.get_template("report.html").render(
         results=results,
         methods=list(results["methods"]),
+        cautions=cautions(results),
         static=[name for name, judged in results["methods"].items() if judged["static"]],
         garments=garments_in(results),
         judged={garment: methods_on(results, garment) for garment in garments_in(results)},

@@ -25,7 +25,7 @@ from rasterize.errors import InputError
 from tests.train.simulated import save_clips
 from uvcloth.bodies.body import Body, save_body
 from uvcloth.bodies.frames import BodyFrames
-from uvcloth.checkpoint import WEIGHTS, save_checkpoint
+from uvcloth.checkpoint import WEIGHTS, TrainingData, save_checkpoint
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.mesh import Mesh
 from uvcloth.methods.lbs import LBSConfig
@@ -236,7 +236,10 @@ def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) 
     method = PRESETS["tiny"].create()
     for parameter in method.net.parameters():
         parameter.data.zero_()
-    seen = {"clip0_tops.npz": load_sequence(data / "clip0_tops.npz").metadata["hash"]}
+    seen = TrainingData(
+        {"clip0_tops.npz": load_sequence(data / "clip0_tops.npz").metadata["hash"]},
+        {"train": {"clip0": ""}, "validation": {"clip1": ""}},
+    )
     save_checkpoint(physxnet_checkpoint(method, body, seen, {"training_frames": 1434}), folder)
     results, _ = compare(
         load_contestants(("lbs_smooth", str(folder)), body),
@@ -249,8 +252,11 @@ def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) 
         machine="a test",
     )
     walker, baseline = results["methods"]["walker"], results["methods"]["lbs_smooth"]
-    assert walker["trained_on"] == ["clip0_tops"]
-    assert baseline["trained_on"] == []
+    assert walker["trained_on"] == ["clip0_tops", "clip0_bottoms"]
+    assert walker["chosen_on"] == ["clip1_tops"]
+    assert [found["same"] for found in walker["familiar"].values()] == ["sequence", "clip", "clip"]
+    assert baseline["trained_on"] == baseline["chosen_on"] == []
+    assert results["split"] == "test"
     assert (walker["training_frames"], baseline["training_frames"]) == (1434, None)
     assert walker["weights_mb"] == (folder / WEIGHTS).stat().st_size / 1e6
     for action, template in (("clip0", "tops"), ("clip0", "bottoms"), ("clip1", "tops")):
@@ -445,7 +451,14 @@ def test_clips_are_found_by_the_longest_name_of_a_garment(tmp_path: Path) -> Non
 def test_windows_follow_the_index_or_the_files(world: Path) -> None:
     found = [(window.action, window.garment) for window in find_windows(world)]
     assert found == [("jump", "tops"), ("jump", "dress"), ("walking", "tops"), ("walking", "dress")]
+    rows = (world / "index.csv").read_text()
+    (world / "index.csv").write_text(rows.replace("12_01,12,test", "12_01,12,validation"))
+    found = [(window.action, window.subject) for window in find_windows(world, split="validation")]
+    assert found == [("walking", "12"), ("walking", "12")]
+    assert {window.action for window in find_windows(world)} == {"jump"}
     (world / "index.csv").unlink()
+    with pytest.raises(InputError, match=r"has no index\.csv that would say which clips are for validation"):
+        find_windows(world, split="validation")
     assert {window.action for window in find_windows(world)} == {"02_04", "12_01"}
     (world / "index.csv").write_text("trial,action\n02_04,jump\n")
     with pytest.raises(InputError, match="lacks the column subject"):

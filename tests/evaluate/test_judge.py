@@ -31,7 +31,7 @@ def test_inside_counts_what_lies_within_the_body() -> None:
     transforms = torch.eye(3, 4).expand(2, 1, 3, 4)
     corners = torch.arange(300)[:, None].expand(-1, 3)
     case = Case(
-        window=Window("a", "a", "tops", None, None),  # type: ignore[arg-type]
+        window=Window("a", "a", "", "tops", None, None),  # type: ignore[arg-type]
         sequence=Sequence(points, sheet, points[0], transforms, 30.0, 0, {}),
         outfit=Outfit(body, (garment,)),
         reference=Reference(points, points[0], sheet, 30.0, corners, torch.full((300, 3), 1 / 3)),

@@ -70,6 +70,8 @@ def fake_results() -> dict[str, Any]:
             "actions": actions,
             "weights_mb": 0.0,
             "trained_on": [],
+            "chosen_on": [],
+            "familiar": {},
             "static": mean != MEANS["net"],
             "training_frames": 1434 if mean == MEANS["net"] else None,
             "over_time_mm": over_time,
@@ -94,6 +96,7 @@ def fake_results() -> dict[str, Any]:
         },
         "garments": {t: {"vertices": 3100, "model_mb": 0.2} for t in ("tops", "dress")},
         "actions": list(ACTIONS),
+        "split": "test",
         "windows": 3,
         "missing": {},
         "frames": 300,
@@ -223,10 +226,26 @@ def test_page_is_self_contained_and_escaped(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["report.html"]
 
 
-def test_page_warns_of_training_windows(tmp_path: Path) -> None:
-    results = fake_results()
-    results["methods"]["net"]["trained_on"] = ["02_04_tops"]
-    assert "net was trained on 1 of these windows" in write_report(tmp_path, results, [], []).read_text()
+def warned(tmp_path: Path, split: str, made_by: str) -> str:
+    """What the page says of a method that has met two of three windows, between tags."""
+    results = fake_results() | {"split": split}
+    results["methods"]["net"]["familiar"] = {
+        "02_04_tops": {"split": made_by, "same": "person", "subject": "02", "clips": ("02_01", "02_06")},
+        "02_04_dress": {"split": made_by, "same": "person", "subject": "02", "clips": ("02_01", "02_06")},
+        "12_01_tops": {"split": made_by, "same": "clip", "subject": "12", "clips": ("12_01",)},
+    }
+    page = " ".join(write_report(tmp_path, results, [], []).read_text().split())
+    return page[page.index("<section>") : page.index("<div class=")]
+
+
+def test_page_warns_of_familiar_windows(tmp_path: Path) -> None:
+    red = warned(tmp_path, "test", "train")
+    assert '<p class="warning"><b>net was trained on what 3 of these 3 windows show</b>' in red
+    assert "person 02 in clips 02_01, 02_06 (windows 02_04_tops, 02_04_dress)" in red
+    assert "clip 12_01 (window 12_01_tops)" in red
+    assert "unseen motion and people" in red
+    assert '<p class="warning"><b>net was chosen by what 3' in warned(tmp_path, "test", "validation")
+    assert "<p><b>net was chosen by what 3" in warned(tmp_path, "validation", "validation")
     assert "was trained on" not in write_report(tmp_path, fake_results(), [], []).read_text()
 
 

@@ -1,0 +1,101 @@
+"""Whether a model has met what it is judged on: that very sequence, its motion, or the person."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from evaluate.actions import Window
+from evaluate.judge import Contestant
+
+MADE_BY = {"train": "was trained on", "validation": "was chosen by"}
+"""What each split of a model's own data did to it, the graver first."""
+
+
+@dataclass(frozen=True)
+class Familiar:
+    """What a model has met of a window.
+
+    split: "train" if it was trained on it, "validation" if it was chosen by it. same: "sequence" if it was
+    the simulation itself, "clip" if it was the motion (another garment or simulation, or poses of it),
+    "person" if it was other motion of who moves. subject: that person, "" where it is not known. clips:
+    those of the model that are meant.
+    """
+
+    split: str
+    same: str
+    subject: str
+    clips: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Caution:
+    """How many windows are familiar to a method, and from what, in words. red: its figures mislead."""
+
+    method: str
+    says: str
+    windows: int
+    familiar: tuple[str, ...]
+    red: bool
+
+
+def familiarity(
+    window: Window, content: str, contestant: Contestant, people: Mapping[str, str]
+) -> Familiar | None:
+    """What a method has met of a window, the gravest; None if nothing that is known of.
+
+    content: hash of the window's sequence. people: who moves, by clip, for models that do not say.
+    """
+    known = content in contestant.seen
+    if known and not any(window.clip in clips for clips in contestant.clips.values()):
+        return Familiar("train", "sequence", window.subject, ())
+    for split in MADE_BY:
+        clips = contestant.clips.get(split, {})
+        if window.clip in clips:
+            return Familiar(split, "sequence" if known else "clip", window.subject, (window.clip,))
+        theirs = [clip for clip, subject in clips.items() if window.subject == (subject or people.get(clip))]
+        if window.subject and theirs:
+            return Familiar(split, "person", window.subject, tuple(theirs))
+    return None
+
+
+def acquaintance(
+    contestant: Contestant, windows: Mapping[Window, str], people: Mapping[str, str]
+) -> dict[str, Any]:
+    """What metrics.json says of a method about windows that it was judged on, given by their hashes."""
+    met = {w.name: familiarity(w, content, contestant, people) for w, content in windows.items()}
+    familiar = {window: asdict(found) for window, found in met.items() if found is not None}
+    return {
+        "trained_on": [window for window, found in familiar.items() if found["split"] == "train"],
+        "chosen_on": [window for window, found in familiar.items() if found["split"] == "validation"],
+        "familiar": familiar,
+    }
+
+
+def cautions(results: Mapping[str, Any]) -> list[Caution]:
+    """What to say of each method in metrics.json that has met what it was judged on.
+
+    Windows that are judged to choose by (results["split"] validation) mislead nobody who chose by them.
+    """
+    found = []
+    for name, method in results["methods"].items():
+        for split, says in MADE_BY.items():
+            met = {window: f for window, f in method["familiar"].items() if f["split"] == split}
+            if met:
+                red = split == "train" or results["split"] != split
+                found.append(Caution(name, says, len(met), _named(met), red))
+    return found
+
+
+def _named(met: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
+    """Familiar windows by what they are known from, in words."""
+    groups: dict[str, list[str]] = {}
+    for window, familiar in met.items():
+        source = _source(familiar["same"], familiar["subject"], familiar["clips"])
+        groups.setdefault(source, []).append(window)
+    return tuple(f"{source} (window{'s' * (len(w) > 1)} {', '.join(w)})" for source, w in groups.items())
+
+
+def _source(same: str, subject: str, clips: Sequence[str]) -> str:
+    if same == "person":
+        return f"person {subject} in clip{'s' * (len(clips) > 1)} {', '.join(clips)}"
+    return "this very simulation" if same == "sequence" else f"clip {clips[0]}"
