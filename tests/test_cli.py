@@ -108,6 +108,24 @@ def test_poses_draws_saves_and_counts(monkeypatch, capsys, tmp_path):
     assert f"{counts[0]} train, {counts[1]} validation, 0 test poses" in capsys.readouterr().out
 
 
+def test_poses_are_drawn_from_the_clips_that_an_index_names(monkeypatch, capsys, tmp_path):
+    asked = []
+
+    def stop(sources, *_):
+        asked.extend((source.name, source.split, source.subject) for source in sources)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("uvcloth.motion.draw_poses.draw_poses", stop)
+    (tmp_path / "a.bvh").touch()
+    header = "trial,subject,split,action,window_start,window_frames\n"
+    (tmp_path / "mine.csv").write_text(header + "a,ann,test,walk,0,9\nb,ann,unused,walk,0,9\n")
+    words = ("poses", "--windows", str(tmp_path / "mine.csv"), "--out", str(tmp_path / "out" / "poses.npz"))
+    assert run(monkeypatch, *words) == 2
+    assert "--windows and --clips-from go together" in capsys.readouterr().err
+    assert run(monkeypatch, *words, "--clips-from", str(tmp_path)) == 130
+    assert asked == [("a", "test", "ann")]
+
+
 def test_what_poses_cannot_do_is_refused_before_drawing(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr("uvcloth.motion.draw_poses.draw_poses", None)
     (tmp_path / "file").write_text("mine")

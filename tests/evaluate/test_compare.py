@@ -333,6 +333,16 @@ def test_command_writes_metrics_and_page(world: Path, tmp_path: Path, capsys: py
     assert "7.5 mm" in capsys.readouterr().out
 
 
+def test_validation_windows_are_judged_where_choices_are_made(world: Path, tmp_path: Path) -> None:
+    index, out = world / "index.csv", tmp_path / "report"
+    index.write_text(index.read_text().replace("12_01,12,test", "12_01,12,validation"))
+    arguments = ["--model", "lbs", "--data", str(world), "--out", str(out), "--split", "validation"]
+    assert main([*arguments, "--body", str(tmp_path / "body.npz"), "--map-size", "16", "--no-pictures"]) == 0
+    metrics = json.loads((out / "metrics.json").read_text())
+    assert (metrics["split"], metrics["actions"], metrics["windows"]) == ("validation", ["walking"], 2)
+    assert "2 simulated\nvalidation windows" in (out / "report.html").read_text()
+
+
 def test_bad_input_is_one_sentence(
     world: Path, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -97,6 +97,8 @@ def test_the_network_that_is_kept(
     objective = Worsening(material(data), LOSSES["tiny"])
     errors = fit(objective, tmp_path, replace(LOOP, keep=keep), resume=False)
     assert errors["step"] == load_checkpoint(tmp_path).notes["step"] == step
+    clips = load_checkpoint(tmp_path).data.clips
+    assert clips == {"train": {"clip0": ""}, "validation": {"clip1": ""}}
 
 
 def test_a_linear_space_holds_the_garments_it_was_fitted_to(data: Path) -> None:

@@ -19,7 +19,7 @@ from train.pbns import LOOPS, Fabric, Hanging, PBNSObjective
 from train.poses import DRAWN, Poses, poses_for
 from train.surroundings import DEEPEST
 from uvcloth.bodies.body import Body
-from uvcloth.checkpoint import TrainingData, load_tensors
+from uvcloth.checkpoint import TrainingData, load_checkpoint, load_tensors
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.pins import pinned
 from uvcloth.garments.templates import wear
@@ -437,6 +437,8 @@ def test_one_command_trains_a_model_that_dresses(
     command(monkeypatch, *tiny)
     method = load_method(tmp_path / "mine", body)
     assert method.name == "mine"
+    clips = load_checkpoint(tmp_path / "mine").data.clips
+    assert clips == {"train": {"swaying": "ann"}, "validation": {"swaying": "ann"}}
     motion = swaying(3, seed=1).transforms()
     outfit = Outfit(body, (wear("tops", body),))
     (first, *_) = list(rollout(method, outfit, motion, 30.0, contact=False))
