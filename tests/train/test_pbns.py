@@ -421,6 +421,9 @@ def test_clips_are_drawn_into_the_run_once(
     assert (run / DRAWN).read_bytes() == drawn
     with pytest.raises(InputError, match=r"run/poses\.npz: was drawn from other clips"):
         poses_for(["jump", "walk"], body, run)
+    save_poses(replace(taken.database, splits=1 - taken.database.splits), run / DRAWN)
+    with pytest.raises(InputError, match="was drawn from other clips or splits"):
+        poses_for(["jump", "twirl"], body, run)
 
 
 def command(monkeypatch: pytest.MonkeyPatch, *words: object) -> None:
