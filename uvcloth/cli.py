@@ -14,7 +14,7 @@ from rasterize.atomic import make_folder
 from rasterize.command import run_command
 from rasterize.errors import InputError
 
-TemplateName = Literal["tops", "bottoms", "dress"]
+TemplateName = Literal["tops", "bottoms", "dress", "shirt"]
 Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ...")]
 BodyFile = Annotated[Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the one in the package)")]
 Share = Annotated[float | None, arg(metavar="0..1", help_behavior_hint="")]
@@ -112,7 +112,7 @@ class Fit:
     """A body made by `uvcloth body`."""
     template: Annotated[
         TemplateName | None,
-        arg(metavar="tops|bottoms|dress", help_behavior_hint="(default: the one it covers best)"),
+        arg(metavar="tops|bottoms|dress|shirt", help_behavior_hint="(default: the one it covers best)"),
     ] = None
     """The template whose motion it takes."""
     out: Annotated[Path | None, arg(metavar="OBJ", help_behavior_hint="")] = None
@@ -138,8 +138,8 @@ class Rollout:
     motion: str
     """A motion file (BVH) or the name of a built-in clip."""
     garment: Garments
-    """Templates (tops, bottoms, dress) or garment files, the innermost first; contact keeps each out of the
-    body and off what is beneath."""
+    """Templates (tops, bottoms, dress, shirt) or garment files, the innermost first; contact keeps each out
+    of the body and off what is beneath."""
     out: tuple[Path, ...]
     """What to write, one file or several; the suffix says how: .glb, .usdc, .pc2 or .npz."""
     model: Annotated[

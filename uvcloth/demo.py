@@ -14,7 +14,7 @@ from rasterize.exr import write_png
 from uvcloth.animate import animate
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.templates import TEMPLATES, wear
+from uvcloth.garments.templates import wear
 from uvcloth.methods.registry import DEFAULT, load_method
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render_frames
 from uvcloth.rollout import rollout
@@ -25,7 +25,7 @@ from uvcloth.skinning import skin
 CLIP = "jump"
 GARMENT = "skirt.obj"
 MODELS = {"tops": "physxnet", "bottoms": "physxnet", "dress": "motion_guided"}
-"""The model that each template is drawn with."""
+"""The templates that are shown, and the model that each is drawn with."""
 
 PICTURES = 6
 PICTURE_SIZE = (300, 420)
@@ -39,8 +39,8 @@ def run(out: Path) -> None:
     """
     console = Console()
     body = load_body()
-    console.print(f"1. Simulating {', '.join(TEMPLATES)} over the built-in clip {CLIP} (a minute or two)")
-    simulate_batch([CLIP], TEMPLATES, out / "sequences", body)
+    console.print(f"1. Simulating {', '.join(MODELS)} over the built-in clip {CLIP} (a minute or two)")
+    simulate_batch([CLIP], tuple(MODELS), out / "sequences", body)
     skirt = str(files("uvcloth") / "data" / "garments" / GARMENT)
     console.print(
         "2. Rolling the shipped models out on the same clip: Motion-guided on its dress, PhysXNet on a shirt "
@@ -54,7 +54,7 @@ def run(out: Path) -> None:
         summary = animate([model], CLIP, garments, wanted)
         console.print("\n".join(f"   {line}" for line in summary.lines()), highlight=False)
     console.print("3. Drawing simulation (top) and prediction (bottom)")
-    for name in TEMPLATES:
+    for name in MODELS:
         path = out / f"{name}.png"
         write_png(path, _side_by_side(out / "sequences" / f"{CLIP}_{name}.npz", name, body))
         console.print(f"   {path}")
@@ -76,7 +76,7 @@ def _side_by_side(path: Path, name: str, body: Body) -> np.ndarray:
         for skin_vertices, vertices in zip(posed, cloth, strict=True):
             yield (
                 Surface(skin_vertices, body.mesh.faces, BODY_COLOR),
-                Surface(vertices, sequence.faces, GARMENT_COLORS[TEMPLATES.index(name)]),
+                Surface(vertices, sequence.faces, GARMENT_COLORS[list(MODELS).index(name)]),
             )
 
     simulated = render_frames(surfaces(sequence.vertices[moments]), size=PICTURE_SIZE)

@@ -10,8 +10,9 @@ import trimesh
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body, load_body, save_body
-from uvcloth.bodies.collider import make_collider
+from uvcloth.bodies.collider import FOREARMS, LEGS, make_collider
 from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
+from uvcloth.garments.templates import wear
 from uvcloth.skeleton import joint_transforms
 from uvcloth.skinning import diffuse_weights, rotation_part, skin
 
@@ -101,12 +102,11 @@ def test_each_part_of_the_collider_is_closed_and_together_they_are_the_body(body
         assert part.is_watertight
         assert part.is_winding_consistent
         assert part.volume > 0.0
-    names = [name for name in body.skeleton.names if not name.endswith(("Hand", "ToeBase"))]
-    joints = body.skeleton.heads[[body.skeleton.names.index(name) for name in names]].numpy()
-    inside = np.stack([part.contains(joints) for part in parts])
-    assert inside.any(0)[[names.index(name) for name in ("Hips", "LeftLeg", "RightUpLeg", "Neck")]].all()
-    wrist = body.skeleton.heads[body.skeleton.names.index("LeftHand")]
-    assert not any(part.contains(wrist[None].numpy())[0] for part in parts)
+    within = [("Neck", 0), ("LeftArm", 1), ("Hips", 3), ("LeftLeg", 4), ("RightUpLeg", 5), ("LeftHand", 8)]
+    for name, part in within:
+        joint = body.skeleton.heads[body.skeleton.names.index(name)]
+        assert parts[part].contains(joint[None].numpy())[0], name
+    assert {int(vertex) for faces in collider.parts for vertex in faces.unique()} == set(range(len(vertices)))
 
 
 def test_caps_bulge_out_of_what_they_close_wherever_the_body_goes(body: Body) -> None:
@@ -126,13 +126,36 @@ def test_cloth_touches_what_it_lies_beside_and_skirts_touch_both_legs(body: Body
     heads = dict(zip(body.skeleton.names, body.skeleton.heads, strict=True))
     shin = 0.5 * (heads["LeftLeg"] + heads["LeftFoot"])
     between = shin * torch.tensor([0.0, 1.0, 1.0]) + torch.tensor([0.0, -0.1, 0.0])
-    points = torch.stack([heads["LeftForeArm"], shin, between])
-    sleeve, trouser, skirt = collider.touches(points, body.mesh.vertices).T.tolist()
-    _, left_arm, _, _, left_thigh, right_thigh, left_calf, right_calf = range(8)
-    assert [part for part, touched in enumerate(sleeve) if touched] == [left_arm]
-    assert [part for part, touched in enumerate(trouser) if touched] == [left_calf]
+    arm, forearm = (
+        0.5 * (heads[a] + heads[b]) for a, b in (("LeftArm", "LeftForeArm"), ("LeftForeArm", "LeftHand"))
+    )
+    points = torch.stack([arm, heads["LeftForeArm"], forearm, heads["LeftHand"], shin, between])
+    touches = collider.touches(points, body.mesh.vertices).T.tolist()
+    touched = [[part for part, touched in enumerate(parts) if touched] for parts in touches]
+    _, left_arm, _, _, left_thigh, right_thigh, left_calf, right_calf, left_forearm, _ = range(10)
     legs = [left_thigh, right_thigh, left_calf, right_calf]
-    assert [part for part, touched in enumerate(skirt) if touched] == legs
+    sleeve = [[left_arm], [left_arm, left_forearm], [left_forearm], [left_forearm]]
+    assert touched == [*sleeve, [left_calf], legs]
+
+
+@pytest.mark.parametrize("name", ["tops", "bottoms", "dress"])
+def test_what_has_no_long_sleeves_meets_the_body_as_if_it_had_no_forearms(name: str, body: Body) -> None:
+    long = torch.isin(body.regions, torch.tensor([REGIONS.index("forearm"), REGIONS.index("hand")]))
+    without = replace(body, regions=torch.where(long, len(REGIONS), body.regions))
+    cloth = wear(name, body).mesh.vertices
+    touches, expected = (make_collider(each).touches(cloth, body.mesh.vertices) for each in (body, without))
+    assert not touches[list(FOREARMS)].any()
+    assert torch.equal(touches, expected)
+
+
+def test_a_wide_sleeve_is_no_skirt_and_a_wide_skirt_no_sleeve(body: Body) -> None:
+    heads = dict(zip(body.skeleton.names, body.skeleton.heads, strict=True))
+    sleeve = 0.5 * (heads["RightForeArm"] + heads["RightHand"]) - torch.tensor([0.0, 0.0, 0.1])
+    skirt = heads["RightFingerBase"] + torch.tensor([0.2, 0.0, 0.0])
+    touches = make_collider(body).touches(torch.stack([sleeve, skirt]), body.mesh.vertices)
+    assert touches[:, 0].nonzero().flatten().tolist() == [FOREARMS[1]]
+    assert touches[list(LEGS), 1].all()
+    assert not touches[list(FOREARMS), 1].any()
 
 
 def test_diffused_weights_blend_and_still_sum_to_one() -> None:

@@ -19,7 +19,7 @@ SKIRT = str(files("uvcloth") / "data" / "garments" / "skirt.obj")
 
 @pytest.fixture(scope="module")
 def shirt(body: Body) -> Garment:
-    """The shirt as if it came from a file."""
+    """The T-shirt as if it came from a file."""
     return replace(wear("tops", body), name="shirt")
 
 
@@ -45,6 +45,11 @@ def test_the_rule_for_files_agrees_with_the_templates(body: Body, shirt: Garment
     neck = holding_band(shirt, body)
     assert int((neck.vertices != load_template("tops").band).sum()) <= 5
     assert TEMPLATE_MASS["tops"] < neck.mass < 1.5 * TEMPLATE_MASS["tops"]
+
+
+def test_a_file_that_is_named_as_its_template_hangs_by_its_own_hem(body: Body, shirt: Garment) -> None:
+    named = replace(shirt, template="shirt")
+    assert torch.equal(holding_band(named, body).vertices, holding_band(shirt, body).vertices)
 
 
 def test_a_skirt_hangs_by_its_waist(body: Body) -> None:

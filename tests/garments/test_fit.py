@@ -115,6 +115,13 @@ def test_units_and_axes_are_recognised(scale, up, shorts, skirt, tank_top, body,
         )
 
 
+def test_long_sleeves_are_worn_as_a_shirt(body, tmp_path):
+    arms = ("torso", "upper_arm", "forearm")
+    assert fit(written(cut(body, arms, 0.05, 0.62), tmp_path / "long.ply"), body).garment.template == "shirt"
+    short = cut(body, arms[:2], 0.05, 0.62)
+    assert fit(written(short, tmp_path / "short.ply"), body).garment.template == "tops"
+
+
 def test_texture_seams_and_vertex_order_of_an_obj_survive(skirt, body, tmp_path):
     rows, around = 30, 60
     path = tmp_path / "skirt.obj"

@@ -15,7 +15,7 @@ from uvcloth.garments.cut import cut, place
 from uvcloth.garments.templates import TEMPLATES, load_template, outward, save_template, wear
 from uvcloth.physics.surface import BodySurface
 
-OPENINGS = {"tops": 4, "bottoms": 3, "dress": 4}
+OPENINGS = {"tops": 4, "bottoms": 3, "dress": 4, "shirt": 4}
 
 
 def test_a_cut_through_a_sphere_is_exact() -> None:
@@ -57,6 +57,23 @@ def test_the_band_holds_what_it_should(name: str, body: Body) -> None:
     expected = joints["LowerBack"] if name == "bottoms" else joints["Neck"]
     assert abs(top - float(expected[2])) < 0.08
     torch.testing.assert_close(garment.carrier_weights.sum(1), torch.ones(len(garment.carrier_weights)))
+
+
+@pytest.mark.parametrize("side", ["Left", "Right"])
+def test_the_shirt_reaches_the_wrists_and_leaves_them_room(side: str, body: Body) -> None:
+    garment = wear("shirt", body)
+    joints = dict(zip(body.skeleton.names, body.skeleton.heads.numpy(), strict=True))
+    elbow, wrist = joints[f"{side}ForeArm"], joints[f"{side}Hand"]
+    axis = (wrist - elbow) / np.linalg.norm(wrist - elbow)
+    cloth = garment.mesh.vertices.numpy()
+    hems = [cloth[run] for run in boundary_loops(garment.mesh.faces.numpy())]
+    cuff = min(hems, key=lambda hem: float(np.linalg.norm(hem.mean(0) - wrist)))
+    along = (cuff - wrist) @ axis
+    assert -0.005 < along.min() < along.max() < 0.025
+    skin = trimesh.Trimesh(body.mesh.vertices.numpy(), body.mesh.faces.numpy(), process=False)
+    around = skin.section(plane_origin=wrist, plane_normal=axis).discrete
+    thin = min(np.linalg.norm(np.diff(ring, axis=0), axis=1).sum() for ring in around)
+    assert 1.3 < np.linalg.norm(np.roll(cuff, 1, 0) - cuff, axis=1).sum() / thin < 1.6
 
 
 def test_indices_of_any_size_survive_the_file(tmp_path: Path) -> None:

@@ -190,6 +190,20 @@ def test_refuses_a_template_without_decoder(body):
         next(iter(rollout(TINY.create(), trousers, swaying(1, seed=0).transforms(), 30.0)))
 
 
+def test_a_network_that_knows_no_shirt_dresses_it_from_the_tops(body):
+    outfit = Outfit(body, (wear("shirt", body),))
+    method = TINY.create()
+    assert method.objection(outfit) == ""
+    torch.nn.init.zeros_(method.net.output_scale)
+    walk = swaying(2, seed=0).transforms()
+    carried = skin(outfit.garments[0].mesh.vertices, outfit.garments[0].carrier_weights, walk)
+    for frame, expected in zip(rollout(method, outfit, walk, 30.0, contact=False), carried, strict=True):
+        torch.testing.assert_close(frame.vertices[0], expected, atol=1e-5, rtol=0)
+    assert replace(TINY, templates=("tops", "shirt")).decoder("shirt") == "shirt"
+    skirts = replace(TINY, templates=("dress",)).create()
+    assert "no decoder for template 'shirt', it has dress" in skirts.objection(outfit)
+
+
 def test_refuses_weights_of_another_width(body, tmp_path):
     checkpoint = physxnet_checkpoint(TINY.create(), body, TrainingData(), {})
     save_checkpoint(replace(checkpoint, config={**checkpoint.config, "width": 16}), tmp_path)

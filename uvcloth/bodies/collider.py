@@ -1,8 +1,9 @@
-"""The body as cloth sees it: without forearms and hands, closed, and as a set of closed parts.
+"""The body as cloth sees it: a set of closed parts, and which of them each bit of cloth meets.
 
-Mocap pushes forearms through bellies and hands through skirts; a collider that has them drags the cloth
-along. It also pushes thighs into bellies and calves into thighs. Cloth between them belongs there: each part
-on its own says where its outside is, where one surface of the whole body would send it through a leg.
+Mocap pushes thighs into bellies and calves into thighs. Cloth between them belongs there: each part on its
+own says where its outside is, where one surface of the whole body would send it through a leg. Mocap also
+pushes forearms through bellies and hands through skirts, and what meets them there is dragged along: only
+the sleeves around them do.
 """
 
 import math
@@ -28,11 +29,12 @@ PARTS: Parts = (
     (("torso",), (0,)),
     (("thigh",), (1, -1)),
     (("calf", "foot"), (1, -1)),
+    (("forearm", "hand"), (1, -1)),
 )
-"""What cloth meets; forearms and hands are left out."""
+"""What cloth meets."""
 
-ARMS, TORSO, LEGS = (1, 2), 3, (4, 5, 6, 7)
-"""Places of upper arms, torso, and thighs and calves among the parts."""
+ARMS, TORSO, LEGS, FOREARMS = (1, 2), 3, (4, 5, 6, 7), (8, 9)
+"""Places of upper arms, torso, thighs and calves, and forearms among the parts."""
 
 SLACK = 0.03
 """Metres by which a part may be farther than twice the nearest one and still lie beside a point at rest."""
@@ -67,16 +69,19 @@ class Collider:
 
         Cloth touches the parts that it lies beside, and a skirt the legs. Mocap presses arms into ribs and
         thighs into bellies: what both of two such parts push comes off the one that it belongs to. In the
-        armpit, where cloth lies beside arm and torso, only the nearer of the two counts.
+        armpit, where cloth lies beside arm and torso, only the nearer of the two counts. A forearm counts for
+        its sleeve alone, which is twice as far from trunk and legs: a wide skirt beside a hand is none.
         """
         vertices = self.vertices(body_vertices)
         distance = torch.stack([_distance(points, vertices[part.unique()]) for part in self.parts])
+        limbs, trunk = list(FOREARMS), distance[[TORSO, *LEGS]].amin(0)
+        distance[limbs] = torch.where(2.0 * distance[limbs] < trunk, distance[limbs], math.inf)
         nearest = distance.amin(0)
         touches = distance < 2.0 * nearest + SLACK
         arms = list(ARMS)
         touches[arms] &= distance[arms] <= distance[TORSO]
         touches[TORSO] &= distance[TORSO] <= distance[arms].amin(0)
-        touches[list(LEGS)] |= nearest > LOOSE
+        touches[list(LEGS)] |= (nearest > LOOSE) & (nearest < distance[limbs].amin(0))
         return touches & torch.isfinite(distance)
 
 

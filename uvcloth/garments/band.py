@@ -24,7 +24,7 @@ BELOW_TOP = 0.1
 DROP = 0.2
 """Metres below its top from which a hem holds nothing: an open jacket's runs down to its bottom."""
 
-TEMPLATE_MASS = {"tops": 11.0, "bottoms": 31.0, "dress": 11.0}
+TEMPLATE_MASS = {"tops": 11.0, "bottoms": 31.0, "dress": 11.0, "shirt": 15.0}
 """How many times heavier the templates' bands are."""
 
 WAIST_SHARE, SHOULDER_SHARE = 0.85, 0.3
@@ -44,9 +44,9 @@ def holding_band(garment: Garment, body: Body) -> Band:
 
     Raises InputError for a piece without an open hem at its top.
     """
-    if garment.name == garment.template:
-        return Band(load_template(garment.template).band, TEMPLATE_MASS[garment.template])
-    mesh = garment.mesh
+    mesh, template = garment.mesh, load_template(garment.template)
+    if garment.name == garment.template and torch.equal(mesh.faces, template.faces):
+        return Band(template.band, TEMPLATE_MASS[garment.template])
     faces = weld(mesh.vertices)[mesh.faces]
     pieces = torch.from_numpy(face_components(faces.numpy(), np.zeros(0, dtype=np.int64)))
     held = torch.zeros(len(mesh.vertices), dtype=torch.bool)

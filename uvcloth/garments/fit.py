@@ -22,6 +22,9 @@ REACH = 0.3
 COVERED = 0.15
 """Fraction of a body part under a garment from which on the garment belongs to that part."""
 
+SLEEVED = 0.05
+"""Fraction of a garment on the forearms from which on its sleeves are long."""
+
 WAIST = 0.3
 """Height of the waist, as a fraction of the trunk from crotch to neck."""
 
@@ -38,8 +41,9 @@ def fit(path: Path, body: Body, template: str | None = None) -> Fitted:
     """Wear a mesh file (OBJ, PLY, GLB, STL, ...) on a body.
 
     The file's vertex order and texture coordinates stay; unit and up axis are converted. template: "tops",
-    "bottoms" or "dress", the one whose motion it takes; None chooses by the part of the body it covers, found
-    by ray casting (PhysXNet section 4.3). The closest body vertices give it the weights that carry it.
+    "bottoms", "dress" or "shirt", the one whose motion it takes; None chooses by the part of the body it
+    covers, found by ray casting (PhysXNet section 4.3). The closest body vertices give it the weights that
+    carry it.
     Raises InputError naming the file and the reason if it cannot be read or cannot be worn.
     """
     if template is not None and template not in DIFFUSION:
@@ -106,7 +110,7 @@ def _axis(centres: Tensor, levels: Tensor) -> Tensor:
 
 
 def covering_template(covered: Tensor, body: Body, skirt: bool) -> str:
-    """The template that serves the body faces (N,) a garment covers: "tops", "bottoms" or "dress".
+    """The template that serves the body faces (N,) a garment covers.
 
     A skirt without an upper part moves like the dress; what covers trunk and both legs, like the larger.
     """
@@ -118,4 +122,7 @@ def covering_template(covered: Tensor, body: Body, skirt: bool) -> str:
     below = (legs | hips)[covered]
     if skirt and float(legs[covered].float().mean()) > COVERED:
         return "dress"
-    return "bottoms" if float(below.float().mean()) > 0.5 else "tops"
+    if float(below.float().mean()) > 0.5:
+        return "bottoms"
+    forearms = body.regions == REGIONS.index("forearm")
+    return "shirt" if float(forearms[covered].float().mean()) > SLEEVED else "tops"

@@ -7,12 +7,15 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.mesh import Mesh
 
+LIKE = {"shirt": "tops"}
+"""By template, the one whose motion serves it where a network was not trained on it."""
+
 
 @dataclass(frozen=True)
 class Garment:
     """One garment on one body.
 
-    template: which template's decoder serves it ("tops", "bottoms", "dress").
+    template: which template's decoder serves it ("tops", "bottoms", "dress", "shirt").
     mesh: N vertices, at rest on the body's rest pose.
     weights: (N, J) blend weights of the closest body vertex (the LBS baseline).
     carrier_weights: (N, J) the same, diffused over the garment, so that a skirt does not split.

@@ -19,7 +19,7 @@ from uvcloth.garments.shells import Bodice, gown, suit
 from uvcloth.mesh import Mesh, boundary_edges, neighbour_average, vertex_normals
 from uvcloth.physics.surface import BodySurface
 
-TEMPLATES = ("tops", "bottoms", "dress")
+TEMPLATES = ("tops", "bottoms", "dress", "shirt")
 FORMAT = "uvcloth-template-1"
 
 EASE_PASSES = 12

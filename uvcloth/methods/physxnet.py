@@ -16,7 +16,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import GRAVITY, HISTORY, BodyFrames
 from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, restored
-from uvcloth.garments.garment import Outfit
+from uvcloth.garments.garment import LIKE, Outfit
 from uvcloth.mesh import Mesh
 from uvcloth.methods.correspondence import (
     BodyTexels,
@@ -81,6 +81,10 @@ class PhysXNetConfig:
         """Channels of the network's input."""
         motion = HISTORY * 6 + (3 if self.pose else 0)
         return motion + self.history * 3 * len(self.templates)
+
+    def decoder(self, template: str) -> str:
+        """The template whose decoder serves a garment of this one: its own, else that of the one LIKE it."""
+        return template if template in self.templates else LIKE.get(template, template)
 
     def create(self) -> "PhysXNet":
         """Build the method with untrained weights and neutral statistics."""
@@ -268,7 +272,7 @@ class PhysXNet:
     def objection(self, outfit: Outfit) -> str:
         """It dresses what a template with a decoder serves."""
         for garment in outfit.garments:
-            if garment.template not in self.config.templates:
+            if self.config.decoder(garment.template) not in self.config.templates:
                 return (
                     f"garment {garment.name}: model {self.name} has no decoder for template "
                     f"{garment.template!r}, it has {', '.join(self.config.templates)}"
@@ -283,13 +287,14 @@ class PhysXNet:
         if objection := self.objection(outfit):
             raise InputError(objection)
         texels = body_texels(outfit.body, self.config.size)
+        served = [self.config.decoder(garment.template) for garment in outfit.garments]
         templates = {
             name: template_texels(name, template_mesh(name, outfit), outfit.body, texels)
-            for name in dict.fromkeys(garment.template for garment in outfit.garments)
+            for name in dict.fromkeys(served)
         }
         garments = tuple(
-            (garment.template, worn_on(garment, templates[garment.template], texels))
-            for garment in outfit.garments
+            (name, worn_on(garment, templates[name], texels))
+            for name, garment in zip(served, outfit.garments, strict=True)
         )
         sheet = (self.config.history, 3 * len(self.config.templates), self.config.size, self.config.size)
         return WornState(texels, templates, garments, torch.zeros(sheet))

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.collider import ARMS, LEGS, make_collider
+from uvcloth.bodies.collider import ARMS, FOREARMS, LEGS, make_collider
 from uvcloth.mesh import unique_edges
 from uvcloth.physics.contact import Obstacle
 from uvcloth.simulate.sequence import Sequence
@@ -30,6 +30,8 @@ BONES = (
     ("RightUpLeg", "RightLeg"),
     ("LeftLeg", "LeftFoot"),
     ("RightLeg", "RightFoot"),
+    ("LeftForeArm", "LeftHand"),
+    ("RightForeArm", "RightHand"),
 )
 """The joints at which the bones of the collider's arms and legs start and end."""
 
@@ -37,8 +39,8 @@ BONES = (
 def examine(sequence: Sequence, body: Body) -> tuple[Sequence, str | None]:
     """The sequence with what was measured in its metadata, and why it is refused, if so.
 
-    inside_percent: of the vertices inside a part of the collider (the body without forearms and hands) that
-    they may touch, but for those squeezed between two such parts.
+    inside_percent: of the vertices inside a part of the collider that they may touch, but for those squeezed
+    between two such parts.
     pierced_percent: of the frames in which a bone sticks through the cloth around it. Cloth that has come off
     its limb lies outside of everything: nothing else notices.
     """
@@ -78,7 +80,7 @@ def _pierced_percent(sequence: Sequence, skeleton: Skeleton, touches: Tensor) ->
     transforms = sequence.transforms[sequence.settling :]
     vertices = sequence.vertices[sequence.settling :]
     pierced = torch.zeros(len(vertices), dtype=torch.bool)
-    for part, (start, end) in zip((*ARMS, *LEGS), BONES, strict=True):
+    for part, (start, end) in zip((*ARMS, *LEGS, *FOREARMS), BONES, strict=True):
         joint, child = skeleton.names.index(start), skeleton.names.index(end)
         moved = transforms[:, joint]
         heads, tails = (moved[..., :3] @ skeleton.heads[i] + moved[..., 3] for i in (joint, child))

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Sequence
+from itertools import compress
 from typing import Any
 
 import torch
@@ -100,13 +101,15 @@ def _sides(inner: Sequence[Cloth], moved: Sequence[Tensor], outer: Tensor) -> di
 def _scene(
     cloths: Sequence[Cloth], carriers: Sequence[Tensor], transforms: Tensor, body: Body, fps: float
 ) -> Scene:
-    """The cloths one after another in one scene."""
+    """The cloths one after another in one scene, with the parts of the body that one of them may touch."""
     collider = make_collider(body)
     counts = [len(cloth.kept) for cloth in cloths]
     starts = [sum(counts[:index]) for index in range(len(counts))]
     carrier = torch.cat([c[:, cloth.kept] for c, cloth in zip(carriers, cloths, strict=True)], dim=1)
     bands = [cloth.band.vertices[cloth.kept] for cloth in cloths]
     rests = torch.cat([cloth.garment.mesh.vertices[cloth.kept] for cloth in cloths])
+    touches = collider.touches(rests, body.mesh.vertices)
+    met = touches.any(1)
     return Scene(
         rest=carrier[0],
         faces=torch.cat([cloth.faces + start for cloth, start in zip(cloths, starts, strict=True)]),
@@ -117,7 +120,7 @@ def _scene(
         room=torch.cat([room_below(cloth, cloths[:index]) for index, cloth in enumerate(cloths)]),
         carrier=carrier,
         collider=collider.vertices(skin(body.mesh.vertices, body.weights, transforms)),
-        collider_parts=collider.parts,
-        touches=collider.touches(rests, body.mesh.vertices),
+        collider_parts=tuple(compress(collider.parts, met)),
+        touches=touches[met],
         fps=fps,
     )

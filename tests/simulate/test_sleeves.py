@@ -1,0 +1,90 @@
+"""Long sleeves in simulation: which parts of the body they meet, and when a forearm has left its sleeve."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+import torch
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+from uvcloth.bodies.collider import FOREARMS, PARTS, make_collider
+from uvcloth.garments.templates import wear
+from uvcloth.motion.library import load_clip
+from uvcloth.simulate.accept import examine
+from uvcloth.simulate.cloth import join
+from uvcloth.simulate.engine import Scene
+from uvcloth.simulate.lead_in import LeadIn
+from uvcloth.simulate.run import simulate
+from uvcloth.simulate.sequence import Sequence
+from uvcloth.skinning import skin
+
+UPPER = len([side for regions, sides in PARTS for side in sides if regions[0] not in ("calf", "forearm")])
+"""Parts of the body that a T-shirt touches: all but calves and forearms."""
+
+
+@pytest.fixture(scope="module")
+def carried(body: Body) -> Sequence:
+    """A long-sleeved shirt that is simply skinned."""
+    garment = wear("shirt", body)
+    transforms = load_clip("walk", body).transforms()[:4]
+    return Sequence(
+        vertices=skin(garment.mesh.vertices, garment.carrier_weights, transforms),
+        faces=garment.mesh.faces,
+        rest=garment.mesh.vertices,
+        transforms=transforms,
+        fps=30.0,
+        settling=1,
+        metadata={"clip": "walk", "garment": "shirt", "body": body.name},
+    )
+
+
+@pytest.fixture(scope="module")
+def sleeves(body: Body, carried: Sequence) -> Tensor:
+    """The vertices that touch the left forearm and hand and nothing else: (N,) bool."""
+    touches = make_collider(body).touches(carried.rest, body.mesh.vertices)
+    return touches[FOREARMS[0]] & (touches.sum(0) == 1)
+
+
+def test_a_worn_sleeve_is_accepted(carried: Sequence, body: Body) -> None:
+    seen, reason = examine(carried, body)
+    assert reason is None
+    assert seen.metadata["pierced_percent"] == 0.0
+    assert seen.metadata["inside_percent"] < 0.2
+
+
+def test_a_sleeve_inside_its_forearm_is_inside_the_body(
+    carried: Sequence, sleeves: Tensor, body: Body
+) -> None:
+    bones = [body.skeleton.heads[body.skeleton.names.index(name)] for name in ("LeftForeArm", "LeftHand")]
+    along = (bones[1] - bones[0]) / (bones[1] - bones[0]).norm()
+    axis = bones[0] + ((carried.rest - bones[0]) @ along)[:, None] * along
+    sunken = torch.where(sleeves[:, None], axis + 0.2 * (carried.rest - axis), carried.rest)
+    garment = wear("shirt", body)
+    vertices = skin(sunken, garment.carrier_weights, carried.transforms)
+    seen, reason = examine(replace(carried, vertices=vertices), body)
+    share = 100.0 * float(sleeves.float().mean())
+    assert reason is not None
+    assert 0.7 * share < seen.metadata["inside_percent"] < 1.1 * share
+
+
+def test_a_forearm_beside_its_sleeve_has_left_it(carried: Sequence, sleeves: Tensor, body: Body) -> None:
+    aside = torch.where(sleeves[:, None], torch.tensor([0.0, 0.05, 0.0]), torch.zeros(3))
+    _, reason = examine(replace(carried, vertices=carried.vertices + aside), body)
+    assert reason == "a limb has left its cloth in 100 % of the frames"
+
+
+@pytest.mark.parametrize(("name", "parts"), [("tops", UPPER), ("shirt", UPPER + len(FOREARMS))])
+def test_only_parts_that_the_garment_touches_are_in_its_scene(name: str, parts: int, body: Body) -> None:
+    class Looking:
+        def describe(self) -> dict[str, Any]:
+            return {}
+
+        def simulate(self, scene: Scene) -> Iterator[Tensor]:
+            assert len(scene.collider_parts) == len(scene.touches) == parts
+            assert scene.touches.any(1).all()
+            yield from scene.carrier
+
+    clip = load_clip("walk", body).window(0, 3)
+    simulate(clip, 0, (join(wear(name, body), body),), body, Looking(), LeadIn(rest=1, blend=2, ramp=1))
