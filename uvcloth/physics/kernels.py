@@ -1,5 +1,5 @@
 # mypy: ignore-errors
-"""Warp kernels, CPU and CUDA alike: closest points on triangle meshes, and edge lengths."""
+"""Warp kernels, CPU and CUDA alike: closest points and rays on triangle meshes, and edge lengths."""
 
 import warp as wp
 
@@ -170,6 +170,29 @@ def beside_sheet(
             face[i] = query.face
             distance[i] = along
             normal[i] = direction
+
+
+@wp.kernel
+def first_hit(
+    share: int,
+    mesh: wp.uint64,
+    points: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    reach: float,
+    distance: wp.array(dtype=float),
+    facing: wp.array(dtype=float),
+):
+    """Where a ray from each point first meets a mesh: how far away, FAR if not within reach.
+
+    facing: cosine between the unit direction and the normal of the face that is met, negative from outside.
+    """
+    i = share + wp.tid()
+    distance[i] = FAR
+    facing[i] = 0.0
+    hit = wp.mesh_query_ray(mesh, points[i], directions[i], reach)
+    if hit.result:
+        distance[i] = hit.t
+        facing[i] = wp.dot(hit.normal, directions[i])
 
 
 @wp.kernel
