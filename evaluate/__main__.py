@@ -85,18 +85,19 @@ def machine() -> str:
 
 
 def summary(results: dict) -> str:
-    """One line per garment and method: the mean vertex distance and how it stands to the better LBS."""
-    from evaluate.report import standings
+    """Per garment and method, before and after contact: the mean vertex distance beside the better LBS."""
+    from evaluate.report import Rank, standings
 
-    lines = []
-    for row in standings(results):
-        beside = ""
-        if row.against is not None:
-            beside = (
-                f", {100 * (row.against - 1):+.0f} % against the better LBS, nearer on {row.won} of {row.of}"
-            )
-        lines.append(f"{row.garment:8} {row.method:16} {row.vertex_mean_mm:6.1f} mm{beside}")
-    return "\n".join(lines)
+    def said(rank: Rank) -> str:
+        beside = f"{100 * (rank.against - 1):+4.0f} %, {rank.won} of {rank.of}" if rank.against else ""
+        return f"{rank.mean_mm:6.1f} mm {beside:18}"
+
+    rows = [
+        f"{row.garment:8} {row.method:16} {said(row.before)} {said(row.after)}".rstrip()
+        for row in standings(results)
+    ]
+    title = "mean vertex distance; against the better LBS, and on how many actions nearer"
+    return "\n".join([title, f"{'':25} {'before contact':28} after contact", *rows])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

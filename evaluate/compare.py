@@ -121,6 +121,7 @@ def compare(
         results["methods"][contestant.name]["trained_on"] = trained_on[contestant.name]
         results["methods"][contestant.name]["static"] = contestant.method.static
         results["methods"][contestant.name]["training_frames"] = contestant.training_frames
+        results["methods"][contestant.name]["training"] = dict(contestant.training)
     results["floor"] = {**floor(represented, "representation"), **floor(repeated, "repeatability")}
     results["previous_frame"] = {
         kind: {garment: stability(windows) for garment, windows in by_garment.items()}

@@ -8,6 +8,7 @@ import torch
 import trimesh
 from torch import Tensor
 
+from tests.physics import judge
 from uvcloth.bodies.body import Body
 from uvcloth.garments.templates import TEMPLATES, wear
 from uvcloth.mesh import Mesh
@@ -72,6 +73,9 @@ def test_faces_that_cut_through_the_body_are_found_while_all_vertices_are_outsid
     rest, tight = sleeve(0.13, 6), sleeve(0.11, 6)
     assert tight.vertices[:, :2].norm(dim=1).min() > RADIUS
     body = limb()
+    skin = (body.mesh.vertices, body.mesh.faces)
+    assert not judge.meet(skin, (rest.vertices, rest.faces))
+    assert judge.meet(skin, (tight.vertices, tight.faces))
     exposure = Exposure(body, [rest])
     assert exposure.percent([rest.vertices], body.mesh.vertices) == 0.0
     expected = 100.0 * math.acos(0.11 * math.cos(math.pi / 6) / RADIUS) / (math.pi / 6)
