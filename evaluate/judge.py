@@ -148,20 +148,19 @@ def judge(case: Case, contestant: Contestant) -> Judged:
     prediction is not a finite number.
     """
     method, end = contestant.method, case.start + len(case.reference.vertices)
-    frames = list(_rolled(case, method, contact=True))
-    raw, resolved = (
-        torch.stack(of).cpu() for of in zip(*((f.raw[0], f.vertices[0]) for f in frames), strict=True)
-    )
-    stable = {}
+    predicted, resolved, milliseconds = [], [], []
+    for frame in _rolled(case, method, contact=True):
+        predicted.append(frame.raw[0])
+        resolved.append(frame.vertices[0])
+        milliseconds.append([frame.milliseconds["network"], frame.milliseconds["contact"]])
+    stable: dict[str, Tensor] = {}
     if heeds(method, case.outfit, case.sequence):
-        raw = torch.stack([frame.raw[0] for frame in _rolled(case, method, contact=False)]).cpu()
+        predicted = [frame.raw[0] for frame in _rolled(case, method, contact=False)]
         stable = stability_scores(method, case.outfit, case.sequence, end)
-    scored = score(case, raw, resolved)
-    times = {
-        f"{stage}_ms": torch.tensor([frame.milliseconds[stage] for frame in frames])
-        for stage in ("network", "contact")
-    }
-    return Judged({**scored.scores, **times, **stable}, scored.shown)
+    scored = score(case, torch.stack(predicted).cpu(), torch.stack(resolved).cpu())
+    times = torch.tensor(milliseconds)
+    scores = {**scored.scores, **stable, "network_ms": times[:, 0], "contact_ms": times[:, 1]}
+    return Judged(scores, scored.shown)
 
 
 def _rolled(case: Case, method: Method, contact: bool) -> Iterator[RolloutFrame]:

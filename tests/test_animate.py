@@ -36,6 +36,7 @@ def scene(monkeypatch, body):
                 raw=(raw,),
                 vertices=(resolved,),
                 transforms=joints,
+                body_vertices=body.mesh.vertices,
                 milliseconds={"network": 2.0},
                 contacts=(Contacts(1, 0, 2, 0.0),) if contact else (),
             )
@@ -87,7 +88,13 @@ def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
         aside = torch.tensor([0.0, 0.0 if contact else 0.02, 0.0])
         for joints in transforms:
             worn = skin(shirt.mesh.vertices, shirt.carrier_weights, joints[None])[0] + aside
-            yield SimpleNamespace(vertices=(worn,), transforms=joints, milliseconds={}, contacts=())
+            yield SimpleNamespace(
+                vertices=(worn,),
+                transforms=joints,
+                body_vertices=skin(body.mesh.vertices, body.weights, joints[None])[0],
+                milliseconds={},
+                contacts=(),
+            )
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
     monkeypatch.setattr(animation, "rollout", rollout)
