@@ -6,6 +6,7 @@ outside. Both sides are asked at points spread evenly over their areas.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import torch
 from torch import Tensor
@@ -100,9 +101,7 @@ class Exposure:
 
     def __init__(self, body: Body, garments: Sequence[Mesh]) -> None:
         """garments: as they lie on the body at rest."""
-        offsets = [0]
-        for mesh in garments:
-            offsets.append(offsets[-1] + len(mesh.vertices))
+        offsets = accumulate((len(mesh.vertices) for mesh in garments), initial=0)
         rest = torch.cat([mesh.vertices for mesh in garments])
         faces = torch.cat([mesh.faces + offset for mesh, offset in zip(garments, offsets, strict=False)])
         self._cloth = Shell(rest, faces)
