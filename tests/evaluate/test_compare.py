@@ -303,6 +303,50 @@ def judged(method: Method, data: Path, out: Path) -> tuple[dict, list[Shown]]:
     )
 
 
+@dataclass(frozen=True)
+class Sinking:
+    """Brings the garment a millimetre nearer to the body's axis in every frame, from wherever it was left."""
+
+    name: str = "sinking"
+    remembers: bool = True
+    static: bool = False
+
+    def objection(self, outfit: Outfit) -> str:
+        return ""
+
+    def start(self, outfit: Outfit, frames: BodyFrames) -> Any:
+        return outfit.garments[0].mesh.vertices
+
+    def step(self, state: Any, frames: BodyFrames) -> Any:
+        radius = state[:, :2].norm(dim=1, keepdim=True)
+        nearer = torch.cat([state[:, :2] * (1 - 0.001 / radius), state[:, 2:]], dim=1)
+        return nearer, (nearer[None] + frames.transforms[:, -1, 0, :, 3],)
+
+    def observe(self, state: Any, garments: tuple[Tensor, ...]) -> Any:
+        radius = garments[0].sub(garments[0].mean(0))[:, :2].norm(dim=1, keepdim=True)
+        return torch.cat(
+            [state[:, :2] * radius / state[:, :2].norm(dim=1, keepdim=True), state[:, 2:]], dim=1
+        )
+
+
+def test_before_contact_a_method_never_sees_contact(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Alone it sinks by a millimetre a frame; what contact leaves is wider, its edges having their length."""
+    monkeypatch.setattr(comparison, "wear", lambda name, body: tube_garment(name))
+    monkeypatch.setattr(comparison, "garment_map", lambda *_: None)
+    garment = tube_garment("tops")
+    save_sequence(simulated(garment, "02_04", torch.zeros(3)), tmp_path / "data" / "02_04_tops.npz")
+    results, _ = judged(Sinking(), tmp_path / "data", tmp_path / "out")
+    own = results["methods"]["sinking"]
+    alone = [SETTLING + 1.0 + frame for frame in range(COUNTED)]
+    assert own["over_time_mm_raw"]["tops"] == pytest.approx(alone, abs=0.05)
+    cell = own["actions"]["02_04"]["tops"]
+    assert cell["vertex_mse_mm2_raw"] == pytest.approx(sum(a * a for a in alone) / COUNTED, rel=0.01)
+    assert cell["vertex_rmse_mm_raw"] == pytest.approx(cell["vertex_mse_mm2_raw"] ** 0.5)
+    assert cell["vertex_mean_mm"] < 0.8 * cell["vertex_mean_mm_raw"]
+    assert own["stability"]["tops"]["whole_mm_raw"] == pytest.approx(cell["vertex_mean_mm_raw"])
+    assert own["stability"]["tops"]["one_step_mm_raw"] < 2.5
+
+
 def test_a_method_is_judged_on_what_it_dresses(world: Path, tmp_path: Path) -> None:
     results, shown = judged(ForOne("dress"), world, tmp_path / "out")
     own = results["methods"]["for_one"]
