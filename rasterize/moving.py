@@ -67,7 +67,7 @@ def unpack(changes: np.ndarray, parents: np.ndarray, origin: np.ndarray) -> np.n
     steps[..., 1:].cumsum(axis=2, out=steps[..., 1:])
     steps.cumsum(axis=2, out=steps)
     steps += origin[:, None]
-    return np.multiply(steps.transpose(2, 0, 1), STEP, dtype=np.float64).astype(np.float32)
+    return np.multiply(steps.transpose(2, 0, 1), STEP, dtype=np.float64).astype(np.float32, order="C")
 
 
 def load_moving(path: Path, format: str, expected: str, names: Sequence[str]) -> dict[str, np.ndarray]:

@@ -35,6 +35,7 @@ def test_errors_are_bounded_and_do_not_add_up(frames: int, spread: float) -> Non
     assert 0 < error(points) < LARGEST_ERROR
     assert pack(points, FACES)["changes"].dtype == np.uint8
     again = unpack(**pack(points, FACES))
+    assert again.flags["C_CONTIGUOUS"]
     assert np.array_equal(unpack(**pack(again, FACES)), again)
 
 
