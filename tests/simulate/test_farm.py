@@ -16,7 +16,7 @@ from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import wear
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.poses import rest_hash
-from uvcloth.simulate import farm
+from uvcloth.simulate import accept, farm
 from uvcloth.simulate import plan as planning
 from uvcloth.simulate.accept import MOST_INSIDE, examine
 from uvcloth.simulate.farm import PLAIN, foreseen, simulate_batch
@@ -126,6 +126,16 @@ def test_a_sleeve_that_came_off_its_arm_is_refused(carried: Sequence, shirt: Gar
     assert "a limb has left its cloth in 67 %" in str(
         examine(replace(carried, vertices=slid), shirt, body)[1]
     )
+
+
+def test_a_shirt_that_runs_through_itself_is_refused(
+    carried: Sequence, shirt: Garment, body: Body, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert examine(carried, shirt, body)[0].metadata["crossing_percent"] < 1.0
+    monkeypatch.setattr(accept, "MOST_INSIDE", 100.0)
+    noise = torch.randn(carried.vertices.shape, generator=torch.Generator().manual_seed(0))
+    crumpled = replace(carried, vertices=carried.vertices + 0.01 * noise)
+    assert "% of the edges run through the garment itself" in str(examine(crumpled, shirt, body)[1])
 
 
 @pytest.fixture

@@ -86,8 +86,8 @@ def examine(sequence: Sequence, garment: Garment, body: Body) -> tuple[Sequence,
     elif hanging is not None:
         frame, rise = hanging
         reason = (
-            f"frame {sequence.settling + frame}: a hem hangs {100 * rise:.0f} cm above the skinned one for a "
-            "second while nothing supports it"
+            f"frame {sequence.settling + frame}: a hem stays up, for a second {100 * rise:.0f} cm above the "
+            "skinned one while nothing supports it"
         )
     return replace(sequence, metadata=metadata), reason
 

@@ -18,7 +18,7 @@ STILL = 1.0
 """m/s among the garment, on average, under which a hem does not swing: at this speed it swings 5 cm up."""
 
 SECONDS = 1.0
-"""How long a hem may hang in the air: it falls 10 cm in 0.15 s."""
+"""How long a hem may hang in the air, until it comes down: cloth falls 10 cm in 0.15 s."""
 
 NEAR = 0.02
 """Metres from the skin within which cloth lies on it."""
@@ -46,30 +46,33 @@ def hanging_in_the_air(
     garment: Dressed,
     body_frames: Tensor,
 ) -> tuple[int, float] | None:
-    """The first frame of a second in which a hem is up while nothing supports it, and by how many metres.
+    """The first frame in which a hem is up that for a second in all nothing supports, and by how many metres.
 
     vertices, carrier: (F, N, 3) m, simulated and skinned. rest: (N, 3). faces: (M, 3).
     body_frames: (F, V, 3) m.
 
     A hem is up if it is RISE above the skinned one and still. The body supports it if raised cloth beside it
-    rests on it, as a skirt does on the thighs in a squat, or if the hem clings to it.
+    rests on it, as a skirt does on the thighs in a squat, or if the hem clings to it. The second is counted
+    over as long as the hem does not come down: legs that rise again do not excuse that it never fell.
     """
     for hem in hems(rest, faces):
         rise = (vertices - carrier)[..., 2]
         rising = rise[:, hem].mean(1)
         up = (rising > RISE) & (_speed(vertices, hem, fps) < STILL)
         beside = torch.cdist(rest, rest[hem]).amin(1) < BESIDE
-        for frame in torch.nonzero(_long(up, fps)).flatten().tolist():
-            obstacle.update(body_frames[frame])
-            skin = obstacle.skin(vertices[frame], garment)
-            near = skin.distance < NEAR
-            resting = near & (skin.normals[:, 2] > FLAT) & (rise[frame] > RISE / 2)
-            held = near[hem].float().mean() > CLINGING or resting[beside].float().mean() > RESTING
-            up[frame] = not bool(held)
-        hanging = _long(up, fps)
-        if bool(hanging.any()):
-            first = int(hanging.int().argmax())
-            return first, float(rising[first : first + round(SECONDS * fps)].mean())
+        long = round(SECONDS * fps)
+        for first, last in _runs(up):
+            loose = []
+            for frame in range(first, last if last - first >= long else first):
+                obstacle.update(body_frames[frame])
+                skin = obstacle.skin(vertices[frame], garment)
+                near = skin.distance < NEAR
+                resting = near & (skin.normals[:, 2] > FLAT) & (rise[frame] > RISE / 2)
+                clings = near[hem].float().mean() > CLINGING
+                if not clings and resting[beside].float().mean() <= RESTING:
+                    loose.append(frame)
+            if len(loose) >= long:
+                return loose[0], float(rising[loose].mean())
     return None
 
 
@@ -87,7 +90,8 @@ def _speed(vertices: Tensor, hem: Tensor, fps: float) -> Tensor:
     return fps * (moves[:, hem] - moves.mean(1, keepdim=True)).norm(dim=-1).mean(1)
 
 
-def _long(holds: Tensor, fps: float) -> Tensor:
-    """Which frames (F,) are of a run of SECONDS or more."""
-    values, inverse, counts = torch.unique_consecutive(holds, return_inverse=True, return_counts=True)
-    return (values & (counts >= round(SECONDS * fps)))[inverse]
+def _runs(holds: Tensor) -> list[tuple[int, int]]:
+    """First frame and end of every run of frames (F,) that hold."""
+    padded = torch.nn.functional.pad(holds.int(), (1, 1)).diff()
+    starts, ends = (torch.nonzero(padded == step).flatten().tolist() for step in (1, -1))
+    return list(zip(starts, ends, strict=True))
