@@ -1,6 +1,6 @@
 """What a data folder holds, in words and a table: `uvcloth data`."""
 
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -58,7 +58,7 @@ def _table(index: Mapping[str, Entry], kept: list[Stored]) -> Table:
     rows: dict[str, list[Stored]] = {split: [] for split in SPLITS if index}
     for each in kept:
         rows.setdefault(_split(index, each), []).append(each)
-    table = Table("split", "people", "clips", *garments, "of the index")
+    table = Table("split", "people", "clips", *garments, "clips of the index", "frames of the index")
     for column in table.columns[1:]:
         column.justify = "right"
     for split, sequences in rows.items():
@@ -70,7 +70,8 @@ def _table(index: Mapping[str, Entry], kept: list[Stored]) -> Table:
             str(len(people)) if index else "",
             str(len(clips)),
             *(f"{_frames(s for s in sequences if s.metadata['garment'] == name):,}" for name in garments),
-            f"{sum(entry.frames for entry in entries):,} frames, {len(entries)} clips" if entries else "",
+            str(len(entries)) if entries else "",
+            f"{sum(entry.frames for entry in entries):,}" if entries else "",
         )
     return table
 
@@ -103,14 +104,16 @@ def _counted(what: str, names: Iterable[str]) -> list[str]:
 
 
 def _missing(index: Mapping[str, Entry], stored: list[Stored], captures: Mapping[str, str]) -> list[str]:
-    """Clips of which one of the folder's garments is neither there nor refused, by split."""
+    """By split, clips of which one of the folder's garments is neither there nor refused."""
     garments = {each.metadata["garment"] for each in stored}
     found = {(each.metadata["clip"], each.metadata["garment"]) for each in stored if not each.repeat}
-    missing: dict[str, list[str]] = defaultdict(list)
+    missing: dict[str, Counter[str]] = {split: Counter() for split in SPLITS}
     for clip, entry in index.items():
-        if entry.split in SPLITS and clip not in captures and any((clip, g) not in found for g in garments):
-            missing[entry.split].append(clip)
+        if entry.split in SPLITS and clip not in captures:
+            missing[entry.split].update(clip for garment in garments if (clip, garment) not in found)
     return [
-        f"missing of {split}: {len(clips)} clips ({', '.join(clips[:NAMED])}{', ...' * (len(clips) > NAMED)})"
+        f"missing of {split}: {clips.total()} sequences of {len(clips)} clips "
+        f"({', '.join(list(clips)[:NAMED])}{', ...' * (len(clips) > NAMED)})"
         for split, clips in missing.items()
+        if clips
     ]

@@ -4,6 +4,8 @@ from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from rich.progress import track
+
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.motion.capture import jump, standstill
@@ -111,7 +113,7 @@ def plan(
     todo: list[Job] = []
     refused: dict[str, str] = {}
     written: dict[Path, str] = {}
-    for source in sources:
+    for source in track(sources, "reading clips", transient=True):
         targets = [tuple(out / f"{source.clip}_{c.garment.name}.npz" for c in outfit) for outfit in outfits]
         for target in (target for each in targets for target in each):
             if target in written:
