@@ -16,7 +16,7 @@ from rasterize.moving import load_moving, pack, unpack
 
 FORMAT = "uvcloth-sequence-2"
 EXPECTED = (
-    "a sequence that this version's `uvcloth simulate` made (simulate older ones again into a new folder)"
+    "a sequence that this version's `uvcloth simulate` made, simulate older ones again into a new folder"
 )
 ARRAYS = ("faces", "rest", "transforms", "fps", "settling", "metadata")
 
