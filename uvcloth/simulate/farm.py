@@ -19,9 +19,10 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
 from uvcloth.simulate.accept import examine
 from uvcloth.simulate.cloth import Cloth, join
+from uvcloth.simulate.engine import Engine
+from uvcloth.simulate.engines import ENGINES
 from uvcloth.simulate.index import INDEX, read_index
 from uvcloth.simulate.lead_in import LeadIn
-from uvcloth.simulate.newton import Style3D
 from uvcloth.simulate.run import run_up, simulate
 from uvcloth.simulate.sequence import Sequence as Recording
 from uvcloth.simulate.sequence import load_sequence, save_sequence
@@ -31,9 +32,6 @@ REPEAT_EARLIER = 20
 
 TOPIC = "uvcloth-frames"
 PARTS = LeadIn()
-PLAIN = Style3D()
-# Stiff contact presses hard for an instant, and with friction walks a skirt up the thighs.
-SKIRTED = Style3D(contact_stiffness=1e3, friction=0.15)
 
 
 @dataclass(frozen=True)
@@ -63,19 +61,24 @@ def simulate_batch(
     scheduler: str | None = None,
     repeat: bool = False,
     layered: bool = False,
+    engine: str = "newton",
 ) -> None:
     """Simulate every clip with every garment into OUT/<clip>_<garment>.npz; what is there already is kept.
 
     garments: template names or mesh files, whose garment is named by the file's stem. layered: they are worn
     over one another, the first innermost, and simulated together; otherwise each alone.
     windows: an index of clips and windows, copied to OUT/index.csv.
+    engine: one of ENGINES.
     repeat: start each window REPEAT_EARLIER frames earlier and write to OUT/repeat instead.
     Sequences that `examine` refuses go to OUT/rejected with the reason in their metadata, all layers of an
     outfit together.
     Raises InputError for unreadable clips, garments or windows, for garments that cannot be simulated or
     cross as layers, for sequences that would share a file, if OUT cannot be written or was made from other
-    windows or layers, for a scheduler that does not answer, or if the `simulate` extra is missing.
+    windows or layers, for a scheduler that does not answer, or if the engine or the `simulate` extra is
+    missing.
     """
+    if engine not in ENGINES:
+        raise InputError(f"--engine {engine}: expected one of {', '.join(ENGINES)}")
     if jobs is not None and jobs < 1:
         raise InputError(f"--jobs {jobs}: expected at least 1")
     try:
@@ -89,6 +92,7 @@ def simulate_batch(
     planned = plan(clips, outfits, out / "repeat" if repeat else out, body, windows, repeat)
     _require_same_layers(planned)
     todo = [job for job in planned if not job.done]
+    engines = [ENGINES[engine](job.cloths) for job in todo]
     make_folder(out)
     if windows is not None:
         _keep_index(windows, out / INDEX)
@@ -109,7 +113,10 @@ def simulate_batch(
         bar = progress.add_task(f"{len(todo)} sequences", total=frames)
         client.subscribe_topic(TOPIC, lambda event: progress.advance(bar, event[1]))
         shared = client.scatter(body, broadcast=True)
-        waiting = {client.submit(_work, job, shared, pure=False): job for job in todo}
+        waiting = {
+            client.submit(_work, job, shared, made_by, pure=False): job
+            for job, made_by in zip(todo, engines, strict=True)
+        }
         for future in as_completed(list(waiting)):
             job = waiting[future]
             recordings, reason = future.result()
@@ -194,15 +201,13 @@ def _connect(cluster: Any) -> Any:
         raise InputError(f"--scheduler {cluster}: no dask scheduler answers there ({error})") from error
 
 
-def _work(job: Job, body: Body) -> tuple[list[Recording], str | None]:
+def _work(job: Job, body: Body, engine: Engine) -> tuple[list[Recording], str | None]:
     """Runs in a worker process: one core, frames reported as they are made."""
     import torch
     from dask.distributed import get_worker
 
     torch.set_num_threads(1)
     report: Callable[[int], None] = lambda made: get_worker().log_event(TOPIC, made)  # noqa: E731
-    skirted = any(cloth.garment.template == "dress" for cloth in job.cloths)
-    engine = SKIRTED if skirted else PLAIN
     made = simulate(job.motion, job.settling, job.cloths, body, engine, PARTS, report)
     examined = [examine(recording, body) for recording in made]
     reasons = [
