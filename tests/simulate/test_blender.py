@@ -167,7 +167,7 @@ def fake(path: Path, script: str) -> str:
     [
         (
             "echo \"ModuleNotFoundError: No module named 'bpy'\" >&2; exit 1",
-            "No module named 'bpy', expected a",
+            "ModuleNotFoundError: No module named .bpy., expected a",
         ),
         ("echo Blender says hello; echo 4.2.3 LTS", "has Blender 4.2.3, expected 4.5"),
         ("exit 3", "it says nothing, expected a"),

@@ -41,7 +41,13 @@ HINGE = 17.0
 THICKNESS, NEARER = 0.001, 8.0 / 9.0
 """Blender adds at least this thickness, m, of the collider to the distance to keep, and keeps that share."""
 
+PRESSED = 0.05
+"""Metres from a part at rest within which cloth that may not touch it may come between it and another."""
+
 MOST_FRICTION = 0.8
+
+NEIGHBOURS = 0.25
+"""Mean lengths of an edge that cloth may be kept from itself: farther, neighbours push each other away."""
 
 MARGIN = 0.01
 """Metres by which cloth that may touch a face has to be nearer to it at rest than cloth that may not."""
@@ -53,7 +59,7 @@ class Blender:
 
     quality: steps per frame, a power of two: Blender adds up 1 / quality until it has a whole frame, and
     other numbers may round to a step too many. collision_quality: passes over contacts in a step.
-    radius: m kept between cloth and body. self_radius: m between cloth and cloth.
+    radius: m kept between cloth and body. self_radius: m between cloth and cloth, at most NEIGHBOURS.
     hold: 1/s, the frequency of the soft attachment of the band; without one it moves as the skinned garment.
     """
 
@@ -119,7 +125,7 @@ class Blender:
                 "collision_quality": self.collision_quality,
                 "distance_min": self.radius / NEARER - THICKNESS,
                 "use_self_collision": self.self_collision,
-                "self_distance_min": self.self_radius,
+                "self_distance_min": min(self.self_radius, NEIGHBOURS * float(lengths.mean())),
                 "self_friction": 100.0 * fabric.friction,
             },
         }
@@ -152,11 +158,13 @@ def find_blender() -> Blender:
 
 
 def _arrays(scene: Scene) -> dict[str, np.ndarray]:
+    """What the worker reads. free: (N,) bool, touches no part. pressed: (N,) bool, not kept off other cloth."""
     arrays = {
         "carrier": scene.carrier.numpy(),
         "faces": scene.faces.numpy(),
         "band": scene.band.numpy(),
         "free": ~scene.touches.any(0).numpy(),
+        "pressed": _pressed(scene).numpy(),
     }
     for index, faces in enumerate(_reachable(scene)):
         used, corners = faces.unique(return_inverse=True)
@@ -185,6 +193,21 @@ def _reachable(scene: Scene) -> list[Tensor]:
         other = KDTree(scene.rest[~touches].numpy()).query(middles)[0]
         reachable.append(faces[torch.from_numpy(near + MARGIN < other)])
     return [faces for faces in reachable if len(faces)]
+
+
+def _pressed(scene: Scene) -> Tensor:
+    """Which vertices (N,) are beside a part that they may not touch: arm and torso press cloth on cloth.
+
+    Kept apart by self-collision, the two layers would be pushed into the body.
+    """
+    from scipy.spatial import KDTree
+
+    pressed = torch.zeros(len(scene.rest), dtype=torch.bool)
+    for faces, touches in zip(scene.collider_parts, scene.touches, strict=True):
+        if len(faces) and touches.any():
+            part = KDTree(scene.collider[0, faces.unique()].numpy())
+            pressed |= torch.from_numpy(part.query(scene.rest.numpy())[0] < PRESSED) & ~touches
+    return pressed
 
 
 def _frames(python: str, scene: Path, frames: int, count: int) -> Iterator[Tensor]:

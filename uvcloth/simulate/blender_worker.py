@@ -78,14 +78,19 @@ def become_cloth(cloth: Any, arrays: dict[str, np.ndarray], settings: dict[str, 
     for name, value in settings["contact"].items():
         setattr(met, name, value)
     met.collection, met.use_collision = parts, len(parts.objects) > 0
-    if arrays["band"].any():
-        band = cloth.vertex_groups.new(name="band")
-        band.add(np.flatnonzero(arrays["band"]).tolist(), 1.0 if settings["pinned"] else PULLED, "REPLACE")
-        moved.vertex_group_mass = band.name
-    if arrays["free"].any():
-        free = cloth.vertex_groups.new(name="free")
-        free.add(np.flatnonzero(arrays["free"]).tolist(), 1.0, "REPLACE")
-        met.vertex_group_object_collisions = free.name
+    moved.vertex_group_mass = group(cloth, "band", arrays, 1.0 if settings["pinned"] else PULLED)
+    met.vertex_group_object_collisions = group(cloth, "free", arrays)
+    met.vertex_group_self_collisions = group(cloth, "pressed", arrays)
+
+
+def group(cloth: Any, name: str, arrays: dict[str, np.ndarray], weight: float = 1.0) -> str:
+    """The name of a group of the vertices that the array of that name says, or "" where there are none."""
+    members = np.flatnonzero(arrays[name]).tolist()
+    if not members:
+        return ""
+    made = cloth.vertex_groups.new(name=name)
+    made.add(members, weight, "REPLACE")
+    return str(made.name)
 
 
 def points_of(cloth: Any) -> np.ndarray:
