@@ -11,10 +11,12 @@ import torch
 import trimesh
 
 from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
 from uvcloth.simulate import blender
 from uvcloth.simulate.blender import VARIABLE, Blender, find_blender
 from uvcloth.simulate.engine import Scene
 from uvcloth.simulate.fabric import Fabric
+from uvcloth.simulate.farm import simulate_batch
 
 STILL = Fabric(drag=0.0)
 """Cloth without air."""
@@ -190,6 +192,20 @@ def test_the_variable_has_to_name_something(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setenv(VARIABLE, str(tmp_path / "nothing"))
     with pytest.raises(InputError, match=r"nothing: cannot be run \(No such file"):
         find_blender()
+
+
+def test_nothing_is_written_where_the_engine_is_missing(
+    body: Body, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    find_blender.cache_clear()
+    monkeypatch.delenv(VARIABLE, raising=False)
+    for engine, words in (
+        ("blender", VARIABLE),
+        ("havok", "--engine havok: expected one of newton, blender"),
+    ):
+        with pytest.raises(InputError, match=words):
+            simulate_batch(["walk"], ["tops"], tmp_path / "data", body, engine=engine)
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_blender_that_ends_early_says_why(tmp_path: Path) -> None:

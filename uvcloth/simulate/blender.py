@@ -158,7 +158,7 @@ def find_blender() -> Blender:
 
 
 def _arrays(scene: Scene) -> dict[str, np.ndarray]:
-    """What the worker reads. free: (N,) bool, touches no part. pressed: (N,) bool, not kept off other cloth."""
+    """What the worker reads. free: (N,) bool, touches no part. pressed: (N,) bool, not kept off cloth."""
     arrays = {
         "carrier": scene.carrier.numpy(),
         "faces": scene.faces.numpy(),
@@ -185,11 +185,11 @@ def _reachable(scene: Scene) -> list[Tensor]:
     for faces, touches in zip(scene.collider_parts, scene.touches, strict=True):
         if not len(faces) or not touches.any():
             continue
-        middles = scene.collider[0, faces].mean(1).numpy()
-        near = KDTree(scene.rest[touches].numpy()).query(middles)[0]
         if touches.all():
             reachable.append(faces)
             continue
+        middles = scene.collider[0, faces].mean(1).numpy()
+        near = KDTree(scene.rest[touches].numpy()).query(middles)[0]
         other = KDTree(scene.rest[~touches].numpy()).query(middles)[0]
         reachable.append(faces[torch.from_numpy(near + MARGIN < other)])
     return [faces for faces in reachable if len(faces)]
