@@ -63,6 +63,7 @@ def test_simulate_hands_everything_on(monkeypatch, stand_in):
             "scheduler": None,
             "repeat": False,
             "layered": True,
+            "engine": "newton",
         }
     ]
 
