@@ -65,6 +65,7 @@ def test_simulate_hands_everything_on(monkeypatch, stand_in):
             "scheduler": None,
             "repeat": False,
             "layered": True,
+            "engine": "newton",
         }
     ]
 

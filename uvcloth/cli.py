@@ -15,6 +15,7 @@ from rasterize.command import run_command
 from rasterize.errors import InputError
 
 TemplateName = Literal["tops", "bottoms", "dress", "shirt"]
+EngineName = Literal["newton", "blender"]
 Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ...")]
 BodyFile = Annotated[Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the one in the package)")]
 Share = Annotated[float | None, arg(metavar="0..1", help_behavior_hint="")]
@@ -59,7 +60,7 @@ class MakeBody:
 
 @dataclass(frozen=True)
 class Simulate:
-    """Simulate garments over clips with the cloth engine; a rerun continues with what is missing."""
+    """Simulate garments over clips with a cloth engine; a rerun continues with what is missing."""
 
     clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]]
     """Motion files (BVH) or names of built-in clips."""
@@ -72,6 +73,8 @@ class Simulate:
     layered: bool = False
     """The garments are worn over one another, the first innermost, and simulated together, so that they
     keep apart; otherwise each is simulated alone."""
+    engine: EngineName = "newton"
+    """What simulates: newton, or the cloth of the Blender that UVCLOTH_BLENDER_PYTHON names."""
     windows: Annotated[Path | None, arg(metavar="CSV", help_behavior_hint="(default: whole clips)")] = None
     """Simulate a part of each clip: a table with the columns trial, subject, split, action, window_start and
     window_frames, which training and evaluation then go by. Without clips, all that it names."""
@@ -109,6 +112,7 @@ class Simulate:
             scheduler=self.scheduler,
             repeat=self.repeat,
             layered=self.layered,
+            engine=self.engine,
         )
 
 

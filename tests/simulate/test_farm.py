@@ -19,7 +19,8 @@ from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate import accept, farm
 from uvcloth.simulate import plan as planning
 from uvcloth.simulate.accept import MOST_INSIDE, examine
-from uvcloth.simulate.farm import PLAIN, foreseen, simulate_batch
+from uvcloth.simulate.engines import PLAIN
+from uvcloth.simulate.farm import foreseen, simulate_batch
 from uvcloth.simulate.folder import refused_captures
 from uvcloth.simulate.plan import Job
 from uvcloth.simulate.sequence import (

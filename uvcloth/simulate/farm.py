@@ -1,7 +1,7 @@
 """Simulate many sequences in parallel processes, on this machine or on a dask cluster."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from datetime import datetime, timedelta
@@ -18,6 +18,8 @@ from uvcloth.garments.order import check_order
 from uvcloth.garments.wardrobe import take_for_data
 from uvcloth.simulate.accept import examine
 from uvcloth.simulate.cloth import Cloth, join
+from uvcloth.simulate.engine import Engine
+from uvcloth.simulate.engines import ENGINES
 from uvcloth.simulate.folder import (
     REPEAT,
     keep_index,
@@ -28,7 +30,6 @@ from uvcloth.simulate.folder import (
 )
 from uvcloth.simulate.index import INDEX
 from uvcloth.simulate.lead_in import LeadIn
-from uvcloth.simulate.newton import Style3D
 from uvcloth.simulate.plan import Job, batch_sources, plan
 from uvcloth.simulate.run import simulate
 from uvcloth.simulate.sequence import Sequence as Recording
@@ -42,9 +43,6 @@ SPEED_SECONDS = 3600.0
 
 TOPIC = "uvcloth-frames"
 PARTS = LeadIn()
-PLAIN = Style3D()
-# Stiff contact presses hard for an instant, and with friction walks a skirt up the thighs.
-SKIRTED = Style3D(contact_stiffness=1e3, friction=0.15)
 
 
 def simulate_batch(
@@ -59,6 +57,7 @@ def simulate_batch(
     scheduler: str | None = None,
     repeat: bool = False,
     layered: bool = False,
+    engine: str = "newton",
 ) -> None:
     """Simulate every clip with every garment into OUT/<clip>_<garment>.npz; what is there already is kept.
 
@@ -66,14 +65,17 @@ def simulate_batch(
     over one another, the first innermost, and simulated together; otherwise each alone.
     windows: an index of clips and windows, copied to OUT/index.csv. clips_from, splits: without clips, the
     folder and the splits of those that it names (`batch_sources`).
+    engine: one of ENGINES.
     repeat: start each window REPEAT_EARLIER frames earlier and write to OUT/repeat instead.
     Sequences that `examine` refuses go to OUT/rejected with the reason in their metadata, all layers of an
     outfit together; captures that are faulty are not simulated and named in OUT/refused.csv.
     Raises InputError for unreadable clips, garments or windows, for garments that cannot be simulated or
     cross as layers, for sequences that would share a file, if OUT cannot be written or was made from other
-    windows, layers, settings or on another body, for a scheduler that does not answer, or if the `simulate`
-    extra is missing.
+    windows, layers, settings or on another body, for a scheduler that does not answer, or if the engine or
+    the `simulate` extra is missing.
     """
+    if engine not in ENGINES:
+        raise InputError(f"--engine {engine}: expected one of {', '.join(ENGINES)}")
     if jobs is not None and jobs < 1:
         raise InputError(f"--jobs {jobs}: expected at least 1")
     cloths = _cloths(garments, body)
@@ -82,7 +84,8 @@ def simulate_batch(
         check_order([cloth.garment for cloth in outfit])
     sources = batch_sources(clips, windows, clips_from, splits)
     named = [tuple(cloth.garment.name for cloth in outfit) for outfit in outfits]
-    require_same(stored_sequences(out), body, (PLAIN, SKIRTED), named)
+    engines = {skirted: ENGINES[engine](skirted) for skirted in (False, True)}
+    require_same(stored_sequences(out), body, tuple(engines.values()), named)
     todo, refused = plan(sources, outfits, out / REPEAT if repeat else out, body, repeat)
     make_folder(out)
     if windows is not None:
@@ -93,11 +96,20 @@ def simulate_batch(
     if not todo:
         print(f"{out}: every sequence is there already")
         return
-    _simulate_all(todo, body, jobs, scheduler)
+    _simulate_all(todo, body, engines, jobs, scheduler)
 
 
-def _simulate_all(todo: Sequence[Job], body: Body, jobs: int | None, scheduler: str | None) -> None:
-    """Simulate in order, as many at a time as there are cores, and keep each sequence as it is done."""
+def _simulate_all(
+    todo: Sequence[Job],
+    body: Body,
+    engines: Mapping[bool, Engine],
+    jobs: int | None,
+    scheduler: str | None,
+) -> None:
+    """Simulate in order, as many at a time as there are cores, and keep each sequence as it is done.
+
+    engines: what simulates jobs without a skirt and with one.
+    """
     try:
         from dask.distributed import LocalCluster, as_completed
     except ModuleNotFoundError as error:
@@ -124,7 +136,7 @@ def _simulate_all(todo: Sequence[Job], body: Body, jobs: int | None, scheduler: 
                 job = next(queue, None)
                 if job is None:
                     return
-                future = client.submit(_work, job, shared, pure=False)
+                future = client.submit(_work, job, shared, engines[job.skirted], pure=False)
                 waiting[future] = job
                 running.add(future)
 
@@ -162,15 +174,13 @@ def _connect(cluster: Any) -> Any:
         raise InputError(f"--scheduler {cluster}: no dask scheduler answers there ({error})") from error
 
 
-def _work(job: Job, body: Body) -> tuple[list[Recording], str | None]:
+def _work(job: Job, body: Body, engine: Engine) -> tuple[list[Recording], str | None]:
     """Runs in a worker process: one core, frames reported as they are made."""
     import torch
     from dask.distributed import get_worker
 
     torch.set_num_threads(1)
     report: Callable[[int], None] = lambda made: get_worker().log_event(TOPIC, made)  # noqa: E731
-    skirted = any(cloth.garment.template == "dress" for cloth in job.cloths)
-    engine = SKIRTED if skirted else PLAIN
     made = simulate(job.motion, job.settling, job.cloths, body, engine, PARTS, report)
     examined = [
         examine(recording, cloth.garment, body) for recording, cloth in zip(made, job.cloths, strict=True)

@@ -1,0 +1,24 @@
+"""What cloth is made of, in SI units, whatever engine simulates it."""
+
+from dataclasses import dataclass
+
+AIR_DENSITY = 1.2
+"""kg/m3 of air at 20 degrees."""
+
+
+@dataclass(frozen=True)
+class Fabric:
+    """A light plain-weave cotton.
+
+    density: kg/m2. stretch: N/m, membrane stiffness (Young's modulus times thickness). poisson: its Poisson
+    ratio. bend: N m, bending rigidity (force times distance per width; Peirce's bending length is the cube
+    root of it over the weight per area). friction: coefficient of cloth on the body and on cloth. drag: drag
+    coefficient of a face that moves along its normal.
+    """
+
+    density: float = 0.2
+    stretch: float = 300.0
+    poisson: float = 0.2
+    bend: float = 1.5e-5
+    friction: float = 0.4
+    drag: float = 1.2
