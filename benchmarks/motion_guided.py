@@ -36,7 +36,7 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
 from uvcloth.rollout import rollout
 from uvcloth.simulate.cloth import join
-from uvcloth.simulate.farm import SKIRTED
+from uvcloth.simulate.engines import SKIRTED
 from uvcloth.simulate.lead_in import LeadIn
 from uvcloth.simulate.run import simulate
 

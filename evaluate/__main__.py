@@ -88,25 +88,28 @@ def machine() -> str:
 
 
 def summary(results: dict) -> str:
-    """One line per garment and method: the mean vertex distance and how it stands to the better LBS.
+    """Per garment and method, before and after contact: the mean vertex distance beside the better LBS.
 
-    Then one per method whose figures mislead, as it has met what it was judged on.
+    Then a line per method whose figures mislead, as it has met what it was judged on.
     """
     from evaluate.familiar import cautions
-    from evaluate.report import standings
+    from evaluate.report import Rank, standings
 
-    lines = []
-    for row in standings(results):
-        beside = ""
-        if row.against is not None:
-            beside = (
-                f", {100 * (row.against - 1):+.0f} % against the better LBS, nearer on {row.won} of {row.of}"
-            )
-        lines.append(f"{row.garment:8} {row.method:16} {row.vertex_mean_mm:6.1f} mm{beside}")
-    for caution in cautions(results):
-        if caution.red:
-            lines.append(f"{caution.method} {caution.says} {'; '.join(caution.familiar)}")
-    return "\n".join(lines)
+    def said(rank: Rank) -> str:
+        beside = f"{100 * (rank.against - 1):+4.0f} %, {rank.won} of {rank.of}" if rank.against else ""
+        return f"{rank.mean_mm:6.1f} mm {beside:18}"
+
+    rows = [
+        f"{row.garment:8} {row.method:16} {said(row.before)} {said(row.after)}".rstrip()
+        for row in standings(results)
+    ]
+    title = "mean vertex distance; against the better LBS, and on how many actions nearer"
+    warnings = [
+        f"{caution.method} {caution.says} {'; '.join(caution.familiar)}"
+        for caution in cautions(results)
+        if caution.red
+    ]
+    return "\n".join([title, f"{'':25} {'before contact':28} after contact", *rows, *warnings])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -59,7 +59,7 @@ def bars(
     def x(value: float) -> float:
         return left + (right - left) * value / axis[-1]
 
-    parts = [_open(WIDTH, height, title, left)]
+    parts = [_open(WIDTH, height, title, left=0)]
     for tick in axis:
         parts.append(
             f'<line class="grid" x1="{x(tick):.1f}" x2="{x(tick):.1f}" y1="{top - 4}" y2="{height - 20}"/>'

@@ -123,6 +123,7 @@ def compare(
         results["methods"][contestant.name] |= acquaintance(contestant, worn_by, people_in(data))
         results["methods"][contestant.name]["static"] = contestant.method.static
         results["methods"][contestant.name]["training_frames"] = contestant.training_frames
+        results["methods"][contestant.name]["training"] = dict(contestant.training)
     results["floor"] = {**floor(represented, "representation"), **floor(repeated, "repeatability")}
     results["previous_frame"] = {
         kind: {garment: stability(windows) for garment, windows in by_garment.items()}

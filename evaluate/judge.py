@@ -1,8 +1,9 @@
 """Rolls methods out over the test windows and scores every frame; finished windows are kept for a rerun."""
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -10,20 +11,20 @@ import torch
 from torch import Tensor
 
 from evaluate.actions import Window
+from evaluate.body_scores import body_scores, put_on
 from evaluate.metrics import Reference, distance_scores, frame_scores
-from evaluate.stability import stability_scores
+from evaluate.stability import heeds, stability_scores
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.collider import make_collider
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.method import Method
-from uvcloth.physics.contact import Obstacle
+from uvcloth.rollout import RolloutFrame, rollout
 from uvcloth.simulate.sequence import Sequence as Simulated
 from uvcloth.simulate.sequence import content_hash, load_sequence
 from uvcloth.skinning import skin
 
-FORMAT = "uvcloth-judged-3"
+FORMAT = "uvcloth-judged-4"
 
 SIMULATION = "simulation"
 """The name under which the simulation itself is scored: the yardstick of the physics."""
@@ -37,11 +38,15 @@ SAME_REST = 0.002
 SAME_MOTION = 0.001
 """Metres (and matrix entries) between joint transforms that still count as the same motion."""
 
+TRAINING = ("step", "epochs", "minutes", "samples")
+"""What a checkpoint's notes say of how long it was trained."""
+
 JUDGING = (
     "rasterize",
     "uvcloth",
     "evaluate/metrics.py",
     "evaluate/maps.py",
+    "evaluate/body_scores.py",
     "evaluate/stability.py",
     "evaluate/judge.py",
 )
@@ -54,8 +59,9 @@ class Contestant:
 
     name: in every table. weights_mb: size of its weights file, 0 without one. fingerprint: hash of what
     decides its predictions besides the code. seen: content hashes of the sequences that it was trained
-    on or chosen by. training_frames: how many frames the former have, where its checkpoint says so. clips:
-    the clips of both and who moves in them, see `TrainingData`.
+    on or chosen by. training_frames: how many frames the former have, and training: how long it learned
+    from them (steps, epochs, minutes, samples), where its checkpoint says so. clips: the clips of both
+    and who moves in them, see `TrainingData`.
     """
 
     name: str
@@ -65,6 +71,7 @@ class Contestant:
     seen: frozenset[str]
     training_frames: int | None = None
     clips: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    training: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -138,25 +145,30 @@ def open_case(
 def judge(case: Case, contestant: Contestant) -> Judged:
     """Roll a method out from the first settling frame and score the frames that count.
 
-    One that remembers is also rolled out from the truth. Raises InputError if a prediction is not a finite
-    number.
+    Before contact, one that goes on from what contact left is rolled out again without it: otherwise its
+    predictions owe something to contact. It is also rolled out from the truth. Raises InputError if a
+    prediction is not a finite number.
     """
-    from uvcloth.rollout import rollout
-
-    end = case.start + len(case.reference.vertices)
-    raw, resolved, milliseconds = [], [], []
-    transforms = case.sequence.transforms[:end]
-    for index, frame in enumerate(rollout(contestant.method, case.outfit, transforms, case.sequence.fps)):
-        if index >= case.start:
-            raw.append(frame.raw[0])
-            resolved.append(frame.vertices[0])
-            milliseconds.append([frame.milliseconds["network"], frame.milliseconds["contact"]])
+    method, end = contestant.method, case.start + len(case.reference.vertices)
+    predicted, resolved, milliseconds = [], [], []
+    for frame in _rolled(case, method, contact=True):
+        predicted.append(frame.raw[0])
+        resolved.append(frame.vertices[0])
+        milliseconds.append([frame.milliseconds["network"], frame.milliseconds["contact"]])
+    stable: dict[str, Tensor] = {}
+    if heeds(method, case.outfit, case.sequence):
+        predicted = [frame.raw[0] for frame in _rolled(case, method, contact=False)]
+        stable = stability_scores(method, case.outfit, case.sequence, end)
+    scored = score(case, torch.stack(predicted).cpu(), torch.stack(resolved).cpu())
     times = torch.tensor(milliseconds)
-    scored = score(case, torch.stack(raw).cpu(), torch.stack(resolved).cpu())
-    scores = {**scored.scores, "network_ms": times[:, 0], "contact_ms": times[:, 1]}
-    if contestant.method.remembers:
-        scores |= stability_scores(contestant.method, case.outfit, case.sequence, end)
+    scores = {**scored.scores, **stable, "network_ms": times[:, 0], "contact_ms": times[:, 1]}
     return Judged(scores, scored.shown)
+
+
+def _rolled(case: Case, method: Method, contact: bool) -> Iterator[RolloutFrame]:
+    """The frames of a rollout that count."""
+    transforms = case.sequence.transforms[: case.start + len(case.reference.vertices)]
+    return islice(rollout(method, case.outfit, transforms, case.sequence.fps, contact), case.start, None)
 
 
 def judge_simulation(case: Case) -> Judged:
@@ -167,12 +179,10 @@ def judge_simulation(case: Case) -> Judged:
 def score(case: Case, raw: Tensor, resolved: Tensor) -> Judged:
     """Score predictions before (F, N, 3) and after contact (F, N, 3) on the frames that count."""
     scores = frame_scores(raw, resolved, case.reference)
-    body, mesh = case.outfit.body, case.outfit.garments[0].mesh
-    obstacle = Obstacle(make_collider(body), body.mesh.vertices)
-    garment = obstacle.dress(mesh.vertices, mesh.faces)
-    scores["inside_percent_raw"], scores["inside_percent"] = (
-        obstacle.inside_percent(frames, garment, case.body_vertices) for frames in (raw, resolved)
-    )
+    worn = put_on(case.outfit)
+    for suffix, frames in (("_raw", raw), ("", resolved)):
+        found = body_scores(worn, frames, case.body_vertices)
+        scores |= {f"{key}{suffix}": values for key, values in found.items()}
     return Judged(scores, resolved[:: case.stride])
 
 
@@ -276,12 +286,14 @@ def load_contestants(models: Sequence[str], body: Body) -> tuple[Contestant, ...
         seen: frozenset[str] = frozenset()
         training_frames = None
         clips: Mapping[str, Mapping[str, str]] = {}
+        training: dict[str, float] = {}
         if folder:
             checkpoint = load_checkpoint(folder)
             digest = hashlib.sha256((folder / WEIGHTS).read_bytes() + (folder / CONFIG).read_bytes())
             seen = frozenset(checkpoint.data.files.values())
             clips = checkpoint.data.clips
             training_frames = checkpoint.notes.get("training_frames")
+            training = {key: checkpoint.notes[key] for key in TRAINING if key in checkpoint.notes}
         contestants.append(
             Contestant(
                 name=method.name,
@@ -291,6 +303,7 @@ def load_contestants(models: Sequence[str], body: Body) -> tuple[Contestant, ...
                 seen=seen,
                 training_frames=training_frames,
                 clips=clips,
+                training=training,
             )
         )
     names = [contestant.name for contestant in contestants]

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from uvcloth.mesh import weld
 from uvcloth.physics.energies import acceleration_jitter, edge_change, fold_angle, fold_cosine
+from uvcloth.physics.self_intersection import crossing_edges_percent
 
 MM = 1000.0
 
@@ -54,20 +56,24 @@ def map_mse(predicted: Tensor, truth: Tensor, corners: Tensor, barycentrics: Ten
 def frame_scores(raw: Tensor, resolved: Tensor, reference: Reference) -> dict[str, Tensor]:
     """Every measure that needs no body, per frame: (F,) each, jitter (F - 2,).
 
-    raw: (F, N, 3) as predicted, for the map and what is called raw. resolved: (F, N, 3) after contact.
+    raw: (F, N, 3) before contact, for the map and what is called raw. resolved: (F, N, 3) after contact.
     A garment without a map has no map_mse_mm2.
     """
     corners, barycentrics = reference.texel_corners, reference.texel_barycentrics
     mapped = {}
     if corners is not None and barycentrics is not None:
         mapped["map_mse_mm2"] = map_mse(raw, reference.vertices, corners, barycentrics)
+    before = {f"{key}_raw": values for key, values in shape_scores(raw, reference).items()}
+    return {**mapped, **before, **shape_scores(resolved, reference)}
+
+
+def shape_scores(vertices: Tensor, reference: Reference) -> dict[str, Tensor]:
+    """Vertex errors of (F, N, 3), and how it stretches, bends, shakes and runs through itself: (F,) each."""
     return {
-        "vertex_mean_mm_raw": distance_scores(raw, reference.vertices)["vertex_mean_mm"],
-        "edge_mm_raw": edge_change(raw, reference.rest, reference.faces) * MM,
-        "bend_cos_raw": fold_cosine(raw, reference.faces),
-        **mapped,
-        **distance_scores(resolved, reference.vertices),
-        "edge_mm": edge_change(resolved, reference.rest, reference.faces) * MM,
-        "bend_rad": fold_angle(resolved, reference.faces),
-        "jitter": acceleration_jitter(resolved, reference.fps),
+        **distance_scores(vertices, reference.vertices),
+        "edge_mm": edge_change(vertices, reference.rest, reference.faces) * MM,
+        "bend_cos": fold_cosine(vertices, reference.faces),
+        "bend_rad": fold_angle(vertices, reference.faces),
+        "jitter": acceleration_jitter(vertices, reference.fps),
+        "crossing_edges_percent": crossing_edges_percent(vertices, weld(reference.rest)[reference.faces]),
     }

@@ -26,22 +26,29 @@ Results = Mapping[str, Any]
 """The content of metrics.json, as docs/metrics.md describes it."""
 
 MEASURES = {
-    "vertex_mean_mm": ("Mean vertex distance", "mm", "mm"),
-    "vertex_rmse_mm": ("Vertex RMSE", "mm", "rmse_mm"),
-    "vertex_mse_mm2": ("Vertex MSE", "mm²", "mse_mm2"),
     "vertex_mean_mm_raw": ("Mean vertex distance before contact", "mm", "mm"),
-    "map_mse_mm2": ("Map MSE", "mm²", ""),
+    "vertex_rmse_mm_raw": ("Vertex RMSE before contact", "mm", "rmse_mm"),
+    "vertex_mse_mm2_raw": ("Vertex MSE before contact", "mm²", "mse_mm2"),
+    "map_mse_mm2": ("Map MSE before contact", "mm²", ""),
+    "vertex_mean_mm": ("Mean vertex distance after contact", "mm", "mm"),
+    "vertex_rmse_mm": ("Vertex RMSE after contact", "mm", "rmse_mm"),
+    "vertex_mse_mm2": ("Vertex MSE after contact", "mm²", "mse_mm2"),
 }
 """Figure 6 by measure: title, unit, and the suffix of the floors that can stand beside it."""
 
+STAGES = {"before": "_raw", "after": ""}
+"""Before and after contact: the suffixes of the fields."""
+
 PHYSICS = {
-    "edge_mm_raw": "Edge change before contact (mm)",
-    "bend_cos_raw": "Bend before contact (cosine distance)",
     "edge_mm": "Edge change (mm)",
+    "bend_cos": "Bend (cosine distance)",
     "bend_rad": "Bend (rad)",
-    "inside_percent_raw": "Inside before contact (%)",
-    "inside_percent": "Inside after contact (%)",
     "jitter_ratio": "Jitter ÷ simulation's",
+    "inside_percent": "Vertices inside (%)",
+    "squeezed_percent": "Vertices squeezed (%)",
+    "inside_faces_percent": "Cloth inside (% of area)",
+    "skin_percent": "Skin that shows (% of covered)",
+    "crossing_edges_percent": "Edges through cloth (%)",
 }
 
 PAPER_COSTS = (
@@ -84,21 +91,29 @@ class MotionMap:
 
 
 @dataclass(frozen=True)
-class Standing:
-    """How one method did on one garment over all actions.
+class Rank:
+    """How far from the simulation, before or after contact, over all actions.
 
     against: mean distance divided by that of the better LBS, None for an LBS itself or without one.
     won, of: actions on which it is nearer to the simulation than the better LBS of that action.
     """
 
-    method: str
-    garment: str
-    frames: int
-    vertex_mean_mm: float
-    vertex_rmse_mm: float
+    mean_mm: float
+    rmse_mm: float | None
     against: float | None
     won: int
     of: int
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How one method did on one garment over all actions."""
+
+    method: str
+    garment: str
+    frames: int
+    before: Rank
+    after: Rank
 
 
 def write_metrics(out: Path, results: Results) -> Path:
@@ -139,8 +154,10 @@ def write_report(
         static=[name for name, judged in results["methods"].items() if judged["static"]],
         garments=garments_in(results),
         judged={garment: methods_on(results, garment) for garment in garments_in(results)},
+        trained=[name for name, judged in results["methods"].items() if judged["training"]],
         measures=MEASURES,
         physics=PHYSICS,
+        stages=STAGES,
         paper_costs=PAPER_COSTS,
         missing=[f"{a}, {t} ({why})" for a, by in results["missing"].items() for t, why in by.items()],
         standings=standings(results),
@@ -201,43 +218,48 @@ def overall(actions: Mapping[str, Mapping[str, Mapping[str, float]]], garment: s
 
 def standings(results: Results) -> list[Standing]:
     """Every method on every garment beside the better LBS (methods whose names begin with "lbs")."""
+    return [
+        Standing(
+            method=name,
+            garment=garment,
+            frames=sum(by[garment]["frames"] for by in method["actions"].values() if garment in by),
+            **{when: _rank(results, name, garment, suffix) for when, suffix in STAGES.items()},
+        )
+        for garment in garments_in(results)
+        for name, method in results["methods"].items()
+        if name in methods_on(results, garment)
+    ]
+
+
+def _rank(results: Results, name: str, garment: str, suffix: str) -> Rank:
     methods = results["methods"]
-    baselines = [name for name in methods if name.startswith("lbs")]
-    rows = []
-    for garment in garments_in(results):
-        baseline_means = [overall(methods[name]["actions"], garment, "vertex_mean_mm") for name in baselines]
-        best = min((mean for mean in baseline_means if mean is not None), default=None)
-        for name, method in methods.items():
-            mean = overall(method["actions"], garment, "vertex_mean_mm")
-            rmse = overall(method["actions"], garment, "vertex_rmse_mm")
-            if mean is None or rmse is None:
-                continue
-            judged = name not in baselines and best is not None
-            duels = _duels(results, name, baselines, garment) if judged else []
-            rows.append(
-                Standing(
-                    method=name,
-                    garment=garment,
-                    frames=sum(a[garment]["frames"] for a in method["actions"].values() if garment in a),
-                    vertex_mean_mm=mean,
-                    vertex_rmse_mm=rmse,
-                    against=mean / best if judged and best else None,
-                    won=sum(own < other for own, other in duels),
-                    of=len(duels),
-                )
-            )
-    return rows
+    baselines = [other for other in methods if other.startswith("lbs")]
+    mean_key, rmse_key = f"vertex_mean_mm{suffix}", f"vertex_rmse_mm{suffix}"
+    found = {other: overall(methods[other]["actions"], garment, mean_key) for other in (*baselines, name)}
+    means = {other: mean for other, mean in found.items() if mean is not None}
+    best = min((means[other] for other in baselines if other in means), default=0.0)
+    judged = name not in baselines and best > 0
+    duels = _duels(results, name, baselines, garment, mean_key) if judged else []
+    return Rank(
+        mean_mm=means[name],
+        rmse_mm=overall(methods[name]["actions"], garment, rmse_key),
+        against=means[name] / best if judged else None,
+        won=sum(own < other for own, other in duels),
+        of=len(duels),
+    )
 
 
-def _duels(results: Results, name: str, baselines: Iterable[str], garment: str) -> list[tuple[float, float]]:
+def _duels(
+    results: Results, name: str, baselines: Iterable[str], garment: str, key: str
+) -> list[tuple[float, float]]:
     """Per action: the method's mean distance and that of the better LBS."""
     methods = results["methods"]
     duels = []
     for action, by_garment in methods[name]["actions"].items():
         others = [methods[b]["actions"].get(action, {}).get(garment) for b in baselines]
-        found = [cell["vertex_mean_mm"] for cell in others if cell is not None]
+        found = [cell[key] for cell in others if cell is not None]
         if garment in by_garment and found:
-            duels.append((by_garment[garment]["vertex_mean_mm"], min(found)))
+            duels.append((by_garment[garment][key], min(found)))
     return duels
 
 
@@ -264,13 +286,16 @@ def _bar_charts(results: Results) -> dict[str, list[Any]]:
     return charts
 
 
-def _time_charts(results: Results) -> list[Any]:
-    names = list(results["methods"])
-    charts = []
-    for garment in garments_in(results):
-        series = [results["methods"][name].get("over_time_mm", {}).get(garment, []) for name in names]
-        if any(series):
-            charts.append(lines(garment, series, names, "mm", results["fps"]))
+def _time_charts(results: Results) -> dict[str, list[Any]]:
+    """Before and after contact, a chart per garment."""
+    methods = results["methods"]
+    charts: dict[str, list[Any]] = {when: [] for when in STAGES}
+    for when, suffix in STAGES.items():
+        for garment in garments_in(results):
+            lasting = [methods[name].get(f"over_time_mm{suffix}", {}).get(garment, []) for name in methods]
+            if any(lasting):
+                title = f"{garment}, {when} contact"
+                charts[when].append(lines(title, lasting, list(methods), "mm", results["fps"]))
     return charts
 
 

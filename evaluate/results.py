@@ -11,8 +11,25 @@ from evaluate.judge import SIMULATION, Judged
 
 Scores = Mapping[str, Tensor]
 
+STAGES = ("_raw", "")
+"""Suffixes of what is measured before and after contact."""
+
 SHORT = ("one_step_mm", "rollout_50_mm")
-"""Errors that only a method that remembers has of its own."""
+"""Errors that only a method that heeds what it observes has of its own."""
+
+MEANS = (
+    "vertex_mse_mm2",
+    "vertex_mean_mm",
+    "edge_mm",
+    "bend_cos",
+    "bend_rad",
+    "inside_percent",
+    "squeezed_percent",
+    "inside_faces_percent",
+    "skin_percent",
+    "crossing_edges_percent",
+)
+"""What is averaged over the frames, before and after contact."""
 
 LONG = 250
 """Frames from which on a window tells whether a rollout drifts,"""
@@ -39,7 +56,7 @@ def summarize(entries: Mapping[str, Sequence[Entry]]) -> dict[str, Any]:
     methods = {
         name: {
             "actions": _by_action(found, entries[SIMULATION]),
-            "over_time_mm": _over_time(found),
+            **{f"over_time_mm{stage}": _over_time(found, f"vertex_mean_mm{stage}") for stage in STAGES},
             "stability": {
                 garment: stability([e.judged.scores for e in found if e.garment == garment])
                 for garment in dict.fromkeys(entry.garment for entry in found)
@@ -75,15 +92,13 @@ def stability(windows: Sequence[Scores]) -> dict[str, float | int | None]:
     What does not feed on itself has the same error in all of them. A score that nothing has is None, as is
     the drift without a long window.
     """
-    alike = {"one_step_mm_raw": "vertex_mean_mm_raw", **dict.fromkeys(SHORT, "vertex_mean_mm")}
+    alike = {f"{key}{stage}": f"vertex_mean_mm{stage}" for key in (*SHORT, "whole_mm") for stage in STAGES}
     windows = [{key: w[own] for key, own in alike.items() if own in w} | dict(w) for w in windows]
     long = [w["vertex_mean_mm"] for w in windows if len(w["vertex_mean_mm"]) >= LONG]
     early, late = (float(sum(errors[span].sum() for errors in long)) for span in (EARLY, LATE))
     return {
         "frames": sum(len(w["vertex_mean_mm"]) for w in windows),
-        "one_step_mm_raw": _mean(windows, "one_step_mm_raw") if "one_step_mm_raw" in windows[0] else None,
-        **{key: _mean(windows, key) for key in SHORT},
-        "whole_mm": _mean(windows, "vertex_mean_mm"),
+        **{key: _mean(windows, key) if key in windows[0] else None for key in alike},
         "late_over_early": late / early if early > 0 else None,
     }
 
@@ -107,19 +122,12 @@ def _cell(scores: Sequence[Scores], simulation: Sequence[Scores]) -> dict[str, f
     cell: dict[str, float | int | None] = {
         "frames": sum(len(each["vertex_mean_mm"]) for each in scores),
         "map_mse_mm2": _mean(scores, "map_mse_mm2") if "map_mse_mm2" in scores[0] else None,
-        "vertex_mse_mm2": _mean(scores, "vertex_mse_mm2"),
-        "vertex_rmse_mm": _mean(scores, "vertex_mse_mm2") ** 0.5,
-        "vertex_mean_mm": _mean(scores, "vertex_mean_mm"),
-        "vertex_mean_mm_raw": _mean(scores, "vertex_mean_mm_raw"),
-        "edge_mm_raw": _mean(scores, "edge_mm_raw"),
-        "bend_cos_raw": _mean(scores, "bend_cos_raw"),
-        "edge_mm": _mean(scores, "edge_mm"),
-        "bend_rad": _mean(scores, "bend_rad"),
-        "inside_percent_raw": _mean(scores, "inside_percent_raw"),
-        "inside_percent": _mean(scores, "inside_percent"),
-        # Fewer than three frames have no acceleration.
-        "jitter_ratio": _mean(scores, "jitter") / calm if calm > 0 else None,
     }
+    for stage in STAGES:
+        cell |= {f"{key}{stage}": _mean(scores, f"{key}{stage}") for key in MEANS}
+        cell[f"vertex_rmse_mm{stage}"] = _mean(scores, f"vertex_mse_mm2{stage}") ** 0.5
+        # Fewer than three frames have no acceleration.
+        cell[f"jitter_ratio{stage}"] = _mean(scores, f"jitter{stage}") / calm if calm > 0 else None
     if "network_ms" in scores[0]:
         network, contact = _mean(scores, "network_ms"), _mean(scores, "contact_ms")
         cell |= {"network_ms": network, "contact_ms": contact, "ms_per_frame": network + contact}
@@ -131,11 +139,11 @@ def _mean(scores: Sequence[Scores], key: str) -> float:
     return float(values.mean()) if len(values) else 0.0
 
 
-def _over_time(entries: Sequence[Entry]) -> dict[str, list[float]]:
-    """Mean vertex distance at each frame over a garment's windows, while at least half of them last."""
+def _over_time(entries: Sequence[Entry], key: str) -> dict[str, list[float]]:
+    """The mean of a score at each frame over a garment's windows, while at least half of them last."""
     lines = {}
     for garment in dict.fromkeys(entry.garment for entry in entries):
-        windows = [e.judged.scores["vertex_mean_mm"] for e in entries if e.garment == garment]
+        windows = [e.judged.scores[key] for e in entries if e.garment == garment]
         padded = torch.nn.utils.rnn.pad_sequence(windows, padding_value=float("nan"))
         enough = padded.isfinite().sum(1) * 2 >= len(windows)
         lines[garment] = [round(float(value), 3) for value in padded.nanmean(1)[enough]]

@@ -16,37 +16,46 @@ ALONE = 50
 
 
 def stability_scores(method: Method, outfit: Outfit, simulated: Simulated, end: int) -> dict[str, Tensor]:
-    """Mean vertex distances, mm, of a method that remembers, over the frames settling .. end, (F,) each.
+    """Mean vertex distances, mm, of a method that heeds what it observes, over settling .. end, (F,) each.
 
     one_step_mm_raw, one_step_mm: before and after contact, the true garment having been observed after every
-    frame before. rollout_50_mm: after contact, in rollouts of ALONE frames one behind the other. Each starts
-    anew as the window does: it observes as many true garments as there are settling frames, then its own.
-    Empty if the method takes no notice of what it observes.
+    frame before. rollout_50_mm_raw, rollout_50_mm: without contact and after it, in rollouts of ALONE frames
+    one behind the other. Each starts anew as the window does: it observes as many true garments as there are
+    settling frames, then its own.
     """
-    if not _heeds(method, outfit, simulated):
-        return {}
     settling = simulated.settling
     stepped = _errors(method, outfit, simulated, 0, end, known=end)
-    rolled = [
-        _errors(method, outfit, simulated, first, min(first + settling + ALONE, end), known=settling)
-        for first in range(0, end - settling, ALONE)
-    ]
+
+    def rolled(contact: bool) -> Tensor:
+        spans = [(first, min(first + settling + ALONE, end)) for first in range(0, end - settling, ALONE)]
+        parts = [_errors(method, outfit, simulated, *span, known=settling, contact=contact) for span in spans]
+        return torch.cat(parts)[:, int(contact)]
+
     return {
         "one_step_mm_raw": stepped[:, 0],
         "one_step_mm": stepped[:, 1],
-        "rollout_50_mm": torch.cat(rolled)[:, 1],
+        "rollout_50_mm_raw": rolled(contact=False),
+        "rollout_50_mm": rolled(contact=True),
     }
 
 
-def _heeds(method: Method, outfit: Outfit, simulated: Simulated) -> bool:
+def heeds(method: Method, outfit: Outfit, simulated: Simulated) -> bool:
     """Whether an observed garment changes a method's state; one may remember its own predictions only."""
+    if not method.remembers:
+        return False
     frames = body_frames(outfit.body, with_lead(simulated.transforms[:1]), simulated.fps)
     state = method.start(outfit, frames)
     return method.observe(state, (simulated.vertices[0],)) is not state
 
 
 def _errors(
-    method: Method, outfit: Outfit, simulated: Simulated, first: int, last: int, known: int
+    method: Method,
+    outfit: Outfit,
+    simulated: Simulated,
+    first: int,
+    last: int,
+    known: int,
+    contact: bool = True,
 ) -> Tensor:
     """Errors (F, 2), mm, before and after contact, over frames first .. last without as many as settle.
 
@@ -58,7 +67,7 @@ def _errors(
     errors = [
         distance_scores(torch.stack([frame.raw[0], frame.vertices[0]]).cpu(), vertices)["vertex_mean_mm"]
         for frame, vertices in zip(
-            rollout(method, outfit, transforms, simulated.fps, truth=shown), truth, strict=True
+            rollout(method, outfit, transforms, simulated.fps, contact, truth=shown), truth, strict=True
         )
     ]
     return torch.stack(errors[simulated.settling :])
@@ -70,6 +79,7 @@ def copied_truth(garment: Garment, simulated: Simulated, end: int) -> dict[str, 
     "held": it stays where it was. "carried": it keeps its offsets from the smoothly skinned garment, in the
     axes that this carries along. Of either one_step_mm, rollout_50_mm and vertex_mean_mm; for the last, only
     the garment before the first frame that counts is ever seen (that frame itself where nothing settles).
+    There is no contact: each also counts as the error before it (..._raw).
     """
     settling = simulated.settling
     frames = torch.arange(settling, end)
@@ -78,7 +88,8 @@ def copied_truth(garment: Garment, simulated: Simulated, end: int) -> dict[str, 
         seen = (settling - 1 + (frames - settling) // span * span).clamp(min=0)
         chunks = zip(frames.split(ALONE), seen.split(ALONE), strict=True)
         errors = torch.cat([_copy_errors(garment, simulated, *chunk) for chunk in chunks])
-        found["held"][key], found["carried"][key] = errors.unbind(1)
+        for kind, values in zip(("held", "carried"), errors.unbind(1), strict=True):
+            found[kind] |= {key: values, f"{key}_raw": values}
     return found
 
 

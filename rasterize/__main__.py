@@ -42,14 +42,15 @@ def rasterize(
 
     from rasterize.exr import write_png
     from rasterize.layout import load_layout
+    from rasterize.moving import load_moving
     from rasterize.sheet import contact_sheet, frame_maps, see_garment, write_maps
     from rasterize.texels import rasterize_layout
 
-    motion = load_arrays(
+    motion = load_moving(
         sequence,
-        "uvcloth-sequence-1",
-        "a sequence made by `uvcloth simulate`",
-        ("vertices", "faces", "rest", "transforms", "fps"),
+        "uvcloth-sequence-2",
+        "a sequence that this version's `uvcloth simulate` made",
+        ("faces", "rest", "transforms", "fps"),
     )
     shape = load_arrays(
         body,
@@ -57,7 +58,6 @@ def rasterize(
         "a body made by `uvcloth body`",
         ("vertices", "faces", "weight_joints", "weights"),
     )
-    require_finite(sequence, motion)
     require_finite(body, shape)
     sheet = load_layout(layout)
     rest, faces = torch.from_numpy(shape["vertices"]), torch.from_numpy(shape["faces"].astype(np.int64))

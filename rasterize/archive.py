@@ -17,16 +17,18 @@ def save_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
         np.savez_compressed(stream, allow_pickle=False, **arrays)
 
 
-def load_arrays(path: Path, format: str, expected: str, names: Sequence[str] = ()) -> dict[str, np.ndarray]:
+def load_arrays(
+    path: Path, format: str, expected: str, names: Sequence[str] = (), only: bool = False
+) -> dict[str, np.ndarray]:
     """Read every array of an npz whose "format" entry equals `format`; never unpickles.
 
-    expected: says in words what the file should be. names: arrays that it must hold.
+    expected: says in words what the file should be. names: arrays that it must hold. only: read no others.
     Raises InputError with the path if it is missing, damaged, not an npz, another format, or lacks an array.
     """
     path = Path(path)
     try:
         with np.load(path, allow_pickle=False) as archive:
-            data = {name: archive[name] for name in archive.files}
+            data = {name: archive[name] for name in archive.files if not only or name in ("format", *names)}
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
     # Between them, numpy and zipfile raise all of these for damaged bytes, and TypeError for a renamed npy.

@@ -9,10 +9,12 @@ from rasterize.errors import InputError
 from uvcloth import animate as animation
 from uvcloth.export.animation import load_animation
 from uvcloth.export.writer import FORMATS
+from uvcloth.garments.templates import wear
 from uvcloth.mesh import Mesh
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.contact import Contacts
 from uvcloth.rollout import BrokenRolloutError
+from uvcloth.skinning import skin
 
 FRAMES = 4
 
@@ -34,8 +36,9 @@ def scene(monkeypatch, body):
                 raw=(raw,),
                 vertices=(resolved,),
                 transforms=joints,
+                body_vertices=body.mesh.vertices,
                 milliseconds={"network": 2.0},
-                contacts=(Contacts(1, 0, 0, 0.0),) if contact else (),
+                contacts=(Contacts(1, 0, 2, 0.0),) if contact else (),
             )
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
@@ -68,10 +71,40 @@ def test_the_summary_counts_what_is_inside_the_body(scene, tmp_path):
     summary = animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"])
     assert summary.inside_before == pytest.approx(100 / 3)
     assert summary.inside_after == 0
+    assert summary.squeezed == pytest.approx(200 / 3)
     assert summary.milliseconds["network"] == pytest.approx(2.0)
-    assert set(summary.milliseconds) == {"network", "writing"}
+    assert set(summary.milliseconds) == {"network", "measuring", "writing"}
     without = animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "raw.npz"], contact=False)
     assert without.inside_before is None
+    assert [line.partition(" ")[0] for line in without.lines()[-2:]] == ["ms", "skin"]
+
+
+def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
+    """A shirt that hangs two centimetres too far back lets the chest through, one in its place hardly any."""
+    clip = load_clip("walk", body).window(0, FRAMES)
+    shirt = wear("tops", body)
+
+    def rollout(method, outfit, transforms, fps, contact):
+        aside = torch.tensor([0.0, 0.0 if contact else 0.02, 0.0])
+        for joints in transforms:
+            worn = skin(shirt.mesh.vertices, shirt.carrier_weights, joints[None])[0] + aside
+            yield SimpleNamespace(
+                vertices=(worn,),
+                transforms=joints,
+                body_vertices=skin(body.mesh.vertices, body.weights, joints[None])[0],
+                milliseconds={},
+                contacts=(),
+            )
+
+    monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
+    monkeypatch.setattr(animation, "rollout", rollout)
+    shown = [
+        animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"], contact=contact)
+        for contact in (True, False)
+    ]
+    assert shown[0].skin < 1.0
+    assert shown[1].skin > 10.0
+    assert shown[1].lines()[-1] == f"skin shows through {shown[1].skin:.2f} % of the cloth that covers it"
 
 
 def test_a_file_that_cannot_be_written_keeps_the_others_away(scene, tmp_path, monkeypatch):

@@ -42,7 +42,7 @@ def test_help_imports_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "[]"
-    for subcommand in ("body", "simulate", "fit", "rollout", "poses", "export", "demo"):
+    for subcommand in ("body", "simulate", "data", "fit", "rollout", "poses", "export", "demo"):
         assert subcommand in done.stdout
 
 
@@ -59,10 +59,13 @@ def test_simulate_hands_everything_on(monkeypatch, stand_in):
             "out": Path("data"),
             "body": "body from b.npz",
             "windows": Path("index.csv"),
+            "clips_from": None,
+            "splits": None,
             "jobs": 2,
             "scheduler": None,
             "repeat": False,
             "layered": True,
+            "engine": "newton",
         }
     ]
 

@@ -278,10 +278,18 @@ def _validate(training: Training) -> str:
         training.fabric.logger.experiment.add_image("validation", picture, done.step, dataformats="HWC")
     if training.config.keep == "last" or _first(errors) < done.best:
         if training.fabric.is_global_zero:
-            notes = {**when, "validation": errors, "loop": asdict(training.config), "curve": done.errors}
+            learned = {**when, **_learned(training)}
+            notes = {**learned, "validation": errors, "loop": asdict(training.config), "curve": done.errors}
             training.objective.save(training.average, training.run, notes)
         done.best = min(done.best, _first(errors))
     return "validation: " + said(errors)
+
+
+def _learned(training: Training) -> dict[str, float]:
+    """How many samples there are, and how often each was seen so far."""
+    samples = len(training.objective.samples)
+    steps = samples // min(training.config.batch, samples)
+    return {"samples": samples, "epochs": round(training.done.step / steps, 2)}
 
 
 def _progress(shown: bool) -> Progress:

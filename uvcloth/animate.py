@@ -18,6 +18,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.wardrobe import take
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.library import load_clip
+from uvcloth.physics.exposure import Exposure
 from uvcloth.rollout import BrokenRolloutError, rollout
 
 
@@ -25,17 +26,20 @@ from uvcloth.rollout import BrokenRolloutError, rollout
 class Summary:
     """What a rollout did.
 
-    milliseconds: per frame, by stage. inside_before, inside_after: percent of the garment vertices inside the
+    milliseconds: per frame, by stage. skin: percent of the skin that the garments cover at rest that shows
+    through them in what was written. inside_before, inside_after: percent of the garment vertices inside the
     body before contact (and after what it carries over from frame to frame) and after it, but for those
-    squeezed between parts of the body; None without contact.
+    squeezed between parts of the body; squeezed: percent of those. None without contact.
     """
 
     written: tuple[Path, ...]
     frames: int
     seconds: float
     milliseconds: dict[str, float]
+    skin: float
     inside_before: float | None
     inside_after: float | None
+    squeezed: float | None
 
     def lines(self) -> list[str]:
         """The summary as text for a terminal."""
@@ -48,7 +52,9 @@ class Summary:
         ]
         if self.inside_before is not None:
             inside = f"{self.inside_before:.2f} %, after contact {self.inside_after:.2f} %"
-            lines.append(f"vertices inside the body: {inside}")
+            squeezed = f"squeezed between its parts {self.squeezed:.2f} %"
+            lines.append(f"vertices inside the body: {inside}; {squeezed}")
+        lines.append(f"skin shows through {self.skin:.2f} % of the cloth that covers it")
         return lines
 
 
@@ -79,7 +85,9 @@ def animate(
         several = len(models) == 1 < len(outfit.garments)
         hint = "; each garment may have a model of its own, as in --model A B" if several else ""
         raise InputError(objection + hint)
-    inside = {"before": 0, "after": 0}
+    exposure = Exposure(body, [garment.mesh for garment in outfit.garments])
+    counted = {"before": 0, "after": 0, "squeezed": 0}
+    shown = 0.0
     spent: dict[str, float] = defaultdict(float)
     start = perf_counter()
     meshes = [(garment.name, garment.mesh) for garment in outfit.garments]
@@ -95,8 +103,12 @@ def animate(
                 for stage, milliseconds in frame.milliseconds.items():
                     spent[stage] += milliseconds
                 for found in frame.contacts:
-                    inside["before"] += found.inside_before
-                    inside["after"] += found.inside_after
+                    counted["before"] += found.inside_before
+                    counted["after"] += found.inside_after
+                    counted["squeezed"] += found.squeezed
+                begun = perf_counter()
+                shown += exposure.percent(frame.vertices, frame.body_vertices)
+                spent["measuring"] += 1e3 * (perf_counter() - begun)
                 begun = perf_counter()
                 for writer in writers:
                     writer.add(frame.vertices, frame.transforms)
@@ -121,8 +133,10 @@ def animate(
         frames=len(clip),
         seconds=perf_counter() - start,
         milliseconds={stage: total / len(clip) for stage, total in spent.items()},
-        inside_before=100.0 * inside["before"] / vertices if contact else None,
-        inside_after=100.0 * inside["after"] / vertices if contact else None,
+        skin=shown / len(clip),
+        inside_before=100.0 * counted["before"] / vertices if contact else None,
+        inside_after=100.0 * counted["after"] / vertices if contact else None,
+        squeezed=100.0 * counted["squeezed"] / vertices if contact else None,
     )
 
 

@@ -1,4 +1,4 @@
-"""The `uvcloth` command: body, simulate, fit, rollout, poses, export, demo.
+"""The `uvcloth` command: body, simulate, data, fit, rollout, poses, export, demo.
 
 Heavy modules are imported by the subcommand that needs them, so that `uvcloth --help` answers at once.
 """
@@ -15,6 +15,7 @@ from rasterize.command import run_command
 from rasterize.errors import InputError
 
 TemplateName = Literal["tops", "bottoms", "dress", "shirt"]
+EngineName = Literal["newton", "blender"]
 Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ...")]
 BodyFile = Annotated[Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the one in the package)")]
 Share = Annotated[float | None, arg(metavar="0..1", help_behavior_hint="")]
@@ -59,7 +60,7 @@ class MakeBody:
 
 @dataclass(frozen=True)
 class Simulate:
-    """Simulate garments over clips with the cloth engine; a rerun continues with what is missing."""
+    """Simulate garments over clips with a cloth engine; a rerun continues with what is missing."""
 
     clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]]
     """Motion files (BVH) or names of built-in clips."""
@@ -72,9 +73,19 @@ class Simulate:
     layered: bool = False
     """The garments are worn over one another, the first innermost, and simulated together, so that they
     keep apart; otherwise each is simulated alone."""
+    engine: EngineName = "newton"
+    """What simulates: newton, or the cloth of the Blender that UVCLOTH_BLENDER_PYTHON names."""
     windows: Annotated[Path | None, arg(metavar="CSV", help_behavior_hint="(default: whole clips)")] = None
-    """Simulate a part of each clip: a table with the columns trial, split, action, window_start and
-    window_frames, which training and evaluation then go by."""
+    """Simulate a part of each clip: a table with the columns trial, subject, split, action, window_start and
+    window_frames, which training and evaluation then go by. Without clips, all that it names."""
+    clips_from: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="(default: the table's)")] = None
+    """Folder of the clips that the table names."""
+    split: Annotated[
+        tuple[Literal["train", "validation", "test"], ...] | None,
+        arg(metavar="train|validation|test ...", help_behavior_hint="(default: all three)"),
+    ] = None
+    """Which of the table's clips to simulate: validation comes first, then test, then a mixture of people and
+    actions."""
     jobs: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: one per core)")] = None
     """Sequences simulated at the same time on this machine."""
     scheduler: Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")] = None
@@ -84,8 +95,8 @@ class Simulate:
     the same motion differ, which evaluation prints as the repeatability floor."""
 
     def run(self) -> None:
-        if not self.clips or not self.garment:
-            raise InputError("simulate: name at least one clip and one garment")
+        if not (self.clips or self.windows) or not self.garment:
+            raise InputError("simulate: name at least one clip, or a table with --windows, and one garment")
         from uvcloth.bodies.body import load_body
         from uvcloth.simulate.farm import simulate_batch
 
@@ -95,11 +106,29 @@ class Simulate:
             out=self.out,
             body=load_body(self.body),
             windows=self.windows,
+            clips_from=self.clips_from,
+            splits=self.split,
             jobs=self.jobs,
             scheduler=self.scheduler,
             repeat=self.repeat,
             layered=self.layered,
+            engine=self.engine,
         )
+
+
+@dataclass(frozen=True)
+class Data:
+    """List what a folder of sequences holds, what was refused and why, and what of its index is missing."""
+
+    folder: Positional[Annotated[Path, arg(metavar="DIR")]]
+    """A folder made by `uvcloth simulate`."""
+
+    def run(self) -> None:
+        from rich.console import Console
+
+        from uvcloth.simulate.overview import overview
+
+        Console().print(overview(self.folder), soft_wrap=True)
 
 
 @dataclass(frozen=True)
@@ -258,6 +287,7 @@ class Demo:
 Command = (
     Annotated[MakeBody, subcommand("body")]
     | Annotated[Simulate, subcommand("simulate")]
+    | Annotated[Data, subcommand("data")]
     | Annotated[Fit, subcommand("fit")]
     | Annotated[Rollout, subcommand("rollout")]
     | Annotated[Poses, subcommand("poses")]
@@ -272,7 +302,7 @@ def main() -> int:
 
 
 def _run() -> None:
-    command: MakeBody | Simulate | Fit | Rollout | Poses | Export | Demo = tyro.cli(
+    command: MakeBody | Simulate | Data | Fit | Rollout | Poses | Export | Demo = tyro.cli(
         Command,
         prog="uvcloth",
         description="Motion capture in, moving clothes out.",

@@ -28,14 +28,16 @@ BATCH = 8
 class RolloutFrame:
     """One frame.
 
-    raw, vertices: per garment (N, 3) m, world, as predicted and after contact. transforms: (J, 3, 4) of the
-    body. milliseconds: "body", "network" and "contact". contacts: what contact did to each garment.
+    raw, vertices: per garment (N, 3) m, world, as predicted and after contact. transforms: (J, 3, 4) and
+    body_vertices: (V, 3) of the body. milliseconds: "body", "network" and "contact". contacts: what contact
+    did to each garment.
     """
 
     index: int
     raw: tuple[Tensor, ...]
     vertices: tuple[Tensor, ...]
     transforms: Tensor
+    body_vertices: Tensor
     milliseconds: Mapping[str, float]
     contacts: tuple[Contacts, ...] = ()
 
@@ -80,10 +82,11 @@ def rollout(
                     raw=raw,
                     vertices=raw,
                     transforms=part.transforms[offset, -1],
+                    body_vertices=part.vertices[offset, -1],
                     milliseconds={"body": body_ms, "network": network_ms, "contact": 0.0},
                 )
                 if resolver:
-                    frame = resolver.resolve(frame, part.vertices[offset, -1])
+                    frame = resolver.resolve(frame)
                 if method.remembers and frame.index < len(truth):
                     state = method.observe(state, truth[frame.index])
                 elif method.remembers and resolver:
@@ -178,10 +181,10 @@ class _Contact:
         ]
         self.moves: list[Tensor | None] = [None] * len(meshes)
 
-    def resolve(self, frame: RolloutFrame, body_vertices: Tensor) -> RolloutFrame:
-        """The frame with its garments resolved against the posed body (V, 3)."""
+    def resolve(self, frame: RolloutFrame) -> RolloutFrame:
+        """The frame with its garments resolved against its body."""
         begun = time.perf_counter()
-        self.obstacle.update(body_vertices)
+        self.obstacle.update(frame.body_vertices)
         finished, contacts = [], []
         for index, (raw, garment) in enumerate(zip(frame.raw, self.garments, strict=True)):
             vertices, found = self.obstacle.resolve(raw, garment, self.moves[index])

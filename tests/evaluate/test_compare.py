@@ -36,6 +36,8 @@ from uvcloth.skeleton import Skeleton
 from uvcloth.skinning import skin
 
 SETTLING = 8
+FILE_MM = 0.05
+"""How far a vertex read from a file may be from what was simulated."""
 COUNTED = 12
 FPS = 30.0
 
@@ -152,19 +154,21 @@ def test_known_errors_come_out(world: Path, tmp_path: Path) -> None:
     assert list(results["methods"]) == ["lbs", "lbs_smooth"]
     cell = results["methods"]["lbs"]["actions"]["jump"]["tops"]
     assert cell["frames"] == COUNTED
-    assert cell["vertex_mean_mm"] == pytest.approx(5.0, abs=1e-3)
-    assert cell["vertex_mse_mm2"] == pytest.approx(25.0, abs=1e-2)
-    assert cell["map_mse_mm2"] == pytest.approx(25.0, abs=1e-2)
+    assert cell["vertex_mean_mm"] == pytest.approx(5.0, abs=FILE_MM)
+    assert cell["vertex_mse_mm2"] == pytest.approx(25.0, abs=10 * FILE_MM)
+    assert cell["map_mse_mm2"] == pytest.approx(25.0, abs=10 * FILE_MM)
     assert cell["inside_percent"] == 0.0
     assert cell["jitter_ratio"] == pytest.approx(1.0, rel=0.05)
     assert cell["ms_per_frame"] > 0
     walking = results["methods"]["lbs"]["actions"]["walking"]["dress"]
-    assert walking["vertex_mean_mm"] == pytest.approx(10.0, abs=1e-3)
-    assert results["methods"]["lbs"]["over_time_mm"]["tops"] == pytest.approx([7.5] * COUNTED, abs=1e-2)
+    assert walking["vertex_mean_mm"] == pytest.approx(10.0, abs=FILE_MM)
+    assert results["methods"]["lbs"]["over_time_mm"]["tops"] == pytest.approx([7.5] * COUNTED, abs=FILE_MM)
     assert results["simulation"]["actions"]["jump"]["tops"]["vertex_mean_mm"] == 0.0
     steps = results["methods"]["lbs"]["stability"]["tops"]
-    assert steps["one_step_mm"] == steps["rollout_50_mm"] == steps["whole_mm"] == pytest.approx(7.5, abs=1e-2)
-    assert results["previous_frame"]["carried"]["tops"]["one_step_mm"] < 0.01
+    assert (
+        steps["one_step_mm"] == steps["rollout_50_mm"] == steps["whole_mm"] == pytest.approx(7.5, abs=FILE_MM)
+    )
+    assert results["previous_frame"]["carried"]["tops"]["one_step_mm"] < 2 * FILE_MM
     assert results["previous_frame"]["held"]["tops"]["one_step_mm"] > 30.0
     json.dumps(results, allow_nan=False)
 
@@ -303,6 +307,50 @@ def judged(method: Method, data: Path, out: Path) -> tuple[dict, list[Shown]]:
     )
 
 
+@dataclass(frozen=True)
+class Sinking:
+    """Brings the garment a millimetre nearer to the body's axis in every frame, from wherever it was left."""
+
+    name: str = "sinking"
+    remembers: bool = True
+    static: bool = False
+
+    def objection(self, outfit: Outfit) -> str:
+        return ""
+
+    def start(self, outfit: Outfit, frames: BodyFrames) -> Any:
+        return outfit.garments[0].mesh.vertices
+
+    def step(self, state: Any, frames: BodyFrames) -> Any:
+        radius = state[:, :2].norm(dim=1, keepdim=True)
+        nearer = torch.cat([state[:, :2] * (1 - 0.001 / radius), state[:, 2:]], dim=1)
+        return nearer, (nearer[None] + frames.transforms[:, -1, 0, :, 3],)
+
+    def observe(self, state: Any, garments: tuple[Tensor, ...]) -> Any:
+        radius = garments[0].sub(garments[0].mean(0))[:, :2].norm(dim=1, keepdim=True)
+        return torch.cat(
+            [state[:, :2] * radius / state[:, :2].norm(dim=1, keepdim=True), state[:, 2:]], dim=1
+        )
+
+
+def test_before_contact_a_method_never_sees_contact(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Alone it sinks by a millimetre a frame; what contact leaves is wider, its edges having their length."""
+    monkeypatch.setattr(comparison, "wear", lambda name, body: tube_garment(name))
+    monkeypatch.setattr(comparison, "garment_map", lambda *_: None)
+    garment = tube_garment("tops")
+    save_sequence(simulated(garment, "02_04", torch.zeros(3)), tmp_path / "data" / "02_04_tops.npz")
+    results, _ = judged(Sinking(), tmp_path / "data", tmp_path / "out")
+    own = results["methods"]["sinking"]
+    alone = [SETTLING + 1.0 + frame for frame in range(COUNTED)]
+    assert own["over_time_mm_raw"]["tops"] == pytest.approx(alone, abs=0.05)
+    cell = own["actions"]["02_04"]["tops"]
+    assert cell["vertex_mse_mm2_raw"] == pytest.approx(sum(a * a for a in alone) / COUNTED, rel=0.01)
+    assert cell["vertex_rmse_mm_raw"] == pytest.approx(cell["vertex_mse_mm2_raw"] ** 0.5)
+    assert cell["vertex_mean_mm"] < 0.8 * cell["vertex_mean_mm_raw"]
+    assert own["stability"]["tops"]["whole_mm_raw"] == pytest.approx(cell["vertex_mean_mm_raw"])
+    assert own["stability"]["tops"]["one_step_mm_raw"] < 2.5
+
+
 def test_a_method_is_judged_on_what_it_dresses(world: Path, tmp_path: Path) -> None:
     results, shown = judged(ForOne("dress"), world, tmp_path / "out")
     own = results["methods"]["for_one"]
@@ -378,8 +426,8 @@ def test_a_garment_from_a_file_is_judged_where_it_is_named(world: Path, skirt: s
     results = run(world, tmp_path / "out", files=(skirt, "tops"))
     assert results["garments"].keys() == {"tops", "dress", "long_skirt"}
     cell = results["methods"]["lbs"]["actions"]["walking"]["long_skirt"]
-    assert cell["vertex_mean_mm"] == pytest.approx(20.0, abs=1e-3)
-    assert cell["map_mse_mm2"] == pytest.approx(400.0, rel=1e-3)
+    assert cell["vertex_mean_mm"] == pytest.approx(20.0, abs=FILE_MM)
+    assert cell["map_mse_mm2"] == pytest.approx(400.0, abs=40 * FILE_MM)
     assert results["missing"] == {"jump": {"long_skirt": "not simulated"}}
     with pytest.raises(InputError, match=r"no test sequence of the garment cape \(CLIP_cape.npz\)"):
         run(world, tmp_path / "out", files=(skirt, "cape.obj"))

@@ -5,6 +5,7 @@ import torch
 import trimesh
 
 from evaluate.actions import Window
+from evaluate.body_scores import body_scores, put_on
 from evaluate.judge import Case, score
 from evaluate.metrics import Reference
 from uvcloth.bodies.body import Body
@@ -46,3 +47,26 @@ def test_inside_counts_what_lies_within_the_body() -> None:
         expected = 100.0 * float((points[frame].norm(dim=1) < 0.199).float().mean())
         assert float(scores["inside_percent_raw"][frame]) == pytest.approx(expected, abs=1.0)
     assert scores["inside_percent"].max() == 0.0
+    assert (scores["squeezed_percent"] + scores["crossing_edges_percent"]).isfinite().all()
+
+
+def test_a_coarse_garment_is_inside_by_its_faces_while_no_vertex_is(body: Body) -> None:
+    """Four flat sides around a torso: corners out of the body, sides through it."""
+    shape = trimesh.creation.cylinder(radius=0.3, height=0.2, sections=4)
+    shape.update_faces(abs(shape.face_normals[:, 2]) < 0.5)
+    shape.remove_unreferenced_vertices()
+    shape.apply_transform(trimesh.transformations.rotation_matrix(0.25 * torch.pi, [0, 0, 1]))
+    shape.apply_translation([0.0, -0.05, 0.3])
+    corners, faces = torch.tensor(shape.vertices).float(), torch.tensor(shape.faces).long()
+    mesh = Mesh(corners, faces, corners[:, :2], faces)
+    weights = torch.nn.functional.one_hot(
+        torch.zeros(len(corners), dtype=torch.long), len(body.skeleton.names)
+    )
+    worn = put_on(Outfit(body, (Garment("box", "tops", mesh, weights.float(), weights.float()),)))
+    tight = corners.clone()
+    tight[:, :2] = corners.mean(0)[:2] + 0.55 * (corners - corners.mean(0))[:, :2]
+    found = body_scores(worn, torch.stack([corners, tight]), body.mesh.vertices.expand(2, -1, -1))
+    assert found["inside_percent"].tolist() == [0.0, 0.0]
+    assert found["inside_faces_percent"][0] == found["skin_percent"][0] == 0.0
+    assert found["inside_faces_percent"][1] > 10.0
+    assert found["skin_percent"][1] > 10.0

@@ -13,6 +13,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from evaluate.__main__ import summary
 from evaluate.charts import DASH, number, scatter, ticks
 from evaluate.report import MotionMap, Picture, standings, write_metrics, write_report
 from evaluate.viewer import QUANTUM, ViewerClip
@@ -29,34 +30,42 @@ PIXEL = bytes.fromhex(
 )
 
 
+CONTACT = 0.8
+"""What contact leaves of an error."""
+
+
 def cell(mean: float) -> dict[str, float]:
-    return {
-        "frames": 100,
-        "map_mse_mm2": 1.1 * mean**2,
-        "vertex_mse_mm2": 1.3 * mean**2,
-        "vertex_rmse_mm": 1.14 * mean,
-        "vertex_mean_mm": mean,
-        "edge_mm": 0.4,
-        "bend_rad": 0.12,
-        "inside_percent_raw": 1.5,
-        "inside_percent": 0.0,
-        "jitter_ratio": 1.1,
-        "network_ms": 20.0,
-        "contact_ms": 5.0,
-        "ms_per_frame": 25.0,
-    }
+    """Of a method whose mean distance is that before contact."""
+    both: dict[str, float] = {}
+    for stage, error in (("_raw", mean), ("", CONTACT * mean)):
+        both |= {
+            f"vertex_mse_mm2{stage}": 1.3 * error**2,
+            f"vertex_rmse_mm{stage}": 1.14 * error,
+            f"vertex_mean_mm{stage}": error,
+            f"edge_mm{stage}": 0.4,
+            f"bend_cos{stage}": 0.03,
+            f"bend_rad{stage}": 0.12,
+            f"inside_percent{stage}": 1.5 if stage else 0.0,
+            f"squeezed_percent{stage}": 0.25,
+            f"inside_faces_percent{stage}": 1.75 if stage else 0.125,
+            f"skin_percent{stage}": 2.5 if stage else 0.5,
+            f"crossing_edges_percent{stage}": 0.75,
+            f"jitter_ratio{stage}": 1.1,
+        }
+    times = {"network_ms": 20.0, "contact_ms": 5.0, "ms_per_frame": 25.0}
+    return {"frames": 100, "map_mse_mm2": 1.1 * mean**2, **both, **times}
 
 
 def steps(mean: float) -> dict[str, float | None]:
     """One of the fields called stability."""
-    return {
-        "frames": 300,
-        "one_step_mm_raw": 0.2 * mean,
-        "one_step_mm": 0.1 * mean,
-        "rollout_50_mm": 0.5 * mean,
-        "whole_mm": mean,
-        "late_over_early": 1.25 if mean == MEANS["net"] else None,
-    }
+    both: dict[str, float | None] = {}
+    for stage, error in (("_raw", mean), ("", CONTACT * mean)):
+        both |= {
+            f"one_step_mm{stage}": 0.1 * error,
+            f"rollout_50_mm{stage}": 0.5 * error,
+            f"whole_mm{stage}": error,
+        }
+    return {"frames": 300, **both, "late_over_early": 1.25 if mean == MEANS["net"] else None}
 
 
 def fake_results() -> dict[str, Any]:
@@ -74,6 +83,8 @@ def fake_results() -> dict[str, Any]:
             "familiar": {},
             "static": mean != MEANS["net"],
             "training_frames": 1434 if mean == MEANS["net"] else None,
+            "training": {"step": 300, "epochs": 1.67, "minutes": 6.5} if mean == MEANS["net"] else {},
+            "over_time_mm_raw": dict(over_time),
             "over_time_mm": over_time,
             "stability": {t: steps(mean) for t in ("tops", "dress")},
         }
@@ -91,7 +102,7 @@ def fake_results() -> dict[str, Any]:
             "repeatability_mse_mm2": {t: 2.0 * v * v for t, v in floor.items()},
         },
         "previous_frame": {
-            kind: {t: {**steps(mean), "one_step_mm_raw": None} for t in ("tops", "dress")}
+            kind: {t: steps(mean) for t in ("tops", "dress")}
             for kind, mean in (("held", 400.0), ("carried", 80.0))
         },
         "garments": {t: {"vertices": 3100, "model_mb": 0.2} for t in ("tops", "dress")},
@@ -153,17 +164,31 @@ def write_fake(out: Path) -> Path:
 
 def test_standings_compare_with_the_better_lbs() -> None:
     rows = {(row.method, row.garment): row for row in standings(fake_results())}
-    assert rows["net", "tops"].vertex_mean_mm == pytest.approx(27.0)
-    assert rows["net", "tops"].against == pytest.approx(27.0 / 33.0)
-    assert (rows["net", "tops"].won, rows["net", "tops"].of) == (3, 3)
-    assert rows["lbs", "tops"].against is None
+    before, after = rows["net", "tops"].before, rows["net", "tops"].after
+    assert (before.mean_mm, after.mean_mm) == pytest.approx((27.0, CONTACT * 27.0))
+    assert before.rmse_mm == pytest.approx(1.14 * (24**2 / 3 + 27**2 / 3 + 30**2 / 3) ** 0.5)
+    assert before.against == pytest.approx(27.0 / 33.0)
+    assert (before.won, before.of) == (3, 3)
+    assert rows["lbs", "tops"].before.against is None
+
+
+def test_contact_may_turn_a_standing_around() -> None:
+    results = fake_results()
+    for by_garment in results["methods"]["lbs_smooth"]["actions"].values():
+        by_garment["tops"]["vertex_mean_mm"] = 10.0
+    net = {(row.method, row.garment): row for row in standings(results)}["net", "tops"]
+    assert (net.before.won, net.after.won) == (3, 0)
+    assert net.after.against == pytest.approx(CONTACT * 27.0 / 10.0)
+    said = summary(results).splitlines()
+    assert "  -18 %, 3 of 3" in said[4]
+    assert "+116 %, 0 of 3" in said[4]
 
 
 def only_the_dress() -> dict[str, Any]:
     """Results in which net dresses nothing but the dress."""
     results = fake_results()
     net = results["methods"]["net"]
-    del net["over_time_mm"]["tops"], net["stability"]["tops"]
+    del net["over_time_mm"]["tops"], net["over_time_mm_raw"]["tops"], net["stability"]["tops"]
     for by_garment in net["actions"].values():
         del by_garment["tops"]
     del results["methods"]["lbs"]["actions"]["jump"]["dress"]
@@ -174,8 +199,8 @@ def test_a_method_counts_only_on_what_it_dresses() -> None:
     found = {(row.method, row.garment): row for row in standings(only_the_dress())}
     assert ("net", "tops") not in found
     dress = found["net", "dress"]
-    assert (dress.frames, dress.won, dress.of) == (300, 3, 3)
-    assert dress.vertex_mean_mm == pytest.approx(36.0)
+    assert (dress.frames, dress.after.won, dress.after.of) == (300, 3, 3)
+    assert dress.before.mean_mm == pytest.approx(36.0)
     assert found["lbs_smooth", "tops"].frames == 300
 
 
@@ -203,11 +228,11 @@ def test_page_leaves_out_what_a_method_does_not_dress(tmp_path: Path) -> None:
     assert "net" not in rows(page, "tops: vertices inside the body")[0]
     assert "net" in rows(page, "dress: vertices inside the body")[0]
     assert "net" not in rows(page, "tops: map MSE")[0]
-    assert [row[1] for row in rows(page, 'id="physics"')] == [
+    assert [row[1] for row in rows(page, 'id="physics-before"')] == [
         "Method", "simulation", "lbs", "lbs_smooth", "simulation", "lbs", "lbs_smooth", "net"
     ]  # fmt: skip
     assert [row[:2] for row in rows(page, 'id="cost"')][-1] == ["net", "dress"]
-    charts = re.findall(r'aria-label="tops: mean vertex distance">.*?</svg>', page)
+    charts = re.findall(r'aria-label="tops: mean vertex distance before contact">.*?</svg>', page)
     assert 'class="m1"' in charts[0]
     assert 'class="m2"' not in charts[0]
     headers = re.search(r'id="viewer-clips">(.*?)</script>', page)
@@ -265,17 +290,47 @@ def rows(page: str, table: str) -> list[list[str]]:
 
 def test_page_says_how_stable_a_method_is(tmp_path: Path) -> None:
     found = rows(write_report(tmp_path, fake_results(), [], []).read_text(), 'id="stability"')
-    assert ["", "net", "1434", "4.80", "2.40", "12.0", "24.0", "1.25"] in found
-    assert ["tops", "lbs", DASH, "8.00", "4.00", "20.0", "40.0", DASH] in found
-    assert ["", "frame before, carried along", "", DASH, "8.00", "40.0", "80.0", DASH] in found
+    assert ["", "net", "1434", "2.40", "12.0", "24.0", "1.92", "9.60", "19.2", "1.25"] in found
+    assert ["tops", "lbs", DASH, "4.00", "20.0", "40.0", "3.20", "16.0", "32.0", DASH] in found
 
 
 def test_page_says_what_is_inside_the_body_in_each_action(tmp_path: Path) -> None:
     results = fake_results()
     results["methods"]["net"]["actions"]["walking"]["dress"]["inside_percent_raw"] = 4.5
     found = rows(write_report(tmp_path, results, [], []).read_text(), "dress: vertices inside the body")
-    assert ["walking", "0", "1.50", "0", "1.50", "0", "4.50", "0"] in found
-    assert ["all frames", "0", "1.50", "0", "1.50", "0", "2.50", "0"] in found
+    plain = ["1.50", "0", "0.25"]
+    assert ["walking", "0", "0.25", *plain, *plain, "4.50", "0", "0.25"] in found
+    assert ["all frames", "0", "0.25", *plain, *plain, "2.50", "0", "0.25"] in found
+
+
+def test_page_has_figures_before_contact_first(tmp_path: Path) -> None:
+    page = write_report(tmp_path, fake_results(), [], []).read_text()
+    standing = rows(page, 'id="standings"')
+    assert [text for text in standing[0] if "contact" in text] == ["Before contact", "After contact"]
+    assert standing[2][2:4] == ["43.0", "49.1"]
+    assert standing[2][6:8] == ["34.4", "39.3"]
+    keys = re.findall(r'name="measure" value="(\w+)"', page)
+    assert keys[:4] == ["vertex_mean_mm_raw", "vertex_rmse_mm_raw", "vertex_mse_mm2_raw", "map_mse_mm2"]
+    assert page.index('id="physics-before"') < page.index('id="physics-after"')
+    titles = re.findall(r'aria-label="(tops, \w+ contact)"', page)
+    assert titles == ["tops, before contact", "tops, after contact"]
+
+
+def test_page_says_what_shows_and_what_runs_through_what(tmp_path: Path) -> None:
+    page = write_report(tmp_path, fake_results(), [], []).read_text()
+    for when, inside, faces, skin in (("before", "1.50", "1.75", "2.50"), ("after", "0", "0.12", "0.50")):
+        figures = ["0.40", "0.030", "0.12", "1.10", inside, "0.25", faces, skin, "0.75"]
+        assert ["", "net", *figures] in rows(page, f'id="physics-{when}"')
+    shown = rows(page, "dress: skin that shows")
+    assert ["walking", "0.50", "2.50", "0.50", "2.50", "0.50", "2.50", "0.50"] in shown
+
+
+def test_page_says_how_long_networks_learned(tmp_path: Path) -> None:
+    page = write_report(tmp_path, fake_results(), [], []).read_text()
+    assert ["net", "0", DASH, "300", "1.67", "6.50"] in rows(page, 'id="training"')
+    untaught = fake_results()
+    untaught["methods"]["net"]["training"] = {}
+    assert 'id="training"' not in write_report(tmp_path, untaught, [], []).read_text()
 
 
 def test_page_shows_motion_and_the_space_of_garments(tmp_path: Path) -> None:

@@ -57,6 +57,7 @@ def test_errors_grow_with_the_frames_since_the_truth(
     assert scores["one_step_mm"].tolist() == pytest.approx([1.0] * COUNTED, abs=0.05)
     assert scores["one_step_mm_raw"].tolist() == pytest.approx([1.0] * COUNTED, abs=1e-3)
     assert scores["rollout_50_mm"].tolist() == pytest.approx([1, 2, 3, 4, 5] * 2 + [1, 2], abs=0.1)
+    assert scores["rollout_50_mm_raw"].tolist() == pytest.approx([1, 2, 3, 4, 5] * 2 + [1, 2], abs=1e-3)
 
 
 def test_copies_of_the_truth_miss_what_has_moved_since(

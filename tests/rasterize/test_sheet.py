@@ -66,7 +66,7 @@ def test_maps_hold_the_motion_and_the_offset(sequence: Path, tmp_path: Path) -> 
         (["{folder}/none.npz", "--out", "{out}"], "none.npz: no such file"),
         (
             ["{file}", "--out", "{out}", "--body", "{file}"],
-            "(format uvcloth-body-1), found format uvcloth-sequence-1",
+            "(format uvcloth-body-1), found format uvcloth-sequence-2",
         ),
     ],
 )

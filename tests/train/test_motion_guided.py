@@ -96,9 +96,13 @@ def test_the_network_that_is_kept(
 ) -> None:
     objective = Worsening(material(data), LOSSES["tiny"])
     errors = fit(objective, tmp_path, replace(LOOP, keep=keep), resume=False)
-    assert errors["step"] == load_checkpoint(tmp_path).notes["step"] == step
-    clips = load_checkpoint(tmp_path).data.clips
-    assert clips == {"train": {"clip0": ""}, "validation": {"clip1": ""}}
+    checkpoint = load_checkpoint(tmp_path)
+    notes = checkpoint.notes
+    assert errors["step"] == notes["step"] == step
+    assert checkpoint.data.clips == {"train": {"clip0": ""}, "validation": {"clip1": ""}}
+    assert notes["samples"] == len(objective.samples)
+    assert notes["epochs"] == pytest.approx(step / (notes["samples"] // LOOP.batch), abs=0.01)
+    assert notes["minutes"] > 0
 
 
 def test_a_linear_space_holds_the_garments_it_was_fitted_to(data: Path) -> None:

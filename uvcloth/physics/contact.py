@@ -10,7 +10,7 @@ What is worn over other garments stays on their outer side wherever they cover i
 side at rest, as a shirt that is tucked in, stays as free of them as they are of it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -187,12 +187,15 @@ class Obstacle:
             inside_before, int(skin.inside.sum()), int(skin.squeezed.sum()), float(depth.max())
         )
 
-    def inside_percent(self, frames: Tensor, garment: Dressed, body_frames: Tensor) -> Tensor:
-        """Percent of a garment's vertices (F, N, 3) that are inside the body (F, V, 3): (F,)."""
-        shares = []
+    def skins(self, frames: Tensor, garment: Dressed, body_frames: Tensor) -> Iterator[Skin]:
+        """The nearest skin of a garment's vertices (F, N, 3), frame after frame, on the body (F, V, 3)."""
         for vertices, body_vertices in zip(frames, body_frames, strict=True):
             self.update(body_vertices)
-            shares.append(100.0 * self.skin(vertices, garment, surface.REACH).inside.float().mean())
+            yield self.skin(vertices, garment, surface.REACH)
+
+    def inside_percent(self, frames: Tensor, garment: Dressed, body_frames: Tensor) -> Tensor:
+        """Percent of a garment's vertices (F, N, 3) that are inside the body (F, V, 3): (F,)."""
+        shares = [100.0 * skin.inside.float().mean() for skin in self.skins(frames, garment, body_frames)]
         return torch.stack(shares) if shares else frames.new_zeros(0)
 
     def _touches(self, vertices: Tensor) -> Tensor:

@@ -1,5 +1,5 @@
 # mypy: ignore-errors
-"""Warp kernels, CPU and CUDA alike: closest points on triangle meshes, and edge lengths."""
+"""Warp kernels, CPU and CUDA alike: closest points and rays on triangle meshes, and edge lengths."""
 
 import warp as wp
 
@@ -173,6 +173,29 @@ def beside_sheet(
 
 
 @wp.kernel
+def first_hit(
+    share: int,
+    mesh: wp.uint64,
+    points: wp.array(dtype=wp.vec3),
+    directions: wp.array(dtype=wp.vec3),
+    reach: float,
+    distance: wp.array(dtype=float),
+    facing: wp.array(dtype=float),
+):
+    """Where a ray from each point first meets a mesh: how far away, FAR if not within reach.
+
+    facing: cosine between the unit direction and the normal of the face that is met, negative from outside.
+    """
+    i = share + wp.tid()
+    distance[i] = FAR
+    facing[i] = 0.0
+    hit = wp.mesh_query_ray(mesh, points[i], directions[i], reach)
+    if hit.result:
+        distance[i] = hit.t
+        facing[i] = wp.dot(hit.normal, directions[i])
+
+
+@wp.kernel
 def even_edges(
     share: int,
     now: wp.array(dtype=wp.vec3),
@@ -258,3 +281,41 @@ def closest_in_crowd(
                     direction = corners[start + wp.mesh_get_index(mesh, 3 * face + k)]
         normal[i] = direction
         bound[i] = wp.dot(direction, place)
+
+
+@wp.func
+def apart(corner: wp.vec3, along: wp.vec3):
+    """Whether a corner lies at neither end of the edge from the origin along a vector."""
+    return wp.length_sq(corner) > 0.0 and wp.length_sq(corner - along) > 0.0
+
+
+@wp.kernel
+def crossing_edges(
+    share: int,
+    meshes: wp.array(dtype=wp.uint64),
+    points: wp.array(dtype=wp.vec3),
+    edges: wp.array(dtype=int),
+    crosses: wp.array(dtype=int),
+):
+    """Whether each edge (two points) runs through a face of the only mesh that has no corner at its ends."""
+    i = share + wp.tid()
+    start = points[edges[2 * i]]
+    along = points[edges[2 * i + 1]] - start
+    crosses[i] = 0
+    lower = start + wp.min(along, wp.vec3(0.0))
+    upper = start + wp.max(along, wp.vec3(0.0))
+    query = wp.mesh_query_aabb(meshes[0], lower, upper)
+    face = int(0)  # noqa: UP018, RUF046
+    while wp.mesh_query_next(query, face):
+        a = wp.mesh_get_point(meshes[0], 3 * face) - start
+        b = wp.mesh_get_point(meshes[0], 3 * face + 1) - start
+        c = wp.mesh_get_point(meshes[0], 3 * face + 2) - start
+        if apart(a, along) and apart(b, along) and apart(c, along):
+            normal = wp.cross(b - a, c - a)
+            # The ends are on either side of the face's plane, and the corners turn one way around the edge.
+            ends = wp.dot(a, normal) * wp.dot(a - along, normal)
+            u = wp.dot(along, wp.cross(a, b))
+            v = wp.dot(along, wp.cross(b, c))
+            w = wp.dot(along, wp.cross(c, a))
+            if ends < 0.0 and wp.min(wp.min(u, v), w) * wp.max(wp.max(u, v), w) > 0.0:
+                crosses[i] = 1

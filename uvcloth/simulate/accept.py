@@ -7,8 +7,11 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import ARMS, FOREARMS, LEGS, make_collider
-from uvcloth.mesh import unique_edges
+from uvcloth.garments.garment import Garment
+from uvcloth.mesh import unique_edges, weld
 from uvcloth.physics.contact import Obstacle
+from uvcloth.physics.self_intersection import crossing_edges_percent
+from uvcloth.simulate.hems import hanging_in_the_air
 from uvcloth.simulate.sequence import Sequence
 from uvcloth.skeleton import Skeleton
 from uvcloth.skinning import skin
@@ -19,9 +22,11 @@ MOST_INSIDE = 0.5
 MOST_STRETCH = 20.0
 """Times its rest length that no edge may reach."""
 
-
 MOST_PIERCED = 5.0
 """Percent of the frames in which a bone may stick through the cloth that it belongs in."""
+
+MOST_CROSSING = 5.0
+"""Percent of the edges that may run through the garment itself, averaged over the frames that count."""
 
 BONES = (
     ("LeftArm", "LeftForeArm"),
@@ -36,13 +41,16 @@ BONES = (
 """The joints at which the bones of the collider's arms and legs start and end."""
 
 
-def examine(sequence: Sequence, body: Body) -> tuple[Sequence, str | None]:
-    """The sequence with what was measured in its metadata, and why it is refused, if so.
+def examine(sequence: Sequence, garment: Garment, body: Body) -> tuple[Sequence, str | None]:
+    """The sequence of a garment with what was measured in its metadata, and why it is refused, if so.
 
     inside_percent: of the vertices inside a part of the collider that they may touch, but for those squeezed
     between two such parts.
     pierced_percent: of the frames in which a bone sticks through the cloth around it. Cloth that has come off
     its limb lies outside of everything: nothing else notices.
+    crossing_percent: of the edges that run through a face of the garment.
+
+    A hem that hangs in the air is refused too (`hanging_in_the_air`).
     """
     frames, vertices = len(sequence.vertices), sequence.vertices
     if not torch.isfinite(vertices).all():
@@ -53,23 +61,41 @@ def examine(sequence: Sequence, body: Body) -> tuple[Sequence, str | None]:
     if float(ratio.max()) > MOST_STRETCH:
         return sequence, f"frame {int(ratio.argmax())}: an edge is {float(ratio.max()):.1f} times its length"
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
-    garment = obstacle.dress(sequence.rest, sequence.faces)
-    pierced = _pierced_percent(sequence, body.skeleton, garment.touches)
+    worn = obstacle.dress(sequence.rest, sequence.faces)
+    pierced = _pierced_percent(sequence, body.skeleton, worn.touches)
     counting = slice(sequence.settling, None)
-    posed = skin(body.mesh.vertices, body.weights, sequence.transforms[counting])
-    inside = obstacle.inside_percent(vertices[counting], garment, posed)
-    share = float(inside.mean()) if len(inside) else 0.0
+    vertices, transforms = vertices[counting], sequence.transforms[counting]
+    posed = skin(body.mesh.vertices, body.weights, transforms)
+    inside = _mean(obstacle.inside_percent(vertices, worn, posed))
+    crossing = _mean(crossing_edges_percent(vertices, weld(sequence.rest)[sequence.faces]))
+    carrier = skin(sequence.rest, garment.carrier_weights, transforms)
+    hanging = hanging_in_the_air(
+        vertices, carrier, sequence.rest, sequence.faces, sequence.fps, obstacle, worn, posed
+    )
     metadata = {
         **sequence.metadata,
-        "inside_percent": round(share, 4),
+        "inside_percent": round(inside, 4),
         "pierced_percent": round(pierced, 4),
+        "crossing_percent": round(crossing, 4),
     }
     reason = None
     if pierced > MOST_PIERCED:
         reason = f"a limb has left its cloth in {pierced:.0f} % of the frames"
-    elif share > MOST_INSIDE:
-        reason = f"{share:.2f} % of the vertices are inside the body"
+    elif inside > MOST_INSIDE:
+        reason = f"{inside:.2f} % of the vertices are inside the body"
+    elif crossing > MOST_CROSSING:
+        reason = f"{crossing:.1f} % of the edges run through the garment itself"
+    elif hanging is not None:
+        frame, rise = hanging
+        reason = (
+            f"frame {sequence.settling + frame}: a hem stays up, for a second {100 * rise:.0f} cm above the "
+            "skinned one while nothing supports it"
+        )
     return replace(sequence, metadata=metadata), reason
+
+
+def _mean(percent: Tensor) -> float:
+    return float(percent.mean()) if len(percent) else 0.0
 
 
 def _pierced_percent(sequence: Sequence, skeleton: Skeleton, touches: Tensor) -> float:

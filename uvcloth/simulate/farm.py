@@ -1,56 +1,48 @@
 """Simulate many sequences in parallel processes, on this machine or on a dask cluster."""
 
 import os
-import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+from rich.text import Text
 
-from rasterize.atomic import atomic_write, make_folder
+from rasterize.atomic import make_folder
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.order import check_order
 from uvcloth.garments.wardrobe import take_for_data
-from uvcloth.motion.clip import Clip
-from uvcloth.motion.library import load_clip
 from uvcloth.simulate.accept import examine
 from uvcloth.simulate.cloth import Cloth, join
-from uvcloth.simulate.index import INDEX, read_index
+from uvcloth.simulate.engine import Engine
+from uvcloth.simulate.engines import ENGINES
+from uvcloth.simulate.folder import (
+    REPEAT,
+    keep_index,
+    keep_refused,
+    rejected,
+    require_same,
+    stored_sequences,
+)
+from uvcloth.simulate.index import INDEX
 from uvcloth.simulate.lead_in import LeadIn
-from uvcloth.simulate.newton import Style3D
-from uvcloth.simulate.run import run_up, simulate
+from uvcloth.simulate.plan import Job, batch_sources, plan
+from uvcloth.simulate.run import simulate
 from uvcloth.simulate.sequence import Sequence as Recording
-from uvcloth.simulate.sequence import load_sequence, save_sequence
+from uvcloth.simulate.sequence import save_sequence
 
-REPEAT_EARLIER = 20
-"""Frames by which the second start of a window is earlier, for the repeatability floor."""
+AHEAD = 2
+"""Simulations that are handed out per core: one runs, one waits."""
+
+SPEED_SECONDS = 3600.0
+"""How far back the speed is measured by which the end is foreseen."""
 
 TOPIC = "uvcloth-frames"
 PARTS = LeadIn()
-PLAIN = Style3D()
-# Stiff contact presses hard for an instant, and with friction walks a skirt up the thighs.
-SKIRTED = Style3D(contact_stiffness=1e3, friction=0.15)
-
-
-@dataclass(frozen=True)
-class Job:
-    """One simulation: a motion (run-up included), how many of its leading frames do not count, and garments.
-
-    Several cloths meet each other, the first is innermost; each has a target, the file of its sequence.
-    """
-
-    motion: Clip
-    settling: int
-    cloths: tuple[Cloth, ...]
-    targets: tuple[Path, ...]
-
-    @property
-    def done(self) -> bool:
-        return all(target.exists() or _rejected(target).exists() for target in self.targets)
 
 
 def simulate_batch(
@@ -59,43 +51,69 @@ def simulate_batch(
     out: Path,
     body: Body,
     windows: Path | None = None,
+    clips_from: Path | None = None,
+    splits: Sequence[str] | None = None,
     jobs: int | None = None,
     scheduler: str | None = None,
     repeat: bool = False,
     layered: bool = False,
+    engine: str = "newton",
 ) -> None:
     """Simulate every clip with every garment into OUT/<clip>_<garment>.npz; what is there already is kept.
 
     garments: template names or mesh files, whose garment is named by the file's stem. layered: they are worn
     over one another, the first innermost, and simulated together; otherwise each alone.
-    windows: an index of clips and windows, copied to OUT/index.csv.
+    windows: an index of clips and windows, copied to OUT/index.csv. clips_from, splits: without clips, the
+    folder and the splits of those that it names (`batch_sources`).
+    engine: one of ENGINES.
     repeat: start each window REPEAT_EARLIER frames earlier and write to OUT/repeat instead.
     Sequences that `examine` refuses go to OUT/rejected with the reason in their metadata, all layers of an
-    outfit together.
+    outfit together; captures that are faulty are not simulated and named in OUT/refused.csv.
     Raises InputError for unreadable clips, garments or windows, for garments that cannot be simulated or
     cross as layers, for sequences that would share a file, if OUT cannot be written or was made from other
-    windows or layers, for a scheduler that does not answer, or if the `simulate` extra is missing.
+    windows, layers, settings or on another body, for a scheduler that does not answer, or if the engine or
+    the `simulate` extra is missing.
     """
+    if engine not in ENGINES:
+        raise InputError(f"--engine {engine}: expected one of {', '.join(ENGINES)}")
     if jobs is not None and jobs < 1:
         raise InputError(f"--jobs {jobs}: expected at least 1")
-    try:
-        from dask.distributed import LocalCluster, as_completed
-    except ModuleNotFoundError as error:
-        raise InputError("simulating needs dask and Newton: install uvcloth[simulate]") from error
     cloths = _cloths(garments, body)
     outfits = [tuple(cloths)] if layered else [(cloth,) for cloth in cloths]
     for outfit in outfits:
         check_order([cloth.garment for cloth in outfit])
-    planned = plan(clips, outfits, out / "repeat" if repeat else out, body, windows, repeat)
-    _require_same_layers(planned)
-    todo = [job for job in planned if not job.done]
+    sources = batch_sources(clips, windows, clips_from, splits)
+    named = [tuple(cloth.garment.name for cloth in outfit) for outfit in outfits]
+    engines = {skirted: ENGINES[engine](skirted) for skirted in (False, True)}
+    require_same(stored_sequences(out), body, tuple(engines.values()), named)
+    todo, refused = plan(sources, outfits, out / REPEAT if repeat else out, body, repeat)
     make_folder(out)
     if windows is not None:
-        _keep_index(windows, out / INDEX)
+        keep_index(windows, out / INDEX)
+    if refused:
+        keep_refused(refused, out)
+        print("\n".join(f"{clip}: refused, {reason}" for clip, reason in refused.items()))
     if not todo:
         print(f"{out}: every sequence is there already")
         return
-    frames = sum(len(job.motion) + len(PARTS) for job in todo)
+    _simulate_all(todo, body, engines, jobs, scheduler)
+
+
+def _simulate_all(
+    todo: Sequence[Job],
+    body: Body,
+    engines: Mapping[bool, Engine],
+    jobs: int | None,
+    scheduler: str | None,
+) -> None:
+    """Simulate in order, as many at a time as there are cores, and keep each sequence as it is done.
+
+    engines: what simulates jobs without a skirt and with one.
+    """
+    try:
+        from dask.distributed import LocalCluster, as_completed
+    except ModuleNotFoundError as error:
+        raise InputError("simulating needs dask and Newton: install uvcloth[simulate]") from error
     with ExitStack() as stack:
         cluster: Any = scheduler
         if scheduler is None:
@@ -106,16 +124,33 @@ def simulate_batch(
             stack.callback(_close, cluster)
         client = stack.enter_context(_connect(cluster))
         progress = stack.enter_context(_progress())
-        bar = progress.add_task(f"{len(todo)} sequences", total=frames)
+        bar = progress.add_task(f"{len(todo)} sequences", total=sum(map(_frames, todo)))
         client.subscribe_topic(TOPIC, lambda event: progress.advance(bar, event[1]))
         shared = client.scatter(body, broadcast=True)
-        waiting = {client.submit(_work, job, shared, pure=False): job for job in todo}
-        for future in as_completed(list(waiting)):
-            job = waiting[future]
+        queue, running = iter(todo), as_completed()
+        waiting: dict[Any, Job] = {}
+
+        def hand_out() -> None:
+            """A few at a time: all at once would fill the scheduler's memory with motion and cloth."""
+            while len(waiting) < AHEAD * max(sum(client.nthreads().values()), 1):
+                job = next(queue, None)
+                if job is None:
+                    return
+                future = client.submit(_work, job, shared, engines[job.skirted], pure=False)
+                waiting[future] = job
+                running.add(future)
+
+        hand_out()
+        for future in running:
+            job = waiting.pop(future)
             recordings, reason = future.result()
+            progress.advance(bar, _frames(job) - len(recordings[0].vertices))
             for recording, target in zip(recordings, job.targets, strict=True):
                 progress.console.print(_keep(recording, reason, target), soft_wrap=True)
             future.release()
+            hand_out()
+            if not progress.console.is_terminal:
+                print(foreseen(progress.tasks[0], datetime.now()), flush=True)
 
 
 def _cloths(names: Sequence[str], body: Body) -> list[Cloth]:
@@ -129,61 +164,6 @@ def _cloths(names: Sequence[str], body: Body) -> list[Cloth]:
     return list(cloths.values())
 
 
-def plan(
-    clips: Sequence[str],
-    outfits: Sequence[tuple[Cloth, ...]],
-    out: Path,
-    body: Body,
-    windows: Path | None = None,
-    earlier: bool = False,
-) -> list[Job]:
-    """The simulations to make, one per clip and outfit. Raises InputError as simulate_batch does."""
-    table = read_index(windows) if windows is not None else {}
-    made = []
-    sources: dict[Path, str] = {}
-    for name in clips:
-        clip = load_clip(name, body)
-        start, frames = 0, len(clip)
-        if windows is not None:
-            if clip.name not in table:
-                raise InputError(f"{windows}: has no row for the clip {clip.name}")
-            start, frames = table[clip.name].start, table[clip.name].frames
-        if start + frames > len(clip):
-            raise InputError(f"{name}: has {len(clip)} frames, the window ends at {start + frames}")
-        motion, before = run_up(clip, start, frames, REPEAT_EARLIER if earlier else 0)
-        for outfit in outfits:
-            targets = tuple(out / f"{clip.name}_{cloth.garment.name}.npz" for cloth in outfit)
-            for target in targets:
-                if target in sources:
-                    raise InputError(f"{target}: both {sources[target]} and {name} would be written there")
-                sources[target] = name
-            made.append(Job(motion, before, outfit, targets))
-    return made
-
-
-def _keep_index(windows: Path, kept: Path) -> None:
-    """Copy the windows, by which training and evaluation will go. Raises InputError if others are kept."""
-    if not kept.exists():
-        with atomic_write(kept) as partial:
-            shutil.copyfile(windows, partial)
-    elif read_index(kept) != read_index(windows):
-        raise InputError(f"{kept}: holds other windows than {windows}, simulate them into another folder")
-
-
-def _require_same_layers(jobs: Sequence[Job]) -> None:
-    """Raise InputError if the first sequence that is kept was simulated with other layers, or alone."""
-    for job in jobs:
-        layers = tuple(cloth.garment.name for cloth in job.cloths)
-        for target in filter(Path.exists, job.targets):
-            found = load_sequence(target).layers
-            if found == layers:
-                return
-            raise InputError(
-                f"{target}: was simulated as {' under '.join(found)}, not as {' under '.join(layers)}, "
-                "simulate into another folder"
-            )
-
-
 def _connect(cluster: Any) -> Any:
     """A client of a local cluster, or of the scheduler at an address."""
     from dask.distributed import Client
@@ -194,17 +174,17 @@ def _connect(cluster: Any) -> Any:
         raise InputError(f"--scheduler {cluster}: no dask scheduler answers there ({error})") from error
 
 
-def _work(job: Job, body: Body) -> tuple[list[Recording], str | None]:
+def _work(job: Job, body: Body, engine: Engine) -> tuple[list[Recording], str | None]:
     """Runs in a worker process: one core, frames reported as they are made."""
     import torch
     from dask.distributed import get_worker
 
     torch.set_num_threads(1)
     report: Callable[[int], None] = lambda made: get_worker().log_event(TOPIC, made)  # noqa: E731
-    skirted = any(cloth.garment.template == "dress" for cloth in job.cloths)
-    engine = SKIRTED if skirted else PLAIN
     made = simulate(job.motion, job.settling, job.cloths, body, engine, PARTS, report)
-    examined = [examine(recording, body) for recording in made]
+    examined = [
+        examine(recording, cloth.garment, body) for recording, cloth in zip(made, job.cloths, strict=True)
+    ]
     reasons = [
         reason if len(made) == 1 else f"{recording.garment}: {reason}"
         for recording, reason in examined
@@ -216,7 +196,7 @@ def _work(job: Job, body: Body) -> tuple[list[Recording], str | None]:
 def _keep(recording: Recording, reason: str | None, target: Path) -> str:
     """Write a finished sequence where it belongs and say so."""
     if reason is not None:
-        apart = _rejected(target)
+        apart = rejected(target)
         save_sequence(replace(recording, metadata={**recording.metadata, "rejected": reason}), apart)
         return f"{apart}: kept apart, {reason}"
     save_sequence(recording, target)
@@ -233,11 +213,27 @@ def _close(cluster: Any) -> None:
         cluster.close(timeout=30)
 
 
-def _rejected(target: Path) -> Path:
-    return target.parent / "rejected" / target.name
+def _frames(job: Job) -> int:
+    return len(job.motion) + len(PARTS)
+
+
+def foreseen(task: Task, now: datetime) -> str:
+    """How fast all workers together are, and when they will be done: what was there before does not count."""
+    if not task.speed or task.remaining is None:
+        return "measuring"
+    end = now + timedelta(seconds=task.remaining / task.speed)
+    done = f"{task.completed:.0f} of {task.total:.0f} frames"
+    return f"{done}, {task.speed:.2f} per second, done {end:%a %d %b %H:%M}"
+
+
+class _Foreseen(ProgressColumn):
+    max_refresh = 1.0
+
+    def render(self, task: Task) -> Text:
+        return Text(foreseen(task, datetime.now()))
 
 
 def _progress() -> Progress:
     return Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+        TextColumn("{task.description}"), BarColumn(), _Foreseen(), speed_estimate_period=SPEED_SECONDS
     )

@@ -11,6 +11,7 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.motion.clip import Clip
+from uvcloth.motion.poses import rest_hash
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.simulate.cloth import Cloth
 from uvcloth.simulate.engine import Engine, Scene
@@ -62,6 +63,7 @@ def simulate(
     shared: dict[str, Any] = {
         "clip": clip.name,
         "body": body.name,
+        "body_hash": rest_hash(body),
         "seed": 0,
         "wall_seconds": round(time.perf_counter() - started, 2),
         **engine.describe(),

@@ -1,0 +1,105 @@
+"""Moving points in few bytes: whole multiples of a step, predicted in time and along the mesh.
+
+What is kept is how each point's second difference in time differs from that of a neighbour: a few steps where
+cloth moves smoothly. These are whole numbers, so that nothing adds up: in every frame, and on every machine
+alike, each coordinate is within half a step of what it was.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+from rasterize.archive import load_arrays, require_finite
+from rasterize.errors import InputError
+
+STEP = 5.7e-5
+"""Metres. Half the diagonal of a cube of this size, the largest error of a point, is 0.0494 mm."""
+
+PACKED = ("changes", "parents", "origin")
+"""Names of what `pack` makes and `unpack` takes."""
+
+FARTHEST = 1.0e4
+"""Metres from the origin within which points are packed."""
+
+
+def pack(points: np.ndarray, faces: np.ndarray) -> dict[str, np.ndarray]:
+    """Points (F, N, 3) m of a mesh with faces (M, 3) as arrays that compress well.
+
+    changes: (2, N, 3, F) uint8, the low and high bytes of 16 bits, signs last. parents: (N,) int32, the
+    neighbour that each point is predicted by, N for none. origin: (3,) int64 steps, the first point.
+
+    Points that are not finite, beyond FARTHEST, or jump by more than 16 bits of steps (1.8 m) do not fit:
+    changes is then (F, N, 3) float32, the points as they are.
+    """
+    parents = _parents(faces, points.shape[1])
+    origin = np.zeros(3, dtype=np.int64)
+    arrays = {"changes": points.astype(np.float32), "parents": parents, "origin": origin}
+    if not (np.abs(points) < FARTHEST).all():
+        return arrays
+    steps = np.rint(points.astype(np.float64).transpose(1, 2, 0) / STEP).astype(np.int64)
+    arrays["origin"] = origin = steps[0, :, 0].copy()
+    steps -= origin[:, None]
+    speeds = np.diff(steps, axis=2)
+    changes = np.concatenate([steps[..., :1], speeds[..., :1], np.diff(speeds, axis=2)], axis=2)
+    rooted = parents < len(parents)
+    changes[rooted] -= changes[parents[rooted]]
+    signed = (changes << 1) ^ (changes >> 63)
+    if signed.max(initial=0) < 2**16:
+        arrays["changes"] = np.stack([signed & 255, signed >> 8]).astype(np.uint8)
+    return arrays
+
+
+def unpack(changes: np.ndarray, parents: np.ndarray, origin: np.ndarray) -> np.ndarray:
+    """The points (F, N, 3) m that `pack` made these arrays of, float32.
+
+    Raises ValueError or IndexError if they do not fit together.
+    """
+    if changes.dtype == np.float32:
+        return changes
+    low, high = changes
+    signed = low | high.astype(np.uint16) << 8
+    steps = ((signed >> 1) ^ -(signed & 1)).astype(np.int16).astype(np.int32)
+    for level in _levels(parents):
+        steps[level] += steps[parents[level]]
+    steps[..., 1:].cumsum(axis=2, out=steps[..., 1:])
+    steps.cumsum(axis=2, out=steps)
+    steps += origin[:, None]
+    return np.multiply(steps.transpose(2, 0, 1), STEP, dtype=np.float64).astype(np.float32, order="C")
+
+
+def load_moving(path: Path, format: str, expected: str, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """An npz as `load_arrays` reads it, with the points in it unpacked as "vertices" (F, N, 3).
+
+    Raises InputError also for points that do not fit together and for numbers that are not finite.
+    """
+    data = load_arrays(path, format, expected, (*PACKED, *names))
+    try:
+        data["vertices"] = unpack(*(data.pop(name) for name in PACKED))
+    except (ValueError, TypeError, IndexError) as error:
+        raise InputError(f"{path}: its vertices do not fit together, expected {expected}") from error
+    require_finite(path, data)
+    return data
+
+
+def _parents(faces: np.ndarray, count: int) -> np.ndarray:
+    """A neighbour of each of `count` points nearer to the first of its piece of the mesh, or `count`."""
+    start, end = (np.concatenate([faces[:, i] for i in corners]) for corners in ((0, 1, 2), (1, 2, 0)))
+    graph = coo_array((np.ones(len(start)), (start, end)), shape=(count, count))
+    labels = connected_components(graph, directed=False)[1]
+    roots = np.unique(labels, return_index=True)[1]
+    # One more point beside the first of every piece: a single search finds all of them.
+    start, end = np.concatenate([start, np.full_like(roots, count)]), np.concatenate([end, roots])
+    graph = coo_array((np.ones(len(start)), (start, end)), shape=(count + 1, count + 1))
+    return breadth_first_order(graph, count, directed=False)[1][:count].astype(np.int32)
+
+
+def _levels(parents: np.ndarray) -> Iterator[np.ndarray]:
+    """Points by how many others lie between them and the first of their piece; the first are left out."""
+    level = np.flatnonzero(parents == len(parents))
+    while len(level):
+        level = np.flatnonzero(np.isin(parents, level))
+        if len(level):
+            yield level

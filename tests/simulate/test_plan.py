@@ -1,0 +1,116 @@
+"""Which simulations a batch is, and in which order."""
+
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.garments.templates import wear
+from uvcloth.motion.library import builtin_clips
+from uvcloth.simulate.cloth import Cloth, join
+from uvcloth.simulate.index import Entry, read_index
+from uvcloth.simulate.plan import Job, batch_sources, mixed, plan
+
+HEADER = "trial,subject,split,action,window_start,window_frames\n"
+
+
+@pytest.fixture(scope="module")
+def dress(body: Body) -> tuple[Cloth, ...]:
+    return (join(wear("dress", body), body),)
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    (tmp_path / "index.csv").write_text(HEADER + "walk,a,test,walking,40,30\nrun,b,test,run,90,50\n")
+    return tmp_path / "index.csv"
+
+
+def jobs(
+    clips: list[str], dress: tuple[Cloth, ...], body: Body, table: Path, earlier: bool = False
+) -> list[Job]:
+    sources = batch_sources(clips, table, None, None)
+    return plan(sources, [dress], table.parent, body, earlier)[0]
+
+
+def test_windows_choose_frames_and_name_what_is_wrong(
+    dress: tuple[Cloth, ...], body: Body, table: Path
+) -> None:
+    (job,) = jobs(["walk"], dress, body, table)
+    assert (len(job.motion), job.settling, job.targets[0].name) == (45, 15, "walk_dress.npz")
+    (again,) = jobs(["walk"], dress, body, table, earlier=True)
+    assert (len(again.motion), again.settling) == (65, 35)
+    with pytest.raises(InputError, match="the window ends at 140"):
+        jobs(["run"], dress, body, table)
+    with pytest.raises(InputError, match="no row for the clip twirl"):
+        jobs(["twirl"], dress, body, table)
+    table.write_text("name\nwalk\n")
+    with pytest.raises(InputError, match=r"index\.csv: lacks the column subject"):
+        jobs(["walk"], dress, body, table)
+
+
+def test_two_clips_for_one_file_are_refused(dress: tuple[Cloth, ...], body: Body, tmp_path: Path) -> None:
+    shipped = builtin_clips()["walk"]
+    sources = batch_sources(["walk", str(shipped)], None, None, None)
+    with pytest.raises(InputError, match=rf"walk_dress\.npz: both walk and {shipped}"):
+        plan(sources, [dress], tmp_path, body)
+
+
+def test_what_is_there_is_not_read_again(dress: tuple[Cloth, ...], body: Body, tmp_path: Path) -> None:
+    (tmp_path / "rejected").mkdir()
+    (tmp_path / "rejected" / "gone_dress.npz").touch()
+    (tmp_path / "walk_dress.npz").touch()
+    sources = batch_sources(["gone.bvh", "walk"], None, None, None)
+    assert plan(sources, [dress], tmp_path, body) == ([], {})
+    todo, _ = plan(sources[1:], [dress], tmp_path / "repeat", body)
+    assert len(todo) == 1
+
+
+def test_a_whole_index_gives_the_clips_of_its_splits(tmp_path: Path) -> None:
+    windows, clips = tmp_path / "v2.csv", tmp_path / "clips"
+    (clips / "cmu").mkdir(parents=True)
+    rows = [("a1", "a", "train"), ("b1", "b", "test"), ("c1", "c", "validation"), ("d1", "d", "unused")]
+    windows.write_text(HEADER + "".join(f"{clip},{who},{split},walk,0,9\n" for clip, who, split in rows))
+    for clip in ("a1", "b1", "c1"):
+        (clips / "cmu" / f"{clip}.bvh").touch()
+    found = batch_sources((), windows, clips, None)
+    assert [source.clip for source in found] == ["c1", "b1", "a1"]
+    assert found[0].name == str(clips / "cmu" / "c1.bvh")
+    assert [source.clip for source in batch_sources((), windows, clips, ["test"])] == ["b1"]
+    (clips / "cmu" / "b1.bvh").unlink()
+    with pytest.raises(InputError, match=r"clips: lacks the clip b1"):
+        batch_sources((), windows, clips, None)
+    for wrong, words in (
+        (((), windows, clips, ["unused"]), "--split unused: expected some of train, validation, test"),
+        ((["a1"], windows, clips, None), "--clips-from and --split choose the clips"),
+        ((["a1"], None, clips, None), "go with --windows"),
+    ):
+        with pytest.raises(InputError, match=words):
+            batch_sources(*wrong)
+
+
+def test_any_beginning_has_its_share_of_every_person_and_action() -> None:
+    entries = [
+        Entry(f"{person}{n}", person, "train", "walk" if n % 3 else "dance", 0, 9)
+        for person, count in (("a", 30), ("b", 15), ("c", 6))
+        for n in range(count)
+    ]
+    order = mixed(entries)
+    assert sorted(order, key=str) == sorted(entries, key=str)
+    assert order == mixed(reversed(entries))
+    for length in (10, 17, 34, 51):
+        people = Counter(entry.subject for entry in order[:length])
+        actions = Counter(entry.action for entry in order[:length])
+        for person, count in (("a", 30), ("b", 15), ("c", 6)):
+            assert abs(people[person] - count * length / 51) <= 1.5
+        assert abs(actions["dance"] - length / 3) <= 2.0
+
+
+def test_the_benchmark_starts_with_validation_and_test(mocap_folder: Path) -> None:
+    order = mixed(e for e in read_index(mocap_folder / "index_v2.csv").values() if e.split != "unused")
+    splits = [entry.split for entry in order]
+    assert splits == sorted(splits, key=["validation", "test", "train"].index)
+    beginning = order[splits.index("train") :][:30]
+    assert len({entry.subject for entry in beginning}) >= 10
+    assert sum("walk" in entry.action.lower() for entry in beginning) <= 15

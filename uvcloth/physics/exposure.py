@@ -1,0 +1,140 @@
+"""What a person sees of contact: skin that shows through the cloth, and cloth that runs through the body.
+
+Vertices do not tell: the faces of a coarse garment cut through a shoulder while each of its vertices is
+outside. Both sides are asked at points spread evenly over their areas.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import accumulate
+
+import torch
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+from uvcloth.mesh import Mesh, face_normals
+from uvcloth.physics import kernels
+from uvcloth.physics.launch import array, launch
+from uvcloth.physics.surface import MovingMeshes
+
+CLOTH_POINTS = 3000
+"""Points over the cloth of a garment."""
+
+SKIN_POINTS = 12000
+"""Points over the whole body: about one in a square of 12 mm."""
+
+COVERED = 0.3
+"""Metres in front of the skin within which a garment at rest covers it: a skirt hangs away from the legs."""
+
+BEHIND = 0.05
+"""Metres under the skin within which cloth is that which should cover it."""
+
+BEFORE = 0.1
+"""Metres in front of the skin within which other cloth, or another limb, hides that it sticks through."""
+
+LIFT = 1.0e-5
+"""Metres above the skin from where rays start that look for the body itself."""
+
+STEPS = (0.7548776662466927, 0.5698402909980532)
+"""Of the additive sequence R2, whose points fill the unit square evenly (Roberts 2018)."""
+
+
+@dataclass(frozen=True)
+class SurfaceSample:
+    """P points on a mesh that move with it: corners (P, 3) int64 of their faces, and barycentrics (P, 3)."""
+
+    corners: Tensor
+    barycentrics: Tensor
+
+    def points(self, vertices: Tensor) -> Tensor:
+        """Where they are on posed vertices (..., V, 3): (..., P, 3)."""
+        return (vertices[..., self.corners, :] * self.barycentrics[..., None]).sum(-2)
+
+    def chosen(self, rows: Tensor) -> "SurfaceSample":
+        """Some of them, by mask or index."""
+        return SurfaceSample(self.corners[rows], self.barycentrics[rows])
+
+
+def spread(vertices: Tensor, faces: Tensor, count: int) -> SurfaceSample:
+    """So many points over a mesh (V, 3), (F, 3), each for the same area, always the same ones.
+
+    A face gets its share of them up to one; within the faces they follow a sequence of low discrepancy.
+    """
+    areas = face_normals(vertices, faces).norm(dim=1).double().cumsum(0)
+    places = (torch.arange(count, device=vertices.device) + 0.5) * (areas[-1] / count)
+    chosen = torch.searchsorted(areas, places).clamp(max=len(faces) - 1)
+    steps = torch.tensor(STEPS, dtype=torch.float64, device=vertices.device)
+    u, v = torch.frac(torch.arange(1, count + 1, device=vertices.device)[:, None] * steps).unbind(1)
+    folded = u + v > 1
+    u, v = torch.where(folded, 1 - u, u), torch.where(folded, 1 - v, v)
+    return SurfaceSample(faces[chosen], torch.stack([u, v, 1 - u - v], dim=1).to(vertices.dtype))
+
+
+class Shell(MovingMeshes):
+    """One mesh that rays look for, closed or not: vertices (V, 3) metres, faces (F, 3)."""
+
+    def __init__(self, vertices: Tensor, faces: Tensor) -> None:
+        super().__init__(vertices, (faces,))
+        self._id = int(self.ids.numpy()[0])
+
+    def first_hit(self, points: Tensor, directions: Tensor, reach: float) -> tuple[Tensor, Tensor]:
+        """Where rays from points along unit directions, (P, 3) each, first meet it.
+
+        How far away, (P,) m, beyond the reach where nothing is within, and (P,) the cosine between ray and
+        normal there: negative from outside.
+        """
+        distance, facing = torch.empty_like(points[:, 0]), torch.empty_like(points[:, 0])
+        query = map(array, (points.contiguous(), directions.contiguous()))
+        outputs = map(array, (distance, facing))
+        launch(kernels.first_hit, len(points), self.device, self._id, *query, reach, *outputs)
+        return distance, facing
+
+
+class Exposure:
+    """The skin that garments cover at rest, and where it sticks out of them when they move.
+
+    A point of the skin is covered if the ray along its normal first meets, within COVERED, the inner side of
+    the garments. It shows if, posed, the ray into the body first meets their outer side, within BEHIND, as if
+    they were worn under the skin, and neither they nor another part of the body are within BEFORE in front.
+    Skin that a hem has left bare does not count.
+    """
+
+    def __init__(self, body: Body, garments: Sequence[Mesh]) -> None:
+        """garments: as they lie on the body at rest."""
+        offsets = accumulate((len(mesh.vertices) for mesh in garments), initial=0)
+        rest = torch.cat([mesh.vertices for mesh in garments])
+        faces = torch.cat([mesh.faces + offset for mesh, offset in zip(garments, offsets, strict=False)])
+        self._cloth = Shell(rest, faces)
+        self._body = Shell(body.mesh.vertices, body.mesh.faces)
+        everywhere = spread(body.mesh.vertices, body.mesh.faces, SKIN_POINTS)
+        points, normals = _skin(everywhere, body.mesh.vertices)
+        cloth, facing = self._cloth.first_hit(points, normals, COVERED)
+        limb, _ = self._body.first_hit(points + LIFT * normals, normals, COVERED)
+        self.covered = everywhere.chosen((cloth < COVERED) & (facing > 0) & (cloth < limb))
+
+    def shows(self, garments: Sequence[Tensor], body_vertices: Tensor) -> Tensor:
+        """Which of the P covered points of a posed body (V, 3) show through garments, (N, 3) each: (P,)."""
+        self._cloth.update(torch.cat(list(garments)))
+        points, normals = _skin(self.covered, body_vertices)
+        cloth, facing = self._cloth.first_hit(points, -normals, BEHIND)
+        shows = (cloth < BEHIND) & (facing < 0)
+        rows = torch.nonzero(shows).squeeze(1)
+        if len(rows):
+            self._body.update(body_vertices)
+            points, normals = points[rows], normals[rows]
+            folds, _ = self._cloth.first_hit(points, normals, BEFORE)
+            limbs, _ = self._body.first_hit(points + LIFT * normals, normals, BEFORE)
+            shows[rows] = (folds >= BEFORE) & (limbs >= BEFORE)
+        return shows
+
+    def percent(self, garments: Sequence[Tensor], body_vertices: Tensor) -> float:
+        """The share of the covered points that show, 0 if nothing is covered."""
+        shows = self.shows(garments, body_vertices)
+        return 100.0 * float(shows.float().mean()) if len(shows) else 0.0
+
+
+def _skin(sample: SurfaceSample, vertices: Tensor) -> tuple[Tensor, Tensor]:
+    """Points and the unit normals of their faces, (P, 3) each, on a posed body (V, 3)."""
+    a, b, c = vertices[sample.corners].unbind(1)
+    normals = torch.nn.functional.normalize(torch.linalg.cross(b - a, c - a), dim=1)
+    return sample.points(vertices).float(), normals.float()

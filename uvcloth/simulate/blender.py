@@ -1,0 +1,246 @@
+"""Cloth simulation with Blender, in a process and a Python environment of its own.
+
+The environment variable UVCLOTH_BLENDER_PYTHON names a Python in which `import bpy` works. A scene goes there
+as a file, frames come back through a pipe (`blender_worker.py`); bpy, which is GPL, is never imported here.
+
+What Blender cannot be told: which vertex may touch which part of the collider (`_reachable` comes near it by
+leaving out faces), how heavy a single vertex is (`heavier` only makes the attachment stiffer), how much room
+a vertex needs (`room`; layers still keep apart, by self-collision), a Poisson ratio other than the third that
+a net of springs has, and air that acts along the normals of faces only.
+"""
+
+import json
+import os
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.mesh import face_normals, unique_edges
+from uvcloth.simulate.engine import Scene
+from uvcloth.simulate.fabric import AIR_DENSITY, Fabric
+
+VARIABLE = "UVCLOTH_BLENDER_PYTHON"
+SERIES = "4.5"
+"""The Blender whose cloth was measured (docs/simulation.md); others may step and scale it differently."""
+
+WORKER = Path(__file__).with_name("blender_worker.py")
+GRAVITY = 9.81
+
+HINGE = 17.0
+"""Blender's bending stiffness per bending rigidity and area of a triangle, by the cantilever test."""
+
+THICKNESS, NEARER = 0.001, 8.0 / 9.0
+"""Blender adds at least this thickness, m, of the collider to the distance to keep, and keeps that share."""
+
+PRESSED = 0.05
+"""Metres from a part at rest within which cloth that may not touch it may come between it and another."""
+
+MOST_FRICTION = 0.8
+
+NEIGHBOURS = 0.25
+"""Mean lengths of an edge that cloth may be kept from itself: farther, neighbours push each other away."""
+
+MARGIN = 0.01
+"""Metres by which cloth that may touch a face has to be nearer to it at rest than cloth that may not."""
+
+
+@dataclass(frozen=True)
+class Blender:
+    """Settings in SI units; python runs it, version is what it says of itself.
+
+    quality: steps per frame, a power of two: Blender adds up 1 / quality until it has a whole frame, and
+    other numbers may round to a step too many. collision_quality: passes over contacts in a step.
+    radius: m kept between cloth and body. self_radius: m between cloth and cloth, at most NEIGHBOURS.
+    hold: 1/s, the frequency of the soft attachment of the band; without one it moves as the skinned garment.
+    """
+
+    python: str
+    version: str
+    fabric: Fabric = Fabric()  # noqa: RUF009
+    quality: int = 16
+    collision_quality: int = 3
+    radius: float = 0.004
+    self_collision: bool = True
+    self_radius: float = 0.003
+    hold: float | None = None
+
+    def describe(self) -> dict[str, Any]:
+        settings = {key: value for key, value in asdict(self).items() if key not in ("python", "version")}
+        return {"engine": "blender.cloth", "versions": {"blender": self.version}, "settings": settings}
+
+    def simulate(self, scene: Scene) -> Iterator[Tensor]:
+        """Raises InputError if Blender ends before the last frame; ends Blender when nobody asks for more."""
+        arrays = _arrays(scene)
+        settings = json.dumps(self._settings(scene))
+        with tempfile.TemporaryDirectory(prefix="uvcloth-blender-") as folder:
+            path = Path(folder) / "scene.npz"
+            np.savez(path, allow_pickle=False, settings=np.array(settings), **arrays)
+            yield from _frames(self.python, path, len(scene.carrier), len(scene.rest))
+
+    def _settings(self, scene: Scene) -> dict[str, Any]:
+        """Blender's numbers. Its unit of time is a frame, its springs' stiffness is given per mean length."""
+        fabric, step = self.fabric, 1.0 / scene.fps
+        if fabric.friction > MOST_FRICTION:
+            raise InputError(f"Blender's cloth has friction up to {MOST_FRICTION}, not {fabric.friction}")
+        edges = unique_edges(scene.faces)
+        lengths = (scene.rest[edges[:, 0]] - scene.rest[edges[:, 1]]).norm(dim=1)
+        area = float(face_normals(scene.rest, scene.faces).norm(dim=1).sum()) / 2.0
+        mass = fabric.density * area / len(scene.rest)
+        # A net of springs of stiffness k has the membrane stiffness k sum(length^2) / (3 area).
+        spring = 3.0 * area * fabric.stretch / float(lengths.square().sum())
+        tension = spring * float(lengths.mean()) * step**2
+        # Blender's air slows any motion: by a third of what slows that along the normal, at 1 m/s.
+        drag = fabric.drag * AIR_DENSITY / (2.0 * fabric.density) / 3.0
+        held = mass * float(scene.heavier[scene.band].mean()) if scene.band.any() else 0.0
+        hold = (self.hold or 0.0) * step
+        return {
+            "gravity": GRAVITY * step**2,
+            "thickness": THICKNESS,
+            "pinned": self.hold is None,
+            "friction": 100.0 * fabric.friction,
+            "cloth": {
+                "mass": mass,
+                "quality": self.quality,
+                "air_damping": 100.0 * mass * drag * step,
+                "tension_stiffness": tension,
+                "compression_stiffness": tension,
+                "bending_model": "ANGULAR",
+                "bending_stiffness": HINGE * fabric.bend * len(scene.faces) / area * step**2,
+                "tension_damping": 0.0,
+                "compression_damping": 0.0,
+                "bending_damping": 0.0,
+                "pin_stiffness": held * float(lengths.mean()) * hold**2,
+                "goal_friction": 140.0 * held * hold,
+            },
+            "contact": {
+                "collision_quality": self.collision_quality,
+                "distance_min": self.radius / NEARER - THICKNESS,
+                "use_self_collision": self.self_collision,
+                "self_distance_min": min(self.self_radius, NEIGHBOURS * float(lengths.mean())),
+                "self_friction": 100.0 * fabric.friction,
+            },
+        }
+
+
+@cache
+def find_blender() -> Blender:
+    """The Blender that the environment names, with settings that were measured.
+
+    Raises InputError if the variable is not set or names nothing that runs, a Python without bpy, or another
+    Blender than SERIES.
+    """
+    python = os.environ.get(VARIABLE, "")
+    wanted = f"a Python in which `import bpy` works (bpy {SERIES})"
+    if not python:
+        raise InputError(f"simulating with Blender needs the environment variable {VARIABLE}: {wanted}")
+    command = [python, "-c", "import bpy; print(bpy.app.version_string)"]
+    try:
+        asked = subprocess.run(command, capture_output=True, text=True, env=_environment(), check=False)
+    except OSError as error:
+        raise InputError(
+            f"{VARIABLE}={python}: cannot be run ({error.strerror}), expected {wanted}"
+        ) from error
+    if asked.returncode:
+        raise InputError(f"{VARIABLE}={python}: {_last_line(asked.stderr)}, expected {wanted}")
+    version = _last_line(asked.stdout).removesuffix(" LTS")
+    if not version.startswith(f"{SERIES}."):
+        raise InputError(f"{VARIABLE}={python}: has Blender {version}, expected {SERIES}")
+    return Blender(python, version)
+
+
+def _arrays(scene: Scene) -> dict[str, np.ndarray]:
+    """What the worker reads. free: (N,) bool, touches no part. pressed: (N,) bool, not kept off cloth."""
+    arrays = {
+        "carrier": scene.carrier.numpy(),
+        "faces": scene.faces.numpy(),
+        "band": scene.band.numpy(),
+        "free": ~scene.touches.any(0).numpy(),
+        "pressed": _pressed(scene).numpy(),
+    }
+    for index, faces in enumerate(_reachable(scene)):
+        used, corners = faces.unique(return_inverse=True)
+        arrays[f"part{index}"] = scene.collider[:, used].numpy()
+        arrays[f"part{index}_faces"] = corners.numpy()
+    return arrays
+
+
+def _reachable(scene: Scene) -> list[Tensor]:
+    """Of each part the faces (F, 3) that cloth which may touch the part is nearest to at rest.
+
+    Without them arm and torso both push what is between them: caps reach out of the part next to them, and in
+    the armpit each has faces beside the other's cloth.
+    """
+    from scipy.spatial import KDTree
+
+    reachable = []
+    for faces, touches in zip(scene.collider_parts, scene.touches, strict=True):
+        if not len(faces) or not touches.any():
+            continue
+        if touches.all():
+            reachable.append(faces)
+            continue
+        middles = scene.collider[0, faces].mean(1).numpy()
+        near = KDTree(scene.rest[touches].numpy()).query(middles)[0]
+        other = KDTree(scene.rest[~touches].numpy()).query(middles)[0]
+        reachable.append(faces[torch.from_numpy(near + MARGIN < other)])
+    return [faces for faces in reachable if len(faces)]
+
+
+def _pressed(scene: Scene) -> Tensor:
+    """Which vertices (N,) are beside a part that they may not touch: arm and torso press cloth on cloth.
+
+    Kept apart by self-collision, the two layers would be pushed into the body.
+    """
+    from scipy.spatial import KDTree
+
+    pressed = torch.zeros(len(scene.rest), dtype=torch.bool)
+    for faces, touches in zip(scene.collider_parts, scene.touches, strict=True):
+        if len(faces) and touches.any():
+            part = KDTree(scene.collider[0, faces.unique()].numpy())
+            pressed |= torch.from_numpy(part.query(scene.rest.numpy())[0] < PRESSED) & ~touches
+    return pressed
+
+
+def _frames(python: str, scene: Path, frames: int, count: int) -> Iterator[Tensor]:
+    """The frames (N, 3) of a scene file as Blender makes them."""
+    size = 12 * count
+    with (
+        scene.with_name("said").open("w+", encoding="utf-8", errors="replace") as said,
+        subprocess.Popen(
+            [python, str(WORKER), str(scene)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=said,
+            env=_environment(),
+        ) as process,
+    ):
+        assert process.stdout is not None
+        try:
+            for frame in range(frames):
+                data = process.stdout.read(size)
+                if len(data) < size:
+                    said.seek(0)
+                    reason = _last_line(said.read())
+                    raise InputError(f"{python}: Blender ended at frame {frame} of {frames} ({reason})")
+                yield torch.from_numpy(np.frombuffer(data, "<f4").reshape(count, 3).copy())
+        finally:
+            process.kill()
+
+
+def _environment() -> dict[str, str]:
+    """Ours without what would make Blender's Python find our packages."""
+    return {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+
+
+def _last_line(text: str) -> str:
+    lines = text.strip().splitlines()
+    return lines[-1] if lines else "it says nothing"

@@ -1,0 +1,119 @@
+"""What a data folder holds, in words and a table: `uvcloth data`."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from rasterize.errors import InputError
+from uvcloth.motion.poses import SPLITS
+from uvcloth.simulate.folder import REPEAT, Stored, refused_captures, sequence_files
+from uvcloth.simulate.index import INDEX, Entry, read_index
+from uvcloth.simulate.sequence import read_metadata
+
+NAMED = 12
+"""Clips that are missing and named, at most, of each split."""
+
+
+def overview(folder: Path) -> RenderableType:
+    """A table of frames by split and garment, and lines on bodies, engines, refusals and what is missing.
+
+    Only metadata are read. Raises InputError if the folder does not exist or holds nothing, and for an index
+    that is none; files that are no sequences of this version are listed.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder, expected one made by `uvcloth simulate`")
+    stored, unreadable, size = [], [], 0
+    for path, repeat in sequence_files(folder):
+        size += path.stat().st_size
+        try:
+            stored.append(Stored(path, read_metadata(path), repeat))
+        except InputError as error:
+            unreadable.append(str(error))
+    if not stored and not unreadable:
+        raise InputError(f"{folder}: no sequence (*.npz) made by `uvcloth simulate` in this folder")
+    index = read_index(folder / INDEX) if (folder / INDEX).is_file() else {}
+    kept = [each for each in stored if each.reason is None]
+    captures = refused_captures(folder)
+    lines = [
+        f"{folder}: {len(kept)} sequences, {_frames(kept):,} frames that count, {size / 1e6:,.1f} MB on disk",
+        *_counted("body", (_body(each) for each in kept)),
+        *_counted("engine", (_engine(each) for each in kept)),
+    ]
+    after = [
+        *(f"refused: {each.path.relative_to(folder)}, {each.reason}" for each in stored if each.reason),
+        *(f"refused before it was simulated: {clip}, {reason}" for clip, reason in captures.items()),
+        *(f"unreadable: {sentence}" for sentence in unreadable),
+        *_missing(index, stored, captures),
+    ]
+    return Group(Text("\n".join(lines)), _table(index, kept), Text("\n".join(after)))
+
+
+def _table(index: Mapping[str, Entry], kept: list[Stored]) -> Table:
+    """A row per split (and for what is simulated a second time): people, clips, frames of each garment."""
+    garments = sorted({each.metadata["garment"] for each in kept})
+    rows: dict[str, list[Stored]] = {split: [] for split in SPLITS if index}
+    for each in kept:
+        rows.setdefault(_split(index, each), []).append(each)
+    table = Table("split", "people", "clips", *garments, "clips of the index", "frames of the index")
+    for column in table.columns[1:]:
+        column.justify = "right"
+    for split, sequences in rows.items():
+        clips = {each.metadata["clip"] for each in sequences}
+        people = {index[clip].subject for clip in clips if clip in index}
+        entries = [entry for entry in index.values() if entry.split == split.removesuffix(f", {REPEAT}")]
+        table.add_row(
+            split,
+            str(len(people)) if index else "",
+            str(len(clips)),
+            *(f"{_frames(s for s in sequences if s.metadata['garment'] == name):,}" for name in garments),
+            str(len(entries)) if entries else "",
+            f"{sum(entry.frames for entry in entries):,}" if entries else "",
+        )
+    return table
+
+
+def _split(index: Mapping[str, Entry], each: Stored) -> str:
+    entry = index.get(each.metadata["clip"])
+    split = entry.split if entry else "without an index"
+    return f"{split}, {REPEAT}" if each.repeat else split
+
+
+def _frames(sequences: Iterable[Stored]) -> int:
+    return sum(each.metadata.get("counted", 0) for each in sequences)
+
+
+def _body(each: Stored) -> str:
+    shape = str(each.metadata.get("body_hash", ""))[:8]
+    return f"{each.metadata.get('body', 'unknown')} ({shape or 'shape unknown'})"
+
+
+def _engine(each: Stored) -> str:
+    """Engine, versions and settings, one after another."""
+    said = each.metadata
+    versions = " ".join(f"{name} {number}" for name, number in said.get("versions", {}).items())
+    settings = ", ".join(f"{name} {value}" for name, value in said.get("settings", {}).items())
+    return f"{said.get('engine', 'unknown')} ({versions}; {settings})"
+
+
+def _counted(what: str, names: Iterable[str]) -> list[str]:
+    return [f"{what}: {name}, {count} sequences" for name, count in Counter(names).most_common()]
+
+
+def _missing(index: Mapping[str, Entry], stored: list[Stored], captures: Mapping[str, str]) -> list[str]:
+    """By split, clips of which one of the folder's garments is neither there nor refused."""
+    garments = {each.metadata["garment"] for each in stored}
+    found = {(each.metadata["clip"], each.metadata["garment"]) for each in stored if not each.repeat}
+    missing: dict[str, Counter[str]] = {split: Counter() for split in SPLITS}
+    for clip, entry in index.items():
+        if entry.split in SPLITS and clip not in captures:
+            missing[entry.split].update(clip for garment in garments if (clip, garment) not in found)
+    return [
+        f"missing of {split}: {clips.total()} sequences of {len(clips)} clips "
+        f"({', '.join(list(clips)[:NAMED])}{', ...' * (len(clips) > NAMED)})"
+        for split, clips in missing.items()
+        if clips
+    ]

@@ -1,0 +1,150 @@
+"""Which simulations a batch is: windows of clips, in an order of which any beginning is a good mixture."""
+
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rich.progress import track
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.motion.capture import jump, standstill
+from uvcloth.motion.clip import Clip
+from uvcloth.motion.library import load_clip
+from uvcloth.motion.poses import SPLITS
+from uvcloth.simulate.cloth import Cloth
+from uvcloth.simulate.folder import rejected
+from uvcloth.simulate.index import Entry, clip_file, read_index
+from uvcloth.simulate.run import run_up
+
+REPEAT_EARLIER = 20
+"""Frames by which the second start of a window is earlier, for the repeatability floor."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One simulation: a motion (run-up included), how many of its leading frames do not count, and garments.
+
+    Several cloths meet each other, the first is innermost; each has a target, the file of its sequence.
+    """
+
+    motion: Clip
+    settling: int
+    cloths: tuple[Cloth, ...]
+    targets: tuple[Path, ...]
+
+    @property
+    def skirted(self) -> bool:
+        return any(cloth.garment.template == "dress" for cloth in self.cloths)
+
+
+@dataclass(frozen=True)
+class Source:
+    """What a clip is taken from: a file or a built-in clip's name, and the window of it, None for all."""
+
+    name: str
+    clip: str
+    window: Entry | None
+
+
+def batch_sources(
+    clips: Sequence[str], windows: Path | None, clips_from: Path | None, splits: Sequence[str] | None
+) -> list[Source]:
+    """The clips of a batch, in order: those that are named, or all that an index has in some splits.
+
+    windows: an index of clips and windows. clips_from: the folder of its clips, by default its own. splits:
+    by default all of SPLITS. Raises InputError for an index that is none or lacks a named clip, and for a
+    clip without a file.
+    """
+    if windows is None:
+        if clips_from is not None or splits is not None:
+            raise InputError("--clips-from and --split go with --windows, the index of the clips")
+        return [Source(name, Path(name).stem, None) for name in clips]
+    table = read_index(windows)
+    if clips:
+        if clips_from is not None or splits is not None:
+            raise InputError("--clips-from and --split choose the clips: name none besides")
+        for name in clips:
+            if Path(name).stem not in table:
+                raise InputError(f"{windows}: has no row for the clip {Path(name).stem}")
+        return [Source(name, Path(name).stem, table[Path(name).stem]) for name in clips]
+    chosen = tuple(splits or SPLITS)
+    for split in chosen:
+        if split not in SPLITS:
+            raise InputError(f"--split {split}: expected some of {', '.join(SPLITS)}")
+    folder = clips_from or windows.parent
+    entries = [entry for entry in table.values() if entry.split in chosen]
+    if not entries:
+        raise InputError(f"{windows}: has no clip of the split {', '.join(chosen)}")
+    return [Source(str(clip_file(entry, folder)), entry.clip, entry) for entry in mixed(entries)]
+
+
+def mixed(entries: Iterable[Entry]) -> list[Entry]:
+    """Validation, test, training: any beginning of each has its share of every person and action."""
+    rows = sorted(entries, key=lambda entry: entry.clip)
+    parts = [[row for row in rows if row.split == split] for split in ("validation", "test", "train")]
+    return [
+        entry for part in parts for entry in _spread(_spread(part, lambda e: e.action), lambda e: e.subject)
+    ]
+
+
+def _spread(entries: Sequence[Entry], group: Callable[[Entry], Hashable]) -> list[Entry]:
+    """The entries of each group, in their order, evenly over the whole."""
+    places: list[tuple[float, int]] = []
+    seen: dict[Hashable, int] = {}
+    sizes: dict[Hashable, int] = {}
+    for entry in entries:
+        sizes[group(entry)] = sizes.get(group(entry), 0) + 1
+    for index, entry in enumerate(entries):
+        before = seen.get(group(entry), 0)
+        seen[group(entry)] = before + 1
+        places.append(((before + 0.5) / sizes[group(entry)], index))
+    return [entries[index] for _, index in sorted(places)]
+
+
+def plan(
+    sources: Sequence[Source],
+    outfits: Sequence[tuple[Cloth, ...]],
+    out: Path,
+    body: Body,
+    earlier: bool = False,
+) -> tuple[list[Job], dict[str, str]]:
+    """The simulations that are still to make, all outfits of a clip together, and why clips are refused.
+
+    Clips are read only if a sequence of theirs is missing. Raises InputError for unreadable clips, windows
+    that do not fit and sequences that would share a file.
+    """
+    todo: list[Job] = []
+    refused: dict[str, str] = {}
+    written: dict[Path, str] = {}
+    for source in track(sources, "reading clips", transient=True):
+        targets = [tuple(out / f"{source.clip}_{c.garment.name}.npz" for c in outfit) for outfit in outfits]
+        for target in (target for each in targets for target in each):
+            if target in written:
+                raise InputError(f"{target}: both {written[target]} and {source.name} would be written there")
+            written[target] = source.name
+        missing = [
+            (outfit, each)
+            for outfit, each in zip(outfits, targets, strict=True)
+            if not all(target.exists() or rejected(target).exists() for target in each)
+        ]
+        if missing:
+            motion, settling, fault = _take(source, body, REPEAT_EARLIER if earlier else 0)
+            if fault is not None:
+                refused[source.clip] = fault
+            else:
+                todo += [Job(motion, settling, outfit, each) for outfit, each in missing]
+    return todo, refused
+
+
+def _take(source: Source, body: Body, earlier: int) -> tuple[Clip, int, str | None]:
+    """The motion of a source with its run-up, how long that is, and what is wrong with the capture."""
+    clip = replace(load_clip(source.name, body), name=source.clip)
+    start, frames = 0, len(clip)
+    if source.window is not None:
+        start, frames = source.window.start, source.window.frames
+    if start + frames > len(clip):
+        raise InputError(f"{source.name}: has {len(clip)} frames, the window ends at {start + frames}")
+    motion, before = run_up(clip, start, frames, earlier)
+    fault = jump(motion, start - before) or standstill(motion.window(before, frames), start)
+    return motion, before, fault
