@@ -36,8 +36,8 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
 from uvcloth.rollout import rollout
 from uvcloth.simulate.cloth import join
-from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.lead_in import LeadIn
+from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.run import simulate
 
 

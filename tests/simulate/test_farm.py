@@ -20,9 +20,9 @@ from uvcloth.simulate import accept, farm
 from uvcloth.simulate import plan as planning
 from uvcloth.simulate.accept import MOST_INSIDE, examine
 from uvcloth.simulate.fabric import Fabric
-from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.farm import foreseen, simulate_batch
 from uvcloth.simulate.folder import refused_captures
+from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.plan import Job
 from uvcloth.simulate.sequence import (
     FORMAT,

@@ -115,7 +115,7 @@ class Newton:
             yield wp.to_torch(now.particle_q) + path[frame]
 
     def substeps_for(self, *moves: Tensor) -> int:
-        """How many substeps a frame takes in which the skinned garment or the cloth moves so far, (N, 3) m."""
+        """How many substeps a frame takes in which cloth or skinned garment moves so far, (N, 3) m."""
         farthest = max(float(move.norm(dim=1).max()) for move in moves)
         return max(self.substeps, math.ceil(1.2 * farthest / self.stride))
 
