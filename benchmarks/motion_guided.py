@@ -36,8 +36,8 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
 from uvcloth.rollout import rollout
 from uvcloth.simulate.cloth import join
-from uvcloth.simulate.engines import SKIRTED
 from uvcloth.simulate.lead_in import LeadIn
+from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.run import simulate
 
 
@@ -136,7 +136,7 @@ def main(options: Options) -> None:
         rows.append(("plain twin's network", twin))
     if options.engine:
         parts = LeadIn(rest=1, blend=8, ramp=4)
-        (made,) = simulate(clip.window(0, 10), 0, (join(garment, body),), body, SKIRTED, parts)
+        (made,) = simulate(clip.window(0, 10), 0, (join(garment, body),), body, Newton(), parts)
         rows.append(("cloth engine", 1e3 * made.metadata["wall_seconds"] / len(made.vertices)))
     for name, spent in rows:
         table.add_row(name, f"{spent:.1f}", f"{spent / whole:.2f}")

@@ -19,9 +19,10 @@ from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate import accept, farm
 from uvcloth.simulate import plan as planning
 from uvcloth.simulate.accept import MOST_INSIDE, examine
-from uvcloth.simulate.engines import PLAIN
+from uvcloth.simulate.fabric import Fabric
 from uvcloth.simulate.farm import foreseen, simulate_batch
 from uvcloth.simulate.folder import refused_captures
+from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.plan import Job
 from uvcloth.simulate.sequence import (
     FORMAT,
@@ -173,8 +174,8 @@ def test_what_was_simulated_alone_is_not_taken_for_a_layer(finished: Path, body:
         ({"body_hash": "a", "body": "tall"}, r"was simulated on another body \(tall\) than default"),
         ({"engine": "blender"}, r"was simulated by blender, not by newton\.\w+"),
         (
-            {"engine": PLAIN.name, "settings": {**asdict(PLAIN), "density": 5.0}},
-            rf"was simulated with other settings \(density 5\.0 instead of {PLAIN.density}\)",
+            {"engine": Newton.name, "settings": asdict(Newton(fabric=Fabric(density=5.0)))},
+            rf"was simulated with other settings \(density 5\.0 instead of {Fabric.density}\)",
         ),
     ],
 )
@@ -188,7 +189,7 @@ def test_data_of_another_body_or_engine_are_refused(
 
 
 def test_data_of_this_body_and_engine_are_added_to(finished: Path, body: Body, carried: Sequence) -> None:
-    said = {"body_hash": rest_hash(body), **PLAIN.describe()}
+    said = {"body_hash": rest_hash(body), **Newton().describe()}
     save_sequence(
         replace(carried, metadata={**carried.metadata, **said}), finished / "rejected" / "run_tops.npz"
     )

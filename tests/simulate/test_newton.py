@@ -1,4 +1,4 @@
-"""The cloth engine: free fall, draping, and the same result twice."""
+"""The cloth engine: draping, what may not touch, layers, and the same result twice."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,12 +11,9 @@ pytest.importorskip("newton", reason="the `simulate` extra is not installed")
 
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.simulate.engine import Scene
-from uvcloth.simulate.newton import Style3D
+from uvcloth.simulate.newton import Newton
 
 FPS = 30.0
-
-ENGINE_DAMPING = 0.998
-"""SolverStyle3D itself keeps this share of the velocity in every substep."""
 
 
 def sheet_over_a_ball(frames: int, height: float) -> Scene:
@@ -48,23 +45,8 @@ def sheet_over_a_ball(frames: int, height: float) -> Scene:
     )
 
 
-def test_a_sheet_falls_at_g_without_air() -> None:
-    frames = 6
-    engine = Style3D(drag=0.0, follow=0.0)
-    scene = sheet_over_a_ball(frames, height=3.0)
-    heights = torch.stack([vertices[:, 2].mean() for vertices in engine.simulate(scene)])
-    step = 1.0 / (FPS * engine.substeps)
-    speed, height, expected = 0.0, 3.0, [3.0]
-    for _ in range(1, frames):
-        for _ in range(engine.substeps):
-            moved = (speed - 9.81 * step) * step
-            height, speed = height + moved, ENGINE_DAMPING * moved / step
-        expected.append(height)
-    torch.testing.assert_close(heights, torch.tensor(expected), atol=2e-4, rtol=0)
-
-
 def test_a_sheet_comes_to_lie_on_a_ball_the_same_way_twice(tmp_path: Path) -> None:
-    engine = Style3D()
+    engine = Newton()
     scene = sheet_over_a_ball(20, height=0.14)
     first = torch.stack(list(engine.simulate(scene)))
     second = torch.stack(list(engine.simulate(scene)))
@@ -78,12 +60,12 @@ def test_a_sheet_comes_to_lie_on_a_ball_the_same_way_twice(tmp_path: Path) -> No
 def test_what_may_not_touch_does_not_and_fast_scenes_take_more_substeps() -> None:
     scene = sheet_over_a_ball(12, height=0.14)
     apart = replace(scene, touches=torch.zeros_like(scene.touches))
-    engine = Style3D()
+    engine = Newton()
     fallen = list(engine.simulate(apart))[-1]
     assert float(fallen[:, 2].max()) < 0.0
-    still, moved = scene.carrier[0], scene.carrier[0] + torch.tensor([0.0, 0.0, 0.255])
-    assert engine.substeps_between(still, still) == engine.substeps
-    assert engine.substeps_between(still, moved) == 26
+    still, fast = torch.zeros(4, 3), torch.full((4, 3), 2.0 * engine.substeps * engine.stride)
+    assert engine.substeps_for(still, still) == engine.substeps
+    assert engine.substeps_for(still, fast) > 2 * engine.substeps
 
 
 def test_layers_keep_apart_and_the_outer_one_farther_off_the_ball() -> None:
@@ -99,6 +81,6 @@ def test_layers_keep_apart_and_the_outer_one_farther_off_the_ball() -> None:
         carrier=torch.cat([inner.carrier, outer.carrier], dim=1),
         touches=inner.touches.repeat(1, 2),
     )
-    below, above = torch.stack(list(Style3D().simulate(both))).split(count, dim=1)
+    below, above = torch.stack(list(Newton().simulate(both))).split(count, dim=1)
     assert wrong_side_percent(above, below, inner.faces) == 0.0
     assert float(above[-1].norm(dim=1).min()) > 0.127

@@ -1,7 +1,7 @@
 """Simulate many sequences in parallel processes, on this machine or on a dask cluster."""
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from datetime import datetime, timedelta
@@ -84,8 +84,8 @@ def simulate_batch(
         check_order([cloth.garment for cloth in outfit])
     sources = batch_sources(clips, windows, clips_from, splits)
     named = [tuple(cloth.garment.name for cloth in outfit) for outfit in outfits]
-    engines = {skirted: ENGINES[engine](skirted) for skirted in (False, True)}
-    require_same(stored_sequences(out), body, tuple(engines.values()), named)
+    made_by = ENGINES[engine]()
+    require_same(stored_sequences(out), body, made_by, named)
     todo, refused = plan(sources, outfits, out / REPEAT if repeat else out, body, repeat)
     make_folder(out)
     if windows is not None:
@@ -96,20 +96,17 @@ def simulate_batch(
     if not todo:
         print(f"{out}: every sequence is there already")
         return
-    _simulate_all(todo, body, engines, jobs, scheduler)
+    _simulate_all(todo, body, made_by, jobs, scheduler)
 
 
 def _simulate_all(
     todo: Sequence[Job],
     body: Body,
-    engines: Mapping[bool, Engine],
+    engine: Engine,
     jobs: int | None,
     scheduler: str | None,
 ) -> None:
-    """Simulate in order, as many at a time as there are cores, and keep each sequence as it is done.
-
-    engines: what simulates jobs without a skirt and with one.
-    """
+    """Simulate in order, as many at a time as there are cores, and keep each sequence as it is done."""
     try:
         from dask.distributed import LocalCluster, as_completed
     except ModuleNotFoundError as error:
@@ -136,7 +133,7 @@ def _simulate_all(
                 job = next(queue, None)
                 if job is None:
                     return
-                future = client.submit(_work, job, shared, engines[job.skirted], pure=False)
+                future = client.submit(_work, job, shared, engine, pure=False)
                 waiting[future] = job
                 running.add(future)
 

@@ -57,15 +57,15 @@ def stored_sequences(folder: Path) -> list[Stored]:
 
 
 def require_same(
-    stored: Sequence[Stored], body: Body, engines: Sequence[Engine], outfits: Sequence[tuple[str, ...]]
+    stored: Sequence[Stored], body: Body, engine: Engine, outfits: Sequence[tuple[str, ...]]
 ) -> None:
     """Raise InputError if a sequence is of another body, engine or outfit than what would be made.
 
-    engines: those that make sequences now. outfits: names of the garments that are simulated together.
+    engine: what makes sequences now. outfits: names of the garments that are simulated together.
     """
     shape = rest_hash(body)
     layers = {name: outfit for outfit in outfits for name in outfit}
-    made = [json.loads(json.dumps(engine.describe())) for engine in engines]
+    made = json.loads(json.dumps(engine.describe()))
     for each in stored:
         said = each.metadata
         if said.get("body_hash", shape) != shape:
@@ -84,15 +84,14 @@ def require_same(
             )
 
 
-def _require_engine(path: Path, said: Mapping[str, Any], made: Sequence[Mapping[str, Any]]) -> None:
-    """Raise InputError unless one of the engines made it, naming what is nearest to it otherwise."""
-    known = [engine for engine in made if engine["engine"] == said["engine"]]
-    if not known:
+def _require_engine(path: Path, said: Mapping[str, Any], made: Mapping[str, Any]) -> None:
+    """Raise InputError if another engine made it, or other settings, which are then named."""
+    if said["engine"] != made["engine"]:
         raise InputError(
-            f"{path}: was simulated by {said['engine']}, not by {made[0]['engine']}, "
+            f"{path}: was simulated by {said['engine']}, not by {made['engine']}, "
             "simulate into another folder"
         )
-    differences = min((_differences(said, engine) for engine in known), key=len)
+    differences = _differences(said.get("settings", {}), made["settings"])
     if differences:
         raise InputError(
             f"{path}: was simulated with other settings ({', '.join(differences)}), "
@@ -100,13 +99,16 @@ def _require_engine(path: Path, said: Mapping[str, Any], made: Sequence[Mapping[
         )
 
 
-def _differences(said: Mapping[str, Any], engine: Mapping[str, Any]) -> list[str]:
-    before, now = said.get("settings", {}), engine.get("settings", {})
-    return [
-        f"{name} {before.get(name)} instead of {now.get(name)}"
-        for name in {**now, **before}
-        if before.get(name) != now.get(name)
-    ]
+def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """What differs between settings, by name; fabrics by what they are made of."""
+    said = []
+    for name in {**now, **before}:
+        old, new = before.get(name), now.get(name)
+        if isinstance(old, dict) and isinstance(new, dict):
+            said += _differences(old, new)
+        elif old != new:
+            said.append(f"{name} {old} instead of {new}")
+    return said
 
 
 def keep_index(windows: Path, kept: Path) -> None:

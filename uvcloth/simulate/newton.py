@@ -1,48 +1,56 @@
-"""Cloth simulation with Newton's SolverStyle3D (projective dynamics)."""
+"""Cloth simulation with Newton's SolverVBD (vertex block descent)."""
 
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
 from typing import Any
 
-import numpy as np
 import torch
 import warp as wp
 from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.simulate.engine import Scene
+from uvcloth.simulate.fabric import AIR_DENSITY, Fabric
+
+GRAVITY = 9.81
+
+BOUND = 0.85
+"""Share of the room between cloth and cloth that a vertex may use up before it is looked for anew."""
 
 
 @dataclass(frozen=True)
-class Style3D:
-    """Settings in SI units; a light cotton jersey.
+class Newton:
+    """Settings in SI units.
 
-    substeps: per frame at least; stride: m that the skinned garment moves in a substep at most.
-    density: kg/m2. stretch: (weft, warp, shear) N/m. bend: N m. radius: m, kept between cloth and body.
-    contact_reach: m, how deep in a part of the body cloth may be and still find its way out.
-    drag: 1/s towards still air. follow: 1/s towards the skinned garment's velocity.
+    substeps: per frame at least. iterations: of the solver in each; few in many substeps converge best.
+    radius: m, kept between cloth and body. self_radius: m, kept between cloth and cloth; self_reach: m more
+    within which cloth is watched. contact_reach: m, how deep in a part of the body cloth may be and still
+    find its way out. creep: m/s of sliding below which friction fades. friction_share: of the fabric's
+    friction, what the solver is told: stopped early, it takes a contact to press harder than it does, and at
+    these settings a sheet slides at the right angle with half of it (tests/simulate/physics).
     hold: 1/s, the frequency of the soft attachment of the band.
     """
 
-    name: str = "newton.SolverStyle3D"
-    substeps: int = 10
-    stride: float = 0.01
-    iterations: int = 4
-    linear_iterations: int = 10
-    density: float = 0.2
-    stretch: tuple[float, float, float] = (300.0, 300.0, 90.0)
-    bend: float = 3e-6
+    name: str = "newton.SolverVBD"
+    fabric: Fabric = field(default_factory=Fabric)
+    substeps: int = 20
+    iterations: int = 2
     radius: float = 0.004
     self_radius: float = 0.003
-    contact_stiffness: float = 1e4
-    contact_reach: float = 0.06
+    self_reach: float = 0.009
+    contact_stiffness: float = 400.0
+    contact_reach: float = 0.03
     contact_damping: float = 1e-2
-    friction: float = 0.3
-    drag: float = 1.0
-    follow: float = 2.0
+    creep: float = 1e-2
+    friction_share: float = 0.5
     hold: float = 100.0
+
+    @property
+    def stride(self) -> float:
+        """Metres that the solver lets a vertex move between two detections of cloth that touches itself."""
+        return 0.5 * BOUND * (self.self_radius + self.self_reach)
 
     def describe(self) -> dict[str, Any]:
         return {
@@ -52,77 +60,93 @@ class Style3D:
         }
 
     def simulate(self, scene: Scene) -> Iterator[Tensor]:
-        """Raises InputError if the `simulate` extra is not installed."""
+        """Raises InputError if the `simulate` extra is not installed.
+
+        Positions and velocities are relative to the mean of the skinned garment, which moves evenly between
+        two frames, so that strides bound how cloth moves on the body and not how the body walks.
+        """
         try:
             import newton
         except ModuleNotFoundError as error:
             raise InputError("simulating needs Newton: install uvcloth[simulate]") from error
-        model, bodies = _model(self, scene)
-        solver = newton.solvers.SolverStyle3D(
-            model,
-            config=newton.solvers.SolverStyle3D.Config(
-                iterations=self.iterations, linear_iterations=self.linear_iterations
-            ),
+        path = scene.carrier.mean(1, keepdim=True)
+        scene = replace(
+            scene, rest=scene.rest - path[0], carrier=scene.carrier - path, collider=scene.collider - path
         )
-        assert solver.collision is not None
-        solver.collision.radius = self.self_radius
-        solver.collision.friction_epsilon = 1e-2
-        # Vertices against faces keep layers apart; edge tests and untangling cost half of the time.
-        solver.collision.stiff_ee = solver.collision.stiff_ef = 0.0
+        model, bodies = _model(self, scene)
         pipeline = newton.CollisionPipeline(model, soft_contact_gap=self.contact_reach)
         _keep_apart(pipeline, scene.touches)
         contacts, control = pipeline.contacts(), model.control()
+        schedule = newton.solvers.SolverBase.CollisionFrequencyType.PRE_INIT
+        solver = newton.solvers.SolverVBD(
+            model,
+            iterations=self.iterations,
+            friction_epsilon=self.creep,
+            dat_conservative_bound_relaxation=BOUND,
+            particle_enable_self_contact=True,
+            particle_self_contact_margin=self.self_radius,
+            particle_self_contact_gap=self.self_reach,
+            particle_enable_tile_solve=False,
+            collision_frequency_type={newton.solvers.SolverBase.CollisionSlot.SOFT_SELF_CONTACT: schedule},
+        )
         now, later = model.state(), model.state()
         forces = _Forces(self, scene, model)
         collider = _Collider(scene, model, bodies)
-        yield scene.rest.clone()
+        wind = torch.zeros(1, 3)
+        yield scene.rest + path[0]
         for frame in range(1, len(scene.collider)):
             collider.begin(frame)
             forces.begin(frame)
-            count = self.substeps_between(scene.carrier[frame - 1], scene.carrier[frame])
+            drift = (path[frame] - path[frame - 1]) * scene.fps
+            wp.to_torch(now.particle_qd).add_(wind - drift)
+            wind = drift
+            count = self.substeps_for(
+                scene.carrier[frame] - scene.carrier[frame - 1], wp.to_torch(now.particle_qd) / scene.fps
+            )
             step = 1.0 / (scene.fps * count)
             for substep in range(1, count + 1):
                 share = substep / count
                 collider.move(share)
                 now.clear_forces()
-                forces.apply(now, share)
+                forces.apply(now, share, wind)
                 pipeline.collide(now, contacts)
                 solver.step(now, later, control, contacts, step)
                 now, later = later, now
-            yield torch.from_numpy(now.particle_q.numpy().copy())
+            yield wp.to_torch(now.particle_q) + path[frame]
 
-    def substeps_between(self, before: Tensor, after: Tensor) -> int:
-        """More of them where the skinned garment is fast, or limbs would pass through cloth."""
-        farthest = float((after - before).norm(dim=1).max())
-        return max(self.substeps, math.ceil(farthest / self.stride))
+    def substeps_for(self, *moves: Tensor) -> int:
+        """How many substeps a frame takes in which cloth or skinned garment moves so far, (N, 3) m."""
+        farthest = max(float(move.norm(dim=1).max()) for move in moves)
+        return max(self.substeps, math.ceil(1.2 * farthest / self.stride))
 
 
-def _model(settings: Style3D, scene: Scene) -> tuple[Any, list[Any]]:
+def _model(settings: Newton, scene: Scene) -> tuple[Any, list[Any]]:
     """The finalized model, and the meshes of the collider's parts, whose live points the collider moves."""
     import newton
-    from newton.solvers import style3d
 
+    fabric = settings.fabric
     builder = newton.ModelBuilder(up_axis=newton.Axis.Z)
-    newton.solvers.SolverStyle3D.register_custom_attributes(builder)
-    panels = _flattened(scene.rest.numpy(), scene.faces.numpy())
-    weft, warp, shear = settings.stretch
-    style3d.add_cloth_mesh(
-        builder,
+    builder.add_cloth_mesh(
         pos=wp.vec3(0.0, 0.0, 0.0),
         rot=wp.quat_identity(),
+        scale=1.0,
         vel=wp.vec3(0.0, 0.0, 0.0),
         vertices=[wp.vec3(*point) for point in scene.rest.tolist()],
         indices=scene.faces.reshape(-1).tolist(),
-        density=settings.density,
-        panel_verts=[wp.vec2(*point) for point in panels.tolist()],
-        panel_indices=list(range(3 * len(scene.faces))),
+        density=fabric.density,
+        tri_ke=fabric.stretch / (2.0 * (1.0 + fabric.poisson)),
+        tri_ka=fabric.stretch * fabric.poisson / (1.0 - fabric.poisson**2),
+        tri_kd=0.0,
+        edge_ke=1.0,
+        edge_kd=0.0,
         particle_radius=settings.radius,
-        tri_aniso_ke=wp.vec3(weft, warp, shear),
-        edge_aniso_ke=wp.vec3(settings.bend, settings.bend, settings.bend),
     )
-    builder.particle_mass = (np.array(builder.particle_mass) * scene.heavier.numpy()).tolist()
+    builder.particle_mass = (torch.tensor(builder.particle_mass) * scene.heavier).tolist()
     builder.particle_radius = (settings.radius + scene.room).tolist()
-    shape = newton.ModelBuilder.ShapeConfig(density=0.0, mu=settings.friction)
+    friction = settings.friction_share * fabric.friction
+    shape = newton.ModelBuilder.ShapeConfig(
+        density=0.0, ke=settings.contact_stiffness, kd=settings.contact_damping, mu=friction
+    )
     parts = []
     for faces in scene.collider_parts:
         used, corners = faces.unique(return_inverse=True)
@@ -135,29 +159,35 @@ def _model(settings: Style3D, scene: Scene) -> tuple[Any, list[Any]]:
         density=0.0, has_shape_collision=False, has_particle_collision=False
     )
     builder.add_shape_sphere(body=-1, radius=1e-3, cfg=nothing)
+    builder.color()
     model = builder.finalize(device="cpu")
+    _set_bending(model, fabric.bend)
     model.soft_contact_ke = settings.contact_stiffness
     model.soft_contact_kd = settings.contact_damping
-    model.soft_contact_mu = settings.friction
+    model.soft_contact_mu = friction
     return model, [part.mesh for part in parts]
 
 
-def _flattened(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Every triangle laid flat on its own, isometrically: (3 M, 2)."""
-    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-    length = np.linalg.norm(b - a, axis=1)
-    x_axis = (b - a) / length[:, None]
-    along = ((c - a) * x_axis).sum(1)
-    height = np.linalg.norm(c - a - along[:, None] * x_axis, axis=1)
-    zero = np.zeros_like(length)
-    corners = [np.stack(pair, 1) for pair in ((zero, zero), (length, zero), (along, height))]
-    return np.stack(corners, axis=1).reshape(-1, 2)
+def _set_bending(model: Any, rigidity: float) -> None:
+    """Give every edge the stiffness with which a mesh of any resolution bends like a plate.
+
+    An edge of length l between faces of areas a and b stores B l^2 / (a + b) / 2 times its angle squared
+    (exact for cylinders on the equilateral lattice: Seung and Nelson 1988); Newton multiplies by l itself.
+    """
+    edges = torch.from_numpy(model.edge_indices.numpy()).long()
+    points = torch.from_numpy(model.particle_q.numpy())
+    first, second, start, end = (points[edges[:, corner].clamp(min=0)] for corner in range(4))
+    along = end - start
+    doubled = sum(torch.linalg.cross(along, tip - start).norm(dim=1) for tip in (first, second))
+    properties = torch.from_numpy(model.edge_bending_properties.numpy())
+    properties[:, 0] = rigidity * 2.0 * along.norm(dim=1) / doubled
+    model.edge_bending_properties.assign(properties.numpy())
 
 
 def _keep_apart(pipeline: Any, touches: Tensor) -> None:
     """Let vertices and parts that may not touch be pairs with the last shape, which touches nothing."""
     pairs = pipeline.soft_rigid_contact_pairs.numpy()
-    allowed = np.append(touches.numpy(), np.zeros_like(touches[:1]), axis=0)
+    allowed = torch.cat([touches, touches.new_zeros(1, touches.shape[1])]).numpy()
     pairs[~allowed[pairs[:, 1], pairs[:, 0]], 1] = len(touches)
     pipeline.soft_rigid_contact_pairs.assign(pairs)
 
@@ -173,6 +203,8 @@ class _Collider:
 
     def begin(self, frame: int) -> None:
         self.ends = [(frames[frame - 1], frames[frame]) for frames in self.frames]
+        if not self.ends:
+            return
         for mesh, (start, end) in zip(self.meshes, self.ends, strict=True):
             wp.copy(mesh.velocities, _vectors((end - start) * self.fps))
         reached = [torch.cat(ends) for ends in self.ends]
@@ -189,11 +221,12 @@ class _Collider:
 
 
 class _Forces:
-    """Soft attachment of the band, drag of the air, and a pull towards the skinned garment's velocity."""
+    """Soft attachment of the band, and drag of still air."""
 
-    def __init__(self, settings: Style3D, scene: Scene, model: Any) -> None:
-        self.settings, self.fps = settings, scene.fps
-        self.carrier = scene.carrier
+    def __init__(self, settings: Newton, scene: Scene, model: Any) -> None:
+        self.hold, self.fps = settings.hold, scene.fps
+        self.pressure = 0.5 * AIR_DENSITY * settings.fabric.drag
+        self.carrier, self.faces = scene.carrier, scene.faces
         self.mass = torch.from_numpy(model.particle_mass.numpy().copy())[:, None]
         self.light = self.mass / scene.heavier[:, None]
         self.band = scene.band[:, None].float()
@@ -202,16 +235,29 @@ class _Forces:
         self.start, self.end = self.carrier[frame - 1], self.carrier[frame]
         self.velocity = (self.end - self.start) * self.fps
 
-    def apply(self, state: Any, share: float) -> None:
+    def apply(self, state: Any, share: float, wind: Tensor) -> None:
+        """wind: (1, 3) m/s of the frame of reference against the air."""
         position = wp.to_torch(state.particle_q)
         velocity = wp.to_torch(state.particle_qd)
         target = torch.lerp(self.start, self.end, share)
-        lag = self.velocity - velocity
-        hold = self.settings.hold
-        attachment = self.mass * (hold**2 * (target - position) + 1.4 * hold * lag)
-        attachment[:, 2:] += 9.81 * (self.mass - self.light)
-        air = self.light * (self.settings.follow * lag - self.settings.drag * velocity)
-        wp.to_torch(state.particle_f).copy_(self.band * attachment + air)
+        attachment = self.mass * (
+            self.hold**2 * (target - position) + 1.4 * self.hold * (self.velocity - velocity)
+        )
+        attachment[:, 2:] += GRAVITY * (self.mass - self.light)
+        force = self.band * attachment
+        force.index_add_(
+            0, self.faces.reshape(-1), self._drag(position, velocity + wind).repeat_interleave(3, dim=0)
+        )
+        wp.to_torch(state.particle_f).copy_(force)
+
+    def _drag(self, position: Tensor, velocity: Tensor) -> Tensor:
+        """A third of the drag of each face (M, 3), N: along its normal, by the square of its speed there."""
+        a, b, c = position[self.faces].unbind(1)
+        normal = torch.linalg.cross(b - a, c - a)
+        doubled = normal.norm(dim=1, keepdim=True).clamp(min=1e-12)
+        normal = normal / doubled
+        speed = (velocity[self.faces].mean(1) * normal).sum(1, keepdim=True)
+        return -self.pressure / 6.0 * doubled * speed * speed.abs() * normal
 
 
 def _vectors(values: Tensor) -> Any:

@@ -33,10 +33,6 @@ class Job:
     cloths: tuple[Cloth, ...]
     targets: tuple[Path, ...]
 
-    @property
-    def skirted(self) -> bool:
-        return any(cloth.garment.template == "dress" for cloth in self.cloths)
-
 
 @dataclass(frozen=True)
 class Source:
