@@ -8,6 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from tests.simulate.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import FOREARMS, PARTS, make_collider
 from uvcloth.garments.garment import Garment
@@ -33,16 +34,7 @@ def shirt(body: Body) -> Garment:
 @pytest.fixture(scope="module")
 def carried(shirt: Garment, body: Body) -> Sequence:
     """A long-sleeved shirt that is simply skinned."""
-    transforms = load_clip("walk", body).transforms()[:4]
-    return Sequence(
-        vertices=skin(shirt.mesh.vertices, shirt.carrier_weights, transforms),
-        faces=shirt.mesh.faces,
-        rest=shirt.mesh.vertices,
-        transforms=transforms,
-        fps=30.0,
-        settling=1,
-        metadata={"clip": "walk", "garment": "shirt", "body": body.name},
-    )
+    return skinned_sequence(shirt, body)
 
 
 @pytest.fixture(scope="module")
