@@ -23,9 +23,9 @@ from train.motion_guided import (
 )
 from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import load_checkpoint, load_tensors
+from uvcloth.methods.latent import Space
 from uvcloth.methods.motion_guided import PRESETS
 from uvcloth.methods.registry import load_method
-from uvcloth.methods.latent import Space
 from uvcloth.methods.situation import MEMORY, Situation, posed_shape, rest_shape, situation_features
 
 pytest.importorskip("lightning")
@@ -177,7 +177,7 @@ def test_who_keeps_the_garment_loses_nothing_by_the_virtual_sample(
     past: str, data: Path, space: Space
 ) -> None:
     rows = torch.tensor([5, 8])
-    objective, net, both = stepped(data, space, rows, past=past)
+    objective, _, both = stepped(data, space, rows, past=past)
     _, _, real = stepped(data, space, rows, past=past, still=False)
     seen, before = objective.material, rows - 1
     kept = posed_shape(
