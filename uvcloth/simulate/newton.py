@@ -27,9 +27,7 @@ class Newton:
     substeps: per frame at least. iterations: of the solver in each; few in many substeps converge best.
     radius: m, kept between cloth and body. self_radius: m, kept between cloth and cloth; self_reach: m more
     within which cloth is watched. contact_reach: m, how deep in a part of the body cloth may be and still
-    find its way out. creep: m/s of sliding below which friction fades. friction_share: of the fabric's
-    friction, what the solver is told: stopped early, it takes a contact to press harder than it does, and at
-    these settings a sheet slides at the right angle with half of it (tests/simulate/physics).
+    find its way out. creep: m/s of sliding below which friction fades.
     hold: 1/s, the frequency of the soft attachment of the band.
     """
 
@@ -40,11 +38,10 @@ class Newton:
     radius: float = 0.004
     self_radius: float = 0.003
     self_reach: float = 0.009
-    contact_stiffness: float = 400.0
+    contact_stiffness: float = 2e3
     contact_reach: float = 0.03
     contact_damping: float = 1e-2
-    creep: float = 1e-2
-    friction_share: float = 0.5
+    creep: float = 1e-3
     hold: float = 100.0
 
     @property
@@ -128,7 +125,7 @@ def _model(settings: Newton, scene: Scene) -> tuple[Any, list[Any]]:
     builder = newton.ModelBuilder(up_axis=newton.Axis.Z)
     builder.add_cloth_mesh(
         pos=wp.vec3(0.0, 0.0, 0.0),
-        rot=wp.quat_identity(),
+        rot=(0.0, 0.0, 0.0, 1.0),
         scale=1.0,
         vel=wp.vec3(0.0, 0.0, 0.0),
         vertices=[wp.vec3(*point) for point in scene.rest.tolist()],
@@ -143,9 +140,8 @@ def _model(settings: Newton, scene: Scene) -> tuple[Any, list[Any]]:
     )
     builder.particle_mass = (torch.tensor(builder.particle_mass) * scene.heavier).tolist()
     builder.particle_radius = (settings.radius + scene.room).tolist()
-    friction = settings.friction_share * fabric.friction
     shape = newton.ModelBuilder.ShapeConfig(
-        density=0.0, ke=settings.contact_stiffness, kd=settings.contact_damping, mu=friction
+        density=0.0, ke=settings.contact_stiffness, kd=settings.contact_damping, mu=fabric.friction
     )
     parts = []
     for faces in scene.collider_parts:
@@ -164,7 +160,7 @@ def _model(settings: Newton, scene: Scene) -> tuple[Any, list[Any]]:
     _set_bending(model, fabric.bend)
     model.soft_contact_ke = settings.contact_stiffness
     model.soft_contact_kd = settings.contact_damping
-    model.soft_contact_mu = friction
+    model.soft_contact_mu = fabric.friction
     return model, [part.mesh for part in parts]
 
 
