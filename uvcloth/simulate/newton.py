@@ -125,7 +125,7 @@ def _model(settings: Newton, scene: Scene) -> tuple[Any, list[Any]]:
     builder = newton.ModelBuilder(up_axis=newton.Axis.Z)
     builder.add_cloth_mesh(
         pos=wp.vec3(0.0, 0.0, 0.0),
-        rot=(0.0, 0.0, 0.0, 1.0),
+        rot=wp.quat(0.0, 0.0, 0.0, 1.0),
         scale=1.0,
         vel=wp.vec3(0.0, 0.0, 0.0),
         vertices=[wp.vec3(*point) for point in scene.rest.tolist()],
