@@ -122,10 +122,11 @@ def _model(settings: Newton, scene: Scene) -> tuple[Any, list[Any]]:
     import newton
 
     fabric = settings.fabric
+    upright: Any = wp.quat_identity()
     builder = newton.ModelBuilder(up_axis=newton.Axis.Z)
     builder.add_cloth_mesh(
         pos=wp.vec3(0.0, 0.0, 0.0),
-        rot=wp.quat(0.0, 0.0, 0.0, 1.0),
+        rot=upright,
         scale=1.0,
         vel=wp.vec3(0.0, 0.0, 0.0),
         vertices=[wp.vec3(*point) for point in scene.rest.tolist()],
