@@ -21,11 +21,12 @@ from uvcloth.methods.situation import (
     MEMORY,
     Situation,
     carried_offsets,
-    motion_and_pose,
+    motion_of,
     next_shape,
     posed_shape,
     rest_shape,
     situation_features,
+    state_features,
 )
 
 ROLLED = 150
@@ -51,7 +52,7 @@ class MotionGuidedLosses(Holdout):
     steady: float = 1.0
     """Error of the change since the frame before, beside that of the vertices: less jitter (paper: 0)."""
     still: bool = True
-    """Train on the virtual sample too whose garment does not change: E_t = 0."""
+    """Train on the virtual sample too of which nothing changes: E_t = 0."""
     past: Literal["own", "true"] = "own"
     """Histories in training: the network's latest predictions, or the simulation's (paper)."""
     unroll: int = 4
@@ -194,7 +195,7 @@ class DynamicsObjective(ShapeObjective):
         net = self.material.config.dynamics()
         material = self.material
         seen = [
-            motion_and_pose(material.config.carried, material.maps, self._situation(material.rows, chosen))[0]
+            motion_of(material.config.carried, material.maps, self._situation(material.rows, chosen))
             for chosen in material.rows.samples[::8].split(CHUNK)
         ]
         scale = torch.cat(seen).square().mean((0, 1)).sqrt()
@@ -231,7 +232,7 @@ class DynamicsObjective(ShapeObjective):
         material, losses = self.material, self.losses
         features, change = situation_features(self.space, net, material.maps, seen, material.config.sigma)
         if losses.still:
-            features = torch.cat([features, features])
+            features = torch.cat([features, self._unchanged(rows - 1)])
             change = torch.cat([change, torch.zeros_like(change)])
             wanted = torch.cat([rows, rows - 1])
         else:
@@ -248,6 +249,16 @@ class DynamicsObjective(ShapeObjective):
             "regular": losses.regular * _regular(codes),
         }
         return parts, posed[: len(rows)]
+
+    def _unchanged(self, rows: Tensor) -> Tensor:
+        """What is seen beside E_t = 0 where garment and body stay as they are in rows (B,).
+
+        The garment is the simulated one whatever the histories are: from another, it would have to change.
+        """
+        clips, maps = self.material.rows, self.material.maps
+        pose = clips.pose[rows]
+        texels, offsets = maps.positions(clips.vertices[rows]), clips.offsets[rows]
+        return state_features(self.space, maps, texels, offsets, pose.seeds.points, pose.transforms)
 
     def _situation(self, rows: Rows, chosen: Tensor, past: tuple[Tensor, Tensor] | None = None) -> Situation:
         """What comes before the chosen rows (B,); past: the garments (R, N, 3), where not as simulated."""

@@ -23,9 +23,10 @@ from train.motion_guided import (
 )
 from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import load_checkpoint, load_tensors
+from uvcloth.methods.latent import Space
 from uvcloth.methods.motion_guided import PRESETS
 from uvcloth.methods.registry import load_method
-from uvcloth.methods.situation import posed_shape, rest_shape
+from uvcloth.methods.situation import MEMORY, Situation, posed_shape, rest_shape, situation_features
 
 pytest.importorskip("lightning")
 
@@ -115,6 +116,78 @@ def test_a_linear_space_holds_the_garments_it_was_fitted_to(data: Path) -> None:
         undisplaced = posed_shape(space, seen.maps, seen.maps.points.expand_as(posed), rows.pose[chosen])
     wrong, before = ((v - rows.vertices[chosen]).norm(dim=2).mean() for v in (posed, undisplaced))
     assert wrong < 0.3 * before
+
+
+class Keeping(torch.nn.Module):
+    """In place of the dynamic encoder: returns the garment that it was shown, and keeps what it saw."""
+
+    def __init__(self, objective: DynamicsObjective) -> None:
+        super().__init__()
+        self.dynamics, self.space = objective.networks()["net"], objective.space
+
+    def change(self, *seen: torch.Tensor) -> torch.Tensor:
+        return self.dynamics.change(*seen)
+
+    def forward(self, features: torch.Tensor, change: torch.Tensor) -> torch.Tensor:
+        self.features, self.changes = features, change
+        return self.space.encode(features[:, :3])
+
+
+@pytest.fixture(scope="module")
+def space(data: Path) -> Space:
+    space: Space = ShapeObjective(material(data), LOSSES["tiny"]).networks()["net"]
+    return space
+
+
+def stepped(
+    data: Path, space: Space, rows: torch.Tensor, **settings: object
+) -> tuple[DynamicsObjective, Keeping, dict[str, torch.Tensor]]:
+    """One step of `Keeping` on rows, after histories that are far from the simulation's."""
+    losses = replace(LOSSES["tiny"], unroll=1, **settings)
+    objective = DynamicsObjective(material(data, losses), losses, space)
+    net = Keeping(objective)
+    if losses.past == "own":
+        objective.past += 0.1
+        objective.past_offsets += 0.1
+    ((_, _, parts),) = objective.steps({"net": net}, rows)
+    return objective, net, parts
+
+
+@pytest.mark.parametrize("past", ["own", "true"])
+def test_the_virtual_sample_is_of_a_clip_that_stands_still(past: str, data: Path, space: Space) -> None:
+    rows = torch.tensor([5, 8])
+    objective, net, _ = stepped(data, space, rows, past=past)
+    clips, maps, before = objective.material.rows, objective.material.maps, rows - 1
+    pose = clips.pose[before]
+    standing = Situation(
+        before=maps.positions(clips.vertices[before])[:, None].repeat(1, MEMORY, 1, 1),
+        offsets=clips.offsets[before][:, None].repeat(1, MEMORY, 1, 1),
+        transforms=pose.transforms[:, None].repeat(1, MEMORY, 1, 1, 1),
+        seeds_before=pose.seeds,
+        seeds=pose.seeds,
+        fps=objective.material.fps,
+    )
+    expected, _ = situation_features(space, net, maps, standing, objective.material.config.sigma)
+    torch.testing.assert_close(net.features[2:], expected)
+    assert (net.changes[2:] == 0).all()
+
+
+@pytest.mark.parametrize("past", ["own", "true"])
+def test_who_keeps_the_garment_loses_nothing_by_the_virtual_sample(
+    past: str, data: Path, space: Space
+) -> None:
+    rows = torch.tensor([5, 8])
+    objective, _, both = stepped(data, space, rows, past=past)
+    _, _, real = stepped(data, space, rows, past=past, still=False)
+    seen, before = objective.material, rows - 1
+    kept = posed_shape(
+        space, seen.maps, rest_shape(space, seen.maps, objective.codes[before]), seen.rows.pose[before]
+    )
+    virtual = {name: 2.0 * both[name] - real[name] for name in ("shape", "code")}
+    assert real["code"] > 1e-4
+    torch.testing.assert_close(virtual["code"], torch.tensor(0.0), atol=1e-6, rtol=0)
+    # What is left is what the space itself loses of the garment.
+    torch.testing.assert_close(virtual["shape"], (kept - seen.rows.vertices[before]).abs().mean())
 
 
 def test_one_command_trains_both_stages(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

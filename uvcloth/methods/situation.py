@@ -66,35 +66,48 @@ def shape_features(space: Space, maps: GarmentMaps, texels: Tensor, offsets: Ten
     return space.features(maps.map(texels - middle), maps.mask, seeds - middle)
 
 
-def motion_and_pose(carried: bool, maps: GarmentMaps, seen: Situation) -> tuple[Tensor, Tensor]:
-    """What moves, of every texel (B, P, C), m/s and m/s2, and how the body stands (B, P, 3 or 0), m.
+def motion_of(carried: bool, maps: GarmentMaps, seen: Situation) -> Tensor:
+    """What moves, of every texel (B, P, C), m/s and m/s2.
 
-    C = 6 as published, the garment's own motion, and no pose. Carried, C = 12: the changes of its offsets,
-    and the carrier's velocity and specific force, in the axes that it carries along; the pose is where the
-    carrier lies now, seen from the root joint, against its rest.
+    C = 6 as published, the garment's own motion. Carried, C = 12: the changes of its offsets, and the
+    carrier's velocity and specific force, in the axes that it carries along.
     """
     past = seen.offsets if carried else seen.before
     velocity = (past[:, :-1] - past[:, 1:]) * seen.fps
     own = [velocity[:, 0], (velocity[:, 0] - velocity[:, 1]) * seen.fps]
     if not carried:
-        return torch.cat(own, dim=2), velocity[:, 0, :, :0]
+        return torch.cat(own, dim=2)
     now, frames = carry(maps.texel_points, maps.texel_weights, seen.transforms[:, 0])
     before, earlier = (skin(maps.texel_points, maps.texel_weights, seen.transforms[:, k]) for k in (1, 2))
     velocity = (now - before) * seen.fps
     force = (velocity - (before - earlier) * seen.fps) * seen.fps - now.new_tensor(GRAVITY)
-    motion = torch.cat([*own, rotate_back(frames, velocity), rotate_back(frames, force)], dim=2)
-    return motion, seen_from_root(now, seen.transforms[:, 0]) - maps.texel_points
+    return torch.cat([*own, rotate_back(frames, velocity), rotate_back(frames, force)], dim=2)
+
+
+def state_features(
+    space: Space, maps: GarmentMaps, texels: Tensor, offsets: Tensor, seeds: Tensor, transforms: Tensor
+) -> Tensor:
+    """S(M^P) of a garment, as `shape_features` takes it, and how the body stands (B, J, 3, 4).
+
+    Carried, the latter is where the carrier lies, seen from the root joint, against its rest, m; as published
+    there is none.
+    """
+    features = shape_features(space, maps, texels, offsets, seeds)
+    if not space.carried:
+        return features
+    carrier = skin(maps.texel_points, maps.texel_weights, transforms)
+    pose = seen_from_root(carrier, transforms) - maps.texel_points
+    return torch.cat([features, maps.map(pose)], dim=1)
 
 
 def situation_features(
     space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: Situation, sigma: float
 ) -> tuple[Tensor, Tensor]:
-    """S(M^P_{t-1}) and E_t; the pose goes with the former, since it is no change."""
+    """S(M^P_{t-1}) and E_t; the pose of t goes with the former, since it is no change."""
     last, before = seen.before[:, 0], seen.seeds_before.points
-    features = shape_features(space, maps, last, seen.offsets[:, 0], before)
-    motion, pose = motion_and_pose(space.carried, maps, seen)
+    features = state_features(space, maps, last, seen.offsets[:, 0], before, seen.transforms[:, 0])
+    motion = motion_of(space.carried, maps, seen)
     forces = contact_forces(last, before, seen.seeds.points, seen.seeds.normals, sigma)
-    features = torch.cat([features, maps.map(pose)], dim=1)
     return features, dynamics.change(maps.map(motion), forces, seen.seeds.normals, maps.sheet.pixels)
 
 
