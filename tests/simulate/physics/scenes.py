@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import torch
 import trimesh
+from scipy.spatial import Delaunay
 from torch import Tensor
 
 from uvcloth.simulate.engine import Engine, Scene
@@ -25,6 +26,21 @@ def sheet(length: float, width: float, rows: int, columns: int) -> tuple[Tensor,
     first = torch.where(even, torch.stack([a, b, c], 1), torch.stack([a, b, d], 1))
     second = torch.where(even, torch.stack([a, c, d], 1), torch.stack([b, c, d], 1))
     return vertices, torch.cat([first, second])
+
+
+def disc(radius: float, rings: int) -> tuple[Tensor, Tensor]:
+    """A level disc of even triangles around its middle: vertices (1 + 3 rings (rings + 1), 3) m, the rim last."""
+    circles = [torch.zeros(1, 2)]
+    for ring in range(1, rings + 1):
+        angle = 2 * math.pi * torch.arange(6 * ring) / (6 * ring)
+        circles.append(radius * ring / rings * torch.stack([angle.cos(), angle.sin()], 1))
+    flat = torch.cat(circles)
+    faces = torch.from_numpy(Delaunay(flat.numpy()).simplices).long()
+    a, b, c = flat[faces].unbind(1)
+    upwards = torch.linalg.det(torch.stack([b - a, c - a], 1)) > 0
+    return torch.cat([flat, torch.zeros(len(flat), 1)], 1), torch.where(
+        upwards[:, None], faces, faces.flip(1)
+    )
 
 
 def scene(
