@@ -1,15 +1,14 @@
 """Which simulated windows are judged, and what their actions are called."""
 
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rasterize.archive import load_arrays
 from rasterize.errors import InputError
 from uvcloth.garments.templates import TEMPLATES
+from uvcloth.simulate.folder import REPEAT, Stored, refused_captures, rejected
 from uvcloth.simulate.index import INDEX, read_index
-from uvcloth.simulate.sequence import FORMAT
+from uvcloth.simulate.sequence import read_metadata
 
 
 @dataclass(frozen=True)
@@ -58,27 +57,23 @@ def find_missing(
     A garment that was not tried on any of its clips is not missed. Raises InputError as find_windows does.
     """
     everything = _wanted(Path(data), (), garments, split)
-    tried = {w.garment for w in everything if w.path.is_file() or _rejected(w).is_file()}
+    tried = {w.garment for w in everything if w.path.is_file() or rejected(w.path).is_file()}
+    captures = refused_captures(Path(data))
     missing: dict[str, dict[str, str]] = {}
     for window in _wanted(Path(data), actions, garments, split):
         if window.garment in tried and not window.path.is_file():
             reasons = missing.setdefault(window.action, {})
             known = f"{reasons[window.garment]}; " if window.garment in reasons else ""
-            reasons[window.garment] = known + _why(window)
+            reasons[window.garment] = known + _why(window, captures)
     return missing
 
 
-def _rejected(window: Window) -> Path:
-    return window.path.parent / "rejected" / window.path.name
-
-
-def _why(window: Window) -> str:
-    """Why there is no sequence of a window."""
-    if not _rejected(window).is_file():
-        return "not simulated"
-    kept_apart = "a sequence that `uvcloth simulate` kept apart"
-    arrays = load_arrays(_rejected(window), FORMAT, kept_apart, ("metadata",))
-    return str(json.loads(str(arrays["metadata"])).get("rejected", "kept apart"))
+def _why(window: Window, captures: Mapping[str, str]) -> str:
+    """Why there is no sequence of a window. captures: why clips were refused before they were simulated."""
+    apart = rejected(window.path)
+    if apart.is_file():
+        return str(Stored(apart, read_metadata(apart), repeat=False).reason)
+    return captures.get(window.clip, "not simulated")
 
 
 def people_in(data: Path) -> dict[str, str]:
@@ -107,7 +102,7 @@ def _wanted(data: Path, actions: Sequence[str], garments: Sequence[str], split: 
         for clip, action in named.items()
         if not actions or action in actions
         for garment in garments
-        for path, repeat in [(data / f"{clip}_{garment}.npz", data / "repeat" / f"{clip}_{garment}.npz")]
+        for path, repeat in [(data / f"{clip}_{garment}.npz", data / REPEAT / f"{clip}_{garment}.npz")]
     ]
 
 

@@ -10,7 +10,7 @@ import trimesh
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body, load_body, save_body
-from uvcloth.bodies.collider import FOREARMS, LEGS, make_collider
+from uvcloth.bodies.collider import ARMS, FOREARMS, LEGS, TORSO, make_collider
 from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
 from uvcloth.garments.templates import wear
 from uvcloth.skeleton import joint_transforms
@@ -146,6 +146,27 @@ def test_what_has_no_long_sleeves_meets_the_body_as_if_it_had_no_forearms(name: 
     touches, expected = (make_collider(each).touches(cloth, body.mesh.vertices) for each in (body, without))
     assert not touches[list(FOREARMS)].any()
     assert torch.equal(touches, expected)
+
+
+def test_cloth_on_the_shoulder_meets_arm_and_torso_and_under_the_arm_the_arm_alone(body: Body) -> None:
+    cloth = wear("shirt", body).mesh.vertices
+    joint = body.skeleton.heads[body.skeleton.names.index("LeftArm")]
+    arm, torso = make_collider(body).touches(cloth, body.mesh.vertices)[[ARMS[0], TORSO]]
+    out, depth, up = (cloth - joint).unbind(1)
+    shoulder = (out.abs() < 0.04) & (depth.abs() < 0.04) & (up > 0.05)
+    under = (out > 0.005) & (out < 0.04) & (depth.abs() < 0.04) & (up < -0.05) & (up > -0.15)
+    assert shoulder.sum() > 10
+    assert under.sum() > 10
+    assert (arm & torso)[shoulder].all()
+    assert (arm & ~torso)[under].all()
+
+
+def test_cloth_on_a_body_without_arms_meets_its_torso(body: Body) -> None:
+    arm = body.regions == REGIONS.index("upper_arm")
+    armless = replace(body, regions=torch.where(arm, len(REGIONS), body.regions))
+    touches = make_collider(armless).touches(wear("tops", body).mesh.vertices, body.mesh.vertices)
+    assert not touches[list(ARMS)].any()
+    assert touches[TORSO].float().mean() > 0.9
 
 
 def test_a_wide_sleeve_is_no_skirt_and_a_wide_skirt_no_sleeve(body: Body) -> None:

@@ -31,6 +31,7 @@ from uvcloth.mesh import Mesh
 from uvcloth.methods.lbs import LBSConfig
 from uvcloth.methods.method import Method
 from uvcloth.methods.physxnet import PRESETS, physxnet_checkpoint
+from uvcloth.simulate.folder import keep_refused
 from uvcloth.simulate.sequence import Sequence, load_sequence, save_sequence
 from uvcloth.skeleton import Skeleton
 from uvcloth.skinning import skin
@@ -223,6 +224,9 @@ def test_missing_windows_are_listed_with_the_reason(world: Path, tmp_path: Path)
     }
     assert run(world, tmp_path / "out")["missing"] == missing
     assert run(world, tmp_path / "out", actions=("jump",))["missing"] == {"jump": missing["jump"]}
+    keep_refused({"02_04": "LeftFoot turns by 167 degrees"}, world)
+    missing["jump"] = {"dress": "LeftFoot turns by 167 degrees"}
+    assert run(world, tmp_path / "out")["missing"] == missing
 
 
 def test_a_folder_called_like_a_baseline_is_not_it(

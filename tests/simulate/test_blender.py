@@ -11,10 +11,10 @@ import torch
 import trimesh
 
 from rasterize.errors import InputError
+from tests.simulate.physics.scenes import FPS, G, play, scene, sheet
 from uvcloth.bodies.body import Body
 from uvcloth.simulate import blender
 from uvcloth.simulate.blender import VARIABLE, Blender, find_blender
-from uvcloth.simulate.engine import Scene
 from uvcloth.simulate.fabric import Fabric
 from uvcloth.simulate.farm import simulate_batch
 
@@ -26,63 +26,19 @@ needs_blender = pytest.mark.skipif(
 )
 
 
-def sheet(across: int, along: int, width: float, length: float) -> tuple[torch.Tensor, torch.Tensor]:
-    """A grid in the plane z = 0, diagonals alternating: vertices (across * along, 3), faces."""
-    x, y = torch.linspace(0, width, across), torch.linspace(0, length, along)
-    points = torch.cartesian_prod(x, y)
-    i, j = torch.cartesian_prod(torch.arange(across - 1), torch.arange(along - 1)).unbind(1)
-    a, b = i * along + j, (i + 1) * along + j
-    even = ((i + j) % 2 == 0)[:, None]
-    first = torch.where(even, torch.stack([a, b, b + 1], 1), torch.stack([a, b, a + 1], 1))
-    second = torch.where(even, torch.stack([a, b + 1, a + 1], 1), torch.stack([b, b + 1, a + 1], 1))
-    return torch.cat([points, torch.zeros(len(points), 1)], 1), torch.cat([first, second])
-
-
-def scene(points: torch.Tensor, faces: torch.Tensor, frames: int, band: torch.Tensor | None = None) -> Scene:
-    """Cloth alone."""
-    count = len(points)
-    return Scene(
-        rest=points,
-        faces=faces,
-        band=torch.zeros(count, dtype=torch.bool) if band is None else band,
-        heavier=torch.ones(count),
-        room=torch.zeros(count),
-        carrier=points.expand(frames, -1, -1),
-        collider=torch.zeros(frames, 0, 3),
-        collider_parts=(),
-        touches=torch.zeros(0, count, dtype=torch.bool),
-        fps=30.0,
-    )
-
-
-def on(obstacle: trimesh.Trimesh, cloth: Scene) -> Scene:
-    """The cloth with an obstacle that stands still."""
-    frames = len(cloth.carrier)
-    return replace(
-        cloth,
-        collider=torch.from_numpy(obstacle.vertices).float().expand(frames, -1, -1),
-        collider_parts=(torch.from_numpy(obstacle.faces).long(),),
-        touches=torch.ones(1, len(cloth.rest), dtype=torch.bool),
-    )
-
-
-def play(engine: Blender, played: Scene) -> torch.Tensor:
-    return torch.stack(list(engine.simulate(played)))
-
-
 @needs_blender
 def test_a_sheet_falls_at_g() -> None:
     frames, engine = 16, replace(find_blender(), fabric=STILL)
-    heights = play(engine, scene(*sheet(6, 6, 0.1, 0.1), frames))[..., 2]
+    heights = play(engine, scene(*sheet(0.1, 0.1, 6, 6), (frames - 1) / FPS))[..., 2]
     step = torch.arange(frames) * engine.quality
-    fallen = -9.81 / (30.0 * engine.quality) ** 2 * step * (step + 1) / 2  # as steps add it up
+    fallen = -G / (FPS * engine.quality) ** 2 * step * (step + 1) / 2  # as steps add it up
     torch.testing.assert_close(heights, fallen[:, None].expand_as(heights), atol=1e-5, rtol=1e-4)
 
 
 @needs_blender
 def test_a_sheet_held_along_an_edge_swings() -> None:
-    points, faces = sheet(12, 12, 0.3, 0.3)
-    fast = replace(scene(points, faces, 40, points[:, 0] < 1e-6), fps=60.0)
+    points, faces = sheet(0.3, 0.3, 12, 12)
+    fast = replace(scene(points, faces, 1.3, points[:, 0] < 1e-6), fps=60.0)
     engine = replace(find_blender(), fabric=STILL, quality=8)
     moved = play(engine, fast)
     rim = moved[:, points[:, 0] > 0.299, 2].mean(1)
@@ -97,19 +53,19 @@ def test_a_sheet_held_along_an_edge_swings() -> None:
 @needs_blender
 @pytest.mark.parametrize("stretch", [60.0, 300.0])
 def test_a_hanging_strip_stretches_as_its_membrane_stiffness_says(stretch: float) -> None:
-    points, faces = sheet(31, 5, 0.6, 0.08)
+    points, faces = sheet(0.6, 0.08, 31, 5)
     hanging = torch.stack([points[:, 2], points[:, 1], -points[:, 0]], 1)
     fabric = Fabric(stretch=stretch, drag=20.0)
     engine = replace(find_blender(), fabric=fabric)
-    last = play(engine, scene(hanging, faces, 60, hanging[:, 2] > -1e-6))[-10:]
+    last = play(engine, scene(hanging, faces, 2.0, hanging[:, 2] > -1e-6))[-10:]
     longer = -float(last[:, hanging[:, 2] < -0.599, 2].mean()) - 0.6
-    assert longer == pytest.approx(fabric.density * 9.81 * 0.6**2 / (2.0 * stretch), rel=0.12)
+    assert longer == pytest.approx(fabric.density * G * 0.6**2 / (2.0 * stretch), rel=0.12)
 
 
 @needs_blender
 @pytest.mark.parametrize(("degrees", "slides"), [(20.0, False), (24.0, True)])
 def test_cloth_slides_down_an_incline_beyond_the_angle_of_its_friction(degrees: float, slides: bool) -> None:
-    points, faces = sheet(6, 6, 0.1, 0.1)
+    points, faces = sheet(0.1, 0.1, 6, 6)
     points = points - points.mean(0) + torch.tensor([0.0, 0.0, 0.0045])
     slab = trimesh.creation.box((2.0, 1.0, 0.1)).subdivide().subdivide().subdivide()
     slab.apply_translation((0.0, 0.0, -0.05))
@@ -117,7 +73,7 @@ def test_cloth_slides_down_an_incline_beyond_the_angle_of_its_friction(degrees: 
     slab.apply_transform(tilt)
     turn = torch.from_numpy(tilt[:3, :3]).float()
     engine = replace(find_blender(), fabric=replace(STILL, friction=0.4))  # holds up to 21.8 degrees
-    moved = play(engine, on(slab, scene(points @ turn.T, faces, 31))) @ turn
+    moved = play(engine, scene(points @ turn.T, faces, 1.0, obstacles=[slab])) @ turn
     slid = float((moved[-1] - moved[0])[:, 0].mean())
     assert (slid > 0.15) if slides else (abs(slid) < 0.001)
     assert float(moved[..., 2].min()) > 0.003
@@ -125,9 +81,9 @@ def test_cloth_slides_down_an_incline_beyond_the_angle_of_its_friction(degrees: 
 
 @needs_blender
 def test_a_sheet_comes_to_lie_on_a_ball_the_same_way_twice_unless_it_may_not_touch() -> None:
-    points, faces = sheet(12, 12, 0.33, 0.33)
+    points, faces = sheet(0.33, 0.33, 12, 12)
     points = points - points.mean(0) + torch.tensor([0.0, 0.0, 0.13])
-    ball = on(trimesh.creation.icosphere(3, radius=0.12), scene(points, faces, 20))
+    ball = scene(points, faces, 19 / FPS, obstacles=[trimesh.creation.icosphere(3, radius=0.12)])
     first, second = (play(find_blender(), ball) for _ in range(2))
     assert torch.equal(first, second)
     assert float(first[-1].norm(dim=1).min()) > 0.12
@@ -137,10 +93,10 @@ def test_a_sheet_comes_to_lie_on_a_ball_the_same_way_twice_unless_it_may_not_tou
 
 
 def test_faces_beside_cloth_that_may_not_touch_them_are_left_out() -> None:
-    points, faces = sheet(11, 3, 1.0, 0.2)
+    points, faces = sheet(1.0, 0.2, 11, 3)
     box = trimesh.creation.box((1.0, 0.2, 0.1)).subdivide().subdivide()
     box.apply_translation((0.5, 0.1, 0.0))
-    both = on(box, scene(points, faces, 2))
+    both = scene(points, faces, 1 / FPS, obstacles=[box])
     half = points[:, 0] > 0.5
     (kept,) = blender._reachable(replace(both, touches=half[None]))
     centres = both.collider[0][kept].mean(1)
@@ -209,9 +165,9 @@ def test_nothing_is_written_where_the_engine_is_missing(
 
 
 def test_a_blender_that_ends_early_says_why(tmp_path: Path) -> None:
-    points, faces = sheet(2, 2, 0.1, 0.1)
+    points, faces = sheet(0.1, 0.1, 2, 2)
     ends = fake(tmp_path / "python", "head -c 48 /dev/zero; echo 'MemoryError' >&2")
-    frames = Blender(ends, "4.5.0").simulate(scene(points, faces, 3))
+    frames = Blender(ends, "4.5.0").simulate(scene(points, faces, 2 / FPS))
     assert torch.equal(next(frames), torch.zeros(4, 3))
     with pytest.raises(InputError, match=r"Blender ended at frame 1 of 3 \(MemoryError\)"):
         next(frames)
@@ -220,7 +176,7 @@ def test_a_blender_that_ends_early_says_why(tmp_path: Path) -> None:
 def test_the_process_ends_with_who_asked(tmp_path: Path) -> None:
     mark = tmp_path / "pid"
     slow = fake(tmp_path / "python", f"echo $$ > {mark}; head -c 48 /dev/zero; exec sleep 60")
-    frames = Blender(slow, "4.5.0").simulate(scene(*sheet(2, 2, 0.1, 0.1), 3))
+    frames = Blender(slow, "4.5.0").simulate(scene(*sheet(0.1, 0.1, 2, 2), 2 / FPS))
     next(frames)
     frames.close()
     with pytest.raises(ProcessLookupError):
@@ -230,4 +186,4 @@ def test_the_process_ends_with_who_asked(tmp_path: Path) -> None:
 def test_more_friction_than_blender_has_is_refused() -> None:
     engine = Blender("python", "4.5.0", fabric=Fabric(friction=0.9))
     with pytest.raises(InputError, match=r"friction up to 0\.8, not 0\.9"):
-        next(engine.simulate(scene(*sheet(2, 2, 0.1, 0.1), 2)))
+        next(engine.simulate(scene(*sheet(0.1, 0.1, 2, 2), 1 / FPS)))

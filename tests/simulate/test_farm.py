@@ -11,10 +11,10 @@ from rich.progress import Progress
 
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
+from tests.simulate.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import wear
-from uvcloth.motion.library import load_clip
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate import accept, farm
 from uvcloth.simulate import plan as planning
@@ -32,7 +32,6 @@ from uvcloth.simulate.sequence import (
     read_metadata,
     save_sequence,
 )
-from uvcloth.skinning import skin
 
 HEADER = "trial,subject,split,action,window_start,window_frames\n"
 
@@ -45,17 +44,7 @@ def shirt(body: Body) -> Garment:
 @pytest.fixture(scope="module")
 def carried(shirt: Garment, body: Body) -> Sequence:
     """A shirt that is simply skinned: outside the body for a small motion."""
-    garment = shirt
-    transforms = load_clip("walk", body).transforms()[:4]
-    return Sequence(
-        vertices=skin(garment.mesh.vertices, garment.carrier_weights, transforms),
-        faces=garment.mesh.faces,
-        rest=garment.mesh.vertices,
-        transforms=transforms,
-        fps=30.0,
-        settling=1,
-        metadata={"clip": "walk", "garment": "tops", "body": body.name},
-    )
+    return skinned_sequence(shirt, body)
 
 
 def test_a_sequence_survives_its_file(carried: Sequence, tmp_path: Path) -> None:

@@ -8,8 +8,10 @@ import pytest
 import torch
 from torch import Tensor
 
+from tests.simulate.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import FOREARMS, PARTS, make_collider
+from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import wear
 from uvcloth.motion.library import load_clip
 from uvcloth.simulate.accept import examine
@@ -25,19 +27,14 @@ UPPER = len([side for regions, sides in PARTS for side in sides if regions[0] no
 
 
 @pytest.fixture(scope="module")
-def carried(body: Body) -> Sequence:
+def shirt(body: Body) -> Garment:
+    return wear("shirt", body)
+
+
+@pytest.fixture(scope="module")
+def carried(shirt: Garment, body: Body) -> Sequence:
     """A long-sleeved shirt that is simply skinned."""
-    garment = wear("shirt", body)
-    transforms = load_clip("walk", body).transforms()[:4]
-    return Sequence(
-        vertices=skin(garment.mesh.vertices, garment.carrier_weights, transforms),
-        faces=garment.mesh.faces,
-        rest=garment.mesh.vertices,
-        transforms=transforms,
-        fps=30.0,
-        settling=1,
-        metadata={"clip": "walk", "garment": "shirt", "body": body.name},
-    )
+    return skinned_sequence(shirt, body)
 
 
 @pytest.fixture(scope="module")
@@ -47,31 +44,32 @@ def sleeves(body: Body, carried: Sequence) -> Tensor:
     return touches[FOREARMS[0]] & (touches.sum(0) == 1)
 
 
-def test_a_worn_sleeve_is_accepted(carried: Sequence, body: Body) -> None:
-    seen, reason = examine(carried, body)
+def test_a_worn_sleeve_is_accepted(carried: Sequence, shirt: Garment, body: Body) -> None:
+    seen, reason = examine(carried, shirt, body)
     assert reason is None
     assert seen.metadata["pierced_percent"] == 0.0
     assert seen.metadata["inside_percent"] < 0.2
 
 
 def test_a_sleeve_inside_its_forearm_is_inside_the_body(
-    carried: Sequence, sleeves: Tensor, body: Body
+    carried: Sequence, sleeves: Tensor, shirt: Garment, body: Body
 ) -> None:
     bones = [body.skeleton.heads[body.skeleton.names.index(name)] for name in ("LeftForeArm", "LeftHand")]
     along = (bones[1] - bones[0]) / (bones[1] - bones[0]).norm()
     axis = bones[0] + ((carried.rest - bones[0]) @ along)[:, None] * along
     sunken = torch.where(sleeves[:, None], axis + 0.2 * (carried.rest - axis), carried.rest)
-    garment = wear("shirt", body)
-    vertices = skin(sunken, garment.carrier_weights, carried.transforms)
-    seen, reason = examine(replace(carried, vertices=vertices), body)
+    vertices = skin(sunken, shirt.carrier_weights, carried.transforms)
+    seen, reason = examine(replace(carried, vertices=vertices), shirt, body)
     share = 100.0 * float(sleeves.float().mean())
     assert reason is not None
     assert 0.7 * share < seen.metadata["inside_percent"] < 1.1 * share
 
 
-def test_a_forearm_beside_its_sleeve_has_left_it(carried: Sequence, sleeves: Tensor, body: Body) -> None:
+def test_a_forearm_beside_its_sleeve_has_left_it(
+    carried: Sequence, sleeves: Tensor, shirt: Garment, body: Body
+) -> None:
     aside = torch.where(sleeves[:, None], torch.tensor([0.0, 0.05, 0.0]), torch.zeros(3))
-    _, reason = examine(replace(carried, vertices=carried.vertices + aside), body)
+    _, reason = examine(replace(carried, vertices=carried.vertices + aside), shirt, body)
     assert reason == "a limb has left its cloth in 100 % of the frames"
 
 

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body
-from uvcloth.mesh import boundary_edges
+from uvcloth.mesh import boundary_edges, vertex_normals
 
 Parts = Sequence[tuple[tuple[str, ...], tuple[int, ...]]]
 """Regions that move as one, and the sides that have them."""
@@ -38,6 +38,9 @@ ARMS, TORSO, LEGS, FOREARMS = (1, 2), 3, (4, 5, 6, 7), (8, 9)
 
 SLACK = 0.03
 """Metres by which a part may be farther than twice the nearest one and still lie beside a point at rest."""
+
+FACING = 0.5
+"""Cosine between the normals of an arm and the torso below which cloth beside both is in the armpit."""
 
 LOOSE = 0.04
 """Metres from the body at rest from which on cloth hangs freely, as a skirt does, and meets both legs."""
@@ -69,20 +72,31 @@ class Collider:
 
         Cloth touches the parts that it lies beside, and a skirt the legs. Mocap presses arms into ribs and
         thighs into bellies: what both of two such parts push comes off the one that it belongs to. In the
-        armpit, where cloth lies beside arm and torso, only the nearer of the two counts. A forearm counts for
-        its sleeve alone, which is twice as far from trunk and legs: a wide skirt beside a hand is none.
+        armpit, where the skins of arm and torso face each other, only the nearer of the two counts; on top
+        of the shoulder both do. A forearm counts for its sleeve alone, which is twice as far from trunk and
+        legs: a wide skirt beside a hand is none.
         """
         vertices = self.vertices(body_vertices)
-        distance = torch.stack([_distance(points, vertices[part.unique()]) for part in self.parts])
+        distance = torch.stack([_nearest(points, vertices[part.unique()])[0] for part in self.parts])
         limbs, trunk = list(FOREARMS), distance[[TORSO, *LEGS]].amin(0)
         distance[limbs] = torch.where(2.0 * distance[limbs] < trunk, distance[limbs], math.inf)
         nearest = distance.amin(0)
         touches = distance < 2.0 * nearest + SLACK
-        arms = list(ARMS)
-        touches[arms] &= distance[arms] <= distance[TORSO]
-        touches[TORSO] &= distance[TORSO] <= distance[arms].amin(0)
+        arms, armpit = list(ARMS), self._in_armpit(points, body_vertices)
+        touches[arms] &= (distance[arms] <= distance[TORSO]) | ~armpit
+        touches[TORSO] &= (distance[TORSO] <= distance[arms].amin(0)) | ~armpit
         touches[list(LEGS)] |= (nearest > LOOSE) & (nearest < distance[limbs].amin(0))
         return touches & torch.isfinite(distance)
+
+    def _in_armpit(self, points: Tensor, body_vertices: Tensor) -> Tensor:
+        """Which points (N, 3) at rest lie between the skin of an arm and that of the torso: (N,) bool."""
+        skin = [part[(part < len(body_vertices)).all(1)] for part in self.parts]
+        normals = vertex_normals(body_vertices, torch.cat(skin))
+        arms, torso = torch.cat([skin[part] for part in ARMS]).unique(), skin[TORSO].unique()
+        if not len(arms) or not len(torso):
+            return torch.zeros(len(points), dtype=torch.bool)
+        beside = [normals[own[_nearest(points, body_vertices[own])[1]]] for own in (arms, torso)]
+        return (beside[0] * beside[1]).sum(1) < FACING
 
 
 def make_collider(body: Body, parts: Parts = PARTS) -> Collider:
@@ -136,11 +150,12 @@ def _tip(vertices: Tensor, rim: Tensor) -> Tensor:
     return centre + BULGE * (size / math.pi).sqrt() * area / size.clamp(min=1e-9)
 
 
-def _distance(points: Tensor, others: Tensor) -> Tensor:
-    """How far each point (N, 3) is from the nearest of others (M, 3), infinite without any: (N,)."""
+def _nearest(points: Tensor, others: Tensor) -> tuple[Tensor, Tensor]:
+    """How far each point (N, 3) is from the nearest of others (M, 3), infinite without any, and which."""
     if not len(others):
-        return points.new_full((len(points),), math.inf)
-    return torch.cat([torch.cdist(some, others).amin(1) for some in points.split(CHUNK)])
+        return points.new_full((len(points),), math.inf), torch.zeros(len(points), dtype=torch.int64)
+    found = [torch.cdist(some, others).min(1) for some in points.split(CHUNK)]
+    return torch.cat([each.values for each in found]), torch.cat([each.indices for each in found])
 
 
 def _indices(regions: tuple[str, ...]) -> Tensor:

@@ -1,0 +1,21 @@
+"""Sequences without an engine: garments that are simply skinned."""
+
+from uvcloth.bodies.body import Body
+from uvcloth.garments.garment import Garment
+from uvcloth.motion.library import load_clip
+from uvcloth.simulate.sequence import Sequence
+from uvcloth.skinning import skin
+
+
+def skinned_sequence(garment: Garment, body: Body) -> Sequence:
+    """Four frames of the built-in walk, of which the first does not count: a small motion."""
+    transforms = load_clip("walk", body).transforms()[:4]
+    return Sequence(
+        vertices=skin(garment.mesh.vertices, garment.carrier_weights, transforms),
+        faces=garment.mesh.faces,
+        rest=garment.mesh.vertices,
+        transforms=transforms,
+        fps=30.0,
+        settling=1,
+        metadata={"clip": "walk", "garment": garment.name, "body": body.name},
+    )
