@@ -107,7 +107,7 @@ def sag_theory(fabric: Fabric, length: float) -> float:
 
 
 def slide(engine: Any, beside: float) -> tuple[float, float]:
-    """How far (m) a sheet slides in the second and the third half second on an incline.
+    """How far (m) a sheet slides on an incline in the first and in the second half second.
 
     beside: degrees that the incline is steeper than the angle of the fabric's friction.
     """
@@ -116,16 +116,15 @@ def slide(engine: Any, beside: float) -> tuple[float, float]:
     board = trimesh.creation.box([3.0, 1.0, 0.1]).subdivide().subdivide().subdivide()
     board.apply_translation([0.0, 0.0, -0.05 - 0.004])
     board.vertices = turned_about_y(torch.from_numpy(board.vertices).float(), degrees).numpy()
-    moved = play(engine, scene(turned_about_y(rest, degrees), faces, 1.5, obstacles=[board])).mean(1)
-    half = round(0.5 * FPS)
-    stops = moved[half::half]
+    moved = play(engine, scene(turned_about_y(rest, degrees), faces, 1.0, obstacles=[board])).mean(1)
+    stops = moved[:: round(0.5 * FPS)]
     return tuple((stops[1:] - stops[:-1]).norm(dim=1).tolist())
 
 
 def slide_theory(fabric: Fabric, beside: float) -> tuple[float, float]:
     angle = math.radians(friction_angle(fabric) + beside)
     pull = max(0.0, G * (math.sin(angle) - fabric.friction * math.cos(angle)))
-    return 0.5 * pull * (1.0**2 - 0.5**2), 0.5 * pull * (1.5**2 - 1.0**2)
+    return 0.5 * pull * 0.5**2, 0.5 * pull * (1.0**2 - 0.5**2)
 
 
 def friction_angle(fabric: Fabric) -> float:
