@@ -10,7 +10,7 @@ from scipy.special import j0
 from torch import Tensor
 
 from tests.simulate.physics.scenes import FPS, G, disc, play, scene, sheet, turned_about_y, turning_points
-from uvcloth.mesh import edge_lengths, unique_edges
+from uvcloth.mesh import face_pairs
 from uvcloth.physics.energies import hinge_angles
 from uvcloth.simulate.fabric import Fabric
 
@@ -57,16 +57,31 @@ def energy(found: Swing, fabric: Fabric) -> Tensor:
     spread = fabric.stretch * fabric.poisson / (1.0 - fabric.poisson**2)
     trace = strain.diagonal(dim1=-2, dim2=-1).sum(-1)
     stretch = (areas * (shear * strain.square().sum((-2, -1)) + 0.5 * spread * trace.square())).sum(-1)
-    bend = fabric.bend * hinge_angles(motion, faces).square().sum(-1) / math.sqrt(3.0)
-    masses = fabric.density / 3.0 * rest.new_zeros(len(rest)).index_add(0, faces.reshape(-1), areas.repeat_interleave(3))
+    bend = 0.5 * fabric.bend * (_slenderness(rest, faces) * hinge_angles(motion, faces).square()).sum(-1)
+    masses = (
+        fabric.density
+        / 3.0
+        * rest.new_zeros(len(rest)).index_add(0, faces.reshape(-1), areas.repeat_interleave(3))
+    )
     speed = (motion[2:] - motion[:-2]) * FPS / 2.0
     carried = (masses * (G * motion[1:-1, :, 2] + 0.5 * speed.square().sum(-1))).sum(-1)
     return (carried + (stretch + bend)[1:-1]) / masses.sum()
 
 
+def _slenderness(rest: Tensor, faces: Tensor) -> Tensor:
+    """Of each hinge (P,) the square of its length over the area of its two faces, at rest."""
+    first, second = faces[face_pairs(faces)].unbind(1)
+    shared = (first[:, :, None] == second[:, None, :]).any(2)
+    start, end = rest[first[shared].reshape(-1, 2)].unbind(1)
+    areas, _ = _strain(rest[None], rest, faces)
+    return (end - start).square().sum(1) / areas[face_pairs(faces)].sum(1)
+
+
 def _strain(motion: Tensor, rest: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
     """Areas (M,) m2 of a level sheet's faces, and their Green strain (F, M, 2, 2)."""
-    flat = torch.stack([rest[faces[:, 1]] - rest[faces[:, 0]], rest[faces[:, 2]] - rest[faces[:, 0]]], -1)[:, :2]
+    flat = torch.stack([rest[faces[:, 1]] - rest[faces[:, 0]], rest[faces[:, 2]] - rest[faces[:, 0]]], -1)[
+        :, :2
+    ]
     sides = torch.stack(
         [motion[:, faces[:, 1]] - motion[:, faces[:, 0]], motion[:, faces[:, 2]] - motion[:, faces[:, 0]]], -1
     )
@@ -155,7 +170,7 @@ def bending_length(fabric: Fabric) -> float:
 
 
 def cantilever(engine: Any, edges: int = 8, seconds: float = 2.0) -> tuple[float, float]:
-    """Bending length (m) as Peirce reads it off the chord of a strip that overhangs, and the chord's angle, degrees.
+    """Bending length (m) as Peirce reads it off an overhanging strip, and the angle of its chord, degrees.
 
     The strip overhangs by twice the fabric's bending length, where the chord should be CHORD below the
     horizontal. The overhang begins half an edge behind the last vertex that is held: from there on it bends.

@@ -17,7 +17,7 @@ RIGID = 1000.0
 
 
 def sheet(length: float, width: float, rows: int, columns: int) -> tuple[Tensor, Tensor]:
-    """A level sheet: vertices (rows * columns, 3) m with X along its length, faces with alternating diagonals."""
+    """A level sheet, X along its length: vertices (rows * columns, 3) m, faces with alternating diagonals."""
     x, y = torch.meshgrid(torch.linspace(0, length, rows), torch.linspace(0, width, columns), indexing="ij")
     vertices = torch.stack([x, y, torch.zeros_like(x)], -1).reshape(-1, 3)
     a = (torch.arange(rows - 1)[:, None] * columns + torch.arange(columns - 1)).reshape(-1)
@@ -29,7 +29,7 @@ def sheet(length: float, width: float, rows: int, columns: int) -> tuple[Tensor,
 
 
 def disc(radius: float, rings: int) -> tuple[Tensor, Tensor]:
-    """A level disc of even triangles around its middle: vertices (1 + 3 rings (rings + 1), 3) m, the rim last."""
+    """A level disc of even triangles: vertices (1 + 3 rings (rings + 1), 3) m, the rim last; faces."""
     circles = [torch.zeros(1, 2)]
     for ring in range(1, rings + 1):
         angle = 2 * math.pi * torch.arange(6 * ring) / (6 * ring)
@@ -50,7 +50,7 @@ def scene(
     held: Tensor | None = None,
     obstacles: Sequence[trimesh.Trimesh] = (),
 ) -> Scene:
-    """Cloth that starts at rest, held where it is at some vertices (N,) bool, among things that stand still."""
+    """Cloth that starts at rest, some vertices (N,) bool held where they are, among things that stand still."""
     frames, count = round(seconds * FPS) + 1, len(vertices)
     held = torch.zeros(count, dtype=torch.bool) if held is None else held
     starts = [0]

@@ -30,7 +30,7 @@ def test_a_sheet_falls_freely(engine: Any) -> None:
 
 
 def test_a_sheet_that_is_held_along_an_edge_swings_and_gains_no_energy(engine: Any) -> None:
-    """It starts at rest and flat, with no energy at all; stretch and bend are counted, so that it can fail."""
+    """It starts at rest, flat and level, with no energy at all; stretch and bend are counted."""
     found = swing(replace(engine, fabric=VACUUM))
     (low_at, low), (high_at, high) = found.low, found.high
     assert low_at == pytest.approx(LOW[0], rel=0.1)
@@ -55,7 +55,7 @@ def test_a_strip_of_the_fabric_hangs_at_most_three_percent_longer(engine: Any) -
 
 
 def test_a_converged_strip_stretches_by_its_weight_over_its_stiffness(engine: Any) -> None:
-    """Newton with the iterations that it takes: five edges of a fabric that a strip's own weight stretches."""
+    """Newton with the iterations that it takes: five edges of fabric that its own weight stretches."""
     soft = replace(LIMP, poisson=0.0, stretch=20.0)
     sharp = {"substeps": 20, "iterations": 20} if hasattr(engine, "iterations") else {}
     found = sag(replace(engine, fabric=soft, **sharp), 0.2, edge=0.04, seconds=0.6)
