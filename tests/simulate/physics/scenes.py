@@ -50,7 +50,7 @@ def scene(
     held: Tensor | None = None,
     obstacles: Sequence[trimesh.Trimesh] = (),
 ) -> Scene:
-    """Cloth that starts at rest, some vertices (N,) bool held where they are, among things that stand still."""
+    """Cloth that starts at rest, held at some vertices (N,) bool, among things that stand still."""
     frames, count = round(seconds * FPS) + 1, len(vertices)
     held = torch.zeros(count, dtype=torch.bool) if held is None else held
     starts = [0]
