@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import torch
 import trimesh
+from scipy.spatial import Delaunay
 from torch import Tensor
 
 from uvcloth.simulate.engine import Engine, Scene
@@ -16,7 +17,7 @@ RIGID = 1000.0
 
 
 def sheet(length: float, width: float, rows: int, columns: int) -> tuple[Tensor, Tensor]:
-    """A level sheet: vertices (rows * columns, 3) m with X along its length, faces with alternating diagonals."""
+    """A level sheet, X along its length: vertices (rows * columns, 3) m, faces with alternating diagonals."""
     x, y = torch.meshgrid(torch.linspace(0, length, rows), torch.linspace(0, width, columns), indexing="ij")
     vertices = torch.stack([x, y, torch.zeros_like(x)], -1).reshape(-1, 3)
     a = (torch.arange(rows - 1)[:, None] * columns + torch.arange(columns - 1)).reshape(-1)
@@ -27,6 +28,21 @@ def sheet(length: float, width: float, rows: int, columns: int) -> tuple[Tensor,
     return vertices, torch.cat([first, second])
 
 
+def disc(radius: float, rings: int) -> tuple[Tensor, Tensor]:
+    """A level disc of even triangles: vertices (1 + 3 rings (rings + 1), 3) m, the rim last; faces."""
+    circles = [torch.zeros(1, 2)]
+    for ring in range(1, rings + 1):
+        angle = 2 * math.pi * torch.arange(6 * ring) / (6 * ring)
+        circles.append(radius * ring / rings * torch.stack([angle.cos(), angle.sin()], 1))
+    flat = torch.cat(circles)
+    faces = torch.from_numpy(Delaunay(flat.numpy()).simplices).long()
+    a, b, c = flat[faces].unbind(1)
+    upwards = torch.linalg.det(torch.stack([b - a, c - a], 1)) > 0
+    return torch.cat([flat, torch.zeros(len(flat), 1)], 1), torch.where(
+        upwards[:, None], faces, faces.flip(1)
+    )
+
+
 def scene(
     vertices: Tensor,
     faces: Tensor,
@@ -34,7 +50,7 @@ def scene(
     held: Tensor | None = None,
     obstacles: Sequence[trimesh.Trimesh] = (),
 ) -> Scene:
-    """Cloth that starts at rest, held where it is at some vertices (N,) bool, among things that stand still."""
+    """Cloth that starts at rest, held at some vertices (N,) bool, among things that stand still."""
     frames, count = round(seconds * FPS) + 1, len(vertices)
     held = torch.zeros(count, dtype=torch.bool) if held is None else held
     starts = [0]
