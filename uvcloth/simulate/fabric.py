@@ -8,7 +8,7 @@ AIR_DENSITY = 1.2
 
 @dataclass(frozen=True)
 class Fabric:
-    """A heavy silk, as of a flowing dress: a Cusick drape coefficient of 20 to 40 %.
+    """A cotton jersey: it bends as cotton does and stretches as a knit.
 
     density: kg/m2. stretch: N/m, membrane stiffness (Young's modulus times thickness). poisson: its Poisson
     ratio. bend: N m, bending rigidity (force times distance per width; Peirce's bending length is the cube
@@ -17,8 +17,8 @@ class Fabric:
     """
 
     density: float = 0.2
-    stretch: float = 300.0
+    stretch: float = 40.0
     poisson: float = 0.2
-    bend: float = 3e-6
+    bend: float = 1.5e-5
     friction: float = 0.4
     drag: float = 1.2
