@@ -45,7 +45,7 @@ class Newton:
     contact_damping: float = 1e-2
     creep: float = 1e-3
     hold: float = 100.0
-    bend_gain: float = 6.0
+    bend_gain: float = 9.0
 
     @property
     def stride(self) -> float:
