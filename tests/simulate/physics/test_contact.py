@@ -3,6 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
+import pytest
 import torch
 import trimesh
 
@@ -29,6 +30,9 @@ def test_a_ball_that_is_thrown_at_a_sheet_pushes_it(engine: Any) -> None:
     assert (on_top[:, 2] > centres[-1, 2]).all()
 
 
+@pytest.mark.cannot(
+    "newton", "stopped early, it takes a step of free fall for pressure: light contacts stick"
+)
 def test_a_sheet_slides_from_the_angle_of_its_friction_on(engine: Any) -> None:
     """Two degrees below it creeps at most; two degrees above it gets away, several times as far and faster.
 
