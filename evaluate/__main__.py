@@ -20,7 +20,8 @@ class Evaluate:
     """Judge methods on simulated windows of unseen motion; a rerun continues with what is missing."""
 
     model: tuple[str, ...]
-    """Baselines (lbs, lbs_smooth) and folders written by `python -m train`."""
+    """Baselines (lbs, lbs_smooth), what ships (physxnet, motion_guided, pbns), and folders written by
+    `python -m train`."""
     data: Path
     """A folder made by `uvcloth simulate`; its index.csv names the clips of each split and their actions."""
     out: Path

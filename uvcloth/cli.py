@@ -175,8 +175,9 @@ class Rollout:
         tuple[str, ...],
         arg(metavar="NAME|RUN ...", help_behavior_hint="(default: physxnet)"),
     ] = ()
-    """What moves the garments: physxnet (any garment) or motion_guided (the dress) as they ship, lbs,
-    lbs_smooth, or a folder written by `python -m train`; one for all, or one for each garment in order."""
+    """What moves the garments: physxnet (any garment), motion_guided (the dress) or pbns (bottoms tops) as
+    they ship, lbs, lbs_smooth, or a folder written by `python -m train`; one for all, or one for each garment
+    in order."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     contact: bool = True
@@ -210,6 +211,8 @@ class Poses:
     """A body made by `uvcloth body`."""
     apart: float = 0.5
     """Radians by which at least one joint differs between any two poses."""
+    every: int = 1
+    """Look at one frame out of so many: much motion has more poses than training can visit."""
     mirror: bool = True
     """Draw training poses also left-right mirrored."""
     recombine: int = 2000
@@ -231,7 +234,7 @@ class Poses:
         make_folder(self.out.parent)
         body = load_body(self.body)
         clear = SelfContact(body).clear
-        poses = draw_poses(sources, body, clear, self.apart, self.mirror, self.seed)
+        poses = draw_poses(sources, body, clear, self.apart, self.mirror, self.seed, self.every)
         poses = recombine(poses, body, clear, self.recombine, self.seed)
         save_poses(poses, self.out)
         print(f"{self.out}: {', '.join(f'{len(poses.of(split))} {split}' for split in SPLITS)} poses")
@@ -241,8 +244,8 @@ class Poses:
 class Export:
     """Write a trained PBNS as a rig that engines play: skeleton, skin, blend shapes and their motion."""
 
-    model: Annotated[str, arg(metavar="RUN")]
-    """A folder written by `python -m train pbns`."""
+    model: Annotated[str, arg(metavar="pbns|RUN")]
+    """pbns as it ships (a shirt over trousers), or a folder written by `python -m train pbns`."""
     out: Path
     """What to write: .glb, .usdc or .usd."""
     motion: Annotated[str | None, arg(metavar="BVH|NAME", help_behavior_hint="(default: the rig alone)")] = (

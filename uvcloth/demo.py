@@ -13,6 +13,7 @@ from rasterize.errors import InputError
 from rasterize.exr import write_png
 from uvcloth.animate import animate
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.engines import export
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import wear
 from uvcloth.methods.registry import DEFAULT, load_method
@@ -54,6 +55,8 @@ def run(out: Path) -> None:
         wanted = [out / f"{name}.{suffix}" for suffix in ("glb", "usdc")]
         summary = animate([model], CLIP, garments, wanted)
         console.print("\n".join(f"   {line}" for line in summary.lines()), highlight=False)
+    rig = export("pbns", out / "outfit_rig.glb", motion=CLIP)
+    console.print("\n".join(f"   {line}" for line in rig.lines()), highlight=False)
     console.print("3. Drawing simulation (top) and prediction (bottom)")
     for name in MODELS:
         path = out / f"{name}.png"

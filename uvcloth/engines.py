@@ -59,8 +59,9 @@ def export(
 ) -> Exported:
     """Write a model as a rig that moves to a motion, or at rest with its pose embedding as .onnx beside it.
 
-    model: a checkpoint folder of PBNS. out: .glb, .usdc or .usd. shapes: how many blend shapes, None for the
-    model's own. Raises InputError for bad input and a full disk; then, as after Ctrl-C, writes nothing.
+    model: pbns as it ships, or a checkpoint folder of PBNS. out: .glb, .usdc or .usd. shapes: how many blend
+    shapes, None for the model's own. Raises InputError for bad input and a full disk; then, as after Ctrl-C,
+    writes nothing.
     """
     out = Path(out)
     if out.suffix.lower() not in FORMATS:

@@ -266,6 +266,17 @@ def test_another_order_is_refused() -> None:
     assert "is for no garment yet" in PBNSConfig().create().objection(both)
 
 
+@pytest.mark.parametrize("index", [0, 1])
+def test_a_part_of_the_outfit_moves_as_in_it(index: int) -> None:
+    both = outfit_of("shirt", "coat")
+    part = replace(both, garments=both.garments[index : index + 1])
+    method = untrained(both)
+    frames = body_frames(both.body, with_lead(some_motion(both.body)), 30.0)
+    (_, together), (_, alone) = (method.step(method.start(worn, frames), frames) for worn in (both, part))
+    assert len(alone) == 1
+    assert torch.equal(alone[0], together[index])
+
+
 def saved(folder: Path, outfit: Outfit) -> PBNS:
     method = untrained(outfit)
     save_checkpoint(
@@ -286,7 +297,8 @@ def test_a_saved_model_dresses_as_before(tmp_path: Path) -> None:
     before, after = (list(rollout(m, outfit, motion, 30.0, contact=False)) for m in (method, loaded))
     for one, other in zip(before, after, strict=True):
         for vertices, again in zip(one.raw, other.raw, strict=True):
-            assert torch.equal(vertices, again)
+            # Half precision costs 1/2048 of blend shapes that are decimetres here.
+            torch.testing.assert_close(vertices, again, atol=2e-4, rtol=0)
     assert (before[1].raw[0] - before[0].raw[0]).abs().max() > 0.01
 
 
@@ -353,11 +365,6 @@ def test_a_model_of_another_topology_is_refused(tmp_path: Path) -> None:
     saved(tmp_path / "mine", SHIRT)
     with pytest.raises(InputError, match="mine: the model was trained on the mesh and rig of body 'box'"):
         load_method(tmp_path / "mine", small_body(flipped=True))
-
-
-def test_it_ships_untrained() -> None:
-    with pytest.raises(InputError, match=r"pbns: no trained one ships; train it \(python -m train pbns\)"):
-        load_method("pbns", small_body())
 
 
 @pytest.mark.parametrize("name", ["width", "layers", "influences"])

@@ -102,6 +102,18 @@ def test_a_wider_distance_draws_fewer_poses(drawn: PoseDatabase, body: Body) -> 
     assert len(draw_poses(SOURCES, body, always, apart=1.0)) < 0.7 * len(drawn)
 
 
+def test_fewer_frames_are_looked_at_when_asked(body: Body) -> None:
+    asked: list[Tensor] = []
+    poses = draw_poses(SOURCES, body, lambda vertices: not asked.append(vertices), every=7)
+    frames = sum(-(-len(load_clip(source.file, body)) // 7) for source in SOURCES)
+    assert 0 < len(poses) <= len(asked) <= 2 * frames
+    assert (poses.frames % 7 == 0).all()
+    for index, source in enumerate(SOURCES):
+        rows = torch.nonzero((poses.clips == index) & ~poses.mirrored).squeeze(1)
+        motion = load_clip(source.file, body).rotations
+        torch.testing.assert_close(poses.rotations[rows], motion[poses.frames[rows]])
+
+
 def test_mirroring_twice_is_the_identity_and_keeps_distances(body: Body) -> None:
     motion = load_clip("dance", body).rotations[::10]
     once = mirror_rotations(motion, body.skeleton)
@@ -171,6 +183,8 @@ def test_sides_are_known_by_the_names_of_joints(names: tuple[str, ...]) -> None:
 def test_what_is_wrong_is_named(body: Body) -> None:
     with pytest.raises(InputError, match="--apart 0"):
         draw_poses(SOURCES, body, always, apart=0.0)
+    with pytest.raises(InputError, match="--every 0: expected a number of frames, 1 or more"):
+        draw_poses(SOURCES, body, always, every=0)
     with pytest.raises(InputError, match="jump: no pose of the clips is valid on the body default"):
         draw_poses(SOURCES, body, lambda vertices: False)
     lonely = Skeleton(("Hips", "LeftArm"), (-1, 0), torch.zeros(2, 3))

@@ -21,7 +21,6 @@ from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, misfit, stored_config
 from uvcloth.garments.garment import Outfit
 from uvcloth.mesh import Mesh, weld
-from uvcloth.methods.lbs import SkinnedGarment
 from uvcloth.skeleton import local_rotations
 from uvcloth.skinning import apply_transforms, blend_transforms
 
@@ -33,6 +32,9 @@ SHARPNESS = 100.0
 
 LEAST_WEIGHT = 0.01
 """Of SHARPNESS: what a joint without weight starts from, so that it can gain some."""
+
+HALVED = ("layers.", "shapes", "poses")
+"""What of the network is saved in half precision: it is most of a file, and blend shapes lose micrometres."""
 
 FIRST_SHAPE = 1e-3
 """Standard deviation of the blend shapes before training, metres."""
@@ -156,8 +158,20 @@ class PBNSNetwork(nn.Module):
 
 
 @dataclass(frozen=True)
+class Dressed:
+    """What a rollout wears of a model's outfit.
+
+    rows: (n,) of the outfit's vertices. sizes: vertices of each garment. weights: (n, J) blend weights.
+    """
+
+    rows: Tensor
+    sizes: list[int]
+    weights: Tensor
+
+
+@dataclass(frozen=True)
 class PBNS:
-    """A Method without memory: it dresses the outfit on the body that it was trained for."""
+    """A Method without memory: it dresses the outfit that it was trained for, or some of it, on that body."""
 
     config: PBNSConfig
     network: PBNSNetwork
@@ -167,15 +181,17 @@ class PBNS:
     static: bool = True
 
     def objection(self, outfit: Outfit) -> str:
-        """It dresses the garments that it was trained for, in their order, on that very body."""
+        """It dresses garments that it was trained for, in their order, on that very body."""
         names = tuple(garment.name for garment in outfit.garments)
         own = " over ".join(reversed(self.worn.names)) or "no garment yet"
         who = f"model {self.name} is for {own}"
-        if names != self.worn.names:
+        if names != tuple(name for name in self.worn.names if name in names):
             return f"{who}, not for {' over '.join(reversed(names))}"
         if fault := self.body_fault(outfit.body):
             return fault
-        for garment, mesh in zip(outfit.garments, self.worn.meshes, strict=True):
+        meshes = dict(zip(self.worn.names, self.worn.meshes, strict=True))
+        for garment in outfit.garments:
+            mesh = meshes[garment.name]
             same_faces = torch.equal(garment.mesh.faces, mesh.faces)
             if not same_faces or garment.mesh.vertices.shape != mesh.vertices.shape:
                 return f"garment {garment.name}: {who}, but another mesh of that name"
@@ -191,22 +207,28 @@ class PBNS:
             return ""
         return f"model {self.name} was trained on another body than {body.name!r}, in skeleton or shape"
 
-    def start(self, outfit: Outfit, frames: BodyFrames) -> SkinnedGarment:
+    def start(self, outfit: Outfit, frames: BodyFrames) -> Dressed:
         """Take the outfit. Raises InputError for one that it has an objection to."""
         if objection := self.objection(outfit):
             raise InputError(objection)
+        rows = torch.arange(len(self.network.rest)).split(self.worn.sizes)
+        own = dict(zip(self.worn.names, rows, strict=True))
+        worn = [own[garment.name] for garment in outfit.garments]
         with torch.no_grad():
-            return SkinnedGarment(self.network.rest, self.network.blend_weights())
+            weights = self.network.blend_weights()
+        return Dressed(torch.cat(worn), [len(each) for each in worn], weights[torch.cat(worn)])
 
     @torch.no_grad()
-    def step(self, state: SkinnedGarment, frames: BodyFrames) -> tuple[SkinnedGarment, tuple[Tensor, ...]]:
+    def step(self, state: Dressed, frames: BodyFrames) -> tuple[Dressed, tuple[Tensor, ...]]:
         """Garment vertices (B, N, 3) of each garment, m (paper eq. 1)."""
-        transforms = frames.transforms[:, -1]
-        deformed = self.network.deform(pose_vectors(self.worn.parents, transforms))[:, self.network.owner]
-        posed = apply_transforms(blend_transforms(state.weights, transforms), state.points + deformed)
-        return state, posed.split(self.worn.sizes, dim=1)
+        network, transforms = self.network, frames.transforms[:, -1]
+        deformed = network.deform(pose_vectors(self.worn.parents, transforms))[:, network.owner[state.rows]]
+        posed = apply_transforms(
+            blend_transforms(state.weights, transforms), network.rest[state.rows] + deformed
+        )
+        return state, posed.split(state.sizes, dim=1)
 
-    def observe(self, state: SkinnedGarment, garments: tuple[Tensor, ...]) -> SkinnedGarment:
+    def observe(self, state: Dressed, garments: tuple[Tensor, ...]) -> Dressed:
         """It remembers nothing."""
         return state
 
@@ -246,8 +268,11 @@ def new_network(config: PBNSConfig, worn: RestOutfit, weights: Tensor, poses: Te
 
 
 def pbns_checkpoint(method: PBNS, body: Body, data: TrainingData, notes: dict[str, Any]) -> Checkpoint:
-    """What training saves: the network, and the outfit that it is for."""
-    tensors = {f"network.{name}": tensor for name, tensor in method.network.state_dict().items()}
+    """What training saves: the network, most of it in half precision, and the outfit that it is for."""
+    tensors = {
+        f"network.{name}": tensor.half() if name.startswith(HALVED) else tensor
+        for name, tensor in method.network.state_dict().items()
+    }
     for index, mesh in enumerate(method.worn.meshes):
         # Faces may serve as face_uvs too, which safetensors refuses to write twice.
         tensors |= {f"mesh.{index}.{field.name}": getattr(mesh, field.name).clone() for field in fields(Mesh)}

@@ -30,21 +30,24 @@ def draw_poses(
     apart: float = 0.5,
     mirror: bool = True,
     seed: int = 0,
+    every: int = 1,
 ) -> PoseDatabase:
     """Poses of the sources, drawn in random order, training first, then validation, then test.
 
     A pose is kept if it is at least `apart` radians from every one kept before, of all splits (the largest
     difference of their `local_angles`), and if it is valid; that is asked of the posed body (V, 3), last.
-    mirror: training poses are also drawn left-right mirrored.
+    mirror: training poses are also drawn left-right mirrored. every: one frame out of so many is looked at.
 
-    Raises InputError for unreadable clips, for `apart` not above zero, for mirroring where a joint lacks its
-    counterpart, and if no pose is valid.
+    Raises InputError for unreadable clips, for `apart` not above zero, `every` below one, for mirroring where
+    a joint lacks its counterpart, and if no pose is valid.
     """
     if not 0.0 < apart < float("inf"):
         raise InputError(f"--apart {apart}: expected an angle above 0 radians")
+    if every < 1:
+        raise InputError(f"--every {every}: expected a number of frames, 1 or more")
     generator = torch.Generator().manual_seed(seed)
     with _progress() as progress:
-        candidates = _candidates(sources, body, mirror, progress)
+        candidates = _candidates(sources, body, mirror, every, progress)
         candidates = replace(candidates, apart=apart)
         skeleton = body.skeleton
         near = torch.empty(0, 3 * (len(skeleton.names) - 1))
@@ -100,15 +103,17 @@ def _counterpart(name: str, names: tuple[str, ...]) -> int:
     return names.index(name)
 
 
-def _candidates(sources: Sequence[Source], body: Body, mirror: bool, progress: Progress) -> PoseDatabase:
-    """Every frame of every source, and with `mirror` those for training once more, mirrored."""
+def _candidates(
+    sources: Sequence[Source], body: Body, mirror: bool, every: int, progress: Progress
+) -> PoseDatabase:
+    """Each `every`-th frame of all sources, and with `mirror` those for training once more, mirrored."""
     rotations: list[Tensor] = []
     labels: list[Tensor] = []
     bar = progress.add_task("reading clips", total=len(sources))
     for index, source in enumerate(sources):
         split = SPLITS.index(source.split)
-        motion = load_clip(source.file, body).rotations
-        frames = torch.arange(len(motion))
+        motion = load_clip(source.file, body).rotations[::every]
+        frames = every * torch.arange(len(motion))
         for mirrored in (False, True) if mirror and source.split == "train" else (False,):
             rotations.append(mirror_rotations(motion, body.skeleton) if mirrored else motion)
             same = torch.tensor([index, mirrored, split]).expand(len(motion), 3)
