@@ -11,7 +11,7 @@ pytest.importorskip("newton", reason="the `simulate` extra is not installed")
 
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.simulate.engine import Scene
-from uvcloth.simulate.newton import Newton
+from uvcloth.simulate.newton import MOST_SUBSTEPS, Newton
 
 FPS = 30.0
 
@@ -66,6 +66,7 @@ def test_what_may_not_touch_does_not_and_fast_scenes_take_more_substeps() -> Non
     still, fast = torch.zeros(4, 3), torch.full((4, 3), 2.0 * engine.substeps * engine.stride)
     assert engine.substeps_for(still, still) == engine.substeps
     assert engine.substeps_for(still, fast) > 2 * engine.substeps
+    assert engine.substeps_for(still, 1e6 * fast) == MOST_SUBSTEPS
 
 
 def test_layers_keep_apart_and_the_outer_one_farther_off_the_ball() -> None:

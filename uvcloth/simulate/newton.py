@@ -20,6 +20,10 @@ BOUND = 0.85
 """Share of the room between cloth and cloth that a vertex may use up before it is looked for anew."""
 
 
+MOST_SUBSTEPS = 200
+"""Of a frame: enough for 25 m/s on the body; cloth that flies apart is not followed."""
+
+
 @dataclass(frozen=True)
 class Newton:
     """Settings in SI units.
@@ -117,7 +121,7 @@ class Newton:
     def substeps_for(self, *moves: Tensor) -> int:
         """How many substeps a frame takes in which cloth or skinned garment moves so far, (N, 3) m."""
         farthest = max(float(move.norm(dim=1).max()) for move in moves)
-        return max(self.substeps, math.ceil(1.2 * farthest / self.stride))
+        return max(self.substeps, min(math.ceil(1.2 * farthest / self.stride), MOST_SUBSTEPS))
 
 
 def _model(settings: Newton, scene: Scene) -> tuple[Any, list[Any]]:
