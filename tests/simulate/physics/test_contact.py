@@ -30,8 +30,9 @@ def test_a_ball_that_is_thrown_at_a_sheet_pushes_it(engine: Any) -> None:
     assert (on_top[:, 2] > centres[-1, 2]).all()
 
 
+@pytest.mark.cannot("newton", "light contacts stick: 0.1 mm in a second at -2 degrees, 0.14 mm at +2")
 @pytest.mark.cannot(
-    "newton", "stopped early, it takes a step of free fall for pressure: light contacts stick"
+    "blender", "371 mm at -2 degrees here, unexplained: test_blender.py's incline of 20 holds"
 )
 def test_a_sheet_slides_from_the_angle_of_its_friction_on(engine: Any) -> None:
     """Two degrees below it creeps at most; two degrees above it gets away, several times as far and faster.
