@@ -1,4 +1,4 @@
-"""`uvcloth demo`: the whole way once, on what the package brings, in a few minutes on two cores."""
+"""`uvcloth demo`: the whole way once, on what the package brings, in ten minutes or so on two cores."""
 
 from collections.abc import Iterable, Iterator
 from importlib.resources import files
@@ -40,7 +40,7 @@ def run(out: Path) -> None:
     """
     console = Console()
     body = load_body()
-    console.print(f"1. Simulating {', '.join(MODELS)} over the built-in clip {CLIP} (a minute or two)")
+    console.print(f"1. Simulating {', '.join(MODELS)} over the built-in clip {CLIP} (five to ten minutes)")
     simulate_batch([CLIP], tuple(MODELS), out / "sequences", body)
     skirt = str(files("uvcloth") / "data" / "garments" / GARMENT)
     console.print(
