@@ -6,10 +6,12 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
+from uvcloth.garments.band import hems
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import wear
+from uvcloth.mesh import boundary_edges, weld
 from uvcloth.physics.contact import Obstacle
-from uvcloth.simulate.hems import hanging_in_the_air, hems
+from uvcloth.simulate.hems import hanging_in_the_air
 
 FPS = 30.0
 FRAMES = 36
@@ -40,12 +42,12 @@ def lifted(dress: Garment, rise: Tensor) -> Tensor:
 
 
 def test_a_dress_has_four_hems_and_seams_are_none(dress: Garment) -> None:
-    found = hems(dress.mesh.vertices, dress.mesh.faces)
+    found = hems(boundary_edges(weld(dress.mesh.vertices)[dress.mesh.faces]))
     assert len(found) == 4
     lowest = min(found, key=lambda hem: float(dress.mesh.vertices[hem, 2].mean()))
     assert float(dress.mesh.vertices[lowest, 2].max()) < float(dress.mesh.vertices[:, 2].min()) + 0.05
     corners = torch.arange(3).view(1, 3)
-    assert [len(hem) for hem in hems(torch.rand(3, 3), corners)] == [3]
+    assert [len(hem) for hem in hems(boundary_edges(corners))] == [3]
 
 
 def test_a_skirt_that_stays_up_is_found_and_one_that_comes_down_or_swings_is_not(

@@ -70,8 +70,7 @@ def hem_band(vertices: Tensor, hem: Tensor, width: float) -> Tensor:
 def _top_hem(name: str, vertices: Tensor, faces: Tensor) -> Tensor:
     """The vertices (H,) along the upper part of the uppermost hem of one piece."""
     heights = vertices[:, 2]
-    hems = _hems(boundary_edges(faces))
-    top = max(hems, key=lambda hem: float(heights[hem].max()), default=None)
+    top = max(hems(boundary_edges(faces)), key=lambda hem: float(heights[hem].max()), default=None)
     below = float(heights[faces.unique()].max() - heights[top].max()) if top is not None else np.inf
     if top is None or below > BELOW_TOP:
         found = "no open hem" if top is None else f"no open hem within {BELOW_TOP:.2f} m of its top"
@@ -79,7 +78,7 @@ def _top_hem(name: str, vertices: Tensor, faces: Tensor) -> Tensor:
     return top[heights[top] > heights[top].max() - DROP]
 
 
-def _hems(edges: Tensor) -> Sequence[Tensor]:
+def hems(edges: Tensor) -> Sequence[Tensor]:
     """The vertices of each connected run of boundary edges (E, 2)."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

@@ -25,7 +25,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.mesh import face_normals, unique_edges
-from uvcloth.simulate.engine import Scene
+from uvcloth.simulate.engine import GRAVITY, Scene
 from uvcloth.simulate.fabric import AIR_DENSITY, Fabric
 
 VARIABLE = "UVCLOTH_BLENDER_PYTHON"
@@ -33,7 +33,6 @@ SERIES = "4.5"
 """The Blender whose cloth was measured (docs/simulation.md); others may step and scale it differently."""
 
 WORKER = Path(__file__).with_name("blender_worker.py")
-GRAVITY = 9.81
 
 HINGE = 17.0
 """Blender's bending stiffness per bending rigidity and area of a triangle, by the cantilever test."""

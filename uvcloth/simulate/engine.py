@@ -6,6 +6,11 @@ from typing import Any, Protocol
 
 from torch import Tensor
 
+from uvcloth.bodies import frames
+
+GRAVITY = -frames.GRAVITY[2]
+"""m/s2, downwards."""
+
 
 @dataclass(frozen=True)
 class Scene:

@@ -1,13 +1,9 @@
 """Hems that hang in the air: cloth that an engine lets move as in honey stays up after a squat."""
 
-from collections.abc import Sequence
-
-import numpy as np
 import torch
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from torch import Tensor
 
+from uvcloth.garments.band import hems
 from uvcloth.mesh import boundary_edges, weld
 from uvcloth.physics.contact import Dressed, Obstacle
 
@@ -55,7 +51,7 @@ def hanging_in_the_air(
     rests on it, as a skirt does on the thighs in a squat, or if the hem clings to it. The second is counted
     over as long as the hem does not come down: legs that rise again do not excuse that it never fell.
     """
-    for hem in hems(rest, faces):
+    for hem in hems(boundary_edges(weld(rest)[faces])):
         rise = (vertices - carrier)[..., 2]
         rising = rise[:, hem].mean(1)
         up = (rising > RISE) & (_speed(vertices, hem, fps) < STILL)
@@ -74,14 +70,6 @@ def hanging_in_the_air(
             if len(loose) >= long:
                 return loose[0], float(rising[loose].mean())
     return None
-
-
-def hems(rest: Tensor, faces: Tensor) -> Sequence[Tensor]:
-    """The vertices of each open rim of a mesh at rest (N, 3), in any order, seams closed."""
-    edges = boundary_edges(weld(rest)[faces]).numpy()
-    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(rest), len(rest)))
-    labels = connected_components(graph, directed=False)[1]
-    return [torch.from_numpy(np.flatnonzero(labels == label)) for label in np.unique(labels[edges[:, 0]])]
 
 
 def _speed(vertices: Tensor, hem: Tensor, fps: float) -> Tensor:

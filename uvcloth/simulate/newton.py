@@ -11,10 +11,8 @@ import warp as wp
 from torch import Tensor
 
 from rasterize.errors import InputError
-from uvcloth.simulate.engine import Scene
+from uvcloth.simulate.engine import GRAVITY, Scene
 from uvcloth.simulate.fabric import AIR_DENSITY, Fabric
-
-GRAVITY = 9.81
 
 BOUND = 0.85
 """Share of the room between cloth and cloth that a vertex may use up before it is looked for anew."""
