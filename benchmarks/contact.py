@@ -23,12 +23,12 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import TEMPLATES, wear
-from uvcloth.mesh import unique_edges
+from uvcloth.geometry.mesh import unique_edges
+from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import builtin_clips, load_clip
 from uvcloth.physics.contact import Obstacle
 from uvcloth.physics.energies import edge_change
-from uvcloth.skinning import skin
 
 COLUMNS = (
     "clip",

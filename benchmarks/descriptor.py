@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from benchmarks.timing import fastest
-from uvcloth.methods.descriptor import TAPS, RelativePositions
+from uvcloth.methods.motion_guided.descriptor import TAPS, RelativePositions
 
 
 @dataclass(frozen=True)

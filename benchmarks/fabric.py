@@ -19,12 +19,12 @@ from PIL import Image
 
 from rasterize.command import run_command
 from train.loop import has_begun
-from train.poses import poses_for
+from train.pbns.poses import poses_for
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.checkpoint import load_checkpoint
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.wardrobe import take
+from uvcloth.garments.loading import take
 from uvcloth.methods.registry import load_method
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 

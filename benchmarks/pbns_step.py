@@ -24,13 +24,13 @@ from torch import Tensor
 
 from rasterize.command import run_command
 from train.loop import rows_of_step, set_rates
-from train.pbns import LOOPS, Fabric, Hanging, PBNSObjective
-from train.poses import poses_for
+from train.pbns.objective import LOOPS, Fabric, Hanging, PBNSObjective
+from train.pbns.poses import poses_for
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.wardrobe import take
-from uvcloth.methods.pbns import PBNSConfig
-from uvcloth.skinning import skin
+from uvcloth.garments.loading import take
+from uvcloth.geometry.skinning import skin
+from uvcloth.methods.pbns.method import PBNSConfig
 
 MEASURED = 20
 """Steps that are averaged."""

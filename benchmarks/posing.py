@@ -11,8 +11,8 @@ import tyro
 from benchmarks.timing import fastest
 from uvcloth.bodies.anny import DEFAULT_PHENOTYPE, rig
 from uvcloth.bodies.body import load_body
+from uvcloth.geometry.skinning import skin
 from uvcloth.motion.library import load_clip
-from uvcloth.skinning import skin
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,10 @@ from rich.table import Table
 from torch import Tensor
 
 from rasterize.decode import nearest_sampler
+from rasterize.gather import gather
 from uvcloth.bodies.body import load_body
-from uvcloth.mesh import Mesh, vertex_normals
-from uvcloth.methods.correspondence import body_texels, gather, template_texels
+from uvcloth.geometry.mesh import Mesh, vertex_normals
+from uvcloth.methods.physxnet.texels import body_texels, template_texels
 from uvcloth.simulate.sequence import Sequence, load_sequence
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from rasterize.errors import InputError
 from uvcloth.garments.templates import TEMPLATES
+from uvcloth.motion.index import INDEX, read_index
 from uvcloth.simulate.folder import REPEAT, Stored, refused_captures, rejected
-from uvcloth.simulate.index import INDEX, read_index
 from uvcloth.simulate.sequence import read_metadata
 
 

@@ -32,8 +32,8 @@ from evaluate.stability import copied_truth
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.loading import take_for_data
 from uvcloth.garments.templates import TEMPLATES, wear
-from uvcloth.garments.wardrobe import take_for_data
 
 CHUNK = 16
 """Frames that are written to maps at the same time: bounds the memory of large maps."""

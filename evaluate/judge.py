@@ -18,11 +18,11 @@ from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 from uvcloth.rollout import RolloutFrame, rollout
 from uvcloth.simulate.sequence import Sequence as Simulated
 from uvcloth.simulate.sequence import content_hash, load_sequence
-from uvcloth.skinning import skin
 
 FORMAT = "uvcloth-judged-4"
 

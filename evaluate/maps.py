@@ -7,7 +7,8 @@ from torch import Tensor
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
-from uvcloth.methods.correspondence import (
+from uvcloth.methods.physxnet.method import PRESETS, garment_vertices, template_offsets
+from uvcloth.methods.physxnet.texels import (
     BodyTexels,
     TemplateTexels,
     Worn,
@@ -15,7 +16,6 @@ from uvcloth.methods.correspondence import (
     template_texels,
     worn_on,
 )
-from uvcloth.methods.physxnet import PRESETS, garment_vertices, template_offsets
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from uvcloth.mesh import weld
+from uvcloth.geometry.mesh import weld
 from uvcloth.physics.energies import acceleration_jitter, edge_change, fold_angle, fold_cosine
 from uvcloth.physics.self_intersection import crossing_edges_percent
 

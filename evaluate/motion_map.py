@@ -10,7 +10,7 @@ from evaluate.judge import SHOWN, Contestant
 from evaluate.report import MotionMap
 from evaluate.show import Shown
 from uvcloth.bodies.body import Body
-from uvcloth.methods.seeds import pose_seeds, sample_seeds
+from uvcloth.methods.motion_guided.seeds import pose_seeds, sample_seeds
 from uvcloth.simulate.sequence import load_sequence
 
 SEEDS = 581

@@ -11,8 +11,8 @@ from evaluate.report import Picture
 from evaluate.viewer import ViewerClip
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
+from uvcloth.geometry.skinning import skin
 from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
-from uvcloth.skinning import skin
 
 MOMENTS = (0.3, 0.6, 0.9)
 """Shares of a window at which it is pictured."""

@@ -6,7 +6,8 @@ from torch import Tensor
 from evaluate.metrics import distance_scores
 from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.methods.correspondence import carry, rotate, rotate_back
+from uvcloth.geometry.rotations import rotate, rotate_back
+from uvcloth.geometry.skinning import carry
 from uvcloth.methods.method import Method
 from uvcloth.rollout import rollout
 from uvcloth.simulate.sequence import Sequence as Simulated

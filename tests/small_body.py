@@ -3,8 +3,8 @@
 import torch
 
 from uvcloth.bodies.body import Body
-from uvcloth.mesh import Mesh
-from uvcloth.skeleton import Skeleton
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.skeleton import Skeleton
 
 
 def small_body(scale: float = 1.0, flipped: bool = False) -> Body:

@@ -48,7 +48,7 @@ def test_help_imports_nothing_heavy():
 
 def test_simulate_hands_everything_on(monkeypatch, stand_in):
     calls = []
-    stand_in("uvcloth.simulate.farm", simulate_batch=lambda **options: calls.append(options))
+    stand_in("uvcloth.simulate.batch", simulate_batch=lambda **options: calls.append(options))
     stand_in("uvcloth.bodies.body", load_body=lambda path: f"body from {path}")
     arguments = ("a.bvh", "walk", "--garment", "tops", "dress", "--out", "data", "--jobs", "2", "--layered")
     assert run(monkeypatch, "simulate", *arguments, "--windows", "index.csv", "--body", "b.npz") == 0
@@ -144,7 +144,7 @@ def test_an_interrupted_drawing_leaves_nothing(monkeypatch, tmp_path):
     def interrupt(contact, vertices):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("uvcloth.bodies.self_contact.SelfContact.clear", interrupt)
+    monkeypatch.setattr("uvcloth.physics.self_contact.SelfContact.clear", interrupt)
     assert run(monkeypatch, "poses", "run", "--out", str(tmp_path / "poses.npz")) == 130
     assert not list(tmp_path.iterdir())
 
@@ -156,7 +156,7 @@ def test_export_hands_everything_on(monkeypatch, stand_in, capsys):
         calls.append((given, options))
         return SimpleNamespace(lines=lambda: ["out.glb: 1.0 MB"])
 
-    stand_in("uvcloth.engines", export=export)
+    stand_in("uvcloth.commands.export_rig", export=export)
     assert run(monkeypatch, "export", "--model", "runs/a", "--out", "out.glb") == 0
     more = ("--motion", "walk", "--shapes", "40", "--body", "b.npz", "--no-with-body")
     assert run(monkeypatch, "export", "--model", "runs/a", "--out", "out.glb", *more) == 0
@@ -177,7 +177,7 @@ def test_failing_commands_say_one_sentence(monkeypatch, stand_in, capsys, error,
     def failing(out):
         raise error
 
-    stand_in("uvcloth.demo", run=failing)
+    stand_in("uvcloth.commands.demo", run=failing)
     assert (run(monkeypatch, "demo"), capsys.readouterr().err) == expected
 
 

@@ -10,10 +10,10 @@ from uvcloth.bodies.body import load_body
 from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.templates import wear
-from uvcloth.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.skinning import skin
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.rollout import BATCH, BrokenRolloutError, rollout
-from uvcloth.skinning import skin
 
 FPS = 30.0
 

@@ -15,10 +15,10 @@ from tyro.conf import OmitArgPrefixes
 from rasterize.command import run_command
 from rasterize.errors import InputError
 from train.loop import LOOPS, LoopConfig, check_run, fit, has_begun, said
-from train.material import Material
-from train.motion_guided import LOOPS as MOTION_GUIDED_LOOPS
-from train.motion_guided import LOSSES as MOTION_GUIDED_LOSSES
-from train.motion_guided import (
+from train.motion_guided.dataset import Material
+from train.motion_guided.objective import LOOPS as MOTION_GUIDED_LOOPS
+from train.motion_guided.objective import LOSSES as MOTION_GUIDED_LOSSES
+from train.motion_guided.objective import (
     SHAPE,
     SHAPE_LOOPS,
     DynamicsObjective,
@@ -26,18 +26,19 @@ from train.motion_guided import (
     ShapeObjective,
     load_shape_space,
 )
-from train.pbns import LOOPS as PBNS_LOOPS
-from train.pbns import PRESETS as PBNS_PRESETS
-from train.pbns import Fabric, Hanging, PBNSObjective, held_vertices
-from train.physxnet import LOSSES, Losses, PhysXNetObjective
-from train.poses import poses_for
+from train.pbns.objective import LOOPS as PBNS_LOOPS
+from train.pbns.objective import PRESETS as PBNS_PRESETS
+from train.pbns.objective import Fabric, Hanging, PBNSObjective, held_vertices
+from train.pbns.poses import poses_for
+from train.physxnet.objective import LOSSES, Losses, PhysXNetObjective
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.wardrobe import take
-from uvcloth.methods import motion_guided, physxnet
-from uvcloth.methods.motion_guided import MotionGuidedConfig
-from uvcloth.methods.pbns import PBNSConfig
-from uvcloth.methods.physxnet import PhysXNetConfig
+from uvcloth.garments.loading import take
+from uvcloth.methods.motion_guided import method as motion_guided
+from uvcloth.methods.motion_guided.method import MotionGuidedConfig
+from uvcloth.methods.pbns.method import PBNSConfig
+from uvcloth.methods.physxnet import method as physxnet
+from uvcloth.methods.physxnet.method import PhysXNetConfig
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ LOOPS: dict[str, LoopConfig] = {
 
 
 class Objective(Protocol):
-    """What a method brings to be trained; see train/physxnet.py."""
+    """What a method brings to be trained; see train/physxnet/objective.py."""
 
     @property
     def samples(self) -> Tensor:

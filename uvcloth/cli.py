@@ -98,7 +98,7 @@ class Simulate:
         if not (self.clips or self.windows) or not self.garment:
             raise InputError("simulate: name at least one clip, or a table with --windows, and one garment")
         from uvcloth.bodies.body import load_body
-        from uvcloth.simulate.farm import simulate_batch
+        from uvcloth.simulate.batch import simulate_batch
 
         simulate_batch(
             clips=self.clips,
@@ -186,7 +186,7 @@ class Rollout:
     def run(self) -> None:
         if not self.garment or not self.out:
             raise InputError("rollout: name at least one garment and one file to write")
-        from uvcloth.animate import animate
+        from uvcloth.commands.rollout import animate
 
         summary = animate(
             self.model, self.motion, self.garment, self.out, body_file=self.body, contact=self.contact
@@ -222,11 +222,11 @@ class Poses:
 
     def run(self) -> None:
         from uvcloth.bodies.body import load_body
-        from uvcloth.bodies.self_contact import SelfContact
         from uvcloth.motion.clip_splits import find_sources
         from uvcloth.motion.draw_poses import draw_poses
         from uvcloth.motion.poses import SPLITS, save_poses
         from uvcloth.motion.recombine import recombine
+        from uvcloth.physics.self_contact import SelfContact
 
         if self.recombine < 0:
             raise InputError(f"--recombine {self.recombine}: expected a number of poses, 0 or more")
@@ -261,7 +261,7 @@ class Export:
     """Write the body too."""
 
     def run(self) -> None:
-        from uvcloth.engines import export
+        from uvcloth.commands.export_rig import export
 
         exported = export(
             self.model,
@@ -282,7 +282,7 @@ class Demo:
     """Folder for everything that the demo makes."""
 
     def run(self) -> None:
-        from uvcloth.demo import run
+        from uvcloth.commands.demo import run
 
         run(self.out)
 

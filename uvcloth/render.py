@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
-from uvcloth.mesh import vertex_normals
+from uvcloth.geometry.mesh import vertex_normals
 
 Color = tuple[float, float, float]
 

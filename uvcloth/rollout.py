@@ -12,7 +12,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.frames import LEAD, BodyFrames, body_frames
 from uvcloth.garments.garment import Outfit
-from uvcloth.mesh import edge_lengths, unique_edges
+from uvcloth.geometry.mesh import edge_lengths, unique_edges
 from uvcloth.methods.method import Method
 from uvcloth.physics.contact import Contacts, Obstacle
 from uvcloth.physics.layers import Layer

@@ -6,9 +6,9 @@ import torch
 from rasterize.errors import InputError
 from tests.bodies.test_body import random_rotations
 from uvcloth.garments.templates import LEAST_CLEARANCE, TEMPLATES, load_template, tailored
+from uvcloth.geometry.skeleton import joint_transforms
+from uvcloth.geometry.skinning import skin
 from uvcloth.physics.surface import BodySurface
-from uvcloth.skeleton import joint_transforms
-from uvcloth.skinning import skin
 
 pytest.importorskip("anny", reason="the `body` extra is not installed")
 

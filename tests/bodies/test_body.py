@@ -13,8 +13,8 @@ from uvcloth.bodies.body import REGIONS, Body, load_body, save_body
 from uvcloth.bodies.collider import ARMS, FOREARMS, LEGS, TORSO, make_collider
 from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
 from uvcloth.garments.templates import wear
-from uvcloth.skeleton import joint_transforms
-from uvcloth.skinning import diffuse_weights, rotation_part, skin
+from uvcloth.geometry.skeleton import joint_transforms
+from uvcloth.geometry.skinning import diffuse_weights, rotation_part, skin
 
 
 def random_rotations(*shape: int, seed: int = 0) -> torch.Tensor:

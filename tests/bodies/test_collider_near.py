@@ -9,8 +9,8 @@ from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import collider_near
 from uvcloth.garments.templates import wear
+from uvcloth.geometry.skinning import skin
 from uvcloth.physics.surface import BodySurface
-from uvcloth.skinning import skin
 
 
 @pytest.mark.parametrize("reach", [0.02, 0.2])

@@ -8,7 +8,7 @@ import torch
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.joined_legs import joined_rays, leg_faces, leg_slices
 from uvcloth.garments.templates import wear
-from uvcloth.methods.correspondence import body_texels, template_texels
+from uvcloth.methods.physxnet.texels import body_texels, template_texels
 
 
 @pytest.fixture(scope="module", params=[1.0, 1.5], ids=["slim", "wide"])

@@ -27,14 +27,14 @@ from uvcloth.bodies.body import Body, save_body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import WEIGHTS, TrainingData, save_checkpoint
 from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.skeleton import Skeleton
+from uvcloth.geometry.skinning import skin
 from uvcloth.methods.lbs import LBSConfig
 from uvcloth.methods.method import Method
-from uvcloth.methods.physxnet import PRESETS, physxnet_checkpoint
+from uvcloth.methods.physxnet.method import PRESETS, physxnet_checkpoint
 from uvcloth.simulate.folder import keep_refused
 from uvcloth.simulate.sequence import Sequence, load_sequence, save_sequence
-from uvcloth.skeleton import Skeleton
-from uvcloth.skinning import skin
 
 SETTLING = 8
 FILE_MM = 0.05

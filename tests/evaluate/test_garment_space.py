@@ -8,9 +8,9 @@ from evaluate.show import Shown
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body
 from uvcloth.garments.templates import wear
-from uvcloth.methods.motion_guided import PRESETS
+from uvcloth.geometry.skinning import skin
+from uvcloth.methods.motion_guided.method import PRESETS
 from uvcloth.methods.registry import CONFIGS
-from uvcloth.skinning import skin
 
 
 def test_a_linear_space_is_crossed_in_even_steps(body: Body) -> None:

@@ -10,9 +10,9 @@ from evaluate.judge import Case, score
 from evaluate.metrics import Reference
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.simulate.sequence import Sequence
-from uvcloth.skeleton import Skeleton
 
 
 def test_inside_counts_what_lies_within_the_body() -> None:

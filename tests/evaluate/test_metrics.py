@@ -12,7 +12,7 @@ from evaluate.metrics import (
     frame_scores,
     map_mse,
 )
-from uvcloth.mesh import unique_edges
+from uvcloth.geometry.mesh import unique_edges
 
 FPS = 30.0
 

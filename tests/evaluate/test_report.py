@@ -19,8 +19,8 @@ from evaluate.report import MotionMap, Picture, standings, write_metrics, write_
 from evaluate.viewer import QUANTUM, ViewerClip
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.mesh import Mesh
-from uvcloth.skeleton import Skeleton
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.skeleton import Skeleton
 
 ACTIONS = ("jump", "walking", "salsa dance")
 MEANS = {"lbs": 40.0, "lbs_smooth": 30.0, "net": 24.0}

@@ -12,8 +12,8 @@ from evaluate.stability import copied_truth, stability_scores
 from tests.evaluate.test_compare import COUNTED, FPS, SETTLING, capsule_body, motion, simulated, tube_garment
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.garments.garment import Outfit
+from uvcloth.geometry.skinning import skin
 from uvcloth.simulate.sequence import Sequence
-from uvcloth.skinning import skin
 
 STRAY = 0.001
 END = SETTLING + COUNTED

@@ -9,10 +9,10 @@ import torch
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.export.animation import Animation
 from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.mesh import Mesh
-from uvcloth.methods.pbns import PBNS, PBNSConfig, new_network, pose_vectors, rest_outfit
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.skinning import skin
+from uvcloth.methods.pbns.method import PBNS, PBNSConfig, new_network, pose_vectors, rest_outfit
 from uvcloth.motion.clip import Clip
-from uvcloth.skinning import skin
 
 FRAMES = 40
 

@@ -14,7 +14,7 @@ from uvcloth.export.embedding import write_embedding
 from uvcloth.export.gltf_rig import write_rig_glb
 from uvcloth.export.rig import rig_of
 from uvcloth.garments.garment import Outfit
-from uvcloth.methods.pbns import PBNS, pose_vectors
+from uvcloth.methods.pbns.method import PBNS, pose_vectors
 from uvcloth.motion.clip import Clip
 
 pytest.importorskip("onnx")

@@ -10,7 +10,7 @@ from tests.export.glb_reader import GlbReader, require_clean, to_z_up
 from uvcloth.export.animation import Animation
 from uvcloth.export.gltf import write_glb
 from uvcloth.export.gltf_scene import split_seams
-from uvcloth.skinning import skin
+from uvcloth.geometry.skinning import skin
 
 
 @pytest.fixture(scope="module")

@@ -11,10 +11,10 @@ from tests.export.test_rig import rolled_out
 from uvcloth.export.gltf_rig import write_rig_glb
 from uvcloth.export.rig import rig_of
 from uvcloth.garments.garment import Outfit
-from uvcloth.mesh import vertex_normals
-from uvcloth.methods.pbns import PBNS
+from uvcloth.geometry.mesh import vertex_normals
+from uvcloth.geometry.skinning import skin
+from uvcloth.methods.pbns.method import PBNS
 from uvcloth.motion.clip import Clip
-from uvcloth.skinning import skin
 
 MILLIMETRE = 1e-3
 

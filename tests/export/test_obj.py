@@ -7,7 +7,7 @@ import trimesh
 
 from rasterize.errors import InputError
 from uvcloth.export.obj import save_obj
-from uvcloth.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh
 
 SQUARE = Mesh(
     vertices=torch.tensor([[0.0, 0, 0.1], [1, 0, 0.2], [1, 1, 0.3], [0, 1, 0.4]]),

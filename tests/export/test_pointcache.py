@@ -7,7 +7,7 @@ import trimesh
 
 from uvcloth.export.animation import Animation
 from uvcloth.export.pointcache import write_pc2
-from uvcloth.skinning import skin
+from uvcloth.geometry.skinning import skin
 
 
 def read_pc2(path: Path) -> np.ndarray:

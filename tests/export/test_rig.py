@@ -12,11 +12,11 @@ from tests.small_body import small_body
 from uvcloth.bodies.body import Body
 from uvcloth.export.rig import Rig, rig_of
 from uvcloth.garments.garment import Outfit
-from uvcloth.mesh import vertex_normals
-from uvcloth.methods.pbns import PBNS, pose_vectors
+from uvcloth.geometry.mesh import vertex_normals
+from uvcloth.geometry.skeleton import Skeleton
+from uvcloth.methods.pbns.method import PBNS, pose_vectors
 from uvcloth.motion.clip import Clip
 from uvcloth.rollout import rollout
-from uvcloth.skeleton import Skeleton
 
 
 def rolled_out(method: PBNS, outfit: Outfit, clip: Clip) -> list[np.ndarray]:

@@ -14,7 +14,7 @@ from uvcloth.export.gltf_rig import write_rig_glb
 from uvcloth.export.rig import rig_of
 from uvcloth.export.usd_rig import write_rig_usd
 from uvcloth.garments.garment import Outfit
-from uvcloth.methods.pbns import PBNS
+from uvcloth.methods.pbns.method import PBNS
 from uvcloth.motion.clip import Clip
 
 HERE = Path(__file__).parent

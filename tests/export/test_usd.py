@@ -7,7 +7,7 @@ import torch
 
 from uvcloth.export.animation import Animation
 from uvcloth.export.usd import write_usd
-from uvcloth.skinning import skin
+from uvcloth.geometry.skinning import skin
 
 pxr = pytest.importorskip("pxr")
 from pxr import Usd, UsdGeom, UsdSkel, UsdValidation  # noqa: E402

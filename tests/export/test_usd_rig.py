@@ -9,9 +9,9 @@ from tests.export.test_rig import rolled_out
 from uvcloth.export.rig import rig_of
 from uvcloth.export.usd_rig import write_rig_usd
 from uvcloth.garments.garment import Outfit
-from uvcloth.methods.pbns import PBNS
+from uvcloth.geometry.skinning import skin
+from uvcloth.methods.pbns.method import PBNS
 from uvcloth.motion.clip import Clip
-from uvcloth.skinning import skin
 
 pxr = pytest.importorskip("pxr")
 from pxr import Usd, UsdGeom, UsdSkel, UsdValidation  # noqa: E402

@@ -10,9 +10,9 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.band import TEMPLATE_MASS, holding_band
 from uvcloth.garments.garment import Garment
+from uvcloth.garments.loading import take
 from uvcloth.garments.templates import load_template, wear
-from uvcloth.garments.wardrobe import take
-from uvcloth.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh
 
 SKIRT = str(files("uvcloth") / "data" / "garments" / "skirt.obj")
 

@@ -10,7 +10,7 @@ import trimesh
 from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body, load_body
 from uvcloth.garments.fit import covered_faces, fit
-from uvcloth.mesh import face_normals, vertex_normals
+from uvcloth.geometry.mesh import face_normals, vertex_normals
 
 EASE = 0.01
 """Metres that the test garments stand off the skin."""

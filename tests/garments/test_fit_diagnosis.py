@@ -14,7 +14,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.fit import fit
 from uvcloth.garments.meshfile import read_mesh
-from uvcloth.mesh import face_normals, vertex_normals
+from uvcloth.geometry.mesh import face_normals, vertex_normals
 
 
 @pytest.fixture(scope="module")

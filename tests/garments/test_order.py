@@ -8,7 +8,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.order import check_order
 from uvcloth.garments.templates import wear
-from uvcloth.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh
 
 
 def sheet(name: str, height: float, lowered: int = 0) -> Garment:

@@ -4,9 +4,9 @@ from tests.train.simulated import swaying
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import wear
+from uvcloth.geometry.skinning import skin
 from uvcloth.methods.registry import load_method
 from uvcloth.rollout import rollout
-from uvcloth.skinning import skin
 
 
 def test_a_rigid_motion_carries_the_garment_exactly():

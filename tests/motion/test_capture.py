@@ -8,11 +8,11 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.skeleton import local_rotations, world_rotations
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.capture import jump, standstill
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import builtin_clips, load_clip
-from uvcloth.skeleton import local_rotations, world_rotations
 
 
 @pytest.fixture(scope="module")

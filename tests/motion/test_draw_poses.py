@@ -9,12 +9,12 @@ from torch import Tensor
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.layout import mirrored_vertices
+from uvcloth.geometry.skeleton import Skeleton
+from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip_splits import Source
 from uvcloth.motion.draw_poses import draw_poses, local_angles, mirror_rotations
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.poses import PoseDatabase
-from uvcloth.skeleton import Skeleton
-from uvcloth.skinning import skin
 
 SOURCES = (
     Source("jump", "jump", "train"),

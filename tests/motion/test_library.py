@@ -9,9 +9,9 @@ from rasterize.archive import save_arrays
 from rasterize.errors import InputError
 from tests.motion.bvh_text import bvh_text, performer, still
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.skinning import skin
 from uvcloth.motion.library import builtin_clips, load_clip, read_clip, save_clip
 from uvcloth.motion.retarget import lowest_vertex
-from uvcloth.skinning import skin
 
 Damage = Callable[[np.ndarray], np.ndarray] | None
 

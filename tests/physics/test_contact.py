@@ -9,10 +9,10 @@ from torch import Tensor
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.collider import Collider, make_collider
 from uvcloth.garments.templates import TEMPLATES, wear
-from uvcloth.mesh import unique_edges
+from uvcloth.geometry.mesh import unique_edges
 from uvcloth.physics.contact import CLOSEST, GAP, MARGIN, Beneath, Dressed, Obstacle
-from uvcloth.physics.inextensible import Inextensible
 from uvcloth.physics.layers import Layer
+from uvcloth.physics.strain_limiter import Inextensible
 
 
 def tensors(mesh: trimesh.Trimesh) -> tuple[Tensor, Tensor]:

@@ -11,9 +11,9 @@ from torch import Tensor
 from tests.physics import judge
 from uvcloth.bodies.body import Body
 from uvcloth.garments.templates import TEMPLATES, wear
-from uvcloth.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.physics.exposure import Exposure, spread
-from uvcloth.skeleton import Skeleton
 
 RADIUS = 0.1
 """Of the limb."""

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from uvcloth.mesh import unique_edges
+from uvcloth.geometry.mesh import unique_edges
 from uvcloth.physics.self_intersection import crossing_edges_percent
 
 SIZE = 12

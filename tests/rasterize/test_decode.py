@@ -10,7 +10,7 @@ from rasterize.raycast import body_to_garment
 from rasterize.texels import Texels, rasterize_layout
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.layout import load_body_layout
-from uvcloth.mesh import vertex_normals
+from uvcloth.geometry.mesh import vertex_normals
 
 # Two squares side by side in space, joined along x = 1, but far apart on the sheet.
 FACES = torch.tensor([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])

@@ -10,7 +10,7 @@ import torch
 
 from rasterize.exr import read_exr
 from uvcloth.bodies.body import Body
-from uvcloth.mesh import vertex_normals
+from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.simulate.sequence import Sequence, save_sequence
 
 FPS = 30.0

@@ -2,9 +2,9 @@
 
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
+from uvcloth.geometry.skinning import skin
 from uvcloth.motion.library import load_clip
 from uvcloth.simulate.sequence import Sequence
-from uvcloth.skinning import skin
 
 
 def skinned_sequence(garment: Garment, body: Body) -> Sequence:

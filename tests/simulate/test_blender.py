@@ -14,9 +14,9 @@ from rasterize.errors import InputError
 from tests.simulate.physics.scenes import FPS, G, play, scene, sheet
 from uvcloth.bodies.body import Body
 from uvcloth.simulate import blender
+from uvcloth.simulate.batch import simulate_batch
 from uvcloth.simulate.blender import VARIABLE, Blender, find_blender
 from uvcloth.simulate.fabric import Fabric
-from uvcloth.simulate.farm import simulate_batch
 
 STILL = Fabric(drag=0.0)
 """Cloth without air."""

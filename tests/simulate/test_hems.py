@@ -9,7 +9,7 @@ from uvcloth.bodies.collider import make_collider
 from uvcloth.garments.band import hems
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import wear
-from uvcloth.mesh import boundary_edges, weld
+from uvcloth.geometry.mesh import boundary_edges, weld
 from uvcloth.physics.contact import Obstacle
 from uvcloth.simulate.hems import hanging_in_the_air
 

@@ -8,9 +8,9 @@ import pytest
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.templates import wear
+from uvcloth.motion.index import Entry, read_index
 from uvcloth.motion.library import builtin_clips
 from uvcloth.simulate.cloth import Cloth, join
-from uvcloth.simulate.index import Entry, read_index
 from uvcloth.simulate.plan import Job, batch_sources, mixed, plan
 
 HEADER = "trial,subject,split,action,window_start,window_frames\n"

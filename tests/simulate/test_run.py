@@ -12,6 +12,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import wear
+from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
 from uvcloth.simulate.cloth import join
@@ -19,7 +20,6 @@ from uvcloth.simulate.engine import Scene
 from uvcloth.simulate.layers import THICKNESS, room_below
 from uvcloth.simulate.lead_in import LeadIn
 from uvcloth.simulate.run import simulate
-from uvcloth.skinning import skin
 
 PARTS = LeadIn(rest=1, blend=2, ramp=1)
 

@@ -13,14 +13,14 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import FOREARMS, PARTS, make_collider
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import wear
+from uvcloth.geometry.skinning import skin
 from uvcloth.motion.library import load_clip
-from uvcloth.simulate.accept import examine
 from uvcloth.simulate.cloth import join
 from uvcloth.simulate.engine import Scene
 from uvcloth.simulate.lead_in import LeadIn
+from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
 from uvcloth.simulate.sequence import Sequence
-from uvcloth.skinning import skin
 
 UPPER = len([side for regions, sides in PARTS for side in sides if regions[0] not in ("calf", "forearm")])
 """Parts of the body that a T-shirt touches: all but calves and forearms."""

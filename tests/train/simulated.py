@@ -6,9 +6,9 @@ import torch
 
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.templates import wear
+from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
 from uvcloth.simulate.sequence import Sequence, save_sequence
-from uvcloth.skinning import skin
 
 
 def save_clips(folder: Path, templates: tuple[str, ...], clips: int, frames: int, settling: int = 3) -> None:

@@ -9,8 +9,8 @@ import torch
 from rasterize.errors import InputError
 from tests.train.simulated import save_clips, swaying
 from train.loop import fit
-from train.material import Material
-from train.motion_guided import (
+from train.motion_guided.dataset import Material
+from train.motion_guided.objective import (
     LOOPS,
     LOSSES,
     SHAPE,
@@ -21,14 +21,14 @@ from train.motion_guided import (
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import wear
-from uvcloth.mesh import vertex_normals
+from uvcloth.geometry.mesh import vertex_normals
+from uvcloth.geometry.skinning import skin
 from uvcloth.methods.ensemble import Ensemble
-from uvcloth.methods.motion_guided import PRESETS
+from uvcloth.methods.motion_guided.method import PRESETS
+from uvcloth.methods.motion_guided.seeds import pose_seeds, sample_seeds, seeds_on
 from uvcloth.methods.registry import load_method, load_methods
-from uvcloth.methods.seeds import pose_seeds, sample_seeds, seeds_on
 from uvcloth.physics.surface import BodySurface
 from uvcloth.rollout import rollout
-from uvcloth.skinning import skin
 
 pytest.importorskip("lightning")
 

@@ -11,9 +11,9 @@ import torch
 from rasterize.errors import InputError
 from tests.train.simulated import save_clips
 from train.loop import LOOPS, STATE, fit, rows_of_step
-from train.physxnet import LOSSES, PhysXNetObjective
+from train.physxnet.objective import LOSSES, PhysXNetObjective
 from uvcloth.checkpoint import load_tensors
-from uvcloth.methods.physxnet import PRESETS
+from uvcloth.methods.physxnet.method import PRESETS
 
 pytest.importorskip("lightning")
 

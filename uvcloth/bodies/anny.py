@@ -9,8 +9,8 @@ from torch import Tensor
 from rasterize.charts import largest_piece
 from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body, Proxy
-from uvcloth.mesh import Mesh
-from uvcloth.skeleton import Skeleton
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.skeleton import Skeleton
 
 RIG = "cmu_mb"
 

@@ -10,8 +10,8 @@ from torch import Tensor
 
 from rasterize.archive import load_arrays, require_finite, save_arrays
 from rasterize.errors import InputError
-from uvcloth.mesh import Mesh
-from uvcloth.skeleton import Skeleton
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.skeleton import Skeleton
 
 REGIONS = ("torso", "upper_arm", "forearm", "thigh", "calf", "head", "hand", "foot")
 """Names of the body regions; `Body.regions` holds indices into this tuple."""

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body
-from uvcloth.mesh import boundary_edges, vertex_normals
+from uvcloth.geometry.mesh import boundary_edges, vertex_normals
 
 Parts = Sequence[tuple[tuple[str, ...], tuple[int, ...]]]
 """Regions that move as one, and the sides that have them."""

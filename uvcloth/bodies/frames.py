@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.skinning import skin
+from uvcloth.geometry.skinning import skin
 
 HISTORY = 3
 """Frames that a method sees of the body: k-2, k-1 and k (PhysXNet section 3.1)."""

@@ -18,8 +18,8 @@ from rasterize.charts import (
 )
 from rasterize.errors import InputError
 from rasterize.layout import Chart, Layout, lay_out, load_layout
-from uvcloth.bodies.body import REGIONS, Body
-from uvcloth.mesh import face_pairs, vertex_normals
+from uvcloth.bodies.body import REGIONS, Body, load_body
+from uvcloth.geometry.mesh import face_pairs, vertex_normals
 
 PRUNED, TORSO, LEFT_ARM, RIGHT_ARM, LEFT_LEG, RIGHT_LEG, FRONT, BACK = range(-1, 7)
 PARTS = {"left arm": LEFT_ARM, "right arm": RIGHT_ARM, "left leg": LEFT_LEG, "right leg": RIGHT_LEG}
@@ -259,3 +259,9 @@ def _charts(body: Body, labels: np.ndarray, seams: dict[str, np.ndarray]) -> lis
         )
     )
     return charts
+
+
+def layout_of(body: Body) -> Layout:
+    """The layout that all bodies of the default topology share; any other body gets its own."""
+    default = load_body()
+    return load_body_layout() if torch.equal(default.mesh.faces, body.mesh.faces) else body_layout(body)

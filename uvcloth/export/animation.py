@@ -11,8 +11,8 @@ from torch import Tensor
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.mesh import Mesh
-from uvcloth.skeleton import Skeleton
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.skeleton import Skeleton
 
 FORMAT = "uvcloth-animation-1"
 CHUNK = 32

@@ -12,9 +12,9 @@ import torch
 from uvcloth.bodies.body import Body
 from uvcloth.export.animation import local_pose, strongest
 from uvcloth.export.glb import FLOAT, INDICES, INT, SHORT, VERTICES, Document
-from uvcloth.mesh import Mesh, vertex_normals
+from uvcloth.geometry.mesh import Mesh, vertex_normals
+from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.render import BODY_COLOR
-from uvcloth.skeleton import Skeleton
 
 INFLUENCES = 4
 """Joint influences per vertex that every glTF reader supports."""

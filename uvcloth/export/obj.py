@@ -6,7 +6,7 @@ import numpy as np
 
 from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
-from uvcloth.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh
 
 
 def save_obj(mesh: Mesh, path: Path) -> None:

@@ -9,7 +9,7 @@ import torch
 
 from uvcloth.export.animation import Animation
 from uvcloth.export.obj import save_obj
-from uvcloth.skinning import skin
+from uvcloth.geometry.skinning import skin
 
 
 def write_pc2(animation: Animation, path: Path) -> None:

@@ -11,11 +11,11 @@ from uvcloth.bodies.body import Body
 from uvcloth.export.animation import strongest
 from uvcloth.export.gltf_scene import INFLUENCES
 from uvcloth.export.shapes import ROWS, Cost, ShapeCode, cost, own_shapes, principal_shapes, shape_cost
-from uvcloth.mesh import Mesh, face_normals, vertex_normals
-from uvcloth.methods.pbns import PBNS, pose_vectors
+from uvcloth.geometry.mesh import Mesh, face_normals, vertex_normals
+from uvcloth.geometry.skeleton import Skeleton, joint_transforms, world_rotations
+from uvcloth.geometry.skinning import skin
+from uvcloth.methods.pbns.method import PBNS, pose_vectors
 from uvcloth.motion.clip import Clip
-from uvcloth.skeleton import Skeleton, joint_transforms, world_rotations
-from uvcloth.skinning import skin
 
 RIDGE = 1e-3
 """Squared weights: keeps the solution for `one` small where the training poses leave it open."""

@@ -17,7 +17,7 @@ from uvcloth.export.usd_stage import (
     rest_geometry,
     writing,
 )
-from uvcloth.mesh import vertex_normals
+from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from uvcloth.export.animation import local_pose
-from uvcloth.mesh import Mesh, vertex_normals
+from uvcloth.geometry.mesh import Mesh, vertex_normals
+from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.render import Color
-from uvcloth.skeleton import Skeleton
 
 
 @contextmanager

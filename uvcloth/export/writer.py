@@ -17,7 +17,7 @@ from uvcloth.export.animation import Animation, write_npz
 from uvcloth.export.gltf import write_glb
 from uvcloth.export.pointcache import write_pc2
 from uvcloth.export.usd import write_usd
-from uvcloth.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh
 
 FORMATS: dict[str, Callable[[Animation, Path], None]] = {
     ".glb": write_glb,

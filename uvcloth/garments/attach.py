@@ -5,8 +5,8 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
-from uvcloth.mesh import Mesh, weld
-from uvcloth.skinning import diffuse_weights
+from uvcloth.geometry.mesh import Mesh, weld
+from uvcloth.geometry.skinning import diffuse_weights
 
 DIFFUSION = {"tops": 0.06, "bottoms": 0.06, "dress": 0.15, "shirt": 0.06}
 """Metres over which blend weights spread; far enough in a skirt that left and right leg blend."""

@@ -13,7 +13,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.shells import joint
 from uvcloth.garments.templates import load_template
-from uvcloth.mesh import boundary_edges, face_normals, weld
+from uvcloth.geometry.mesh import boundary_edges, face_normals, weld
 
 WIDTH = 0.03
 """Metres from the hem that the band reaches."""

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.mesh import Mesh, face_normals, weld
+from uvcloth.geometry.mesh import Mesh, face_normals, weld
 from uvcloth.physics.surface import BodySurface, SurfacePoints
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}

@@ -14,7 +14,7 @@ from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.diagnose import Diagnosis, diagnose
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.meshfile import read_mesh
-from uvcloth.mesh import Mesh, vertex_normals, weld
+from uvcloth.geometry.mesh import Mesh, vertex_normals, weld
 
 REACH = 0.3
 """Metres from the garment within which a ray has to meet the body."""

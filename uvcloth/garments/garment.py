@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh
 
 LIKE = {"shirt": "tops"}
 """By template, the one whose motion serves it where a network was not trained on it."""

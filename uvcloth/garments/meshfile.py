@@ -8,7 +8,7 @@ import torch
 from numpy.typing import NDArray
 
 from rasterize.errors import InputError
-from uvcloth.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh
 
 EXTENSIONS = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
 

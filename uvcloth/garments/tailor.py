@@ -21,7 +21,7 @@ from uvcloth.garments.band import WIDTH, hem_band
 from uvcloth.garments.cut import cut, place
 from uvcloth.garments.shells import Bodice, gown, joint, suit
 from uvcloth.garments.templates import TEMPLATES, Template, eased, outward, save_template
-from uvcloth.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh
 from uvcloth.physics.surface import BodySurface
 
 Array = NDArray[np.float64]

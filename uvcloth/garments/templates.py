@@ -16,7 +16,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.garments.attach import make_garment
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.shells import Bodice, gown, suit
-from uvcloth.mesh import Mesh, boundary_edges, neighbour_average, vertex_normals
+from uvcloth.geometry.mesh import Mesh, boundary_edges, neighbour_average, vertex_normals
 from uvcloth.physics.surface import BodySurface
 
 TEMPLATES = ("tops", "bottoms", "dress", "shirt")

@@ -6,7 +6,7 @@ from torch import Tensor
 
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.garments.garment import Outfit
-from uvcloth.skinning import skin
+from uvcloth.geometry.skinning import skin
 
 
 @dataclass(frozen=True)

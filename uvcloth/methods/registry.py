@@ -10,10 +10,12 @@ from typing import Any
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import CONFIG, Checkpoint, load_checkpoint
-from uvcloth.methods import motion_guided, pbns, physxnet
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.lbs import LBSConfig
 from uvcloth.methods.method import Method
+from uvcloth.methods.motion_guided import method as motion_guided
+from uvcloth.methods.pbns import method as pbns
+from uvcloth.methods.physxnet import method as physxnet
 
 CONFIGS: dict[str, Any] = {
     "lbs": LBSConfig(smooth=False),

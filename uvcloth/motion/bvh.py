@@ -8,8 +8,8 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from rasterize.errors import InputError
+from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
-from uvcloth.skeleton import Skeleton
 
 END_SITE = -2
 CHANNELS = frozenset(axis + kind for axis in "xyz" for kind in ("position", "rotation"))

@@ -5,9 +5,9 @@ import math
 import torch
 from torch import Tensor
 
+from uvcloth.geometry.skeleton import local_rotations
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.retarget import joint_roles
-from uvcloth.skeleton import local_rotations
 
 WIDEST_TURN = 90.0
 """Degrees that a joint may turn in the world within a frame."""

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 from torch import Tensor
 
-from uvcloth.skeleton import Skeleton, joint_transforms
+from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from itertools import pairwise
 from pathlib import Path
 
 from rasterize.errors import InputError
+from uvcloth.motion.index import INDEX, clip_file, read_index
 from uvcloth.motion.library import builtin_clips
 from uvcloth.motion.poses import SPLITS
-from uvcloth.simulate.index import INDEX, clip_file, read_index
 
 HELD_OUT = 0.15
 """Share of the clips without an index that is for validation, and of them that is for the test."""

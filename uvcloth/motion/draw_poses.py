@@ -10,11 +10,11 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.skeleton import Skeleton, local_rotations
+from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip_splits import Source
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase, rest_hash
-from uvcloth.skeleton import Skeleton, local_rotations
-from uvcloth.skinning import skin
 
 CHUNK = 256
 """Candidates that are compared with the poses drawn before, and with one another, at once."""

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.retarget import retarget
-from uvcloth.skeleton import Skeleton
 
 FORMAT = "uvcloth-clip-1"
 

@@ -13,7 +13,7 @@ from torch import Tensor
 from rasterize.archive import load_arrays, require_finite, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.skeleton import Skeleton, joint_transforms
+from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 
 SPLITS = ("train", "validation", "test")
 

@@ -13,10 +13,10 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.skeleton import Skeleton, local_rotations, world_rotations
+from uvcloth.geometry.skinning import skin
 from uvcloth.motion.poses import SPLITS, PoseDatabase
 from uvcloth.motion.retarget import joint_roles
-from uvcloth.skeleton import Skeleton, local_rotations, world_rotations
-from uvcloth.skinning import skin
 
 PARTS: tuple[tuple[str, ...], ...] = (
     (),

@@ -14,8 +14,8 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
-from uvcloth.skeleton import Skeleton
 
 MIDDLE = {
     "hips": ("hips", "hip"),

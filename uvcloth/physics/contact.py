@@ -18,9 +18,9 @@ from torch import Tensor
 
 from uvcloth.bodies.collider import Collider
 from uvcloth.physics import kernels, surface
-from uvcloth.physics.inextensible import Inextensible
 from uvcloth.physics.launch import array, launch
 from uvcloth.physics.layers import Layer
+from uvcloth.physics.strain_limiter import Inextensible
 from uvcloth.physics.surface import FREE
 
 MARGIN = 0.004

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies import frames
-from uvcloth.mesh import edge_lengths, face_normals, face_pairs, unique_edges
+from uvcloth.geometry.mesh import edge_lengths, face_normals, face_pairs, unique_edges
 
 GRAVITY = -frames.GRAVITY[2]
 """m/s2, downwards."""

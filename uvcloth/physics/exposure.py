@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.mesh import Mesh, face_normals
+from uvcloth.geometry.mesh import Mesh, face_normals
 from uvcloth.physics import kernels
 from uvcloth.physics.launch import array, launch
 from uvcloth.physics.surface import MovingMeshes

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from uvcloth.mesh import vertex_normals
+from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.physics import kernels
 from uvcloth.physics.launch import array, launch
 from uvcloth.physics.surface import MovingMeshes

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from uvcloth.mesh import unique_edges
+from uvcloth.geometry.mesh import unique_edges
 from uvcloth.physics import kernels
 from uvcloth.physics.launch import array, launch
 from uvcloth.physics.surface import MovingMeshes

@@ -24,7 +24,7 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
-from uvcloth.mesh import face_normals, unique_edges
+from uvcloth.geometry.mesh import face_normals, unique_edges
 from uvcloth.simulate.engine import GRAVITY, Scene
 from uvcloth.simulate.fabric import AIR_DENSITY, Fabric
 

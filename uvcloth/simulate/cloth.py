@@ -9,7 +9,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.band import Band, holding_band
 from uvcloth.garments.garment import Garment
-from uvcloth.mesh import face_normals, weld
+from uvcloth.geometry.mesh import face_normals, weld
 
 LEAST_AREA = 1e-9
 """Square metres of the smallest triangle that an engine can lay flat."""

@@ -11,9 +11,9 @@ from typing import Any
 from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.motion.index import read_index
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate.engine import Engine
-from uvcloth.simulate.index import read_index
 from uvcloth.simulate.sequence import read_metadata
 
 REPEAT, REJECTED = "repeat", "rejected"

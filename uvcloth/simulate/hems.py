@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.garments.band import hems
-from uvcloth.mesh import boundary_edges, weld
+from uvcloth.geometry.mesh import boundary_edges, weld
 from uvcloth.physics.contact import Dressed, Obstacle
 
 RISE = 0.1

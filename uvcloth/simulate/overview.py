@@ -9,9 +9,9 @@ from rich.table import Table
 from rich.text import Text
 
 from rasterize.errors import InputError
+from uvcloth.motion.index import INDEX, Entry, read_index
 from uvcloth.motion.poses import SPLITS
 from uvcloth.simulate.folder import REPEAT, Stored, refused_captures, sequence_files
-from uvcloth.simulate.index import INDEX, Entry, read_index
 from uvcloth.simulate.sequence import read_metadata
 
 NAMED = 12

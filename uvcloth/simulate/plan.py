@@ -10,11 +10,11 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.motion.capture import jump, standstill
 from uvcloth.motion.clip import Clip
+from uvcloth.motion.index import Entry, clip_file, read_index
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.poses import SPLITS
 from uvcloth.simulate.cloth import Cloth
 from uvcloth.simulate.folder import rejected
-from uvcloth.simulate.index import Entry, clip_file, read_index
 from uvcloth.simulate.run import run_up
 
 REPEAT_EARLIER = 20

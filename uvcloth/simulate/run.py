@@ -10,6 +10,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
+from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.poses import rest_hash
 from uvcloth.physics.layers import wrong_side_percent
@@ -18,7 +19,6 @@ from uvcloth.simulate.engine import Engine, Scene
 from uvcloth.simulate.layers import room_below
 from uvcloth.simulate.lead_in import LeadIn, lead_in
 from uvcloth.simulate.sequence import Sequence as Recording
-from uvcloth.skinning import skin
 
 RUN_UP = 15
 """Frames of the clip before a window that are played, not counted: how long cloth remembers its start."""

@@ -10,7 +10,7 @@ from scipy.special import j0
 from torch import Tensor
 
 from tests.simulate.physics.scenes import FPS, G, disc, play, scene, sheet, turned_about_y, turning_points
-from uvcloth.mesh import face_pairs
+from uvcloth.geometry.mesh import face_pairs
 from uvcloth.physics.energies import hinge_angles
 from uvcloth.simulate.fabric import Fabric
 

@@ -1,0 +1,154 @@
+"""What the rollout command writes and counts, and that Ctrl-C leaves nothing."""
+
+from types import SimpleNamespace
+
+import pytest
+import torch
+
+from rasterize.errors import InputError
+from uvcloth import animate as animation
+from uvcloth.export.animation import load_animation
+from uvcloth.export.writer import FORMATS
+from uvcloth.garments.templates import wear
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.skinning import skin
+from uvcloth.motion.library import load_clip
+from uvcloth.physics.contact import Contacts
+from uvcloth.rollout import BrokenRolloutError
+
+FRAMES = 4
+
+
+@pytest.fixture
+def scene(monkeypatch, body):
+    """Four frames of standing still in a triangle; the method puts one of its corners inside the belly."""
+    clip = load_clip("walk", body).window(0, FRAMES)
+    still = torch.cat([torch.eye(3), torch.zeros(3, 1)], 1).expand(FRAMES, len(body.skeleton.names), 3, 4)
+    hips = body.skeleton.heads[0]
+    raw = hips + torch.tensor([[0.0, -0.5, 0], [0.1, -0.5, 0], [0, 0, 0.05]])
+    resolved = raw - torch.tensor([0, 0.5, 0])
+    faces = torch.tensor([[0, 1, 2]])
+    mesh = Mesh(raw, faces, torch.zeros(0, 2), torch.zeros(0, 3, dtype=torch.int64))
+
+    def rollout(method, outfit, transforms, fps, contact):
+        for joints in still:
+            yield SimpleNamespace(
+                raw=(raw,),
+                vertices=(resolved,),
+                transforms=joints,
+                body_vertices=body.mesh.vertices,
+                milliseconds={"network": 2.0},
+                contacts=(Contacts(1, 0, 2, 0.0),) if contact else (),
+            )
+
+    monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
+    monkeypatch.setattr(animation, "take", lambda name, *_: SimpleNamespace(name=name, mesh=mesh))
+    method = SimpleNamespace(objection=lambda outfit: "it itches" if len(outfit.garments) > 1 else "")
+    monkeypatch.setattr(animation, "load_methods", lambda *_: method)
+    monkeypatch.setattr(animation, "rollout", rollout)
+    return SimpleNamespace(resolved=resolved, rollout=rollout)
+
+
+def test_the_file_holds_the_resolved_frames(scene, tmp_path):
+    out = tmp_path / "walk.npz"
+    summary = animation.animate(["lbs"], "walk", ["tops"], [out])
+    written = load_animation(out)
+    assert written.names == ("tops",)
+    torch.testing.assert_close(
+        torch.tensor(written.vertices[0]), scene.resolved.expand(FRAMES, 3, 3), rtol=0, atol=1e-6
+    )
+    assert summary.written == (out,)
+    assert summary.frames == FRAMES
+
+
+def test_one_rollout_writes_every_file_that_is_asked_for(scene, tmp_path):
+    wanted = [tmp_path / "walk.npz", tmp_path / "walk.glb"]
+    assert animation.animate(["lbs"], "walk", ["tops"], wanted).written == tuple(wanted)
+    assert all(path.stat().st_size for path in wanted)
+
+
+def test_the_summary_counts_what_is_inside_the_body(scene, tmp_path):
+    summary = animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"])
+    assert summary.inside_before == pytest.approx(100 / 3)
+    assert summary.inside_after == 0
+    assert summary.squeezed == pytest.approx(200 / 3)
+    assert summary.milliseconds["network"] == pytest.approx(2.0)
+    assert set(summary.milliseconds) == {"network", "measuring", "writing"}
+    without = animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "raw.npz"], contact=False)
+    assert without.inside_before is None
+    assert [line.partition(" ")[0] for line in without.lines()[-2:]] == ["ms", "skin"]
+
+
+def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
+    """A shirt that hangs two centimetres too far back lets the chest through, one in its place hardly any."""
+    clip = load_clip("walk", body).window(0, FRAMES)
+    shirt = wear("tops", body)
+
+    def rollout(method, outfit, transforms, fps, contact):
+        aside = torch.tensor([0.0, 0.0 if contact else 0.02, 0.0])
+        for joints in transforms:
+            worn = skin(shirt.mesh.vertices, shirt.carrier_weights, joints[None])[0] + aside
+            yield SimpleNamespace(
+                vertices=(worn,),
+                transforms=joints,
+                body_vertices=skin(body.mesh.vertices, body.weights, joints[None])[0],
+                milliseconds={},
+                contacts=(),
+            )
+
+    monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
+    monkeypatch.setattr(animation, "rollout", rollout)
+    shown = [
+        animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"], contact=contact)
+        for contact in (True, False)
+    ]
+    assert shown[0].skin < 1.0
+    assert shown[1].skin > 10.0
+    assert shown[1].lines()[-1] == f"skin shows through {shown[1].skin:.2f} % of the cloth that covers it"
+
+
+def test_a_file_that_cannot_be_written_keeps_the_others_away(scene, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setitem(FORMATS, ".glb", full)
+    for order in (["a.npz", "a.glb"], ["a.glb", "a.npz"]):
+        with pytest.raises(InputError, match=r"a\.glb: cannot be written \(No space left"):
+            animation.animate(["lbs"], "walk", ["tops"], [tmp_path / name for name in order])
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_rollout_that_stops_keeps_the_frames_before(scene, tmp_path, monkeypatch):
+    def stops(*arguments):
+        frames = scene.rollout(*arguments)
+        yield next(frames)
+        yield next(frames)
+        raise BrokenRolloutError("frame 2: garment tops is torn")
+
+    monkeypatch.setattr(animation, "rollout", stops)
+    with pytest.raises(InputError, match=r"frame 2: .* is torn; the 2 frames before it are in .*walk\.npz"):
+        animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"])
+    assert len(load_animation(tmp_path / "walk.npz")) == 2
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), InputError("the disk is full")])
+def test_a_broken_rollout_leaves_nothing(scene, tmp_path, monkeypatch, error):
+    def breaks(*arguments):
+        frames = scene.rollout(*arguments)
+        yield next(frames)
+        raise error
+
+    monkeypatch.setattr(animation, "rollout", breaks)
+    with pytest.raises(type(error)):
+        animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"])
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_objection_of_one_model_to_several_garments_hints_at_one_each(scene, tmp_path):
+    def refused(models):
+        with pytest.raises(InputError, match="it itches") as caught:
+            animation.animate(models, "walk", ["tops", "dress"], [tmp_path / "walk.npz"])
+        return str(caught.value)
+
+    assert refused(["lbs"]).endswith("each garment may have a model of its own, as in --model A B")
+    assert refused(["lbs", "lbs"]) == "it itches"

@@ -1,0 +1,236 @@
+from dataclasses import replace
+
+import pytest
+import torch
+
+from rasterize.errors import InputError
+from tests.train.simulated import swaying
+from train.physxnet.prepare import make
+from uvcloth.bodies.body import load_body
+from uvcloth.bodies.frames import GRAVITY, body_frames, with_lead
+from uvcloth.checkpoint import TrainingData, load_checkpoint, save_checkpoint
+from uvcloth.garments.garment import Outfit
+from uvcloth.garments.templates import wear
+from uvcloth.geometry.rotations import rotate
+from uvcloth.geometry.skinning import carry, skin
+from uvcloth.methods.physxnet.method import (
+    PRESETS,
+    garment_vertices,
+    load_physxnet,
+    mirror,
+    motion_values,
+    physxnet_checkpoint,
+    template_offsets,
+)
+from uvcloth.methods.registry import load_method
+from uvcloth.rollout import rollout
+
+TEMPLATES = ("tops", "dress")
+TINY = replace(PRESETS["tiny"], templates=TEMPLATES)
+
+
+@pytest.fixture(scope="module")
+def body():
+    return load_body()
+
+
+@pytest.fixture(scope="module")
+def prepared(body):
+    return make(body, TEMPLATES, 64)
+
+
+@pytest.fixture(scope="module")
+def outfit(body):
+    return Outfit(body, tuple(wear(name, body) for name in TEMPLATES))
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("history", [0, 2])
+def test_maps_in_and_maps_out_have_the_published_shapes(preset, history):
+    config = replace(PRESETS[preset], size=32, width=8, history=history)
+    method = config.create()
+    if preset == "paper" and not history:
+        assert config.inputs == 18
+    maps = method.net(torch.randn(2, config.inputs, 32, 32))
+    assert maps.shape == (2, 9, 32, 32)
+    assert method.remembers == bool(history)
+
+
+@pytest.mark.parametrize("frame", ["world", "body"])
+@pytest.mark.parametrize("anchor", ["body", "carrier"])
+def test_decoding_undoes_encoding(frame, anchor, body, prepared, outfit):
+    """A smooth deformation of the garment survives map and back within 2 mm, in every frame and anchor."""
+    config = replace(TINY, frame=frame, anchor=anchor)
+    transforms = swaying(4, seed=1).transforms()
+    posed = skin(body.mesh.vertices, body.weights, transforms)
+    for garment in outfit.garments:
+        worn, template = prepared.worn[garment.template], prepared.templates[garment.template]
+        moved, frames = carry(worn.points, worn.carrier_weights, transforms)
+        swing = 0.03 * torch.sin(8.0 * worn.points[:, 2:] + torch.arange(3.0))
+        vertices = moved + rotate(frames, swing)
+        offsets = template_offsets(
+            config,
+            prepared.texels,
+            template,
+            worn,
+            vertices=vertices,
+            body_vertices=posed,
+            transforms=transforms,
+        )
+        decoded = garment_vertices(
+            config,
+            prepared.texels,
+            template,
+            worn,
+            offsets=offsets,
+            body_vertices=posed,
+            transforms=transforms,
+        )
+        error = (decoded - vertices).norm(dim=-1)
+        assert error.mean() < 2e-3
+        assert error.mean() < 0.1 * (vertices - moved).norm(dim=-1).mean()
+
+
+def test_specific_force_at_rest_points_up_in_any_pose(body, prepared):
+    """A body that stands still feels the ground: 9.81 m/s2 upwards in the world, in each texel's axes."""
+    pose = swaying(8, seed=2).transforms()[3:4].repeat(5, 1, 1, 1)
+    frames = body_frames(body, pose, 30.0)
+    values = motion_values(
+        replace(TINY, size=64),
+        prepared.texels,
+        frames.velocity[:, -1],
+        frames.acceleration[:, -1],
+        frames.transforms[:, -1],
+    )
+    assert values[:, :3].abs().max() < 1e-4
+    _, axes = carry(prepared.texels.points, prepared.texels.weights, pose[:1])
+    world = rotate(axes, values[:, 3:].transpose(1, 2))
+    torch.testing.assert_close(world, -torch.tensor(GRAVITY).expand_as(world), atol=2e-2, rtol=0.0)
+
+
+def test_motion_in_body_axes_does_not_depend_on_the_heading(body, prepared):
+    motion = swaying(6, seed=3).transforms()
+    turn = torch.tensor([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
+    seen = []
+    for transforms in (motion, turn @ motion):
+        frames = body_frames(body, with_lead(transforms), 30.0)
+        now = frames.velocity[:, -1], frames.acceleration[:, -1], frames.transforms[:, -1]
+        seen.append(motion_values(TINY, prepared.texels, *now))
+    torch.testing.assert_close(seen[0], seen[1], atol=5e-3, rtol=1e-3)
+
+
+def test_mirroring_a_motion_mirrors_its_maps(body, prepared):
+    """The mirror image of a velocity field bakes to the mirrored map: the layout is symmetric."""
+    config = replace(TINY, frame="world", acceleration="plain")
+    points = body.mesh.vertices
+    velocity = torch.stack(
+        [points[:, 2], points[:, 0] ** 2 + points[:, 1], points[:, 0] + points[:, 2]], dim=1
+    )
+    reflected = points * torch.tensor([-1.0, 1.0, 1.0])
+    mirrored = torch.stack(
+        [-reflected[:, 2], reflected[:, 0] ** 2 + reflected[:, 1], reflected[:, 0] + reflected[:, 2]], dim=1
+    )
+    still = torch.eye(3, 4).repeat(1, len(body.skeleton.names), 1, 1)
+    maps = []
+    for field in (velocity, mirrored):
+        values = motion_values(config, prepared.texels, field[None], field[None], still)
+        maps.append(prepared.texels.sheet.pixels.new_zeros(1, 6, 64 * 64).float())
+        maps[-1][..., prepared.texels.sheet.pixels] = values
+    error = (mirror(maps[0].unflatten(2, (64, 64))) - maps[1].unflatten(2, (64, 64))).abs()
+    assert error.max() < 0.02
+
+
+def test_an_untrained_change_of_zero_is_the_carrier(body, outfit):
+    """With a network that predicts nothing, the garment is the smoothly skinned one: rest in, rest out."""
+    method = TINY.create()
+    for parameter in method.net.parameters():
+        parameter.data.zero_()
+    transforms = swaying(3, seed=4).transforms()
+    still = torch.eye(3, 4).repeat(1, transforms.shape[1], 1, 1)
+    for frame, pose in zip(
+        rollout(method, outfit, torch.cat([still, transforms]), 30.0, contact=False),
+        torch.cat([still, transforms]),
+        strict=True,
+    ):
+        for garment, vertices in zip(outfit.garments, frame.vertices, strict=True):
+            expected = skin(garment.mesh.vertices, garment.carrier_weights, pose[None])[0]
+            torch.testing.assert_close(vertices, expected, atol=1e-5, rtol=0.0)
+
+
+@pytest.mark.parametrize("history", [0, 2])
+def test_a_saved_model_predicts_the_same(history, body, outfit, tmp_path):
+    torch.manual_seed(0)
+    method = replace(TINY, history=history).create()
+    method.net.output_scale.fill_(0.01)
+    save_checkpoint(physxnet_checkpoint(method, body, TrainingData(), {}), tmp_path / "walker")
+    loaded = load_method(tmp_path / "walker", body)
+    assert loaded.name == "walker"
+    motion = swaying(3, seed=5).transforms()
+    for before, after in zip(
+        rollout(method, outfit, motion, 30.0, contact=False),
+        rollout(loaded, outfit, motion, 30.0, contact=False),
+        strict=True,
+    ):
+        for a, b in zip(before.vertices, after.vertices, strict=True):
+            assert torch.equal(a, b)
+
+
+def test_history_changes_the_second_frame_only(body, outfit):
+    torch.manual_seed(0)
+    method = replace(TINY, history=1).create()
+    method.net.output_scale.fill_(0.01)
+    still = torch.eye(3, 4).repeat(2, len(body.skeleton.names), 1, 1)
+    first, second = rollout(method, outfit, still, 30.0, contact=False)
+    assert not torch.equal(first.vertices[0], second.vertices[0])
+
+
+def test_refuses_a_template_without_decoder(body):
+    trousers = Outfit(body, (wear("bottoms", body),))
+    with pytest.raises(InputError, match="no decoder for template 'bottoms'"):
+        next(iter(rollout(TINY.create(), trousers, swaying(1, seed=0).transforms(), 30.0)))
+
+
+def test_a_network_that_knows_no_shirt_dresses_it_from_the_tops(body):
+    outfit = Outfit(body, (wear("shirt", body),))
+    method = TINY.create()
+    assert method.objection(outfit) == ""
+    torch.nn.init.zeros_(method.net.output_scale)
+    walk = swaying(2, seed=0).transforms()
+    carried = skin(outfit.garments[0].mesh.vertices, outfit.garments[0].carrier_weights, walk)
+    for frame, expected in zip(rollout(method, outfit, walk, 30.0, contact=False), carried, strict=True):
+        torch.testing.assert_close(frame.vertices[0], expected, atol=1e-5, rtol=0)
+    assert replace(TINY, templates=("tops", "shirt")).decoder("shirt") == "shirt"
+    skirts = replace(TINY, templates=("dress",)).create()
+    assert "no decoder for template 'shirt', it has dress" in skirts.objection(outfit)
+
+
+def test_refuses_weights_of_another_width(body, tmp_path):
+    checkpoint = physxnet_checkpoint(TINY.create(), body, TrainingData(), {})
+    save_checkpoint(replace(checkpoint, config={**checkpoint.config, "width": 16}), tmp_path)
+    with pytest.raises(InputError, match="do not fit"):
+        load_physxnet(load_checkpoint(tmp_path), tmp_path)
+
+
+def test_a_name_almost_right_gets_a_hint(body):
+    with pytest.raises(InputError, match="did you mean 'lbs_smooth'"):
+        load_method("lbs_smoth", body)
+
+
+def test_a_batch_predicts_what_single_frames_predict(body, outfit):
+    torch.manual_seed(0)
+    method = TINY.create()
+    frames = body_frames(body, with_lead(swaying(5, seed=6).transforms()), 30.0)
+    state = method.start(outfit, frames)
+    _, together = method.step(state, frames)
+    for index in range(len(frames)):
+        now = slice(index, index + 1)
+        single = replace(
+            frames,
+            transforms=frames.transforms[now],
+            vertices=frames.vertices[now],
+            velocity=frames.velocity[now],
+            acceleration=frames.acceleration[now],
+        )
+        _, alone = method.step(state, single)
+        for a, b in zip(alone, together, strict=True):
+            torch.testing.assert_close(a[0], b[index], atol=1e-5, rtol=0.0)

@@ -1,0 +1,232 @@
+"""Planning, keeping apart, and the sequence file."""
+
+from dataclasses import asdict, replace
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from rich.progress import Progress
+
+from rasterize.archive import load_arrays, save_arrays
+from rasterize.errors import InputError
+from tests.simulate.skinned import skinned_sequence
+from uvcloth.bodies.body import Body
+from uvcloth.garments.garment import Garment
+from uvcloth.garments.templates import wear
+from uvcloth.motion.poses import rest_hash
+from uvcloth.simulate import batch, quality_check
+from uvcloth.simulate import plan as planning
+from uvcloth.simulate.batch import foreseen, simulate_batch
+from uvcloth.simulate.fabric import Fabric
+from uvcloth.simulate.folder import refused_captures
+from uvcloth.simulate.newton import Newton
+from uvcloth.simulate.plan import Job
+from uvcloth.simulate.quality_check import MOST_INSIDE, examine
+from uvcloth.simulate.sequence import (
+    FORMAT,
+    Sequence,
+    content_hash,
+    load_sequence,
+    read_metadata,
+    save_sequence,
+)
+
+HEADER = "trial,subject,split,action,window_start,window_frames\n"
+
+
+@pytest.fixture(scope="module")
+def shirt(body: Body) -> Garment:
+    return wear("tops", body)
+
+
+@pytest.fixture(scope="module")
+def carried(shirt: Garment, body: Body) -> Sequence:
+    """A shirt that is simply skinned: outside the body for a small motion."""
+    return skinned_sequence(shirt, body)
+
+
+def test_a_sequence_survives_its_file(carried: Sequence, tmp_path: Path) -> None:
+    save_sequence(carried, tmp_path / "s.npz")
+    again = load_sequence(tmp_path / "s.npz")
+    assert (again.vertices - carried.vertices).norm(dim=-1).max() < 5e-5
+    for exact in ("rest", "faces", "transforms"):
+        assert torch.equal(getattr(again, exact), getattr(carried, exact))
+    assert again.metadata["hash"] == content_hash(again) == read_metadata(tmp_path / "s.npz")["hash"]
+    assert again.metadata["counted"] == 3
+    assert (again.settling, again.garment, again.clip) == (1, "tops", "walk")
+    assert (again.template, again.layers) == ("tops", ("tops",))
+    skirt = replace(carried, metadata={"clip": "walk", "garment": "skirt", "template": "dress"})
+    assert (skirt.garment, skirt.template) == ("skirt", "dress")
+    assert [path.name for path in tmp_path.iterdir()] == ["s.npz"]
+
+
+def test_an_older_sequence_is_refused_with_the_way_to_a_new_one(tmp_path: Path) -> None:
+    save_arrays(tmp_path / "s.npz", {"format": np.array("uvcloth-sequence-1")})
+    for read in (load_sequence, read_metadata):
+        with pytest.raises(InputError, match=r"simulate older ones again .* found format uvcloth-sequence-1"):
+            read(tmp_path / "s.npz")
+
+
+@pytest.mark.parametrize("part", ["vertices", "rest", "transforms"])
+def test_a_sequence_with_a_number_that_is_not_finite_is_refused(
+    carried: Sequence, tmp_path: Path, part: str
+) -> None:
+    save_sequence(replace(carried, **{part: getattr(carried, part) * float("nan")}), tmp_path / "s.npz")
+    with pytest.raises(InputError, match=rf"s\.npz: {part} holds a value"):
+        load_sequence(tmp_path / "s.npz")
+
+
+@pytest.mark.parametrize(
+    ("metadata", "words"),
+    [("{", "not readable as JSON"), ("[]", "does not name"), ('{"clip": "walk"}', "does not name")],
+)
+def test_damaged_metadata_is_refused(carried: Sequence, tmp_path: Path, metadata: str, words: str) -> None:
+    save_sequence(carried, tmp_path / "s.npz")
+    arrays = load_arrays(tmp_path / "s.npz", FORMAT, "a sequence")
+    save_arrays(tmp_path / "s.npz", {**arrays, "metadata": np.array(metadata)})
+    with pytest.raises(InputError, match=rf"s\.npz: the metadata .*{words}"):
+        load_sequence(tmp_path / "s.npz")
+
+
+def test_exploded_and_swallowed_sequences_are_refused(carried: Sequence, shirt: Garment, body: Body) -> None:
+    torn = carried.vertices.clone()
+    torn[2, 100] += 5.0
+    assert "frame 2" in str(examine(replace(carried, vertices=torn), shirt, body)[1])
+    lost = carried.vertices.clone()
+    lost[3, 0, 0] = float("nan")
+    assert "finite" in str(examine(replace(carried, vertices=lost), shirt, body)[1])
+    hips = carried.transforms[:, :1, :, :3] @ body.skeleton.heads[0] + carried.transforms[:, :1, :, 3]
+    sunken = hips + 0.3 * (carried.vertices - hips)
+    seen, reason = examine(replace(carried, vertices=sunken), shirt, body)
+    assert "inside the body" in str(reason)
+    assert seen.metadata["inside_percent"] > MOST_INSIDE
+
+
+def test_a_sleeve_that_came_off_its_arm_is_refused(carried: Sequence, shirt: Garment, body: Body) -> None:
+    assert examine(carried, shirt, body)[0].metadata["pierced_percent"] == 0.0
+    names = body.skeleton.names
+    shoulder, elbow = (body.skeleton.heads[names.index(name)] for name in ("LeftArm", "LeftForeArm"))
+    along = torch.nn.functional.normalize(elbow - shoulder, dim=0)
+    reach = (carried.rest - shoulder) @ along
+    beside = (carried.rest - shoulder - reach[:, None] * along).norm(dim=1)
+    sleeve = (carried.rest[:, 0] > 0.0) & (beside < 0.1)
+    slid = carried.vertices.clone()
+    slid[2:, :, 0] += 0.2 * sleeve * ((reach - 0.08) / 0.06).clamp(0.0, 1.0)
+    assert "a limb has left its cloth in 67 %" in str(
+        examine(replace(carried, vertices=slid), shirt, body)[1]
+    )
+
+
+def test_a_shirt_that_runs_through_itself_is_refused(
+    carried: Sequence, shirt: Garment, body: Body, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert examine(carried, shirt, body)[0].metadata["crossing_percent"] < 1.0
+    monkeypatch.setattr(quality_check, "MOST_INSIDE", 100.0)
+    noise = torch.randn(carried.vertices.shape, generator=torch.Generator().manual_seed(0))
+    crumpled = replace(carried, vertices=carried.vertices + 0.01 * noise)
+    assert "% of the edges run through the garment itself" in str(examine(crumpled, shirt, body)[1])
+
+
+@pytest.fixture
+def finished(carried: Sequence, body: Body, tmp_path: Path) -> Path:
+    """A folder in which the sequence of one window is there, so that nothing is left to simulate."""
+    (tmp_path / "mine.csv").write_text(HEADER + "walk,a,test,walking,40,30\n")
+    out = tmp_path / "out"
+    out.mkdir()
+    save_sequence(carried, out / "walk_tops.npz")
+    simulate_batch(["walk"], ["tops"], out, body, windows=tmp_path / "mine.csv")
+    return out
+
+
+def test_windows_are_kept_with_the_sequences_and_others_are_refused(
+    finished: Path, body: Body, tmp_path: Path
+) -> None:
+    mine = tmp_path / "mine.csv"
+    assert (finished / "index.csv").read_text() == mine.read_text()
+    simulate_batch(["walk"], ["tops"], finished, body, windows=mine)
+    mine.write_text(HEADER + "walk,a,train,walking,40,30\n")
+    with pytest.raises(InputError, match=r"out/index\.csv: holds other windows than .*mine\.csv"):
+        simulate_batch(["walk"], ["tops"], finished, body, windows=mine)
+    assert "test" in (finished / "index.csv").read_text()
+
+
+def test_what_was_simulated_alone_is_not_taken_for_a_layer(finished: Path, body: Body) -> None:
+    with pytest.raises(InputError, match=r"walk_tops\.npz: was simulated as tops, not as bottoms under tops"):
+        simulate_batch(["walk"], ["bottoms", "tops"], finished, body, layered=True)
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ({"body_hash": "a", "body": "tall"}, r"was simulated on another body \(tall\) than default"),
+        ({"engine": "blender"}, r"was simulated by blender, not by newton\.\w+"),
+        (
+            {"engine": Newton.name, "settings": asdict(Newton(fabric=Fabric(density=5.0)))},
+            rf"was simulated with other settings \(density 5\.0 instead of {Fabric.density}\)",
+        ),
+    ],
+)
+def test_data_of_another_body_or_engine_are_refused(
+    finished: Path, body: Body, carried: Sequence, said: dict, words: str
+) -> None:
+    other = replace(carried, metadata={**carried.metadata, "clip": "run", **said})
+    save_sequence(other, finished / "repeat" / "rejected" / "run_dress.npz")
+    with pytest.raises(InputError, match=rf"run_dress\.npz: {words}.*simulate into another folder"):
+        simulate_batch(["walk"], ["tops"], finished, body)
+
+
+def test_data_of_this_body_and_engine_are_added_to(finished: Path, body: Body, carried: Sequence) -> None:
+    said = {"body_hash": rest_hash(body), **Newton().describe()}
+    save_sequence(
+        replace(carried, metadata={**carried.metadata, **said}), finished / "rejected" / "run_tops.npz"
+    )
+    simulate_batch(["walk", "run"], ["tops"], finished, body)
+
+
+def test_a_faulty_capture_is_reported_and_the_others_go_on(
+    finished: Path, body: Body, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(
+        planning, "jump", lambda clip, first: "LeftFoot turns" if clip.name == "run" else None
+    )
+    made: list[Job] = []
+    monkeypatch.setattr(batch, "_simulate_all", lambda todo, *_: made.extend(todo))
+    simulate_batch(["walk", "run", "jump"], ["tops"], finished, body)
+    assert [job.motion.name for job in made] == ["jump"]
+    assert "run: refused, LeftFoot turns" in capsys.readouterr().out
+    assert refused_captures(finished) == {"run": "LeftFoot turns"}
+
+
+def test_the_end_is_foreseen_from_the_speed_of_all_workers() -> None:
+    clock = iter(range(1000)).__next__
+    progress = Progress(get_time=lambda: 2.0 * clock(), disable=True, speed_estimate_period=3600.0)
+    task = progress.add_task("", total=7203)
+    now = datetime(2026, 11, 22, 13, 0)
+    assert foreseen(progress.tasks[0], now) == "measuring"
+    for _ in range(3):
+        progress.advance(task, 1)
+    seconds_per_frame = 1.0 / progress.tasks[0].speed
+    end = now + timedelta(seconds=7200 * seconds_per_frame)
+    assert foreseen(progress.tasks[0], now).startswith("3 of 7203 frames")
+    assert foreseen(progress.tasks[0], now).endswith(f"done {end:%a %d %b %H:%M}")
+    assert seconds_per_frame == pytest.approx(2.0, rel=0.5)
+
+
+def test_garments_that_would_share_files_or_cross_are_refused(body: Body, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="garment tops: another one is also named tops"):
+        simulate_batch(["walk"], ["tops", "tops"], tmp_path, body)
+    with pytest.raises(InputError, match=r"garment bottoms: cannot be worn over the garment tops, .* 100 %"):
+        simulate_batch(["walk"], ["tops", "bottoms"], tmp_path, body, layered=True)
+    assert not list(tmp_path.iterdir())
+
+
+def test_places_and_numbers_that_cannot_be_are_refused(body: Body, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="file: cannot be made a folder"):
+        simulate_batch(["walk"], ["tops"], tmp_path / "file", body)
+    with pytest.raises(InputError, match="--jobs 0: expected at least 1"):
+        simulate_batch(["walk"], ["tops"], tmp_path / "out", body, jobs=0)
+    with pytest.raises(InputError, match="--scheduler nowhere: no dask scheduler answers there"):
+        simulate_batch(["walk"], ["tops"], tmp_path / "out", body, scheduler="nowhere")

@@ -1,0 +1,213 @@
+"""Motion-guided trains in two stages, and continues at either exactly where it stopped."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import pytest
+import torch
+
+from rasterize.errors import InputError
+from tests.train.simulated import save_clips
+from train.__main__ import main
+from train.loop import STATE, fit
+from train.motion_guided.dataset import Material
+from train.motion_guided.objective import (
+    LOOPS,
+    LOSSES,
+    DynamicsObjective,
+    MotionGuidedLosses,
+    ShapeObjective,
+    load_shape_space,
+)
+from uvcloth.bodies.body import load_body
+from uvcloth.checkpoint import load_checkpoint, load_tensors
+from uvcloth.methods.motion_guided.dynamics_input import (
+    MEMORY,
+    Situation,
+    posed_shape,
+    rest_shape,
+    situation_features,
+)
+from uvcloth.methods.motion_guided.latent import Space
+from uvcloth.methods.motion_guided.method import PRESETS
+from uvcloth.methods.registry import load_method
+
+pytest.importorskip("lightning")
+
+LOOP = replace(LOOPS["tiny"], steps=4, validate_every=2, schedule="constant")
+HALF = replace(LOOP, steps=2)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("sequences")
+    save_clips(folder, ("dress",), clips=3, frames=14, settling=4)
+    save_clips(folder, ("dress",), clips=2, frames=14, settling=4)
+    return folder
+
+
+def material(data: Path, losses: MotionGuidedLosses = LOSSES["tiny"]) -> Material:
+    return Material(PRESETS["tiny"], losses, data)
+
+
+def states(tmp_path: Path) -> tuple[dict[str, torch.Tensor], dict[str, torch.Tensor]]:
+    whole, _ = load_tensors(tmp_path / "whole" / STATE)
+    parts, _ = load_tensors(tmp_path / "parts" / STATE)
+    assert whole.keys() == parts.keys()
+    return whole, parts
+
+
+def test_the_first_stage_resumes_exactly(data: Path, tmp_path: Path) -> None:
+    fit(ShapeObjective(material(data), LOSSES["tiny"]), tmp_path / "whole", LOOP, resume=False)
+    fit(ShapeObjective(material(data), LOSSES["tiny"]), tmp_path / "parts", HALF, resume=False)
+    fit(ShapeObjective(material(data), LOSSES["tiny"]), tmp_path / "parts", LOOP, resume=True)
+    whole, parts = states(tmp_path)
+    for name, tensor in whole.items():
+        assert torch.equal(tensor, parts[name]), name
+
+
+@pytest.mark.parametrize("past", ["own", "true"])
+def test_the_second_stage_resumes_exactly(past: str, data: Path, tmp_path: Path) -> None:
+    losses = replace(LOSSES["tiny"], past=past)
+    fit(ShapeObjective(material(data, losses), losses), tmp_path / "shape", LOOP, resume=False)
+
+    def objective() -> DynamicsObjective:
+        return DynamicsObjective(
+            material(data, losses), losses, load_shape_space(tmp_path / "shape", PRESETS["tiny"])
+        )
+
+    fit(objective(), tmp_path / "whole", LOOP, resume=False)
+    fit(objective(), tmp_path / "parts", HALF, resume=False)
+    fit(objective(), tmp_path / "parts", LOOP, resume=True)
+    whole, parts = states(tmp_path)
+    assert ("memory/past" in whole) == (past == "own")
+    for name, tensor in whole.items():
+        assert torch.equal(tensor, parts[name]), name
+
+
+class Worsening(ShapeObjective):
+    """Validates worse every time."""
+
+    found = 0.0
+
+    def validate(self, net: object) -> dict[str, float]:
+        self.found += 1.0
+        return {"mean_mm": self.found}
+
+
+@pytest.mark.parametrize(("keep", "step"), [("best", 2), ("last", 4)])
+def test_the_network_that_is_kept(
+    keep: Literal["best", "last"], step: int, data: Path, tmp_path: Path
+) -> None:
+    objective = Worsening(material(data), LOSSES["tiny"])
+    errors = fit(objective, tmp_path, replace(LOOP, keep=keep), resume=False)
+    checkpoint = load_checkpoint(tmp_path)
+    notes = checkpoint.notes
+    assert errors["step"] == notes["step"] == step
+    assert checkpoint.data.clips == {"train": {"clip0": ""}, "validation": {"clip1": ""}}
+    assert notes["samples"] == len(objective.samples)
+    assert notes["epochs"] == pytest.approx(step / (notes["samples"] // LOOP.batch), abs=0.01)
+    assert notes["minutes"] > 0
+
+
+def test_a_linear_space_holds_the_garments_it_was_fitted_to(data: Path) -> None:
+    seen = Material(replace(PRESETS["tiny"], size=32), LOSSES["tiny"], data)
+    space = ShapeObjective(seen, LOSSES["tiny"]).networks()["net"]
+    rows, chosen = seen.rows, seen.rows.samples
+    with torch.no_grad():
+        resting = rest_shape(space, seen.maps, seen.codes(space, rows, chosen))
+        posed = posed_shape(space, seen.maps, resting, rows.pose[chosen])
+        undisplaced = posed_shape(space, seen.maps, seen.maps.points.expand_as(posed), rows.pose[chosen])
+    wrong, before = ((v - rows.vertices[chosen]).norm(dim=2).mean() for v in (posed, undisplaced))
+    assert wrong < 0.3 * before
+
+
+class Keeping(torch.nn.Module):
+    """In place of the dynamic encoder: returns the garment that it was shown, and keeps what it saw."""
+
+    def __init__(self, objective: DynamicsObjective) -> None:
+        super().__init__()
+        self.dynamics, self.space = objective.networks()["net"], objective.space
+
+    def change(self, *seen: torch.Tensor) -> torch.Tensor:
+        return self.dynamics.change(*seen)
+
+    def forward(self, features: torch.Tensor, change: torch.Tensor) -> torch.Tensor:
+        self.features, self.changes = features, change
+        return self.space.encode(features[:, :3])
+
+
+@pytest.fixture(scope="module")
+def space(data: Path) -> Space:
+    space: Space = ShapeObjective(material(data), LOSSES["tiny"]).networks()["net"]
+    return space
+
+
+def stepped(
+    data: Path, space: Space, rows: torch.Tensor, **settings: object
+) -> tuple[DynamicsObjective, Keeping, dict[str, torch.Tensor]]:
+    """One step of `Keeping` on rows, after histories that are far from the simulation's."""
+    losses = replace(LOSSES["tiny"], unroll=1, **settings)
+    objective = DynamicsObjective(material(data, losses), losses, space)
+    net = Keeping(objective)
+    if losses.past == "own":
+        objective.past += 0.1
+        objective.past_offsets += 0.1
+    ((_, _, parts),) = objective.steps({"net": net}, rows)
+    return objective, net, parts
+
+
+@pytest.mark.parametrize("past", ["own", "true"])
+def test_the_virtual_sample_is_of_a_clip_that_stands_still(past: str, data: Path, space: Space) -> None:
+    rows = torch.tensor([5, 8])
+    objective, net, _ = stepped(data, space, rows, past=past)
+    clips, maps, before = objective.material.rows, objective.material.maps, rows - 1
+    pose = clips.pose[before]
+    standing = Situation(
+        before=maps.positions(clips.vertices[before])[:, None].repeat(1, MEMORY, 1, 1),
+        offsets=clips.offsets[before][:, None].repeat(1, MEMORY, 1, 1),
+        transforms=pose.transforms[:, None].repeat(1, MEMORY, 1, 1, 1),
+        seeds_before=pose.seeds,
+        seeds=pose.seeds,
+        fps=objective.material.fps,
+    )
+    expected, _ = situation_features(space, net, maps, standing, objective.material.config.sigma)
+    torch.testing.assert_close(net.features[2:], expected)
+    assert (net.changes[2:] == 0).all()
+
+
+@pytest.mark.parametrize("past", ["own", "true"])
+def test_who_keeps_the_garment_loses_nothing_by_the_virtual_sample(
+    past: str, data: Path, space: Space
+) -> None:
+    rows = torch.tensor([5, 8])
+    objective, _, both = stepped(data, space, rows, past=past)
+    _, _, real = stepped(data, space, rows, past=past, still=False)
+    seen, before = objective.material, rows - 1
+    kept = posed_shape(
+        space, seen.maps, rest_shape(space, seen.maps, objective.codes[before]), seen.rows.pose[before]
+    )
+    virtual = {name: 2.0 * both[name] - real[name] for name in ("shape", "code")}
+    assert real["code"] > 1e-4
+    torch.testing.assert_close(virtual["code"], torch.tensor(0.0), atol=1e-6, rtol=0)
+    # What is left is what the space itself loses of the garment.
+    torch.testing.assert_close(virtual["shape"], (kept - seen.rows.vertices[before]).abs().mean())
+
+
+def test_one_command_trains_both_stages(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = tmp_path / "run"
+    command = f"train motion_guided --data {data} --out {run} --preset tiny --steps 4 --shape.steps 4"
+    monkeypatch.setattr(sys, "argv", command.split())
+    main()
+    assert load_method(run, load_body()).name == "run"
+    with pytest.raises(InputError, match="first stage alone"):
+        load_method(run / "shape", load_body())
+    with pytest.raises(InputError, match="--resume"):
+        main()
+
+
+def test_training_needs_the_garment(data: Path) -> None:
+    with pytest.raises(InputError, match="tops"):
+        Material(replace(PRESETS["tiny"], garment="tops"), LOSSES["tiny"], data)

@@ -1,0 +1,92 @@
+"""What an outfit collides with in many poses at once: the body near it, and its own inner layers."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+from uvcloth.bodies.collider import Collider, collider_near
+from uvcloth.geometry.skinning import skin
+from uvcloth.physics.layers import Layer
+from uvcloth.physics.posed_batch import Crowd, Planes, Visit
+from uvcloth.physics.surface import FREE
+
+NEAR_BODY = 0.2
+"""Metres from the outfit at rest within which the body is collided with."""
+
+NEAR_LAYER = 0.1
+"""Metres from an inner layer within which what it covers at rest lies over it."""
+
+DEEPEST = 0.03
+"""Metres within which it is looked for."""
+
+BESIDE = 10.0
+"""Metres between the copies of a layer, one for each pose, which are one mesh."""
+
+
+class BodyBeside:
+    """The part of a body near an outfit at rest (U, 3) m, in as many poses at once as a batch has."""
+
+    def __init__(self, body: Body, outfit: Tensor, batch: int, device: torch.device) -> None:
+        kept, collider = collider_near(body, outfit.cpu(), NEAR_BODY)
+        self._rest, self._weights = body.mesh.vertices[kept].to(device), body.weights[kept].to(device)
+        self._collider = Collider(collider.parts, tuple(rim.to(device) for rim in collider.rims))
+        self._crowd = Crowd(self._collider.vertices(self._rest), collider.parts[0], batch)
+
+    def move(self, transforms: Tensor) -> None:
+        """Take the poses of joint transforms (B, J, 3, 4)."""
+        self._crowd.update(self._collider.vertices(skin(self._rest, self._weights, transforms)))
+
+    def planes(self, outfit: Tensor, near: float, visit: Visit | None, plane: str) -> Planes:
+        """The planes that keep an outfit (B, U, 3) m off the body where it is near, m; see Crowd.planes."""
+        return self._crowd.planes(outfit, near, visit, corner=plane == "vertex")
+
+
+@dataclass(frozen=True)
+class InnerLayer:
+    """A garment of an outfit and one worn over it.
+
+    rows: (n,) of it among the outfit's U vertices. outer: (m,) those of the other that can meet it. copies:
+    the layer in as many poses as a batch has.
+    """
+
+    rows: Tensor
+    outer: Tensor
+    copies: Layer
+
+    def planes(self, outfit: Tensor, normals: Tensor) -> Planes:
+        """The planes that keep the other garment (B, m, 3) over the layer: outfit (B, U, 3) m, as it is now.
+
+        normals: (B, U, 3) of the outfit. Only where both face the same way does one lie over the other:
+        trousers of a thigh that is pressed into the belly do not lie under the shirt there.
+        """
+        aside = outfit.new_zeros(len(outfit), 1, 3)
+        aside[:, 0, 0] = BESIDE * torch.arange(len(outfit), device=outfit.device)
+        inner, outer = (outfit[:, rows].detach() + aside for rows in (self.rows, self.outer))
+        placed = self.copies.points.clone()
+        placed[: inner[..., 0].numel()] = inner.flatten(0, 1)
+        self.copies.update(placed)
+        found = self.copies.beside(outer.flatten(0, 1), DEEPEST)
+        bounds = (found.normals * (outer - aside).flatten(0, 1)).sum(1) - found.distance
+        alike = (found.normals * normals[:, self.outer].flatten(0, 1)).sum(1) > 0
+        bounds = torch.where(found.covered & alike, bounds, FREE)
+        return Planes(found.normals.view_as(outer), bounds.view(outer.shape[:2]))
+
+
+def inner_layers(outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batch: int) -> list[InnerLayer]:
+    """The layers of an outfit at rest (U, 3) m: garments as rows (n,) among the U and faces (F, 3) into them.
+
+    Innermost first, each with what it covers of each of those after it, but for what is on its inner side.
+    """
+    aside = BESIDE * torch.arange(batch, device=outfit.device)[:, None, None] * outfit.new_tensor([1.0, 0, 0])
+    layers = []
+    for index, (rows, faces) in enumerate(garments[:-1]):
+        tiled = faces + len(rows) * torch.arange(batch, device=outfit.device)[:, None, None]
+        copies = Layer((outfit[rows] + aside).flatten(0, 1), tiled.flatten(0, 1))
+        alone = Layer(outfit[rows], faces)
+        for over, _ in garments[index + 1 :]:
+            found = alone.beside(outfit[over], NEAR_LAYER)
+            layers.append(InnerLayer(rows, over[found.covered & (found.distance >= 0)], copies))
+    return layers

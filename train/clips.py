@@ -1,0 +1,152 @@
+"""Simulated sequences as training data: the garments of one clip side by side."""
+
+from collections.abc import Sequence as List
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from rich.progress import track
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.checkpoint import TrainingData
+from uvcloth.motion.index import INDEX, Entry, read_index
+from uvcloth.simulate.sequence import Sequence, load_sequence
+
+SEEN = ("train", "validation")
+"""The splits of an index that training sees: what teaches, and what the network that is kept is chosen by."""
+
+SAME_MOTION = 1e-3
+"""Largest difference (m, or of a rotation matrix) between the motions of two garments of one clip."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One clip with every garment that was simulated over it.
+
+    subject, split: who moves, and what for (train or validation), by the folder's index; "" without one.
+    transforms: (T, J, 3, 4). settling: leading frames that do not count. vertices: template -> (T, N, 3) m.
+    rests: template -> (N, 3) m. files: file name -> content hash.
+    """
+
+    clip: str
+    subject: str
+    split: str
+    fps: float
+    settling: int
+    transforms: Tensor
+    vertices: dict[str, Tensor]
+    rests: dict[str, Tensor]
+    files: dict[str, str]
+
+
+def load_recordings(folder: Path, templates: List[str], body: Body) -> list[Recording]:
+    """Read every sequence of a folder and group it by clip, sorted by name.
+
+    If the folder has an index.csv, only the clips whose split in it is train or validation are read. Raises
+    InputError naming the file if one is damaged, of another rig, or of another motion than its clip's
+    other garments, and naming the folder if it holds none of the templates.
+    """
+    paths = sorted(Path(folder).glob("*.npz"))
+    if not paths:
+        raise InputError(f"{folder}: no sequence (*.npz) made by `uvcloth simulate` in this folder")
+    index = Path(folder) / INDEX
+    entries = read_index(index) if index.is_file() else None
+    chosen = {clip: e for clip, e in (entries or {}).items() if e.split in SEEN}
+    clips: dict[str, dict[Path, Sequence]] = {}
+    for path in track(paths, "reading sequences", transient=True):
+        sequence = load_sequence(path)
+        if sequence.transforms.shape[1] != len(body.skeleton.names):
+            raise InputError(
+                f"{path}: simulated on a body with {sequence.transforms.shape[1]} joints, "
+                f"body {body.name!r} has {len(body.skeleton.names)}"
+            )
+        if sequence.garment in templates and (entries is None or sequence.clip in chosen):
+            clips.setdefault(sequence.clip, {})[path] = sequence
+    if not clips:
+        raise InputError(f"{folder}: none of its sequences is a training clip of {', '.join(templates)}")
+    return [_recording(clip, clips[clip], chosen.get(clip)) for clip in sorted(clips)]
+
+
+def _recording(clip: str, sequences: dict[Path, Sequence], entry: Entry | None) -> Recording:
+    (first_path, first), *others = sequences.items()
+    for path, other in others:
+        same = other.transforms.shape == first.transforms.shape and other.settling == first.settling
+        if not same or (other.transforms - first.transforms).abs().max() > SAME_MOTION:
+            raise InputError(f"{path}: moves otherwise than {first_path.name} of the same clip {clip!r}")
+    return Recording(
+        clip=clip,
+        subject=entry.subject if entry else "",
+        split=entry.split if entry else "",
+        fps=first.fps,
+        settling=first.settling,
+        transforms=first.transforms,
+        vertices={s.garment: s.vertices for s in sequences.values()},
+        rests={s.garment: s.rest for s in sequences.values()},
+        files={path.name: str(s.metadata.get("hash", "")) for path, s in sequences.items()},
+    )
+
+
+@dataclass(frozen=True)
+class Holdout:
+    """Which clips validate where the data has no index that says so."""
+
+    holdout: int = 8
+    """Every n-th clip validates and is not trained on, if the data has no index.csv."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError if nothing would be left to train on."""
+        if self.holdout < 2:
+            raise InputError(f"--holdout {self.holdout}: has to be 2 or more")
+
+
+def hold_out(
+    recordings: list[Recording], chosen: Holdout, folder: Path
+) -> tuple[list[Recording], list[Recording]]:
+    """Training and validation clips of a folder: as its index has it.
+
+    Without an index every n-th validates, at least one where there are two or more. Raises InputError if the
+    index leaves none of either.
+    """
+    splits = [recording.split for recording in recordings]
+    if not any(splits):
+        validating = range(len(splits))[chosen.holdout - 1 :: chosen.holdout] or range(len(splits))[1:][-1:]
+        splits = ["validation" if place in validating else "train" for place in range(len(splits))]
+    else:
+        for split in SEEN:
+            if split not in splits:
+                raise InputError(
+                    f"{folder}: holds no sequence for {split}; simulate clips that {INDEX} calls {split}"
+                )
+    training, held = (
+        [r for r, own in zip(recordings, splits, strict=True) if own == split] for split in SEEN
+    )
+    return training, held
+
+
+def training_data(training: list[Recording], held: list[Recording]) -> TrainingData:
+    """What a model that was trained on some clips, and chosen by others, says of them."""
+    return TrainingData(
+        files={name: digest for r in (*training, *held) for name, digest in r.files.items()},
+        clips={
+            "train": {r.clip: r.subject for r in training},
+            "validation": {r.clip: r.subject for r in held},
+        },
+    )
+
+
+def counted(recording: Recording) -> range:
+    """The frames that count: those after settling."""
+    return range(recording.settling, len(recording.transforms))
+
+
+def frames_of(recordings: list[Recording]) -> int:
+    """How many frames count in all."""
+    return sum(len(counted(recording)) for recording in recordings)
+
+
+def stacked(recordings: list[Recording], template: str) -> Tensor | None:
+    """The counting frames of one template one after another (F, N, 3); None where every clip lacks it."""
+    parts = [r.vertices[template][r.settling :] for r in recordings if template in r.vertices]
+    return torch.cat(parts) if parts else None

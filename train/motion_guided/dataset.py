@@ -1,0 +1,170 @@
+"""What Motion-guided trains on: one garment on one body, frame after frame, clip after clip."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import torch
+from rich.console import Console
+from torch import Tensor
+
+from rasterize.errors import InputError
+from train.clips import Holdout, Recording, frames_of, hold_out, load_recordings, training_data
+from train.operators import Operator, differences, sampling
+from train.physxnet.prepare import check_rests
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.garments.loading import take_for_data
+from uvcloth.geometry.mesh import edge_lengths, laplacian, unique_edges
+from uvcloth.geometry.records import to_device
+from uvcloth.methods.motion_guided.dynamics_input import MEMORY, Pose, carried_offsets, shape_features
+from uvcloth.methods.motion_guided.garment_maps import GarmentMaps
+from uvcloth.methods.motion_guided.latent import Space
+from uvcloth.methods.motion_guided.method import MotionGuidedConfig
+from uvcloth.methods.motion_guided.seeds import PosedSeeds, pose_seeds, seeds_on
+from uvcloth.physics.surface import BodySurface
+
+CLEARANCE = 0.002
+"""Metres that the rest shape should keep off the body at rest (epsilon of L_SDF)."""
+
+CHUNK = 16
+"""Frames that are carried at once."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """R frames of the garment, clip after clip, each led in by MEMORY frames of its settling.
+
+    vertices: (R, N, 3) m, world; offsets: (R, P, 3) of their texels from the carriers. pose: of the body.
+    samples: (S,) int64 rows that count. starts: (R,) int64 first row of the clip.
+    """
+
+    vertices: Tensor
+    offsets: Tensor
+    pose: Pose
+    samples: Tensor
+    starts: Tensor
+
+    def to(self, device: torch.device) -> "Rows":
+        return to_device(self, device)
+
+
+def load_rows(recordings: list[Recording], garment: str, under: str, maps: GarmentMaps) -> Rows:
+    """Join the clips; under: the garment that the seeds lie on, if any."""
+    vertices, seeds, transforms, samples, starts = [], [], [], [], []
+    row = 0
+    for recording in recordings:
+        first = max(0, recording.settling - MEMORY)
+        frames = slice(first, None)
+        vertices.append(recording.vertices[garment][frames].float())
+        transforms.append(recording.transforms[frames])
+        if under:
+            seeds.append(seeds_on(maps.seeds, recording.vertices[under][frames], transforms[-1]))
+        else:
+            seeds.append(pose_seeds(maps.seeds, transforms[-1]))
+        count = len(transforms[-1])
+        samples.append(torch.arange(row + max(MEMORY, recording.settling - first), row + count))
+        starts.append(torch.full((count,), row))
+        row += count
+    joined = torch.cat(transforms)
+    simulated = torch.cat(vertices)
+    return Rows(
+        vertices=simulated,
+        offsets=offsets_of(maps, simulated, joined),
+        pose=Pose(joined, joined_seeds(seeds)),
+        samples=torch.cat(samples),
+        starts=torch.cat(starts),
+    )
+
+
+def joined_seeds(parts: list[PosedSeeds]) -> PosedSeeds:
+    """The frames of several one after another."""
+    return PosedSeeds(
+        torch.cat([part.points for part in parts]),
+        torch.cat([part.normals for part in parts]),
+        torch.cat([part.rotations for part in parts]),
+    )
+
+
+def offsets_of(maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> Tensor:
+    """Texels of garments (R, N, 3) as offsets from their carriers (R, P, 3), some at a time."""
+    parts = zip(vertices.split(CHUNK), transforms.split(CHUNK), strict=True)
+    return torch.cat([carried_offsets(maps, maps.positions(v), now) for v, now in parts])
+
+
+class Material:
+    """What both stages train on: one garment on one body, training and validation clips."""
+
+    def __init__(
+        self,
+        config: MotionGuidedConfig,
+        holdout: Holdout,
+        data: Path,
+        body: Body | None = None,
+        frames: int | None = None,
+    ) -> None:
+        """Read the data; frames: train on the first so many only, clip after clip, None for all.
+
+        Raises InputError if it lacks the garment or what is worn under it, or is of another garment or body.
+        """
+        self.body = body or load_body()
+        self.garment = garment = take_for_data(config.garment, self.body)
+        under = take_for_data(config.under, self.body) if config.under else None
+        self.config = config = replace(
+            config,
+            garment=garment.name,
+            under=under.name if under else "",
+            vertices=len(garment.mesh.vertices),
+        )
+        worn = {g.name: g.mesh.vertices for g in (garment, under) if g}
+        recordings = [
+            r for r in load_recordings(data, tuple(worn), self.body) if worn.keys() <= r.rests.keys()
+        ]
+        if not recordings:
+            raise InputError(f"{data}: no training clip was simulated with {' and '.join(worn)}")
+        check_rests(worn, recordings, self.body)
+        training, held = hold_out(recordings, holdout, data)
+        if not training:
+            raise InputError(f"{data}: needs two clips of {garment.name} at least, one to validate with")
+        self.data = training_data(training, held)
+        self.fps = recordings[0].fps
+        self.maps = config.maps(garment, self.body, under)
+        self.rows = load_rows(training, garment.name, self.config.under, self.maps)
+        self.held = load_rows(held, garment.name, self.config.under, self.maps)
+        edges = unique_edges(garment.mesh.faces)
+        count = len(garment.mesh.vertices)
+        self.edges = differences(edges, count)
+        self.lengths = edge_lengths(garment.mesh.vertices, edges)
+        smooth = laplacian(garment.mesh.faces, count)
+        self.laplacian = Operator(smooth.to_sparse_csr(), smooth.t().to_sparse_csr())
+        self.sample = sampling(self.maps.pixels, self.maps.shares, 4 * config.size**2)
+        self.skin = BodySurface(self.body.mesh.vertices, self.body.mesh.faces)
+        if frames is not None:
+            if frames < 2:
+                raise InputError(f"--frames {frames}: has to be 2 or more")
+            self.rows = replace(self.rows, samples=self.rows.samples[:frames])
+        self.frames = len(self.rows.samples)
+        Console().print(
+            f"{self.frames} training frames of {len(training)} clips, "
+            f"{frames_of(held)} validation frames ({', '.join(r.clip for r in held)})"
+        )
+
+    def to(self, device: torch.device) -> None:
+        self.maps = to_device(self.maps, device)
+        self.rows, self.held = self.rows.to(device), self.held.to(device)
+        self.edges, self.laplacian = self.edges.to(device), self.laplacian.to(device)
+        self.sample = self.sample.to(device)
+        self.lengths = self.lengths.to(device)
+        self.skin = BodySurface(self.body.mesh.vertices.to(device), self.body.mesh.faces.to(device))
+
+    def codes(self, space: Space, rows: Rows, chosen: Tensor) -> Tensor:
+        """Z* of simulated garments: (B, Z)."""
+        texels = self.maps.positions(rows.vertices[chosen])
+        seen = (texels, rows.offsets[chosen], rows.pose.seeds.points[chosen])
+        return space.encode(shape_features(space, self.maps, *seen))
+
+    def depth(self, resting: Tensor) -> Tensor:
+        """L_SDF: mean depth below CLEARANCE of rest shapes (B, N, 3), by the exact distance to the body."""
+        points = resting.flatten(0, 1)
+        with torch.no_grad():
+            skin = self.skin.closest(points)
+        distance = ((points - skin.points) * skin.normals).sum(1)
+        return (CLEARANCE - distance).clamp(min=0.0).mean()

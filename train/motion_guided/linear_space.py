@@ -1,0 +1,63 @@
+"""A linear space of garment shapes, fitted in closed form."""
+
+import torch
+from rich.progress import track
+from torch import Tensor
+
+from train.motion_guided.dataset import CHUNK, Material
+from uvcloth.geometry.rotations import rotate, rotate_back
+from uvcloth.methods.motion_guided.dynamics_input import pose_transforms
+from uvcloth.methods.motion_guided.latent import REACH, LinearSpace, Space
+
+ROUNDS = 4
+"""Iterations that take a garment back to the rest space."""
+
+RIDGE = 1e-3
+"""Of the linear encoder, as a share of the mean square of what it sees."""
+
+
+def rest_displacements(space: Space, material: Material, chosen: Tensor) -> Tensor:
+    """Simulated garments of rows (B,) as displacements in the local frames at rest: (B, 3 N), m.
+
+    Kernels that take a vertex back may depend on where it comes to lie: found by iteration.
+    """
+    maps, rows = material.maps, material.rows
+    resting = maps.points.expand(len(chosen), -1, -1)
+    for _ in range(ROUNDS):
+        blended = pose_transforms(space, maps, resting, rows.pose[chosen])
+        resting = rotate(torch.linalg.inv(blended[..., :3]), rows.vertices[chosen] - blended[..., 3])
+    return rotate_back(maps.axes, resting - maps.points).flatten(1)
+
+
+@torch.no_grad()
+def fit_linear(space: LinearSpace, material: Material) -> None:
+    """Fit encoder and decoder in closed form: principal components of the shapes, of unit variance.
+
+    Shapes are the simulated garments taken back to the rest space by the kernels there; the encoder is ridge
+    regression from the maps that it sees.
+    """
+    maps, rows, chosen = material.maps, material.rows, material.rows.samples
+    shapes = torch.cat(
+        [
+            rest_displacements(space, material, part)
+            for part in track(chosen.split(CHUNK), "shapes", transient=True)
+        ]
+    )
+    mean = shapes.mean(0)
+    torch.manual_seed(0)
+    latent = space.decoder.in_features
+    codes, scales, components = torch.pca_lowrank(shapes - mean, q=min(latent, len(shapes) - 1), center=False)
+    size = codes.std(0).clamp(min=1e-9)
+    directions = (components * (scales * size)).T
+    space.decoder.weight.zero_()
+    space.decoder.weight[:, : len(directions)] = directions.T / REACH
+    space.decoder.bias.copy_(mean / REACH)
+    seen = torch.cat(
+        [space.features(maps.map(rows.offsets[part])).flatten(1) for part in chosen.split(CHUNK)]
+    )
+    wanted = codes / size
+    gram = seen @ seen.T
+    ridge = RIDGE * gram.diagonal().mean() * torch.eye(len(gram))
+    space.code.weight.zero_()
+    space.code.bias.zero_()
+    space.code.weight[: wanted.shape[1]] = (seen.T @ torch.linalg.solve(gram + ridge, wanted)).T

@@ -1,0 +1,333 @@
+"""The objectives of Motion-guided: first a space of shapes, then the encoder that moves through it."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+from rich.progress import track
+from torch import Tensor, nn
+
+from rasterize.errors import InputError
+from train.clips import Holdout
+from train.loop import LoopConfig
+from train.motion_guided.dataset import CHUNK, Material, Rows, offsets_of
+from train.motion_guided.linear_space import fit_linear
+from uvcloth.checkpoint import load_checkpoint, save_checkpoint
+from uvcloth.methods.motion_guided.dynamics_input import (
+    MEMORY,
+    Situation,
+    carried_offsets,
+    motion_of,
+    next_shape,
+    posed_shape,
+    rest_shape,
+    situation_features,
+    state_features,
+)
+from uvcloth.methods.motion_guided.latent import LinearSpace, Space
+from uvcloth.methods.motion_guided.method import MotionGuidedConfig, faces_hash, motion_guided_checkpoint
+
+ROLLED = 150
+"""Frames of a validation clip that are rolled out, at most."""
+
+
+@dataclass(frozen=True)
+class MotionGuidedLosses(Holdout):
+    """Weights of the losses of both stages (sections 4.2 and 5), and how they are trained."""
+
+    laplacian: float = 1.0
+    """Error of the mesh Laplacian, beside that of the vertices."""
+    random: float = 0.1
+    """Edge lengths of shapes decoded from random codes."""
+    inside: float = 100.0
+    """Depth of rest shapes, seen and random, in the body at rest."""
+    settled: float = 0.02
+    """Metres of error below which these two set in, to their full weight at none."""
+    regular: float = 0.001
+    """Distance of the mean square of codes from 1."""
+    code: float = 0.01
+    """Error of the predicted codes (paper: 1, with errors of vertices summed)."""
+    steady: float = 1.0
+    """Error of the change since the frame before, beside that of the vertices: less jitter (paper: 0)."""
+    still: bool = True
+    """Train on the virtual sample too of which nothing changes: E_t = 0."""
+    past: Literal["own", "true"] = "own"
+    """Histories in training: the network's latest predictions, or the simulation's (paper)."""
+    unroll: int = 4
+    """Frames in a row that a step predicts, each from those before, with the gradient of all (paper: 1)."""
+
+
+SHAPE = "shape"
+"""The folder in a run that holds the first stage."""
+
+LOOPS: dict[str, LoopConfig] = {
+    "fast": LoopConfig(steps=300, average=0.99, validate_every=25, keep="last"),
+    "paper": LoopConfig(steps=30000, batch=4, learning_rate=1e-4, weight_decay=0.0, average=0.0),
+    "tiny": LoopConfig(steps=8, batch=2, validate_every=4, average=0.9),
+}
+"""How long the dynamics are trained."""
+
+SHAPE_LOOPS: dict[str, LoopConfig] = {
+    "fast": LoopConfig(steps=200, learning_rate=1e-4, weight_decay=0.0, validate_every=50),
+    "paper": LOOPS["paper"],
+    "tiny": LOOPS["tiny"],
+}
+"""How long the space of shapes is trained; a linear one is fitted before."""
+
+LOSSES: dict[str, MotionGuidedLosses] = {
+    "fast": MotionGuidedLosses(),
+    "paper": MotionGuidedLosses(steady=0.0, past="true", unroll=1),
+    "tiny": MotionGuidedLosses(),
+}
+
+
+class ShapeObjective:
+    """Stage one: an autoencoder of the simulated garments."""
+
+    def __init__(self, material: Material, losses: MotionGuidedLosses) -> None:
+        self.material, self.losses = material, losses
+
+    @property
+    def samples(self) -> Tensor:
+        return self.material.rows.samples
+
+    def networks(self) -> dict[str, nn.Module]:
+        material, net = self.material, self.material.config.shape_space()
+        offsets = material.rows.offsets[material.rows.samples[::4]]
+        seen = material.maps.map(offsets)
+        net.shift.copy_(seen.mean(0))
+        net.scale.copy_((seen - net.shift).std().clamp(min=1e-3))
+        if isinstance(net, LinearSpace):
+            fit_linear(net, material)
+        return {"net": net}
+
+    def to(self, device: torch.device) -> None:
+        self.material.to(device)
+
+    def steps(
+        self, networks: Mapping[str, Any], rows: Tensor
+    ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
+        material, losses = self.material, self.losses
+        space = networks["net"]
+        codes = material.codes(space, material.rows, rows)
+        random = torch.randn_like(codes[: max(1, len(codes) // 2)])
+        resting = rest_shape(space, material.maps, torch.cat([codes, random]), material.sample)
+        posed = posed_shape(space, material.maps, resting[: len(rows)], material.rows.pose[rows])
+        lengths = material.edges(resting[len(rows) :]).norm(dim=2)
+        wrong = posed - material.rows.vertices[rows]
+        shape = wrong.abs().mean() + losses.laplacian * material.laplacian(wrong).abs().mean()
+        # From the start, they would teach the decoder to ignore its codes.
+        settled = (1.0 - shape.detach() / losses.settled).clamp(min=0.0)
+        parts = {
+            "shape": shape,
+            "random": settled * losses.random * (lengths - material.lengths).abs().mean(),
+            "inside": settled * losses.inside * material.depth(resting),
+            "regular": losses.regular * _regular(codes),
+        }
+        yield "net", torch.stack(list(parts.values())).sum(), parts
+
+    @torch.no_grad()
+    def validate(self, net: Any) -> dict[str, float]:
+        """How exactly held-out garments are encoded and decoded, mm."""
+        net.eval()
+        material, errors = self.material, []
+        for chosen in material.held.samples[::2].split(8):
+            codes = material.codes(net, material.held, chosen)
+            resting = rest_shape(net, material.maps, codes)
+            posed = posed_shape(net, material.maps, resting, material.held.pose[chosen])
+            errors.append((posed - material.held.vertices[chosen]).norm(dim=2).mean(1) * 1000.0)
+        net.train()
+        return {"mean_mm": float(torch.cat(errors).mean())}
+
+    def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
+        self._save({"space": net}, run, notes)
+
+    def _save(self, stages: dict[str, nn.Module], run: Path, notes: dict[str, Any]) -> None:
+        material = self.material
+        tensors = {f"{s}.{name}": t for s, net in stages.items() for name, t in net.state_dict().items()}
+        notes = {**notes, "training_frames": material.frames}
+        notes |= {"garment_topology": faces_hash(material.garment)}
+        save_checkpoint(
+            motion_guided_checkpoint(material.config, tensors, material.body, material.data, notes), run
+        )
+
+    def settings(self) -> dict[str, Any]:
+        material = self.material
+        return {
+            **asdict(material.config),
+            **asdict(self.losses),
+            "data": asdict(material.data),
+            "frames": material.frames,
+        }
+
+    def memory(self) -> dict[str, Tensor]:
+        return {}
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        pass
+
+
+class DynamicsObjective(ShapeObjective):
+    """Stage two: the dynamic encoder, the shape space being fixed."""
+
+    def __init__(self, material: Material, losses: MotionGuidedLosses, space: Space) -> None:
+        super().__init__(material, losses)
+        self.space = space.eval().requires_grad_(False)
+        self.past, self.past_offsets = material.rows.vertices.clone(), material.rows.offsets.clone()
+        with torch.no_grad():
+            self.codes = torch.cat(
+                [
+                    material.codes(self.space, material.rows, chosen)
+                    for chosen in track(torch.arange(len(self.past)).split(CHUNK), "codes", transient=True)
+                ]
+            )
+
+    @property
+    def samples(self) -> Tensor:
+        """Rows that the clip goes on from for as many frames as are unrolled."""
+        rows, last = self.material.rows, self.losses.unroll - 1
+        first = rows.samples[rows.samples + last < len(rows.starts)]
+        return first[rows.starts[first + last] == rows.starts[first]]
+
+    def networks(self) -> dict[str, nn.Module]:
+        net = self.material.config.dynamics()
+        material = self.material
+        seen = [
+            motion_of(material.config.carried, material.maps, self._situation(material.rows, chosen))
+            for chosen in material.rows.samples[::8].split(CHUNK)
+        ]
+        scale = torch.cat(seen).square().mean((0, 1)).sqrt()
+        net.motion_scale.copy_(scale.clamp(min=1e-3)[:, None, None])
+        return {"net": net}
+
+    def to(self, device: torch.device) -> None:
+        super().to(device)
+        self.space.to(device)
+        self.past, self.past_offsets = self.past.to(device), self.past_offsets.to(device)
+        self.codes = self.codes.to(device)
+
+    def steps(
+        self, networks: Mapping[str, Any], rows: Tensor
+    ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
+        material, losses = self.material, self.losses
+        window = self._situation(material.rows, rows, (self.past, self.past_offsets))
+        before, offsets, last = window.before, window.offsets, self.past[rows - 1]
+        frames: list[dict[str, Tensor]] = []
+        for now in (rows + frame for frame in range(losses.unroll)):
+            seen = self._after(material.rows, now, before, offsets)
+            parts, last = self._losses(networks["net"], seen, now, last)
+            frames.append(parts)
+            before, offsets = self._moved(seen, last)
+            if losses.past == "own":
+                self.past[now], self.past_offsets[now] = last.detach(), offsets[:, 0].detach()
+        parts = {name: torch.stack([each[name] for each in frames]).mean() for name in frames[0]}
+        yield "net", torch.stack(list(parts.values())).sum(), parts
+
+    def _losses(
+        self, net: Any, seen: Situation, rows: Tensor, last: Tensor
+    ) -> tuple[dict[str, Tensor], Tensor]:
+        """The parts of the loss on rows (B,), and the garments (B, N, 3) predicted; last: those before."""
+        material, losses = self.material, self.losses
+        features, change = situation_features(self.space, net, material.maps, seen, material.config.sigma)
+        if losses.still:
+            features = torch.cat([features, self._unchanged(rows - 1)])
+            change = torch.cat([change, torch.zeros_like(change)])
+            wanted = torch.cat([rows, rows - 1])
+        else:
+            wanted = rows
+        codes = net(features, change)
+        resting = rest_shape(self.space, material.maps, codes, material.sample)
+        posed = posed_shape(self.space, material.maps, resting, material.rows.pose[wanted])
+        wrong = posed - material.rows.vertices[wanted]
+        before = last - material.rows.vertices[rows - 1]
+        parts = {
+            "shape": wrong.abs().mean(),
+            "steady": losses.steady * (wrong[: len(rows)] - before).abs().mean(),
+            "code": losses.code * (codes - self.codes[wanted]).abs().mean(),
+            "regular": losses.regular * _regular(codes),
+        }
+        return parts, posed[: len(rows)]
+
+    def _unchanged(self, rows: Tensor) -> Tensor:
+        """What is seen beside E_t = 0 where garment and body stay as they are in rows (B,).
+
+        The garment is the simulated one whatever the histories are: from another, it would have to change.
+        """
+        clips, maps = self.material.rows, self.material.maps
+        pose = clips.pose[rows]
+        texels, offsets = maps.positions(clips.vertices[rows]), clips.offsets[rows]
+        return state_features(self.space, maps, texels, offsets, pose.seeds.points, pose.transforms)
+
+    def _situation(self, rows: Rows, chosen: Tensor, past: tuple[Tensor, Tensor] | None = None) -> Situation:
+        """What comes before the chosen rows (B,); past: the garments (R, N, 3), where not as simulated."""
+        vertices, offsets = past or (rows.vertices, rows.offsets)
+        back = chosen[:, None] - torch.arange(1, MEMORY + 1, device=chosen.device)
+        return self._after(rows, chosen, self.material.maps.positions(vertices[back]), offsets[back])
+
+    def _after(self, rows: Rows, chosen: Tensor, before: Tensor, offsets: Tensor) -> Situation:
+        now = chosen[:, None] - torch.arange(MEMORY, device=chosen.device)
+        return Situation(
+            before=before,
+            offsets=offsets,
+            transforms=rows.pose.transforms[now],
+            seeds_before=rows.pose.seeds[chosen - 1],
+            seeds=rows.pose.seeds[chosen],
+            fps=self.material.fps,
+        )
+
+    def _moved(self, seen: Situation, posed: Tensor) -> tuple[Tensor, Tensor]:
+        """What comes before the garment that follows (B, N, 3): texels and offsets, as in Situation."""
+        texels = self.material.maps.positions(posed)
+        moved = carried_offsets(self.material.maps, texels, seen.pose.transforms)
+        return (
+            torch.cat([texels[:, None], seen.before[:, :-1]], dim=1),
+            torch.cat([moved[:, None], seen.offsets[:, :-1]], dim=1),
+        )
+
+    @torch.no_grad()
+    def validate(self, net: Any) -> dict[str, float]:
+        """Mean vertex error over rollouts of the held-out clips, side by side, before contact, mm."""
+        net.eval()
+        material, held = self.material, self.material.held
+        starts, counts = held.starts.unique(return_counts=True)
+        first = self._situation(held, starts + MEMORY)
+        before, offsets = first.before, first.offsets
+        errors = []
+        for frame in range(MEMORY, min(ROLLED, int(counts.min()))):
+            chosen = starts + frame
+            seen = self._after(held, chosen, before, offsets)
+            resting = next_shape(self.space, net, material.maps, seen, material.config.sigma)
+            posed = posed_shape(self.space, material.maps, resting, held.pose[chosen])
+            errors.append((posed - held.vertices[chosen]).norm(dim=2).mean(1) * 1000.0)
+            before, offsets = self._moved(seen, posed)
+        net.train()
+        return {"mean_mm": float(torch.cat(errors).mean())}
+
+    def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
+        self._save({"space": self.space, "dynamics": net}, run, notes)
+
+    def memory(self) -> dict[str, Tensor]:
+        return {"past": self.past} if self.losses.past == "own" else {}
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        if self.losses.past == "own":
+            self.past.copy_(memory["past"])
+            self.past_offsets = offsets_of(self.material.maps, self.past, self.material.rows.pose.transforms)
+
+
+def _regular(codes: Tensor) -> Tensor:
+    """L_reg of codes (B, Z)."""
+    return (codes.square().mean(1) - 1.0).abs().mean()
+
+
+def load_shape_space(folder: Path, config: MotionGuidedConfig) -> Space:
+    """The space of shapes that the first stage saved. Raises InputError if it is of another config."""
+    checkpoint = load_checkpoint(folder)
+    space = config.shape_space()
+    try:
+        space.load_state_dict({name.removeprefix("space."): t for name, t in checkpoint.tensors.items()})
+    except RuntimeError as error:
+        raise InputError(f"{folder}: was trained with other settings of the network") from error
+    return space

@@ -1,0 +1,378 @@
+"""What PBNS learns from: the potential energy of cloth on a body, over many poses and no simulation."""
+
+import hashlib
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import torch
+from torch import Tensor, nn
+
+from rasterize.errors import InputError
+from train.batched_collision import BodyBeside, inner_layers
+from train.loop import LoopConfig
+from train.pbns.poses import Poses
+from uvcloth.bodies.body import Body
+from uvcloth.bodies.collider import make_collider
+from uvcloth.checkpoint import save_checkpoint
+from uvcloth.garments.fit import is_skirt
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.order import check_order
+from uvcloth.garments.pins import pinned
+from uvcloth.geometry.mesh import Mesh, first_of, vertex_normals
+from uvcloth.geometry.skinning import apply_transforms, blend_transforms, skin
+from uvcloth.methods.pbns.method import (
+    PBNS,
+    PBNSConfig,
+    PBNSNetwork,
+    new_network,
+    pbns_checkpoint,
+    pose_vectors,
+    rest_outfit,
+)
+from uvcloth.motion.poses import PoseDatabase, rest_hash
+from uvcloth.physics.contact import Obstacle
+from uvcloth.physics.energies import (
+    bend_energy,
+    collision_energy,
+    edge_change,
+    edge_energy,
+    fold_angle,
+    fold_cosine,
+    gravity_energy,
+    pin_energy,
+    rest_shape,
+)
+from uvcloth.physics.layers import wrong_side_percent
+from uvcloth.physics.posed_batch import Visit, first_visit
+from uvcloth.physics.surface import BodySurface
+from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+
+MILLI = 1000.0
+"""Losses are logged in millijoules, lengths in millimetres."""
+
+LOOSE = (0.02, 0.06)
+"""Metres from the skin at rest over which cloth goes from close to free."""
+
+VALIDATED = 128
+"""Poses that validation takes, at most."""
+
+PICTURED = 3
+"""Validation poses in the picture."""
+
+PICTURE = (300, 400)
+"""Width and height of a pictured pose, pixels."""
+
+
+@dataclass(frozen=True)
+class Fabric:
+    """What the cloth is like, and how hard it is kept off the body. Energies are in joules."""
+
+    edge: float = 15.0
+    """N/m, resistance to stretch and compression (paper, Figure 5: 5 to 25)."""
+    bend: float = 5e-5
+    """J, resistance to bending (paper, Figure 5: 1e-6 to 1e-4)."""
+    mass: float = 0.3
+    """kg/m2, which gravity pulls at."""
+    collision: float = 50.0
+    """N/m, of what lies too near to the skin or to what is worn beneath (paper: 25)."""
+    thickness: float = 0.005
+    """Metres that cloth keeps off them (paper: 0.004)."""
+    pin: float = 10.0
+    """N/m, on the deformation of pinned vertices (paper: 1000; its program: 10)."""
+    plane: Literal["surface", "vertex"] = "surface"
+    """Collide with the plane at the closest point of the skin, or at its closest vertex (paper)."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for what no fabric has."""
+        for name in ("edge", "bend", "mass", "collision", "thickness", "pin"):
+            value = getattr(self, name)
+            if not 0 <= value < math.inf:
+                raise InputError(f"--{name} {value}: has to be 0 or more")
+
+
+@dataclass(frozen=True)
+class Hanging:
+    """How a garment hangs on the body to begin with."""
+
+    pins: tuple[str, ...] = ("band",)
+    """What is pinned: band (what holds each garment up), waist, neck, none, or a file of vertex numbers."""
+    weights: Literal["auto", "closest", "smooth"] = "auto"
+    """Blend weights of the closest body vertex (paper), or those smoothed over the garment; auto takes the
+    smooth ones where cloth hangs free of the body."""
+    train_weights: Literal["auto", "yes", "no"] = "auto"
+    """Whether blend weights are trained too; auto trains those of an outfit with a skirt (paper)."""
+
+
+LOOPS: dict[str, LoopConfig] = {
+    "default": LoopConfig(steps=2500, batch=16, weight_decay=0.0, validate_every=500, keep="last"),
+    "paper": LoopConfig(
+        steps=6000,
+        batch=16,
+        schedule="constant",
+        weight_decay=0.0,
+        average=0.0,
+        validate_every=500,
+        keep="last",
+    ),
+    "tiny": LoopConfig(steps=8, batch=4, weight_decay=0.0, validate_every=4, average=0.9),
+}
+
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "default": {"network": PBNSConfig(), "fabric": Fabric(), "hanging": Hanging()},
+    "paper": {
+        "network": PBNSConfig(influences=99),
+        "fabric": Fabric(collision=25.0, thickness=0.004, pin=1000.0, plane="vertex"),
+        "hanging": Hanging(weights="closest"),
+    },
+    "tiny": {"network": PBNSConfig(width=16, layers=2), "fabric": Fabric(), "hanging": Hanging()},
+}
+"""What each preset of the command line starts from."""
+
+
+@dataclass(frozen=True)
+class Posed:
+    """Poses in memory. vectors: (P, 3 J) as the network sees them. transforms: (P, J, 3, 4)."""
+
+    vectors: Tensor
+    transforms: Tensor
+
+    def to(self, device: torch.device) -> "Posed":
+        """The same on another device."""
+        return Posed(self.vectors.to(device), self.transforms.to(device))
+
+
+class PBNSObjective:
+    """Energies of an outfit on one body over a database of poses (PBNS section 3.3).
+
+    batch: poses in a step. Raises InputError for layers that cross at rest, pins that name no vertex, and a
+    database without training or validation poses.
+    """
+
+    def __init__(
+        self,
+        config: PBNSConfig,
+        fabric: Fabric,
+        hanging: Hanging,
+        outfit: Outfit,
+        poses: Poses,
+        batch: int,
+    ) -> None:
+        self.config, self.fabric, self.hanging, self.outfit = config, fabric, hanging, outfit
+        self.data, self.batch = poses.data, batch
+        self.worn = rest_outfit(outfit)
+        self.poses, self.held = (
+            _posed(poses.database.of(split), outfit) for split in ("train", "validation")
+        )
+        self.weights = torch.cat([_weights(garment, outfit.body, hanging) for garment in outfit.garments])
+        self.trains_weights = hanging.train_weights == "yes" or (
+            hanging.train_weights == "auto"
+            and any(is_skirt(garment.mesh, outfit.body) for garment in outfit.garments)
+        )
+        held = held_vertices(outfit, hanging)
+        network = self._network()
+        owner = network.owner
+        self.points = self.worn.vertices[first_of(owner)]
+        self.pins = owner[held].unique()
+        self.faces = [
+            owner[mesh.faces + start] for mesh, start in zip(self.worn.meshes, self.worn.starts, strict=True)
+        ]
+        self.cloth = rest_shape(self.points, torch.cat(self.faces), fabric.mass)
+        self.visits = first_visit(len(self.poses.vectors), len(self.points), torch.device("cpu"))
+
+    @property
+    def samples(self) -> Tensor:
+        """The training poses."""
+        return torch.arange(len(self.poses.vectors))
+
+    def networks(self) -> dict[str, nn.Module]:
+        """The network, with the blend weights to start from."""
+        return {"net": self._network()}
+
+    def _network(self) -> PBNSNetwork:
+        network = new_network(self.config, self.worn, self.weights, self.poses.vectors)
+        network.sharp_weights.requires_grad_(self.trains_weights)
+        return network
+
+    def to(self, device: torch.device) -> None:
+        """Move what a step touches to a device, and stand as many bodies there as a batch has poses."""
+        self.poses, self.held = self.poses.to(device), self.held.to(device)
+        self.cloth = self.cloth.to(device)
+        self.points, self.pins = self.points.to(device), self.pins.to(device)
+        self.faces = [faces.to(device) for faces in self.faces]
+        self.visits = Visit(self.visits.points.to(device), self.visits.clearance.to(device))
+        self.body = BodyBeside(self.outfit.body, self.points, self.batch, device)
+        self.layers = inner_layers(self.points, self._pieces(), self.batch)
+
+    def steps(
+        self, networks: Mapping[str, Any], rows: Tensor
+    ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
+        """The potential energy of a batch of poses, mJ each (paper eq. 3, and the pins)."""
+        visit = Visit(self.visits.points[rows], self.visits.clearance[rows])
+        deformed, posed = self.pose(networks["net"], self.poses, rows)
+        parts = self._energies(deformed, posed, self.poses.transforms[rows], visit)
+        self.visits.points[rows], self.visits.clearance[rows] = visit.points, visit.clearance
+        yield "net", torch.stack(list(parts.values())).sum(), parts
+
+    def pose(self, net: Any, poses: Posed, rows: Tensor) -> tuple[Tensor, Tensor]:
+        """The deformation at rest and the posed outfit of some poses, (B, U, 3) m each."""
+        deformed, weights = net(poses.vectors[rows])
+        blended = blend_transforms(weights, poses.transforms[rows])
+        return deformed, apply_transforms(blended, self.points + deformed)
+
+    def _energies(
+        self, deformed: Tensor, posed: Tensor, transforms: Tensor, visit: Visit | None
+    ) -> dict[str, Tensor]:
+        """Mean energies over a batch, mJ: () each."""
+        fabric, cloth = self.fabric, self.cloth
+        self.body.move(transforms)
+        planes = self.body.planes(posed, fabric.thickness, visit, fabric.plane)
+        met = [collision_energy(planes.distance(posed), fabric.thickness, fabric.collision)]
+        normals = vertex_normals(posed.detach(), cloth.faces) if self.layers else posed
+        for layer in self.layers:
+            distance = layer.planes(posed, normals).distance(posed[:, layer.outer])
+            met.append(collision_energy(distance, fabric.thickness, fabric.collision))
+        energies = {
+            "edge": edge_energy(posed, cloth, fabric.edge),
+            "bend": bend_energy(posed, cloth, fabric.bend),
+            "collision": torch.stack(met).sum(0),
+            "gravity": gravity_energy(posed, cloth),
+            "pin": pin_energy(deformed[:, self.pins], fabric.pin),
+        }
+        return {name: MILLI * energy.mean() for name, energy in energies.items()}
+
+    @torch.no_grad()
+    def validate(self, net: Any) -> dict[str, float]:
+        """Energy and the measures of the paper's Table 1 on poses of clips that are not trained on.
+
+        energy_mJ: of the outfit. edge_mm, bend_rad, bend_cos: see uvcloth.physics.energies. inside_percent:
+        of vertices, as the evaluation counts it. layers_percent: of an outer garment's vertices over an inner
+        one that are on its wrong side.
+        """
+        stride = math.ceil(len(self.held.vectors) / VALIDATED)
+        rows = torch.arange(0, len(self.held.vectors), stride, device=self.held.vectors.device)
+        energies, posed = [], []
+        for some in rows.split(self.batch):
+            deformed, vertices = self.pose(net, self.held, some)
+            parts = self._energies(deformed, vertices, self.held.transforms[some], None)
+            energies.append(len(some) * torch.stack(list(parts.values())).sum())
+            posed.append(vertices)
+        return {
+            "energy_mJ": float(torch.stack(energies).sum()) / len(rows),
+            **self.measure(torch.cat(posed), self.held.transforms[rows]),
+        }
+
+    def measure(self, posed: Tensor, transforms: Tensor) -> dict[str, float]:
+        """The measures of outfits (B, U, 3) m on the body at transforms (B, J, 3, 4), see `validate`."""
+        faces = torch.cat(self.faces)
+        measures = {
+            "edge_mm": MILLI * edge_change(posed, self.points, faces).mean(),
+            "bend_rad": fold_angle(posed, faces).mean(),
+            "bend_cos": fold_cosine(posed, faces).mean(),
+            "inside_percent": self._inside_percent(posed, transforms),
+        }
+        if self.layers:
+            measures["layers_percent"] = self._layers_percent(posed)
+        return {name: float(value) for name, value in measures.items()}
+
+    def _inside_percent(self, posed: Tensor, transforms: Tensor) -> Tensor:
+        """Percent of the vertices inside the body, over all garments and poses."""
+        body = self.outfit.body
+        bodies = skin(body.mesh.vertices, body.weights, transforms.cpu())
+        obstacle = Obstacle(make_collider(body), body.mesh.vertices)
+        inside = torch.zeros(len(posed))
+        for rows, faces in self._pieces():
+            worn = obstacle.dress(self.points[rows].cpu(), faces.cpu())
+            share = obstacle.inside_percent(posed[:, rows].cpu().contiguous(), worn, bodies)
+            inside += share * len(rows) / len(self.points)
+        return inside.mean()
+
+    def _layers_percent(self, posed: Tensor) -> Tensor:
+        """Percent of what covers an inner garment that is on its wrong side, of the worst two garments."""
+        pieces = [(posed[:, rows].contiguous(), faces) for rows, faces in self._pieces()]
+        crossed = [
+            wrong_side_percent(outer, inner, faces)
+            for index, (inner, faces) in enumerate(pieces)
+            for outer, _ in pieces[index + 1 :]
+        ]
+        return torch.tensor(max(crossed))
+
+    def _pieces(self) -> list[tuple[Tensor, Tensor]]:
+        """Each garment as its rows (n,) among the outfit's vertices, and its faces (F, 3) into them."""
+        return [faces.unique(return_inverse=True) for faces in self.faces]
+
+    @torch.no_grad()
+    def picture(self, net: Any) -> Tensor:
+        """A few validation poses, rendered: (H, W, 3) uint8."""
+        body = self.outfit.body
+        rows = torch.linspace(0, len(self.held.vectors) - 1, PICTURED).long().to(self.held.vectors.device)
+        _, posed = self.pose(net, self.held, rows)
+        bodies = skin(body.mesh.vertices, body.weights, self.held.transforms[rows].cpu())
+        pictures = []
+        for vertices, skin_vertices in zip(posed.cpu(), bodies, strict=True):
+            surfaces = [Surface(skin_vertices, body.mesh.faces, BODY_COLOR)]
+            for index, faces in enumerate(self.faces):
+                color = GARMENT_COLORS[index % len(GARMENT_COLORS)]
+                surfaces.append(Surface(vertices, faces.cpu(), color))
+            camera = three_quarter(skin_vertices, aspect=PICTURE[0] / PICTURE[1])
+            floor = float(skin_vertices[:, 2].min())
+            pictures.append(render(surfaces, camera, PICTURE, floor))
+        return torch.from_numpy(contact_sheet(pictures, columns=PICTURED))
+
+    def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
+        """Write the checkpoint of the network."""
+        made_of = {"fabric": asdict(self.fabric), "hanging": asdict(self.hanging)}
+        method = PBNS(self.config, net, self.worn)
+        save_checkpoint(pbns_checkpoint(method, self.outfit.body, self.data, notes | made_of), run)
+
+    def settings(self) -> dict[str, Any]:
+        """What must not change within a run."""
+        garments = {name: _digest(mesh) for name, mesh in zip(self.worn.names, self.worn.meshes, strict=True)}
+        body = {self.outfit.body.name: rest_hash(self.outfit.body)}
+        made_of = {"fabric": asdict(self.fabric), "hanging": asdict(self.hanging)}
+        return {
+            **asdict(self.config),
+            **made_of,
+            "body": body,
+            "garments": garments,
+            "data": asdict(self.data),
+        }
+
+    def memory(self) -> dict[str, Tensor]:
+        """Nothing: where vertices were last looked up saves time and changes nothing."""
+        return {}
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        """There is nothing to take back."""
+
+
+def held_vertices(outfit: Outfit, hanging: Hanging) -> Tensor:
+    """The pinned vertices of all garments: (N,) bool. Raises InputError as `check_order` and `pinned` do."""
+    check_order(outfit.garments)
+    return pinned(outfit.garments, outfit.body, hanging.pins)
+
+
+def _posed(poses: PoseDatabase, outfit: Outfit) -> Posed:
+    skeleton = outfit.body.skeleton
+    transforms = poses.transforms(skeleton)
+    return Posed(pose_vectors(skeleton.parents, transforms), transforms)
+
+
+def _weights(garment: Garment, body: Body, hanging: Hanging) -> Tensor:
+    """The blend weights (N, J) that a garment starts from."""
+    if hanging.weights == "closest":
+        return garment.weights
+    if hanging.weights == "smooth":
+        return garment.carrier_weights
+    surface = BodySurface(body.mesh.vertices, body.mesh.faces)
+    distance = surface.closest(garment.mesh.vertices, LOOSE[1]).signed_distance
+    loose = ((distance - LOOSE[0]) / (LOOSE[1] - LOOSE[0])).clamp(0.0, 1.0)
+    return torch.lerp(garment.weights, garment.carrier_weights, loose[:, None])
+
+
+def _digest(mesh: Mesh) -> str:
+    """SHA-256 of where a mesh is at rest and of its faces, in hexadecimal."""
+    return hashlib.sha256(mesh.vertices.numpy().tobytes() + mesh.faces.numpy().tobytes()).hexdigest()

@@ -1,0 +1,119 @@
+"""The training frames of PhysXNet as maps in memory: posing and baking happen once, not in every step."""
+
+from dataclasses import dataclass
+
+import torch
+from rich.progress import track
+from torch import Tensor
+
+from rasterize.bake import scatter_map
+from train.clips import Recording
+from train.physxnet.prepare import Prepared
+from uvcloth.bodies.body import Body
+from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
+from uvcloth.geometry.skinning import skin
+from uvcloth.methods.physxnet.method import PhysXNetConfig, motion_values, pose_values, template_offsets
+
+CHUNK = 16
+"""Frames that are posed at once."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """R rows: the counting frames of every recording, each recording led in by HISTORY - 1 more.
+
+    motion: (R, 6, H, W) and pose: (R, 3, H, W) float16 maps; pose is empty where the network does not see it.
+    offsets: per template (R, Q, 3) float16, m. present: (R, templates) bool. transforms: (R, J, 3, 4).
+    samples: (S,) int64 rows that count. starts: (R,) int64 first row of the row's recording.
+    """
+
+    motion: Tensor
+    pose: Tensor
+    offsets: tuple[Tensor, ...]
+    present: Tensor
+    transforms: Tensor
+    samples: Tensor
+    starts: Tensor
+
+    def to(self, device: torch.device) -> "Frames":
+        """The same frames on another device."""
+        return Frames(
+            self.motion.to(device),
+            self.pose.to(device),
+            tuple(part.to(device) for part in self.offsets),
+            *(x.to(device) for x in (self.present, self.transforms, self.samples, self.starts)),
+        )
+
+    def inputs(self, rows: Tensor) -> Tensor:
+        """The network's motion channels, oldest frame first: (B, C, H, W)."""
+        before = torch.arange(HISTORY - 1, -1, -1, device=rows.device)
+        motion = self.motion[rows[:, None] - before].flatten(1, 2)
+        return (torch.cat([motion, self.pose[rows]], dim=1) if len(self.pose) else motion).float()
+
+
+def load_frames(
+    config: PhysXNetConfig, body: Body, prepared: Prepared, recordings: list[Recording], title: str
+) -> Frames:
+    """Pose the body over every recording and take its texels' values."""
+    motion, pose, present, transforms, samples, starts = [], [], [], [], [], []
+    offsets: list[list[Tensor]] = [[] for _ in config.templates]
+    row = 0
+    for recording in track(recordings, title, transient=True):
+        first = max(0, recording.settling - (HISTORY - 1))
+        led = with_lead(recording.transforms)
+        lead = len(led) - len(recording.transforms)
+        for begin in range(first, len(recording.transforms), CHUNK):
+            end = min(begin + CHUNK, len(recording.transforms))
+            frames = body_frames(body, led[begin : end + lead], recording.fps)
+            now = frames.transforms[:, -1]
+            vertices = frames.vertices[:, -1]
+            values = motion_values(
+                config, prepared.texels, frames.velocity[:, -1], frames.acceleration[:, -1], now
+            )
+            motion.append(sheet_of(values, prepared))
+            if config.pose:
+                pose.append(sheet_of(pose_values(prepared.texels, vertices, now), prepared))
+            for part, name in zip(offsets, config.templates, strict=True):
+                template, worn = prepared.templates[name], prepared.worn[name]
+                if name in recording.vertices:
+                    simulated = recording.vertices[name][begin:end]
+                    value = template_offsets(
+                        config,
+                        prepared.texels,
+                        template,
+                        worn,
+                        vertices=simulated,
+                        body_vertices=vertices,
+                        transforms=now,
+                    )
+                    part.append(value.half())
+                else:
+                    part.append(torch.zeros(end - begin, len(template.texels), 3, dtype=torch.float16))
+        count = len(recording.transforms) - first
+        has = torch.tensor([name in recording.vertices for name in config.templates])
+        present.append(has.expand(count, -1))
+        transforms.append(recording.transforms[first:])
+        skip = max(HISTORY - 1, recording.settling - first)
+        samples.append(torch.arange(row + skip, row + count))
+        starts.append(torch.full((count,), row))
+        row += count
+    return Frames(
+        motion=torch.cat(motion),
+        pose=torch.cat(pose) if pose else torch.zeros(0),
+        offsets=tuple(torch.cat(part) for part in offsets),
+        present=torch.cat(present),
+        transforms=torch.cat(transforms),
+        samples=torch.cat(samples),
+        starts=torch.cat(starts),
+    )
+
+
+def sheet_of(values: Tensor, prepared: Prepared) -> Tensor:
+    """Texel values (T, C, P) as float16 maps (T, C, H, W)."""
+    return scatter_map(values.half().transpose(1, 2), prepared.texels.sheet)
+
+
+def body_vertices(body: Body, transforms: Tensor) -> Tensor:
+    """The posed body's vertices (B, V, 3), m."""
+    mesh = body.mesh.vertices.to(transforms)
+    return skin(mesh, body.weights.to(transforms), transforms)

@@ -1,0 +1,354 @@
+"""The objective of PhysXNet: what it is trained for, how it is validated and what it saves."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from rich.console import Console
+from torch import Tensor, nn
+
+from rasterize.errors import InputError
+from train.clips import Holdout, Recording, frames_of, hold_out, load_recordings, stacked, training_data
+from train.operators import Operator, differences, sampling
+from train.physxnet.frames import Frames, body_vertices, load_frames
+from train.physxnet.patchgan import PatchGAN, discriminator_loss, generator_loss
+from train.physxnet.prepare import Prepared, check_rests, prepare
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.checkpoint import save_checkpoint
+from uvcloth.geometry.mesh import edge_lengths
+from uvcloth.geometry.records import to_device
+from uvcloth.methods.physxnet.method import (
+    GarmentNet,
+    PhysXNet,
+    PhysXNetConfig,
+    garment_vertices,
+    mirror,
+    physxnet_checkpoint,
+)
+
+STATISTICS_STRIDE = 4
+"""Every n-th training frame enters the statistics."""
+
+GEOMETRY_STRIDE = 4
+"""Every n-th row of a batch is decoded for the edge and bend losses, which cost as much as the network."""
+
+
+@dataclass(frozen=True)
+class Losses(Holdout):
+    """What the network is trained for, beside the L1 error of the normalized maps."""
+
+    l1: float = 1.0
+    """Weight of the L1 error over each template's valid texels (paper: 100, against the discriminator)."""
+    edge: float = 4.0
+    """Weight of the edge length error of the decoded garment, as a share of the rest length."""
+    bend: float = 1.0
+    """Weight of the error of the offsets' differences along edges, as a share of the rest length."""
+    adversarial: bool = False
+    """Train against a PatchGAN discriminator (paper)."""
+    mirror: bool = True
+    """Show half of the samples left-right mirrored."""
+
+
+LOSSES: dict[str, Losses] = {
+    "default": Losses(),
+    "paper": Losses(l1=100.0, edge=0.0, bend=0.0, adversarial=True, mirror=False),
+    "tiny": Losses(),
+}
+
+
+class PhysXNetObjective:
+    """Losses and validation of one network on one set of recordings, all held in memory."""
+
+    def __init__(
+        self, config: PhysXNetConfig, losses: Losses, data: Path, run: Path, body: Body | None = None
+    ) -> None:
+        """Read the data and prepare everything. Raises InputError if data, body and templates do not fit."""
+        self.config, self.weights = config, losses
+        self.body = body or load_body()
+        recordings = load_recordings(data, config.templates, self.body)
+        self.prepared = prepare(run, self.body, config.templates, config.size)
+        check_rests({name: worn.points for name, worn in self.prepared.worn.items()}, recordings, self.body)
+        training, held = hold_out(recordings, losses, data)
+        for name in config.templates:
+            if not any(name in r.vertices for r in training):
+                raise InputError(f"{data}: no training sequence of {name}; simulate some or set --templates")
+        self.data = training_data(training, held)
+        self.frames = load_frames(config, self.body, self.prepared, training, "training frames")
+        held = held or training
+        self.held = load_frames(config, self.body, self.prepared, held, "validation frames")
+        self.truth = [stacked(held, name) for name in config.templates]
+        self.held_rows = [_counting_rows(self.held, held, name) for name in config.templates]
+        Console().print(
+            f"{frames_of(training)} training frames of {len(training)} clips, "
+            f"{frames_of(held)} validation frames ({', '.join(r.clip for r in held)})"
+        )
+        self.geometry = [self._geometry(name) for name in config.templates]
+        self.past = _new_past(config, self.frames) if config.history else torch.zeros(0)
+        if config.anchor == "carrier":
+            errors = {name: f"{error:.1f}" for name, error in self._errors(self._without_change).items()}
+            Console().print(f"smooth skinning alone: {errors}")
+
+    @property
+    def samples(self) -> Tensor:
+        """The rows that a step may ask for."""
+        return self.frames.samples
+
+    def networks(self) -> dict[str, nn.Module]:
+        """The network, scaled to the training data, and the discriminator if there is one."""
+        net = GarmentNet(self.config)
+        set_statistics(net, self.config, self.prepared, self.frames)
+        if not self.weights.adversarial:
+            return {"net": net}
+        channels = self.config.inputs + 3 * len(self.config.templates)
+        return {"net": net, "discriminator": PatchGAN(channels, self.config.width)}
+
+    def to(self, device: torch.device) -> None:
+        """Move everything that a step touches to a device."""
+        self.frames, self.held = self.frames.to(device), self.held.to(device)
+        prepared = self.prepared
+        self.prepared = Prepared(
+            to_device(prepared.texels, device),
+            {name: to_device(value, device) for name, value in prepared.templates.items()},
+            {name: to_device(value, device) for name, value in prepared.worn.items()},
+            {name: value.to(device) for name, value in prepared.edges.items()},
+        )
+        self.geometry = [
+            (sample.to(device), edges.to(device), rest.to(device)) for sample, edges, rest in self.geometry
+        ]
+        self.past = self.past.to(device)
+
+    def steps(
+        self, networks: Mapping[str, Any], rows: Tensor
+    ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
+        """The losses of one batch: which network each trains, and its parts for the log."""
+        maps = self.frames.inputs(rows)
+        if self.config.history:
+            maps = torch.cat([maps, self._history(rows)], dim=1)
+        mirrored = len(rows) // 2 if self.weights.mirror else 0
+        predicted = networks["net"](torch.cat([mirror(maps[:mirrored]), maps[mirrored:]]))
+        predicted = torch.cat([mirror(predicted[:mirrored]), predicted[mirrored:]])
+        if self.config.history:
+            self.past[rows] = predicted.detach().half()
+        parts = self._parts(networks["net"], predicted, rows)
+        total = torch.stack(list(parts.values())).sum()
+        if self.weights.adversarial:
+            seen, real, made = self._judged(networks["net"], maps, predicted, rows)
+            judge = networks["discriminator"]
+            loss = discriminator_loss(
+                judge(torch.cat([seen, real], dim=1)), judge(torch.cat([seen, made.detach()], dim=1))
+            )
+            yield "discriminator", loss, {"discriminator": loss}
+            fooled = generator_loss(judge(torch.cat([seen, made], dim=1)))
+            total, parts = total + fooled, {**parts, "adversarial": fooled}
+        yield "net", total, parts
+
+    def _parts(self, net: GarmentNet, predicted: Tensor, rows: Tensor) -> dict[str, Tensor]:
+        """Weighted losses over the templates; a template that a row lacks weighs nothing in it."""
+        scales = net.output_scale.flatten()
+        parts = {
+            "l1": predicted.new_zeros(()),
+            "edge": predicted.new_zeros(()),
+            "bend": predicted.new_zeros(()),
+        }
+        present = self.frames.present[rows].float()
+        total = present.sum().clamp(min=1.0)
+        some = slice(None, None, GEOMETRY_STRIDE)
+        transforms, some_present = self.frames.transforms[rows[some]], present[some]
+        posed = body_vertices(self.body, transforms) if self.config.anchor == "body" else transforms
+        some_total = some_present.sum().clamp(min=1.0)
+        for index, name in enumerate(self.config.templates):
+            template = self.prepared.templates[name]
+            offsets = offsets_of(predicted, index, template.pixels)
+            wrong = offsets - self.frames.offsets[index][rows].float()
+            error = (wrong.abs().mean(1) / scales[3 * index : 3 * index + 3]).mean(1)
+            parts["l1"] = parts["l1"] + self.weights.l1 * (present[:, index] * error).sum() / total
+            sample, edges, rest = self.geometry[index]
+            share = some_present[:, index] / some_total
+            if self.weights.edge:
+                vertices = garment_vertices(
+                    self.config,
+                    self.prepared.texels,
+                    template,
+                    self.prepared.worn[name],
+                    offsets=offsets[some],
+                    body_vertices=posed,
+                    transforms=transforms,
+                    sample=sample,
+                )
+                stretch = (edges(vertices).norm(dim=2) / rest - 1.0).abs().mean(1)
+                parts["edge"] = parts["edge"] + self.weights.edge * (share * stretch).sum()
+            if self.weights.bend:
+                turned = (edges(sample(wrong[some])).norm(dim=2) / rest).mean(1)
+                parts["bend"] = parts["bend"] + self.weights.bend * (share * turned).sum()
+        return parts
+
+    def _geometry(self, name: str) -> tuple[Operator, Operator, Tensor]:
+        """How a template's texels become vertices, those edge vectors, and the edges' rest lengths, m."""
+        worn, edges = self.prepared.worn[name], self.prepared.edges[name]
+        sample = sampling(worn.samples, worn.shares, len(self.prepared.templates[name].texels))
+        return sample, differences(edges, len(worn.points)), edge_lengths(worn.points, edges)
+
+    def _history(self, rows: Tensor) -> Tensor:
+        """The latest predictions of the frames before: (B, history * templates * 3, H, W), oldest first."""
+        back = torch.arange(self.config.history, 0, -1, device=rows.device)
+        before = rows[:, None] - back
+        known = (before >= self.frames.starts[rows][:, None])[..., None, None, None]
+        past = self.past[before.clamp(min=0)].float() * known
+        return past.flatten(1, 2)
+
+    def _judged(
+        self, net: GarmentNet, maps: Tensor, predicted: Tensor, rows: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """What the discriminator sees: normalized inputs, real and made maps, zero off the cloth."""
+        real, mask = torch.zeros_like(predicted), torch.zeros_like(predicted)
+        for index, name in enumerate(self.config.templates):
+            pixels = self.prepared.templates[name].pixels
+            part = slice(3 * index, 3 * index + 3)
+            true = self.frames.offsets[index][rows].float().transpose(1, 2)
+            real[:, part].flatten(2)[:, :, pixels] = true
+            mask[:, part].flatten(2)[:, :, pixels] = self.frames.present[rows][:, index, None, None].float()
+        real, made = (mask * (values - net.output_shift) / net.output_scale for values in (real, predicted))
+        return net.scaled(maps), real, made
+
+    def validate(self, net: nn.Module) -> dict[str, float]:
+        """Mean vertex error in mm of each template over the validation clips, and their mean.
+
+        As decoded, before contact. With history the clips are rolled out side by side, on their own
+        predictions.
+        """
+        net.eval()
+        errors = self._errors(net)
+        net.train()
+        return errors
+
+    def _without_change(self, maps: Tensor) -> Tensor:
+        """What a network would say that never moves a garment off its carrier."""
+        return maps.new_zeros(len(maps), 3 * len(self.config.templates), *maps.shape[2:])
+
+    @torch.no_grad()
+    def _errors(self, net: Callable[[Tensor], Tensor]) -> dict[str, float]:
+        errors: dict[str, list[Tensor]] = {name: [] for name in self.config.templates}
+        for rows, predicted in self._rollouts(net) if self.config.history else self._batches(net):
+            transforms = self.held.transforms[rows]
+            posed = body_vertices(self.body, transforms) if self.config.anchor == "body" else transforms
+            for index, name in enumerate(self.config.templates):
+                truth, places = self.truth[index], self.held_rows[index][rows.cpu()]
+                here = torch.nonzero(places >= 0).squeeze(1)
+                if truth is None or not len(here):
+                    continue
+                template = self.prepared.templates[name]
+                vertices = garment_vertices(
+                    self.config,
+                    self.prepared.texels,
+                    template,
+                    self.prepared.worn[name],
+                    offsets=offsets_of(predicted[here], index, template.pixels),
+                    body_vertices=posed[here],
+                    transforms=transforms[here],
+                )
+                true = truth[places[here]].to(vertices)
+                errors[name].append((vertices - true).norm(dim=2).mean(1) * 1000.0)
+        means = {f"{name}_mm": float(torch.cat(parts).mean()) for name, parts in errors.items() if parts}
+        return {"mean_mm": sum(means.values()) / len(means), **means}
+
+    def _batches(self, net: Callable[[Tensor], Tensor]) -> Iterator[tuple[Tensor, Tensor]]:
+        for rows in self.held.samples[:: max(1, len(self.held.samples) // 128)].split(8):
+            maps = self.held.inputs(rows)
+            yield rows, net(maps)
+
+    def _rollouts(self, net: Callable[[Tensor], Tensor]) -> Iterator[tuple[Tensor, Tensor]]:
+        starts, counts = self.held.starts.unique(return_counts=True)
+        sheet = (3 * len(self.config.templates), self.config.size, self.config.size)
+        past = torch.zeros(len(starts), self.config.history, *sheet, device=starts.device)
+        for frame in range(2, min(150, int(counts.min()))):
+            rows = starts + frame
+            maps = self.held.inputs(rows)
+            predicted = net(torch.cat([maps, past.flatten(1, 2)], dim=1))
+            past = torch.cat([past[:, 1:], predicted[:, None]], dim=1)
+            yield rows, predicted
+
+    def save(self, net: GarmentNet, run: Path, notes: dict[str, Any]) -> None:
+        """Write the trained method to the run's folder."""
+        method = PhysXNet(self.config, net)
+        save_checkpoint(physxnet_checkpoint(method, self.body, self.data, notes), run)
+
+    def settings(self) -> dict[str, Any]:
+        """What must not change within a run."""
+        return {**asdict(self.config), **asdict(self.weights), "data": asdict(self.data)}
+
+    def memory(self) -> dict[str, Tensor]:
+        """What the objective remembers between steps and an exact resume needs."""
+        return {"past": self.past} if self.config.history else {}
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        """Take back what `memory` gave."""
+        if self.config.history:
+            if memory["past"].shape != self.past.shape:
+                raise InputError("the run was trained on other data: it remembers another number of frames")
+            self.past.copy_(memory["past"])
+
+
+def offsets_of(predicted: Tensor, index: int, pixels: Tensor) -> Tensor:
+    """One template's texels of predicted maps (B, templates * 3, H, W): (B, Q, 3)."""
+    return predicted[:, 3 * index : 3 * index + 3].flatten(2).index_select(2, pixels).transpose(1, 2)
+
+
+def set_statistics(net: GarmentNet, config: PhysXNetConfig, prepared: Prepared, frames: Frames) -> None:
+    """Take the scales of inputs and outputs from the training frames."""
+    rows = frames.samples[::STATISTICS_STRIDE]
+    seen = prepared.texels.sheet.pixels
+    motion = _scales(config, frames.motion[rows].flatten(2)[:, :, seen].float())
+    shifts, scales = [motion[0].repeat(3)], [motion[1].repeat(3)]
+    if config.pose:
+        pose = _scales(config, frames.pose[rows].flatten(2)[:, :, seen].float())
+        shifts.append(pose[0])
+        scales.append(pose[1])
+    net.output_shift.zero_()
+    for index, name in enumerate(config.templates):
+        rows = frames.samples[frames.present[frames.samples, index]][::STATISTICS_STRIDE]
+        if not len(rows):
+            continue
+        channels = slice(3 * index, 3 * index + 3)
+        offsets = frames.offsets[index][rows].float().transpose(1, 2)
+        if config.centre == "texel":
+            mean = offsets.mean(0)
+            net.output_shift[channels].flatten(1)[:, prepared.templates[name].pixels] = mean
+            offsets = offsets - mean
+        shift, scale = _scales(config, offsets)
+        if config.centre == "channel":
+            net.output_shift[channels] = shift[:, None, None]
+        net.output_scale[channels] = scale[:, None, None]
+    means = net.output_shift.mean((1, 2))
+    shifts += [means] * config.history
+    scales += [net.output_scale.flatten()] * config.history
+    net.input_shift.copy_(torch.cat(shifts)[:, None, None])
+    net.input_scale.copy_(torch.cat(scales)[:, None, None])
+
+
+def _scales(config: PhysXNetConfig, values: Tensor) -> tuple[Tensor, Tensor]:
+    """Shift and scale (C,) that bring values (R, C, P) to [-1, 1] or to zero mean and unit deviation."""
+    if config.scaling == "min_max":
+        low, high = values.amin((0, 2)), values.amax((0, 2))
+        return (high + low) / 2, ((high - low) / 2).clamp(min=1e-6)
+    return values.mean((0, 2)), values.std((0, 2)).clamp(min=1e-6)
+
+
+def _counting_rows(frames: Frames, recordings: list[Recording], template: str) -> Tensor:
+    """For each row, its place in `stacked(recordings, template)`, -1 where it has none: (R,) int64."""
+    places = torch.full((len(frames.transforms),), -1, dtype=torch.int64)
+    next_place, next_row = 0, 0
+    for recording in recordings:
+        rows = min(recording.settling, 2) + len(recording.transforms) - recording.settling
+        if template in recording.vertices:
+            count = len(recording.transforms) - recording.settling
+            places[next_row + rows - count : next_row + rows] = torch.arange(next_place, next_place + count)
+            next_place += count
+        next_row += rows
+    return places
+
+
+def _new_past(config: PhysXNetConfig, frames: Frames) -> Tensor:
+    sheet = (3 * len(config.templates), config.size, config.size)
+    return torch.zeros(len(frames.transforms), *sheet, dtype=torch.float16)

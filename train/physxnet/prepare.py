@@ -1,0 +1,117 @@
+"""What training needs of shapes at rest, made once per run: correspondences from ray casting, mesh edges."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rasterize.archive import load_arrays, save_arrays
+from rasterize.errors import InputError
+from train.clips import Recording
+from uvcloth.bodies.body import Body
+from uvcloth.geometry.mesh import unique_edges
+from uvcloth.geometry.records import from_arrays, to_arrays
+from uvcloth.methods.physxnet.texels import (
+    BodyTexels,
+    TemplateTexels,
+    Worn,
+    body_texels,
+    template_texels,
+    worn_on,
+)
+
+FORMAT = "uvcloth-prepared-1"
+FILE = "prepared.npz"
+
+SAME_REST = 0.002
+"""Metres between a sequence's rest shape and the template on the body that still count as the same."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Correspondences of a body and its templates. edges: template -> (E, 2) int64 mesh edges."""
+
+    texels: BodyTexels
+    templates: dict[str, TemplateTexels]
+    worn: dict[str, Worn]
+    edges: dict[str, Tensor]
+
+
+def prepare(folder: Path, body: Body, templates: tuple[str, ...], size: int) -> Prepared:
+    """Read what an earlier start of this run prepared, or cast the rays and write it to the folder.
+
+    Only the making needs ray casting: a folder that was prepared here can be trained anywhere.
+    """
+    identity = _identity(body, templates, size)
+    path = Path(folder) / FILE
+    if path.exists():
+        arrays = load_arrays(path, FORMAT, "the correspondences of a training run")
+        if str(arrays["identity"]) == identity:
+            return _read(arrays, templates, path)
+    prepared = make(body, templates, size)
+    arrays = {"format": np.array(FORMAT), "identity": np.array(identity)}
+    arrays |= to_arrays(prepared.texels, "texels")
+    for name in templates:
+        arrays |= to_arrays(prepared.templates[name], f"template.{name}")
+        arrays |= to_arrays(prepared.worn[name], f"worn.{name}")
+        arrays[f"edges.{name}"] = prepared.edges[name].numpy()
+    save_arrays(path, arrays)
+    return prepared
+
+
+def make(body: Body, templates: tuple[str, ...], size: int) -> Prepared:
+    """Dress the body in every template and cast the rays."""
+    from uvcloth.garments.templates import wear
+
+    texels = body_texels(body, size)
+    garments = {name: wear(name, body) for name in templates}
+    seen = {name: template_texels(name, garments[name].mesh, body, texels) for name in templates}
+    return Prepared(
+        texels=texels,
+        templates=seen,
+        worn={name: worn_on(garments[name], seen[name], texels) for name in templates},
+        edges={name: unique_edges(garments[name].mesh.faces) for name in templates},
+    )
+
+
+def check_rests(rests: Mapping[str, Tensor], recordings: list[Recording], body: Body) -> None:
+    """Raise InputError naming the clip if it was simulated with another garment or on another body.
+
+    rests: template -> (N, 3) m, its vertices at rest on the body.
+    """
+    for recording in recordings:
+        for name, rest in recording.rests.items():
+            expected = rests[name]
+            if rest.shape != expected.shape or (rest - expected).norm(dim=1).max() > SAME_REST:
+                raise InputError(
+                    f"{recording.clip}_{name}: at rest not the garment {name} on body {body.name!r}; "
+                    "it was simulated with another garment or body"
+                )
+
+
+def _identity(body: Body, templates: tuple[str, ...], size: int) -> str:
+    """A hash of all that correspondences depend on."""
+    data = files("uvcloth") / "data"
+    digest = hashlib.sha256("/".join([*templates, str(size)]).encode())
+    for tensor in (body.mesh.vertices, body.mesh.faces, body.weights):
+        digest.update(tensor.numpy().tobytes())
+    for file in (data / "layout.npz", *(data / "templates" / f"{name}.npz" for name in templates)):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
+
+
+def _read(arrays: dict[str, np.ndarray], templates: tuple[str, ...], path: Path) -> Prepared:
+    try:
+        return Prepared(
+            texels=from_arrays(BodyTexels, arrays, "texels"),
+            templates={name: from_arrays(TemplateTexels, arrays, f"template.{name}") for name in templates},
+            worn={name: from_arrays(Worn, arrays, f"worn.{name}") for name in templates},
+            edges={name: torch.from_numpy(arrays[f"edges.{name}"]) for name in templates},
+        )
+    except KeyError as error:
+        raise InputError(f"{path}: lacks the array {error}; delete the file to make it anew") from error

@@ -1,0 +1,68 @@
+"""Linear blend skinning, and the smooth blend weights that carry a garment."""
+
+import torch
+from torch import Tensor
+
+from uvcloth.geometry.mesh import neighbour_average, unique_edges
+from uvcloth.geometry.rotations import rotate_back
+
+
+def blend_transforms(weights: Tensor, transforms: Tensor) -> Tensor:
+    """Blend joint transforms per vertex: weights (V, J), transforms (B, J, 3, 4) -> (B, V, 3, 4)."""
+    batch, joints = transforms.shape[:2]
+    columns = transforms.permute(1, 0, 2, 3).reshape(joints, -1)
+    return (weights @ columns).view(-1, batch, 3, 4).transpose(0, 1)
+
+
+def apply_transforms(blended: Tensor, points: Tensor) -> Tensor:
+    """Move points (V, 3) or (B, V, 3) by per-vertex transforms (B, V, 3, 4) -> (B, V, 3)."""
+    return (blended[..., :3] * points.unsqueeze(-2)).sum(-1) + blended[..., 3]
+
+
+def skin(points: Tensor, weights: Tensor, transforms: Tensor) -> Tensor:
+    """Linear blend skinning: points (V, 3) at rest, weights (V, J), transforms (B, J, 3, 4) -> (B, V, 3).
+
+    One matrix product: the blended transform of every vertex is never formed.
+    """
+    batch, joints = transforms.shape[:2]
+    homogeneous = torch.cat([points, torch.ones_like(points[:, :1])], dim=1)
+    weighted = (weights[:, :, None] * homogeneous[:, None, :]).flatten(1)
+    columns = transforms.permute(1, 3, 0, 2).reshape(4 * joints, 3 * batch)
+    return (weighted @ columns).view(-1, batch, 3).transpose(0, 1).contiguous()
+
+
+def rotation_part(blended: Tensor) -> Tensor:
+    """Orthonormal frames (..., 3, 3) nearest in the Gram-Schmidt sense to blended matrices (..., 3, 4).
+
+    Columns are the images of the rest axes; the third is the reference, so blends stay well defined.
+    """
+    z = torch.nn.functional.normalize(blended[..., :, 2], dim=-1)
+    x = blended[..., :, 0]
+    x = torch.nn.functional.normalize(x - (x * z).sum(-1, keepdim=True) * z, dim=-1)
+    return torch.stack([x, torch.linalg.cross(z, x), z], dim=-1)
+
+
+def diffuse_weights(weights: Tensor, vertices: Tensor, faces: Tensor, distance: float) -> Tensor:
+    """Blend weights (N, J) diffused over a mesh by about `distance` metres; rows still sum to one.
+
+    Repeated averaging over the neighbours; each pass spreads by about one edge length.
+    """
+    edges = unique_edges(faces)
+    length = (vertices[edges[:, 0]] - vertices[edges[:, 1]]).norm(dim=1).mean()
+    passes = max(1, round(float((distance / length) ** 2)))
+    average = neighbour_average(faces, len(vertices))
+    for _ in range(passes):
+        weights = 0.5 * weights + 0.5 * torch.sparse.mm(average, weights)
+    return weights
+
+
+def carry(points: Tensor, weights: Tensor, transforms: Tensor) -> tuple[Tensor, Tensor]:
+    """Skinned points (B, N, 3) and frames (B, N, 3, 3) whose columns are the rest axes turned along."""
+    blended = blend_transforms(weights, transforms)
+    return apply_transforms(blended, points), rotation_part(blended)
+
+
+def seen_from_root(points: Tensor, transforms: Tensor) -> Tensor:
+    """Points (B, P, 3) m in the axes of the root joint, the first of transforms (B, J, 3, 4)."""
+    root = transforms[:, None, 0]
+    return rotate_back(root[..., :3], points - root[..., 3])

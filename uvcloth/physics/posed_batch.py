@@ -1,0 +1,92 @@
+"""The same mesh in many poses at once, and where the points beside each of them meet its surface.
+
+Training asks again and again for the same poses, and what a network predicts for one moves little between two
+visits. A point that was farther away than it has moved since touches nothing, and how far away it was bounds
+the search where it may: most points need no search, the others a short one. What is found is the same.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+import warp as wp
+from torch import Tensor
+
+from uvcloth.geometry.mesh import vertex_normals
+from uvcloth.physics import kernels
+from uvcloth.physics.launch import array, launch, stream
+from uvcloth.physics.surface import FREE, REACH
+
+
+@dataclass(frozen=True)
+class Planes:
+    """What keeps B x N points off a surface: a plane each, or none.
+
+    normals: (B, N, 3) the direction in which the signed distance grows, unit length. bounds: (B, N) m,
+    product of the plane's points with its normal; FREE where nothing is near.
+    """
+
+    normals: Tensor
+    bounds: Tensor
+
+    def distance(self, points: Tensor) -> Tensor:
+        """Signed distance (B, N) m of points (B, N, 3) from their planes, and huge without one."""
+        return (points * self.normals).sum(-1) - self.bounds
+
+
+@dataclass(frozen=True)
+class Visit:
+    """Where the points of P poses were when they were last looked up.
+
+    points: (P, N, 3) m. clearance: (P, N) m, signed distance from the surface then; 0 before the first visit.
+    """
+
+    points: Tensor
+    clearance: Tensor
+
+
+def first_visit(poses: int, points: int, device: torch.device) -> Visit:
+    """Of P poses with N points that were never looked up."""
+    return Visit(
+        torch.full((poses, points, 3), torch.inf, device=device), torch.zeros(poses, points, device=device)
+    )
+
+
+class Crowd:
+    """B copies of a closed mesh, each in its own pose: vertices (V, 3) m, faces (F, 3)."""
+
+    def __init__(self, vertices: Tensor, faces: Tensor, count: int) -> None:
+        wp.init()
+        self.device = vertices.device
+        wp.load_module(kernels, device=str(self.device))
+        self._points = vertices.detach().float().repeat(count, 1, 1).contiguous()
+        self._faces = faces.to(self.device)
+        with stream(self.device):
+            corners = array(faces.to(self.device, torch.int32).reshape(-1).contiguous())
+            self._meshes = [wp.Mesh(array(points), corners) for points in self._points]
+            ids = [mesh.id for mesh in self._meshes]
+            self._ids: Any = wp.array(ids, dtype=wp.uint64, device=str(self.device))
+
+    def update(self, vertices: Tensor) -> None:
+        """Move to new poses (B, V, 3), of which there may be fewer than copies."""
+        self._points[: len(vertices)].copy_(vertices.detach())
+        with stream(self.device):
+            for mesh in self._meshes[: len(vertices)]:
+                mesh.refit()
+
+    def planes(self, points: Tensor, near: float, visit: Visit | None = None, corner: bool = False) -> Planes:
+        """The plane that touches the surface at the point closest to each of (B, N, 3), if it is near, m.
+
+        visit: of these poses; brought up to date, in place. corner: the plane at the nearest vertex of the
+        closest face instead, across that vertex's normal (PBNS eq. 5).
+        """
+        points = points.detach().float().contiguous()
+        count, each = points.shape[:2]
+        visit = visit or first_visit(count, each, self.device)
+        corners = vertex_normals(self._points, self._faces) if corner else points.new_empty(0, 0, 3)
+        normals, bounds = torch.zeros_like(points), torch.full_like(points[..., 0], FREE)
+        tensors = (points.view(-1, 3), visit.points.view(-1, 3), visit.clearance.view(-1))
+        found = map(array, (corners.view(-1, 3), normals.view(-1, 3), bounds.view(-1)))
+        query = (self._ids, each, *map(array, tensors), near, REACH)
+        launch(kernels.closest_in_crowd, count * each, self.device, *query, *found)
+        return Planes(normals, bounds)

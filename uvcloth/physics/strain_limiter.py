@@ -1,0 +1,75 @@
+"""Cloth that hardly stretches: moves vertices until edges have their rest length again, and unbends them."""
+
+import torch
+from torch import Tensor
+
+from uvcloth.geometry.mesh import unique_edges, weld
+from uvcloth.physics import kernels
+from uvcloth.physics.launch import array, record, run
+
+STEP = 1.8
+"""Of the mean correction that its edges ask of a vertex; 2 oscillates where all neighbours move alike."""
+
+MOMENTUM = 0.995
+"""Spectral radius that the Chebyshev weights are made for: near 1, long waves settle fast."""
+
+BEND = 0.02
+"""Share of the curvature beyond that at rest which a pass undoes: without it folds are as small as edges."""
+
+PLAIN = 2
+"""Passes without momentum at first, while the largest errors go."""
+
+
+class Inextensible:
+    """A garment's edges and its shape at rest; vertices at one place there (UV seams) are one.
+
+    Shape is the length of each edge and, as the curvature at a vertex, of the mean of the vectors to its
+    neighbours. vertices: (N, 3) at rest, m. faces: (M, 3). It runs on the device of `vertices`.
+    """
+
+    def __init__(self, vertices: Tensor, faces: Tensor) -> None:
+        device = vertices.device
+        self.owner = weld(vertices)
+        edges = unique_edges(self.owner[faces])
+        ends = torch.cat([edges, edges.flip(1)])
+        ends = ends[ends[:, 0].argsort(stable=True)]
+        vectors = vertices[ends[:, 1]] - vertices[ends[:, 0]]
+        first = torch.searchsorted(ends[:, 0].contiguous(), torch.arange(len(vertices) + 1, device=device))
+        total = torch.zeros_like(vertices).index_add(0, ends[:, 0], vectors)
+        curvatures = total.norm(dim=1) / first.diff().clamp(min=1)
+        lengths = vectors.norm(dim=1).float()
+        self._shape = tuple(
+            map(array, (first.int(), ends[:, 1].int().contiguous(), lengths, curvatures.float()))
+        )
+
+    def relax(self, vertices: Tensor, passes: int, normals: Tensor, bounds: Tensor) -> Tensor:
+        """Even out the edges of a garment (N, 3), m, and keep it on the outer side of planes.
+
+        Jacobi iterations with Chebyshev weights (Wang 2015): short waves go first, so that the shape stays.
+        passes: of them. normals: (N, 3) and bounds: (N,) m, the least product of a vertex with its normal.
+        """
+        now = vertices[self.owner].float()
+        before = now.clone()
+        planes = (array(normals.float().contiguous()), array(bounds.float().contiguous()))
+        amounts = (STEP, BEND, 1.0)
+        places, device = (array(now), array(before)), vertices.device
+        there, back = (
+            record(kernels.even_edges, len(now), device, *ends, *self._shape, *planes, *amounts)
+            for ends in (places, places[::-1])
+        )
+        weight = 1.0
+        for turn in range(passes):
+            weight = _weight(turn, passes, weight)
+            for share in there:
+                share.set_param_by_name("momentum", weight)
+            run(there, device)
+            there, back = back, there
+        return (before if passes % 2 else now)[self.owner]
+
+
+def _weight(turn: int, passes: int, before: float) -> float:
+    """The Chebyshev weight of a pass; the first ones and the last are plain."""
+    if turn < PLAIN or turn == passes - 1:
+        return 1.0
+    square = MOMENTUM**2
+    return 2.0 / (2.0 - square) if turn == PLAIN else 4.0 / (4.0 - square * before)

@@ -1,0 +1,236 @@
+"""Simulate many sequences in parallel processes, on this machine or on a dask cluster."""
+
+import os
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from dataclasses import replace
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+from rich.text import Text
+
+from rasterize.atomic import make_folder
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.garments.loading import take_for_data
+from uvcloth.garments.order import check_order
+from uvcloth.motion.index import INDEX
+from uvcloth.simulate.cloth import Cloth, join
+from uvcloth.simulate.engine import Engine
+from uvcloth.simulate.engines import ENGINES
+from uvcloth.simulate.folder import (
+    REPEAT,
+    keep_index,
+    keep_refused,
+    rejected,
+    require_same,
+    stored_sequences,
+)
+from uvcloth.simulate.lead_in import LeadIn
+from uvcloth.simulate.plan import Job, batch_sources, plan
+from uvcloth.simulate.quality_check import examine
+from uvcloth.simulate.run import simulate
+from uvcloth.simulate.sequence import Sequence as Recording
+from uvcloth.simulate.sequence import save_sequence
+
+AHEAD = 2
+"""Simulations that are handed out per core: one runs, one waits."""
+
+SPEED_SECONDS = 3600.0
+"""How far back the speed is measured by which the end is foreseen."""
+
+TOPIC = "uvcloth-frames"
+PARTS = LeadIn()
+
+
+def simulate_batch(
+    clips: Sequence[str],
+    garments: Sequence[str],
+    out: Path,
+    body: Body,
+    windows: Path | None = None,
+    clips_from: Path | None = None,
+    splits: Sequence[str] | None = None,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    repeat: bool = False,
+    layered: bool = False,
+    engine: str = "newton",
+) -> None:
+    """Simulate every clip with every garment into OUT/<clip>_<garment>.npz; what is there already is kept.
+
+    garments: template names or mesh files, whose garment is named by the file's stem. layered: they are worn
+    over one another, the first innermost, and simulated together; otherwise each alone.
+    windows: an index of clips and windows, copied to OUT/index.csv. clips_from, splits: without clips, the
+    folder and the splits of those that it names (`batch_sources`).
+    engine: one of ENGINES.
+    repeat: start each window REPEAT_EARLIER frames earlier and write to OUT/repeat instead.
+    Sequences that `examine` refuses go to OUT/rejected with the reason in their metadata, all layers of an
+    outfit together; captures that are faulty are not simulated and named in OUT/refused.csv.
+    Raises InputError for unreadable clips, garments or windows, for garments that cannot be simulated or
+    cross as layers, for sequences that would share a file, if OUT cannot be written or was made from other
+    windows, layers, settings or on another body, for a scheduler that does not answer, or if the engine or
+    the `simulate` extra is missing.
+    """
+    if engine not in ENGINES:
+        raise InputError(f"--engine {engine}: expected one of {', '.join(ENGINES)}")
+    if jobs is not None and jobs < 1:
+        raise InputError(f"--jobs {jobs}: expected at least 1")
+    cloths = _cloths(garments, body)
+    outfits = [tuple(cloths)] if layered else [(cloth,) for cloth in cloths]
+    for outfit in outfits:
+        check_order([cloth.garment for cloth in outfit])
+    sources = batch_sources(clips, windows, clips_from, splits)
+    named = [tuple(cloth.garment.name for cloth in outfit) for outfit in outfits]
+    made_by = ENGINES[engine]()
+    require_same(stored_sequences(out), body, made_by, named)
+    todo, refused = plan(sources, outfits, out / REPEAT if repeat else out, body, repeat)
+    make_folder(out)
+    if windows is not None:
+        keep_index(windows, out / INDEX)
+    if refused:
+        keep_refused(refused, out)
+        print("\n".join(f"{clip}: refused, {reason}" for clip, reason in refused.items()))
+    if not todo:
+        print(f"{out}: every sequence is there already")
+        return
+    _simulate_all(todo, body, made_by, jobs, scheduler)
+
+
+def _simulate_all(
+    todo: Sequence[Job],
+    body: Body,
+    engine: Engine,
+    jobs: int | None,
+    scheduler: str | None,
+) -> None:
+    """Simulate in order, as many at a time as there are cores, and keep each sequence as it is done."""
+    try:
+        from dask.distributed import LocalCluster, as_completed
+    except ModuleNotFoundError as error:
+        raise InputError("simulating needs dask and Newton: install uvcloth[simulate]") from error
+    with ExitStack() as stack:
+        cluster: Any = scheduler
+        if scheduler is None:
+            workers = min(jobs or os.cpu_count() or 1, len(todo))
+            cluster = LocalCluster(
+                n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=50
+            )
+            stack.callback(_close, cluster)
+        client = stack.enter_context(_connect(cluster))
+        progress = stack.enter_context(_progress())
+        bar = progress.add_task(f"{len(todo)} sequences", total=sum(map(_frames, todo)))
+        client.subscribe_topic(TOPIC, lambda event: progress.advance(bar, event[1]))
+        shared = client.scatter(body, broadcast=True)
+        queue, running = iter(todo), as_completed()
+        waiting: dict[Any, Job] = {}
+
+        def hand_out() -> None:
+            """A few at a time: all at once would fill the scheduler's memory with motion and cloth."""
+            while len(waiting) < AHEAD * max(sum(client.nthreads().values()), 1):
+                job = next(queue, None)
+                if job is None:
+                    return
+                future = client.submit(_work, job, shared, engine, pure=False)
+                waiting[future] = job
+                running.add(future)
+
+        hand_out()
+        for future in running:
+            job = waiting.pop(future)
+            recordings, reason = future.result()
+            progress.advance(bar, _frames(job) - len(recordings[0].vertices))
+            for recording, target in zip(recordings, job.targets, strict=True):
+                progress.console.print(_keep(recording, reason, target), soft_wrap=True)
+            future.release()
+            hand_out()
+            if not progress.console.is_terminal:
+                print(foreseen(progress.tasks[0], datetime.now()), flush=True)
+
+
+def _cloths(names: Sequence[str], body: Body) -> list[Cloth]:
+    """The garments, ready to simulate. Raises InputError also if two of them have one name."""
+    cloths: dict[str, Cloth] = {}
+    for name in names:
+        cloth = join(take_for_data(name, body, print), body)
+        if cloth.garment.name in cloths:
+            raise InputError(f"garment {name}: another one is also named {cloth.garment.name}")
+        cloths[cloth.garment.name] = cloth
+    return list(cloths.values())
+
+
+def _connect(cluster: Any) -> Any:
+    """A client of a local cluster, or of the scheduler at an address."""
+    from dask.distributed import Client
+
+    try:
+        return Client(cluster)
+    except (OSError, ValueError) as error:
+        raise InputError(f"--scheduler {cluster}: no dask scheduler answers there ({error})") from error
+
+
+def _work(job: Job, body: Body, engine: Engine) -> tuple[list[Recording], str | None]:
+    """Runs in a worker process: one core, frames reported as they are made."""
+    import torch
+    from dask.distributed import get_worker
+
+    torch.set_num_threads(1)
+    report: Callable[[int], None] = lambda made: get_worker().log_event(TOPIC, made)  # noqa: E731
+    made = simulate(job.motion, job.settling, job.cloths, body, engine, PARTS, report)
+    examined = [
+        examine(recording, cloth.garment, body) for recording, cloth in zip(made, job.cloths, strict=True)
+    ]
+    reasons = [
+        reason if len(made) == 1 else f"{recording.garment}: {reason}"
+        for recording, reason in examined
+        if reason is not None
+    ]
+    return [recording for recording, _ in examined], "; ".join(reasons) or None
+
+
+def _keep(recording: Recording, reason: str | None, target: Path) -> str:
+    """Write a finished sequence where it belongs and say so."""
+    if reason is not None:
+        apart = rejected(target)
+        save_sequence(replace(recording, metadata={**recording.metadata, "rejected": reason}), apart)
+        return f"{apart}: kept apart, {reason}"
+    save_sequence(recording, target)
+    seconds = recording.metadata["wall_seconds"] / len(recording.vertices)
+    said = [f"{seconds:.2f} s per frame", f"{recording.metadata['inside_percent']:.2f} % inside"]
+    for name, share in recording.metadata.get("wrong_side_percent", {}).items():
+        said.append(f"{share:.2f} % on the wrong side of {name}")
+    return f"{target}: {', '.join(said)}"
+
+
+def _close(cluster: Any) -> None:
+    """End the workers; one that is slow to go, on a busy machine, is killed with this process."""
+    with suppress(TimeoutError):
+        cluster.close(timeout=30)
+
+
+def _frames(job: Job) -> int:
+    return len(job.motion) + len(PARTS)
+
+
+def foreseen(task: Task, now: datetime) -> str:
+    """How fast all workers together are, and when they will be done: what was there before does not count."""
+    if not task.speed or task.remaining is None:
+        return "measuring"
+    end = now + timedelta(seconds=task.remaining / task.speed)
+    done = f"{task.completed:.0f} of {task.total:.0f} frames"
+    return f"{done}, {task.speed:.2f} per second, done {end:%a %d %b %H:%M}"
+
+
+class _Foreseen(ProgressColumn):
+    max_refresh = 1.0
+
+    def render(self, task: Task) -> Text:
+        return Text(foreseen(task, datetime.now()))
+
+
+def _progress() -> Progress:
+    return Progress(
+        TextColumn("{task.description}"), BarColumn(), _Foreseen(), speed_estimate_period=SPEED_SECONDS
+    )

@@ -1,0 +1,127 @@
+"""Whether a simulated sequence may be trained on."""
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+from uvcloth.bodies.collider import ARMS, FOREARMS, LEGS, make_collider
+from uvcloth.garments.garment import Garment
+from uvcloth.geometry.mesh import unique_edges, weld
+from uvcloth.geometry.skeleton import Skeleton
+from uvcloth.geometry.skinning import skin
+from uvcloth.physics.contact import Obstacle
+from uvcloth.physics.self_intersection import crossing_edges_percent
+from uvcloth.simulate.hems import hanging_in_the_air
+from uvcloth.simulate.sequence import Sequence
+
+MOST_INSIDE = 0.5
+"""Percent of vertices that may be inside the collider, averaged over the frames that count."""
+
+MOST_STRETCH = 20.0
+"""Times its rest length that no edge may reach."""
+
+MOST_PIERCED = 5.0
+"""Percent of the frames in which a bone may stick through the cloth that it belongs in."""
+
+MOST_CROSSING = 5.0
+"""Percent of the edges that may run through the garment itself, averaged over the frames that count."""
+
+BONES = (
+    ("LeftArm", "LeftForeArm"),
+    ("RightArm", "RightForeArm"),
+    ("LeftUpLeg", "LeftLeg"),
+    ("RightUpLeg", "RightLeg"),
+    ("LeftLeg", "LeftFoot"),
+    ("RightLeg", "RightFoot"),
+    ("LeftForeArm", "LeftHand"),
+    ("RightForeArm", "RightHand"),
+)
+"""The joints at which the bones of the collider's arms and legs start and end."""
+
+
+def examine(sequence: Sequence, garment: Garment, body: Body) -> tuple[Sequence, str | None]:
+    """The sequence of a garment with what was measured in its metadata, and why it is refused, if so.
+
+    inside_percent: of the vertices inside a part of the collider that they may touch, but for those squeezed
+    between two such parts.
+    pierced_percent: of the frames in which a bone sticks through the cloth around it. Cloth that has come off
+    its limb lies outside of everything: nothing else notices.
+    crossing_percent: of the edges that run through a face of the garment.
+
+    A hem that hangs in the air is refused too (`hanging_in_the_air`).
+    """
+    frames, vertices = len(sequence.vertices), sequence.vertices
+    if not torch.isfinite(vertices).all():
+        return sequence, f"frame {frames - 1}: a vertex is not a finite number"
+    edges = unique_edges(sequence.faces)
+    rest = (sequence.rest[edges[:, 0]] - sequence.rest[edges[:, 1]]).norm(dim=-1)
+    ratio = ((vertices[:, edges[:, 0]] - vertices[:, edges[:, 1]]).norm(dim=-1) / rest).amax(1)
+    if float(ratio.max()) > MOST_STRETCH:
+        return sequence, f"frame {int(ratio.argmax())}: an edge is {float(ratio.max()):.1f} times its length"
+    obstacle = Obstacle(make_collider(body), body.mesh.vertices)
+    worn = obstacle.dress(sequence.rest, sequence.faces)
+    pierced = _pierced_percent(sequence, body.skeleton, worn.touches)
+    counting = slice(sequence.settling, None)
+    vertices, transforms = vertices[counting], sequence.transforms[counting]
+    posed = skin(body.mesh.vertices, body.weights, transforms)
+    inside = _mean(obstacle.inside_percent(vertices, worn, posed))
+    crossing = _mean(crossing_edges_percent(vertices, weld(sequence.rest)[sequence.faces]))
+    carrier = skin(sequence.rest, garment.carrier_weights, transforms)
+    hanging = hanging_in_the_air(
+        vertices, carrier, sequence.rest, sequence.faces, sequence.fps, obstacle, worn, posed
+    )
+    metadata = {
+        **sequence.metadata,
+        "inside_percent": round(inside, 4),
+        "pierced_percent": round(pierced, 4),
+        "crossing_percent": round(crossing, 4),
+    }
+    reason = None
+    if pierced > MOST_PIERCED:
+        reason = f"a limb has left its cloth in {pierced:.0f} % of the frames"
+    elif inside > MOST_INSIDE:
+        reason = f"{inside:.2f} % of the vertices are inside the body"
+    elif crossing > MOST_CROSSING:
+        reason = f"{crossing:.1f} % of the edges run through the garment itself"
+    elif hanging is not None:
+        frame, rise = hanging
+        reason = (
+            f"frame {sequence.settling + frame}: a hem stays up, for a second {100 * rise:.0f} cm above the "
+            "skinned one while nothing supports it"
+        )
+    return replace(sequence, metadata=metadata), reason
+
+
+def _mean(percent: Tensor) -> float:
+    return float(percent.mean()) if len(percent) else 0.0
+
+
+def _pierced_percent(sequence: Sequence, skeleton: Skeleton, touches: Tensor) -> float:
+    """Percent of the frames that count in which a bone crosses a face that lies beside its part at rest.
+
+    touches: (N,) int32, a bit per part.
+    """
+    transforms = sequence.transforms[sequence.settling :]
+    vertices = sequence.vertices[sequence.settling :]
+    pierced = torch.zeros(len(vertices), dtype=torch.bool)
+    for part, (start, end) in zip((*ARMS, *LEGS, *FOREARMS), BONES, strict=True):
+        joint, child = skeleton.names.index(start), skeleton.names.index(end)
+        moved = transforms[:, joint]
+        heads, tails = (moved[..., :3] @ skeleton.heads[i] + moved[..., 3] for i in (joint, child))
+        faces = sequence.faces[((touches >> part) & 1).bool()[sequence.faces].all(1)]
+        pierced |= _crosses(heads, tails, vertices[:, faces]).any(1)
+    return 100.0 * float(pierced.float().mean()) if len(pierced) else 0.0
+
+
+def _crosses(heads: Tensor, tails: Tensor, corners: Tensor) -> Tensor:
+    """Whether segments from heads to tails (T, 3) cross triangles (T, F, 3 corners, 3): (T, F) bool."""
+    along = (tails - heads)[:, None]
+    a, b, c = (corners - heads[:, None, None]).unbind(2)
+    turns = torch.stack(
+        [(along * torch.linalg.cross(p, q)).sum(-1) for p, q in ((a, b), (b, c), (c, a))], dim=-1
+    )
+    normal = torch.linalg.cross(b - a, c - a)
+    before, after = -(a * normal).sum(-1), ((along - a) * normal).sum(-1)
+    return ((turns > 0).all(-1) | (turns < 0).all(-1)) & (before * after < 0)
