@@ -22,7 +22,7 @@ from rich.table import Table
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.garments.garment import Garment
-from uvcloth.garments.templates import TEMPLATES, wear
+from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.geometry.mesh import unique_edges
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
@@ -48,7 +48,7 @@ COLUMNS = (
 
 def main(clips: tuple[str, ...] = ()) -> None:
     body = load_body()
-    garments = [wear(name, body) for name in TEMPLATES]
+    garments = [fit_template(name, body) for name in TEMPLATES]
     table = Table(*COLUMNS, "deepest mm", "longest x")
     for name in track(clips or tuple(builtin_clips()), description="contact"):
         clip = load_clip(name, body)
@@ -69,7 +69,7 @@ def measure(clip: Clip, garment: Garment, body: Body) -> list[str]:
         pose = time.perf_counter()
         posed = skin(body.mesh.vertices, body.weights, transforms[None])[0]
         pose = time.perf_counter() - pose
-        vertices = skin(rest, garment.carrier_weights, transforms[None])[0]
+        vertices = skin(rest, garment.smooth_weights, transforms[None])[0]
         wall, processor = time.perf_counter(), time.process_time()
         obstacle.update(posed)
         resolved, contacts = obstacle.resolve(vertices, dressed, before)

@@ -4,7 +4,7 @@ Run from the checkout with PYTHONPATH=. as
 
     python benchmarks/engines.py --ours DATA --other DATA_OF_ANOTHER_ENGINE
 
-Prints per garment the mean distance between the vertices of the two, mm, over the frames that count in both,
+Prints per garment the mean distance between the vertices of the two, mm, over the scored frames in both,
 and beside it how far each engine is from its own repeats (DATA/repeat, made by `uvcloth simulate --repeat`):
 no error of a method below these distances means much.
 """
@@ -33,7 +33,7 @@ def apart(first: Path, second: Path) -> tuple[str, Tensor]:
     Their last frames are the same one. Raises InputError for other meshes or motions.
     """
     ours, other = load_sequence(first), load_sequence(second)
-    frames = min(len(each.vertices) - each.settling for each in (ours, other))
+    frames = min(len(each.vertices) - each.warm_up for each in (ours, other))
     if ours.vertices.shape[1:] != other.vertices.shape[1:]:
         raise InputError(f"{second}: not the mesh of {first}")
     if float((ours.transforms[-frames:] - other.transforms[-frames:]).abs().max()) > SAME_MOTION:

@@ -4,8 +4,8 @@ Run from the checkout with PYTHONPATH=. as
 
     python benchmarks/fabric.py --poses poses.npz --out fabrics [--garment tops] [--steps 1500]
 
-Each fabric is trained alike in OUT/EDGE_BEND, which an interrupted run resumes. Prints the measures on the
-validation poses and draws one of them in every fabric: OUT/fabrics.png.
+Each material is trained alike in OUT/EDGE_BEND, which an interrupted run resumes. Prints the measures on the
+validation poses and draws one of them in every material: OUT/fabrics.png.
 """
 
 import os
@@ -24,7 +24,7 @@ from uvcloth.bodies.body import load_body
 from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.checkpoint import load_checkpoint
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.loading import take
+from uvcloth.garments.loading import load_garment
 from uvcloth.methods.registry import load_method
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 
@@ -40,7 +40,7 @@ def main(poses: Path, out: Path, garment: str = "tops", steps: int = 1500, pose:
     body = load_body()
     chosen = poses_for([str(poses)], body, out).database.of("validation").transforms(body.skeleton)[pose]
     frames = body_frames(body, with_lead(chosen[None]), 30.0)
-    outfit = Outfit(body, (take(garment, body),))
+    outfit = Outfit(body, (load_garment(garment, body),))
     skin = frames.vertices[0, -1]
     pictures = []
     print("| edge, N/m | bend, J | edge change, mm | bend, rad | bend, 1 - cos | inside, % |")
@@ -78,4 +78,4 @@ def _train(run: Path, poses: Path, garment: str, steps: int, edge: float, bend: 
 
 if __name__ == "__main__":
     torch.set_grad_enabled(False)
-    sys.exit(run_command("fabric", lambda: tyro.cli(main)))
+    sys.exit(run_command("material", lambda: tyro.cli(main)))

@@ -29,7 +29,7 @@ from uvcloth.export.writer import open_writer
 from uvcloth.garments.attach import make_garment
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.tailor import tailor
-from uvcloth.garments.templates import tailored, wear
+from uvcloth.garments.templates import fit_template, tailored
 from uvcloth.methods.motion_guided.descriptor import TAPS, RelativePositions, SeedForces
 from uvcloth.methods.motion_guided.method import PRESETS, MotionGuided
 from uvcloth.motion.clip import Clip
@@ -99,7 +99,7 @@ def method(preset: str, garment: Garment, twin: bool) -> MotionGuided:
 
 def garment_of(body: Body, vertices: int | None) -> Garment:
     if vertices is None:
-        return wear("dress", body)
+        return fit_template("dress", body)
     # It has a name of its own, so that the engine finds a band for its vertices: the template's is of others.
     return make_garment("retailored", "dress", tailored(tailor("dress", body, vertices), body), body)
 

@@ -6,7 +6,7 @@ Run from the checkout with PYTHONPATH=. as
 
 Trains as usual and prints, after so many passes over the poses: milliseconds of a step, the shares of it in
 which the body is skinned and in which its trees are refitted and asked, and how long the same questions take
-without what is remembered of the last visit, and as the brute-force distance to every vertex of the body, in
+without what is remembered of the last cache, and as the brute-force distance to every vertex of the body, in
 units of ours.
 """
 
@@ -24,11 +24,11 @@ from torch import Tensor
 
 from rasterize.command import run_command
 from train.loop import rows_of_step, set_rates
-from train.pbns.objective import LOOPS, Fabric, Hanging, PBNSObjective
+from train.pbns.objective import LOOPS, AttachmentConfig, ClothMaterial, PBNSObjective
 from train.pbns.poses import poses_for
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.loading import take
+from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.pbns.method import PBNSConfig
 
@@ -43,11 +43,13 @@ def main(
 ) -> None:
     """Train, and time single steps on the way."""
     body = load_body()
-    outfit = Outfit(body, tuple(take(name, body) for name in garment))
+    outfit = Outfit(body, tuple(load_garment(name, body) for name in garment))
     config = LOOPS["default"]
     with TemporaryDirectory() as folder:
         database = poses_for(poses, body, Path(folder))
-    objective = PBNSObjective(PBNSConfig(), Fabric(), Hanging(), outfit, database, config.batch)
+    objective = PBNSObjective(
+        PBNSConfig(), ClothMaterial(), AttachmentConfig(), outfit, database, config.batch
+    )
     objective.to(torch.device("cpu"))
     net: Any = objective.networks()["net"]
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=0.0, fused=True)

@@ -21,10 +21,10 @@ from rasterize.gather import gather
 from uvcloth.bodies.body import load_body
 from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.methods.physxnet.texels import body_texels, template_texels
-from uvcloth.simulate.sequence import Sequence, load_sequence
+from uvcloth.simulate.sequence import SimulatedSequence, load_sequence
 
 
-def floor(sequence: Sequence, size: int, neighbours: int, stride: int = 5) -> Tensor:
+def floor(sequence: SimulatedSequence, size: int, neighbours: int, stride: int = 5) -> Tensor:
     """Distance between decoded and simulated vertices (frames, N), metres."""
     body = load_body()
     texels = body_texels(body, size)
@@ -38,7 +38,7 @@ def floor(sequence: Sequence, size: int, neighbours: int, stride: int = 5) -> Te
     sampler = nearest_sampler(points, texels.sheet, sequence.rest, k=neighbours, normals=facing)
     samples = torch.searchsorted(seen.pixels, sampler.pixels)
     residual = sequence.rest - gather(seen.gather(sequence.rest), samples, sampler.weights)
-    frames = sequence.vertices[sequence.settling :: stride]
+    frames = sequence.vertices[sequence.warm_up :: stride]
     decoded = gather(seen.gather(frames), samples, sampler.weights) + residual
     return (decoded - frames).norm(dim=-1)
 

@@ -33,7 +33,7 @@ class Evaluate:
     actions: tuple[str, ...] = ()
     """Judge only these actions."""
     frames: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
-    """Judge only the first N frames of every window, after the settling ones."""
+    """Judge only the first N frames of every window, after the warm-up."""
     body: Path | None = None
     """The body that the data was simulated on; without it the one that ships with uvcloth."""
     map_size: int = 256
@@ -46,7 +46,7 @@ class Evaluate:
             raise InputError("the report needs Jinja, Pillow and scikit-learn: install uvcloth[report]")
         from evaluate.compare import compare
         from evaluate.garment_space import interpolations
-        from evaluate.judge import load_contestants
+        from evaluate.judge import load_candidates
         from evaluate.motion_map import motion_maps
         from evaluate.progress import progress
         from evaluate.report import write_metrics, write_report
@@ -56,9 +56,9 @@ class Evaluate:
         if self.frames is not None and self.frames < 1:
             raise InputError(f"--frames: {self.frames} is not a number of frames")
         body = load_body(self.body)
-        contestants = load_contestants(self.model, body)
+        candidates = load_candidates(self.model, body)
         results, shown = compare(
-            contestants,
+            candidates,
             self.data,
             self.out,
             body=body,
@@ -75,8 +75,8 @@ class Evaluate:
             chosen = pictured(shown)
             with progress("Pictures", len(chosen)) as tick:
                 images = list(pictures(chosen, list(results["methods"]), body, tick))
-            spaces = interpolations(contestants, shown, body)
-            motion = motion_maps(contestants, self.data, shown, body)
+            spaces = interpolations(candidates, shown, body)
+            motion = motion_maps(candidates, self.data, shown, body)
         report = write_report(self.out, results, viewer_clips(shown), images, body, spaces, motion)
         print(summary(results))
         print(f"{metrics}\n{report}")

@@ -7,12 +7,12 @@ from torch import Tensor
 
 from uvcloth.bodies.collider import make_collider
 from uvcloth.garments.garment import Outfit
-from uvcloth.physics.contact import Dressed, Obstacle
+from uvcloth.physics.contact import ContactGarment, Obstacle
 from uvcloth.physics.exposure import CLOTH_POINTS, Exposure, SurfaceSample, spread
 
 
 @dataclass(frozen=True)
-class Worn:
+class DressedBody:
     """The only garment of an outfit on its body.
 
     dressed: its vertices, as contact meets them. sample: points spread over its faces, and loose: they as
@@ -20,18 +20,18 @@ class Worn:
     """
 
     obstacle: Obstacle
-    dressed: Dressed
+    dressed: ContactGarment
     sample: SurfaceSample
-    loose: Dressed
+    loose: ContactGarment
     exposure: Exposure
 
 
-def put_on(outfit: Outfit) -> Worn:
+def put_on(outfit: Outfit) -> DressedBody:
     """A garment as it lies on its body at rest."""
     body, mesh = outfit.body, outfit.garments[0].mesh
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     sample = spread(mesh.vertices, mesh.faces, CLOTH_POINTS)
-    return Worn(
+    return DressedBody(
         obstacle=obstacle,
         dressed=obstacle.dress(mesh.vertices, mesh.faces),
         sample=sample,
@@ -40,7 +40,7 @@ def put_on(outfit: Outfit) -> Worn:
     )
 
 
-def body_scores(worn: Worn, frames: Tensor, body_frames: Tensor) -> dict[str, Tensor]:
+def body_scores(worn: DressedBody, frames: Tensor, body_frames: Tensor) -> dict[str, Tensor]:
     """Percentages of a garment (F, N, 3) on the posed body (F, V, 3), m, per frame: (F,) each.
 
     inside_percent, squeezed_percent: vertices inside the body, and those between two parts of it that leave

@@ -13,14 +13,14 @@ from evaluate.actions import Window, find_missing, find_windows, people_in
 from evaluate.familiar import acquaintance
 from evaluate.judge import (
     SIMULATION,
+    Candidate,
     Case,
-    Contestant,
     body_fingerprint,
+    cached,
     code_fingerprint,
     judge,
     judge_simulation,
     open_case,
-    remembered,
     repeatability,
 )
 from evaluate.maps import GarmentMap, garment_map, round_trip
@@ -32,15 +32,15 @@ from evaluate.stability import copied_truth
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.garments.loading import take_for_data
-from uvcloth.garments.templates import TEMPLATES, wear
+from uvcloth.garments.loading import load_garment_for_data
+from uvcloth.garments.templates import TEMPLATES, fit_template
 
 CHUNK = 16
 """Frames that are written to maps at the same time: bounds the memory of large maps."""
 
 
 def compare(
-    contestants: Sequence[Contestant],
+    candidates: Sequence[Candidate],
     data: Path,
     out: Path,
     *,
@@ -70,11 +70,11 @@ def compare(
     code = code_fingerprint()
     setting = f"{code}/{body_fingerprint(body)}/{map_size}/{machine}"
     worn = dict.fromkeys(window.garment for window in windows)
-    garments = {name: others[name] if name in others else wear(name, body) for name in worn}
-    dressing = assigned(contestants, garments, body, data)
+    garments = {name: others[name] if name in others else fit_template(name, body) for name in worn}
+    dressing = assigned(candidates, garments, body, data)
     maps = {name: garment_map(garment, body, map_size) for name, garment in garments.items()}
 
-    entries: dict[str, list[Entry]] = {name: [] for name in (SIMULATION, *(c.name for c in contestants))}
+    entries: dict[str, list[Entry]] = {name: [] for name in (SIMULATION, *(c.name for c in candidates))}
     represented: dict[str, list[Scores]] = {name: [] for name in garments}
     repeated: dict[str, list[Scores]] = {name: [] for name in garments}
     copied: dict[str, dict[str, list[Scores]]] = {
@@ -89,7 +89,7 @@ def compare(
             case = open_case(window, body, garments[window.garment], texels, frames)
             tick(0, note=f"{window.action}, {window.garment}")
             contents[window] = str(case.sequence.metadata.get("hash"))
-            keep = partial(remembered, out, case)
+            keep = partial(cached, out, case)
             judged = {SIMULATION: keep(SIMULATION, setting, partial(judge_simulation, case))}
             represented[window.garment].append(representation(case, seen) if seen else {})
             repeated[window.garment].append(repeatability(case))
@@ -97,10 +97,10 @@ def compare(
             for kind, scores in copied_truth(garments[window.garment], case.sequence, end).items():
                 copied[kind][window.garment].append(scores)
             tick()
-            for contestant in dressing[window.garment]:
-                tick(0, note=f"{window.action}, {window.garment}: {contestant.name}")
-                fingerprint = f"{setting}/{contestant.fingerprint}"
-                judged[contestant.name] = keep(contestant.name, fingerprint, partial(judge, case, contestant))
+            for candidate in dressing[window.garment]:
+                tick(0, note=f"{window.action}, {window.garment}: {candidate.name}")
+                fingerprint = f"{setting}/{candidate.fingerprint}"
+                judged[candidate.name] = keep(candidate.name, fingerprint, partial(judge, case, candidate))
                 tick()
             for name, found in judged.items():
                 entries[name].append(Entry(window.action, window.garment, found))
@@ -117,13 +117,13 @@ def compare(
             )
 
     results = summarize(entries)
-    for contestant in contestants:
-        results["methods"][contestant.name]["weights_mb"] = contestant.weights_mb
-        worn_by = {w: content for w, content in contents.items() if contestant in dressing[w.garment]}
-        results["methods"][contestant.name] |= acquaintance(contestant, worn_by, people_in(data))
-        results["methods"][contestant.name]["static"] = contestant.method.static
-        results["methods"][contestant.name]["training_frames"] = contestant.training_frames
-        results["methods"][contestant.name]["training"] = dict(contestant.training)
+    for candidate in candidates:
+        results["methods"][candidate.name]["weights_mb"] = candidate.weights_mb
+        worn_by = {w: content for w, content in contents.items() if candidate in dressing[w.garment]}
+        results["methods"][candidate.name] |= acquaintance(candidate, worn_by, people_in(data))
+        results["methods"][candidate.name]["static"] = candidate.method.quasi_static
+        results["methods"][candidate.name]["training_frames"] = candidate.training_frames
+        results["methods"][candidate.name]["training"] = dict(candidate.training)
     results["floor"] = {**floor(represented, "representation"), **floor(repeated, "repeatability")}
     results["previous_frame"] = {
         kind: {garment: stability(windows) for garment, windows in by_garment.items()}
@@ -160,7 +160,7 @@ def taken(files: Sequence[str], body: Body) -> dict[str, Garment]:
     """
     garments: dict[str, Garment] = {}
     for file in files:
-        garment = take_for_data(file, body, print)
+        garment = load_garment_for_data(file, body, print)
         if garment.name in garments:
             raise InputError(f"garment {file}: another one is also named {garment.name}")
         garments[garment.name] = garment
@@ -168,17 +168,18 @@ def taken(files: Sequence[str], body: Body) -> dict[str, Garment]:
 
 
 def assigned(
-    contestants: Sequence[Contestant], garments: Mapping[str, Garment], body: Body, data: Path
-) -> dict[str, tuple[Contestant, ...]]:
+    candidates: Sequence[Candidate], garments: Mapping[str, Garment], body: Body, data: Path
+) -> dict[str, tuple[Candidate, ...]]:
     """By garment, those that dress it. Raises InputError naming one that dresses none, and why not."""
     outfits = {name: Outfit(body, (garment,)) for name, garment in garments.items()}
-    objections = {
-        c.name: {name: c.method.objection(outfit) for name, outfit in outfits.items()} for c in contestants
+    unsupported = {
+        c.name: {name: c.method.unsupported_reason(outfit) for name, outfit in outfits.items()}
+        for c in candidates
     }
-    for name, heard in objections.items():
+    for name, heard in unsupported.items():
         if all(heard.values()):
             raise InputError(f"{data}: nothing to judge {name} on: {'; '.join(heard.values())}")
-    return {name: tuple(c for c in contestants if not objections[c.name][name]) for name in garments}
+    return {name: tuple(c for c in candidates if not unsupported[c.name][name]) for name in garments}
 
 
 def _size(garment: Garment) -> dict[str, float | int]:

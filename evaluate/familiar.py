@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from evaluate.actions import Window
-from evaluate.judge import Contestant
+from evaluate.judge import Candidate
 
 MADE_BY = {"train": "was trained on", "validation": "was chosen by"}
 """What each split of a model's own data did to it, the graver first."""
@@ -39,17 +39,17 @@ class Caution:
 
 
 def familiarity(
-    window: Window, content: str, contestant: Contestant, people: Mapping[str, str]
+    window: Window, content: str, candidate: Candidate, people: Mapping[str, str]
 ) -> Familiar | None:
     """What a method has met of a window, the gravest; None if nothing that is known of.
 
     content: hash of the window's sequence. people: who moves, by clip, for models that do not say.
     """
-    known = content in contestant.seen
-    if known and not any(window.clip in clips for clips in contestant.clips.values()):
+    known = content in candidate.seen
+    if known and not any(window.clip in clips for clips in candidate.clips.values()):
         return Familiar("train", "sequence", window.subject, ())
     for split in MADE_BY:
-        clips = contestant.clips.get(split, {})
+        clips = candidate.clips.get(split, {})
         if window.clip in clips:
             return Familiar(split, "sequence" if known else "clip", window.subject, (window.clip,))
         theirs = [clip for clip, subject in clips.items() if window.subject == (subject or people.get(clip))]
@@ -59,10 +59,10 @@ def familiarity(
 
 
 def acquaintance(
-    contestant: Contestant, windows: Mapping[Window, str], people: Mapping[str, str]
+    candidate: Candidate, windows: Mapping[Window, str], people: Mapping[str, str]
 ) -> dict[str, Any]:
     """What metrics.json says of a method about windows that it was judged on, given by their hashes."""
-    met = {w.name: familiarity(w, content, contestant, people) for w, content in windows.items()}
+    met = {w.name: familiarity(w, content, candidate, people) for w, content in windows.items()}
     familiar = {window: asdict(found) for window, found in met.items() if found is not None}
     return {
         "trained_on": [window for window, found in familiar.items() if found["split"] == "train"],

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from evaluate.judge import SIMULATION, Contestant
+from evaluate.judge import SIMULATION, Candidate
 from evaluate.progress import progress
 from evaluate.report import Picture
 from evaluate.show import Shown, garments_shown, method_color, png
@@ -45,19 +45,19 @@ class Generative(Protocol):
         ...
 
 
-def interpolations(contestants: Sequence[Contestant], shown: Sequence[Shown], body: Body) -> list[Picture]:
-    """A sheet for every contestant that is generative and each garment that it dresses.
+def interpolations(candidates: Sequence[Candidate], shown: Sequence[Shown], body: Body) -> list[Picture]:
+    """A sheet for every candidate that is generative and each garment that it dresses.
 
     Its rows lie between the codes of the two simulated garments shown whose codes are farthest apart, and
     between two random codes.
     """
-    names = [contestant.name for contestant in contestants]
+    names = [candidate.name for candidate in candidates]
     wanted = [
-        (contestant.name, contestant.method, method_color(names, contestant.name), garment)
-        for contestant in contestants
+        (candidate.name, candidate.method, method_color(names, candidate.name), garment)
+        for candidate in candidates
         for garment in garments_shown(shown).values()
-        if isinstance(contestant.method, Generative)
-        and not contestant.method.objection(Outfit(body, (garment,)))
+        if isinstance(candidate.method, Generative)
+        and not candidate.method.unsupported_reason(Outfit(body, (garment,)))
     ]
     sheets = []
     with progress("Spaces of garments", len(wanted)) as tick:

@@ -13,7 +13,7 @@ from torch import Tensor
 from evaluate.actions import Window
 from evaluate.body_scores import body_scores, put_on
 from evaluate.metrics import Reference, distance_scores, frame_scores
-from evaluate.stability import heeds, stability_scores
+from evaluate.stability import stability_scores, uses_feedback
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
@@ -21,8 +21,7 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 from uvcloth.rollout import RolloutFrame, rollout
-from uvcloth.simulate.sequence import Sequence as Simulated
-from uvcloth.simulate.sequence import content_hash, load_sequence
+from uvcloth.simulate.sequence import SimulatedSequence, content_hash, load_sequence
 
 FORMAT = "uvcloth-judged-4"
 
@@ -54,7 +53,7 @@ JUDGING = (
 
 
 @dataclass(frozen=True)
-class Contestant:
+class Candidate:
     """A method in the comparison.
 
     name: in every table. weights_mb: size of its weights file, 0 without one. fingerprint: hash of what
@@ -75,11 +74,11 @@ class Contestant:
 
 
 @dataclass(frozen=True)
-class Judged:
+class CaseScores:
     """One method on one window.
 
     scores: per frame, F values each (jitter F - 2); with "network_ms" and "contact_ms" if it is a method, and
-    with the scores of its stability if it remembers.
+    with the scores of its stability if it is autoregressive.
     shown: (S, N, 3) every stride-th frame of the case after contact, metres, world.
     """
 
@@ -91,12 +90,12 @@ class Judged:
 class Case:
     """A window ready to be judged: its sequence, what it is measured against, and who wears it.
 
-    start: number of settling frames. reference: the frames that count. transforms: (F, J, 3, 4) and
+    start: number of warm-up frames. reference: the scored frames. transforms: (F, J, 3, 4) and
     body_vertices: (F, V, 3) of the body in those.
     """
 
     window: Window
-    sequence: Simulated
+    sequence: SimulatedSequence
     outfit: Outfit
     reference: Reference
     start: int
@@ -132,37 +131,37 @@ def open_case(
             f"{window.path}: at rest it is up to {1000 * apart:.0f} mm from the garment {garment.name} "
             f"on body {body.name!r}; it was simulated in another shape or on another body"
         )
-    end = len(sequence.vertices) if frames is None else sequence.settling + frames
-    truth = sequence.vertices[sequence.settling : end]
+    end = len(sequence.vertices) if frames is None else sequence.warm_up + frames
+    truth = sequence.vertices[sequence.warm_up : end]
     if not len(truth):
-        raise InputError(f"{window.path}: has no frame after its {sequence.settling} settling frames")
+        raise InputError(f"{window.path}: has no frame after its {sequence.warm_up} warm-up frames")
     reference = Reference(truth, sequence.rest, sequence.faces, sequence.fps, *(texels or (None, None)))
-    transforms = sequence.transforms[sequence.settling : end]
+    transforms = sequence.transforms[sequence.warm_up : end]
     posed = skin(body.mesh.vertices, body.weights, transforms)
-    return Case(window, sequence, Outfit(body, (garment,)), reference, sequence.settling, transforms, posed)
+    return Case(window, sequence, Outfit(body, (garment,)), reference, sequence.warm_up, transforms, posed)
 
 
-def judge(case: Case, contestant: Contestant) -> Judged:
-    """Roll a method out from the first settling frame and score the frames that count.
+def judge(case: Case, candidate: Candidate) -> CaseScores:
+    """Roll a method out from the first warm-up frame and score the scored frames.
 
     Before contact, one that goes on from what contact left is rolled out again without it: otherwise its
     predictions owe something to contact. It is also rolled out from the truth. Raises InputError if a
     prediction is not a finite number.
     """
-    method, end = contestant.method, case.start + len(case.reference.vertices)
+    method, end = candidate.method, case.start + len(case.reference.vertices)
     predicted, resolved, milliseconds = [], [], []
     for frame in _rolled(case, method, contact=True):
         predicted.append(frame.raw[0])
         resolved.append(frame.vertices[0])
         milliseconds.append([frame.milliseconds["network"], frame.milliseconds["contact"]])
     stable: dict[str, Tensor] = {}
-    if heeds(method, case.outfit, case.sequence):
+    if uses_feedback(method, case.outfit, case.sequence):
         predicted = [frame.raw[0] for frame in _rolled(case, method, contact=False)]
         stable = stability_scores(method, case.outfit, case.sequence, end)
     scored = score(case, torch.stack(predicted).cpu(), torch.stack(resolved).cpu())
     times = torch.tensor(milliseconds)
     scores = {**scored.scores, **stable, "network_ms": times[:, 0], "contact_ms": times[:, 1]}
-    return Judged(scores, scored.shown)
+    return CaseScores(scores, scored.shown)
 
 
 def _rolled(case: Case, method: Method, contact: bool) -> Iterator[RolloutFrame]:
@@ -171,19 +170,19 @@ def _rolled(case: Case, method: Method, contact: bool) -> Iterator[RolloutFrame]
     return islice(rollout(method, case.outfit, transforms, case.sequence.fps, contact), case.start, None)
 
 
-def judge_simulation(case: Case) -> Judged:
+def judge_simulation(case: Case) -> CaseScores:
     """The simulation scored as if it were a prediction: no error, but its own edges, bends and jitter."""
     return score(case, case.reference.vertices, case.reference.vertices)
 
 
-def score(case: Case, raw: Tensor, resolved: Tensor) -> Judged:
-    """Score predictions before (F, N, 3) and after contact (F, N, 3) on the frames that count."""
+def score(case: Case, raw: Tensor, resolved: Tensor) -> CaseScores:
+    """Score predictions before (F, N, 3) and after contact (F, N, 3) on the scored frames."""
     scores = frame_scores(raw, resolved, case.reference)
     worn = put_on(case.outfit)
     for suffix, frames in (("_raw", raw), ("", resolved)):
         found = body_scores(worn, frames, case.body_vertices)
         scores |= {f"{key}{suffix}": values for key, values in found.items()}
-    return Judged(scores, resolved[:: case.stride])
+    return CaseScores(scores, resolved[:: case.stride])
 
 
 def repeatability(case: Case) -> dict[str, Tensor]:
@@ -203,7 +202,7 @@ def repeatability(case: Case) -> dict[str, Tensor]:
     shift = int(gaps.argmin()) - (len(ours.vertices) - 1)
     if shift == 0 and len(repeat.vertices) == len(ours.vertices):
         return {}
-    first = max(ours.settling, repeat.settling - shift)
+    first = max(ours.warm_up, repeat.warm_up - shift)
     frames = torch.arange(first, len(ours.vertices))
     if not len(frames) or (
         (ours.transforms[frames] - repeat.transforms[frames + shift]).abs().max() > SAME_MOTION
@@ -212,7 +211,7 @@ def repeatability(case: Case) -> dict[str, Tensor]:
     return distance_scores(repeat.vertices[frames + shift], ours.vertices[frames])
 
 
-def remembered(out: Path, case: Case, name: str, fingerprint: str, work: Callable[[], Judged]) -> Judged:
+def cached(out: Path, case: Case, name: str, fingerprint: str, work: Callable[[], CaseScores]) -> CaseScores:
     """The result of an earlier run of the same code on the same input, or that of `work`, then kept."""
     key = hashlib.sha256(
         "/".join(
@@ -230,7 +229,7 @@ def remembered(out: Path, case: Case, name: str, fingerprint: str, work: Callabl
     if path.is_file():
         data = load_arrays(path, FORMAT, "a judged window")
         scores = {k.removeprefix("score_"): torch.from_numpy(v) for k, v in data.items() if k[:6] == "score_"}
-        return Judged(scores, truth + torch.from_numpy(data["offset"].astype(np.float32)))
+        return CaseScores(scores, truth + torch.from_numpy(data["offset"].astype(np.float32)))
     judged = work()
     # Offsets from the simulation are small, so half precision keeps them well within a millimetre.
     arrays = {"format": np.array(FORMAT), "offset": (judged.shown - truth).numpy().astype(np.float16)}
@@ -267,18 +266,18 @@ def garment_fingerprint(garment: Garment) -> str:
     """Hash of what a method sees of a garment, which a file may change without the sequence."""
     digest = hashlib.sha256(garment.template.encode())
     mesh = garment.mesh
-    tensors = (mesh.vertices, mesh.faces, mesh.uvs, mesh.face_uvs, garment.weights, garment.carrier_weights)
+    tensors = (mesh.vertices, mesh.faces, mesh.uvs, mesh.face_uvs, garment.weights, garment.smooth_weights)
     for tensor in tensors:
         digest.update(tensor.numpy().tobytes())
     return digest.hexdigest()
 
 
-def load_contestants(models: Sequence[str], body: Body) -> tuple[Contestant, ...]:
+def load_candidates(models: Sequence[str], body: Body) -> tuple[Candidate, ...]:
     """Load what ships by name and trained models by folder. Raises InputError for unknown or equal names."""
     from uvcloth.checkpoint import CONFIG, WEIGHTS, load_checkpoint
     from uvcloth.methods.registry import load_method, model_folder
 
-    contestants = []
+    candidates = []
     for model in models:
         folder = model_folder(model)
         method = load_method(model, body)
@@ -294,8 +293,8 @@ def load_contestants(models: Sequence[str], body: Body) -> tuple[Contestant, ...
             clips = checkpoint.data.clips
             training_frames = checkpoint.notes.get("training_frames")
             training = {key: checkpoint.notes[key] for key in TRAINING if key in checkpoint.notes}
-        contestants.append(
-            Contestant(
+        candidates.append(
+            Candidate(
                 name=method.name,
                 method=method,
                 weights_mb=(folder / WEIGHTS).stat().st_size / 1e6 if folder else 0.0,
@@ -306,10 +305,10 @@ def load_contestants(models: Sequence[str], body: Body) -> tuple[Contestant, ...
                 training=training,
             )
         )
-    names = [contestant.name for contestant in contestants]
+    names = [candidate.name for candidate in candidates]
     for name in names:
         if names.count(name) > 1:
             raise InputError(f"--model: two models are called {name!r}, rename one of the folders")
         if name == SIMULATION:
             raise InputError(f"--model: no model can be called {SIMULATION!r}, rename the folder")
-    return tuple(contestants)
+    return tuple(candidates)

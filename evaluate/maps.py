@@ -10,11 +10,11 @@ from uvcloth.garments.garment import Garment
 from uvcloth.methods.physxnet.method import PRESETS, garment_vertices, template_offsets
 from uvcloth.methods.physxnet.texels import (
     BodyTexels,
+    GarmentDecoder,
     TemplateTexels,
-    Worn,
     body_texels,
+    build_decoder,
     template_texels,
-    worn_on,
 )
 
 
@@ -24,7 +24,7 @@ class GarmentMap:
 
     texels: BodyTexels
     template: TemplateTexels
-    worn: Worn
+    worn: GarmentDecoder
 
 
 def garment_map(garment: Garment, body: Body, size: int) -> GarmentMap | None:
@@ -37,7 +37,7 @@ def garment_map(garment: Garment, body: Body, size: int) -> GarmentMap | None:
         template = template_texels(garment.template, garment.mesh, body, texels)
     except InputError:
         return None
-    return GarmentMap(texels, template, worn_on(garment, template, texels))
+    return GarmentMap(texels, template, build_decoder(garment, template, texels))
 
 
 def round_trip(seen: GarmentMap, vertices: Tensor, body_vertices: Tensor, transforms: Tensor) -> Tensor:

@@ -17,7 +17,7 @@ MM = 1000.0
 
 @dataclass(frozen=True)
 class Reference:
-    """A simulated garment over the frames that count.
+    """A simulated garment over the scored frames.
 
     vertices: (F, N, 3). rest: (N, 3). faces: (M, 3). fps: frames per second.
     texel_corners: (P, 3) int64 garment vertices that each valid texel of the garment's map sees, and

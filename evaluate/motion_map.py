@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from evaluate.judge import SHOWN, Contestant
+from evaluate.judge import SHOWN, Candidate
 from evaluate.report import MotionMap
 from evaluate.show import Shown
 from uvcloth.bodies.body import Body
@@ -21,7 +21,7 @@ PERPLEXITY = 30.0
 
 
 def motion_maps(
-    contestants: Sequence[Contestant], data: Path, shown: Sequence[Shown], body: Body
+    candidates: Sequence[Candidate], data: Path, shown: Sequence[Shown], body: Body
 ) -> list[MotionMap]:
     """One map for the methods of each training set, all from one t-SNE; none if nothing was trained.
 
@@ -29,10 +29,10 @@ def motion_maps(
     judged windows: at most SHOWN frames of each clip, evenly spaced, without those that settle. Raises
     InputError for a file of the folder that is not a sequence.
     """
-    trained = [contestant for contestant in contestants if contestant.seen]
+    trained = [candidate for candidate in candidates if candidate.seen]
     if not trained:
         return []
-    known = _training_motion(data, frozenset[str]().union(*(contestant.seen for contestant in trained)))
+    known = _training_motion(data, frozenset[str]().union(*(candidate.seen for candidate in trained)))
     motion = {("test", each.clip): each.transforms for each in shown}
     motion |= {("training", clip): transforms for clip, transforms in known.values()}
     poses = [seed_positions(body, transforms) for transforms in motion.values()]
@@ -45,12 +45,12 @@ def motion_maps(
         action: torch.cat([placed["test", clip] for clip in clips]) for action, clips in of_action.items()
     }
     maps = []
-    for seen in dict.fromkeys(contestant.seen for contestant in trained):
+    for seen in dict.fromkeys(candidate.seen for candidate in trained):
         found = [known[content][0] for content in known if content in seen]
         frames = [placed["training", clip] for clip in dict.fromkeys(found)]
         maps.append(
             MotionMap(
-                methods=tuple(contestant.name for contestant in trained if contestant.seen == seen),
+                methods=tuple(candidate.name for candidate in trained if candidate.seen == seen),
                 found=len(found),
                 of=len(seen),
                 seeds=SEEDS,
@@ -68,7 +68,7 @@ def _training_motion(data: Path, seen: frozenset[str]) -> dict[str, tuple[str, T
         sequence = load_sequence(path)
         content = sequence.metadata.get("hash")
         if content in seen:
-            transforms = sequence.transforms[sequence.settling :]
+            transforms = sequence.transforms[sequence.warm_up :]
             found[content] = (sequence.clip, transforms[:: max(1, -(-len(transforms) // SHOWN))])
     return found
 

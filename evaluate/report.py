@@ -12,7 +12,7 @@ from torch import Tensor
 from evaluate.charts import DASH, bars, lines, mark, number, scatter
 from evaluate.familiar import cautions
 from evaluate.results import LONG
-from evaluate.stability import ALONE
+from evaluate.stability import SHORT_ROLLOUT
 from evaluate.viewer import ViewerClip, pack_body, pack_clip
 from rasterize.atomic import atomic_write
 from uvcloth.bodies.body import Body
@@ -165,7 +165,7 @@ def write_report(
         over_time=_time_charts(results),
         overall=overall,
         batch=BATCH,
-        alone=ALONE,
+        alone=SHORT_ROLLOUT,
         long=LONG,
         viewer_headers=[header for header, _ in packed],
         viewer_blobs=[blob for _, blob in packed],

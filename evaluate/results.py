@@ -7,7 +7,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from evaluate.judge import SIMULATION, Judged
+from evaluate.judge import SIMULATION, CaseScores
 
 Scores = Mapping[str, Tensor]
 
@@ -15,7 +15,7 @@ STAGES = ("_raw", "")
 """Suffixes of what is measured before and after contact."""
 
 SHORT = ("one_step_mm", "rollout_50_mm")
-"""Errors that only a method that heeds what it observes has of its own."""
+"""Errors that only a method that uses_feedback what it observes has of its own."""
 
 MEANS = (
     "vertex_mse_mm2",
@@ -44,7 +44,7 @@ class Entry:
 
     action: str
     garment: str
-    judged: Judged
+    judged: CaseScores
 
 
 def summarize(entries: Mapping[str, Sequence[Entry]]) -> dict[str, Any]:

@@ -48,7 +48,7 @@ def rasterize(
 
     motion = load_moving(
         sequence,
-        "uvcloth-sequence-2",
+        "uvcloth-sequence-3",
         "a sequence that this version's `uvcloth simulate` made",
         ("faces", "rest", "transforms", "fps"),
     )

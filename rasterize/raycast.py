@@ -26,7 +26,7 @@ class Hits:
         """(R,) bool."""
         return self.face >= 0
 
-    def carry(self, vertices: Tensor, faces: Tensor) -> Tensor:
+    def interpolate(self, vertices: Tensor, faces: Tensor) -> Tensor:
         """The points met, on the moved mesh (..., V, 3) with faces (F, 3): (..., R, 3), zero if none."""
         return interpolate(vertices, faces, self.face.clamp(min=0), self.barycentrics)
 

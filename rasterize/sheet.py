@@ -68,7 +68,7 @@ def frame_maps(
     """
     points = bake(body, faces, texels)
     velocity = (points[1:] - points[:-1]) * fps
-    offset = torch.where(hits.found[:, None], hits.carry(garment, garment_faces) - points[-1], 0.0)
+    offset = torch.where(hits.found[:, None], hits.interpolate(garment, garment_faces) - points[-1], 0.0)
     ones = torch.ones(len(texels), 1)
     return FrameMaps(
         velocity=scatter_map(velocity[-1], texels),

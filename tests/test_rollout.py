@@ -9,7 +9,7 @@ from tests.train.simulated import swaying
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
 from uvcloth.physics.layers import wrong_side_percent
@@ -35,7 +35,7 @@ def falling(frames: int) -> torch.Tensor:
 class Recorder:
     """Skins the garment and keeps the body frames that it was shown."""
 
-    remembers: bool
+    autoregressive: bool
     name: str = "recorder"
 
     def start(self, outfit, frames):
@@ -106,7 +106,7 @@ class Slipping(Recorder):
     def step(self, garments, frames):
         aside = {"bottoms": -0.015, "tops": 0.015}
         return garments, tuple(
-            skin(g.mesh.vertices, g.carrier_weights, frames.transforms[:, -1])
+            skin(g.mesh.vertices, g.smooth_weights, frames.transforms[:, -1])
             + torch.tensor([0.0, aside[g.name], 0.0])
             for g in garments
         )
@@ -114,7 +114,7 @@ class Slipping(Recorder):
 
 def test_contact_keeps_an_outer_garment_over_the_inner_one():
     body = load_body()
-    bottoms, tops = (wear(name, body) for name in ("bottoms", "tops"))
+    bottoms, tops = (fit_template(name, body) for name in ("bottoms", "tops"))
     motion = swaying(3, seed=0).transforms()
 
     def finished(*garments):

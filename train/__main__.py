@@ -14,8 +14,8 @@ from tyro.conf import OmitArgPrefixes
 
 from rasterize.command import run_command
 from rasterize.errors import InputError
-from train.loop import LOOPS, LoopConfig, check_run, fit, has_begun, said
-from train.motion_guided.dataset import Material
+from train.loop import LOOPS, LoopConfig, check_run, fit, format_scores, has_begun
+from train.motion_guided.dataset import GarmentDataset
 from train.motion_guided.objective import LOOPS as MOTION_GUIDED_LOOPS
 from train.motion_guided.objective import LOSSES as MOTION_GUIDED_LOSSES
 from train.motion_guided.objective import (
@@ -28,12 +28,12 @@ from train.motion_guided.objective import (
 )
 from train.pbns.objective import LOOPS as PBNS_LOOPS
 from train.pbns.objective import PRESETS as PBNS_PRESETS
-from train.pbns.objective import Fabric, Hanging, PBNSObjective, held_vertices
+from train.pbns.objective import AttachmentConfig, ClothMaterial, PBNSObjective, held_vertices
 from train.pbns.poses import poses_for
 from train.physxnet.objective import LOSSES, Losses, PhysXNetObjective
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.loading import take
+from uvcloth.garments.loading import load_garment
 from uvcloth.methods.motion_guided import method as motion_guided
 from uvcloth.methods.motion_guided.method import MotionGuidedConfig
 from uvcloth.methods.pbns.method import PBNSConfig
@@ -106,10 +106,10 @@ class MotionGuidedRun:
         if not self.resume:
             check_run(self.out, resume=False)
         body = load_body(self.body) if self.body else None
-        material = Material(self.network, self.losses, self.data, body, self.frames)
+        dataset = GarmentDataset(self.network, self.losses, self.data, body, self.frames)
         if not second_began:
-            fit(ShapeObjective(material, self.losses), first, self.shape, resume=self.resume)
-        objective = DynamicsObjective(material, self.losses, load_shape_space(first, material.config))
+            fit(ShapeObjective(dataset, self.losses), first, self.shape, resume=self.resume)
+        objective = DynamicsObjective(dataset, self.losses, load_shape_space(first, dataset.config))
         return fit(objective, self.out, self.loop, resume=second_began)
 
 
@@ -133,8 +133,8 @@ class PBNSRun:
     body: Path | None = None
     """A body made by `uvcloth body`; default: the one in the package."""
     network: OmitArgPrefixes[PBNSConfig] = field(default_factory=PBNSConfig)
-    fabric: OmitArgPrefixes[Fabric] = field(default_factory=Fabric)
-    hanging: OmitArgPrefixes[Hanging] = field(default_factory=Hanging)
+    material: OmitArgPrefixes[ClothMaterial] = field(default_factory=ClothMaterial)
+    attachment: OmitArgPrefixes[AttachmentConfig] = field(default_factory=AttachmentConfig)
     loop: OmitArgPrefixes[LoopConfig] = field(default_factory=lambda: PBNS_LOOPS["default"])
 
     def train(self) -> dict[str, float]:
@@ -144,11 +144,13 @@ class PBNSRun:
             raise InputError("--garment: name at least one garment")
         body = load_body(self.body)
         say = partial(Console(stderr=True).print, highlight=False, markup=False)
-        outfit = Outfit(body, tuple(take(name, body, say) for name in self.garment))
+        outfit = Outfit(body, tuple(load_garment(name, body, say) for name in self.garment))
         # To draw poses takes minutes: what cannot hang is refused before.
-        held_vertices(outfit, self.hanging)
+        held_vertices(outfit, self.attachment)
         poses = poses_for(self.poses, body, self.out)
-        objective = PBNSObjective(self.network, self.fabric, self.hanging, outfit, poses, self.loop.batch)
+        objective = PBNSObjective(
+            self.network, self.material, self.attachment, outfit, poses, self.loop.batch
+        )
         return fit(objective, self.out, self.loop, resume=self.resume)
 
 
@@ -206,7 +208,7 @@ def main() -> None:
     if find_spec("lightning") is None:
         raise InputError("training needs Lightning: install uvcloth[train]")
     scores = run.train()
-    Console().print(f"{run.out}: kept that of step {scores['step']:.0f}, validation: {said(scores)}")
+    Console().print(f"{run.out}: kept that of step {scores['step']:.0f}, validation: {format_scores(scores)}")
 
 
 def _preset_of(arguments: list[str]) -> str | None:

@@ -10,7 +10,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import Collider, collider_near
 from uvcloth.geometry.skinning import skin
 from uvcloth.physics.layers import Layer
-from uvcloth.physics.posed_batch import Crowd, Planes, Visit
+from uvcloth.physics.posed_batch import ClosestPointCache, Planes, PosedMeshBatch
 from uvcloth.physics.surface import FREE
 
 NEAR_BODY = 0.2
@@ -33,15 +33,15 @@ class BodyBeside:
         kept, collider = collider_near(body, outfit.cpu(), NEAR_BODY)
         self._rest, self._weights = body.mesh.vertices[kept].to(device), body.weights[kept].to(device)
         self._collider = Collider(collider.parts, tuple(rim.to(device) for rim in collider.rims))
-        self._crowd = Crowd(self._collider.vertices(self._rest), collider.parts[0], batch)
+        self._crowd = PosedMeshBatch(self._collider.vertices(self._rest), collider.parts[0], batch)
 
     def move(self, transforms: Tensor) -> None:
         """Take the poses of joint transforms (B, J, 3, 4)."""
         self._crowd.update(self._collider.vertices(skin(self._rest, self._weights, transforms)))
 
-    def planes(self, outfit: Tensor, near: float, visit: Visit | None, plane: str) -> Planes:
-        """The planes that keep an outfit (B, U, 3) m off the body where it is near, m; see Crowd.planes."""
-        return self._crowd.planes(outfit, near, visit, corner=plane == "vertex")
+    def planes(self, outfit: Tensor, near: float, cache: ClosestPointCache | None, plane: str) -> Planes:
+        """The planes that keep an outfit (B, U, 3) m off the body where it is near, m."""
+        return self._crowd.planes(outfit, near, cache, corner=plane == "vertex")
 
 
 @dataclass(frozen=True)
@@ -69,10 +69,10 @@ class InnerLayer:
         placed[: inner[..., 0].numel()] = inner.flatten(0, 1)
         self.copies.update(placed)
         found = self.copies.beside(outer.flatten(0, 1), DEEPEST)
-        bounds = (found.normals * (outer - aside).flatten(0, 1)).sum(1) - found.distance
+        offsets = (found.normals * (outer - aside).flatten(0, 1)).sum(1) - found.distance
         alike = (found.normals * normals[:, self.outer].flatten(0, 1)).sum(1) > 0
-        bounds = torch.where(found.covered & alike, bounds, FREE)
-        return Planes(found.normals.view_as(outer), bounds.view(outer.shape[:2]))
+        offsets = torch.where(found.covered & alike, offsets, FREE)
+        return Planes(found.normals.view_as(outer), offsets.view(outer.shape[:2]))
 
 
 def inner_layers(outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batch: int) -> list[InnerLayer]:

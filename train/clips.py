@@ -1,4 +1,4 @@
-"""Simulated sequences as training data: the garments of one clip side by side."""
+"""SimulatedSequence sequences as training data: the garments of one clip side by side."""
 
 from collections.abc import Sequence as List
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData
 from uvcloth.motion.index import INDEX, Entry, read_index
-from uvcloth.simulate.sequence import Sequence, load_sequence
+from uvcloth.simulate.sequence import SimulatedSequence, load_sequence
 
 SEEN = ("train", "validation")
 """The splits of an index that training sees: what teaches, and what the network that is kept is chosen by."""
@@ -22,11 +22,11 @@ SAME_MOTION = 1e-3
 
 
 @dataclass(frozen=True)
-class Recording:
+class TrainingClip:
     """One clip with every garment that was simulated over it.
 
     subject, split: who moves, and what for (train or validation), by the folder's index; "" without one.
-    transforms: (T, J, 3, 4). settling: leading frames that do not count. vertices: template -> (T, N, 3) m.
+    transforms: (T, J, 3, 4). warm_up: leading frames that do not count. vertices: template -> (T, N, 3) m.
     rests: template -> (N, 3) m. files: file name -> content hash.
     """
 
@@ -34,14 +34,14 @@ class Recording:
     subject: str
     split: str
     fps: float
-    settling: int
+    warm_up: int
     transforms: Tensor
     vertices: dict[str, Tensor]
     rests: dict[str, Tensor]
     files: dict[str, str]
 
 
-def load_recordings(folder: Path, templates: List[str], body: Body) -> list[Recording]:
+def load_training_clips(folder: Path, templates: List[str], body: Body) -> list[TrainingClip]:
     """Read every sequence of a folder and group it by clip, sorted by name.
 
     If the folder has an index.csv, only the clips whose split in it is train or validation are read. Raises
@@ -54,7 +54,7 @@ def load_recordings(folder: Path, templates: List[str], body: Body) -> list[Reco
     index = Path(folder) / INDEX
     entries = read_index(index) if index.is_file() else None
     chosen = {clip: e for clip, e in (entries or {}).items() if e.split in SEEN}
-    clips: dict[str, dict[Path, Sequence]] = {}
+    clips: dict[str, dict[Path, SimulatedSequence]] = {}
     for path in track(paths, "reading sequences", transient=True):
         sequence = load_sequence(path)
         if sequence.transforms.shape[1] != len(body.skeleton.names):
@@ -66,21 +66,21 @@ def load_recordings(folder: Path, templates: List[str], body: Body) -> list[Reco
             clips.setdefault(sequence.clip, {})[path] = sequence
     if not clips:
         raise InputError(f"{folder}: none of its sequences is a training clip of {', '.join(templates)}")
-    return [_recording(clip, clips[clip], chosen.get(clip)) for clip in sorted(clips)]
+    return [_training_clip(clip, clips[clip], chosen.get(clip)) for clip in sorted(clips)]
 
 
-def _recording(clip: str, sequences: dict[Path, Sequence], entry: Entry | None) -> Recording:
+def _training_clip(clip: str, sequences: dict[Path, SimulatedSequence], entry: Entry | None) -> TrainingClip:
     (first_path, first), *others = sequences.items()
     for path, other in others:
-        same = other.transforms.shape == first.transforms.shape and other.settling == first.settling
+        same = other.transforms.shape == first.transforms.shape and other.warm_up == first.warm_up
         if not same or (other.transforms - first.transforms).abs().max() > SAME_MOTION:
             raise InputError(f"{path}: moves otherwise than {first_path.name} of the same clip {clip!r}")
-    return Recording(
+    return TrainingClip(
         clip=clip,
         subject=entry.subject if entry else "",
         split=entry.split if entry else "",
         fps=first.fps,
-        settling=first.settling,
+        warm_up=first.warm_up,
         transforms=first.transforms,
         vertices={s.garment: s.vertices for s in sequences.values()},
         rests={s.garment: s.rest for s in sequences.values()},
@@ -102,14 +102,14 @@ class Holdout:
 
 
 def hold_out(
-    recordings: list[Recording], chosen: Holdout, folder: Path
-) -> tuple[list[Recording], list[Recording]]:
+    clips: list[TrainingClip], chosen: Holdout, folder: Path
+) -> tuple[list[TrainingClip], list[TrainingClip]]:
     """Training and validation clips of a folder: as its index has it.
 
     Without an index every n-th validates, at least one where there are two or more. Raises InputError if the
     index leaves none of either.
     """
-    splits = [recording.split for recording in recordings]
+    splits = [clip.split for clip in clips]
     if not any(splits):
         validating = range(len(splits))[chosen.holdout - 1 :: chosen.holdout] or range(len(splits))[1:][-1:]
         splits = ["validation" if place in validating else "train" for place in range(len(splits))]
@@ -119,13 +119,11 @@ def hold_out(
                 raise InputError(
                     f"{folder}: holds no sequence for {split}; simulate clips that {INDEX} calls {split}"
                 )
-    training, held = (
-        [r for r, own in zip(recordings, splits, strict=True) if own == split] for split in SEEN
-    )
+    training, held = ([r for r, own in zip(clips, splits, strict=True) if own == split] for split in SEEN)
     return training, held
 
 
-def training_data(training: list[Recording], held: list[Recording]) -> TrainingData:
+def training_data(training: list[TrainingClip], held: list[TrainingClip]) -> TrainingData:
     """What a model that was trained on some clips, and chosen by others, says of them."""
     return TrainingData(
         files={name: digest for r in (*training, *held) for name, digest in r.files.items()},
@@ -136,17 +134,17 @@ def training_data(training: list[Recording], held: list[Recording]) -> TrainingD
     )
 
 
-def counted(recording: Recording) -> range:
-    """The frames that count: those after settling."""
-    return range(recording.settling, len(recording.transforms))
+def scored_frames(clip: TrainingClip) -> range:
+    """The scored frames: those after the warm-up."""
+    return range(clip.warm_up, len(clip.transforms))
 
 
-def frames_of(recordings: list[Recording]) -> int:
+def frames_of(clips: list[TrainingClip]) -> int:
     """How many frames count in all."""
-    return sum(len(counted(recording)) for recording in recordings)
+    return sum(len(scored_frames(clip)) for clip in clips)
 
 
-def stacked(recordings: list[Recording], template: str) -> Tensor | None:
-    """The counting frames of one template one after another (F, N, 3); None where every clip lacks it."""
-    parts = [r.vertices[template][r.settling :] for r in recordings if template in r.vertices]
+def stacked(clips: list[TrainingClip], template: str) -> Tensor | None:
+    """The scored frames of one template one after another (F, N, 3); None where every clip lacks it."""
+    parts = [r.vertices[template][r.warm_up :] for r in clips if template in r.vertices]
     return torch.cat(parts) if parts else None

@@ -22,7 +22,7 @@ from uvcloth.checkpoint import load_tensors, save_tensors
 STATE = Path("training") / "state.safetensors"
 """Where a run keeps what an exact resume needs."""
 
-WHEN = ("step", "minutes")
+PROGRESS_KEYS = ("step", "minutes")
 """What stands beside the scores of a validation."""
 
 LOG_EVERY = 10
@@ -167,14 +167,14 @@ def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) ->
     return done.errors[-1] if config.keep == "last" else min(done.errors, key=_first)
 
 
-def said(scores: Mapping[str, float]) -> str:
+def format_scores(scores: Mapping[str, float]) -> str:
     """Validation scores in words, without those that say when."""
-    return ", ".join(f"{name} {score:.4g}" for name, score in scores.items() if name not in WHEN)
+    return ", ".join(f"{name} {score:.4g}" for name, score in scores.items() if name not in PROGRESS_KEYS)
 
 
 def _first(scores: Mapping[str, float]) -> float:
     """The score that decides."""
-    return next(score for name, score in scores.items() if name not in WHEN)
+    return next(score for name, score in scores.items() if name not in PROGRESS_KEYS)
 
 
 def has_begun(run: Path) -> bool:
@@ -282,7 +282,7 @@ def _validate(training: Training) -> str:
             notes = {**learned, "validation": errors, "loop": asdict(training.config), "curve": done.errors}
             training.objective.save(training.average, training.run, notes)
         done.best = min(done.best, _first(errors))
-    return "validation: " + said(errors)
+    return "validation: " + format_scores(errors)
 
 
 def _learned(training: Training) -> dict[str, float]:

@@ -22,7 +22,7 @@ from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 
-VERSION = 2
+VERSION = 3
 """Raised whenever a model of an older version can no longer be read or would no longer mean the same."""
 
 WEIGHTS = "model.safetensors"

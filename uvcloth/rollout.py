@@ -55,9 +55,9 @@ def rollout(
     transforms: (J, 3, 4) of each frame in turn, a tensor or a stream. The body stands still before its first
     frame. With contact, vertices inside the body (forearms and hands left out, as in the simulations) are
     moved out of it after each frame, outer garments off the inner ones that they cover, and edges get
-    their rest length back; a method that remembers may observe that.
+    their rest length back; an autoregressive method may observe that.
 
-    truth: the garments, (N, 3) m each, that a method that remembers observes after each of the first frames
+    truth: the garments, (N, 3) m each, that an autoregressive method observes after each of the first frames
     instead of its own. Contact goes on from what it moved itself, as always. A method without memory takes no
     notice.
 
@@ -70,7 +70,7 @@ def rollout(
     first = 0
     for frames, body_ms in _posed(outfit, transforms, fps):
         state = method.start(outfit, frames) if state is None else state
-        for part in _single(frames) if method.remembers else [frames]:
+        for part in _single(frames) if method.autoregressive else [frames]:
             begun = time.perf_counter()
             state, garments = method.step(state, part)
             network_ms = 1000.0 * (time.perf_counter() - begun) / len(part)
@@ -87,9 +87,9 @@ def rollout(
                 )
                 if resolver:
                     frame = resolver.resolve(frame)
-                if method.remembers and frame.index < len(truth):
+                if method.autoregressive and frame.index < len(truth):
                     state = method.observe(state, truth[frame.index])
-                elif method.remembers and resolver:
+                elif method.autoregressive and resolver:
                     state = method.observe(state, frame.vertices)
                 limits.whole(frame.vertices, frame.index)
                 yield frame
@@ -119,7 +119,7 @@ def _posed(outfit: Outfit, transforms: Iterable[Tensor], fps: float) -> Iterator
 
 
 def _single(frames: BodyFrames) -> Iterator[BodyFrames]:
-    """One frame at a time, for a method that remembers."""
+    """One frame at a time, for an autoregressive method."""
     for index in range(len(frames)):
         now = slice(index, index + 1)
         yield replace(

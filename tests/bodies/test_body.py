@@ -12,7 +12,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body, load_body, save_body
 from uvcloth.bodies.collider import ARMS, FOREARMS, LEGS, TORSO, make_collider
 from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skeleton import joint_transforms
 from uvcloth.geometry.skinning import diffuse_weights, rotation_part, skin
 
@@ -142,14 +142,14 @@ def test_cloth_touches_what_it_lies_beside_and_skirts_touch_both_legs(body: Body
 def test_what_has_no_long_sleeves_meets_the_body_as_if_it_had_no_forearms(name: str, body: Body) -> None:
     long = torch.isin(body.regions, torch.tensor([REGIONS.index("forearm"), REGIONS.index("hand")]))
     without = replace(body, regions=torch.where(long, len(REGIONS), body.regions))
-    cloth = wear(name, body).mesh.vertices
+    cloth = fit_template(name, body).mesh.vertices
     touches, expected = (make_collider(each).touches(cloth, body.mesh.vertices) for each in (body, without))
     assert not touches[list(FOREARMS)].any()
     assert torch.equal(touches, expected)
 
 
 def test_cloth_on_the_shoulder_meets_arm_and_torso_and_under_the_arm_the_arm_alone(body: Body) -> None:
-    cloth = wear("shirt", body).mesh.vertices
+    cloth = fit_template("shirt", body).mesh.vertices
     joint = body.skeleton.heads[body.skeleton.names.index("LeftArm")]
     arm, torso = make_collider(body).touches(cloth, body.mesh.vertices)[[ARMS[0], TORSO]]
     out, depth, up = (cloth - joint).unbind(1)
@@ -164,7 +164,7 @@ def test_cloth_on_the_shoulder_meets_arm_and_torso_and_under_the_arm_the_arm_alo
 def test_cloth_on_a_body_without_arms_meets_its_torso(body: Body) -> None:
     arm = body.regions == REGIONS.index("upper_arm")
     armless = replace(body, regions=torch.where(arm, len(REGIONS), body.regions))
-    touches = make_collider(armless).touches(wear("tops", body).mesh.vertices, body.mesh.vertices)
+    touches = make_collider(armless).touches(fit_template("tops", body).mesh.vertices, body.mesh.vertices)
     assert not touches[list(ARMS)].any()
     assert touches[TORSO].float().mean() > 0.9
 

@@ -8,7 +8,7 @@ from rasterize.errors import InputError
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import collider_near
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.physics.surface import BodySurface
 
@@ -16,7 +16,7 @@ from uvcloth.physics.surface import BodySurface
 @pytest.mark.parametrize("reach", [0.02, 0.2])
 @pytest.mark.parametrize("name", ["tops", "bottoms", "dress"])
 def test_it_is_closed_in_every_pose_and_contains_what_is_near(name: str, reach: float, body: Body) -> None:
-    points = wear(name, body).mesh.vertices
+    points = fit_template(name, body).mesh.vertices
     kept, collider = collider_near(body, points, reach)
     (part,) = collider.parts
     for posed in skin(body.mesh.vertices, body.weights, swaying(2, seed=3).transforms()):
@@ -34,7 +34,7 @@ def test_it_is_closed_in_every_pose_and_contains_what_is_near(name: str, reach: 
 
 
 def test_the_garment_is_as_far_from_it_as_from_the_body(body: Body) -> None:
-    points = wear("tops", body).mesh.vertices
+    points = fit_template("tops", body).mesh.vertices
     kept, collider = collider_near(body, points, 0.2)
     near = BodySurface(collider.vertices(body.mesh.vertices[kept]), collider.parts[0]).closest(points)
     whole = BodySurface(body.mesh.vertices, body.mesh.faces).closest(points)

@@ -7,7 +7,7 @@ import torch
 
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.joined_legs import joined_rays, leg_faces, leg_slices
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.methods.physxnet.texels import body_texels, template_texels
 
 
@@ -57,7 +57,7 @@ def test_both_legs_meet_at_the_front_and_back_centre(rays):
 
 def test_a_skirt_is_seen_everywhere_and_without_jumps(rays, body):
     texels = rays[0]
-    skirt = wear("dress", body).mesh
+    skirt = fit_template("dress", body).mesh
     seen = template_texels("dress", skirt, body, texels)
     below = skirt.vertices[(skirt.vertices[:, 2] < -0.05) & (skirt.vertices[:, 2] > -0.25)]
     assert torch.cdist(below, seen.points).amin(1).max() < 0.03

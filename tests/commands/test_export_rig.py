@@ -12,7 +12,7 @@ from uvcloth.bodies.body import Body, save_body
 from uvcloth.checkpoint import TrainingData, save_checkpoint
 from uvcloth.commands.export_rig import FORMATS, export
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.methods.pbns.method import (
     PBNS,
     PBNSConfig,
@@ -27,7 +27,7 @@ from uvcloth.motion.library import load_clip
 @pytest.fixture(scope="module")
 def run(body: Body, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a model of the shirt whose blend shapes are noise."""
-    outfit = Outfit(body, (wear("tops", body),))
+    outfit = Outfit(body, (fit_template("tops", body),))
     worn, config = rest_outfit(outfit), PBNSConfig(width=8, layers=2)
     poses = pose_vectors(worn.parents, load_clip("jump", body).transforms())
     torch.manual_seed(0)

@@ -6,10 +6,10 @@ import pytest
 import torch
 
 from rasterize.errors import InputError
-from uvcloth import animate as animation
+from uvcloth.commands import rollout as animation
 from uvcloth.export.animation import load_animation
 from uvcloth.export.writer import FORMATS
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.library import load_clip
@@ -43,7 +43,9 @@ def scene(monkeypatch, body):
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
     monkeypatch.setattr(animation, "take", lambda name, *_: SimpleNamespace(name=name, mesh=mesh))
-    method = SimpleNamespace(objection=lambda outfit: "it itches" if len(outfit.garments) > 1 else "")
+    method = SimpleNamespace(
+        unsupported_reason=lambda outfit: "it itches" if len(outfit.garments) > 1 else ""
+    )
     monkeypatch.setattr(animation, "load_methods", lambda *_: method)
     monkeypatch.setattr(animation, "rollout", rollout)
     return SimpleNamespace(resolved=resolved, rollout=rollout)
@@ -82,12 +84,12 @@ def test_the_summary_counts_what_is_inside_the_body(scene, tmp_path):
 def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
     """A shirt that hangs two centimetres too far back lets the chest through, one in its place hardly any."""
     clip = load_clip("walk", body).window(0, FRAMES)
-    shirt = wear("tops", body)
+    shirt = fit_template("tops", body)
 
     def rollout(method, outfit, transforms, fps, contact):
         aside = torch.tensor([0.0, 0.0 if contact else 0.02, 0.0])
         for joints in transforms:
-            worn = skin(shirt.mesh.vertices, shirt.carrier_weights, joints[None])[0] + aside
+            worn = skin(shirt.mesh.vertices, shirt.smooth_weights, joints[None])[0] + aside
             yield SimpleNamespace(
                 vertices=(worn,),
                 transforms=joints,

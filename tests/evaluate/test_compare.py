@@ -18,7 +18,7 @@ import evaluate.judge as judging
 from evaluate.__main__ import main
 from evaluate.actions import find_windows
 from evaluate.compare import compare
-from evaluate.judge import Case, Contestant, Judged, judge, load_contestants
+from evaluate.judge import Candidate, Case, CaseScores, judge, load_candidates
 from evaluate.report import write_report
 from evaluate.show import Shown, pictures
 from rasterize.errors import InputError
@@ -34,7 +34,7 @@ from uvcloth.methods.lbs import LBSConfig
 from uvcloth.methods.method import Method
 from uvcloth.methods.physxnet.method import PRESETS, physxnet_checkpoint
 from uvcloth.simulate.folder import keep_refused
-from uvcloth.simulate.sequence import Sequence, load_sequence, save_sequence
+from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, save_sequence
 
 SETTLING = 8
 FILE_MM = 0.05
@@ -72,12 +72,12 @@ def motion(frames: int, start: int = 0) -> Tensor:
     return torch.cat([torch.eye(3).expand(frames, 3, 3), path[:, :, None]], dim=-1)[:, None]
 
 
-def simulated(garment: Garment, clip: str, off: Tensor, start: int = 0) -> Sequence:
+def simulated(garment: Garment, clip: str, off: Tensor, start: int = 0) -> SimulatedSequence:
     """A garment that hangs `off` metres beside its rest shape on the moving body."""
     transforms = motion(SETTLING + COUNTED - start, start)
     carried = skin(garment.mesh.vertices, garment.weights, transforms)
     metadata = {"clip": clip, "garment": garment.name, "template": garment.template}
-    return Sequence(
+    return SimulatedSequence(
         carried + off, garment.mesh.faces, garment.mesh.vertices, transforms, FPS, SETTLING, metadata
     )
 
@@ -85,7 +85,7 @@ def simulated(garment: Garment, clip: str, off: Tensor, start: int = 0) -> Seque
 @pytest.fixture
 def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A data folder of two actions and two templates, and templates that are tubes."""
-    monkeypatch.setattr(comparison, "wear", lambda name, body: tube_garment(name))
+    monkeypatch.setattr(comparison, "fit_template", lambda name, body: tube_garment(name))
 
     def every_vertex(garment: Garment, body: Body, size: int) -> SimpleNamespace:
         corners = torch.arange(len(garment.mesh.vertices))[:, None].expand(-1, 3)
@@ -121,7 +121,7 @@ def skirt(world: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     def from_file(file: str, *_: object) -> Garment:
         return replace(garment, name=Path(file).stem)
 
-    monkeypatch.setattr(comparison, "take_for_data", from_file)
+    monkeypatch.setattr(comparison, "load_garment_for_data", from_file)
     hanging = simulated(garment, "12_01", torch.tensor([0.0, 0.0, 0.02]))
     save_sequence(hanging, world / "12_01_long_skirt.npz")
     return "wardrobe/long_skirt.obj"
@@ -138,7 +138,7 @@ def run(
 ) -> dict:
     body = body or capsule_body()
     return compare(
-        load_contestants(("lbs", "lbs_smooth"), body),
+        load_candidates(("lbs", "lbs_smooth"), body),
         data,
         out,
         body=body,
@@ -215,7 +215,7 @@ def test_missing_windows_are_listed_with_the_reason(world: Path, tmp_path: Path)
     metadata = {**exploded.metadata, "rejected": "frame 3: a vertex is not a finite number"}
     (world / "12_01_dress.npz").unlink()
     save_sequence(
-        Sequence(**{**vars(exploded), "metadata": metadata}), world / "rejected" / "12_01_dress.npz"
+        SimulatedSequence(**{**vars(exploded), "metadata": metadata}), world / "rejected" / "12_01_dress.npz"
     )
     (world / "02_04_dress.npz").unlink()
     missing = {
@@ -250,7 +250,7 @@ def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) 
     )
     save_checkpoint(physxnet_checkpoint(method, body, seen, {"training_frames": 1434}), folder)
     results, _ = compare(
-        load_contestants(("lbs_smooth", str(folder)), body),
+        load_candidates(("lbs_smooth", str(folder)), body),
         data,
         tmp_path / "out",
         body=body,
@@ -280,15 +280,15 @@ class ForOne:
 
     garment: str
     name: str = "for_one"
-    remembers: bool = False
-    static: bool = True
+    autoregressive: bool = False
+    quasi_static: bool = True
 
-    def objection(self, outfit: Outfit) -> str:
+    def unsupported_reason(self, outfit: Outfit) -> str:
         names = [garment.name for garment in outfit.garments]
         return "" if names == [self.garment] else f"garment {names[0]}: model for_one is for {self.garment}"
 
     def start(self, outfit: Outfit, frames: BodyFrames) -> Any:
-        assert not self.objection(outfit)
+        assert not self.unsupported_reason(outfit)
         return LBSConfig().create().start(outfit, frames)
 
     def step(self, state: Any, frames: BodyFrames) -> Any:
@@ -300,7 +300,7 @@ class ForOne:
 
 def judged(method: Method, data: Path, out: Path) -> tuple[dict, list[Shown]]:
     return compare(
-        (*load_contestants(("lbs",), capsule_body()), Contestant(method.name, method, 0.0, "", frozenset())),
+        (*load_candidates(("lbs",), capsule_body()), Candidate(method.name, method, 0.0, "", frozenset())),
         data,
         out,
         body=capsule_body(),
@@ -316,10 +316,10 @@ class Sinking:
     """Brings the garment a millimetre nearer to the body's axis in every frame, from wherever it was left."""
 
     name: str = "sinking"
-    remembers: bool = True
-    static: bool = False
+    autoregressive: bool = True
+    quasi_static: bool = False
 
-    def objection(self, outfit: Outfit) -> str:
+    def unsupported_reason(self, outfit: Outfit) -> str:
         return ""
 
     def start(self, outfit: Outfit, frames: BodyFrames) -> Any:
@@ -339,7 +339,7 @@ class Sinking:
 
 def test_before_contact_a_method_never_sees_contact(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Alone it sinks by a millimetre a frame; what contact leaves is wider, its edges having their length."""
-    monkeypatch.setattr(comparison, "wear", lambda name, body: tube_garment(name))
+    monkeypatch.setattr(comparison, "fit_template", lambda name, body: tube_garment(name))
     monkeypatch.setattr(comparison, "garment_map", lambda *_: None)
     garment = tube_garment("tops")
     save_sequence(simulated(garment, "02_04", torch.zeros(3)), tmp_path / "data" / "02_04_tops.npz")
@@ -416,12 +416,14 @@ def test_bad_input_is_one_sentence(
     short = tmp_path / "short"
     garment = tube_garment("tops")
     sequence = simulated(garment, "a", torch.zeros(3))
-    save_sequence(Sequence(**{**vars(sequence), "settling": 1000}), short / "a_tops.npz")
-    assert "a_tops.npz: has no frame after its 1000 settling frames" in refused("lbs", short)
-    grown = Sequence(**{**vars(sequence), "rest": 1.2 * sequence.rest})
+    save_sequence(SimulatedSequence(**{**vars(sequence), "warm_up": 1000}), short / "a_tops.npz")
+    assert "a_tops.npz: has no frame after its 1000 warm-up frames" in refused("lbs", short)
+    grown = SimulatedSequence(**{**vars(sequence), "rest": 1.2 * sequence.rest})
     save_sequence(grown, short / "a_tops.npz")
     assert "another body" in refused("lbs", short)
-    save_sequence(Sequence(**{**vars(sequence), "faces": sequence.faces.flip(1)}), short / "a_tops.npz")
+    save_sequence(
+        SimulatedSequence(**{**vars(sequence), "faces": sequence.faces.flip(1)}), short / "a_tops.npz"
+    )
     assert "a_tops.npz: its mesh is not that of the garment tops" in refused("lbs", short)
 
 
@@ -451,9 +453,9 @@ def test_a_changed_file_is_judged_again(
     def judged_again() -> list[str]:
         names = []
 
-        def counted(case: Case, contestant: Contestant) -> Judged:
+        def counted(case: Case, candidate: Candidate) -> CaseScores:
             names.append(case.window.name)
-            return judge(case, contestant)
+            return judge(case, candidate)
 
         monkeypatch.setattr(comparison, "judge", counted)
         run(world, tmp_path / "out", files=(skirt,), frames=3)
@@ -461,13 +463,13 @@ def test_a_changed_file_is_judged_again(
 
     assert len(judged_again()) == 2 * 5
     assert judged_again() == []
-    before = comparison.take_for_data
+    before = comparison.load_garment_for_data
 
     def turned(file: str, *more: object) -> Garment:
         garment = before(file, *more)  # type: ignore[arg-type]
         return replace(garment, mesh=replace(garment.mesh, uvs=garment.mesh.uvs.flip(1)))
 
-    monkeypatch.setattr(comparison, "take_for_data", turned)
+    monkeypatch.setattr(comparison, "load_garment_for_data", turned)
     assert judged_again() == 2 * ["12_01_long_skirt"]
 
 
@@ -495,7 +497,7 @@ def test_repeat_of_another_motion_is_refused(world: Path, tmp_path: Path) -> Non
     bent = other.transforms[2:].clone()
     bent[:-1, :, 0, 3] += 0.05
     save_sequence(
-        Sequence(**{**vars(other), "vertices": other.vertices[2:], "transforms": bent}),
+        SimulatedSequence(**{**vars(other), "vertices": other.vertices[2:], "transforms": bent}),
         world / "repeat" / "02_04_tops.npz",
     )
     with pytest.raises(InputError, match="does not repeat the motion"):

@@ -6,7 +6,7 @@ import pytest
 
 from evaluate.actions import Window
 from evaluate.familiar import Familiar, acquaintance, cautions, familiarity
-from evaluate.judge import Contestant
+from evaluate.judge import Candidate
 from tests.small_body import small_body
 from uvcloth.methods.registry import load_method
 
@@ -17,8 +17,8 @@ def window(clip: str, subject: str = "", garment: str = "tops") -> Window:
     return Window("walking", clip, subject, garment, Path(f"{clip}.npz"), None)
 
 
-def contestant(seen: frozenset[str] = frozenset()) -> Contestant:
-    return Contestant("net", load_method("lbs", small_body()), 0.0, "", seen, clips=CLIPS)
+def candidate(seen: frozenset[str] = frozenset()) -> Candidate:
+    return Candidate("net", load_method("lbs", small_body()), 0.0, "", seen, clips=CLIPS)
 
 
 @pytest.mark.parametrize(
@@ -41,17 +41,17 @@ def contestant(seen: frozenset[str] = frozenset()) -> Contestant:
 def test_what_is_familiar(met: Window, content: str, expected: Familiar | None) -> None:
     """The index names two people whom the model leaves out."""
     people = {"w": "ann", "v": "bob", "02_01": "02"}
-    assert familiarity(met, content, contestant(frozenset({"hash"})), people) == expected
+    assert familiarity(met, content, candidate(frozenset({"hash"})), people) == expected
 
 
 def test_a_model_without_data_has_met_nothing() -> None:
-    bare = Contestant("lbs", load_method("lbs", small_body()), 0.0, "", frozenset())
+    bare = Candidate("lbs", load_method("lbs", small_body()), 0.0, "", frozenset())
     assert familiarity(window("02_01", "02"), "None", bare, {"02_01": "02"}) is None
 
 
 def test_cautions_are_red_unless_one_chooses_by_what_one_chose_by() -> None:
     windows = {window("02_04", "02"): "a", window("02_04", "02", "dress"): "b", window("11_01", "11"): "c"}
-    said = acquaintance(contestant(), windows, {})
+    said = acquaintance(candidate(), windows, {})
     assert said["trained_on"] == ["02_04_tops", "02_04_dress"]
     assert said["chosen_on"] == ["11_01_tops"]
     trained, chosen = cautions({"split": "test", "methods": {"net": said}})

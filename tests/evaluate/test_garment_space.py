@@ -7,7 +7,7 @@ from evaluate.judge import SIMULATION
 from evaluate.show import Shown
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.motion_guided.method import PRESETS
 from uvcloth.methods.registry import CONFIGS
@@ -15,7 +15,7 @@ from uvcloth.methods.registry import CONFIGS
 
 def test_a_linear_space_is_crossed_in_even_steps(body: Body) -> None:
     torch.manual_seed(0)
-    method, dress = PRESETS["tiny"].create(), wear("dress", body)
+    method, dress = PRESETS["tiny"].create(), fit_template("dress", body)
     first, second = random_pair(method)
     assert not torch.equal(first, second)
     shapes = between(method, dress, body, first, second)
@@ -27,9 +27,9 @@ def test_a_linear_space_is_crossed_in_even_steps(body: Body) -> None:
 
 def test_the_codes_farthest_apart_are_those_of_the_garments_that_differ_most(body: Body) -> None:
     torch.manual_seed(0)
-    method, dress = PRESETS["tiny"].create(), wear("dress", body)
+    method, dress = PRESETS["tiny"].create(), fit_template("dress", body)
     transforms = swaying(4, seed=0).transforms()
-    skinned = skin(dress.mesh.vertices, dress.carrier_weights, transforms)
+    skinned = skin(dress.mesh.vertices, dress.smooth_weights, transforms)
     wide = skinned.clone()
     wide[1] += 0.05
     wide[3] -= 0.05

@@ -12,7 +12,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
-from uvcloth.simulate.sequence import Sequence
+from uvcloth.simulate.sequence import SimulatedSequence
 
 
 def test_inside_counts_what_lies_within_the_body() -> None:
@@ -33,7 +33,7 @@ def test_inside_counts_what_lies_within_the_body() -> None:
     corners = torch.arange(300)[:, None].expand(-1, 3)
     case = Case(
         window=Window("a", "a", "", "tops", None, None),  # type: ignore[arg-type]
-        sequence=Sequence(points, sheet, points[0], transforms, 30.0, 0, {}),
+        sequence=SimulatedSequence(points, sheet, points[0], transforms, 30.0, 0, {}),
         outfit=Outfit(body, (garment,)),
         reference=Reference(points, points[0], sheet, 30.0, corners, torch.full((300, 3), 1 / 3)),
         start=0,

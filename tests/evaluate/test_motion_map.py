@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from evaluate.judge import Contestant
+from evaluate.judge import Candidate
 from evaluate.motion_map import embedded, motion_maps, seed_positions
 from evaluate.show import Shown
 from tests.train.simulated import save_clips, swaying
 from uvcloth.bodies.body import Body
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.methods.registry import load_method
 from uvcloth.simulate.sequence import load_sequence
 
@@ -50,15 +50,16 @@ def test_a_map_per_training_set(body: Body, tmp_path: Path) -> None:
     known = frozenset(load_sequence(tmp_path / f"{name}.npz").metadata["hash"] for name in seen)
     lbs = load_method("lbs", body)
 
-    def contestant(name: str, seen: frozenset[str]) -> Contestant:
-        return Contestant(name, lbs, 0.0, "", seen)
+    def candidate(name: str, seen: frozenset[str]) -> Candidate:
+        return Candidate(name, lbs, 0.0, "", seen)
 
-    moving = judged.transforms[judged.settling :]
+    moving = judged.transforms[judged.warm_up :]
     shown = [
-        Shown("jump", "clip0", wear(template, body), 30.0, 1, moving, {}) for template in ("tops", "dress")
+        Shown("jump", "clip0", fit_template(template, body), 30.0, 1, moving, {})
+        for template in ("tops", "dress")
     ]
-    one, two, none = (contestant(*c) for c in (("one", known), ("two", known), ("none", frozenset({"x"}))))
-    together, elsewhere = motion_maps([contestant("lbs", frozenset()), one, two, none], tmp_path, shown, body)
+    one, two, none = (candidate(*c) for c in (("one", known), ("two", known), ("none", frozenset({"x"}))))
+    together, elsewhere = motion_maps([candidate("lbs", frozenset()), one, two, none], tmp_path, shown, body)
     assert together.methods == ("one", "two")
     assert (together.found, together.of) == (3, 3)
     # Two garments of one clip are one motion.
@@ -67,4 +68,4 @@ def test_a_map_per_training_set(body: Body, tmp_path: Path) -> None:
     assert (elsewhere.methods, elsewhere.found, elsewhere.of) == (("none",), 0, 1)
     assert elsewhere.training.shape == (0, 2)
     assert torch.equal(elsewhere.tests["jump"], together.tests["jump"])
-    assert motion_maps([contestant("lbs", frozenset())], tmp_path, shown, body) == []
+    assert motion_maps([candidate("lbs", frozenset())], tmp_path, shown, body) == []

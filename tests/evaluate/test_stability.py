@@ -13,7 +13,7 @@ from tests.evaluate.test_compare import COUNTED, FPS, SETTLING, capsule_body, mo
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.skinning import skin
-from uvcloth.simulate.sequence import Sequence
+from uvcloth.simulate.sequence import SimulatedSequence
 
 STRAY = 0.001
 END = SETTLING + COUNTED
@@ -24,10 +24,10 @@ class Straying:
     """Carries its garment along with the body's only joint, and a millimetre upwards in every frame."""
 
     name: str = "straying"
-    remembers: bool = True
-    static: bool = False
+    autoregressive: bool = True
+    quasi_static: bool = False
 
-    def objection(self, outfit: Outfit) -> str:
+    def unsupported_reason(self, outfit: Outfit) -> str:
         return ""
 
     def start(self, outfit: Outfit, frames: BodyFrames) -> Tensor:
@@ -43,15 +43,15 @@ class Straying:
 
 
 @pytest.fixture
-def window() -> Sequence:
+def window() -> SimulatedSequence:
     """A garment that stays 5 cm above its rest shape: far enough that contact leaves it alone."""
     return simulated(tube_garment("tops"), "02_04", torch.tensor([0.0, 0.0, 0.05]))
 
 
 def test_errors_grow_with_the_frames_since_the_truth(
-    window: Sequence, monkeypatch: pytest.MonkeyPatch
+    window: SimulatedSequence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(measured, "ALONE", 5)
+    monkeypatch.setattr(measured, "SHORT_ROLLOUT", 5)
     outfit = Outfit(capsule_body(), (tube_garment("tops"),))
     scores = stability_scores(Straying(), outfit, window, END)
     assert scores["one_step_mm"].tolist() == pytest.approx([1.0] * COUNTED, abs=0.05)
@@ -61,9 +61,9 @@ def test_errors_grow_with_the_frames_since_the_truth(
 
 
 def test_copies_of_the_truth_miss_what_has_moved_since(
-    window: Sequence, monkeypatch: pytest.MonkeyPatch
+    window: SimulatedSequence, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(measured, "ALONE", 5)
+    monkeypatch.setattr(measured, "SHORT_ROLLOUT", 5)
     copies = copied_truth(tube_garment("tops"), window, END)
     path = 1000.0 * motion(END)[:, 0, :, 3]
     for key, seen in (("one_step_mm", 1), ("rollout_50_mm", 5), ("vertex_mean_mm", COUNTED)):
@@ -73,7 +73,7 @@ def test_copies_of_the_truth_miss_what_has_moved_since(
         assert copies["carried"][key].max() < 1e-2
 
 
-def test_carried_copies_turn_with_the_body(window: Sequence) -> None:
+def test_carried_copies_turn_with_the_body(window: SimulatedSequence) -> None:
     garment = tube_garment("tops")
     turns = torch.arange(END) / FPS
     rotation = torch.stack([turns.cos(), -turns.sin(), turns.sin(), turns.cos()], dim=-1).view(END, 2, 2)

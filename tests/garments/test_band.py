@@ -10,8 +10,8 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.band import TEMPLATE_MASS, holding_band
 from uvcloth.garments.garment import Garment
-from uvcloth.garments.loading import take
-from uvcloth.garments.templates import load_template, wear
+from uvcloth.garments.loading import load_garment
+from uvcloth.garments.templates import fit_template, load_template
 from uvcloth.geometry.mesh import Mesh
 
 SKIRT = str(files("uvcloth") / "data" / "garments" / "skirt.obj")
@@ -20,12 +20,12 @@ SKIRT = str(files("uvcloth") / "data" / "garments" / "skirt.obj")
 @pytest.fixture(scope="module")
 def shirt(body: Body) -> Garment:
     """The T-shirt as if it came from a file."""
-    return replace(wear("tops", body), name="shirt")
+    return replace(fit_template("tops", body), name="shirt")
 
 
 @pytest.fixture(scope="module")
 def trousers(body: Body) -> Garment:
-    return replace(wear("bottoms", body), name="trousers")
+    return replace(fit_template("bottoms", body), name="trousers")
 
 
 def moved(garment: Garment, faces: torch.Tensor) -> Garment:
@@ -33,7 +33,7 @@ def moved(garment: Garment, faces: torch.Tensor) -> Garment:
 
 
 def test_templates_hang_by_their_own_bands(body: Body) -> None:
-    band = holding_band(wear("dress", body), body)
+    band = holding_band(fit_template("dress", body), body)
     assert torch.equal(band.vertices, load_template("dress").band)
     assert band.mass == TEMPLATE_MASS["dress"]
 
@@ -53,7 +53,7 @@ def test_a_file_that_is_named_as_its_template_hangs_by_its_own_hem(body: Body, s
 
 
 def test_a_skirt_hangs_by_its_waist(body: Body) -> None:
-    skirt = take(SKIRT, body)
+    skirt = load_garment(SKIRT, body)
     heights = skirt.mesh.vertices[:, 2]
     held = holding_band(skirt, body).vertices
     assert float(heights[held].min()) > float(heights.max()) - 0.03

@@ -88,13 +88,13 @@ def test_a_triangle_soup_is_one_piece(tank_top, body, tmp_path):
     fitted = fit(written(tank_top, tmp_path / "vest.stl"), body)
     assert fitted.garment.mesh.vertices.shape == (3 * len(tank_top.faces), 3)
     assert fitted.diagnosis.components == 1
-    joined = fitted.garment.carrier_weights
+    joined = fitted.garment.smooth_weights
     _, place = torch.unique(fitted.garment.mesh.vertices, dim=0, return_inverse=True)
     order = torch.argsort(place)
     same = place[order][1:] == place[order][:-1]
     assert torch.equal(joined[order][1:][same], joined[order][:-1][same])
     whole = fit(written(tank_top, tmp_path / "vest.ply"), body).garment
-    corners = whole.carrier_weights[whole.mesh.faces.reshape(-1)]
+    corners = whole.smooth_weights[whole.mesh.faces.reshape(-1)]
     torch.testing.assert_close(joined, corners, atol=1e-3, rtol=0)
 
 
@@ -176,7 +176,7 @@ def test_every_vertex_covers_the_skin_below_it(shorts, body, tmp_path):
     assert distance.median() == pytest.approx(EASE, abs=1e-3)
     assert fitted.diagnosis.ray_misses == missed.sum()
     assert missed.float().mean() < 0.01
-    for weights in (garment.weights, garment.carrier_weights):
+    for weights in (garment.weights, garment.smooth_weights):
         torch.testing.assert_close(weights.sum(1), torch.ones(len(weights)))
 
 
@@ -185,7 +185,7 @@ def test_a_skirt_is_carried_by_both_legs_and_shorts_by_one_each(skirt, shorts, b
     for mesh, least, most in ((skirt, 0.25, 0.5), (shorts, 0.0, 0.15)):
         garment = fit(written(mesh, tmp_path / "garment.ply"), body).garment
         thigh = garment.mesh.vertices[:, 2] < -0.2
-        weights = garment.carrier_weights[thigh]
+        weights = garment.smooth_weights[thigh]
         legs = weights[:, [left, right]]
         middle = garment.mesh.vertices[thigh, 0].abs() < 0.02 if mesh is skirt else legs.max(1).values > 0.8
         other = (legs.min(1).values / legs.sum(1))[middle]

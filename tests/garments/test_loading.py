@@ -9,18 +9,18 @@ import torch
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.garments.loading import take, take_for_data
-from uvcloth.garments.templates import wear
+from uvcloth.garments.loading import load_garment, load_garment_for_data
+from uvcloth.garments.templates import fit_template
 
 SKIRT = Path(str(files("uvcloth") / "data" / "garments" / "skirt.obj"))
 
 
 def test_a_template_is_worn_and_a_file_is_fitted(body: Body) -> None:
-    shirt = take("tops", body)
+    shirt = load_garment("tops", body)
     assert (shirt.name, shirt.template) == ("tops", "tops")
-    assert torch.equal(shirt.mesh.vertices, wear("tops", body).mesh.vertices)
+    assert torch.equal(shirt.mesh.vertices, fit_template("tops", body).mesh.vertices)
     said: list[str] = []
-    skirt = take(str(SKIRT), body, said.append)
+    skirt = load_garment(str(SKIRT), body, said.append)
     assert (skirt.name, skirt.template) == ("skirt", "dress")
     assert said[0].startswith(f"{SKIRT}: ")
     assert "worn as dress" in said[-1]
@@ -28,13 +28,13 @@ def test_a_template_is_worn_and_a_file_is_fitted(body: Body) -> None:
 
 def test_a_name_that_is_neither_is_refused(body: Body) -> None:
     with pytest.raises(InputError, match=r"cape\.obj: no such file"):
-        take("cape.obj", body)
+        load_garment("cape.obj", body)
 
 
 @pytest.mark.parametrize("stem", ["tops", "long_tops"])
 def test_a_file_may_not_pass_for_a_template_in_data(body: Body, tmp_path: Path, stem: str) -> None:
     copy = Path(shutil.copy(SKIRT, tmp_path / f"{stem}.obj"))
-    assert take(str(copy), body).name == stem
+    assert load_garment(str(copy), body).name == stem
     with pytest.raises(InputError, match=rf"{stem}\.obj: .*mistaken for those of the template tops"):
-        take_for_data(str(copy), body)
-    assert take_for_data("tops", body).template == "tops"
+        load_garment_for_data(str(copy), body)
+    assert load_garment_for_data("tops", body).template == "tops"

@@ -7,7 +7,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.order import check_order
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 
 
@@ -54,7 +54,7 @@ def test_a_few_crossed_vertices_are_let_through() -> None:
 
 
 def test_the_shirt_is_worn_over_the_trousers(body: Body) -> None:
-    tops, bottoms = wear("tops", body), wear("bottoms", body)
+    tops, bottoms = fit_template("tops", body), fit_template("bottoms", body)
     check_order([bottoms, tops])
     with pytest.raises(InputError, match="garment bottoms: cannot be worn over the garment tops"):
         check_order([tops, bottoms])

@@ -10,12 +10,12 @@ from uvcloth.bodies.body import Body
 from uvcloth.garments.band import holding_band
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.pins import pinned
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 
 
 @pytest.fixture(scope="module")
 def dress(body: Body) -> Garment:
-    return wear("dress", body)
+    return fit_template("dress", body)
 
 
 def listed(path: Path, text: str) -> str:
@@ -34,7 +34,7 @@ def test_waist_and_neck_are_the_halves_of_the_band(dress: Garment, body: Body) -
     assert not (waist & neck).any()
     assert torch.equal(waist | neck, pinned([dress], body, ["band"]))
     assert torch.equal(pinned([dress], body, ["waist", "neck"]), pinned([dress], body, ["band"]))
-    trousers = wear("bottoms", body)
+    trousers = fit_template("bottoms", body)
     assert torch.equal(pinned([trousers], body, ["waist"]), pinned([trousers], body, ["band"]))
 
 
@@ -87,13 +87,13 @@ def test_a_name_that_is_neither_a_place_nor_a_file_is_refused(
 
 def test_a_place_that_a_garment_lacks_is_refused(body: Body) -> None:
     with pytest.raises(InputError, match="--pins waist: names no vertex of tops"):
-        pinned([wear("tops", body)], body, ["waist"])
+        pinned([fit_template("tops", body)], body, ["waist"])
     with pytest.raises(InputError, match="--pins neck: names no vertex of bottoms"):
-        pinned([wear("bottoms", body)], body, ["band", "neck"])
+        pinned([fit_template("bottoms", body)], body, ["band", "neck"])
 
 
 def test_a_place_that_one_garment_of_an_outfit_has_is_enough(body: Body, tmp_path: Path) -> None:
-    trousers, shirt = wear("bottoms", body), wear("tops", body)
+    trousers, shirt = fit_template("bottoms", body), fit_template("tops", body)
     held = pinned([trousers, shirt], body, ["waist"])
     assert torch.equal(held[: len(trousers.mesh.vertices)], pinned([trousers], body, ["waist"]))
     assert not held[len(trousers.mesh.vertices) :].any()

@@ -12,7 +12,7 @@ from rasterize.charts import boundary_loops
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.cut import cut, place
-from uvcloth.garments.templates import TEMPLATES, load_template, outward, save_template, wear
+from uvcloth.garments.templates import TEMPLATES, fit_template, load_template, outward, save_template
 from uvcloth.physics.surface import BodySurface
 
 OPENINGS = {"tops": 4, "bottoms": 3, "dress": 4, "shirt": 4}
@@ -33,7 +33,7 @@ def test_a_cut_through_a_sphere_is_exact() -> None:
 
 @pytest.mark.parametrize("name", TEMPLATES)
 def test_templates_are_clean_garments(name: str, body: Body) -> None:
-    garment = wear(name, body)
+    garment = fit_template(name, body)
     mesh = trimesh.Trimesh(garment.mesh.vertices.numpy(), garment.mesh.faces.numpy(), process=False)
     assert 3000 <= len(mesh.vertices) <= 4500
     assert mesh.body_count == 1
@@ -50,18 +50,18 @@ def test_templates_are_clean_garments(name: str, body: Body) -> None:
 
 @pytest.mark.parametrize("name", TEMPLATES)
 def test_the_band_holds_what_it_should(name: str, body: Body) -> None:
-    template, garment = load_template(name), wear(name, body)
+    template, garment = load_template(name), fit_template(name, body)
     band = garment.mesh.vertices[template.band]
     joints = dict(zip(body.skeleton.names, body.skeleton.heads, strict=True))
     top = float(band[:, 2].max())
     expected = joints["LowerBack"] if name == "bottoms" else joints["Neck"]
     assert abs(top - float(expected[2])) < 0.08
-    torch.testing.assert_close(garment.carrier_weights.sum(1), torch.ones(len(garment.carrier_weights)))
+    torch.testing.assert_close(garment.smooth_weights.sum(1), torch.ones(len(garment.smooth_weights)))
 
 
 @pytest.mark.parametrize("side", ["Left", "Right"])
 def test_the_shirt_reaches_the_wrists_and_leaves_them_room(side: str, body: Body) -> None:
-    garment = wear("shirt", body)
+    garment = fit_template("shirt", body)
     joints = dict(zip(body.skeleton.names, body.skeleton.heads.numpy(), strict=True))
     elbow, wrist = joints[f"{side}ForeArm"], joints[f"{side}Hand"]
     axis = (wrist - elbow) / np.linalg.norm(wrist - elbow)

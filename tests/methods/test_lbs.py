@@ -3,7 +3,7 @@ import torch
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.registry import load_method
 from uvcloth.rollout import rollout
@@ -11,7 +11,7 @@ from uvcloth.rollout import rollout
 
 def test_a_rigid_motion_carries_the_garment_exactly():
     body = load_body()
-    garment = wear("tops", body)
+    garment = fit_template("tops", body)
     turn = torch.tensor([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
     rigid = torch.cat([turn, torch.tensor([[1.0], [2.0], [3.0]])], dim=1)
     motion = rigid.expand(2, len(body.skeleton.names), 3, 4)
@@ -23,7 +23,7 @@ def test_a_rigid_motion_carries_the_garment_exactly():
 
 def test_lbs_follows_the_closest_body_vertices():
     body = load_body()
-    garment = wear("tops", body)
+    garment = fit_template("tops", body)
     motion = swaying(3, seed=0).transforms()
     some = torch.arange(0, len(garment.mesh.vertices), 20)
     points = garment.mesh.vertices[some]
@@ -36,7 +36,7 @@ def test_lbs_follows_the_closest_body_vertices():
 
 def test_smooth_weights_stretch_edges_less():
     body = load_body()
-    garment = wear("dress", body)
+    garment = fit_template("dress", body)
     motion = swaying(20, seed=0).transforms()
     faces, rest = garment.mesh.faces, garment.mesh.vertices
     strain = {}

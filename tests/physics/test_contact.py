@@ -8,11 +8,11 @@ from torch import Tensor
 
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.collider import Collider, make_collider
-from uvcloth.garments.templates import TEMPLATES, wear
+from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.geometry.mesh import unique_edges
-from uvcloth.physics.contact import CLOSEST, GAP, MARGIN, Beneath, Dressed, Obstacle
+from uvcloth.physics.contact import CLOSEST, GAP, MARGIN, ContactGarment, InnerLayerContact, Obstacle
 from uvcloth.physics.layers import Layer
-from uvcloth.physics.strain_limiter import Inextensible
+from uvcloth.physics.strain_limiter import StrainLimiter
 
 
 def tensors(mesh: trimesh.Trimesh) -> tuple[Tensor, Tensor]:
@@ -31,9 +31,11 @@ def ellipsoid(*axes: float) -> trimesh.Trimesh:
     return shape
 
 
-def dressed(vertices: Tensor, faces: Tensor, parts: int = 1) -> Dressed:
+def dressed(vertices: Tensor, faces: Tensor, parts: int = 1) -> ContactGarment:
     """A garment whose vertices touch the parts with those bits."""
-    return Dressed(Inextensible(vertices, faces), torch.full((len(vertices),), parts, dtype=torch.int32))
+    return ContactGarment(
+        StrainLimiter(vertices, faces), torch.full((len(vertices),), parts, dtype=torch.int32)
+    )
 
 
 def grid(rows: int, columns: int, around: bool = False) -> Tensor:
@@ -150,11 +152,11 @@ def test_cloth_between_two_limbs_that_leave_it_no_room_is_left_calm() -> None:
     )
 
 
-def over(garment: Dressed, layer: Layer, parts: int = 1) -> Dressed:
+def over(garment: ContactGarment, layer: Layer, parts: int = 1) -> ContactGarment:
     """A garment worn over a layer whose faces lie beside the parts with those bits."""
     every = torch.arange(len(garment.touches))
     beside = torch.full((len(layer.faces),), parts, dtype=torch.int32)
-    return replace(garment, over=(Beneath(layer, every, garment.touches, beside),))
+    return replace(garment, over=(InnerLayerContact(layer, every, garment.touches, beside),))
 
 
 def test_what_is_worn_over_another_ends_over_it_where_that_one_lies_now() -> None:
@@ -186,7 +188,7 @@ def test_a_sleeve_is_free_of_a_layer_that_lies_beside_other_parts() -> None:
 def test_a_layer_holds_what_is_over_it_at_rest_and_nothing_under_it() -> None:
     body = load_body()
     worn = Obstacle(make_collider(body), body.mesh.vertices)
-    tops, bottoms = (wear(name, body).mesh for name in ("tops", "bottoms"))
+    tops, bottoms = (fit_template(name, body).mesh for name in ("tops", "bottoms"))
     layer = Layer(bottoms.vertices, bottoms.faces)
     (shirt,) = worn.dress(tops.vertices, tops.faces, [layer]).over
     assert len(shirt.rows) == len(tops.vertices)
@@ -202,7 +204,7 @@ def test_templates_at_rest_on_the_default_body_are_outside_and_stay() -> None:
     body = load_body()
     worn = Obstacle(make_collider(body), body.mesh.vertices)
     for name in TEMPLATES:
-        mesh = wear(name, body).mesh
+        mesh = fit_template(name, body).mesh
         resolved, contacts = worn.resolve(mesh.vertices, worn.dress(mesh.vertices, mesh.faces))
         assert (contacts.inside_before, contacts.inside_after) == (0, 0)
         assert (resolved - mesh.vertices).norm(dim=1).mean() < 2e-4
@@ -211,7 +213,7 @@ def test_templates_at_rest_on_the_default_body_are_outside_and_stay() -> None:
 def test_percent_inside_follows_the_body() -> None:
     body = load_body()
     worn = Obstacle(make_collider(body), body.mesh.vertices)
-    mesh = wear("tops", body).mesh
+    mesh = fit_template("tops", body).mesh
     frames = mesh.vertices.expand(2, -1, -1)
     apart = torch.stack([body.mesh.vertices, body.mesh.vertices + torch.tensor([0.0, 0.05, 0.0])])
     percent = worn.inside_percent(frames, worn.dress(mesh.vertices, mesh.faces), apart)

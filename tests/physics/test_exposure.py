@@ -10,7 +10,7 @@ from torch import Tensor
 
 from tests.physics import judge
 from uvcloth.bodies.body import Body
-from uvcloth.garments.templates import TEMPLATES, wear
+from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.physics.exposure import Exposure, spread
@@ -115,7 +115,7 @@ def test_an_outer_garment_or_a_limb_hides_what_sticks_through_an_inner_one() -> 
 
 def test_templates_at_rest_let_no_skin_through_and_sunk_ones_do(body: Body) -> None:
     for name in TEMPLATES:
-        mesh = wear(name, body).mesh
+        mesh = fit_template(name, body).mesh
         exposure = Exposure(body, [mesh])
         assert len(exposure.covered.corners) > 3000
         assert exposure.percent([mesh.vertices], body.mesh.vertices) == pytest.approx(0.0, abs=0.05)
@@ -124,6 +124,6 @@ def test_templates_at_rest_let_no_skin_through_and_sunk_ones_do(body: Body) -> N
 
 
 def test_what_covers_nothing_shows_nothing(body: Body) -> None:
-    mesh = wear("tops", body).mesh
+    mesh = fit_template("tops", body).mesh
     above = replace(mesh, vertices=mesh.vertices + torch.tensor([0.0, 0.0, 3.0]))
     assert Exposure(body, [above]).percent([above.vertices], body.mesh.vertices) == 0.0

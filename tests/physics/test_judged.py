@@ -9,7 +9,7 @@ from tests.physics import judge
 from tests.physics.test_contact import dressed, ellipsoid, grid, obstacle, tensors
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
-from uvcloth.garments.templates import TEMPLATES, wear
+from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.physics.contact import MARGIN, Obstacle
 from uvcloth.physics.self_intersection import crossing_edges_percent
 
@@ -31,7 +31,7 @@ def test_the_same_edges_cross_as_in_another_library() -> None:
 
 def test_a_garment_that_is_pulled_through_itself(body: Body) -> None:
     for name in TEMPLATES:
-        mesh = wear(name, body).mesh
+        mesh = fit_template(name, body).mesh
         crossed = mesh.vertices.clone()
         front = crossed[:, 1] < crossed[:, 1].median()
         crossed[front] += torch.tensor([0.013, 0.25, 0.007])
@@ -61,7 +61,7 @@ def test_another_library_finds_cloth_and_body_apart_after_contact() -> None:
 def test_another_library_finds_templates_and_body_apart_at_rest(body: Body) -> None:
     worn = Obstacle(make_collider(body), body.mesh.vertices)
     for name in TEMPLATES:
-        mesh = wear(name, body).mesh
+        mesh = fit_template(name, body).mesh
         resolved, _ = worn.resolve(mesh.vertices, worn.dress(mesh.vertices, mesh.faces))
         skin = (body.mesh.vertices, body.mesh.faces)
         assert not judge.meet(skin, (resolved, mesh.faces))

@@ -1,4 +1,4 @@
-"""Closest planes of many poses at once against each pose alone, and what a visit spares."""
+"""Closest planes of many poses at once against each pose alone, and what a cache spares."""
 
 import pytest
 import torch
@@ -6,7 +6,7 @@ import trimesh
 from torch import Tensor
 
 from uvcloth.geometry.mesh import vertex_normals
-from uvcloth.physics.posed_batch import Crowd, Planes, Visit, first_visit
+from uvcloth.physics.posed_batch import ClosestPointCache, Planes, PosedMeshBatch, empty_cache
 from uvcloth.physics.surface import FREE, REACH, BodySurface
 
 NEAR = 0.004
@@ -41,14 +41,14 @@ def around(poses: Tensor, count: int, spread: float, seed: int = 0) -> Tensor:
     return poses[:, chosen] + spread * torch.randn(len(poses), count, 3, generator=generator)
 
 
-def crowd_of(mesh: tuple[Tensor, Tensor], poses: Tensor, copies: int | None = None) -> Crowd:
-    crowd = Crowd(*mesh, copies or len(poses))
+def crowd_of(mesh: tuple[Tensor, Tensor], poses: Tensor, copies: int | None = None) -> PosedMeshBatch:
+    crowd = PosedMeshBatch(*mesh, copies or len(poses))
     crowd.update(poses)
     return crowd
 
 
 def assert_same(planes: Planes, others: Planes) -> None:
-    assert torch.equal(planes.bounds, others.bounds)
+    assert torch.equal(planes.offsets, others.offsets)
     assert torch.equal(planes.normals, others.normals)
 
 
@@ -74,7 +74,7 @@ def test_points_outside_touch_nothing_and_those_deep_inside_do() -> None:
     heights = torch.tensor([0.0, 0.1, 0.15 + 0.9 * NEAR, 0.15 + 1.1 * NEAR, 0.5, 5.0])
     points = heights[:, None] * torch.nn.functional.normalize(mesh[0][10], dim=0)
     planes = crowd.planes(points[None], NEAR)
-    assert (planes.bounds[0] > FREE).tolist() == [True, True, True, False, False, False]
+    assert (planes.offsets[0] > FREE).tolist() == [True, True, True, False, False, False]
     assert planes.normals[0, 3:].abs().max() == 0.0
     assert planes.distance(points[None])[0, 3:].min() > 1e5
     lacking = planes.distance(points[None])[0, 1:3]
@@ -87,9 +87,9 @@ def test_the_plane_of_a_corner_is_tangent_at_the_nearest_vertex_of_the_closest_f
     points = around(poses, 500, 0.01)
     crowd = crowd_of(mesh, poses, 5)
     planes, usual = crowd.planes(points, NEAR, corner=True), crowd.planes(points, NEAR)
-    assert torch.equal(planes.bounds > FREE, usual.bounds > FREE)
-    for pose, cloth, bounds, normals in zip(poses, points, planes.bounds, planes.normals, strict=True):
-        touched = bounds > FREE
+    assert torch.equal(planes.offsets > FREE, usual.offsets > FREE)
+    for pose, cloth, offsets, normals in zip(poses, points, planes.offsets, planes.normals, strict=True):
+        touched = offsets > FREE
         faces = mesh[1][BodySurface(pose, mesh[1]).closest(cloth).faces[touched]]
         apart = (pose[faces] - cloth[touched, None]).norm(dim=2)
         nearest = faces.gather(1, apart.argmin(1, keepdim=True)).squeeze(1)
@@ -98,7 +98,7 @@ def test_the_plane_of_a_corner_is_tangent_at_the_nearest_vertex_of_the_closest_f
         alone = apart.sort(1).values.diff(dim=1)[:, 0] > 1e-6
         same = (normals[touched] - expected).norm(dim=1) < 1e-4
         assert same[alone].float().mean() > 0.99
-        torch.testing.assert_close(bounds[touched][same], (expected * pose[nearest]).sum(1)[same])
+        torch.testing.assert_close(offsets[touched][same], (expected * pose[nearest]).sum(1)[same])
 
 
 @pytest.mark.parametrize("corner", [False, True], ids=["surface", "corner"])
@@ -108,7 +108,7 @@ def test_a_visit_changes_nothing_that_is_found(mesh: tuple[Tensor, Tensor], corn
     poses = posed(mesh[0], 3)
     crowd = crowd_of(mesh, poses)
     points = around(poses, 1500, 0.05)
-    visit = first_visit(3, 1500, CPU)
+    cache = empty_cache(3, 1500, CPU)
     generator = torch.Generator().manual_seed(1)
     sizes = [0.0, *torch.logspace(-4, -1, 12).tolist(), 0.0, 0.01, 1e-3]
     for size in sizes:
@@ -116,29 +116,29 @@ def test_a_visit_changes_nothing_that_is_found(mesh: tuple[Tensor, Tensor], corn
         points[:, :50] = poses[:, mesh[1][:50]].mean(2)
         points[:, 50:100] = poses[:, mesh[1][:50, :2]].mean(2)
         points[:, 100:150] = poses[:, :50] * 1.001
-        assert_same(crowd.planes(points, NEAR, visit, corner), crowd.planes(points, NEAR, corner=corner))
+        assert_same(crowd.planes(points, NEAR, cache, corner), crowd.planes(points, NEAR, corner=corner))
 
 
 def test_a_visit_spares_what_moved_less_than_it_was_away() -> None:
     mesh = ball()
-    crowd, visit = crowd_of(mesh, mesh[0][None]), first_visit(1, 3, CPU)
+    crowd, cache = crowd_of(mesh, mesh[0][None]), empty_cache(1, 3, CPU)
     direction = torch.nn.functional.normalize(mesh[0][10], dim=0)
     points = torch.tensor([[0.15], [0.2], [1.0]])[None] * direction
-    crowd.planes(points, NEAR, visit)
-    assert torch.equal(visit.points, points)
+    crowd.planes(points, NEAR, cache)
+    assert torch.equal(cache.points, points)
     expected = torch.tensor([[0.0, 0.05, REACH]])
-    torch.testing.assert_close(visit.clearance, expected, atol=1e-4, rtol=0)
+    torch.testing.assert_close(cache.clearance, expected, atol=1e-4, rtol=0)
     moved = points - 0.03 * direction
-    crowd.planes(moved, NEAR, visit)
-    assert torch.equal(visit.points, torch.stack([moved[0, 0], points[0, 1], points[0, 2]])[None])
-    assert visit.clearance[0].tolist() == pytest.approx([-0.03, 0.05, REACH], abs=3e-4)
-    crowd.planes(moved - 0.03 * direction, NEAR, visit)
-    assert visit.clearance[0].tolist() == pytest.approx([-0.06, -0.01, REACH], abs=1e-3)
+    crowd.planes(moved, NEAR, cache)
+    assert torch.equal(cache.points, torch.stack([moved[0, 0], points[0, 1], points[0, 2]])[None])
+    assert cache.clearance[0].tolist() == pytest.approx([-0.03, 0.05, REACH], abs=3e-4)
+    crowd.planes(moved - 0.03 * direction, NEAR, cache)
+    assert cache.clearance[0].tolist() == pytest.approx([-0.06, -0.01, REACH], abs=1e-3)
 
 
 def test_a_visit_that_remembers_wrongly_is_believed() -> None:
-    """What a visit spares is really not looked up: a point said to be far away is not found inside."""
+    """What a cache spares is really not looked up: a point said to be far away is not found inside."""
     mesh = ball()
     crowd, points = crowd_of(mesh, mesh[0][None]), torch.zeros(1, 2, 3)
-    visit = Visit(points.clone(), torch.tensor([[1.0, -0.15]]))
-    assert (crowd.planes(points, NEAR, visit).bounds > FREE).tolist() == [[False, True]]
+    cache = ClosestPointCache(points.clone(), torch.tensor([[1.0, -0.15]]))
+    assert (crowd.planes(points, NEAR, cache).offsets > FREE).tolist() == [[False, True]]

@@ -20,7 +20,7 @@ def test_rays_from_the_centre_meet_the_sphere_at_its_radius() -> None:
     hits = cast_rays(torch.zeros(200, 3), 3.0 * towards, VERTICES, FACES, max_distance=2.0, both_ways=False)
     assert hits.found.all()
     assert (hits.distance - 1).abs().max() < 2e-3
-    assert (hits.carry(VERTICES, FACES) - towards * hits.distance[:, None]).abs().max() < 1e-5
+    assert (hits.interpolate(VERTICES, FACES) - towards * hits.distance[:, None]).abs().max() < 1e-5
 
 
 def test_both_ways_takes_the_nearer_side_and_signs_it() -> None:
@@ -43,7 +43,7 @@ def test_a_miss_is_marked_and_distance_is_limited() -> None:
 def test_closest_points_lie_along_the_radius() -> None:
     points = directions(100) * torch.linspace(0.2, 2.0, 100)[:, None]
     hits = closest_points(points, VERTICES, FACES)
-    found = hits.carry(VERTICES, FACES)
+    found = hits.interpolate(VERTICES, FACES)
     assert (hits.distance - (points.norm(dim=1) - 1).abs()).abs().max() < 2e-3
     assert ((found - points).norm(dim=1) - hits.distance).abs().max() < 1e-5
 
@@ -52,7 +52,7 @@ def test_body_and_garment_see_each_other() -> None:
     inner = 0.8 * VERTICES
     there = body_to_garment(inner, VERTICES, VERTICES, FACES, max_distance=0.5)
     assert there.found.float().mean() > 0.999
-    assert (there.carry(VERTICES, FACES)[there.found] - VERTICES[there.found]).norm(dim=1).max() < 1e-3
+    assert (there.interpolate(VERTICES, FACES)[there.found] - VERTICES[there.found]).norm(dim=1).max() < 1e-3
     back = garment_to_body(VERTICES, VERTICES, inner, FACES, max_distance=0.5)
     assert (back.distance[back.found] + 0.2).abs().max() < 1e-3
 

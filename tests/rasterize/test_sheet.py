@@ -11,7 +11,7 @@ import torch
 from rasterize.exr import read_exr
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.mesh import vertex_normals
-from uvcloth.simulate.sequence import Sequence, save_sequence
+from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
 FPS = 30.0
 
@@ -27,7 +27,7 @@ def sequence(body: Body, tmp_path: Path) -> Path:
     moving = suit + shift[:, None, None] * torch.tensor([1.0, 0.0, 0.0])
     path = tmp_path / "suit.npz"
     metadata = {"garment": "tops", "clip": "push"}
-    save_sequence(Sequence(moving, body.mesh.faces, suit, transforms, FPS, 0, metadata), path)
+    save_sequence(SimulatedSequence(moving, body.mesh.faces, suit, transforms, FPS, 0, metadata), path)
     return path
 
 
@@ -66,7 +66,7 @@ def test_maps_hold_the_motion_and_the_offset(sequence: Path, tmp_path: Path) -> 
         (["{folder}/none.npz", "--out", "{out}"], "none.npz: no such file"),
         (
             ["{file}", "--out", "{out}", "--body", "{file}"],
-            "(format uvcloth-body-1), found format uvcloth-sequence-2",
+            "(format uvcloth-body-1), found format uvcloth-sequence-3",
         ),
     ],
 )

@@ -14,7 +14,7 @@ from rasterize.errors import InputError
 from tests.simulate.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate import batch, quality_check
 from uvcloth.simulate import plan as planning
@@ -26,7 +26,7 @@ from uvcloth.simulate.plan import Job
 from uvcloth.simulate.quality_check import MOST_INSIDE, examine
 from uvcloth.simulate.sequence import (
     FORMAT,
-    Sequence,
+    SimulatedSequence,
     content_hash,
     load_sequence,
     read_metadata,
@@ -38,26 +38,26 @@ HEADER = "trial,subject,split,action,window_start,window_frames\n"
 
 @pytest.fixture(scope="module")
 def shirt(body: Body) -> Garment:
-    return wear("tops", body)
+    return fit_template("tops", body)
 
 
 @pytest.fixture(scope="module")
-def carried(shirt: Garment, body: Body) -> Sequence:
+def skinned(shirt: Garment, body: Body) -> SimulatedSequence:
     """A shirt that is simply skinned: outside the body for a small motion."""
     return skinned_sequence(shirt, body)
 
 
-def test_a_sequence_survives_its_file(carried: Sequence, tmp_path: Path) -> None:
-    save_sequence(carried, tmp_path / "s.npz")
+def test_a_sequence_survives_its_file(skinned: SimulatedSequence, tmp_path: Path) -> None:
+    save_sequence(skinned, tmp_path / "s.npz")
     again = load_sequence(tmp_path / "s.npz")
-    assert (again.vertices - carried.vertices).norm(dim=-1).max() < 5e-5
+    assert (again.vertices - skinned.vertices).norm(dim=-1).max() < 5e-5
     for exact in ("rest", "faces", "transforms"):
-        assert torch.equal(getattr(again, exact), getattr(carried, exact))
+        assert torch.equal(getattr(again, exact), getattr(skinned, exact))
     assert again.metadata["hash"] == content_hash(again) == read_metadata(tmp_path / "s.npz")["hash"]
-    assert again.metadata["counted"] == 3
-    assert (again.settling, again.garment, again.clip) == (1, "tops", "walk")
+    assert again.metadata["scored_frames"] == 3
+    assert (again.warm_up, again.garment, again.clip) == (1, "tops", "walk")
     assert (again.template, again.layers) == ("tops", ("tops",))
-    skirt = replace(carried, metadata={"clip": "walk", "garment": "skirt", "template": "dress"})
+    skirt = replace(skinned, metadata={"clip": "walk", "garment": "skirt", "template": "dress"})
     assert (skirt.garment, skirt.template) == ("skirt", "dress")
     assert [path.name for path in tmp_path.iterdir()] == ["s.npz"]
 
@@ -71,9 +71,9 @@ def test_an_older_sequence_is_refused_with_the_way_to_a_new_one(tmp_path: Path) 
 
 @pytest.mark.parametrize("part", ["vertices", "rest", "transforms"])
 def test_a_sequence_with_a_number_that_is_not_finite_is_refused(
-    carried: Sequence, tmp_path: Path, part: str
+    skinned: SimulatedSequence, tmp_path: Path, part: str
 ) -> None:
-    save_sequence(replace(carried, **{part: getattr(carried, part) * float("nan")}), tmp_path / "s.npz")
+    save_sequence(replace(skinned, **{part: getattr(skinned, part) * float("nan")}), tmp_path / "s.npz")
     with pytest.raises(InputError, match=rf"s\.npz: {part} holds a value"):
         load_sequence(tmp_path / "s.npz")
 
@@ -82,60 +82,66 @@ def test_a_sequence_with_a_number_that_is_not_finite_is_refused(
     ("metadata", "words"),
     [("{", "not readable as JSON"), ("[]", "does not name"), ('{"clip": "walk"}', "does not name")],
 )
-def test_damaged_metadata_is_refused(carried: Sequence, tmp_path: Path, metadata: str, words: str) -> None:
-    save_sequence(carried, tmp_path / "s.npz")
+def test_damaged_metadata_is_refused(
+    skinned: SimulatedSequence, tmp_path: Path, metadata: str, words: str
+) -> None:
+    save_sequence(skinned, tmp_path / "s.npz")
     arrays = load_arrays(tmp_path / "s.npz", FORMAT, "a sequence")
     save_arrays(tmp_path / "s.npz", {**arrays, "metadata": np.array(metadata)})
     with pytest.raises(InputError, match=rf"s\.npz: the metadata .*{words}"):
         load_sequence(tmp_path / "s.npz")
 
 
-def test_exploded_and_swallowed_sequences_are_refused(carried: Sequence, shirt: Garment, body: Body) -> None:
-    torn = carried.vertices.clone()
+def test_exploded_and_swallowed_sequences_are_refused(
+    skinned: SimulatedSequence, shirt: Garment, body: Body
+) -> None:
+    torn = skinned.vertices.clone()
     torn[2, 100] += 5.0
-    assert "frame 2" in str(examine(replace(carried, vertices=torn), shirt, body)[1])
-    lost = carried.vertices.clone()
+    assert "frame 2" in str(examine(replace(skinned, vertices=torn), shirt, body)[1])
+    lost = skinned.vertices.clone()
     lost[3, 0, 0] = float("nan")
-    assert "finite" in str(examine(replace(carried, vertices=lost), shirt, body)[1])
-    hips = carried.transforms[:, :1, :, :3] @ body.skeleton.heads[0] + carried.transforms[:, :1, :, 3]
-    sunken = hips + 0.3 * (carried.vertices - hips)
-    seen, reason = examine(replace(carried, vertices=sunken), shirt, body)
+    assert "finite" in str(examine(replace(skinned, vertices=lost), shirt, body)[1])
+    hips = skinned.transforms[:, :1, :, :3] @ body.skeleton.heads[0] + skinned.transforms[:, :1, :, 3]
+    sunken = hips + 0.3 * (skinned.vertices - hips)
+    seen, reason = examine(replace(skinned, vertices=sunken), shirt, body)
     assert "inside the body" in str(reason)
     assert seen.metadata["inside_percent"] > MOST_INSIDE
 
 
-def test_a_sleeve_that_came_off_its_arm_is_refused(carried: Sequence, shirt: Garment, body: Body) -> None:
-    assert examine(carried, shirt, body)[0].metadata["pierced_percent"] == 0.0
+def test_a_sleeve_that_came_off_its_arm_is_refused(
+    skinned: SimulatedSequence, shirt: Garment, body: Body
+) -> None:
+    assert examine(skinned, shirt, body)[0].metadata["pierced_percent"] == 0.0
     names = body.skeleton.names
     shoulder, elbow = (body.skeleton.heads[names.index(name)] for name in ("LeftArm", "LeftForeArm"))
     along = torch.nn.functional.normalize(elbow - shoulder, dim=0)
-    reach = (carried.rest - shoulder) @ along
-    beside = (carried.rest - shoulder - reach[:, None] * along).norm(dim=1)
-    sleeve = (carried.rest[:, 0] > 0.0) & (beside < 0.1)
-    slid = carried.vertices.clone()
+    reach = (skinned.rest - shoulder) @ along
+    beside = (skinned.rest - shoulder - reach[:, None] * along).norm(dim=1)
+    sleeve = (skinned.rest[:, 0] > 0.0) & (beside < 0.1)
+    slid = skinned.vertices.clone()
     slid[2:, :, 0] += 0.2 * sleeve * ((reach - 0.08) / 0.06).clamp(0.0, 1.0)
     assert "a limb has left its cloth in 67 %" in str(
-        examine(replace(carried, vertices=slid), shirt, body)[1]
+        examine(replace(skinned, vertices=slid), shirt, body)[1]
     )
 
 
 def test_a_shirt_that_runs_through_itself_is_refused(
-    carried: Sequence, shirt: Garment, body: Body, monkeypatch: pytest.MonkeyPatch
+    skinned: SimulatedSequence, shirt: Garment, body: Body, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert examine(carried, shirt, body)[0].metadata["crossing_percent"] < 1.0
+    assert examine(skinned, shirt, body)[0].metadata["crossing_percent"] < 1.0
     monkeypatch.setattr(quality_check, "MOST_INSIDE", 100.0)
-    noise = torch.randn(carried.vertices.shape, generator=torch.Generator().manual_seed(0))
-    crumpled = replace(carried, vertices=carried.vertices + 0.01 * noise)
+    noise = torch.randn(skinned.vertices.shape, generator=torch.Generator().manual_seed(0))
+    crumpled = replace(skinned, vertices=skinned.vertices + 0.01 * noise)
     assert "% of the edges run through the garment itself" in str(examine(crumpled, shirt, body)[1])
 
 
 @pytest.fixture
-def finished(carried: Sequence, body: Body, tmp_path: Path) -> Path:
+def finished(skinned: SimulatedSequence, body: Body, tmp_path: Path) -> Path:
     """A folder in which the sequence of one window is there, so that nothing is left to simulate."""
     (tmp_path / "mine.csv").write_text(HEADER + "walk,a,test,walking,40,30\n")
     out = tmp_path / "out"
     out.mkdir()
-    save_sequence(carried, out / "walk_tops.npz")
+    save_sequence(skinned, out / "walk_tops.npz")
     simulate_batch(["walk"], ["tops"], out, body, windows=tmp_path / "mine.csv")
     return out
 
@@ -169,18 +175,20 @@ def test_what_was_simulated_alone_is_not_taken_for_a_layer(finished: Path, body:
     ],
 )
 def test_data_of_another_body_or_engine_are_refused(
-    finished: Path, body: Body, carried: Sequence, said: dict, words: str
+    finished: Path, body: Body, skinned: SimulatedSequence, said: dict, words: str
 ) -> None:
-    other = replace(carried, metadata={**carried.metadata, "clip": "run", **said})
+    other = replace(skinned, metadata={**skinned.metadata, "clip": "run", **said})
     save_sequence(other, finished / "repeat" / "rejected" / "run_dress.npz")
     with pytest.raises(InputError, match=rf"run_dress\.npz: {words}.*simulate into another folder"):
         simulate_batch(["walk"], ["tops"], finished, body)
 
 
-def test_data_of_this_body_and_engine_are_added_to(finished: Path, body: Body, carried: Sequence) -> None:
+def test_data_of_this_body_and_engine_are_added_to(
+    finished: Path, body: Body, skinned: SimulatedSequence
+) -> None:
     said = {"body_hash": rest_hash(body), **Newton().describe()}
     save_sequence(
-        replace(carried, metadata={**carried.metadata, **said}), finished / "rejected" / "run_tops.npz"
+        replace(skinned, metadata={**skinned.metadata, **said}), finished / "rejected" / "run_tops.npz"
     )
     simulate_batch(["walk", "run"], ["tops"], finished, body)
 

@@ -43,7 +43,7 @@ def test_a_sheet_held_along_an_edge_swings() -> None:
     moved = play(engine, fast)
     rim = moved[:, points[:, 0] > 0.299, 2].mean(1)
     lowest = int(rim.argmin())
-    assert torch.equal(moved[:, fast.band], fast.carrier[:, fast.band])
+    assert torch.equal(moved[:, fast.band], fast.skinned[:, fast.band])
     assert 0.25 < lowest / 60.0 < 0.29
     assert -0.305 < float(rim[lowest]) < -0.28
     assert -0.10 < float(rim[lowest:].max()) < -0.03

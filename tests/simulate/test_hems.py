@@ -8,7 +8,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.garments.band import hems
 from uvcloth.garments.garment import Garment
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import boundary_edges, weld
 from uvcloth.physics.contact import Obstacle
 from uvcloth.simulate.hems import hanging_in_the_air
@@ -19,15 +19,15 @@ FRAMES = 36
 
 @pytest.fixture(scope="module")
 def dress(body: Body) -> Garment:
-    return wear("dress", body)
+    return fit_template("dress", body)
 
 
-def judge(vertices: Tensor, carrier: Tensor, dress: Garment, body: Body, posed: Tensor) -> tuple | None:
+def judge(vertices: Tensor, skinned: Tensor, dress: Garment, body: Body, posed: Tensor) -> tuple | None:
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     rest, faces = dress.mesh.vertices, dress.mesh.faces
     worn = obstacle.dress(rest, faces)
     return hanging_in_the_air(
-        vertices, carrier, rest, faces, FPS, obstacle, worn, posed.expand(len(vertices), -1, -1)
+        vertices, skinned, rest, faces, FPS, obstacle, worn, posed.expand(len(vertices), -1, -1)
     )
 
 
@@ -54,10 +54,10 @@ def test_a_skirt_that_stays_up_is_found_and_one_that_comes_down_or_swings_is_not
     dress: Garment, body: Body
 ) -> None:
     time = torch.arange(FRAMES)
-    carrier = dress.mesh.vertices.expand(FRAMES, -1, -1)
+    skinned = dress.mesh.vertices.expand(FRAMES, -1, -1)
 
     def found(rise: Tensor) -> tuple | None:
-        return judge(lifted(dress, rise), carrier, dress, body, body.mesh.vertices[None])
+        return judge(lifted(dress, rise), skinned, dress, body, body.mesh.vertices[None])
 
     stays = found(torch.where(time < 3, 0.0, 0.3))
     assert stays is not None
@@ -68,7 +68,7 @@ def test_a_skirt_that_stays_up_is_found_and_one_that_comes_down_or_swings_is_not
     assert found(torch.full((FRAMES,), 0.08)) is None
     swings = lifted(dress, torch.full((FRAMES,), 0.3))
     swings[..., 0] += 0.06 * (-1.0) ** time[:, None] * (dress.mesh.vertices[:, 2] < -0.1)
-    assert judge(swings, carrier, dress, body, body.mesh.vertices[None]) is None
+    assert judge(swings, skinned, dress, body, body.mesh.vertices[None]) is None
 
 
 def test_a_skirt_that_lies_on_the_thighs_is_supported(dress: Garment, body: Body) -> None:
@@ -81,7 +81,7 @@ def test_a_skirt_that_lies_on_the_thighs_is_supported(dress: Garment, body: Body
     skin = obstacle.skin(lying.contiguous(), worn, 0.3)
     lying = lying - ((skin.distance - 0.01) * (skin.distance < 0.3))[:, None] * skin.normals
     vertices = lying.repeat(FRAMES, 1, 1)
-    carrier = vertices - torch.tensor([0.0, 0.0, 0.15])
-    assert judge(vertices, carrier, dress, body, posed[None]) is None
+    skinned = vertices - torch.tensor([0.0, 0.0, 0.15])
+    assert judge(vertices, skinned, dress, body, posed[None]) is None
     afloat = vertices + torch.tensor([0.0, 0.0, 0.5])
-    assert judge(afloat, carrier, dress, body, posed[None]) is not None
+    assert judge(afloat, skinned, dress, body, posed[None]) is not None

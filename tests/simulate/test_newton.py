@@ -37,7 +37,7 @@ def sheet_over_a_ball(frames: int, height: float) -> Scene:
         band=torch.zeros(len(points), dtype=torch.bool),
         heavier=torch.ones(len(points)),
         room=torch.zeros(len(points)),
-        carrier=points.expand(frames, -1, -1),
+        skinned=points.expand(frames, -1, -1),
         collider=surface.expand(frames, -1, -1),
         collider_parts=(torch.from_numpy(ball.faces),),
         touches=torch.ones(1, len(points), dtype=torch.bool),
@@ -79,7 +79,7 @@ def test_layers_keep_apart_and_the_outer_one_farther_off_the_ball() -> None:
         band=inner.band.repeat(2),
         heavier=inner.heavier.repeat(2),
         room=torch.tensor([0.0, 0.006]).repeat_interleave(count),
-        carrier=torch.cat([inner.carrier, outer.carrier], dim=1),
+        skinned=torch.cat([inner.skinned, outer.skinned], dim=1),
         touches=inner.touches.repeat(1, 2),
     )
     below, above = torch.stack(list(Newton().simulate(both))).split(count, dim=1)

@@ -13,7 +13,7 @@ from rasterize.errors import InputError
 from tests.small_body import small_body
 from uvcloth.simulate.folder import keep_refused
 from uvcloth.simulate.overview import overview
-from uvcloth.simulate.sequence import Sequence, save_sequence
+from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
 
 def save(path: Path, clip: str, garment: str, frames: int, **said: object) -> None:
@@ -22,7 +22,7 @@ def save(path: Path, clip: str, garment: str, frames: int, **said: object) -> No
     transforms = torch.eye(3, 4).repeat(frames + 2, 2, 1, 1)
     metadata = {"clip": clip, "garment": garment, "body": "box", "body_hash": "0123456789", **said}
     vertices = rest.repeat(frames + 2, 1, 1)
-    save_sequence(Sequence(vertices, body.mesh.faces, rest, transforms, 30.0, 2, metadata), path)
+    save_sequence(SimulatedSequence(vertices, body.mesh.faces, rest, transforms, 30.0, 2, metadata), path)
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def cells(text: str, split: str) -> list[str]:
 
 def test_it_counts_frames_people_and_clips_by_split(folder: Path) -> None:
     text = printed(folder)
-    assert "5 sequences, 2,147 frames that count" in text
+    assert "5 sequences, 2,147 scored frames" in text
     size = sum(path.stat().st_size for path in folder.rglob("*.npz"))
     assert f"{size / 1e6:,.1f} MB" in text
     assert cells(text, "train")[:5] == ["train", "2", "2", "1,000", "1,070"]

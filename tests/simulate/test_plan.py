@@ -7,7 +7,7 @@ import pytest
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.motion.index import Entry, read_index
 from uvcloth.motion.library import builtin_clips
 from uvcloth.simulate.cloth import Cloth, join
@@ -18,7 +18,7 @@ HEADER = "trial,subject,split,action,window_start,window_frames\n"
 
 @pytest.fixture(scope="module")
 def dress(body: Body) -> tuple[Cloth, ...]:
-    return (join(wear("dress", body), body),)
+    return (join(fit_template("dress", body), body),)
 
 
 @pytest.fixture
@@ -38,9 +38,9 @@ def test_windows_choose_frames_and_name_what_is_wrong(
     dress: tuple[Cloth, ...], body: Body, table: Path
 ) -> None:
     (job,) = jobs(["walk"], dress, body, table)
-    assert (len(job.motion), job.settling, job.targets[0].name) == (45, 15, "walk_dress.npz")
+    assert (len(job.motion), job.warm_up, job.targets[0].name) == (45, 15, "walk_dress.npz")
     (again,) = jobs(["walk"], dress, body, table, earlier=True)
-    assert (len(again.motion), again.settling) == (65, 35)
+    assert (len(again.motion), again.warm_up) == (65, 35)
     with pytest.raises(InputError, match="the window ends at 140"):
         jobs(["run"], dress, body, table)
     with pytest.raises(InputError, match="no row for the clip twirl"):

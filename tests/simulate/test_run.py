@@ -11,7 +11,7 @@ from torch import Tensor
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
@@ -37,7 +37,7 @@ class Carrying:
         assert scene.touches.shape[1] == len(scene.rest) == len(scene.heavier) == len(scene.room)
         assert int(scene.faces.max()) == len(scene.rest) - 1
         assert torch.equal(scene.heavier > 1.0, scene.band)
-        for vertices in scene.carrier:
+        for vertices in scene.skinned:
             yield vertices + torch.tensor([0.0, 0.0, self.up])
 
 
@@ -49,19 +49,19 @@ def clip(body: Body) -> Clip:
 @pytest.fixture(scope="module")
 def cut(body: Body) -> Garment:
     """Trousers whose triangles share no vertex, with one vertex more that no face uses."""
-    whole = wear("bottoms", body)
+    whole = fit_template("bottoms", body)
     order = torch.cat([whole.mesh.faces.reshape(-1), torch.tensor([5])])
     vertices = whole.mesh.vertices[order]
     vertices[-1] += 0.01
     mesh = replace(whole.mesh, vertices=vertices, faces=torch.arange(len(order) - 1).reshape(-1, 3))
-    return Garment("slacks", "bottoms", mesh, whole.weights[order], whole.carrier_weights[order])
+    return Garment("slacks", "bottoms", mesh, whole.weights[order], whole.smooth_weights[order])
 
 
 def test_a_mesh_that_is_cut_at_seams_is_simulated_whole(cut: Garment, body: Body, clip: Clip) -> None:
     cloth = join(cut, body)
-    assert len(cloth.kept) == len(wear("bottoms", body).mesh.vertices)
+    assert len(cloth.kept) == len(fit_template("bottoms", body).mesh.vertices)
     (made,) = simulate(clip, 0, (cloth,), body, Carrying(up=0.02), PARTS)
-    moved = skin(cut.mesh.vertices, cut.carrier_weights, made.transforms)
+    moved = skin(cut.mesh.vertices, cut.smooth_weights, made.transforms)
     lifted = torch.full((len(moved[0]),), 0.02)
     lifted[-1] = 0.0
     torch.testing.assert_close(made.vertices[..., 2], moved[..., 2] + lifted, atol=1e-6, rtol=0)
@@ -71,11 +71,11 @@ def test_a_mesh_that_is_cut_at_seams_is_simulated_whole(cut: Garment, body: Body
 
 
 def test_layers_are_simulated_as_one_and_come_back_apart(body: Body, clip: Clip) -> None:
-    layers = tuple(join(wear(name, body), body) for name in ("bottoms", "tops"))
+    layers = tuple(join(fit_template(name, body), body) for name in ("bottoms", "tops"))
     under, over = simulate(clip, 0, layers, body, Carrying(), PARTS)
     for made, cloth in ((under, layers[0]), (over, layers[1])):
         garment = cloth.garment
-        moved = skin(garment.mesh.vertices, garment.carrier_weights, made.transforms)
+        moved = skin(garment.mesh.vertices, garment.smooth_weights, made.transforms)
         torch.testing.assert_close(made.vertices, moved)
         assert made.layers == ("bottoms", "tops")
     assert over.metadata["wrong_side_percent"]["bottoms"] < 10.0
@@ -83,7 +83,7 @@ def test_layers_are_simulated_as_one_and_come_back_apart(body: Body, clip: Clip)
 
 
 def test_an_outer_layer_leaves_room_where_it_covers(body: Body) -> None:
-    under, over = (join(wear(name, body), body) for name in ("bottoms", "tops"))
+    under, over = (join(fit_template(name, body), body) for name in ("bottoms", "tops"))
     room, heights = room_below(over, (under,)), over.garment.mesh.vertices[:, 2]
     top = float(under.garment.mesh.vertices[:, 2].max())
     assert not room[heights > top + 0.03].any()
@@ -92,7 +92,7 @@ def test_an_outer_layer_leaves_room_where_it_covers(body: Body) -> None:
 
 
 def test_a_face_without_an_area_is_refused(body: Body) -> None:
-    garment = wear("tops", body)
+    garment = fit_template("tops", body)
     vertices = garment.mesh.vertices.clone()
     a, b, c = garment.mesh.faces[0]
     vertices[c] = (vertices[a] + vertices[b]) / 2

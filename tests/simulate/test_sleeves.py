@@ -12,7 +12,7 @@ from tests.simulate.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import FOREARMS, PARTS, make_collider
 from uvcloth.garments.garment import Garment
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.library import load_clip
 from uvcloth.simulate.cloth import join
@@ -20,7 +20,7 @@ from uvcloth.simulate.engine import Scene
 from uvcloth.simulate.lead_in import LeadIn
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
-from uvcloth.simulate.sequence import Sequence
+from uvcloth.simulate.sequence import SimulatedSequence
 
 UPPER = len([side for regions, sides in PARTS for side in sides if regions[0] not in ("calf", "forearm")])
 """Parts of the body that a T-shirt touches: all but calves and forearms."""
@@ -28,48 +28,48 @@ UPPER = len([side for regions, sides in PARTS for side in sides if regions[0] no
 
 @pytest.fixture(scope="module")
 def shirt(body: Body) -> Garment:
-    return wear("shirt", body)
+    return fit_template("shirt", body)
 
 
 @pytest.fixture(scope="module")
-def carried(shirt: Garment, body: Body) -> Sequence:
+def skinned(shirt: Garment, body: Body) -> SimulatedSequence:
     """A long-sleeved shirt that is simply skinned."""
     return skinned_sequence(shirt, body)
 
 
 @pytest.fixture(scope="module")
-def sleeves(body: Body, carried: Sequence) -> Tensor:
+def sleeves(body: Body, skinned: SimulatedSequence) -> Tensor:
     """The vertices that touch the left forearm and hand and nothing else: (N,) bool."""
-    touches = make_collider(body).touches(carried.rest, body.mesh.vertices)
+    touches = make_collider(body).touches(skinned.rest, body.mesh.vertices)
     return touches[FOREARMS[0]] & (touches.sum(0) == 1)
 
 
-def test_a_worn_sleeve_is_accepted(carried: Sequence, shirt: Garment, body: Body) -> None:
-    seen, reason = examine(carried, shirt, body)
+def test_a_worn_sleeve_is_accepted(skinned: SimulatedSequence, shirt: Garment, body: Body) -> None:
+    seen, reason = examine(skinned, shirt, body)
     assert reason is None
     assert seen.metadata["pierced_percent"] == 0.0
     assert seen.metadata["inside_percent"] < 0.2
 
 
 def test_a_sleeve_inside_its_forearm_is_inside_the_body(
-    carried: Sequence, sleeves: Tensor, shirt: Garment, body: Body
+    skinned: SimulatedSequence, sleeves: Tensor, shirt: Garment, body: Body
 ) -> None:
     bones = [body.skeleton.heads[body.skeleton.names.index(name)] for name in ("LeftForeArm", "LeftHand")]
     along = (bones[1] - bones[0]) / (bones[1] - bones[0]).norm()
-    axis = bones[0] + ((carried.rest - bones[0]) @ along)[:, None] * along
-    sunken = torch.where(sleeves[:, None], axis + 0.2 * (carried.rest - axis), carried.rest)
-    vertices = skin(sunken, shirt.carrier_weights, carried.transforms)
-    seen, reason = examine(replace(carried, vertices=vertices), shirt, body)
+    axis = bones[0] + ((skinned.rest - bones[0]) @ along)[:, None] * along
+    sunken = torch.where(sleeves[:, None], axis + 0.2 * (skinned.rest - axis), skinned.rest)
+    vertices = skin(sunken, shirt.smooth_weights, skinned.transforms)
+    seen, reason = examine(replace(skinned, vertices=vertices), shirt, body)
     share = 100.0 * float(sleeves.float().mean())
     assert reason is not None
     assert 0.7 * share < seen.metadata["inside_percent"] < 1.1 * share
 
 
 def test_a_forearm_beside_its_sleeve_has_left_it(
-    carried: Sequence, sleeves: Tensor, shirt: Garment, body: Body
+    skinned: SimulatedSequence, sleeves: Tensor, shirt: Garment, body: Body
 ) -> None:
     aside = torch.where(sleeves[:, None], torch.tensor([0.0, 0.05, 0.0]), torch.zeros(3))
-    _, reason = examine(replace(carried, vertices=carried.vertices + aside), shirt, body)
+    _, reason = examine(replace(skinned, vertices=skinned.vertices + aside), shirt, body)
     assert reason == "a limb has left its cloth in 100 % of the frames"
 
 
@@ -82,7 +82,9 @@ def test_only_parts_that_the_garment_touches_are_in_its_scene(name: str, parts: 
         def simulate(self, scene: Scene) -> Iterator[Tensor]:
             assert len(scene.collider_parts) == len(scene.touches) == parts
             assert scene.touches.any(1).all()
-            yield from scene.carrier
+            yield from scene.skinned
 
     clip = load_clip("walk", body).window(0, 3)
-    simulate(clip, 0, (join(wear(name, body), body),), body, Looking(), LeadIn(rest=1, blend=2, ramp=1))
+    simulate(
+        clip, 0, (join(fit_template(name, body), body),), body, Looking(), LeadIn(rest=1, blend=2, ramp=1)
+    )

@@ -5,28 +5,28 @@ from pathlib import Path
 import torch
 
 from uvcloth.bodies.body import load_body
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
-from uvcloth.simulate.sequence import Sequence, save_sequence
+from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
 
-def save_clips(folder: Path, templates: tuple[str, ...], clips: int, frames: int, settling: int = 3) -> None:
+def save_clips(folder: Path, templates: tuple[str, ...], clips: int, frames: int, warm_up: int = 3) -> None:
     """Write one sequence per clip and template; the last clip lacks the last template."""
     body = load_body()
-    garments = {name: wear(name, body) for name in templates}
+    garments = {name: fit_template(name, body) for name in templates}
     for index in range(clips):
         motion = swaying(frames, seed=index).transforms()
         for name in templates[:-1] if index == clips - 1 else templates:
             garment = garments[name]
             late = torch.cat([motion[:1], motion[:-1]])
-            sequence = Sequence(
-                vertices=skin(garment.mesh.vertices, garment.carrier_weights, late),
+            sequence = SimulatedSequence(
+                vertices=skin(garment.mesh.vertices, garment.smooth_weights, late),
                 faces=garment.mesh.faces,
                 rest=garment.mesh.vertices,
                 transforms=motion,
                 fps=30.0,
-                settling=settling,
+                warm_up=warm_up,
                 metadata={"clip": f"clip{index}", "garment": name, "body": "default"},
             )
             save_sequence(sequence, folder / f"clip{index}_{name}.npz")

@@ -6,7 +6,7 @@ import pytest
 
 from rasterize.errors import InputError
 from tests.train.simulated import save_clips
-from train.clips import Holdout, hold_out, load_recordings, training_data
+from train.clips import Holdout, hold_out, load_training_clips, training_data
 from uvcloth.bodies.body import Body
 
 HEADER = "trial,subject,split,action,window_start,window_frames\n"
@@ -25,8 +25,8 @@ def shares(data: Path, body: Body, index: str = "", holdout: int = 8) -> tuple[l
     (data / "index.csv").unlink(missing_ok=True)
     if index:
         (data / "index.csv").write_text(HEADER + index)
-    recordings = load_recordings(data, ("tops",), body)
-    training, held = hold_out(recordings, Holdout(holdout), data)
+    clips = load_training_clips(data, ("tops",), body)
+    training, held = hold_out(clips, Holdout(holdout), data)
     return [r.clip for r in training], [r.clip for r in held]
 
 
@@ -36,7 +36,7 @@ def test_an_index_says_what_trains_and_what_chooses(data: Path, body: Body) -> N
         "clip3,cid,unused,,0,5\nclip4,ann,train,,0,5\n"
     )
     assert shares(data, body, index) == (["clip0", "clip4"], ["clip1"])
-    training, held = hold_out(load_recordings(data, ("tops", "bottoms"), body), Holdout(), data)
+    training, held = hold_out(load_training_clips(data, ("tops", "bottoms"), body), Holdout(), data)
     made_from = training_data(training, held)
     assert made_from.clips == {"train": {"clip0": "ann", "clip4": "ann"}, "validation": {"clip1": "bob"}}
     assert made_from.files.keys() == {
@@ -60,8 +60,8 @@ def test_without_an_index_every_nth_clip_chooses(data: Path, body: Body) -> None
     assert shares(data, body, holdout=2) == (["clip0", "clip2", "clip4"], ["clip1", "clip3", "clip5"])
     assert shares(data, body, holdout=3)[1] == ["clip2", "clip5"]
     assert shares(data, body, holdout=9)[1] == ["clip5"]
-    recordings = load_recordings(data, ("tops",), body)
-    assert [[r.clip for r in part] for part in hold_out(recordings[:1], Holdout(), data)] == [["clip0"], []]
-    assert training_data(recordings[:1], []).clips == {"train": {"clip0": ""}, "validation": {}}
+    clips = load_training_clips(data, ("tops",), body)
+    assert [[r.clip for r in part] for part in hold_out(clips[:1], Holdout(), data)] == [["clip0"], []]
+    assert training_data(clips[:1], []).clips == {"train": {"clip0": ""}, "validation": {}}
     with pytest.raises(InputError, match="--holdout 1: has to be 2 or more"):
         Holdout(1)

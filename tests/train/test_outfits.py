@@ -9,7 +9,7 @@ import torch
 from rasterize.errors import InputError
 from tests.train.simulated import save_clips, swaying
 from train.loop import fit
-from train.motion_guided.dataset import Material
+from train.motion_guided.dataset import GarmentDataset
 from train.motion_guided.objective import (
     LOOPS,
     LOSSES,
@@ -20,7 +20,7 @@ from train.motion_guided.objective import (
 )
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.ensemble import Ensemble
@@ -41,7 +41,7 @@ OUTER = replace(PRESETS["tiny"], garment="tops", under="bottoms")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two clips of both garments, and a third without the inner one."""
     folder = tmp_path_factory.mktemp("layers")
-    save_clips(folder, ("tops", "bottoms"), clips=3, frames=12, settling=4)
+    save_clips(folder, ("tops", "bottoms"), clips=3, frames=12, warm_up=4)
     return folder
 
 
@@ -50,22 +50,22 @@ def runs(data: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Pa
     """Both garments, trained for a moment."""
     folder = tmp_path_factory.mktemp("runs")
     for config in (INNER, OUTER):
-        run, material = folder / config.garment, Material(config, LOSSES["tiny"], data)
-        fit(ShapeObjective(material, LOSSES["tiny"]), run / SHAPE, LOOP, resume=False)
-        space = load_shape_space(run / SHAPE, material.config)
-        fit(DynamicsObjective(material, LOSSES["tiny"], space), run, LOOP, resume=False)
+        run, dataset = folder / config.garment, GarmentDataset(config, LOSSES["tiny"], data)
+        fit(ShapeObjective(dataset, LOSSES["tiny"]), run / SHAPE, LOOP, resume=False)
+        space = load_shape_space(run / SHAPE, dataset.config)
+        fit(DynamicsObjective(dataset, LOSSES["tiny"], space), run, LOOP, resume=False)
     return folder / "bottoms", folder / "tops"
 
 
 def test_seeds_lie_on_the_inner_garment_and_follow_it() -> None:
     body = load_body()
-    bottoms = wear("bottoms", body)
+    bottoms = fit_template("bottoms", body)
     mesh = bottoms.mesh
     seeds = sample_seeds(body, 61, bottoms)
     assert seeds.points.shape == (61, 3)
     assert BodySurface(mesh.vertices, mesh.faces).closest(seeds.points).signed_distance.abs().max() < 1e-5
     transforms = swaying(3, seed=0).transforms()
-    carried = skin(mesh.vertices, bottoms.carrier_weights, transforms)
+    carried = skin(mesh.vertices, bottoms.smooth_weights, transforms)
     moved = carried + 0.02 * vertex_normals(carried, mesh.faces)
     followed, still = seeds_on(seeds, moved, transforms), pose_seeds(seeds, transforms)
     for vertices, points in zip(moved, followed.points, strict=True):
@@ -77,20 +77,20 @@ def test_seeds_lie_on_the_inner_garment_and_follow_it() -> None:
 
 
 def test_an_outfit_trains_on_the_clips_that_have_both(data: Path) -> None:
-    material = Material(OUTER, LOSSES["tiny"], data)
-    assert sorted(material.data.files) == [
+    dataset = GarmentDataset(OUTER, LOSSES["tiny"], data)
+    assert sorted(dataset.data.files) == [
         f"clip{k}_{name}.npz" for k in (0, 1) for name in ("bottoms", "tops")
     ]
-    bottoms = wear("bottoms", load_body()).mesh
-    seeds = material.rows.pose.seeds.points[0]
+    bottoms = fit_template("bottoms", load_body()).mesh
+    seeds = dataset.rows.pose.seeds.points[0]
     late = swaying(12, seed=0).transforms()[:1]
-    vertices = skin(bottoms.vertices, wear("bottoms", load_body()).carrier_weights, late)[0]
+    vertices = skin(bottoms.vertices, fit_template("bottoms", load_body()).smooth_weights, late)[0]
     assert BodySurface(vertices, bottoms.faces).closest(seeds).signed_distance.abs().max() < 1e-4
 
 
 def test_an_outfit_rolls_out_with_a_model_for_each_garment(runs: tuple[Path, Path]) -> None:
     body = load_body()
-    outfit = Outfit(body, tuple(wear(name, body) for name in ("bottoms", "tops")))
+    outfit = Outfit(body, tuple(fit_template(name, body) for name in ("bottoms", "tops")))
     method, motion = load_methods(runs, body), swaying(4, seed=5).transforms()
     assert method.name == "bottoms+tops"
     frames = list(rollout(method, outfit, motion, 30.0))
@@ -105,7 +105,7 @@ def test_an_outfit_rolls_out_with_a_model_for_each_garment(runs: tuple[Path, Pat
 
 def test_an_outer_model_sees_the_inner_garment(runs: tuple[Path, Path]) -> None:
     body = load_body()
-    outfit = Outfit(body, tuple(wear(name, body) for name in ("bottoms", "tops")))
+    outfit = Outfit(body, tuple(fit_template(name, body) for name in ("bottoms", "tops")))
     (inner, outer), motion = (load_method(run, body) for run in runs), swaying(3, seed=5).transforms()
     shirts = [
         list(rollout(Ensemble((below, outer)), outfit, motion, 30.0, contact=False))[-1].raw[1]
@@ -125,7 +125,7 @@ def test_an_outer_model_without_its_inner_garment_is_refused(
     garments: tuple[str, ...], words: str, runs: tuple[Path, Path]
 ) -> None:
     body = load_body()
-    outfit = Outfit(body, tuple(wear(name, body) for name in garments))
+    outfit = Outfit(body, tuple(fit_template(name, body) for name in garments))
     method = load_methods(("lbs", runs[1])[-len(garments) :], body)
     with pytest.raises(InputError, match=words):
         next(iter(rollout(method, outfit, swaying(2, seed=0).transforms(), 30.0)))
@@ -134,11 +134,11 @@ def test_an_outer_model_without_its_inner_garment_is_refused(
 def test_more_models_than_garments_are_refused() -> None:
     body = load_body()
     method, motion = load_methods(("lbs", "lbs_smooth"), body), swaying(2, seed=0).transforms()
-    outfit = Outfit(body, (wear("tops", body),))
+    outfit = Outfit(body, (fit_template("tops", body),))
     with pytest.raises(InputError, match="models given: 2, garments: 1; expected one model for all"):
         next(iter(rollout(method, outfit, motion, 30.0)))
 
 
 def test_a_data_set_without_the_inner_garment_is_refused(data: Path) -> None:
     with pytest.raises(InputError, match="no training clip was simulated with tops and dress"):
-        Material(replace(OUTER, under="dress"), LOSSES["tiny"], data)
+        GarmentDataset(replace(OUTER, under="dress"), LOSSES["tiny"], data)

@@ -8,14 +8,14 @@ from rich.console import Console
 from torch import Tensor
 
 from rasterize.errors import InputError
-from train.clips import Holdout, Recording, frames_of, hold_out, load_recordings, training_data
+from train.clips import Holdout, TrainingClip, frames_of, hold_out, load_training_clips, training_data
 from train.operators import Operator, differences, sampling
 from train.physxnet.prepare import check_rests
 from uvcloth.bodies.body import Body, load_body
-from uvcloth.garments.loading import take_for_data
+from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.geometry.mesh import edge_lengths, laplacian, unique_edges
 from uvcloth.geometry.records import to_device
-from uvcloth.methods.motion_guided.dynamics_input import MEMORY, Pose, carried_offsets, shape_features
+from uvcloth.methods.motion_guided.dynamics_input import MEMORY, Pose, local_offsets, shape_features
 from uvcloth.methods.motion_guided.garment_maps import GarmentMaps
 from uvcloth.methods.motion_guided.latent import Space
 from uvcloth.methods.motion_guided.method import MotionGuidedConfig
@@ -26,15 +26,15 @@ CLEARANCE = 0.002
 """Metres that the rest shape should keep off the body at rest (epsilon of L_SDF)."""
 
 CHUNK = 16
-"""Frames that are carried at once."""
+"""Frames that are skinned at once."""
 
 
 @dataclass(frozen=True)
 class Rows:
-    """R frames of the garment, clip after clip, each led in by MEMORY frames of its settling.
+    """R frames of the garment, clip after clip, each led in by MEMORY frames of its warm-up.
 
-    vertices: (R, N, 3) m, world; offsets: (R, P, 3) of their texels from the carriers. pose: of the body.
-    samples: (S,) int64 rows that count. starts: (R,) int64 first row of the clip.
+    vertices: (R, N, 3) m, world; offsets: (R, P, 3) of their texels from the smooth LBS reference. pose: of
+    the body.     samples: (S,) int64 rows that count. starts: (R,) int64 first row of the clip.
     """
 
     vertices: Tensor
@@ -47,21 +47,21 @@ class Rows:
         return to_device(self, device)
 
 
-def load_rows(recordings: list[Recording], garment: str, under: str, maps: GarmentMaps) -> Rows:
+def load_rows(clips: list[TrainingClip], garment: str, under: str, maps: GarmentMaps) -> Rows:
     """Join the clips; under: the garment that the seeds lie on, if any."""
     vertices, seeds, transforms, samples, starts = [], [], [], [], []
     row = 0
-    for recording in recordings:
-        first = max(0, recording.settling - MEMORY)
+    for clip in clips:
+        first = max(0, clip.warm_up - MEMORY)
         frames = slice(first, None)
-        vertices.append(recording.vertices[garment][frames].float())
-        transforms.append(recording.transforms[frames])
+        vertices.append(clip.vertices[garment][frames].float())
+        transforms.append(clip.transforms[frames])
         if under:
-            seeds.append(seeds_on(maps.seeds, recording.vertices[under][frames], transforms[-1]))
+            seeds.append(seeds_on(maps.seeds, clip.vertices[under][frames], transforms[-1]))
         else:
             seeds.append(pose_seeds(maps.seeds, transforms[-1]))
         count = len(transforms[-1])
-        samples.append(torch.arange(row + max(MEMORY, recording.settling - first), row + count))
+        samples.append(torch.arange(row + max(MEMORY, clip.warm_up - first), row + count))
         starts.append(torch.full((count,), row))
         row += count
     joined = torch.cat(transforms)
@@ -85,12 +85,12 @@ def joined_seeds(parts: list[PosedSeeds]) -> PosedSeeds:
 
 
 def offsets_of(maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> Tensor:
-    """Texels of garments (R, N, 3) as offsets from their carriers (R, P, 3), some at a time."""
+    """Texels of garments (R, N, 3) as offsets from the smooth LBS reference (R, P, 3), some at a time."""
     parts = zip(vertices.split(CHUNK), transforms.split(CHUNK), strict=True)
-    return torch.cat([carried_offsets(maps, maps.positions(v), now) for v, now in parts])
+    return torch.cat([local_offsets(maps, maps.positions(v), now) for v, now in parts])
 
 
-class Material:
+class GarmentDataset:
     """What both stages train on: one garment on one body, training and validation clips."""
 
     def __init__(
@@ -106,8 +106,8 @@ class Material:
         Raises InputError if it lacks the garment or what is worn under it, or is of another garment or body.
         """
         self.body = body or load_body()
-        self.garment = garment = take_for_data(config.garment, self.body)
-        under = take_for_data(config.under, self.body) if config.under else None
+        self.garment = garment = load_garment_for_data(config.garment, self.body)
+        under = load_garment_for_data(config.under, self.body) if config.under else None
         self.config = config = replace(
             config,
             garment=garment.name,
@@ -115,17 +115,17 @@ class Material:
             vertices=len(garment.mesh.vertices),
         )
         worn = {g.name: g.mesh.vertices for g in (garment, under) if g}
-        recordings = [
-            r for r in load_recordings(data, tuple(worn), self.body) if worn.keys() <= r.rests.keys()
+        clips = [
+            r for r in load_training_clips(data, tuple(worn), self.body) if worn.keys() <= r.rests.keys()
         ]
-        if not recordings:
+        if not clips:
             raise InputError(f"{data}: no training clip was simulated with {' and '.join(worn)}")
-        check_rests(worn, recordings, self.body)
-        training, held = hold_out(recordings, holdout, data)
+        check_rests(worn, clips, self.body)
+        training, held = hold_out(clips, holdout, data)
         if not training:
             raise InputError(f"{data}: needs two clips of {garment.name} at least, one to validate with")
         self.data = training_data(training, held)
-        self.fps = recordings[0].fps
+        self.fps = clips[0].fps
         self.maps = config.maps(garment, self.body, under)
         self.rows = load_rows(training, garment.name, self.config.under, self.maps)
         self.held = load_rows(held, garment.name, self.config.under, self.maps)

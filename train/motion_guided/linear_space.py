@@ -4,7 +4,7 @@ import torch
 from rich.progress import track
 from torch import Tensor
 
-from train.motion_guided.dataset import CHUNK, Material
+from train.motion_guided.dataset import CHUNK, GarmentDataset
 from uvcloth.geometry.rotations import rotate, rotate_back
 from uvcloth.methods.motion_guided.dynamics_input import pose_transforms
 from uvcloth.methods.motion_guided.latent import REACH, LinearSpace, Space
@@ -16,12 +16,12 @@ RIDGE = 1e-3
 """Of the linear encoder, as a share of the mean square of what it sees."""
 
 
-def rest_displacements(space: Space, material: Material, chosen: Tensor) -> Tensor:
+def rest_displacements(space: Space, dataset: GarmentDataset, chosen: Tensor) -> Tensor:
     """Simulated garments of rows (B,) as displacements in the local frames at rest: (B, 3 N), m.
 
     Kernels that take a vertex back may depend on where it comes to lie: found by iteration.
     """
-    maps, rows = material.maps, material.rows
+    maps, rows = dataset.maps, dataset.rows
     resting = maps.points.expand(len(chosen), -1, -1)
     for _ in range(ROUNDS):
         blended = pose_transforms(space, maps, resting, rows.pose[chosen])
@@ -30,16 +30,16 @@ def rest_displacements(space: Space, material: Material, chosen: Tensor) -> Tens
 
 
 @torch.no_grad()
-def fit_linear(space: LinearSpace, material: Material) -> None:
+def fit_linear(space: LinearSpace, dataset: GarmentDataset) -> None:
     """Fit encoder and decoder in closed form: principal components of the shapes, of unit variance.
 
     Shapes are the simulated garments taken back to the rest space by the kernels there; the encoder is ridge
     regression from the maps that it sees.
     """
-    maps, rows, chosen = material.maps, material.rows, material.rows.samples
+    maps, rows, chosen = dataset.maps, dataset.rows, dataset.rows.samples
     shapes = torch.cat(
         [
-            rest_displacements(space, material, part)
+            rest_displacements(space, dataset, part)
             for part in track(chosen.split(CHUNK), "shapes", transient=True)
         ]
     )

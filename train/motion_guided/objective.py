@@ -12,18 +12,18 @@ from torch import Tensor, nn
 from rasterize.errors import InputError
 from train.clips import Holdout
 from train.loop import LoopConfig
-from train.motion_guided.dataset import CHUNK, Material, Rows, offsets_of
+from train.motion_guided.dataset import CHUNK, GarmentDataset, Rows, offsets_of
 from train.motion_guided.linear_space import fit_linear
 from uvcloth.checkpoint import load_checkpoint, save_checkpoint
 from uvcloth.methods.motion_guided.dynamics_input import (
     MEMORY,
-    Situation,
-    carried_offsets,
+    DynamicsInput,
+    dynamics_features,
+    local_offsets,
     motion_of,
     next_shape,
     posed_shape,
     rest_shape,
-    situation_features,
     state_features,
 )
 from uvcloth.methods.motion_guided.latent import LinearSpace, Space
@@ -86,44 +86,44 @@ LOSSES: dict[str, MotionGuidedLosses] = {
 class ShapeObjective:
     """Stage one: an autoencoder of the simulated garments."""
 
-    def __init__(self, material: Material, losses: MotionGuidedLosses) -> None:
-        self.material, self.losses = material, losses
+    def __init__(self, dataset: GarmentDataset, losses: MotionGuidedLosses) -> None:
+        self.dataset, self.losses = dataset, losses
 
     @property
     def samples(self) -> Tensor:
-        return self.material.rows.samples
+        return self.dataset.rows.samples
 
     def networks(self) -> dict[str, nn.Module]:
-        material, net = self.material, self.material.config.shape_space()
-        offsets = material.rows.offsets[material.rows.samples[::4]]
-        seen = material.maps.map(offsets)
+        dataset, net = self.dataset, self.dataset.config.shape_space()
+        offsets = dataset.rows.offsets[dataset.rows.samples[::4]]
+        seen = dataset.maps.map(offsets)
         net.shift.copy_(seen.mean(0))
         net.scale.copy_((seen - net.shift).std().clamp(min=1e-3))
         if isinstance(net, LinearSpace):
-            fit_linear(net, material)
+            fit_linear(net, dataset)
         return {"net": net}
 
     def to(self, device: torch.device) -> None:
-        self.material.to(device)
+        self.dataset.to(device)
 
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
-        material, losses = self.material, self.losses
+        dataset, losses = self.dataset, self.losses
         space = networks["net"]
-        codes = material.codes(space, material.rows, rows)
+        codes = dataset.codes(space, dataset.rows, rows)
         random = torch.randn_like(codes[: max(1, len(codes) // 2)])
-        resting = rest_shape(space, material.maps, torch.cat([codes, random]), material.sample)
-        posed = posed_shape(space, material.maps, resting[: len(rows)], material.rows.pose[rows])
-        lengths = material.edges(resting[len(rows) :]).norm(dim=2)
-        wrong = posed - material.rows.vertices[rows]
-        shape = wrong.abs().mean() + losses.laplacian * material.laplacian(wrong).abs().mean()
+        resting = rest_shape(space, dataset.maps, torch.cat([codes, random]), dataset.sample)
+        posed = posed_shape(space, dataset.maps, resting[: len(rows)], dataset.rows.pose[rows])
+        lengths = dataset.edges(resting[len(rows) :]).norm(dim=2)
+        wrong = posed - dataset.rows.vertices[rows]
+        shape = wrong.abs().mean() + losses.laplacian * dataset.laplacian(wrong).abs().mean()
         # From the start, they would teach the decoder to ignore its codes.
         settled = (1.0 - shape.detach() / losses.settled).clamp(min=0.0)
         parts = {
             "shape": shape,
-            "random": settled * losses.random * (lengths - material.lengths).abs().mean(),
-            "inside": settled * losses.inside * material.depth(resting),
+            "random": settled * losses.random * (lengths - dataset.lengths).abs().mean(),
+            "inside": settled * losses.inside * dataset.depth(resting),
             "regular": losses.regular * _regular(codes),
         }
         yield "net", torch.stack(list(parts.values())).sum(), parts
@@ -132,12 +132,12 @@ class ShapeObjective:
     def validate(self, net: Any) -> dict[str, float]:
         """How exactly held-out garments are encoded and decoded, mm."""
         net.eval()
-        material, errors = self.material, []
-        for chosen in material.held.samples[::2].split(8):
-            codes = material.codes(net, material.held, chosen)
-            resting = rest_shape(net, material.maps, codes)
-            posed = posed_shape(net, material.maps, resting, material.held.pose[chosen])
-            errors.append((posed - material.held.vertices[chosen]).norm(dim=2).mean(1) * 1000.0)
+        dataset, errors = self.dataset, []
+        for chosen in dataset.held.samples[::2].split(8):
+            codes = dataset.codes(net, dataset.held, chosen)
+            resting = rest_shape(net, dataset.maps, codes)
+            posed = posed_shape(net, dataset.maps, resting, dataset.held.pose[chosen])
+            errors.append((posed - dataset.held.vertices[chosen]).norm(dim=2).mean(1) * 1000.0)
         net.train()
         return {"mean_mm": float(torch.cat(errors).mean())}
 
@@ -145,21 +145,21 @@ class ShapeObjective:
         self._save({"space": net}, run, notes)
 
     def _save(self, stages: dict[str, nn.Module], run: Path, notes: dict[str, Any]) -> None:
-        material = self.material
+        dataset = self.dataset
         tensors = {f"{s}.{name}": t for s, net in stages.items() for name, t in net.state_dict().items()}
-        notes = {**notes, "training_frames": material.frames}
-        notes |= {"garment_topology": faces_hash(material.garment)}
+        notes = {**notes, "training_frames": dataset.frames}
+        notes |= {"garment_topology": faces_hash(dataset.garment)}
         save_checkpoint(
-            motion_guided_checkpoint(material.config, tensors, material.body, material.data, notes), run
+            motion_guided_checkpoint(dataset.config, tensors, dataset.body, dataset.data, notes), run
         )
 
     def settings(self) -> dict[str, Any]:
-        material = self.material
+        dataset = self.dataset
         return {
-            **asdict(material.config),
+            **asdict(dataset.config),
             **asdict(self.losses),
-            "data": asdict(material.data),
-            "frames": material.frames,
+            "data": asdict(dataset.data),
+            "frames": dataset.frames,
         }
 
     def memory(self) -> dict[str, Tensor]:
@@ -172,14 +172,14 @@ class ShapeObjective:
 class DynamicsObjective(ShapeObjective):
     """Stage two: the dynamic encoder, the shape space being fixed."""
 
-    def __init__(self, material: Material, losses: MotionGuidedLosses, space: Space) -> None:
-        super().__init__(material, losses)
+    def __init__(self, dataset: GarmentDataset, losses: MotionGuidedLosses, space: Space) -> None:
+        super().__init__(dataset, losses)
         self.space = space.eval().requires_grad_(False)
-        self.past, self.past_offsets = material.rows.vertices.clone(), material.rows.offsets.clone()
+        self.past, self.past_offsets = dataset.rows.vertices.clone(), dataset.rows.offsets.clone()
         with torch.no_grad():
             self.codes = torch.cat(
                 [
-                    material.codes(self.space, material.rows, chosen)
+                    dataset.codes(self.space, dataset.rows, chosen)
                     for chosen in track(torch.arange(len(self.past)).split(CHUNK), "codes", transient=True)
                 ]
             )
@@ -187,16 +187,16 @@ class DynamicsObjective(ShapeObjective):
     @property
     def samples(self) -> Tensor:
         """Rows that the clip goes on from for as many frames as are unrolled."""
-        rows, last = self.material.rows, self.losses.unroll - 1
+        rows, last = self.dataset.rows, self.losses.unroll - 1
         first = rows.samples[rows.samples + last < len(rows.starts)]
         return first[rows.starts[first + last] == rows.starts[first]]
 
     def networks(self) -> dict[str, nn.Module]:
-        net = self.material.config.dynamics()
-        material = self.material
+        net = self.dataset.config.dynamics()
+        dataset = self.dataset
         seen = [
-            motion_of(material.config.carried, material.maps, self._situation(material.rows, chosen))
-            for chosen in material.rows.samples[::8].split(CHUNK)
+            motion_of(dataset.config.local_offsets, dataset.maps, self._input(dataset.rows, chosen))
+            for chosen in dataset.rows.samples[::8].split(CHUNK)
         ]
         scale = torch.cat(seen).square().mean((0, 1)).sqrt()
         net.motion_scale.copy_(scale.clamp(min=1e-3)[:, None, None])
@@ -211,12 +211,12 @@ class DynamicsObjective(ShapeObjective):
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
-        material, losses = self.material, self.losses
-        window = self._situation(material.rows, rows, (self.past, self.past_offsets))
+        dataset, losses = self.dataset, self.losses
+        window = self._input(dataset.rows, rows, (self.past, self.past_offsets))
         before, offsets, last = window.before, window.offsets, self.past[rows - 1]
         frames: list[dict[str, Tensor]] = []
         for now in (rows + frame for frame in range(losses.unroll)):
-            seen = self._after(material.rows, now, before, offsets)
+            seen = self._after(dataset.rows, now, before, offsets)
             parts, last = self._losses(networks["net"], seen, now, last)
             frames.append(parts)
             before, offsets = self._moved(seen, last)
@@ -226,11 +226,11 @@ class DynamicsObjective(ShapeObjective):
         yield "net", torch.stack(list(parts.values())).sum(), parts
 
     def _losses(
-        self, net: Any, seen: Situation, rows: Tensor, last: Tensor
+        self, net: Any, seen: DynamicsInput, rows: Tensor, last: Tensor
     ) -> tuple[dict[str, Tensor], Tensor]:
         """The parts of the loss on rows (B,), and the garments (B, N, 3) predicted; last: those before."""
-        material, losses = self.material, self.losses
-        features, change = situation_features(self.space, net, material.maps, seen, material.config.sigma)
+        dataset, losses = self.dataset, self.losses
+        features, change = dynamics_features(self.space, net, dataset.maps, seen, dataset.config.sigma)
         if losses.still:
             features = torch.cat([features, self._unchanged(rows - 1)])
             change = torch.cat([change, torch.zeros_like(change)])
@@ -238,10 +238,10 @@ class DynamicsObjective(ShapeObjective):
         else:
             wanted = rows
         codes = net(features, change)
-        resting = rest_shape(self.space, material.maps, codes, material.sample)
-        posed = posed_shape(self.space, material.maps, resting, material.rows.pose[wanted])
-        wrong = posed - material.rows.vertices[wanted]
-        before = last - material.rows.vertices[rows - 1]
+        resting = rest_shape(self.space, dataset.maps, codes, dataset.sample)
+        posed = posed_shape(self.space, dataset.maps, resting, dataset.rows.pose[wanted])
+        wrong = posed - dataset.rows.vertices[wanted]
+        before = last - dataset.rows.vertices[rows - 1]
         parts = {
             "shape": wrong.abs().mean(),
             "steady": losses.steady * (wrong[: len(rows)] - before).abs().mean(),
@@ -255,32 +255,32 @@ class DynamicsObjective(ShapeObjective):
 
         The garment is the simulated one whatever the histories are: from another, it would have to change.
         """
-        clips, maps = self.material.rows, self.material.maps
+        clips, maps = self.dataset.rows, self.dataset.maps
         pose = clips.pose[rows]
         texels, offsets = maps.positions(clips.vertices[rows]), clips.offsets[rows]
         return state_features(self.space, maps, texels, offsets, pose.seeds.points, pose.transforms)
 
-    def _situation(self, rows: Rows, chosen: Tensor, past: tuple[Tensor, Tensor] | None = None) -> Situation:
+    def _input(self, rows: Rows, chosen: Tensor, past: tuple[Tensor, Tensor] | None = None) -> DynamicsInput:
         """What comes before the chosen rows (B,); past: the garments (R, N, 3), where not as simulated."""
         vertices, offsets = past or (rows.vertices, rows.offsets)
         back = chosen[:, None] - torch.arange(1, MEMORY + 1, device=chosen.device)
-        return self._after(rows, chosen, self.material.maps.positions(vertices[back]), offsets[back])
+        return self._after(rows, chosen, self.dataset.maps.positions(vertices[back]), offsets[back])
 
-    def _after(self, rows: Rows, chosen: Tensor, before: Tensor, offsets: Tensor) -> Situation:
+    def _after(self, rows: Rows, chosen: Tensor, before: Tensor, offsets: Tensor) -> DynamicsInput:
         now = chosen[:, None] - torch.arange(MEMORY, device=chosen.device)
-        return Situation(
+        return DynamicsInput(
             before=before,
             offsets=offsets,
             transforms=rows.pose.transforms[now],
             seeds_before=rows.pose.seeds[chosen - 1],
             seeds=rows.pose.seeds[chosen],
-            fps=self.material.fps,
+            fps=self.dataset.fps,
         )
 
-    def _moved(self, seen: Situation, posed: Tensor) -> tuple[Tensor, Tensor]:
-        """What comes before the garment that follows (B, N, 3): texels and offsets, as in Situation."""
-        texels = self.material.maps.positions(posed)
-        moved = carried_offsets(self.material.maps, texels, seen.pose.transforms)
+    def _moved(self, seen: DynamicsInput, posed: Tensor) -> tuple[Tensor, Tensor]:
+        """What comes before the garment that follows (B, N, 3): texels and offsets, as in DynamicsInput."""
+        texels = self.dataset.maps.positions(posed)
+        moved = local_offsets(self.dataset.maps, texels, seen.pose.transforms)
         return (
             torch.cat([texels[:, None], seen.before[:, :-1]], dim=1),
             torch.cat([moved[:, None], seen.offsets[:, :-1]], dim=1),
@@ -290,16 +290,16 @@ class DynamicsObjective(ShapeObjective):
     def validate(self, net: Any) -> dict[str, float]:
         """Mean vertex error over rollouts of the held-out clips, side by side, before contact, mm."""
         net.eval()
-        material, held = self.material, self.material.held
+        dataset, held = self.dataset, self.dataset.held
         starts, counts = held.starts.unique(return_counts=True)
-        first = self._situation(held, starts + MEMORY)
+        first = self._input(held, starts + MEMORY)
         before, offsets = first.before, first.offsets
         errors = []
         for frame in range(MEMORY, min(ROLLED, int(counts.min()))):
             chosen = starts + frame
             seen = self._after(held, chosen, before, offsets)
-            resting = next_shape(self.space, net, material.maps, seen, material.config.sigma)
-            posed = posed_shape(self.space, material.maps, resting, held.pose[chosen])
+            resting = next_shape(self.space, net, dataset.maps, seen, dataset.config.sigma)
+            posed = posed_shape(self.space, dataset.maps, resting, held.pose[chosen])
             errors.append((posed - held.vertices[chosen]).norm(dim=2).mean(1) * 1000.0)
             before, offsets = self._moved(seen, posed)
         net.train()
@@ -314,7 +314,7 @@ class DynamicsObjective(ShapeObjective):
     def remember(self, memory: Mapping[str, Tensor]) -> None:
         if self.losses.past == "own":
             self.past.copy_(memory["past"])
-            self.past_offsets = offsets_of(self.material.maps, self.past, self.material.rows.pose.transforms)
+            self.past_offsets = offsets_of(self.dataset.maps, self.past, self.dataset.rows.pose.transforms)
 
 
 def _regular(codes: Tensor) -> Tensor:

@@ -46,7 +46,7 @@ from uvcloth.physics.energies import (
     rest_shape,
 )
 from uvcloth.physics.layers import wrong_side_percent
-from uvcloth.physics.posed_batch import Visit, first_visit
+from uvcloth.physics.posed_batch import ClosestPointCache, empty_cache
 from uvcloth.physics.surface import BodySurface
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 
@@ -67,7 +67,7 @@ PICTURE = (300, 400)
 
 
 @dataclass(frozen=True)
-class Fabric:
+class ClothMaterial:
     """What the cloth is like, and how hard it is kept off the body. Energies are in joules."""
 
     edge: float = 15.0
@@ -86,7 +86,7 @@ class Fabric:
     """Collide with the plane at the closest point of the skin, or at its closest vertex (paper)."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for what no fabric has."""
+        """Raises InputError for what no cloth has."""
         for name in ("edge", "bend", "mass", "collision", "thickness", "pin"):
             value = getattr(self, name)
             if not 0 <= value < math.inf:
@@ -94,7 +94,7 @@ class Fabric:
 
 
 @dataclass(frozen=True)
-class Hanging:
+class AttachmentConfig:
     """How a garment hangs on the body to begin with."""
 
     pins: tuple[str, ...] = ("band",)
@@ -122,13 +122,17 @@ LOOPS: dict[str, LoopConfig] = {
 
 
 PRESETS: dict[str, dict[str, Any]] = {
-    "default": {"network": PBNSConfig(), "fabric": Fabric(), "hanging": Hanging()},
+    "default": {"network": PBNSConfig(), "material": ClothMaterial(), "attachment": AttachmentConfig()},
     "paper": {
         "network": PBNSConfig(influences=99),
-        "fabric": Fabric(collision=25.0, thickness=0.004, pin=1000.0, plane="vertex"),
-        "hanging": Hanging(weights="closest"),
+        "material": ClothMaterial(collision=25.0, thickness=0.004, pin=1000.0, plane="vertex"),
+        "attachment": AttachmentConfig(weights="closest"),
     },
-    "tiny": {"network": PBNSConfig(width=16, layers=2), "fabric": Fabric(), "hanging": Hanging()},
+    "tiny": {
+        "network": PBNSConfig(width=16, layers=2),
+        "material": ClothMaterial(),
+        "attachment": AttachmentConfig(),
+    },
 }
 """What each preset of the command line starts from."""
 
@@ -155,24 +159,24 @@ class PBNSObjective:
     def __init__(
         self,
         config: PBNSConfig,
-        fabric: Fabric,
-        hanging: Hanging,
+        material: ClothMaterial,
+        attachment: AttachmentConfig,
         outfit: Outfit,
         poses: Poses,
         batch: int,
     ) -> None:
-        self.config, self.fabric, self.hanging, self.outfit = config, fabric, hanging, outfit
+        self.config, self.material, self.attachment, self.outfit = config, material, attachment, outfit
         self.data, self.batch = poses.data, batch
         self.worn = rest_outfit(outfit)
         self.poses, self.held = (
             _posed(poses.database.of(split), outfit) for split in ("train", "validation")
         )
-        self.weights = torch.cat([_weights(garment, outfit.body, hanging) for garment in outfit.garments])
-        self.trains_weights = hanging.train_weights == "yes" or (
-            hanging.train_weights == "auto"
+        self.weights = torch.cat([_weights(garment, outfit.body, attachment) for garment in outfit.garments])
+        self.trains_weights = attachment.train_weights == "yes" or (
+            attachment.train_weights == "auto"
             and any(is_skirt(garment.mesh, outfit.body) for garment in outfit.garments)
         )
-        held = held_vertices(outfit, hanging)
+        held = held_vertices(outfit, attachment)
         network = self._network()
         owner = network.owner
         self.points = self.worn.vertices[first_of(owner)]
@@ -180,8 +184,8 @@ class PBNSObjective:
         self.faces = [
             owner[mesh.faces + start] for mesh, start in zip(self.worn.meshes, self.worn.starts, strict=True)
         ]
-        self.cloth = rest_shape(self.points, torch.cat(self.faces), fabric.mass)
-        self.visits = first_visit(len(self.poses.vectors), len(self.points), torch.device("cpu"))
+        self.cloth = rest_shape(self.points, torch.cat(self.faces), material.mass)
+        self.caches = empty_cache(len(self.poses.vectors), len(self.points), torch.device("cpu"))
 
     @property
     def samples(self) -> Tensor:
@@ -203,7 +207,7 @@ class PBNSObjective:
         self.cloth = self.cloth.to(device)
         self.points, self.pins = self.points.to(device), self.pins.to(device)
         self.faces = [faces.to(device) for faces in self.faces]
-        self.visits = Visit(self.visits.points.to(device), self.visits.clearance.to(device))
+        self.caches = ClosestPointCache(self.caches.points.to(device), self.caches.clearance.to(device))
         self.body = BodyBeside(self.outfit.body, self.points, self.batch, device)
         self.layers = inner_layers(self.points, self._pieces(), self.batch)
 
@@ -211,10 +215,10 @@ class PBNSObjective:
         self, networks: Mapping[str, Any], rows: Tensor
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
         """The potential energy of a batch of poses, mJ each (paper eq. 3, and the pins)."""
-        visit = Visit(self.visits.points[rows], self.visits.clearance[rows])
+        cache = ClosestPointCache(self.caches.points[rows], self.caches.clearance[rows])
         deformed, posed = self.pose(networks["net"], self.poses, rows)
-        parts = self._energies(deformed, posed, self.poses.transforms[rows], visit)
-        self.visits.points[rows], self.visits.clearance[rows] = visit.points, visit.clearance
+        parts = self._energies(deformed, posed, self.poses.transforms[rows], cache)
+        self.caches.points[rows], self.caches.clearance[rows] = cache.points, cache.clearance
         yield "net", torch.stack(list(parts.values())).sum(), parts
 
     def pose(self, net: Any, poses: Posed, rows: Tensor) -> tuple[Tensor, Tensor]:
@@ -224,23 +228,23 @@ class PBNSObjective:
         return deformed, apply_transforms(blended, self.points + deformed)
 
     def _energies(
-        self, deformed: Tensor, posed: Tensor, transforms: Tensor, visit: Visit | None
+        self, deformed: Tensor, posed: Tensor, transforms: Tensor, cache: ClosestPointCache | None
     ) -> dict[str, Tensor]:
         """Mean energies over a batch, mJ: () each."""
-        fabric, cloth = self.fabric, self.cloth
+        material, cloth = self.material, self.cloth
         self.body.move(transforms)
-        planes = self.body.planes(posed, fabric.thickness, visit, fabric.plane)
-        met = [collision_energy(planes.distance(posed), fabric.thickness, fabric.collision)]
+        planes = self.body.planes(posed, material.thickness, cache, material.plane)
+        met = [collision_energy(planes.distance(posed), material.thickness, material.collision)]
         normals = vertex_normals(posed.detach(), cloth.faces) if self.layers else posed
         for layer in self.layers:
             distance = layer.planes(posed, normals).distance(posed[:, layer.outer])
-            met.append(collision_energy(distance, fabric.thickness, fabric.collision))
+            met.append(collision_energy(distance, material.thickness, material.collision))
         energies = {
-            "edge": edge_energy(posed, cloth, fabric.edge),
-            "bend": bend_energy(posed, cloth, fabric.bend),
+            "edge": edge_energy(posed, cloth, material.edge),
+            "bend": bend_energy(posed, cloth, material.bend),
             "collision": torch.stack(met).sum(0),
             "gravity": gravity_energy(posed, cloth),
-            "pin": pin_energy(deformed[:, self.pins], fabric.pin),
+            "pin": pin_energy(deformed[:, self.pins], material.pin),
         }
         return {name: MILLI * energy.mean() for name, energy in energies.items()}
 
@@ -324,7 +328,7 @@ class PBNSObjective:
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
         """Write the checkpoint of the network."""
-        made_of = {"fabric": asdict(self.fabric), "hanging": asdict(self.hanging)}
+        made_of = {"material": asdict(self.material), "attachment": asdict(self.attachment)}
         method = PBNS(self.config, net, self.worn)
         save_checkpoint(pbns_checkpoint(method, self.outfit.body, self.data, notes | made_of), run)
 
@@ -332,7 +336,7 @@ class PBNSObjective:
         """What must not change within a run."""
         garments = {name: _digest(mesh) for name, mesh in zip(self.worn.names, self.worn.meshes, strict=True)}
         body = {self.outfit.body.name: rest_hash(self.outfit.body)}
-        made_of = {"fabric": asdict(self.fabric), "hanging": asdict(self.hanging)}
+        made_of = {"material": asdict(self.material), "attachment": asdict(self.attachment)}
         return {
             **asdict(self.config),
             **made_of,
@@ -349,10 +353,10 @@ class PBNSObjective:
         """There is nothing to take back."""
 
 
-def held_vertices(outfit: Outfit, hanging: Hanging) -> Tensor:
+def held_vertices(outfit: Outfit, attachment: AttachmentConfig) -> Tensor:
     """The pinned vertices of all garments: (N,) bool. Raises InputError as `check_order` and `pinned` do."""
     check_order(outfit.garments)
-    return pinned(outfit.garments, outfit.body, hanging.pins)
+    return pinned(outfit.garments, outfit.body, attachment.pins)
 
 
 def _posed(poses: PoseDatabase, outfit: Outfit) -> Posed:
@@ -361,16 +365,16 @@ def _posed(poses: PoseDatabase, outfit: Outfit) -> Posed:
     return Posed(pose_vectors(skeleton.parents, transforms), transforms)
 
 
-def _weights(garment: Garment, body: Body, hanging: Hanging) -> Tensor:
+def _weights(garment: Garment, body: Body, attachment: AttachmentConfig) -> Tensor:
     """The blend weights (N, J) that a garment starts from."""
-    if hanging.weights == "closest":
+    if attachment.weights == "closest":
         return garment.weights
-    if hanging.weights == "smooth":
-        return garment.carrier_weights
+    if attachment.weights == "smooth":
+        return garment.smooth_weights
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
     distance = surface.closest(garment.mesh.vertices, LOOSE[1]).signed_distance
     loose = ((distance - LOOSE[0]) / (LOOSE[1] - LOOSE[0])).clamp(0.0, 1.0)
-    return torch.lerp(garment.weights, garment.carrier_weights, loose[:, None])
+    return torch.lerp(garment.weights, garment.smooth_weights, loose[:, None])
 
 
 def _digest(mesh: Mesh) -> str:

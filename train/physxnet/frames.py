@@ -7,7 +7,7 @@ from rich.progress import track
 from torch import Tensor
 
 from rasterize.bake import scatter_map
-from train.clips import Recording
+from train.clips import TrainingClip
 from train.physxnet.prepare import Prepared
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
@@ -20,11 +20,11 @@ CHUNK = 16
 
 @dataclass(frozen=True)
 class Frames:
-    """R rows: the counting frames of every recording, each recording led in by HISTORY - 1 more.
+    """R rows: the scored frames of every clip, each clip led in by HISTORY - 1 more.
 
     motion: (R, 6, H, W) and pose: (R, 3, H, W) float16 maps; pose is empty where the network does not see it.
     offsets: per template (R, Q, 3) float16, m. present: (R, templates) bool. transforms: (R, J, 3, 4).
-    samples: (S,) int64 rows that count. starts: (R,) int64 first row of the row's recording.
+    samples: (S,) int64 rows that count. starts: (R,) int64 first row of the row's clip.
     """
 
     motion: Tensor
@@ -52,19 +52,19 @@ class Frames:
 
 
 def load_frames(
-    config: PhysXNetConfig, body: Body, prepared: Prepared, recordings: list[Recording], title: str
+    config: PhysXNetConfig, body: Body, prepared: Prepared, clips: list[TrainingClip], title: str
 ) -> Frames:
-    """Pose the body over every recording and take its texels' values."""
+    """Pose the body over every clip and take its texels' values."""
     motion, pose, present, transforms, samples, starts = [], [], [], [], [], []
     offsets: list[list[Tensor]] = [[] for _ in config.templates]
     row = 0
-    for recording in track(recordings, title, transient=True):
-        first = max(0, recording.settling - (HISTORY - 1))
-        led = with_lead(recording.transforms)
-        lead = len(led) - len(recording.transforms)
-        for begin in range(first, len(recording.transforms), CHUNK):
-            end = min(begin + CHUNK, len(recording.transforms))
-            frames = body_frames(body, led[begin : end + lead], recording.fps)
+    for clip in track(clips, title, transient=True):
+        first = max(0, clip.warm_up - (HISTORY - 1))
+        led = with_lead(clip.transforms)
+        lead = len(led) - len(clip.transforms)
+        for begin in range(first, len(clip.transforms), CHUNK):
+            end = min(begin + CHUNK, len(clip.transforms))
+            frames = body_frames(body, led[begin : end + lead], clip.fps)
             now = frames.transforms[:, -1]
             vertices = frames.vertices[:, -1]
             values = motion_values(
@@ -75,8 +75,8 @@ def load_frames(
                 pose.append(sheet_of(pose_values(prepared.texels, vertices, now), prepared))
             for part, name in zip(offsets, config.templates, strict=True):
                 template, worn = prepared.templates[name], prepared.worn[name]
-                if name in recording.vertices:
-                    simulated = recording.vertices[name][begin:end]
+                if name in clip.vertices:
+                    simulated = clip.vertices[name][begin:end]
                     value = template_offsets(
                         config,
                         prepared.texels,
@@ -89,11 +89,11 @@ def load_frames(
                     part.append(value.half())
                 else:
                     part.append(torch.zeros(end - begin, len(template.texels), 3, dtype=torch.float16))
-        count = len(recording.transforms) - first
-        has = torch.tensor([name in recording.vertices for name in config.templates])
+        count = len(clip.transforms) - first
+        has = torch.tensor([name in clip.vertices for name in config.templates])
         present.append(has.expand(count, -1))
-        transforms.append(recording.transforms[first:])
-        skip = max(HISTORY - 1, recording.settling - first)
+        transforms.append(clip.transforms[first:])
+        skip = max(HISTORY - 1, clip.warm_up - first)
         samples.append(torch.arange(row + skip, row + count))
         starts.append(torch.full((count,), row))
         row += count

@@ -10,7 +10,15 @@ from rich.console import Console
 from torch import Tensor, nn
 
 from rasterize.errors import InputError
-from train.clips import Holdout, Recording, frames_of, hold_out, load_recordings, stacked, training_data
+from train.clips import (
+    Holdout,
+    TrainingClip,
+    frames_of,
+    hold_out,
+    load_training_clips,
+    stacked,
+    training_data,
+)
 from train.operators import Operator, differences, sampling
 from train.physxnet.frames import Frames, body_vertices, load_frames
 from train.physxnet.patchgan import PatchGAN, discriminator_loss, generator_loss
@@ -59,7 +67,7 @@ LOSSES: dict[str, Losses] = {
 
 
 class PhysXNetObjective:
-    """Losses and validation of one network on one set of recordings, all held in memory."""
+    """Losses and validation of one network on one set of clips, all held in memory."""
 
     def __init__(
         self, config: PhysXNetConfig, losses: Losses, data: Path, run: Path, body: Body | None = None
@@ -67,10 +75,10 @@ class PhysXNetObjective:
         """Read the data and prepare everything. Raises InputError if data, body and templates do not fit."""
         self.config, self.weights = config, losses
         self.body = body or load_body()
-        recordings = load_recordings(data, config.templates, self.body)
+        clips = load_training_clips(data, config.templates, self.body)
         self.prepared = prepare(run, self.body, config.templates, config.size)
-        check_rests({name: worn.points for name, worn in self.prepared.worn.items()}, recordings, self.body)
-        training, held = hold_out(recordings, losses, data)
+        check_rests({name: worn.points for name, worn in self.prepared.worn.items()}, clips, self.body)
+        training, held = hold_out(clips, losses, data)
         for name in config.templates:
             if not any(name in r.vertices for r in training):
                 raise InputError(f"{data}: no training sequence of {name}; simulate some or set --templates")
@@ -86,7 +94,7 @@ class PhysXNetObjective:
         )
         self.geometry = [self._geometry(name) for name in config.templates]
         self.past = _new_past(config, self.frames) if config.history else torch.zeros(0)
-        if config.anchor == "carrier":
+        if config.anchor == "smooth_lbs":
             errors = {name: f"{error:.1f}" for name, error in self._errors(self._without_change).items()}
             Console().print(f"smooth skinning alone: {errors}")
 
@@ -224,7 +232,7 @@ class PhysXNetObjective:
         return errors
 
     def _without_change(self, maps: Tensor) -> Tensor:
-        """What a network would say that never moves a garment off its carrier."""
+        """What a network would say that never moves a garment off the smooth LBS reference."""
         return maps.new_zeros(len(maps), 3 * len(self.config.templates), *maps.shape[2:])
 
     @torch.no_grad()
@@ -335,14 +343,14 @@ def _scales(config: PhysXNetConfig, values: Tensor) -> tuple[Tensor, Tensor]:
     return values.mean((0, 2)), values.std((0, 2)).clamp(min=1e-6)
 
 
-def _counting_rows(frames: Frames, recordings: list[Recording], template: str) -> Tensor:
-    """For each row, its place in `stacked(recordings, template)`, -1 where it has none: (R,) int64."""
+def _counting_rows(frames: Frames, clips: list[TrainingClip], template: str) -> Tensor:
+    """For each row, its place in `stacked(clips, template)`, -1 where it has none: (R,) int64."""
     places = torch.full((len(frames.transforms),), -1, dtype=torch.int64)
     next_place, next_row = 0, 0
-    for recording in recordings:
-        rows = min(recording.settling, 2) + len(recording.transforms) - recording.settling
-        if template in recording.vertices:
-            count = len(recording.transforms) - recording.settling
+    for clip in clips:
+        rows = min(clip.warm_up, 2) + len(clip.transforms) - clip.warm_up
+        if template in clip.vertices:
+            count = len(clip.transforms) - clip.warm_up
             places[next_row + rows - count : next_row + rows] = torch.arange(next_place, next_place + count)
             next_place += count
         next_row += rows

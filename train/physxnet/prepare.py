@@ -12,17 +12,17 @@ from torch import Tensor
 
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
-from train.clips import Recording
+from train.clips import TrainingClip
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.mesh import unique_edges
 from uvcloth.geometry.records import from_arrays, to_arrays
 from uvcloth.methods.physxnet.texels import (
     BodyTexels,
+    GarmentDecoder,
     TemplateTexels,
-    Worn,
     body_texels,
+    build_decoder,
     template_texels,
-    worn_on,
 )
 
 FORMAT = "uvcloth-prepared-1"
@@ -38,7 +38,7 @@ class Prepared:
 
     texels: BodyTexels
     templates: dict[str, TemplateTexels]
-    worn: dict[str, Worn]
+    worn: dict[str, GarmentDecoder]
     edges: dict[str, Tensor]
 
 
@@ -66,30 +66,30 @@ def prepare(folder: Path, body: Body, templates: tuple[str, ...], size: int) -> 
 
 def make(body: Body, templates: tuple[str, ...], size: int) -> Prepared:
     """Dress the body in every template and cast the rays."""
-    from uvcloth.garments.templates import wear
+    from uvcloth.garments.templates import fit_template
 
     texels = body_texels(body, size)
-    garments = {name: wear(name, body) for name in templates}
+    garments = {name: fit_template(name, body) for name in templates}
     seen = {name: template_texels(name, garments[name].mesh, body, texels) for name in templates}
     return Prepared(
         texels=texels,
         templates=seen,
-        worn={name: worn_on(garments[name], seen[name], texels) for name in templates},
+        worn={name: build_decoder(garments[name], seen[name], texels) for name in templates},
         edges={name: unique_edges(garments[name].mesh.faces) for name in templates},
     )
 
 
-def check_rests(rests: Mapping[str, Tensor], recordings: list[Recording], body: Body) -> None:
+def check_rests(rests: Mapping[str, Tensor], clips: list[TrainingClip], body: Body) -> None:
     """Raise InputError naming the clip if it was simulated with another garment or on another body.
 
     rests: template -> (N, 3) m, its vertices at rest on the body.
     """
-    for recording in recordings:
-        for name, rest in recording.rests.items():
+    for clip in clips:
+        for name, rest in clip.rests.items():
             expected = rests[name]
             if rest.shape != expected.shape or (rest - expected).norm(dim=1).max() > SAME_REST:
                 raise InputError(
-                    f"{recording.clip}_{name}: at rest not the garment {name} on body {body.name!r}; "
+                    f"{clip.clip}_{name}: at rest not the garment {name} on body {body.name!r}; "
                     "it was simulated with another garment or body"
                 )
 
@@ -110,7 +110,7 @@ def _read(arrays: dict[str, np.ndarray], templates: tuple[str, ...], path: Path)
         return Prepared(
             texels=from_arrays(BodyTexels, arrays, "texels"),
             templates={name: from_arrays(TemplateTexels, arrays, f"template.{name}") for name in templates},
-            worn={name: from_arrays(Worn, arrays, f"worn.{name}") for name in templates},
+            worn={name: from_arrays(GarmentDecoder, arrays, f"worn.{name}") for name in templates},
             edges={name: torch.from_numpy(arrays[f"edges.{name}"]) for name in templates},
         )
     except KeyError as error:

@@ -15,7 +15,7 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.commands.export_rig import export
 from uvcloth.commands.rollout import animate
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.registry import DEFAULT, load_method
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render_frames
@@ -70,8 +70,8 @@ def _side_by_side(path: Path, name: str, body: Body) -> np.ndarray:
         raise InputError(f"{path}: the simulation was kept apart, see {path.parent / 'rejected'}")
     sequence = load_sequence(path)
     method = load_method(MODELS[name], body)
-    outfit = Outfit(body, (wear(name, body),))
-    moments = torch.linspace(sequence.settling, len(sequence.vertices) - 1, PICTURES).long().tolist()
+    outfit = Outfit(body, (fit_template(name, body),))
+    moments = torch.linspace(sequence.warm_up, len(sequence.vertices) - 1, PICTURES).long().tolist()
     frames = rollout(method, outfit, sequence.transforms, sequence.fps)
     predicted = {frame.index: frame.vertices[0] for frame in frames if frame.index in moments}
     posed = skin(body.mesh.vertices, body.weights, sequence.transforms[moments])

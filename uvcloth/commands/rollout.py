@@ -15,7 +15,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import load_body
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.loading import take
+from uvcloth.garments.loading import load_garment
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.exposure import Exposure
@@ -77,14 +77,14 @@ def animate(
     console = Console(stderr=True)
     body = load_body(body_file)
     say = partial(console.print, highlight=False, markup=False)
-    outfit = Outfit(body, tuple(take(name, body, say) for name in garments))
+    outfit = Outfit(body, tuple(load_garment(name, body, say) for name in garments))
     clip = load_clip(motion, body)
     models = models or [DEFAULT]
     method = load_methods(models, body)
-    if objection := method.objection(outfit):
+    if unsupported_reason := method.unsupported_reason(outfit):
         several = len(models) == 1 < len(outfit.garments)
         hint = "; each garment may have a model of its own, as in --model A B" if several else ""
-        raise InputError(objection + hint)
+        raise InputError(unsupported_reason + hint)
     exposure = Exposure(body, [garment.mesh for garment in outfit.garments])
     counted = {"before": 0, "after": 0, "squeezed": 0}
     shown = 0.0

@@ -15,7 +15,7 @@ DIFFUSION = {"tops": 0.06, "bottoms": 0.06, "dress": 0.15, "shirt": 0.06}
 def make_garment(name: str, template: str, mesh: Mesh, body: Body, diffusion: float | None = None) -> Garment:
     """A garment on a body, from its mesh (N vertices) at rest on the body's rest pose.
 
-    diffusion: metres over which the carrier's blend weights spread; None takes the template's.
+    diffusion: metres over which the smooth blend weights spread; None takes the template's.
     """
     weights = body.weights[_closest_vertices(mesh.vertices, body.mesh.vertices)]
     distance = DIFFUSION[template] if diffusion is None else diffusion
@@ -24,7 +24,7 @@ def make_garment(name: str, template: str, mesh: Mesh, body: Body, diffusion: fl
         template=template,
         mesh=mesh,
         weights=weights,
-        carrier_weights=_diffused(weights, mesh, distance),
+        smooth_weights=_diffused(weights, mesh, distance),
     )
 
 

@@ -1,4 +1,4 @@
-"""Garments at rest on a body, ready to be carried by it."""
+"""Garments at rest on a body, ready to be skinned with it."""
 
 from dataclasses import dataclass
 
@@ -18,14 +18,14 @@ class Garment:
     template: which template's decoder serves it ("tops", "bottoms", "dress", "shirt").
     mesh: N vertices, at rest on the body's rest pose.
     weights: (N, J) blend weights of the closest body vertex (the LBS baseline).
-    carrier_weights: (N, J) the same, diffused over the garment, so that a skirt does not split.
+    smooth_weights: (N, J) the same, diffused over the garment, so that a skirt does not split.
     """
 
     name: str
     template: str
     mesh: Mesh
     weights: Tensor
-    carrier_weights: Tensor
+    smooth_weights: Tensor
 
 
 @dataclass(frozen=True)

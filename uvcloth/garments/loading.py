@@ -7,25 +7,25 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.fit import fit
 from uvcloth.garments.garment import Garment
-from uvcloth.garments.templates import TEMPLATES, wear
+from uvcloth.garments.templates import TEMPLATES, fit_template
 
 
-def take(name: str, body: Body, say: Callable[[str], None] = lambda line: None) -> Garment:
+def load_garment(name: str, body: Body, say: Callable[[str], None] = lambda line: None) -> Garment:
     """A garment at rest on a body: the template of that name, or what is in the mesh file at that path.
 
     A file's garment is named by the file's stem; what was found out about the file is said line by line.
-    Raises InputError as `wear` and `fit` do.
+    Raises InputError as `fit_template` and `fit` do.
     """
     if name in TEMPLATES:
-        return wear(name, body)
+        return fit_template(name, body)
     fitted = fit(Path(name), body)
     for line in fitted.diagnosis.lines():
         say(line)
     return fitted.garment
 
 
-def take_for_data(name: str, body: Body, say: Callable[[str], None] = lambda line: None) -> Garment:
-    """As `take`, where data files will be named CLIP_GARMENT by it.
+def load_garment_for_data(name: str, body: Body, say: Callable[[str], None] = lambda line: None) -> Garment:
+    """As `load_garment`, where data files will be named CLIP_GARMENT by it.
 
     Raises InputError also for a mesh file whose data would be mistaken for a template's.
     """
@@ -35,4 +35,4 @@ def take_for_data(name: str, body: Body, say: Callable[[str], None] = lambda lin
         raise InputError(
             f"{path}: its data would be mistaken for those of the template {template}, rename the file"
         )
-    return take(name, body, say)
+    return load_garment(name, body, say)

@@ -51,7 +51,7 @@ class Template:
     bodice: Bodice | None
 
 
-def wear(name: str, body: Body) -> Garment:
+def fit_template(name: str, body: Body) -> Garment:
     """A template at rest on a body. Raises InputError for an unknown name or a body without proxies."""
     template = load_template(name)
     return make_garment(name, name, tailored(template, body), body)

@@ -56,7 +56,7 @@ def diffuse_weights(weights: Tensor, vertices: Tensor, faces: Tensor, distance: 
     return weights
 
 
-def carry(points: Tensor, weights: Tensor, transforms: Tensor) -> tuple[Tensor, Tensor]:
+def skin_frames(points: Tensor, weights: Tensor, transforms: Tensor) -> tuple[Tensor, Tensor]:
     """Skinned points (B, N, 3) and frames (B, N, 3, 3) whose columns are the rest axes turned along."""
     blended = blend_transforms(weights, transforms)
     return apply_transforms(blended, points), rotation_part(blended)

@@ -16,28 +16,28 @@ class Ensemble:
     """A Method: what one predicts, the next one's garment is worn over (Motion-guided, section 6.5)."""
 
     methods: tuple[Method, ...]
-    remembers: bool = True
+    autoregressive: bool = True
 
     @property
     def name(self) -> str:
         return "+".join(method.name for method in self.methods)
 
     @property
-    def static(self) -> bool:
-        return all(method.static for method in self.methods)
+    def quasi_static(self) -> bool:
+        return all(method.quasi_static for method in self.methods)
 
-    def objection(self, outfit: Outfit) -> str:
+    def unsupported_reason(self, outfit: Outfit) -> str:
         """It dresses as many garments as there are methods, each of which dresses its own."""
         if len(self.methods) != len(outfit.garments):
             counts = f"models given: {len(self.methods)}, garments: {len(outfit.garments)}"
             return f"{counts}; expected one model for all, or one for each in order, the innermost first"
         parts = zip(self.methods, _layers(outfit), strict=True)
-        return next(filter(None, (method.objection(layer) for method, layer in parts)), "")
+        return next(filter(None, (method.unsupported_reason(layer) for method, layer in parts)), "")
 
     def start(self, outfit: Outfit, frames: BodyFrames) -> tuple[Any, ...]:
-        """Start each on its garment. Raises InputError for an outfit that it has an objection to."""
-        if objection := self.objection(outfit):
-            raise InputError(objection)
+        """Start each on its garment. Raises InputError for an outfit that it has an unsupported_reason to."""
+        if unsupported_reason := self.unsupported_reason(outfit):
+            raise InputError(unsupported_reason)
         parts = zip(self.methods, _layers(outfit), strict=True)
         return tuple(method.start(layer, frames) for method, layer in parts)
 
@@ -55,7 +55,7 @@ class Ensemble:
     def observe(self, state: tuple[Any, ...], garments: tuple[Tensor, ...]) -> tuple[Any, ...]:
         """Tell those that remember what contact left."""
         return tuple(
-            method.observe(before, (vertices,)) if method.remembers else before
+            method.observe(before, (vertices,)) if method.autoregressive else before
             for method, before, vertices in zip(self.methods, state, garments, strict=True)
         )
 

@@ -23,17 +23,17 @@ class LinearBlendSkinning:
 
     name: str
     smooth: bool
-    remembers: bool = False
-    static: bool = True
+    autoregressive: bool = False
+    quasi_static: bool = True
 
-    def objection(self, outfit: Outfit) -> str:
+    def unsupported_reason(self, outfit: Outfit) -> str:
         """It dresses everything."""
         return ""
 
     def start(self, outfit: Outfit, frames: BodyFrames) -> tuple[SkinnedGarment, ...]:
         """Take the blend weights of every garment."""
         return tuple(
-            SkinnedGarment(garment.mesh.vertices, garment.carrier_weights if self.smooth else garment.weights)
+            SkinnedGarment(garment.mesh.vertices, garment.smooth_weights if self.smooth else garment.weights)
             for garment in outfit.garments
         )
 

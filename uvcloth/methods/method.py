@@ -11,29 +11,29 @@ from uvcloth.garments.garment import Outfit
 class Method(Protocol):
     """What rollout and evaluation see of a method.
 
-    remembers: whether the state carries the garment from frame to frame. A method that remembers nothing may
-    be given many frames at once as a batch; one that remembers gets one frame at a time (B = 1).
+    autoregressive: whether the state holds what was predicted before. A method that is not may
+    be given many frames at once as a batch; one that is gets one frame at a time (B = 1).
 
-    static: whether a frame depends on its own pose alone, however fast the body came there.
+    quasi_static: whether a frame depends on its own pose alone, however fast the body came there.
     """
 
     @property
     def name(self) -> str: ...
 
     @property
-    def remembers(self) -> bool: ...
+    def autoregressive(self) -> bool: ...
 
     @property
-    def static(self) -> bool: ...
+    def quasi_static(self) -> bool: ...
 
-    def objection(self, outfit: Outfit) -> str:
+    def unsupported_reason(self, outfit: Outfit) -> str:
         """Why it cannot dress an outfit: a sentence that names garment and model; "" where it can."""
         ...
 
     def start(self, outfit: Outfit, frames: BodyFrames) -> Any:
-        """Prepare an outfit (projections, carriers) at the first frame; returns the state.
+        """Prepare an outfit (projections, blend weights) at the first frame; returns the state.
 
-        Raises InputError for an outfit that it has an objection to.
+        Raises InputError for an outfit that it has an unsupported_reason to.
         """
         ...
 
@@ -44,6 +44,6 @@ class Method(Protocol):
     def observe(self, state: Any, garments: tuple[Tensor, ...]) -> Any:
         """What the state becomes when the last garments were (N, 3) each and not as predicted.
 
-        Rollout calls it after contact for a method that remembers; one-step errors feed it the truth.
+        Rollout calls it after contact for an autoregressive method; one-step errors feed it the truth.
         """
         ...

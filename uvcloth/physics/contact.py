@@ -20,7 +20,7 @@ from uvcloth.bodies.collider import Collider
 from uvcloth.physics import kernels, surface
 from uvcloth.physics.launch import array, launch
 from uvcloth.physics.layers import Layer
-from uvcloth.physics.strain_limiter import Inextensible
+from uvcloth.physics.strain_limiter import StrainLimiter
 from uvcloth.physics.surface import FREE
 
 MARGIN = 0.004
@@ -70,11 +70,11 @@ class Contacts:
 
 
 @dataclass(frozen=True)
-class Beneath:
+class InnerLayerContact:
     """An inner garment, as one that is worn over it meets it.
 
     rows: (R,) int64, the outer garment's vertices that are kept on its outer side. touches: (R,) int32, as in
-    Dressed; parts: (F,) int32, the same of the inner garment's faces. A sleeve meets sleeves, not the
+    ContactGarment; parts: (F,) int32, the same of the inner garment's faces. A sleeve meets sleeves, not the
     trousers that an arm is pressed into.
     """
 
@@ -94,29 +94,29 @@ class Beneath:
 
 
 @dataclass(frozen=True)
-class Dressed:
+class ContactGarment:
     """A garment in contact.
 
     cloth: its edges. touches: (N,) int32, a bit per part that may touch a vertex. over: what it is worn over,
     the innermost first.
     """
 
-    cloth: Inextensible
+    cloth: StrainLimiter
     touches: Tensor
-    over: tuple[Beneath, ...] = ()
+    over: tuple[InnerLayerContact, ...] = ()
 
 
 @dataclass(frozen=True)
 class Skin:
     """The nearest skin of N vertices. distance: (N,) m to it, negative inside, or less than that.
 
-    normals: (N, 3) and bounds: (N,) m, the plane through it, as the product of its points with the normal.
+    normals: (N, 3) and offsets: (N,) m, the plane through it, as the product of its points with the normal.
     squeezed: (N,) bool, where two parts leave less than NARROW between them.
     """
 
     distance: Tensor
     normals: Tensor
-    bounds: Tensor
+    offsets: Tensor
     squeezed: Tensor
 
     @property
@@ -135,22 +135,22 @@ class Obstacle:
         self.collider, self._rest = collider, body_vertices
         self._parts = surface.MovingMeshes(collider.vertices(body_vertices), collider.parts)
 
-    def dress(self, vertices: Tensor, faces: Tensor, over: Sequence[Layer] = ()) -> Dressed:
+    def dress(self, vertices: Tensor, faces: Tensor, over: Sequence[Layer] = ()) -> ContactGarment:
         """A garment (N, 3) m, (M, 3) as it lies on the body at rest, and over others that do so too."""
         touches = self._touches(vertices)
         beneath = tuple(self._beneath(layer, vertices, touches) for layer in over)
-        return Dressed(Inextensible(vertices, faces), touches, beneath)
+        return ContactGarment(StrainLimiter(vertices, faces), touches, beneath)
 
     def update(self, body_vertices: Tensor) -> None:
         """Move to the posed body (V, 3)."""
         self._parts.update(self.collider.vertices(body_vertices))
 
-    def skin(self, vertices: Tensor, garment: Dressed, reach: float = REACH) -> Skin:
+    def skin(self, vertices: Tensor, garment: ContactGarment, reach: float = REACH) -> Skin:
         """The nearest skin within reach, m, that each of a garment's vertices (N, 3) may touch."""
         return self._search(vertices, garment.touches, vertices.new_full((len(vertices),), reach))
 
     def resolve(
-        self, vertices: Tensor, garment: Dressed, before: Tensor | None = None
+        self, vertices: Tensor, garment: ContactGarment, before: Tensor | None = None
     ) -> tuple[Tensor, Contacts]:
         """Move garment vertices (N, 3) out of the body to MARGIN, and give edges their rest length back.
 
@@ -164,13 +164,13 @@ class Obstacle:
         skin = self.skin(start, garment)
         inside_before = int(skin.inside.sum())
         held = (skin.distance < ALERT) & ~skin.squeezed
-        bounds = torch.where(held, skin.bounds + MARGIN, FREE)
+        offsets = torch.where(held, skin.offsets + MARGIN, FREE)
         normals = skin.normals.clone() if garment.over else skin.normals
         for beneath in garment.over:
             rows, distance, directions = beneath.find(start)
             normals[rows] = directions
-            bounds[rows] = (directions * start[rows]).sum(1) - distance + GAP
-        vertices = garment.cloth.relax(start, PASSES, normals, bounds)
+            offsets[rows] = (directions * start[rows]).sum(1) - distance + GAP
+        vertices = garment.cloth.relax(start, PASSES, normals, offsets)
         for beneath in garment.over:
             rows, distance, directions = beneath.find(vertices)
             vertices[rows] += (CLOSEST - distance).clamp(min=0)[:, None] * directions
@@ -187,13 +187,13 @@ class Obstacle:
             inside_before, int(skin.inside.sum()), int(skin.squeezed.sum()), float(depth.max())
         )
 
-    def skins(self, frames: Tensor, garment: Dressed, body_frames: Tensor) -> Iterator[Skin]:
+    def skins(self, frames: Tensor, garment: ContactGarment, body_frames: Tensor) -> Iterator[Skin]:
         """The nearest skin of a garment's vertices (F, N, 3), frame after frame, on the body (F, V, 3)."""
         for vertices, body_vertices in zip(frames, body_frames, strict=True):
             self.update(body_vertices)
             yield self.skin(vertices, garment, surface.REACH)
 
-    def inside_percent(self, frames: Tensor, garment: Dressed, body_frames: Tensor) -> Tensor:
+    def inside_percent(self, frames: Tensor, garment: ContactGarment, body_frames: Tensor) -> Tensor:
         """Percent of a garment's vertices (F, N, 3) that are inside the body (F, V, 3): (F,)."""
         shares = [100.0 * skin.inside.float().mean() for skin in self.skins(frames, garment, body_frames)]
         return torch.stack(shares) if shares else frames.new_zeros(0)
@@ -204,14 +204,14 @@ class Obstacle:
         bits = 2 ** torch.arange(len(touches), device=touches.device)
         return (touches * bits[:, None]).sum(0).int()
 
-    def _beneath(self, layer: Layer, vertices: Tensor, touches: Tensor) -> Beneath:
+    def _beneath(self, layer: Layer, vertices: Tensor, touches: Tensor) -> InnerLayerContact:
         """A layer at rest as the vertices (N, 3) over it meet it, all but those on its inner side."""
         found = layer.beside(vertices, surface.REACH)
         rows = torch.nonzero(~found.covered | (found.distance >= 0)).squeeze(1)
         first, second, third = self._touches(layer.points)[layer.faces].unbind(1)
-        return Beneath(layer, rows, touches[rows], first | second | third)
+        return InnerLayerContact(layer, rows, touches[rows], first | second | third)
 
-    def _follow(self, skin: Skin, vertices: Tensor, move: Tensor, garment: Dressed) -> None:
+    def _follow(self, skin: Skin, vertices: Tensor, move: Tensor, garment: ContactGarment) -> None:
         """Bring the skin up to date, in place, after a move (N, 3).
 
         A move changes no distance by more than its length: only vertices that may now be too near are looked
@@ -225,16 +225,16 @@ class Obstacle:
         found = self._search(vertices[rows], garment.touches[rows], reach)
         skin.distance[rows] = found.distance
         near = torch.nonzero(found.distance < reach).squeeze(1)
-        skin.normals[rows[near]], skin.bounds[rows[near]] = found.normals[near], found.bounds[near]
+        skin.normals[rows[near]], skin.offsets[rows[near]] = found.normals[near], found.offsets[near]
         skin.squeezed[rows] = found.squeezed
 
     def _search(self, vertices: Tensor, touches: Tensor, reach: Tensor) -> Skin:
         """The nearest skin of N vertices within their reach (N,), m."""
-        distance, bounds, gap = (torch.empty_like(reach) for _ in range(3))
+        distance, offsets, gap = (torch.empty_like(reach) for _ in range(3))
         normals = torch.empty_like(vertices)
-        query = map(array, (touches, vertices, reach, distance, normals, bounds, gap))
+        query = map(array, (touches, vertices, reach, distance, normals, offsets, gap))
         launch(kernels.closest_touched, len(vertices), vertices.device, self._parts.ids, *query)
-        return Skin(distance, normals, bounds, gap < NARROW)
+        return Skin(distance, normals, offsets, gap < NARROW)
 
 
 def _carried(move: Tensor) -> Tensor:

@@ -196,7 +196,7 @@ def first_hit(
 
 
 @wp.kernel
-def even_edges(
+def project_edges(
     share: int,
     now: wp.array(dtype=wp.vec3),
     before: wp.array(dtype=wp.vec3),
@@ -205,7 +205,7 @@ def even_edges(
     lengths: wp.array(dtype=float),
     curvatures: wp.array(dtype=float),
     normals: wp.array(dtype=wp.vec3),
-    bounds: wp.array(dtype=float),
+    offsets: wp.array(dtype=float),
     step: float,
     bend: float,
     momentum: float,
@@ -230,14 +230,14 @@ def even_edges(
     excess = wp.max(1.0 - curvatures[i] / wp.max(wp.length(curve), 1.0e-9), 0.0)
     moved = place + 0.5 * step * each * pull + bend * excess * curve
     moved = before[i] + momentum * (moved - before[i])
-    depth = bounds[i] - wp.dot(normals[i], moved)
+    depth = offsets[i] - wp.dot(normals[i], moved)
     if depth > 0.0:
         moved += depth * normals[i]
     before[i] = moved
 
 
 @wp.kernel
-def closest_in_crowd(
+def closest_in_batch(
     share: int,
     meshes: wp.array(dtype=wp.uint64),
     each: int,

@@ -1,7 +1,7 @@
 """The same mesh in many poses at once, and where the points beside each of them meet its surface.
 
 Training asks again and again for the same poses, and what a network predicts for one moves little between two
-visits. A point that was farther away than it has moved since touches nothing, and how far away it was bounds
+caches. A point that was farther away than it has moved since touches nothing, and how far away it was offsets
 the search where it may: most points need no search, the others a short one. What is found is the same.
 """
 
@@ -22,37 +22,37 @@ from uvcloth.physics.surface import FREE, REACH
 class Planes:
     """What keeps B x N points off a surface: a plane each, or none.
 
-    normals: (B, N, 3) the direction in which the signed distance grows, unit length. bounds: (B, N) m,
+    normals: (B, N, 3) the direction in which the signed distance grows, unit length. offsets: (B, N) m,
     product of the plane's points with its normal; FREE where nothing is near.
     """
 
     normals: Tensor
-    bounds: Tensor
+    offsets: Tensor
 
     def distance(self, points: Tensor) -> Tensor:
         """Signed distance (B, N) m of points (B, N, 3) from their planes, and huge without one."""
-        return (points * self.normals).sum(-1) - self.bounds
+        return (points * self.normals).sum(-1) - self.offsets
 
 
 @dataclass(frozen=True)
-class Visit:
+class ClosestPointCache:
     """Where the points of P poses were when they were last looked up.
 
-    points: (P, N, 3) m. clearance: (P, N) m, signed distance from the surface then; 0 before the first visit.
+    points: (P, N, 3) m. clearance: (P, N) m, signed distance from the surface then; 0 before the first cache.
     """
 
     points: Tensor
     clearance: Tensor
 
 
-def first_visit(poses: int, points: int, device: torch.device) -> Visit:
+def empty_cache(poses: int, points: int, device: torch.device) -> ClosestPointCache:
     """Of P poses with N points that were never looked up."""
-    return Visit(
+    return ClosestPointCache(
         torch.full((poses, points, 3), torch.inf, device=device), torch.zeros(poses, points, device=device)
     )
 
 
-class Crowd:
+class PosedMeshBatch:
     """B copies of a closed mesh, each in its own pose: vertices (V, 3) m, faces (F, 3)."""
 
     def __init__(self, vertices: Tensor, faces: Tensor, count: int) -> None:
@@ -74,19 +74,21 @@ class Crowd:
             for mesh in self._meshes[: len(vertices)]:
                 mesh.refit()
 
-    def planes(self, points: Tensor, near: float, visit: Visit | None = None, corner: bool = False) -> Planes:
+    def planes(
+        self, points: Tensor, near: float, cache: ClosestPointCache | None = None, corner: bool = False
+    ) -> Planes:
         """The plane that touches the surface at the point closest to each of (B, N, 3), if it is near, m.
 
-        visit: of these poses; brought up to date, in place. corner: the plane at the nearest vertex of the
+        cache: of these poses; brought up to date, in place. corner: the plane at the nearest vertex of the
         closest face instead, across that vertex's normal (PBNS eq. 5).
         """
         points = points.detach().float().contiguous()
         count, each = points.shape[:2]
-        visit = visit or first_visit(count, each, self.device)
+        cache = cache or empty_cache(count, each, self.device)
         corners = vertex_normals(self._points, self._faces) if corner else points.new_empty(0, 0, 3)
-        normals, bounds = torch.zeros_like(points), torch.full_like(points[..., 0], FREE)
-        tensors = (points.view(-1, 3), visit.points.view(-1, 3), visit.clearance.view(-1))
-        found = map(array, (corners.view(-1, 3), normals.view(-1, 3), bounds.view(-1)))
+        normals, offsets = torch.zeros_like(points), torch.full_like(points[..., 0], FREE)
+        tensors = (points.view(-1, 3), cache.points.view(-1, 3), cache.clearance.view(-1))
+        found = map(array, (corners.view(-1, 3), normals.view(-1, 3), offsets.view(-1)))
         query = (self._ids, each, *map(array, tensors), near, REACH)
-        launch(kernels.closest_in_crowd, count * each, self.device, *query, *found)
-        return Planes(normals, bounds)
+        launch(kernels.closest_in_batch, count * each, self.device, *query, *found)
+        return Planes(normals, offsets)

@@ -20,7 +20,7 @@ PLAIN = 2
 """Passes without momentum at first, while the largest errors go."""
 
 
-class Inextensible:
+class StrainLimiter:
     """A garment's edges and its shape at rest; vertices at one place there (UV seams) are one.
 
     Shape is the length of each edge and, as the curvature at a vertex, of the mean of the vectors to its
@@ -42,19 +42,19 @@ class Inextensible:
             map(array, (first.int(), ends[:, 1].int().contiguous(), lengths, curvatures.float()))
         )
 
-    def relax(self, vertices: Tensor, passes: int, normals: Tensor, bounds: Tensor) -> Tensor:
+    def relax(self, vertices: Tensor, passes: int, normals: Tensor, offsets: Tensor) -> Tensor:
         """Even out the edges of a garment (N, 3), m, and keep it on the outer side of planes.
 
         Jacobi iterations with Chebyshev weights (Wang 2015): short waves go first, so that the shape stays.
-        passes: of them. normals: (N, 3) and bounds: (N,) m, the least product of a vertex with its normal.
+        passes: of them. normals: (N, 3) and offsets: (N,) m, the least product of a vertex with its normal.
         """
         now = vertices[self.owner].float()
         before = now.clone()
-        planes = (array(normals.float().contiguous()), array(bounds.float().contiguous()))
+        planes = (array(normals.float().contiguous()), array(offsets.float().contiguous()))
         amounts = (STEP, BEND, 1.0)
         places, device = (array(now), array(before)), vertices.device
         there, back = (
-            record(kernels.even_edges, len(now), device, *ends, *self._shape, *planes, *amounts)
+            record(kernels.project_edges, len(now), device, *ends, *self._shape, *planes, *amounts)
             for ends in (places, places[::-1])
         )
         weight = 1.0

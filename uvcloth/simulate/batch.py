@@ -14,7 +14,7 @@ from rich.text import Text
 from rasterize.atomic import make_folder
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.garments.loading import take_for_data
+from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.order import check_order
 from uvcloth.motion.index import INDEX
 from uvcloth.simulate.cloth import Cloth, join
@@ -32,8 +32,7 @@ from uvcloth.simulate.lead_in import LeadIn
 from uvcloth.simulate.plan import Job, batch_sources, plan
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
-from uvcloth.simulate.sequence import Sequence as Recording
-from uvcloth.simulate.sequence import save_sequence
+from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
 AHEAD = 2
 """Simulations that are handed out per core: one runs, one waits."""
@@ -140,10 +139,10 @@ def _simulate_all(
         hand_out()
         for future in running:
             job = waiting.pop(future)
-            recordings, reason = future.result()
-            progress.advance(bar, _frames(job) - len(recordings[0].vertices))
-            for recording, target in zip(recordings, job.targets, strict=True):
-                progress.console.print(_keep(recording, reason, target), soft_wrap=True)
+            sequences, reason = future.result()
+            progress.advance(bar, _frames(job) - len(sequences[0].vertices))
+            for sequence, target in zip(sequences, job.targets, strict=True):
+                progress.console.print(_keep(sequence, reason, target), soft_wrap=True)
             future.release()
             hand_out()
             if not progress.console.is_terminal:
@@ -154,7 +153,7 @@ def _cloths(names: Sequence[str], body: Body) -> list[Cloth]:
     """The garments, ready to simulate. Raises InputError also if two of them have one name."""
     cloths: dict[str, Cloth] = {}
     for name in names:
-        cloth = join(take_for_data(name, body, print), body)
+        cloth = join(load_garment_for_data(name, body, print), body)
         if cloth.garment.name in cloths:
             raise InputError(f"garment {name}: another one is also named {cloth.garment.name}")
         cloths[cloth.garment.name] = cloth
@@ -171,35 +170,35 @@ def _connect(cluster: Any) -> Any:
         raise InputError(f"--scheduler {cluster}: no dask scheduler answers there ({error})") from error
 
 
-def _work(job: Job, body: Body, engine: Engine) -> tuple[list[Recording], str | None]:
+def _work(job: Job, body: Body, engine: Engine) -> tuple[list[SimulatedSequence], str | None]:
     """Runs in a worker process: one core, frames reported as they are made."""
     import torch
     from dask.distributed import get_worker
 
     torch.set_num_threads(1)
     report: Callable[[int], None] = lambda made: get_worker().log_event(TOPIC, made)  # noqa: E731
-    made = simulate(job.motion, job.settling, job.cloths, body, engine, PARTS, report)
+    made = simulate(job.motion, job.warm_up, job.cloths, body, engine, PARTS, report)
     examined = [
-        examine(recording, cloth.garment, body) for recording, cloth in zip(made, job.cloths, strict=True)
+        examine(sequence, cloth.garment, body) for sequence, cloth in zip(made, job.cloths, strict=True)
     ]
     reasons = [
-        reason if len(made) == 1 else f"{recording.garment}: {reason}"
-        for recording, reason in examined
+        reason if len(made) == 1 else f"{sequence.garment}: {reason}"
+        for sequence, reason in examined
         if reason is not None
     ]
-    return [recording for recording, _ in examined], "; ".join(reasons) or None
+    return [sequence for sequence, _ in examined], "; ".join(reasons) or None
 
 
-def _keep(recording: Recording, reason: str | None, target: Path) -> str:
+def _keep(sequence: SimulatedSequence, reason: str | None, target: Path) -> str:
     """Write a finished sequence where it belongs and say so."""
     if reason is not None:
         apart = rejected(target)
-        save_sequence(replace(recording, metadata={**recording.metadata, "rejected": reason}), apart)
+        save_sequence(replace(sequence, metadata={**sequence.metadata, "rejected": reason}), apart)
         return f"{apart}: kept apart, {reason}"
-    save_sequence(recording, target)
-    seconds = recording.metadata["wall_seconds"] / len(recording.vertices)
-    said = [f"{seconds:.2f} s per frame", f"{recording.metadata['inside_percent']:.2f} % inside"]
-    for name, share in recording.metadata.get("wrong_side_percent", {}).items():
+    save_sequence(sequence, target)
+    seconds = sequence.metadata["wall_seconds"] / len(sequence.vertices)
+    said = [f"{seconds:.2f} s per frame", f"{sequence.metadata['inside_percent']:.2f} % inside"]
+    for name, share in sequence.metadata.get("wrong_side_percent", {}).items():
         said.append(f"{share:.2f} % on the wrong side of {name}")
     return f"{target}: {', '.join(said)}"
 

@@ -83,7 +83,7 @@ class Blender:
         with tempfile.TemporaryDirectory(prefix="uvcloth-blender-") as folder:
             path = Path(folder) / "scene.npz"
             np.savez(path, allow_pickle=False, settings=np.array(settings), **arrays)
-            yield from _frames(self.python, path, len(scene.carrier), len(scene.rest))
+            yield from _frames(self.python, path, len(scene.skinned), len(scene.rest))
 
     def _settings(self, scene: Scene) -> dict[str, Any]:
         """Blender's numbers. Its unit of time is a frame, its springs' stiffness is given per mean length."""
@@ -159,7 +159,7 @@ def find_blender() -> Blender:
 def _arrays(scene: Scene) -> dict[str, np.ndarray]:
     """What the worker reads. free: (N,) bool, touches no part. pressed: (N,) bool, not kept off cloth."""
     arrays = {
-        "carrier": scene.carrier.numpy(),
+        "skinned": scene.skinned.numpy(),
         "faces": scene.faces.numpy(),
         "band": scene.band.numpy(),
         "free": ~scene.touches.any(0).numpy(),

@@ -31,14 +31,14 @@ def main(path: Path) -> None:
     settings = json.loads(str(arrays["settings"]))
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
-    scene.frame_start, scene.frame_end = 1, len(arrays["carrier"])
+    scene.frame_start, scene.frame_end = 1, len(arrays["skinned"])
     scene.gravity = (0.0, 0.0, -1e3 * settings["gravity"])
     parts = bpy.data.collections.new("parts")
     scene.collection.children.link(parts)
     for name in sorted(name for name in arrays if name.startswith("part") and "_" not in name):
         part = moving(path.parent / f"{name}.pc2", arrays[name], arrays[f"{name}_faces"], parts)
         collide(part, settings)
-    cloth = moving(path.parent / "cloth.pc2", arrays["carrier"], arrays["faces"], scene.collection)
+    cloth = moving(path.parent / "cloth.pc2", arrays["skinned"], arrays["faces"], scene.collection)
     become_cloth(cloth, arrays, settings, parts)
     for frame in range(scene.frame_start, scene.frame_end + 1):
         scene.frame_set(frame)
@@ -71,7 +71,7 @@ def collide(part: Any, settings: dict[str, Any]) -> None:
 
 def become_cloth(cloth: Any, arrays: dict[str, np.ndarray], settings: dict[str, Any], parts: Any) -> None:
     modifier = cloth.modifiers.new("cloth", "CLOTH")
-    modifier.point_cache.frame_start, modifier.point_cache.frame_end = 1, len(arrays["carrier"])
+    modifier.point_cache.frame_start, modifier.point_cache.frame_end = 1, len(arrays["skinned"])
     moved, met = modifier.settings, modifier.collision_settings
     for name, value in settings["cloth"].items():
         setattr(moved, name, value)

@@ -29,9 +29,9 @@ class Cloth:
     places: Tensor
     faces: Tensor
 
-    def whole(self, simulated: Tensor, carrier: Tensor) -> Tensor:
-        """Simulated vertices (n, 3) for the whole mesh (N, 3); what no face uses is carried (N, 3)."""
-        return torch.where((self.places < 0)[:, None], carrier, simulated[self.places])
+    def whole(self, simulated: Tensor, skinned: Tensor) -> Tensor:
+        """Simulated vertices (n, 3) for the whole mesh (N, 3); what no face uses is skinned (N, 3)."""
+        return torch.where((self.places < 0)[:, None], skinned, simulated[self.places])
 
 
 def join(garment: Garment, body: Body) -> Cloth:

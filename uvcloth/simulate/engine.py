@@ -19,7 +19,7 @@ class Scene:
     rest: (N, 3) cloth at rest, also where it starts. faces: (M, 3). band: (N,) bool, held up by a soft
     attachment. heavier: (N,) how many times heavier each vertex is; the band's are, so that they can carry
     the rest. room: (N,) m that other cloth takes between a vertex and the collider.
-    carrier: (F, N, 3) the skinned garment, which attachment and drag follow.
+    skinned: (F, N, 3) the skinned garment, which attachment and drag follow.
     collider: (F, C, 3) collider vertices. collider_parts: (K, 3) faces of each of its closed parts.
     touches: (parts, N) bool, which part may touch which vertex. fps: frames per second.
     """
@@ -29,7 +29,7 @@ class Scene:
     band: Tensor
     heavier: Tensor
     room: Tensor
-    carrier: Tensor
+    skinned: Tensor
     collider: Tensor
     collider_parts: tuple[Tensor, ...]
     touches: Tensor

@@ -5,7 +5,7 @@ from torch import Tensor
 
 from uvcloth.garments.band import hems
 from uvcloth.geometry.mesh import boundary_edges, weld
-from uvcloth.physics.contact import Dressed, Obstacle
+from uvcloth.physics.contact import ContactGarment, Obstacle
 
 RISE = 0.1
 """Metres above the skinned hem, on average, from which on a hem has to be held up by something."""
@@ -34,17 +34,17 @@ CLINGING = 0.5
 
 def hanging_in_the_air(
     vertices: Tensor,
-    carrier: Tensor,
+    skinned: Tensor,
     rest: Tensor,
     faces: Tensor,
     fps: float,
     obstacle: Obstacle,
-    garment: Dressed,
+    garment: ContactGarment,
     body_frames: Tensor,
 ) -> tuple[int, float] | None:
     """The first frame in which a hem is up that for a second in all nothing supports, and by how many metres.
 
-    vertices, carrier: (F, N, 3) m, simulated and skinned. rest: (N, 3). faces: (M, 3).
+    vertices, skinned: (F, N, 3) m, simulated and skinned. rest: (N, 3). faces: (M, 3).
     body_frames: (F, V, 3) m.
 
     A hem is up if it is RISE above the skinned one and still. The body supports it if raised cloth beside it
@@ -52,7 +52,7 @@ def hanging_in_the_air(
     over as long as the hem does not come down: legs that rise again do not excuse that it never fell.
     """
     for hem in hems(boundary_edges(weld(rest)[faces])):
-        rise = (vertices - carrier)[..., 2]
+        rise = (vertices - skinned)[..., 2]
         rising = rise[:, hem].mean(1)
         up = (rising > RISE) & (_speed(vertices, hem, fps) < STILL)
         beside = torch.cdist(rest, rest[hem]).amin(1) < BESIDE

@@ -71,9 +71,9 @@ class Newton:
             import newton
         except ModuleNotFoundError as error:
             raise InputError("simulating needs Newton: install uvcloth[simulate]") from error
-        path = scene.carrier.mean(1, keepdim=True)
+        path = scene.skinned.mean(1, keepdim=True)
         scene = replace(
-            scene, rest=scene.rest - path[0], carrier=scene.carrier - path, collider=scene.collider - path
+            scene, rest=scene.rest - path[0], skinned=scene.skinned - path, collider=scene.collider - path
         )
         model, bodies = _model(self, scene)
         pipeline = newton.CollisionPipeline(model, soft_contact_gap=self.contact_reach)
@@ -103,7 +103,7 @@ class Newton:
             wp.to_torch(now.particle_qd).add_(wind - drift)
             wind = drift
             count = self.substeps_for(
-                scene.carrier[frame] - scene.carrier[frame - 1], wp.to_torch(now.particle_qd) / scene.fps
+                scene.skinned[frame] - scene.skinned[frame - 1], wp.to_torch(now.particle_qd) / scene.fps
             )
             step = 1.0 / (scene.fps * count)
             for substep in range(1, count + 1):
@@ -228,13 +228,13 @@ class _Forces:
     def __init__(self, settings: Newton, scene: Scene, model: Any) -> None:
         self.hold, self.fps = settings.hold, scene.fps
         self.pressure = 0.5 * AIR_DENSITY * settings.fabric.drag
-        self.carrier, self.faces = scene.carrier, scene.faces
+        self.skinned, self.faces = scene.skinned, scene.faces
         self.mass = torch.from_numpy(model.particle_mass.numpy().copy())[:, None]
         self.light = self.mass / scene.heavier[:, None]
         self.band = scene.band[:, None].float()
 
     def begin(self, frame: int) -> None:
-        self.start, self.end = self.carrier[frame - 1], self.carrier[frame]
+        self.start, self.end = self.skinned[frame - 1], self.skinned[frame]
         self.velocity = (self.end - self.start) * self.fps
 
     def apply(self, state: Any, share: float, wind: Tensor) -> None:

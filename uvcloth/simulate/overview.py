@@ -39,7 +39,7 @@ def overview(folder: Path) -> RenderableType:
     kept = [each for each in stored if each.reason is None]
     captures = refused_captures(folder)
     lines = [
-        f"{folder}: {len(kept)} sequences, {_frames(kept):,} frames that count, {size / 1e6:,.1f} MB on disk",
+        f"{folder}: {len(kept)} sequences, {_frames(kept):,} scored frames, {size / 1e6:,.1f} MB on disk",
         *_counted("body", (_body(each) for each in kept)),
         *_counted("engine", (_engine(each) for each in kept)),
     ]
@@ -83,7 +83,7 @@ def _split(index: Mapping[str, Entry], each: Stored) -> str:
 
 
 def _frames(sequences: Iterable[Stored]) -> int:
-    return sum(each.metadata.get("counted", 0) for each in sequences)
+    return sum(each.metadata.get("scored_frames", 0) for each in sequences)
 
 
 def _body(each: Stored) -> str:

@@ -29,7 +29,7 @@ class Job:
     """
 
     motion: Clip
-    settling: int
+    warm_up: int
     cloths: tuple[Cloth, ...]
     targets: tuple[Path, ...]
 
@@ -125,11 +125,11 @@ def plan(
             if not all(target.exists() or rejected(target).exists() for target in each)
         ]
         if missing:
-            motion, settling, fault = _take(source, body, REPEAT_EARLIER if earlier else 0)
+            motion, warm_up, fault = _take(source, body, REPEAT_EARLIER if earlier else 0)
             if fault is not None:
                 refused[source.clip] = fault
             else:
-                todo += [Job(motion, settling, outfit, each) for outfit, each in missing]
+                todo += [Job(motion, warm_up, outfit, each) for outfit, each in missing]
     return todo, refused
 
 

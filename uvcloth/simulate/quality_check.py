@@ -14,10 +14,10 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.physics.contact import Obstacle
 from uvcloth.physics.self_intersection import crossing_edges_percent
 from uvcloth.simulate.hems import hanging_in_the_air
-from uvcloth.simulate.sequence import Sequence
+from uvcloth.simulate.sequence import SimulatedSequence
 
 MOST_INSIDE = 0.5
-"""Percent of vertices that may be inside the collider, averaged over the frames that count."""
+"""Percent of vertices that may be inside the collider, averaged over the scored frames."""
 
 MOST_STRETCH = 20.0
 """Times its rest length that no edge may reach."""
@@ -26,7 +26,7 @@ MOST_PIERCED = 5.0
 """Percent of the frames in which a bone may stick through the cloth that it belongs in."""
 
 MOST_CROSSING = 5.0
-"""Percent of the edges that may run through the garment itself, averaged over the frames that count."""
+"""Percent of the edges that may run through the garment itself, averaged over the scored frames."""
 
 BONES = (
     ("LeftArm", "LeftForeArm"),
@@ -41,7 +41,9 @@ BONES = (
 """The joints at which the bones of the collider's arms and legs start and end."""
 
 
-def examine(sequence: Sequence, garment: Garment, body: Body) -> tuple[Sequence, str | None]:
+def examine(
+    sequence: SimulatedSequence, garment: Garment, body: Body
+) -> tuple[SimulatedSequence, str | None]:
     """The sequence of a garment with what was measured in its metadata, and why it is refused, if so.
 
     inside_percent: of the vertices inside a part of the collider that they may touch, but for those squeezed
@@ -63,14 +65,14 @@ def examine(sequence: Sequence, garment: Garment, body: Body) -> tuple[Sequence,
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     worn = obstacle.dress(sequence.rest, sequence.faces)
     pierced = _pierced_percent(sequence, body.skeleton, worn.touches)
-    counting = slice(sequence.settling, None)
+    counting = slice(sequence.warm_up, None)
     vertices, transforms = vertices[counting], sequence.transforms[counting]
     posed = skin(body.mesh.vertices, body.weights, transforms)
     inside = _mean(obstacle.inside_percent(vertices, worn, posed))
     crossing = _mean(crossing_edges_percent(vertices, weld(sequence.rest)[sequence.faces]))
-    carrier = skin(sequence.rest, garment.carrier_weights, transforms)
+    skinned = skin(sequence.rest, garment.smooth_weights, transforms)
     hanging = hanging_in_the_air(
-        vertices, carrier, sequence.rest, sequence.faces, sequence.fps, obstacle, worn, posed
+        vertices, skinned, sequence.rest, sequence.faces, sequence.fps, obstacle, worn, posed
     )
     metadata = {
         **sequence.metadata,
@@ -88,7 +90,7 @@ def examine(sequence: Sequence, garment: Garment, body: Body) -> tuple[Sequence,
     elif hanging is not None:
         frame, rise = hanging
         reason = (
-            f"frame {sequence.settling + frame}: a hem stays up, for a second {100 * rise:.0f} cm above the "
+            f"frame {sequence.warm_up + frame}: a hem stays up, for a second {100 * rise:.0f} cm above the "
             "skinned one while nothing supports it"
         )
     return replace(sequence, metadata=metadata), reason
@@ -98,13 +100,13 @@ def _mean(percent: Tensor) -> float:
     return float(percent.mean()) if len(percent) else 0.0
 
 
-def _pierced_percent(sequence: Sequence, skeleton: Skeleton, touches: Tensor) -> float:
-    """Percent of the frames that count in which a bone crosses a face that lies beside its part at rest.
+def _pierced_percent(sequence: SimulatedSequence, skeleton: Skeleton, touches: Tensor) -> float:
+    """Percent of the scored frames in which a bone crosses a face that lies beside its part at rest.
 
     touches: (N,) int32, a bit per part.
     """
-    transforms = sequence.transforms[sequence.settling :]
-    vertices = sequence.vertices[sequence.settling :]
+    transforms = sequence.transforms[sequence.warm_up :]
+    vertices = sequence.vertices[sequence.warm_up :]
     pierced = torch.zeros(len(vertices), dtype=torch.bool)
     for part, (start, end) in zip((*ARMS, *LEGS, *FOREARMS), BONES, strict=True):
         joint, child = skeleton.names.index(start), skeleton.names.index(end)

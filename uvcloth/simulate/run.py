@@ -18,7 +18,7 @@ from uvcloth.simulate.cloth import Cloth
 from uvcloth.simulate.engine import Engine, Scene
 from uvcloth.simulate.layers import room_below
 from uvcloth.simulate.lead_in import LeadIn, lead_in
-from uvcloth.simulate.sequence import Sequence as Recording
+from uvcloth.simulate.sequence import SimulatedSequence
 
 RUN_UP = 15
 """Frames of the clip before a window that are played, not counted: how long cloth remembers its start."""
@@ -32,33 +32,33 @@ def run_up(clip: Clip, start: int, frames: int, earlier: int = 0) -> tuple[Clip,
 
 def simulate(
     clip: Clip,
-    settling: int,
+    warm_up: int,
     cloths: Sequence[Cloth],
     body: Body,
     engine: Engine,
     parts: LeadIn,
     progress: Callable[[int], None] = lambda frames: None,
-) -> tuple[Recording, ...]:
+) -> tuple[SimulatedSequence, ...]:
     """Play a clip (already on the body's skeleton) under one garment or more, innermost first, from rest.
 
-    settling: leading frames of the clip that do not count (its run-up). The lead-in is added here. Several
+    warm_up: leading frames of the clip that do not count (its run-up). The lead-in is added here. Several
     garments meet each other; the metadata then name the layers, and the percentage of each outer one's
     vertices that are on the wrong side of an inner one.
     """
     started = time.perf_counter()
     transforms = lead_in(clip, body, parts).transforms()
-    carriers = [skin(c.garment.mesh.vertices, c.garment.carrier_weights, transforms) for c in cloths]
+    references = [skin(c.garment.mesh.vertices, c.garment.smooth_weights, transforms) for c in cloths]
     frames: list[list[Tensor]] = [[] for _ in cloths]
-    scene = _scene(cloths, carriers, transforms, body, clip.fps)
+    scene = _scene(cloths, references, transforms, body, clip.fps)
     for index, vertices in enumerate(engine.simulate(scene)):
         shares = vertices.split([len(cloth.kept) for cloth in cloths])
-        for made, cloth, share, carrier in zip(frames, cloths, shares, carriers, strict=True):
-            made.append(cloth.whole(share, carrier[index]))
+        for made, cloth, share, skinned in zip(frames, cloths, shares, references, strict=True):
+            made.append(cloth.whole(share, skinned[index]))
         progress(1)
         if not torch.isfinite(vertices).all():
             break
-    settling += len(parts)
-    counting = slice(settling, None if torch.isfinite(vertices).all() else -1)
+    warm_up += len(parts)
+    scored = slice(warm_up, None if torch.isfinite(vertices).all() else -1)
     moved = [torch.stack(made) for made in frames]
     shared: dict[str, Any] = {
         "clip": clip.name,
@@ -71,18 +71,18 @@ def simulate(
     if len(cloths) > 1:
         shared["layers"] = [cloth.garment.name for cloth in cloths]
     return tuple(
-        Recording(
+        SimulatedSequence(
             vertices=vertices,
             faces=cloth.garment.mesh.faces,
             rest=cloth.garment.mesh.vertices,
             transforms=transforms[: len(vertices)],
             fps=clip.fps,
-            settling=settling,
+            warm_up=warm_up,
             metadata={
                 **shared,
                 "garment": cloth.garment.name,
                 "template": cloth.garment.template,
-                **_sides(cloths[:index], [other[counting] for other in moved], vertices[counting]),
+                **_sides(cloths[:index], [other[scored] for other in moved], vertices[scored]),
             },
         )
         for index, (cloth, vertices) in enumerate(zip(cloths, moved, strict=True))
@@ -101,26 +101,26 @@ def _sides(inner: Sequence[Cloth], moved: Sequence[Tensor], outer: Tensor) -> di
 
 
 def _scene(
-    cloths: Sequence[Cloth], carriers: Sequence[Tensor], transforms: Tensor, body: Body, fps: float
+    cloths: Sequence[Cloth], references: Sequence[Tensor], transforms: Tensor, body: Body, fps: float
 ) -> Scene:
     """The cloths one after another in one scene, with the parts of the body that one of them may touch."""
     collider = make_collider(body)
     counts = [len(cloth.kept) for cloth in cloths]
     starts = [sum(counts[:index]) for index in range(len(counts))]
-    carrier = torch.cat([c[:, cloth.kept] for c, cloth in zip(carriers, cloths, strict=True)], dim=1)
+    skinned = torch.cat([c[:, cloth.kept] for c, cloth in zip(references, cloths, strict=True)], dim=1)
     bands = [cloth.band.vertices[cloth.kept] for cloth in cloths]
     rests = torch.cat([cloth.garment.mesh.vertices[cloth.kept] for cloth in cloths])
     touches = collider.touches(rests, body.mesh.vertices)
     met = touches.any(1)
     return Scene(
-        rest=carrier[0],
+        rest=skinned[0],
         faces=torch.cat([cloth.faces + start for cloth, start in zip(cloths, starts, strict=True)]),
         band=torch.cat(bands),
         heavier=torch.cat(
             [torch.where(band, cloth.band.mass, 1.0) for band, cloth in zip(bands, cloths, strict=True)]
         ),
         room=torch.cat([room_below(cloth, cloths[:index]) for index, cloth in enumerate(cloths)]),
-        carrier=carrier,
+        skinned=skinned,
         collider=collider.vertices(skin(body.mesh.vertices, body.weights, transforms)),
         collider_parts=tuple(compress(collider.parts, met)),
         touches=touches[met],

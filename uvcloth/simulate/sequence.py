@@ -14,25 +14,25 @@ from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from rasterize.moving import load_moving, pack, unpack
 
-FORMAT = "uvcloth-sequence-2"
+FORMAT = "uvcloth-sequence-3"
 EXPECTED = (
     "a sequence that this version's `uvcloth simulate` made, simulate older ones again into a new folder"
 )
-ARRAYS = ("faces", "rest", "transforms", "fps", "settling", "metadata")
+ARRAYS = ("faces", "rest", "transforms", "fps", "warm_up", "metadata")
 
 
 @dataclass(frozen=True)
-class Sequence:
+class SimulatedSequence:
     """vertices: (F, N, 3) metres, world. faces: (M, 3). rest: (N, 3) at rest on the body's rest pose.
 
     A file holds the vertices to within 0.05 mm (`rasterize.moving`), all else exactly.
 
     transforms: (F, J, 3, 4) joint transforms of the body, so that its vertices can be recomputed.
-    settling: how many leading frames only let the cloth settle and never count.
+    warm_up: how many leading frames only let the cloth settle and never count.
     metadata: JSON values: clip, garment (its name), template (whose motion it takes), body, body_hash,
     engine, versions, settings, seed, wall_seconds, and what `examine` measured; of garments that were
     simulated together also layers (their names, innermost first) and wrong_side_percent (by the name of each
-    inner one). A file adds hash, that of what is read from it, and counted, how many frames count.
+    inner one). A file adds hash, that of what is read from it, and scored_frames, how many frames are scored.
     """
 
     vertices: Tensor
@@ -40,7 +40,7 @@ class Sequence:
     rest: Tensor
     transforms: Tensor
     fps: float
-    settling: int
+    warm_up: int
     metadata: dict[str, Any]
 
     @property
@@ -62,7 +62,7 @@ class Sequence:
         return str(self.metadata["clip"])
 
 
-def content_hash(sequence: Sequence) -> str:
+def content_hash(sequence: SimulatedSequence) -> str:
     """SHA-256 over the simulated vertices and the motion: equal input and machine give an equal hash."""
     digest = hashlib.sha256()
     for tensor in (sequence.vertices, sequence.rest, sequence.transforms):
@@ -70,14 +70,14 @@ def content_hash(sequence: Sequence) -> str:
     return digest.hexdigest()
 
 
-def save_sequence(sequence: Sequence, path: Path) -> None:
+def save_sequence(sequence: SimulatedSequence, path: Path) -> None:
     """Write one compressed npz, whole or not at all."""
     packed = pack(sequence.vertices.numpy(), sequence.faces.numpy())
     kept = replace(sequence, vertices=torch.from_numpy(unpack(**packed)))
     metadata = {
         **sequence.metadata,
         "hash": content_hash(kept),
-        "counted": max(len(sequence.vertices) - sequence.settling, 0),
+        "scored_frames": max(len(sequence.vertices) - sequence.warm_up, 0),
     }
     save_arrays(
         path,
@@ -88,25 +88,25 @@ def save_sequence(sequence: Sequence, path: Path) -> None:
             "rest": sequence.rest.numpy().astype(np.float32),
             "transforms": sequence.transforms.numpy().astype(np.float32),
             "fps": np.array(sequence.fps, dtype=np.float64),
-            "settling": np.array(sequence.settling, dtype=np.int64),
+            "warm_up": np.array(sequence.warm_up, dtype=np.int64),
             "metadata": np.array(json.dumps(metadata)),
         },
     )
 
 
-def load_sequence(path: Path) -> Sequence:
+def load_sequence(path: Path) -> SimulatedSequence:
     """Read a sequence npz.
 
     Raises InputError if it is not one, holds a value that is not finite, or does not name clip and garment.
     """
     data = load_moving(path, FORMAT, EXPECTED, ARRAYS)
-    return Sequence(
+    return SimulatedSequence(
         vertices=torch.from_numpy(data["vertices"]),
         faces=torch.from_numpy(data["faces"].astype(np.int64)),
         rest=torch.from_numpy(data["rest"]),
         transforms=torch.from_numpy(data["transforms"]),
         fps=float(data["fps"]),
-        settling=int(data["settling"]),
+        warm_up=int(data["warm_up"]),
         metadata=_metadata(path, str(data["metadata"])),
     )
 

@@ -8,12 +8,12 @@ from tests.train.simulated import swaying
 from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import WEIGHTS, TrainingData, save_checkpoint
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh, edge_lengths, unique_edges
 from uvcloth.geometry.skinning import apply_transforms
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.lbs import LBSConfig
-from uvcloth.methods.motion_guided.dynamics_input import Pose, carried_offsets, posed_shape, rest_shape
+from uvcloth.methods.motion_guided.dynamics_input import Pose, local_offsets, posed_shape, rest_shape
 from uvcloth.methods.motion_guided.garment_maps import local_axes
 from uvcloth.methods.motion_guided.method import PRESETS, Both, MotionGuidedConfig, motion_guided_checkpoint
 from uvcloth.methods.motion_guided.seeds import (
@@ -37,7 +37,7 @@ def body():
 
 @pytest.fixture(scope="module")
 def dress(body):
-    return wear("dress", body)
+    return fit_template("dress", body)
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def test_offsets_from_the_carrier_do_not_change_with_a_rigid_motion(body, maps):
     garment = maps.texel_points[None] + 0.02
     moved = garment @ turn.T + torch.tensor([1.0, 2.0, 3.0])
     torch.testing.assert_close(
-        carried_offsets(maps, moved, turned), carried_offsets(maps, garment, still), atol=1e-5, rtol=0
+        local_offsets(maps, moved, turned), local_offsets(maps, garment, still), atol=1e-5, rtol=0
     )
 
 
@@ -154,22 +154,24 @@ def test_the_first_stage_alone_is_no_model(body, tmp_path):
 
 
 def test_another_garment_is_refused(body):
-    outfit = Outfit(body, (wear("tops", body),))
+    outfit = Outfit(body, (fit_template("tops", body),))
     with pytest.raises(InputError, match="garment tops: model motion_guided is for the garment dress"):
         next(iter(rollout(TINY.create(), outfit, swaying(2, seed=0).transforms(), 30.0)))
 
 
 def test_it_says_what_it_is_for(body, dress):
-    tops, layered = wear("tops", body), replace(TINY, under="tops").create()
-    assert TINY.create().objection(Outfit(body, (dress,))) == ""
-    assert "over tops, here it is over nothing" in layered.objection(Outfit(body, (dress,)))
-    assert layered.objection(Outfit(body, (dress,), under=tops)) == ""
+    tops, layered = fit_template("tops", body), replace(TINY, under="tops").create()
+    assert TINY.create().unsupported_reason(Outfit(body, (dress,))) == ""
+    assert "over tops, here it is over nothing" in layered.unsupported_reason(Outfit(body, (dress,)))
+    assert layered.unsupported_reason(Outfit(body, (dress,), under=tops)) == ""
     other = replace(TINY.create(), topology="another")
-    assert "another mesh of that name" in other.objection(Outfit(body, (dress,)))
+    assert "another mesh of that name" in other.unsupported_reason(Outfit(body, (dress,)))
     both = Outfit(body, (tops, dress))
-    assert Ensemble((LBSConfig().create(), layered)).objection(both) == ""
-    assert "over nothing" in Ensemble((layered, LBSConfig().create())).objection(Outfit(body, (dress, tops)))
-    assert "models given: 1, garments: 2" in Ensemble((layered,)).objection(both)
+    assert Ensemble((LBSConfig().create(), layered)).unsupported_reason(both) == ""
+    assert "over nothing" in Ensemble((layered, LBSConfig().create())).unsupported_reason(
+        Outfit(body, (dress, tops))
+    )
+    assert "models given: 1, garments: 2" in Ensemble((layered,)).unsupported_reason(both)
 
 
 def test_maps_that_cannot_be_halved_are_refused():

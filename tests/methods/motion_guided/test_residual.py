@@ -8,7 +8,7 @@ from tests.physics.test_contact import dressed, ellipsoid, grid, obstacle
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import laplacian
 from uvcloth.methods.motion_guided.method import PRESETS
 from uvcloth.methods.motion_guided.residual import Resolver
@@ -35,7 +35,7 @@ def test_a_sheet_leaves_a_sphere_and_the_next_frame_begins_there() -> None:
 def test_a_rollout_with_residual_maps_has_less_inside() -> None:
     torch.manual_seed(2)
     body = load_body()
-    outfit, motion = Outfit(body, (wear("dress", body),)), swaying(3, seed=3).transforms()
+    outfit, motion = Outfit(body, (fit_template("dress", body),)), swaying(3, seed=3).transforms()
     plain = replace(PRESETS["tiny"], linear=False).create()
     resolving = replace(plain, config=replace(plain.config, residual=True))
     inside = [

@@ -249,9 +249,9 @@ MESH = SHIRT.garments[0].mesh
 )
 def test_what_it_was_not_trained_for_is_refused(outfit: Outfit, words: str) -> None:
     method = untrained(SHIRT)
-    assert method.objection(SHIRT) == ""
-    assert method.objection(with_mesh(SHIRT, vertices=MESH.vertices + 0.001)) == ""
-    assert words in method.objection(outfit)
+    assert method.unsupported_reason(SHIRT) == ""
+    assert method.unsupported_reason(with_mesh(SHIRT, vertices=MESH.vertices + 0.001)) == ""
+    assert words in method.unsupported_reason(outfit)
     frames = body_frames(SHIRT.body, with_lead(some_motion(SHIRT.body)), 30.0)
     with pytest.raises(InputError, match=words):
         method.start(outfit, frames)
@@ -260,10 +260,10 @@ def test_what_it_was_not_trained_for_is_refused(outfit: Outfit, words: str) -> N
 def test_another_order_is_refused() -> None:
     both = outfit_of("shirt", "coat")
     method = untrained(both)
-    assert method.objection(both) == ""
+    assert method.unsupported_reason(both) == ""
     turned = replace(both, garments=both.garments[::-1])
-    assert method.objection(turned) == "model pbns is for coat over shirt, not for shirt over coat"
-    assert "is for no garment yet" in PBNSConfig().create().objection(both)
+    assert method.unsupported_reason(turned) == "model pbns is for coat over shirt, not for shirt over coat"
+    assert "is for no garment yet" in PBNSConfig().create().unsupported_reason(both)
 
 
 @pytest.mark.parametrize("index", [0, 1])

@@ -13,7 +13,7 @@ from uvcloth.bodies.collider import make_collider
 from uvcloth.checkpoint import load_checkpoint
 from uvcloth.commands.export_rig import export
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.methods.pbns.method import PBNS
 from uvcloth.methods.registry import SHIPPED, load_method
 from uvcloth.motion.library import load_clip
@@ -33,14 +33,14 @@ def method(body: Body) -> PBNS:
 
 @pytest.fixture(scope="module")
 def outfit(body: Body) -> Outfit:
-    return Outfit(body, tuple(wear(name, body) for name in GARMENTS))
+    return Outfit(body, tuple(fit_template(name, body) for name in GARMENTS))
 
 
 def test_it_dresses_a_shirt_over_trousers_and_each_alone(method: PBNS, body: Body, outfit: Outfit) -> None:
-    assert method.objection(outfit) == ""
-    assert [method.objection(Outfit(body, (garment,))) for garment in outfit.garments] == ["", ""]
-    assert "model pbns is for tops over bottoms, not for dress" in method.objection(
-        Outfit(body, (wear("dress", body),))
+    assert method.unsupported_reason(outfit) == ""
+    assert [method.unsupported_reason(Outfit(body, (garment,))) for garment in outfit.garments] == ["", ""]
+    assert "model pbns is for tops over bottoms, not for dress" in method.unsupported_reason(
+        Outfit(body, (fit_template("dress", body),))
     )
 
 

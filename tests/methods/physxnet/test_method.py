@@ -10,9 +10,9 @@ from uvcloth.bodies.body import load_body
 from uvcloth.bodies.frames import GRAVITY, body_frames, with_lead
 from uvcloth.checkpoint import TrainingData, load_checkpoint, save_checkpoint
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.rotations import rotate
-from uvcloth.geometry.skinning import carry, skin
+from uvcloth.geometry.skinning import skin, skin_frames
 from uvcloth.methods.physxnet.method import (
     PRESETS,
     garment_vertices,
@@ -41,7 +41,7 @@ def prepared(body):
 
 @pytest.fixture(scope="module")
 def outfit(body):
-    return Outfit(body, tuple(wear(name, body) for name in TEMPLATES))
+    return Outfit(body, tuple(fit_template(name, body) for name in TEMPLATES))
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -53,11 +53,11 @@ def test_maps_in_and_maps_out_have_the_published_shapes(preset, history):
         assert config.inputs == 18
     maps = method.net(torch.randn(2, config.inputs, 32, 32))
     assert maps.shape == (2, 9, 32, 32)
-    assert method.remembers == bool(history)
+    assert method.autoregressive == bool(history)
 
 
 @pytest.mark.parametrize("frame", ["world", "body"])
-@pytest.mark.parametrize("anchor", ["body", "carrier"])
+@pytest.mark.parametrize("anchor", ["body", "smooth_lbs"])
 def test_decoding_undoes_encoding(frame, anchor, body, prepared, outfit):
     """A smooth deformation of the garment survives map and back within 2 mm, in every frame and anchor."""
     config = replace(TINY, frame=frame, anchor=anchor)
@@ -65,7 +65,7 @@ def test_decoding_undoes_encoding(frame, anchor, body, prepared, outfit):
     posed = skin(body.mesh.vertices, body.weights, transforms)
     for garment in outfit.garments:
         worn, template = prepared.worn[garment.template], prepared.templates[garment.template]
-        moved, frames = carry(worn.points, worn.carrier_weights, transforms)
+        moved, frames = skin_frames(worn.points, worn.smooth_weights, transforms)
         swing = 0.03 * torch.sin(8.0 * worn.points[:, 2:] + torch.arange(3.0))
         vertices = moved + rotate(frames, swing)
         offsets = template_offsets(
@@ -103,7 +103,7 @@ def test_specific_force_at_rest_points_up_in_any_pose(body, prepared):
         frames.transforms[:, -1],
     )
     assert values[:, :3].abs().max() < 1e-4
-    _, axes = carry(prepared.texels.points, prepared.texels.weights, pose[:1])
+    _, axes = skin_frames(prepared.texels.points, prepared.texels.weights, pose[:1])
     world = rotate(axes, values[:, 3:].transpose(1, 2))
     torch.testing.assert_close(world, -torch.tensor(GRAVITY).expand_as(world), atol=2e-2, rtol=0.0)
 
@@ -153,7 +153,7 @@ def test_an_untrained_change_of_zero_is_the_carrier(body, outfit):
         strict=True,
     ):
         for garment, vertices in zip(outfit.garments, frame.vertices, strict=True):
-            expected = skin(garment.mesh.vertices, garment.carrier_weights, pose[None])[0]
+            expected = skin(garment.mesh.vertices, garment.smooth_weights, pose[None])[0]
             torch.testing.assert_close(vertices, expected, atol=1e-5, rtol=0.0)
 
 
@@ -185,23 +185,23 @@ def test_history_changes_the_second_frame_only(body, outfit):
 
 
 def test_refuses_a_template_without_decoder(body):
-    trousers = Outfit(body, (wear("bottoms", body),))
+    trousers = Outfit(body, (fit_template("bottoms", body),))
     with pytest.raises(InputError, match="no decoder for template 'bottoms'"):
         next(iter(rollout(TINY.create(), trousers, swaying(1, seed=0).transforms(), 30.0)))
 
 
 def test_a_network_that_knows_no_shirt_dresses_it_from_the_tops(body):
-    outfit = Outfit(body, (wear("shirt", body),))
+    outfit = Outfit(body, (fit_template("shirt", body),))
     method = TINY.create()
-    assert method.objection(outfit) == ""
+    assert method.unsupported_reason(outfit) == ""
     torch.nn.init.zeros_(method.net.output_scale)
     walk = swaying(2, seed=0).transforms()
-    carried = skin(outfit.garments[0].mesh.vertices, outfit.garments[0].carrier_weights, walk)
+    carried = skin(outfit.garments[0].mesh.vertices, outfit.garments[0].smooth_weights, walk)
     for frame, expected in zip(rollout(method, outfit, walk, 30.0, contact=False), carried, strict=True):
         torch.testing.assert_close(frame.vertices[0], expected, atol=1e-5, rtol=0)
     assert replace(TINY, templates=("tops", "shirt")).decoder("shirt") == "shirt"
     skirts = replace(TINY, templates=("dress",)).create()
-    assert "no decoder for template 'shirt', it has dress" in skirts.objection(outfit)
+    assert "no decoder for template 'shirt', it has dress" in skirts.unsupported_reason(outfit)
 
 
 def test_refuses_weights_of_another_width(body, tmp_path):

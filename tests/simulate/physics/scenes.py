@@ -65,7 +65,7 @@ def scene(
         band=held,
         heavier=torch.where(held, RIGID, 1.0),
         room=torch.zeros(count),
-        carrier=vertices.expand(frames, -1, -1),
+        skinned=vertices.expand(frames, -1, -1),
         collider=surface.expand(frames, -1, -1),
         collider_parts=tuple(parts),
         touches=torch.ones(len(parts), count, dtype=torch.bool),

@@ -12,7 +12,7 @@ from rasterize.errors import InputError
 from tests.train.simulated import save_clips
 from train.__main__ import main
 from train.loop import STATE, fit
-from train.motion_guided.dataset import Material
+from train.motion_guided.dataset import GarmentDataset
 from train.motion_guided.objective import (
     LOOPS,
     LOSSES,
@@ -25,10 +25,10 @@ from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import load_checkpoint, load_tensors
 from uvcloth.methods.motion_guided.dynamics_input import (
     MEMORY,
-    Situation,
+    DynamicsInput,
+    dynamics_features,
     posed_shape,
     rest_shape,
-    situation_features,
 )
 from uvcloth.methods.motion_guided.latent import Space
 from uvcloth.methods.motion_guided.method import PRESETS
@@ -43,13 +43,13 @@ HALF = replace(LOOP, steps=2)
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("sequences")
-    save_clips(folder, ("dress",), clips=3, frames=14, settling=4)
-    save_clips(folder, ("dress",), clips=2, frames=14, settling=4)
+    save_clips(folder, ("dress",), clips=3, frames=14, warm_up=4)
+    save_clips(folder, ("dress",), clips=2, frames=14, warm_up=4)
     return folder
 
 
-def material(data: Path, losses: MotionGuidedLosses = LOSSES["tiny"]) -> Material:
-    return Material(PRESETS["tiny"], losses, data)
+def dataset(data: Path, losses: MotionGuidedLosses = LOSSES["tiny"]) -> GarmentDataset:
+    return GarmentDataset(PRESETS["tiny"], losses, data)
 
 
 def states(tmp_path: Path) -> tuple[dict[str, torch.Tensor], dict[str, torch.Tensor]]:
@@ -60,9 +60,9 @@ def states(tmp_path: Path) -> tuple[dict[str, torch.Tensor], dict[str, torch.Ten
 
 
 def test_the_first_stage_resumes_exactly(data: Path, tmp_path: Path) -> None:
-    fit(ShapeObjective(material(data), LOSSES["tiny"]), tmp_path / "whole", LOOP, resume=False)
-    fit(ShapeObjective(material(data), LOSSES["tiny"]), tmp_path / "parts", HALF, resume=False)
-    fit(ShapeObjective(material(data), LOSSES["tiny"]), tmp_path / "parts", LOOP, resume=True)
+    fit(ShapeObjective(dataset(data), LOSSES["tiny"]), tmp_path / "whole", LOOP, resume=False)
+    fit(ShapeObjective(dataset(data), LOSSES["tiny"]), tmp_path / "parts", HALF, resume=False)
+    fit(ShapeObjective(dataset(data), LOSSES["tiny"]), tmp_path / "parts", LOOP, resume=True)
     whole, parts = states(tmp_path)
     for name, tensor in whole.items():
         assert torch.equal(tensor, parts[name]), name
@@ -71,11 +71,11 @@ def test_the_first_stage_resumes_exactly(data: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("past", ["own", "true"])
 def test_the_second_stage_resumes_exactly(past: str, data: Path, tmp_path: Path) -> None:
     losses = replace(LOSSES["tiny"], past=past)
-    fit(ShapeObjective(material(data, losses), losses), tmp_path / "shape", LOOP, resume=False)
+    fit(ShapeObjective(dataset(data, losses), losses), tmp_path / "shape", LOOP, resume=False)
 
     def objective() -> DynamicsObjective:
         return DynamicsObjective(
-            material(data, losses), losses, load_shape_space(tmp_path / "shape", PRESETS["tiny"])
+            dataset(data, losses), losses, load_shape_space(tmp_path / "shape", PRESETS["tiny"])
         )
 
     fit(objective(), tmp_path / "whole", LOOP, resume=False)
@@ -101,7 +101,7 @@ class Worsening(ShapeObjective):
 def test_the_network_that_is_kept(
     keep: Literal["best", "last"], step: int, data: Path, tmp_path: Path
 ) -> None:
-    objective = Worsening(material(data), LOSSES["tiny"])
+    objective = Worsening(dataset(data), LOSSES["tiny"])
     errors = fit(objective, tmp_path, replace(LOOP, keep=keep), resume=False)
     checkpoint = load_checkpoint(tmp_path)
     notes = checkpoint.notes
@@ -113,7 +113,7 @@ def test_the_network_that_is_kept(
 
 
 def test_a_linear_space_holds_the_garments_it_was_fitted_to(data: Path) -> None:
-    seen = Material(replace(PRESETS["tiny"], size=32), LOSSES["tiny"], data)
+    seen = GarmentDataset(replace(PRESETS["tiny"], size=32), LOSSES["tiny"], data)
     space = ShapeObjective(seen, LOSSES["tiny"]).networks()["net"]
     rows, chosen = seen.rows, seen.rows.samples
     with torch.no_grad():
@@ -141,7 +141,7 @@ class Keeping(torch.nn.Module):
 
 @pytest.fixture(scope="module")
 def space(data: Path) -> Space:
-    space: Space = ShapeObjective(material(data), LOSSES["tiny"]).networks()["net"]
+    space: Space = ShapeObjective(dataset(data), LOSSES["tiny"]).networks()["net"]
     return space
 
 
@@ -150,7 +150,7 @@ def stepped(
 ) -> tuple[DynamicsObjective, Keeping, dict[str, torch.Tensor]]:
     """One step of `Keeping` on rows, after histories that are far from the simulation's."""
     losses = replace(LOSSES["tiny"], unroll=1, **settings)
-    objective = DynamicsObjective(material(data, losses), losses, space)
+    objective = DynamicsObjective(dataset(data, losses), losses, space)
     net = Keeping(objective)
     if losses.past == "own":
         objective.past += 0.1
@@ -163,17 +163,17 @@ def stepped(
 def test_the_virtual_sample_is_of_a_clip_that_stands_still(past: str, data: Path, space: Space) -> None:
     rows = torch.tensor([5, 8])
     objective, net, _ = stepped(data, space, rows, past=past)
-    clips, maps, before = objective.material.rows, objective.material.maps, rows - 1
+    clips, maps, before = objective.dataset.rows, objective.dataset.maps, rows - 1
     pose = clips.pose[before]
-    standing = Situation(
+    standing = DynamicsInput(
         before=maps.positions(clips.vertices[before])[:, None].repeat(1, MEMORY, 1, 1),
         offsets=clips.offsets[before][:, None].repeat(1, MEMORY, 1, 1),
         transforms=pose.transforms[:, None].repeat(1, MEMORY, 1, 1, 1),
         seeds_before=pose.seeds,
         seeds=pose.seeds,
-        fps=objective.material.fps,
+        fps=objective.dataset.fps,
     )
-    expected, _ = situation_features(space, net, maps, standing, objective.material.config.sigma)
+    expected, _ = dynamics_features(space, net, maps, standing, objective.dataset.config.sigma)
     torch.testing.assert_close(net.features[2:], expected)
     assert (net.changes[2:] == 0).all()
 
@@ -185,7 +185,7 @@ def test_who_keeps_the_garment_loses_nothing_by_the_virtual_sample(
     rows = torch.tensor([5, 8])
     objective, _, both = stepped(data, space, rows, past=past)
     _, _, real = stepped(data, space, rows, past=past, still=False)
-    seen, before = objective.material, rows - 1
+    seen, before = objective.dataset, rows - 1
     kept = posed_shape(
         space, seen.maps, rest_shape(space, seen.maps, objective.codes[before]), seen.rows.pose[before]
     )
@@ -210,4 +210,4 @@ def test_one_command_trains_both_stages(data: Path, tmp_path: Path, monkeypatch:
 
 def test_training_needs_the_garment(data: Path) -> None:
     with pytest.raises(InputError, match="tops"):
-        Material(replace(PRESETS["tiny"], garment="tops"), LOSSES["tiny"], data)
+        GarmentDataset(replace(PRESETS["tiny"], garment="tops"), LOSSES["tiny"], data)

@@ -12,24 +12,25 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from tests.train.simulated import swaying
-from train import pbns, poses
 from train.__main__ import main
 from train.batched_collision import DEEPEST
 from train.loop import STATE, fit
-from train.pbns.objective import LOOPS, Fabric, Hanging, PBNSObjective
+from train.pbns import objective as pbns
+from train.pbns import poses
+from train.pbns.objective import LOOPS, AttachmentConfig, ClothMaterial, PBNSObjective
 from train.pbns.poses import DRAWN, Poses, poses_for
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData, load_checkpoint, load_tensors
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.pins import pinned
-from uvcloth.garments.templates import wear
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.pbns.method import PBNSConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.poses import DONORS, PoseDatabase, rest_hash, save_poses
 from uvcloth.physics.layers import Layer
-from uvcloth.physics.posed_batch import first_visit
+from uvcloth.physics.posed_batch import empty_cache
 from uvcloth.physics.surface import FREE
 from uvcloth.rollout import rollout
 
@@ -37,7 +38,7 @@ pytest.importorskip("lightning")
 
 TINY = PBNSConfig(width=16, layers=2)
 LOOP = replace(LOOPS["tiny"], steps=4, batch=4, validate_every=4, schedule="constant")
-FREELY = Hanging(pins=("none",), weights="smooth", train_weights="no")
+FREELY = AttachmentConfig(pins=("none",), weights="smooth", train_weights="no")
 
 
 def database_of(body: Body, frames: int = 9, held: int = 3) -> PoseDatabase:
@@ -76,20 +77,20 @@ def cropped(garment: Garment, low: float, high: float) -> Garment:
         name=f"part of {garment.name}",
         mesh=mesh,
         weights=garment.weights[rows],
-        carrier_weights=garment.carrier_weights[rows],
+        smooth_weights=garment.smooth_weights[rows],
     )
 
 
 @pytest.fixture(scope="module")
 def belt(body: Body) -> Outfit:
     """A strip of the shirt around the waist."""
-    return Outfit(body, (cropped(wear("tops", body), 0.13, 0.19),))
+    return Outfit(body, (cropped(fit_template("tops", body), 0.13, 0.19),))
 
 
 @pytest.fixture(scope="module")
 def layered(body: Body) -> Outfit:
     """The hem of the shirt over the waist of the trousers."""
-    inner, outer = (cropped(wear(name, body), -0.02, 0.15) for name in ("bottoms", "tops"))
+    inner, outer = (cropped(fit_template(name, body), -0.02, 0.15) for name in ("bottoms", "tops"))
     return Outfit(body, (inner, outer))
 
 
@@ -104,13 +105,13 @@ class Quick(PBNSObjective):
 
 
 def objective_of(
-    outfit: Outfit, hanging: Hanging = FREELY, kind: type[PBNSObjective] = Quick, **changed: Any
+    outfit: Outfit, attachment: AttachmentConfig = FREELY, kind: type[PBNSObjective] = Quick, **changed: Any
 ) -> PBNSObjective:
     database = database_of(outfit.body)
     return kind(
         TINY,
-        Fabric(**changed),
-        hanging,
+        ClothMaterial(**changed),
+        attachment,
         outfit,
         Poses(database, TrainingData({"poses.npz": "abc"})),
         LOOP.batch,
@@ -137,12 +138,12 @@ def trained(objective: PBNSObjective, steps: int) -> tuple[list[float], Any]:
 def test_resuming_is_exact_though_visits_are_forgotten(threads: int, layered: Outfit, tmp_path: Path) -> None:
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
-    hanging = replace(FREELY, train_weights="yes")
+    attachment = replace(FREELY, train_weights="yes")
     parts = tmp_path / "parts"
     try:
-        fit(objective_of(layered, hanging), tmp_path / "whole", LOOP, resume=False)
-        fit(objective_of(layered, hanging), parts, replace(LOOP, steps=2), resume=False)
-        fit(objective_of(layered, hanging), parts, LOOP, resume=True)
+        fit(objective_of(layered, attachment), tmp_path / "whole", LOOP, resume=False)
+        fit(objective_of(layered, attachment), parts, replace(LOOP, steps=2), resume=False)
+        fit(objective_of(layered, attachment), parts, LOOP, resume=True)
     finally:
         torch.set_num_threads(before)
     whole, _ = load_tensors(tmp_path / "whole" / STATE)
@@ -156,9 +157,9 @@ def test_resuming_is_exact_though_visits_are_forgotten(threads: int, layered: Ou
 def test_a_run_is_not_continued_with_another_fabric_garment_or_body(belt: Outfit, tmp_path: Path) -> None:
     begun = replace(LOOP, steps=1)
     fit(objective_of(belt), tmp_path, begun, resume=False)
-    with pytest.raises(InputError, match="was started with other fabric"):
+    with pytest.raises(InputError, match="was started with other material"):
         fit(objective_of(belt, edge=20.0), tmp_path, begun, resume=True)
-    with pytest.raises(InputError, match="was started with other hanging"):
+    with pytest.raises(InputError, match="was started with other attachment"):
         fit(objective_of(belt, replace(FREELY, weights="closest")), tmp_path, begun, resume=True)
     (garment,) = belt.garments
     wider = replace(garment.mesh, vertices=1.02 * garment.mesh.vertices)
@@ -255,17 +256,17 @@ def test_blend_weights_are_trained_only_when_asked(asked: Any, belt: Outfit) -> 
 
 def test_pinned_vertices_pay_for_what_is_deformed_also_at_a_seam(body: Body) -> None:
     """The shirt cut into single triangles has the energies of the whole one."""
-    shirt = wear("tops", body)
+    shirt = fit_template("tops", body)
     order = shirt.mesh.faces.flatten()
     mesh = replace(
         shirt.mesh, vertices=shirt.mesh.vertices[order], faces=torch.arange(len(order)).view(-1, 3)
     )
-    parts = {"weights": shirt.weights[order], "carrier_weights": shirt.carrier_weights[order]}
+    parts = {"weights": shirt.weights[order], "smooth_weights": shirt.smooth_weights[order]}
     uncut, cut = replace(shirt, name="uncut"), replace(shirt, name="cut", mesh=mesh, **parts)
-    hanging = replace(FREELY, pins=("band",))
+    attachment = replace(FREELY, pins=("band",))
     losses = []
     for garment in (uncut, cut):
-        objective = objective_of(Outfit(body, (garment,)), hanging)
+        objective = objective_of(Outfit(body, (garment,)), attachment)
         objective.to(torch.device("cpu"))
         net = objective.networks()["net"]
         with torch.no_grad():
@@ -284,20 +285,20 @@ def test_pinned_vertices_pay_for_what_is_deformed_also_at_a_seam(body: Body) -> 
 
 
 def test_auto_trains_and_smooths_weights_where_cloth_hangs_free(body: Body, belt: Outfit) -> None:
-    auto = Hanging(pins=("none",))
+    auto = AttachmentConfig(pins=("none",))
     tight = objective_of(belt, auto)
     assert not tight.trains_weights
     (garment,) = belt.garments
-    skirt = cropped(wear("dress", body), -1.0, 0.1)
+    skirt = cropped(fit_template("dress", body), -1.0, 0.1)
     free = objective_of(Outfit(body, (skirt,)), auto)
     assert free.trains_weights
     apart = torch.cdist(skirt.mesh.vertices, body.mesh.vertices).amin(1)
     far = apart > 0.07
     assert far.any()
-    torch.testing.assert_close(free.weights[far], skirt.carrier_weights[far])
+    torch.testing.assert_close(free.weights[far], skirt.smooth_weights[far])
     close = torch.cdist(garment.mesh.vertices, body.mesh.vertices).amin(1) < 0.02
     torch.testing.assert_close(tight.weights[close], garment.weights[close])
-    assert torch.equal(objective_of(belt, replace(auto, weights="smooth")).weights, garment.carrier_weights)
+    assert torch.equal(objective_of(belt, replace(auto, weights="smooth")).weights, garment.smooth_weights)
 
 
 def test_measures_of_smoothly_skinned_garments_are_sane(layered: Outfit, monkeypatch: Any) -> None:
@@ -327,13 +328,13 @@ def test_visits_are_kept_by_pose(belt: Outfit) -> None:
     objective.to(torch.device("cpu"))
     net = objective.networks()["net"]
     next(iter(objective.steps({"net": net}, torch.tensor([4, 1]))))
-    seen = torch.isfinite(objective.visits.points).all((1, 2))
+    seen = torch.isfinite(objective.caches.points).all((1, 2))
     assert seen.tolist() == [False, True, False, False, True, False]
     _, posed = objective.pose(net, objective.poses, torch.tensor([1]))
-    torch.testing.assert_close(objective.visits.points[1], posed[0].detach())
+    torch.testing.assert_close(objective.caches.points[1], posed[0].detach())
     assert objective.memory() == {}
-    fresh = first_visit(6, len(objective.points), torch.device("cpu"))
-    assert torch.equal(objective.visits.clearance[0], fresh.clearance[0])
+    fresh = empty_cache(6, len(objective.points), torch.device("cpu"))
+    assert torch.equal(objective.caches.clearance[0], fresh.clearance[0])
 
 
 def test_poses_that_lack_a_split_are_refused(body: Body, tmp_path: Path) -> None:
@@ -352,14 +353,14 @@ def test_crossed_layers_and_pins_without_a_vertex_are_refused(layered: Outfit) -
     with pytest.raises(InputError, match="garment part of bottoms: cannot be worn over the garment part of"):
         objective_of(turned)
     with pytest.raises(InputError, match="--pins neck: names no vertex"):
-        objective_of(Outfit(body, (wear("bottoms", body),)), replace(FREELY, pins=("neck",)))
+        objective_of(Outfit(body, (fit_template("bottoms", body),)), replace(FREELY, pins=("neck",)))
 
 
 @pytest.mark.parametrize("name", ["edge", "bend", "mass", "collision", "thickness", "pin"])
 @pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])
 def test_what_no_fabric_has_is_refused(name: str, value: float) -> None:
     with pytest.raises(InputError, match=f"--{name} {value}: has to be 0 or more"):
-        Fabric(**{name: value})
+        ClothMaterial(**{name: value})
 
 
 def test_a_file_of_poses_is_taken_as_it_is(body: Body, tmp_path: Path) -> None:
@@ -443,13 +444,13 @@ def test_one_command_trains_a_model_that_dresses(
     clips = load_checkpoint(tmp_path / "mine").data.clips
     assert clips == {"train": {"swaying": "ann"}, "validation": {"swaying": "ann"}}
     motion = swaying(3, seed=1).transforms()
-    outfit = Outfit(body, (wear("tops", body),))
+    outfit = Outfit(body, (fit_template("tops", body),))
     (first, *_) = list(rollout(method, outfit, motion, 30.0, contact=False))
     smooth = skin(outfit.garments[0].mesh.vertices, outfit.garments[0].weights, motion[:1])
     assert (first.raw[0] - smooth[0]).norm(dim=1).median() < 0.03
     with pytest.raises(InputError, match="holds a run already"):
         command(monkeypatch, *tiny)
-    with pytest.raises(InputError, match=r"was started with other hanging"):
+    with pytest.raises(InputError, match=r"was started with other attachment"):
         command(monkeypatch, *tiny, "--resume", "--pins", "none")
 
 

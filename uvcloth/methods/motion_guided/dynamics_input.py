@@ -8,7 +8,7 @@ from torch import Tensor
 
 from uvcloth.bodies.frames import GRAVITY
 from uvcloth.geometry.rotations import rotate, rotate_back
-from uvcloth.geometry.skinning import apply_transforms, blend_transforms, carry, seen_from_root, skin
+from uvcloth.geometry.skinning import apply_transforms, blend_transforms, seen_from_root, skin, skin_frames
 from uvcloth.methods.motion_guided.descriptor import contact_forces
 from uvcloth.methods.motion_guided.garment_maps import GarmentMaps
 from uvcloth.methods.motion_guided.latent import Dynamics, Space
@@ -20,7 +20,7 @@ MEMORY = 3
 
 @dataclass(frozen=True)
 class Pose:
-    """The body of B frames: joint transforms (B, J, 3, 4), and the seeds that they carry along."""
+    """The body of B frames: joint transforms (B, J, 3, 4), and the seeds that move with them."""
 
     transforms: Tensor
     seeds: PosedSeeds
@@ -31,12 +31,12 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class Situation:
+class DynamicsInput:
     """What comes before the next garment, of B frames.
 
     before: (B, MEMORY, P, 3) m, world, the texels of the garments before, newest first; offsets: the same, as
-    offsets from their carriers. transforms: (B, MEMORY, J, 3, 4) of the body, now first. seeds_before, seeds:
-    the body then and now. fps: frames per second.
+    offsets from the smooth LBS reference. transforms: (B, MEMORY, J, 3, 4) of the body, now first.
+    seeds_before, seeds: the body then and now. fps: frames per second.
     """
 
     before: Tensor
@@ -52,32 +52,32 @@ class Situation:
         return Pose(self.transforms[:, 0], self.seeds)
 
 
-def carried_offsets(maps: GarmentMaps, texels: Tensor, transforms: Tensor) -> Tensor:
-    """Texels (B, P, 3) m as offsets from the smoothly skinned garment, in axes that it carries along."""
-    origins, frames = carry(maps.texel_points, maps.texel_weights, transforms)
+def local_offsets(maps: GarmentMaps, texels: Tensor, transforms: Tensor) -> Tensor:
+    """Texels (B, P, 3) m as offsets from the smoothly skinned garment, in axes that turn with it."""
+    origins, frames = skin_frames(maps.texel_points, maps.texel_weights, transforms)
     return rotate_back(frames, texels - origins)
 
 
 def shape_features(space: Space, maps: GarmentMaps, texels: Tensor, offsets: Tensor, seeds: Tensor) -> Tensor:
     """S(M^P) of texels (B, P, 3) m, world, and as offsets, beside seeds (B, S, 3): (B, width, H, W)."""
-    if space.carried:
+    if space.local_offsets:
         return space.features(maps.map(offsets))
     middle = seeds.mean(1, keepdim=True)
     return space.features(maps.map(texels - middle), maps.mask, seeds - middle)
 
 
-def motion_of(carried: bool, maps: GarmentMaps, seen: Situation) -> Tensor:
+def motion_of(local_offsets: bool, maps: GarmentMaps, seen: DynamicsInput) -> Tensor:
     """What moves, of every texel (B, P, C), m/s and m/s2.
 
-    C = 6 as published, the garment's own motion. Carried, C = 12: the changes of its offsets, and the
-    carrier's velocity and specific force, in the axes that it carries along.
+    C = 6 as published, the garment's own motion. With local offsets, C = 12: the changes of its offsets, and
+    the reference's velocity and specific force, in the axes that turn with it.
     """
-    past = seen.offsets if carried else seen.before
+    past = seen.offsets if local_offsets else seen.before
     velocity = (past[:, :-1] - past[:, 1:]) * seen.fps
     own = [velocity[:, 0], (velocity[:, 0] - velocity[:, 1]) * seen.fps]
-    if not carried:
+    if not local_offsets:
         return torch.cat(own, dim=2)
-    now, frames = carry(maps.texel_points, maps.texel_weights, seen.transforms[:, 0])
+    now, frames = skin_frames(maps.texel_points, maps.texel_weights, seen.transforms[:, 0])
     before, earlier = (skin(maps.texel_points, maps.texel_weights, seen.transforms[:, k]) for k in (1, 2))
     velocity = (now - before) * seen.fps
     force = (velocity - (before - earlier) * seen.fps) * seen.fps - now.new_tensor(GRAVITY)
@@ -89,24 +89,24 @@ def state_features(
 ) -> Tensor:
     """S(M^P) of a garment, as `shape_features` takes it, and how the body stands (B, J, 3, 4).
 
-    Carried, the latter is where the carrier lies, seen from the root joint, against its rest, m; as published
-    there is none.
+    With local offsets, the latter is where the smooth LBS reference lies, seen from the root joint, against
+    its rest, m; as published there is none.
     """
     features = shape_features(space, maps, texels, offsets, seeds)
-    if not space.carried:
+    if not space.local_offsets:
         return features
-    carrier = skin(maps.texel_points, maps.texel_weights, transforms)
-    pose = seen_from_root(carrier, transforms) - maps.texel_points
+    reference = skin(maps.texel_points, maps.texel_weights, transforms)
+    pose = seen_from_root(reference, transforms) - maps.texel_points
     return torch.cat([features, maps.map(pose)], dim=1)
 
 
-def situation_features(
-    space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: Situation, sigma: float
+def dynamics_features(
+    space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: DynamicsInput, sigma: float
 ) -> tuple[Tensor, Tensor]:
     """S(M^P_{t-1}) and E_t; the pose of t goes with the former, since it is no change."""
     last, before = seen.before[:, 0], seen.seeds_before.points
     features = state_features(space, maps, last, seen.offsets[:, 0], before, seen.transforms[:, 0])
-    motion = motion_of(space.carried, maps, seen)
+    motion = motion_of(space.local_offsets, maps, seen)
     forces = contact_forces(last, before, seen.seeds.points, seen.seeds.normals, sigma)
     return features, dynamics.change(maps.map(motion), forces, seen.seeds.normals, maps.sheet.pixels)
 
@@ -122,16 +122,18 @@ def rest_shape(
     return maps.points + rotate(maps.axes, displaced)
 
 
-def next_shape(space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: Situation, sigma: float) -> Tensor:
+def next_shape(
+    space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: DynamicsInput, sigma: float
+) -> Tensor:
     """The next garment in the rest space (B, N, 3), m."""
-    features, change = situation_features(space, dynamics, maps, seen, sigma)
+    features, change = dynamics_features(space, dynamics, maps, seen, sigma)
     return rest_shape(space, maps, dynamics(features, change))
 
 
 def pose_transforms(space: Space, maps: GarmentMaps, resting: Tensor, pose: Pose) -> Tensor:
     """What poses each vertex of rest-space garments (B, N, 3): (B, N, 3, 4)."""
-    if maps.skinning == "carrier":
-        return blend_transforms(maps.carrier_weights, pose.transforms)
+    if maps.skinning == "smooth_lbs":
+        return blend_transforms(maps.smooth_weights, pose.transforms)
     where = resting if maps.skinning == "kernels" else maps.points.expand_as(resting)
     return kernel_transforms(where, maps.kernels, space.radii, maps.seeds, pose.seeds)
 

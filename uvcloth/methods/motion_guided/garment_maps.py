@@ -16,8 +16,8 @@ from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.methods.motion_guided.latent import uv_encoding
 from uvcloth.methods.motion_guided.seeds import Kernels, Seeds, nearest_kernels
 
-Skinning = Literal["carrier", "fixed", "kernels"]
-"""How shapes at rest are posed: by the blend weights of the carrier, or by Gaussian kernels around the seeds,
+Skinning = Literal["smooth_lbs", "fixed", "kernels"]
+"""How shapes at rest are posed: by the smooth blend weights, or by Gaussian kernels around the seeds,
 weighed where a vertex lies at rest or where it is displaced to (as published)."""
 
 
@@ -28,8 +28,8 @@ class GarmentMaps:
     sheet: its P texels. corners: (P, 3) vertices around each. mask:
     (1, 1, H, W). points: (N, 3) m at rest; axes: (N, 3, 3) local frames there. pixels, shares: (N, K) samples
     of the decoded map. places: (N, C) encoded texture coordinates. kernels: of the seeds near each vertex.
-    carrier_weights: (N, J). skinning: which of the two poses the garment. texel_points: (P, 3) m at rest, and
-    texel_weights: (P, J), of the carrier at the texels.
+    smooth_weights: (N, J). skinning: which of the two poses the garment. texel_points: (P, 3) m at rest, and
+    texel_weights: (P, J), of the smooth LBS reference at the texels.
     """
 
     sheet: Texels
@@ -42,7 +42,7 @@ class GarmentMaps:
     places: Tensor
     kernels: Kernels
     seeds: Seeds
-    carrier_weights: Tensor
+    smooth_weights: Tensor
     skinning: Skinning
     texel_points: Tensor
     texel_weights: Tensor
@@ -83,10 +83,10 @@ def garment_maps(garment: Garment, seeds: Seeds, size: int, near: int, skinning:
         places=uv_encoding(layout.uvs[layout.face_uvs[face, corner]]),
         kernels=nearest_kernels(mesh.vertices, seeds, near),
         seeds=seeds,
-        carrier_weights=garment.carrier_weights,
+        smooth_weights=garment.smooth_weights,
         skinning=skinning,
         texel_points=gather(mesh.vertices, corners, barycentrics),
-        texel_weights=gather(garment.carrier_weights, corners, barycentrics),
+        texel_weights=gather(garment.smooth_weights, corners, barycentrics),
     )
 
 

@@ -66,16 +66,16 @@ class Encoder(nn.Module):
 class Space(nn.Module):
     """A generative space: positions -> features -> code, and code -> displacements at rest (section 4.2).
 
-    carried: it sees offsets from the smoothly skinned garment, less their mean (shift) and as shares of their
-    deviation (scale), not positions relative to every seed.
+    local_offsets: it sees offsets from the smooth LBS reference, less their mean (shift) and as shares of
+    their deviation (scale), not positions relative to every seed.
     """
 
     shift: Tensor
     scale: Tensor
 
-    def __init__(self, *, size: int, carried: bool) -> None:
+    def __init__(self, *, size: int, local_offsets: bool) -> None:
         super().__init__()
-        self.carried = carried
+        self.local_offsets = local_offsets
         self.register_buffer("shift", torch.zeros(3, size, size))
         self.register_buffer("scale", torch.ones(()))
         self.log_radii = nn.Parameter(torch.full((len(PARTS),), math.log(FIRST_RADIUS)))
@@ -86,14 +86,14 @@ class Space(nn.Module):
         return self.log_radii.exp()
 
     def centred(self, offsets: Tensor) -> Tensor:
-        """Offsets from the carrier (B, 3, H, W), m, as it sees them."""
+        """Offsets from the smooth LBS reference (B, 3, H, W), m, as it sees them."""
         return (offsets - self.shift) / self.scale
 
     def features(self, *maps: Tensor) -> Tensor:
         """S(M^P): (B, features, H, W).
 
-        Of offsets from the carrier (B, 3, H, W), m; or, as published, of positions (B, 3, H, W), the charts'
-        mask (1, 1, H, W) and seeds (B, S, 3).
+        Of offsets from the smooth LBS reference (B, 3, H, W), m; or, as published, of positions (B, 3, H, W),
+        the charts' mask (1, 1, H, W) and seeds (B, S, 3).
         """
         raise NotImplementedError
 
@@ -127,11 +127,11 @@ class ShapeSpace(Space):
         layers: int,
         norm: str,
         upsample: str,
-        carried: bool,
+        local_offsets: bool,
         size: int,
     ) -> None:
-        super().__init__(size=size, carried=carried)
-        self.first = nn.Conv2d(3, width, 3, padding=1) if carried else RelativePositions(seeds, width)
+        super().__init__(size=size, local_offsets=local_offsets)
+        self.first = nn.Conv2d(3, width, 3, padding=1) if local_offsets else RelativePositions(seeds, width)
         self.stem = _stem(width, stem, norm)
         self.encoder = Encoder(width, widths, latent, norm)
         deeper = widths[::-1]
@@ -153,7 +153,7 @@ class ShapeSpace(Space):
         )
 
     def features(self, *maps: Tensor) -> Tensor:
-        return self.stem(self.first(self.centred(*maps)) if self.carried else self.first(*maps))
+        return self.stem(self.first(self.centred(*maps)) if self.local_offsets else self.first(*maps))
 
     def encode(self, features: Tensor) -> Tensor:
         return self.encoder(features)
@@ -167,12 +167,12 @@ class ShapeSpace(Space):
 class LinearSpace(Space):
     """A space without hidden layers: codes are principal components of the garment's shapes.
 
-    Its features are the centred offsets from the carrier; it decodes the displacement of every vertex,
-    without a map between, which would be least exact along its seams.
+    Its features are the centred offsets from the smooth LBS reference; it decodes the displacement of every
+    vertex, without a map between, which would be least exact along its seams.
     """
 
     def __init__(self, *, size: int, latent: int, vertices: int) -> None:
-        super().__init__(size=size, carried=True)
+        super().__init__(size=size, local_offsets=True)
         self.code = nn.Linear(3 * size**2, latent)
         self.decoder = nn.Linear(latent, 3 * vertices)
 

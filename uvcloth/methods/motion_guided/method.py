@@ -19,8 +19,8 @@ from uvcloth.geometry.mesh import laplacian
 from uvcloth.geometry.skinning import apply_transforms, skin
 from uvcloth.methods.motion_guided.dynamics_input import (
     MEMORY,
-    Situation,
-    carried_offsets,
+    DynamicsInput,
+    local_offsets,
     next_shape,
     pose_transforms,
     rest_shape,
@@ -69,11 +69,11 @@ class MotionGuidedConfig:
     """Seed points on the body."""
     near: int = 64
     """Of them, those nearest at rest that may move a vertex by their kernels (paper: all)."""
-    skinning: Skinning = "carrier"
-    """What poses a shape: the smooth blend weights of the carrier; or Gaussian kernels around the seeds,
+    skinning: Skinning = "smooth_lbs"
+    """What poses a shape: the smooth blend weights (smooth_lbs); or Gaussian kernels around the seeds,
     weighed at rest (fixed) or where a vertex is displaced to (kernels, paper)."""
-    carried: bool = True
-    """What is encoded: offsets from the smoothly skinned garment, in axes that it carries along, their
+    local_offsets: bool = True
+    """What is encoded: offsets from the smooth LBS reference, in axes that turn with it, their
     change, and pose and motion of that garment; else positions relative to every seed and the garment's own
     motion, along the world's axes (paper)."""
     contact: bool = True
@@ -85,8 +85,8 @@ class MotionGuidedConfig:
 
     def __post_init__(self) -> None:
         """Raises InputError for maps that cannot be halved down to 2 x 2, or inputs that do not fit."""
-        if self.linear and not self.carried:
-            raise InputError("--no-carried: a linear space needs offsets from the carrier, add --no-linear")
+        if self.linear and not self.local_offsets:
+            raise InputError("--no-local-offsets: a linear space needs these, add --no-linear")
         if self.size < 4 or self.size & (self.size - 1):
             raise InputError(f"--size {self.size}: has to be a power of two, 4 or more")
 
@@ -110,15 +110,15 @@ class MotionGuidedConfig:
             layers=self.layers,
             norm=self.norm,
             upsample=self.upsample,
-            carried=self.carried,
+            local_offsets=self.local_offsets,
             size=self.size,
         )
 
     def dynamics(self) -> Dynamics:
         """The second stage, untrained."""
         return Dynamics(
-            features=(3 if self.linear else self.width) + (3 if self.carried else 0),
-            motion=12 if self.carried else 6,
+            features=(3 if self.linear else self.width) + (3 if self.local_offsets else 0),
+            motion=12 if self.local_offsets else 6,
             seeds=self.seeds,
             width=self.width,
             widths=self.widths,
@@ -153,7 +153,7 @@ PRESETS: dict[str, MotionGuidedConfig] = {
         near=581,
         skinning="kernels",
         linear=False,
-        carried=False,
+        local_offsets=False,
         residual=True,
     ),
     "tiny": MotionGuidedConfig(size=8, width=8, hidden=16, seeds=61, near=16),
@@ -161,11 +161,11 @@ PRESETS: dict[str, MotionGuidedConfig] = {
 
 
 @dataclass(frozen=True)
-class Rolling:
+class MotionGuidedState:
     """A garment on its way.
 
     maps: as the networks see it. vertices: (1, N, 3) m, the newest. before, offsets: (1, MEMORY, P, 3) m, as
-    in Situation. transforms, seeds: (1, J, 3, 4) and posed, of the newest. resolver: where collisions are
+    in DynamicsInput. transforms, seeds: (1, J, 3, 4) and posed, of the newest. resolver: where collisions are
     resolved by a map, and residual: that map, (1, 4 H W, 3) m.
     """
 
@@ -178,11 +178,11 @@ class Rolling:
     residual: Tensor
     resolver: Resolver | None = None
 
-    def moved(self, vertices: Tensor, transforms: Tensor, drop: int) -> "Rolling":
+    def moved(self, vertices: Tensor, transforms: Tensor, drop: int) -> "MotionGuidedState":
         """With a newest garment (1, N, 3) more, and one fewer at place `drop`."""
         kept = [place for place in range(MEMORY) if place != drop]
         texels = self.maps.positions(vertices)
-        offsets = carried_offsets(self.maps, texels, transforms)
+        offsets = local_offsets(self.maps, texels, transforms)
         return replace(
             self,
             vertices=vertices,
@@ -204,10 +204,10 @@ class MotionGuided:
     dynamics: Dynamics
     name: str = "motion_guided"
     topology: str = ""
-    remembers: bool = True
-    static: bool = False
+    autoregressive: bool = True
+    quasi_static: bool = False
 
-    def objection(self, outfit: Outfit) -> str:
+    def unsupported_reason(self, outfit: Outfit) -> str:
         """It dresses one garment, over what it was trained over."""
         config, under = self.config, outfit.under
         for garment in outfit.garments:
@@ -221,27 +221,27 @@ class MotionGuided:
                 return f"{who} is for it over {config.under}, here it is over {beneath}"
         return ""
 
-    def start(self, outfit: Outfit, frames: BodyFrames) -> tuple[Rolling, ...]:
+    def start(self, outfit: Outfit, frames: BodyFrames) -> tuple[MotionGuidedState, ...]:
         """Let every garment hang still, smoothly skinned, on the body of the first frame.
 
         Raises InputError for another garment than the networks are for, or over another.
         """
-        if objection := self.objection(outfit):
-            raise InputError(objection)
+        if unsupported_reason := self.unsupported_reason(outfit):
+            raise InputError(unsupported_reason)
         self.space.eval()
         self.dynamics.eval()
         return tuple(self._hanging(garment, outfit, frames.transforms[:1, 0]) for garment in outfit.garments)
 
-    def _hanging(self, garment: Garment, outfit: Outfit, transforms: Tensor) -> Rolling:
+    def _hanging(self, garment: Garment, outfit: Outfit, transforms: Tensor) -> MotionGuidedState:
         under = outfit.under if self.config.under else None
         maps = self.config.maps(garment, outfit.body, under)
-        still = skin(maps.points, maps.carrier_weights, transforms)
+        still = skin(maps.points, maps.smooth_weights, transforms)
         before = maps.positions(still)[:, None].repeat(1, MEMORY, 1, 1)
         seeds = pose_seeds(maps.seeds, transforms)
         residual = torch.zeros(1, 4 * self.config.size**2, 3)
         resolver = self._resolver(garment, outfit.body) if self.config.residual else None
         offsets = torch.zeros_like(before)
-        return Rolling(maps, still, before, offsets, transforms, seeds, residual, resolver)
+        return MotionGuidedState(maps, still, before, offsets, transforms, seeds, residual, resolver)
 
     @torch.no_grad()
     def encode(self, garment: Garment, body: Body, vertices: Tensor, transforms: Tensor) -> Tensor:
@@ -250,7 +250,7 @@ class MotionGuided:
         maps = self.config.maps(garment, body)
         texels = maps.positions(vertices)
         seeds = pose_seeds(maps.seeds, transforms).points
-        offsets = carried_offsets(maps, texels, transforms)
+        offsets = local_offsets(maps, texels, transforms)
         return self.space.encode(shape_features(self.space, maps, texels, offsets, seeds))
 
     @torch.no_grad()
@@ -267,13 +267,15 @@ class MotionGuided:
 
     @torch.no_grad()
     def step(
-        self, state: tuple[Rolling, ...], frames: BodyFrames
-    ) -> tuple[tuple[Rolling, ...], tuple[Tensor, ...]]:
+        self, state: tuple[MotionGuidedState, ...], frames: BodyFrames
+    ) -> tuple[tuple[MotionGuidedState, ...], tuple[Tensor, ...]]:
         """The next garments (1, N, 3), m, from the last ones."""
         following = tuple(self._next(worn, frames) for worn in state)
         return following, tuple(worn.vertices for worn in following)
 
-    def observe(self, state: tuple[Rolling, ...], garments: tuple[Tensor, ...]) -> tuple[Rolling, ...]:
+    def observe(
+        self, state: tuple[MotionGuidedState, ...], garments: tuple[Tensor, ...]
+    ) -> tuple[MotionGuidedState, ...]:
         """Go on from the garments as they were after contact, unless the config says otherwise."""
         if not self.config.contact:
             return state
@@ -282,14 +284,14 @@ class MotionGuided:
             for worn, vertices in zip(state, garments, strict=True)
         )
 
-    def _next(self, worn: Rolling, frames: BodyFrames) -> Rolling:
+    def _next(self, worn: MotionGuidedState, frames: BodyFrames) -> MotionGuidedState:
         now = frames.transforms[:, -1]
         if self.config.under:
             assert frames.under is not None, "the garment beneath is stepped first"
             seeds = seeds_on(worn.maps.seeds, frames.under, now)
         else:
             seeds = pose_seeds(worn.maps.seeds, now)
-        seen = Situation(
+        seen = DynamicsInput(
             before=worn.before,
             offsets=worn.offsets,
             transforms=frames.transforms.flip(1),

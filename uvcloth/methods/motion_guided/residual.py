@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from uvcloth.physics.contact import Dressed, Obstacle
+from uvcloth.physics.contact import ContactGarment, Obstacle
 
 STEPS = 50
 """Optimizer steps in a frame, at most."""
@@ -29,7 +29,7 @@ class Resolver:
     """A garment among the closed parts of the body. laplacian: (N, N) sparse, of its vertices."""
 
     obstacle: Obstacle
-    garment: Dressed
+    garment: ContactGarment
     laplacian: Tensor
 
     def resolve(
@@ -47,7 +47,7 @@ class Resolver:
                 move = (turns @ sample(residual)[0][..., None]).squeeze(-1)
                 if step % RENEWED == 0:
                     skin = self.obstacle.skin((vertices + move).detach(), self.garment)
-                depth = (skin.bounds - ((vertices + move) * skin.normals).sum(1)).clamp(min=0.0)
+                depth = (skin.offsets - ((vertices + move) * skin.normals).sum(1)).clamp(min=0.0)
                 mean_depth = torch.where(skin.squeezed, 0.0, depth).mean()
                 if mean_depth < ENOUGH:
                     break

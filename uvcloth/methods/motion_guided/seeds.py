@@ -13,7 +13,7 @@ from uvcloth.bodies.layout import layout_of
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.layout import own_layout
 from uvcloth.geometry.mesh import vertex_normals
-from uvcloth.geometry.skinning import carry
+from uvcloth.geometry.skinning import skin_frames
 
 PARTS = ("torso", "upper_arm", "forearm", "thigh", "calf")
 """Body parts whose seeds share a kernel radius; the others count as what they are attached to."""
@@ -57,7 +57,7 @@ def sample_seeds(body: Body, count: int, under: Garment | None = None) -> Seeds:
     The layout is the body's, or that of the garment worn beneath (section 6.5).
     """
     mesh, weights, layout = (
-        (under.mesh, under.carrier_weights, own_layout(under.mesh))
+        (under.mesh, under.smooth_weights, own_layout(under.mesh))
         if under
         else (body.mesh, body.weights, layout_of(body))
     )
@@ -78,13 +78,13 @@ def sample_seeds(body: Body, count: int, under: Garment | None = None) -> Seeds:
 
 def pose_seeds(seeds: Seeds, transforms: Tensor) -> PosedSeeds:
     """Carry the seeds by joint transforms (B, J, 3, 4)."""
-    points, rotations = carry(seeds.points, seeds.weights, transforms)
+    points, rotations = skin_frames(seeds.points, seeds.weights, transforms)
     return PosedSeeds(points, (rotations @ seeds.normals[..., None]).squeeze(-1), rotations)
 
 
 def seeds_on(seeds: Seeds, vertices: Tensor, transforms: Tensor) -> PosedSeeds:
     """The seeds on the surface as it lies now, vertices (B, V, 3) m; it turns as its skin would."""
-    _, rotations = carry(seeds.points, seeds.weights, transforms)
+    _, rotations = skin_frames(seeds.points, seeds.weights, transforms)
     normals = vertex_normals(vertices, seeds.faces)
     points, normals = (gather(values, seeds.corners, seeds.barycentrics) for values in (vertices, normals))
     return PosedSeeds(points, torch.nn.functional.normalize(normals, dim=2), rotations)

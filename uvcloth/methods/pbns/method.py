@@ -2,8 +2,8 @@
 
 A garment or outfit is posed by linear blend skinning of its rest shape plus a deformation, and the
 deformation is a sum of blend shapes weighed by a perceptron that sees the pose (Bertiche et al. 2021, eq. 1
-and 2). Every engine can play that. It is static: the same pose always looks the same, however fast the body
-came there.
+and 2). Every engine can play that. It is quasi-static: the same pose always looks the same, however fast the
+body came there.
 """
 
 from collections.abc import Sequence
@@ -158,7 +158,7 @@ class PBNSNetwork(nn.Module):
 
 
 @dataclass(frozen=True)
-class Dressed:
+class PBNSState:
     """What a rollout wears of a model's outfit.
 
     rows: (n,) of the outfit's vertices. sizes: vertices of each garment. weights: (n, J) blend weights.
@@ -177,10 +177,10 @@ class PBNS:
     network: PBNSNetwork
     worn: RestOutfit
     name: str = "pbns"
-    remembers: bool = False
-    static: bool = True
+    autoregressive: bool = False
+    quasi_static: bool = True
 
-    def objection(self, outfit: Outfit) -> str:
+    def unsupported_reason(self, outfit: Outfit) -> str:
         """It dresses garments that it was trained for, in their order, on that very body."""
         names = tuple(garment.name for garment in outfit.garments)
         own = " over ".join(reversed(self.worn.names)) or "no garment yet"
@@ -207,19 +207,19 @@ class PBNS:
             return ""
         return f"model {self.name} was trained on another body than {body.name!r}, in skeleton or shape"
 
-    def start(self, outfit: Outfit, frames: BodyFrames) -> Dressed:
-        """Take the outfit. Raises InputError for one that it has an objection to."""
-        if objection := self.objection(outfit):
-            raise InputError(objection)
+    def start(self, outfit: Outfit, frames: BodyFrames) -> PBNSState:
+        """Take the outfit. Raises InputError for one that it has an unsupported_reason to."""
+        if unsupported_reason := self.unsupported_reason(outfit):
+            raise InputError(unsupported_reason)
         rows = torch.arange(len(self.network.rest)).split(self.worn.sizes)
         own = dict(zip(self.worn.names, rows, strict=True))
         worn = [own[garment.name] for garment in outfit.garments]
         with torch.no_grad():
             weights = self.network.blend_weights()
-        return Dressed(torch.cat(worn), [len(each) for each in worn], weights[torch.cat(worn)])
+        return PBNSState(torch.cat(worn), [len(each) for each in worn], weights[torch.cat(worn)])
 
     @torch.no_grad()
-    def step(self, state: Dressed, frames: BodyFrames) -> tuple[Dressed, tuple[Tensor, ...]]:
+    def step(self, state: PBNSState, frames: BodyFrames) -> tuple[PBNSState, tuple[Tensor, ...]]:
         """Garment vertices (B, N, 3) of each garment, m (paper eq. 1)."""
         network, transforms = self.network, frames.transforms[:, -1]
         deformed = network.deform(pose_vectors(self.worn.parents, transforms))[:, network.owner[state.rows]]
@@ -228,7 +228,7 @@ class PBNS:
         )
         return state, posed.split(state.sizes, dim=1)
 
-    def observe(self, state: Dressed, garments: tuple[Tensor, ...]) -> Dressed:
+    def observe(self, state: PBNSState, garments: tuple[Tensor, ...]) -> PBNSState:
         """It remembers nothing."""
         return state
 

@@ -20,14 +20,14 @@ from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, restored
 from uvcloth.garments.garment import LIKE, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import rotate, rotate_back
-from uvcloth.geometry.skinning import carry, seen_from_root
+from uvcloth.geometry.skinning import seen_from_root, skin_frames
 from uvcloth.methods.physxnet.texels import (
     BodyTexels,
+    GarmentDecoder,
     TemplateTexels,
-    Worn,
     body_texels,
+    build_decoder,
     template_texels,
-    worn_on,
 )
 from uvcloth.methods.physxnet.unet import UNet
 
@@ -49,12 +49,12 @@ class PhysXNetConfig:
     dropout: float = 0.4
     """Share of the deepest level's channels dropped in training; 0 in the paper."""
     frame: Literal["world", "body"] = "body"
-    """Axes of motion and offsets: the world's (paper) or the rest axes carried along by the body."""
+    """Axes of motion and offsets: the world's (paper) or the rest axes that turn with the body."""
     acceleration: Literal["plain", "specific_force"] = "specific_force"
     """Acceleration (paper) or acceleration minus gravity, which also says where down is."""
     pose: bool = True
     """Three more channels: where the body point is, seen from the root joint, against its place at rest."""
-    anchor: Literal["body", "carrier"] = "carrier"
+    anchor: Literal["body", "smooth_lbs"] = "smooth_lbs"
     """What offsets are measured from: the texel's body point (paper) or the smoothly skinned garment."""
     history: int = 2
     """How many of its own last offset maps the network sees; 0 remembers nothing (paper)."""
@@ -169,7 +169,7 @@ def motion_values(
     if config.acceleration == "specific_force":
         a = a - a.new_tensor(GRAVITY)
     if config.frame == "body":
-        _, frames = carry(texels.points, texels.weights, transforms)
+        _, frames = skin_frames(texels.points, texels.weights, transforms)
         v, a = rotate_back(frames, v), rotate_back(frames, a)
     return torch.cat([v, a], dim=-1).transpose(1, 2)
 
@@ -186,13 +186,13 @@ def template_offsets(
     config: PhysXNetConfig,
     texels: BodyTexels,
     template: TemplateTexels,
-    worn: Worn,
+    worn: GarmentDecoder,
     *,
     vertices: Tensor,
     body_vertices: Tensor,
     transforms: Tensor,
 ) -> Tensor:
-    """A template's simulated vertices as values of its offset map: (T, Q, 3), m (eq. 8, or carrier offsets).
+    """A template's simulated vertices as values of its offset map: (T, Q, 3), m (eq. 8, or local offsets).
 
     vertices: (T, N, 3). body_vertices: (T, V, 3). transforms: (T, J, 3, 4).
     """
@@ -200,7 +200,7 @@ def template_offsets(
         origins, frames = body_anchors(texels, template, body_vertices, transforms)
         offsets = template.gather(vertices) - origins
         return rotate_back(frames, offsets) if config.frame == "body" else offsets
-    origins, frames = carry(worn.points, worn.carrier_weights, transforms)
+    origins, frames = skin_frames(worn.points, worn.smooth_weights, transforms)
     offsets = vertices - origins
     return template.gather(rotate_back(frames, offsets) if config.frame == "body" else offsets)
 
@@ -209,7 +209,7 @@ def garment_vertices(
     config: PhysXNetConfig,
     texels: BodyTexels,
     template: TemplateTexels,
-    worn: Worn,
+    worn: GarmentDecoder,
     *,
     offsets: Tensor,
     body_vertices: Tensor,
@@ -218,8 +218,8 @@ def garment_vertices(
 ) -> Tensor:
     """The inverse: a template's offsets (B, Q, 3) on any garment (eq. 9) -> its vertices (B, N, 3), m.
 
-    Anchored on the carrier, a garment keeps its own rest shape and takes over the sampled change; anchored on
-    the body, it follows the template's surface and keeps what it had beside it at rest.
+    Anchored on the smooth LBS reference, a garment keeps its own rest shape and takes over the change
+    sampled; anchored on the body, it follows the template's surface and keeps what it had beside it at rest.
     sample: what serves for `worn.sample` where its gradient is wanted fast.
     """
     sample = sample or worn.sample
@@ -227,9 +227,9 @@ def garment_vertices(
     if config.anchor == "body":
         origins, frames = body_anchors(texels, template, body_vertices, transforms)
         surface = sample(origins + (rotate(frames, offsets) if local else offsets))
-        _, turned = carry(worn.points, worn.weights, transforms)
+        _, turned = skin_frames(worn.points, worn.weights, transforms)
         return surface + rotate(turned, worn.residual)
-    origins, frames = carry(worn.points, worn.carrier_weights, transforms)
+    origins, frames = skin_frames(worn.points, worn.smooth_weights, transforms)
     change = sample(offsets)
     return origins + (rotate(frames, change) if local else change)
 
@@ -239,17 +239,17 @@ def body_anchors(
 ) -> tuple[Tensor, Tensor]:
     """Posed body points (B, Q, 3) of a template's texels, and the frames that turn with them (B, Q, 3, 3)."""
     seen = template.texels
-    _, frames = carry(texels.points[seen], texels.weights[seen], transforms)
+    _, frames = skin_frames(texels.points[seen], texels.weights[seen], transforms)
     return gather(body_vertices, texels.corners[seen], texels.sheet.barycentrics[seen]), frames
 
 
 @dataclass(frozen=True)
-class WornState:
+class PhysXNetState:
     """The outfit on the maps. history: (history, 3 * templates, H, W) last offset maps, oldest first."""
 
     texels: BodyTexels
     templates: dict[str, TemplateTexels]
-    garments: tuple[tuple[str, Worn], ...]
+    garments: tuple[tuple[str, GarmentDecoder], ...]
     history: Tensor
 
 
@@ -260,14 +260,14 @@ class PhysXNet:
     config: PhysXNetConfig
     net: GarmentNet
     name: str = "physxnet"
-    static: bool = False
+    quasi_static: bool = False
 
     @property
-    def remembers(self) -> bool:
+    def autoregressive(self) -> bool:
         """Whether the network sees its own last predictions."""
         return self.config.history > 0
 
-    def objection(self, outfit: Outfit) -> str:
+    def unsupported_reason(self, outfit: Outfit) -> str:
         """It dresses what a template with a decoder serves."""
         for garment in outfit.garments:
             if self.config.decoder(garment.template) not in self.config.templates:
@@ -277,13 +277,13 @@ class PhysXNet:
                 )
         return ""
 
-    def start(self, outfit: Outfit, frames: BodyFrames) -> WornState:
+    def start(self, outfit: Outfit, frames: BodyFrames) -> PhysXNetState:
         """Dress the outfit's body in the templates at rest and project its garments onto their maps.
 
         Raises InputError for a garment whose template has no decoder.
         """
-        if objection := self.objection(outfit):
-            raise InputError(objection)
+        if unsupported_reason := self.unsupported_reason(outfit):
+            raise InputError(unsupported_reason)
         texels = body_texels(outfit.body, self.config.size)
         served = [self.config.decoder(garment.template) for garment in outfit.garments]
         templates = {
@@ -291,14 +291,14 @@ class PhysXNet:
             for name in dict.fromkeys(served)
         }
         garments = tuple(
-            (name, worn_on(garment, templates[name], texels))
+            (name, build_decoder(garment, templates[name], texels))
             for name, garment in zip(served, outfit.garments, strict=True)
         )
         sheet = (self.config.history, 3 * len(self.config.templates), self.config.size, self.config.size)
-        return WornState(texels, templates, garments, torch.zeros(sheet))
+        return PhysXNetState(texels, templates, garments, torch.zeros(sheet))
 
     @torch.no_grad()
-    def step(self, state: WornState, frames: BodyFrames) -> tuple[WornState, tuple[Tensor, ...]]:
+    def step(self, state: PhysXNetState, frames: BodyFrames) -> tuple[PhysXNetState, tuple[Tensor, ...]]:
         """Offset maps of B frames, decoded to the vertices (B, N, 3) of each garment, m."""
         config, texels = self.config, state.texels
         self.net.eval()
@@ -329,7 +329,7 @@ class PhysXNet:
             )
         return state, tuple(moved)
 
-    def observe(self, state: WornState, garments: tuple[Tensor, ...]) -> WornState:
+    def observe(self, state: PhysXNetState, garments: tuple[Tensor, ...]) -> PhysXNetState:
         """It remembers its maps as predicted: contact is no part of its training."""
         return state
 
@@ -354,13 +354,13 @@ class PhysXNet:
 
 def template_mesh(name: str, outfit: Outfit) -> Mesh:
     """A template at rest on an outfit's body: the outfit's own garment where it is the template itself."""
-    from uvcloth.garments.templates import load_template, wear
+    from uvcloth.garments.templates import fit_template, load_template
 
     faces = load_template(name).faces
     for garment in outfit.garments:
         if garment.name == garment.template == name and torch.equal(garment.mesh.faces, faces):
             return garment.mesh
-    return wear(name, outfit.body).mesh
+    return fit_template(name, outfit.body).mesh
 
 
 def load_physxnet(checkpoint: Checkpoint, folder: Path) -> PhysXNet:

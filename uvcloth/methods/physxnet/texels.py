@@ -68,12 +68,12 @@ class TemplateTexels:
 
 
 @dataclass(frozen=True)
-class Worn:
+class GarmentDecoder:
     """A garment that is decoded from a template's texels (T^XB).
 
     samples: (N, S) int64 into the template's Q texels, shares: (N, S) their weights.
     points: (N, 3) garment vertices at rest, m. residual: (N, 3) what they lie beside the sampled template
-    points at rest, m: a garment's own style. weights, carrier_weights: (N, J) as in Garment.
+    points at rest, m: a garment's own style. weights, smooth_weights: (N, J) as in Garment.
     """
 
     samples: Tensor
@@ -81,7 +81,7 @@ class Worn:
     points: Tensor
     residual: Tensor
     weights: Tensor
-    carrier_weights: Tensor
+    smooth_weights: Tensor
 
     def sample(self, values: Tensor) -> Tensor:
         """Values at the template's texels (..., Q, C) -> at the garment's vertices (..., N, C)."""
@@ -132,7 +132,7 @@ def template_texels(template: str, mesh: Mesh, body: Body, texels: BodyTexels) -
     )
 
 
-def worn_on(garment: Garment, template: TemplateTexels, texels: BodyTexels) -> Worn:
+def build_decoder(garment: Garment, template: TemplateTexels, texels: BodyTexels) -> GarmentDecoder:
     """Decode a garment from the texels whose template points lie nearest to its vertices at rest.
 
     Nearest on the template and not on the body, so that a skirt's vertex is never torn between two legs.
@@ -145,11 +145,11 @@ def worn_on(garment: Garment, template: TemplateTexels, texels: BodyTexels) -> W
     sampler = nearest_sampler(points, texels.sheet, vertices, normals=facing)
     samples = torch.searchsorted(template.pixels, sampler.pixels)
     shares = sampler.weights
-    return Worn(
+    return GarmentDecoder(
         samples=samples,
         shares=shares,
         points=vertices,
         residual=vertices - gather(template.points, samples, shares),
         weights=garment.weights,
-        carrier_weights=garment.carrier_weights,
+        smooth_weights=garment.smooth_weights,
     )
