@@ -7,10 +7,10 @@ from scipy.sparse.linalg import splu
 from rasterize.charts import boundary_loops
 from rasterize.errors import InputError
 
-RELAXATIONS = 300
-"""At most this many descent steps; a chart settles in 10 to 50."""
+MAX_DESCENT_STEPS = 300
+"""At most this many descent steps; a chart converges in 10 to 50."""
 
-BULGE = 0.01
+SIDE_BULGE = 0.01
 """Sides bend outwards by this share of the chart, so that a face with all corners on one side is no line."""
 
 
@@ -45,20 +45,20 @@ def flatten(
         chord = square[side + 1] - square[side]
         outward = np.array([chord[1], -chord[0]])
         uvs[run] = (
-            square[side] + along[:, None] * chord + (4 * BULGE * along * (1 - along))[:, None] * outward
+            square[side] + along[:, None] * chord + (4 * SIDE_BULGE * along * (1 - along))[:, None] * outward
         )
         free[run] &= chord != 0
         on_side[run, side] = True
     inner: np.ndarray = np.logical_and(free[:, 0], free[:, 1])
     uvs = _solve(_mean_value_weights(vertices, faces), uvs, inner)
-    uvs = (uvs + BULGE) / (1 + 2 * BULGE)
+    uvs = (uvs + SIDE_BULGE) / (1 + 2 * SIDE_BULGE)
     # A face with all corners on one side is as thin as the bulge: no movement can help it.
     thin = on_side[faces].all(1).any(1)
     return _relax(vertices, faces, uvs, free=free, thin=thin, aspect=aspect)
 
 
 def _mean_value_weights(vertices: np.ndarray, faces: np.ndarray) -> sparse.csr_matrix:
-    """w_ij = (tan(a / 2) + tan(b / 2)) / |ij| with a, b the angles at i beside the edge ij."""
+    """Weights (n, n): w_ij = (tan(a / 2) + tan(b / 2)) / |ij|, a and b the angles at i beside the edge."""
     rows, cols, values = [], [], []
     for corner in range(3):
         i, j, k = (faces[:, (corner + step) % 3] for step in range(3))
@@ -147,7 +147,7 @@ def _relax(
     ]
     step = 1.0
     current, gradient = energy(uvs)
-    for _ in range(RELAXATIONS):
+    for _ in range(MAX_DESCENT_STEPS):
         direction = np.zeros_like(uvs)
         for axis, (moving, solver) in enumerate(solvers):
             direction[moving, axis] = -solver.solve(gradient[moving, axis])

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.physics.posed_batch import ClosestPointCache, Planes, PosedMeshBatch, empty_cache
-from uvcloth.physics.surface import FREE, REACH, BodySurface
+from uvcloth.physics.surface import FREE, SEARCH_DISTANCE, BodySurface
 
 NEAR = 0.004
 CPU = torch.device("cpu")
@@ -126,14 +126,14 @@ def test_a_visit_spares_what_moved_less_than_it_was_away() -> None:
     points = torch.tensor([[0.15], [0.2], [1.0]])[None] * direction
     crowd.planes(points, NEAR, cache)
     assert torch.equal(cache.points, points)
-    expected = torch.tensor([[0.0, 0.05, REACH]])
+    expected = torch.tensor([[0.0, 0.05, SEARCH_DISTANCE]])
     torch.testing.assert_close(cache.clearance, expected, atol=1e-4, rtol=0)
     moved = points - 0.03 * direction
     crowd.planes(moved, NEAR, cache)
     assert torch.equal(cache.points, torch.stack([moved[0, 0], points[0, 1], points[0, 2]])[None])
-    assert cache.clearance[0].tolist() == pytest.approx([-0.03, 0.05, REACH], abs=3e-4)
+    assert cache.clearance[0].tolist() == pytest.approx([-0.03, 0.05, SEARCH_DISTANCE], abs=3e-4)
     crowd.planes(moved - 0.03 * direction, NEAR, cache)
-    assert cache.clearance[0].tolist() == pytest.approx([-0.06, -0.01, REACH], abs=1e-3)
+    assert cache.clearance[0].tolist() == pytest.approx([-0.06, -0.01, SEARCH_DISTANCE], abs=1e-3)
 
 
 def test_a_visit_that_remembers_wrongly_is_believed() -> None:

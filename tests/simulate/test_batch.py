@@ -18,14 +18,14 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate import batch, quality_check
 from uvcloth.simulate import plan as planning
-from uvcloth.simulate.batch import foreseen, simulate_batch
+from uvcloth.simulate.batch import progress_text, simulate_batch
 from uvcloth.simulate.fabric import Fabric
 from uvcloth.simulate.folder import refused_captures
 from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.plan import Job
-from uvcloth.simulate.quality_check import MOST_INSIDE, examine
+from uvcloth.simulate.quality_check import MAX_INSIDE_PERCENT, examine
 from uvcloth.simulate.sequence import (
-    FORMAT,
+    SEQUENCE_FORMAT,
     SimulatedSequence,
     content_hash,
     load_sequence,
@@ -86,7 +86,7 @@ def test_damaged_metadata_is_refused(
     skinned: SimulatedSequence, tmp_path: Path, metadata: str, words: str
 ) -> None:
     save_sequence(skinned, tmp_path / "s.npz")
-    arrays = load_arrays(tmp_path / "s.npz", FORMAT, "a sequence")
+    arrays = load_arrays(tmp_path / "s.npz", SEQUENCE_FORMAT, "a sequence")
     save_arrays(tmp_path / "s.npz", {**arrays, "metadata": np.array(metadata)})
     with pytest.raises(InputError, match=rf"s\.npz: the metadata .*{words}"):
         load_sequence(tmp_path / "s.npz")
@@ -105,7 +105,7 @@ def test_exploded_and_swallowed_sequences_are_refused(
     sunken = hips + 0.3 * (skinned.vertices - hips)
     seen, reason = examine(replace(skinned, vertices=sunken), shirt, body)
     assert "inside the body" in str(reason)
-    assert seen.metadata["inside_percent"] > MOST_INSIDE
+    assert seen.metadata["inside_percent"] > MAX_INSIDE_PERCENT
 
 
 def test_a_sleeve_that_came_off_its_arm_is_refused(
@@ -207,18 +207,18 @@ def test_a_faulty_capture_is_reported_and_the_others_go_on(
     assert refused_captures(finished) == {"run": "LeftFoot turns"}
 
 
-def test_the_end_is_foreseen_from_the_speed_of_all_workers() -> None:
+def test_the_end_is_predicted_from_the_speed_of_all_workers() -> None:
     clock = iter(range(1000)).__next__
     progress = Progress(get_time=lambda: 2.0 * clock(), disable=True, speed_estimate_period=3600.0)
     task = progress.add_task("", total=7203)
     now = datetime(2026, 11, 22, 13, 0)
-    assert foreseen(progress.tasks[0], now) == "measuring"
+    assert progress_text(progress.tasks[0], now) == "measuring"
     for _ in range(3):
         progress.advance(task, 1)
     seconds_per_frame = 1.0 / progress.tasks[0].speed
     end = now + timedelta(seconds=7200 * seconds_per_frame)
-    assert foreseen(progress.tasks[0], now).startswith("3 of 7203 frames")
-    assert foreseen(progress.tasks[0], now).endswith(f"done {end:%a %d %b %H:%M}")
+    assert progress_text(progress.tasks[0], now).startswith("3 of 7203 frames")
+    assert progress_text(progress.tasks[0], now).endswith(f"done {end:%a %d %b %H:%M}")
     assert seconds_per_frame == pytest.approx(2.0, rel=0.5)
 
 

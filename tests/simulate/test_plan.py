@@ -11,7 +11,7 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.motion.index import Entry, read_index
 from uvcloth.motion.library import builtin_clips
 from uvcloth.simulate.cloth import Cloth, join
-from uvcloth.simulate.plan import Job, batch_sources, mixed, plan
+from uvcloth.simulate.plan import Job, batch_sources, interleaved, plan
 
 HEADER = "trial,subject,split,action,window_start,window_frames\n"
 
@@ -96,9 +96,9 @@ def test_any_beginning_has_its_share_of_every_person_and_action() -> None:
         for person, count in (("a", 30), ("b", 15), ("c", 6))
         for n in range(count)
     ]
-    order = mixed(entries)
+    order = interleaved(entries)
     assert sorted(order, key=str) == sorted(entries, key=str)
-    assert order == mixed(reversed(entries))
+    assert order == interleaved(reversed(entries))
     for length in (10, 17, 34, 51):
         people = Counter(entry.subject for entry in order[:length])
         actions = Counter(entry.action for entry in order[:length])
@@ -108,7 +108,7 @@ def test_any_beginning_has_its_share_of_every_person_and_action() -> None:
 
 
 def test_the_benchmark_starts_with_validation_and_test(mocap_folder: Path) -> None:
-    order = mixed(e for e in read_index(mocap_folder / "index_v2.csv").values() if e.split != "unused")
+    order = interleaved(e for e in read_index(mocap_folder / "index_v2.csv").values() if e.split != "unused")
     splits = [entry.split for entry in order]
     assert splits == sorted(splits, key=["validation", "test", "train"].index)
     beginning = order[splits.index("train") :][:30]

@@ -1,4 +1,7 @@
-"""`uvcloth demo`: the whole way once, on what the package brings, in ten minutes or so on two cores."""
+"""`uvcloth demo`: simulation, rollout, export and pictures from the package's own data.
+
+It takes ten minutes or so on two cores.
+"""
 
 from collections.abc import Iterable, Iterator
 from importlib.resources import files
@@ -26,7 +29,7 @@ from uvcloth.simulate.sequence import load_sequence
 CLIP = "jump"
 GARMENT = "skirt.obj"
 MODELS = {"tops": "physxnet", "bottoms": "physxnet", "dress": "motion_guided"}
-"""The templates that are shown, and the model that each is drawn with."""
+"""Templates that are shown, and the model that predicts each."""
 
 PICTURES = 6
 PICTURE_SIZE = (300, 420)
@@ -65,7 +68,7 @@ def run(out: Path) -> None:
 
 
 def _side_by_side(path: Path, name: str, body: Body) -> np.ndarray:
-    """A sheet of PICTURES moments of a simulated sequence, a shipped model's rollout below each."""
+    """Draw a sheet of PICTURES moments of a simulated sequence, a shipped model's rollout below each."""
     if not path.exists():
         raise InputError(f"{path}: the simulation was kept apart, see {path.parent / 'rejected'}")
     sequence = load_sequence(path)

@@ -1,4 +1,4 @@
-"""From a motion and garments to an animation file: what `uvcloth rollout` does."""
+"""`uvcloth rollout`: a motion and garments to an animation file."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -24,12 +24,13 @@ from uvcloth.rollout import BrokenRolloutError, rollout
 
 @dataclass(frozen=True)
 class Summary:
-    """What a rollout did.
+    """Summary of a rollout.
 
-    milliseconds: per frame, by stage. skin: percent of the skin that the garments cover at rest that shows
-    through them in what was written. inside_before, inside_after: percent of the garment vertices inside the
-    body before contact (and after what it carries over from frame to frame) and after it, but for those
-    squeezed between parts of the body; squeezed: percent of those. None without contact.
+    written: the files. seconds: wall time of all frames. milliseconds: per frame, by stage. skin: percent of
+    the skin that the garments cover at rest that shows through them in what was written. inside_before,
+    inside_after: percent of the garment vertices inside the body before contact (and after what it carries
+    over from frame to frame) and after it, but for those squeezed between parts of the body; squeezed:
+    percent of those. None without contact.
     """
 
     written: tuple[Path, ...]

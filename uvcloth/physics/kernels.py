@@ -5,19 +5,19 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
-ASKEW = wp.constant(wp.vec3(0.36, 0.48, 0.8))
+OBLIQUE_DIRECTION = wp.constant(wp.vec3(0.36, 0.48, 0.8))
 """A direction along no edge or axis."""
 
 ON_SURFACE = wp.constant(1.0e-5)
 """Metres within which a point lies on the surface: no ray from it tells which side."""
 
-BEHIND = wp.constant(1.0e-6)
+RAY_ADVANCE = wp.constant(1.0e-6)
 """Metres behind a hit from where a ray goes on: caps and creases have sheets that close together."""
 
 FAR = wp.constant(10.0)
 """Metres: farther than anything."""
 
-FACING = wp.constant(0.0)
+OPPOSING_COSINE = wp.constant(0.0)
 """Cosine between the normals of two surfaces that face each other, at most."""
 
 
@@ -34,7 +34,7 @@ def crossings(mesh: wp.uint64, start: wp.vec3, direction: wp.vec3):
         if hit.result:
             count += wp.where(wp.dot(hit.normal, direction) > 0.0, 1, -1)
             found += 1
-            origin = origin + direction * (hit.t + BEHIND)
+            origin = origin + direction * (hit.t + RAY_ADVANCE)
         else:
             searching = False
     return count
@@ -68,8 +68,8 @@ def signed_closest(mesh: wp.uint64, point: wp.vec3, reach: float, side: float):
             if side == 0.0:
                 inside = crossings(mesh, point, away) > 0
                 if inside != (wp.dot(direction, away) < 0.0):
-                    there = crossings(mesh, point, ASKEW) > 0
-                    back = crossings(mesh, point, -ASKEW) > 0
+                    there = crossings(mesh, point, OBLIQUE_DIRECTION) > 0
+                    back = crossings(mesh, point, -OBLIQUE_DIRECTION) > 0
                     inside = (there and back) or (inside and (there or back))
             direction = wp.where(inside, -away, away)
         distance = wp.where(wp.dot(point - place, direction) < 0.0, -length, length)
@@ -127,7 +127,7 @@ def closest_touched(
     for part in range(parts.shape[0]):
         if (touches[i] >> part) & 1 == 1:
             found, place, direction, face, _u, _v = signed_closest(parts[part], point, reach[i], 0.0)
-            if wp.dot(outward, direction) < FACING:
+            if wp.dot(outward, direction) < OPPOSING_COSINE:
                 room = wp.min(room, least + found)
             if face >= 0 and found < least:
                 least = found

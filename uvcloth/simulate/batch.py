@@ -1,4 +1,4 @@
-"""Simulate many sequences in parallel processes, on this machine or on a dask cluster."""
+"""Batch simulation: many sequences in parallel processes, on this machine or on a dask cluster."""
 
 import os
 from collections.abc import Callable, Sequence
@@ -34,14 +34,14 @@ from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
 from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
-AHEAD = 2
-"""Simulations that are handed out per core: one runs, one waits."""
+JOBS_PER_CORE = 2
+"""Simulations that are submitted per core: one runs, one waits."""
 
 SPEED_SECONDS = 3600.0
-"""How far back the speed is measured by which the end is foreseen."""
+"""Seconds of the past over which the speed is measured that predicts the end."""
 
-TOPIC = "uvcloth-frames"
-PARTS = LeadIn()
+FRAMES_TOPIC = "uvcloth-frames"
+LEAD_IN = LeadIn()
 
 
 def simulate_batch(
@@ -121,36 +121,36 @@ def _simulate_all(
         client = stack.enter_context(_connect(cluster))
         progress = stack.enter_context(_progress())
         bar = progress.add_task(f"{len(todo)} sequences", total=sum(map(_frames, todo)))
-        client.subscribe_topic(TOPIC, lambda event: progress.advance(bar, event[1]))
+        client.subscribe_topic(FRAMES_TOPIC, lambda event: progress.advance(bar, event[1]))
         shared = client.scatter(body, broadcast=True)
         queue, running = iter(todo), as_completed()
         waiting: dict[Any, Job] = {}
 
-        def hand_out() -> None:
-            """A few at a time: all at once would fill the scheduler's memory with motion and cloth."""
-            while len(waiting) < AHEAD * max(sum(client.nthreads().values()), 1):
+        def submit() -> None:
+            """Submit a few jobs: all at once would fill the scheduler's memory with motion and cloth."""
+            while len(waiting) < JOBS_PER_CORE * max(sum(client.nthreads().values()), 1):
                 job = next(queue, None)
                 if job is None:
                     return
-                future = client.submit(_work, job, shared, engine, pure=False)
+                future = client.submit(_simulate_job, job, shared, engine, pure=False)
                 waiting[future] = job
                 running.add(future)
 
-        hand_out()
+        submit()
         for future in running:
             job = waiting.pop(future)
             sequences, reason = future.result()
             progress.advance(bar, _frames(job) - len(sequences[0].vertices))
             for sequence, target in zip(sequences, job.targets, strict=True):
-                progress.console.print(_keep(sequence, reason, target), soft_wrap=True)
+                progress.console.print(_store(sequence, reason, target), soft_wrap=True)
             future.release()
-            hand_out()
+            submit()
             if not progress.console.is_terminal:
-                print(foreseen(progress.tasks[0], datetime.now()), flush=True)
+                print(progress_text(progress.tasks[0], datetime.now()), flush=True)
 
 
 def _cloths(names: Sequence[str], body: Body) -> list[Cloth]:
-    """The garments, ready to simulate. Raises InputError also if two of them have one name."""
+    """Load the garments, ready to simulate. Raises InputError also if two of them have one name."""
     cloths: dict[str, Cloth] = {}
     for name in names:
         cloth = join(load_garment_for_data(name, body, print), body)
@@ -161,7 +161,7 @@ def _cloths(names: Sequence[str], body: Body) -> list[Cloth]:
 
 
 def _connect(cluster: Any) -> Any:
-    """A client of a local cluster, or of the scheduler at an address."""
+    """Connect a client to a local cluster, or to the scheduler at an address."""
     from dask.distributed import Client
 
     try:
@@ -170,14 +170,17 @@ def _connect(cluster: Any) -> Any:
         raise InputError(f"--scheduler {cluster}: no dask scheduler answers there ({error})") from error
 
 
-def _work(job: Job, body: Body, engine: Engine) -> tuple[list[SimulatedSequence], str | None]:
-    """Runs in a worker process: one core, frames reported as they are made."""
+def _simulate_job(job: Job, body: Body, engine: Engine) -> tuple[list[SimulatedSequence], str | None]:
+    """Simulate and examine a job in a worker process, on one core, and report frames as they are made.
+
+    Returns the sequences, and the reasons why they are refused, None if they are not.
+    """
     import torch
     from dask.distributed import get_worker
 
     torch.set_num_threads(1)
-    report: Callable[[int], None] = lambda made: get_worker().log_event(TOPIC, made)  # noqa: E731
-    made = simulate(job.motion, job.warm_up, job.cloths, body, engine, PARTS, report)
+    report: Callable[[int], None] = lambda made: get_worker().log_event(FRAMES_TOPIC, made)  # noqa: E731
+    made = simulate(job.motion, job.warm_up, job.cloths, body, engine, LEAD_IN, report)
     examined = [
         examine(sequence, cloth.garment, body) for sequence, cloth in zip(made, job.cloths, strict=True)
     ]
@@ -189,18 +192,18 @@ def _work(job: Job, body: Body, engine: Engine) -> tuple[list[SimulatedSequence]
     return [sequence for sequence, _ in examined], "; ".join(reasons) or None
 
 
-def _keep(sequence: SimulatedSequence, reason: str | None, target: Path) -> str:
-    """Write a finished sequence where it belongs and say so."""
+def _store(sequence: SimulatedSequence, reason: str | None, target: Path) -> str:
+    """Write a finished sequence, a refused one to the folder of those, and return a line of text on it."""
     if reason is not None:
-        apart = rejected(target)
-        save_sequence(replace(sequence, metadata={**sequence.metadata, "rejected": reason}), apart)
-        return f"{apart}: kept apart, {reason}"
+        elsewhere = rejected(target)
+        save_sequence(replace(sequence, metadata={**sequence.metadata, "rejected": reason}), elsewhere)
+        return f"{elsewhere}: kept apart, {reason}"
     save_sequence(sequence, target)
     seconds = sequence.metadata["wall_seconds"] / len(sequence.vertices)
-    said = [f"{seconds:.2f} s per frame", f"{sequence.metadata['inside_percent']:.2f} % inside"]
+    figures = [f"{seconds:.2f} s per frame", f"{sequence.metadata['inside_percent']:.2f} % inside"]
     for name, share in sequence.metadata.get("wrong_side_percent", {}).items():
-        said.append(f"{share:.2f} % on the wrong side of {name}")
-    return f"{target}: {', '.join(said)}"
+        figures.append(f"{share:.2f} % on the wrong side of {name}")
+    return f"{target}: {', '.join(figures)}"
 
 
 def _close(cluster: Any) -> None:
@@ -210,11 +213,11 @@ def _close(cluster: Any) -> None:
 
 
 def _frames(job: Job) -> int:
-    return len(job.motion) + len(PARTS)
+    return len(job.motion) + len(LEAD_IN)
 
 
-def foreseen(task: Task, now: datetime) -> str:
-    """How fast all workers together are, and when they will be done: what was there before does not count."""
+def progress_text(task: Task, now: datetime) -> str:
+    """Text on the speed of all workers together and the end; what was there before does not count."""
     if not task.speed or task.remaining is None:
         return "measuring"
     end = now + timedelta(seconds=task.remaining / task.speed)
@@ -222,14 +225,16 @@ def foreseen(task: Task, now: datetime) -> str:
     return f"{done}, {task.speed:.2f} per second, done {end:%a %d %b %H:%M}"
 
 
-class _Foreseen(ProgressColumn):
+class _ProgressText(ProgressColumn):
+    """Column of `progress_text`, once a second."""
+
     max_refresh = 1.0
 
     def render(self, task: Task) -> Text:
-        return Text(foreseen(task, datetime.now()))
+        return Text(progress_text(task, datetime.now()))
 
 
 def _progress() -> Progress:
     return Progress(
-        TextColumn("{task.description}"), BarColumn(), _Foreseen(), speed_estimate_period=SPEED_SECONDS
+        TextColumn("{task.description}"), BarColumn(), _ProgressText(), speed_estimate_period=SPEED_SECONDS
     )
