@@ -98,21 +98,17 @@ class Simulate:
         if not (self.clips or self.windows) or not self.garment:
             raise InputError("simulate: name at least one clip, or a table with --windows, and one garment")
         from uvcloth.bodies.body import load_body
-        from uvcloth.simulate.batch import simulate_batch
+        from uvcloth.simulate.batch import Workers, simulate_batch
+        from uvcloth.simulate.plan import ClipSelection
 
         simulate_batch(
-            clips=self.clips,
-            garments=self.garment,
+            ClipSelection(self.clips, self.windows, self.clips_from, self.split),
+            outfits=[self.garment] if self.layered else [(name,) for name in self.garment],
             out=self.out,
             body=load_body(self.body),
-            windows=self.windows,
-            clips_from=self.clips_from,
-            splits=self.split,
-            jobs=self.jobs,
-            scheduler=self.scheduler,
-            repeat=self.repeat,
-            layered=self.layered,
             engine=self.engine,
+            repeat=self.repeat,
+            workers=Workers(self.jobs, self.scheduler),
         )
 
 

@@ -17,6 +17,7 @@ from uvcloth.simulate import blender
 from uvcloth.simulate.batch import simulate_batch
 from uvcloth.simulate.blender import PYTHON_VARIABLE, Blender, find_blender
 from uvcloth.simulate.fabric import Fabric
+from uvcloth.simulate.plan import ClipSelection
 
 STILL = Fabric(drag=0.0)
 """Cloth without air."""
@@ -160,7 +161,7 @@ def test_nothing_is_written_where_the_engine_is_missing(
         ("havok", "--engine havok: expected one of newton, blender"),
     ):
         with pytest.raises(InputError, match=words):
-            simulate_batch(["walk"], ["tops"], tmp_path / "data", body, engine=engine)
+            simulate_batch(ClipSelection(["walk"]), [["tops"]], tmp_path / "data", body, engine=engine)
     assert not list(tmp_path.iterdir())
 
 

@@ -24,6 +24,7 @@ from uvcloth.methods.registry import DEFAULT, load_method
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render_frames
 from uvcloth.rollout import rollout
 from uvcloth.simulate.batch import simulate_batch
+from uvcloth.simulate.plan import ClipSelection
 from uvcloth.simulate.sequence import load_sequence
 
 CLIP = "jump"
@@ -44,7 +45,7 @@ def run(out: Path) -> None:
     console = Console()
     body = load_body()
     console.print(f"1. Simulating {', '.join(MODELS)} over the built-in clip {CLIP} (five to ten minutes)")
-    simulate_batch([CLIP], tuple(MODELS), out / "sequences", body)
+    simulate_batch(ClipSelection([CLIP]), [(name,) for name in MODELS], out / "sequences", body)
     skirt = str(files("uvcloth") / "data" / "garments" / GARMENT)
     console.print(
         "2. Rolling the shipped models out on the same clip: Motion-guided on its dress, PhysXNet on a shirt "

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ from uvcloth.simulate.folder import (
     stored_sequences,
 )
 from uvcloth.simulate.lead_in import LeadIn
-from uvcloth.simulate.plan import Job, batch_sources, plan
+from uvcloth.simulate.plan import ClipSelection, Job, batch_sources, plan
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
 from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
@@ -41,31 +41,41 @@ SPEED_SECONDS = 3600.0
 """Seconds of the past over which the speed is measured that predicts the end."""
 
 FRAMES_TOPIC = "uvcloth-frames"
+"""Topic under which workers report frames."""
+
 LEAD_IN = LeadIn()
 
 
+@dataclass(frozen=True)
+class Workers:
+    """Processes that simulate: `jobs` on this machine, None for one per core, or those of a dask scheduler.
+
+    scheduler: its address.
+    """
+
+    jobs: int | None = None
+    scheduler: str | None = None
+
+
+ONE_PER_CORE = Workers()
+
+
 def simulate_batch(
-    clips: Sequence[str],
-    garments: Sequence[str],
+    selection: ClipSelection,
+    outfits: Sequence[Sequence[str]],
     out: Path,
     body: Body,
-    windows: Path | None = None,
-    clips_from: Path | None = None,
-    splits: Sequence[str] | None = None,
-    jobs: int | None = None,
-    scheduler: str | None = None,
-    repeat: bool = False,
-    layered: bool = False,
     engine: str = "newton",
+    repeat: bool = False,
+    workers: Workers = ONE_PER_CORE,
 ) -> None:
-    """Simulate every clip with every garment into OUT/<clip>_<garment>.npz; what is there already is kept.
+    """Simulate every clip with every outfit into OUT/<clip>_<garment>.npz; what is there already is kept.
 
-    garments: template names or mesh files, whose garment is named by the file's stem. layered: they are worn
-    over one another, the first innermost, and simulated together; otherwise each alone.
-    windows: an index of clips and windows, copied to OUT/index.csv. clips_from, splits: without clips, the
-    folder and the splits of those that it names (`batch_sources`).
-    engine: one of ENGINES.
-    repeat: start each window REPEAT_EARLIER frames earlier and write to OUT/repeat instead.
+    selection: its index, if any, is copied to OUT/index.csv. outfits: garments that are simulated together,
+    each outfit by itself, the innermost garment first: template names or mesh files, whose garment is named
+    by the file's stem. engine: one of ENGINES. repeat: start each window REPEAT_LEAD_FRAMES frames earlier
+    and write to OUT/repeat instead.
+
     Sequences that `examine` refuses go to OUT/rejected with the reason in their metadata, all layers of an
     outfit together; captures that are faulty are not simulated and named in OUT/refused.csv.
     Raises InputError for unreadable clips, garments or windows, for garments that cannot be simulated or
@@ -75,47 +85,40 @@ def simulate_batch(
     """
     if engine not in ENGINES:
         raise InputError(f"--engine {engine}: expected one of {', '.join(ENGINES)}")
-    if jobs is not None and jobs < 1:
-        raise InputError(f"--jobs {jobs}: expected at least 1")
-    cloths = _cloths(garments, body)
-    outfits = [tuple(cloths)] if layered else [(cloth,) for cloth in cloths]
-    for outfit in outfits:
+    if workers.jobs is not None and workers.jobs < 1:
+        raise InputError(f"--jobs {workers.jobs}: expected at least 1")
+    cloths = _cloths(outfits, body)
+    for outfit in cloths:
         check_order([cloth.garment for cloth in outfit])
-    sources = batch_sources(clips, windows, clips_from, splits)
-    named = [tuple(cloth.garment.name for cloth in outfit) for outfit in outfits]
+    sources = batch_sources(selection)
     made_by = ENGINES[engine]()
-    require_same(stored_sequences(out), body, made_by, named)
-    todo, refused = plan(sources, outfits, out / REPEAT if repeat else out, body, repeat)
+    names = [tuple(cloth.garment.name for cloth in outfit) for outfit in cloths]
+    require_same(stored_sequences(out), body, made_by, names)
+    todo, refused = plan(sources, cloths, out / REPEAT if repeat else out, body, repeat)
     make_folder(out)
-    if windows is not None:
-        keep_index(windows, out / INDEX)
+    if selection.windows is not None:
+        keep_index(selection.windows, out / INDEX)
     if refused:
         keep_refused(refused, out)
         print("\n".join(f"{clip}: refused, {reason}" for clip, reason in refused.items()))
     if not todo:
         print(f"{out}: every sequence is there already")
         return
-    _simulate_all(todo, body, made_by, jobs, scheduler)
+    _simulate_all(todo, body, made_by, workers)
 
 
-def _simulate_all(
-    todo: Sequence[Job],
-    body: Body,
-    engine: Engine,
-    jobs: int | None,
-    scheduler: str | None,
-) -> None:
+def _simulate_all(todo: Sequence[Job], body: Body, engine: Engine, workers: Workers) -> None:
     """Simulate in order, as many at a time as there are cores, and keep each sequence as it is done."""
     try:
         from dask.distributed import LocalCluster, as_completed
     except ModuleNotFoundError as error:
         raise InputError("simulating needs dask and Newton: install uvcloth[simulate]") from error
     with ExitStack() as stack:
-        cluster: Any = scheduler
-        if scheduler is None:
-            workers = min(jobs or os.cpu_count() or 1, len(todo))
+        cluster: Any = workers.scheduler
+        if cluster is None:
+            count = min(workers.jobs or os.cpu_count() or 1, len(todo))
             cluster = LocalCluster(
-                n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=50
+                n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=50
             )
             stack.callback(_close, cluster)
         client = stack.enter_context(_connect(cluster))
@@ -149,15 +152,18 @@ def _simulate_all(
                 print(progress_text(progress.tasks[0], datetime.now()), flush=True)
 
 
-def _cloths(names: Sequence[str], body: Body) -> list[Cloth]:
+def _cloths(outfits: Sequence[Sequence[str]], body: Body) -> list[tuple[Cloth, ...]]:
     """Load the garments, ready to simulate. Raises InputError also if two of them have one name."""
-    cloths: dict[str, Cloth] = {}
-    for name in names:
+    taken: set[str] = set()
+
+    def load(name: str) -> Cloth:
         cloth = join(load_garment_for_data(name, body, print), body)
-        if cloth.garment.name in cloths:
+        if cloth.garment.name in taken:
             raise InputError(f"garment {name}: another one is also named {cloth.garment.name}")
-        cloths[cloth.garment.name] = cloth
-    return list(cloths.values())
+        taken.add(cloth.garment.name)
+        return cloth
+
+    return [tuple(load(name) for name in outfit) for outfit in outfits]
 
 
 def _connect(cluster: Any) -> Any:

@@ -43,15 +43,27 @@ class Source:
     window: Entry | None
 
 
-def batch_sources(
-    clips: Sequence[str], windows: Path | None, clips_from: Path | None, splits: Sequence[str] | None
-) -> list[Source]:
-    """Find the clips of a batch, in order: those that are named, or all that an index has in some splits.
+@dataclass(frozen=True)
+class ClipSelection:
+    """Clips of a batch: those that are named, or all that an index has in some splits.
 
-    windows: an index of clips and windows. clips_from: the folder of its clips, by default its own. splits:
-    by default all of SPLITS. Raises InputError for an index that is none or lacks a named clip, and for a
-    clip without a file.
+    clips: files or names of built-in clips. windows: an index of clips and windows. clips_from: the folder of
+    its clips, by default its own. splits: by default all of SPLITS; both only where no clip is named.
     """
+
+    clips: Sequence[str] = ()
+    windows: Path | None = None
+    clips_from: Path | None = None
+    splits: Sequence[str] | None = None
+
+
+def batch_sources(selection: ClipSelection) -> list[Source]:
+    """Find the clips of a batch, in order.
+
+    Raises InputError for an index that is none or lacks a named clip, and for a clip without a file.
+    """
+    clips, windows = selection.clips, selection.windows
+    clips_from, splits = selection.clips_from, selection.splits
     if windows is None:
         if clips_from is not None or splits is not None:
             raise InputError("--clips-from and --split go with --windows, the index of the clips")
