@@ -269,6 +269,7 @@ class Options:
 
 
 def main() -> None:
+    """Tailor the templates that the command line names."""
     import tyro
 
     options = tyro.cli(Options)

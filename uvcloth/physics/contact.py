@@ -161,7 +161,7 @@ class Obstacle:
 
         The layers beneath have to be where they end in this frame.
         """
-        start = vertices if before is None else vertices + _carried(before)
+        start = vertices if before is None else vertices + _warm_start(before)
         skin = self.skin(start, garment)
         inside_before = int(skin.inside.sum())
         held = (skin.distance < PLANE_DISTANCE) & ~skin.squeezed
@@ -238,7 +238,7 @@ class Obstacle:
         return Skin(distance, normals, offsets, gap < SQUEEZE_GAP)
 
 
-def _carried(move: Tensor) -> Tensor:
+def _warm_start(move: Tensor) -> Tensor:
     """Corrections (N, 3) m that the next frame starts from, of those of this frame (N, 3)."""
     return move * (
         MAX_WARM_START / move.norm(dim=1, keepdim=True).clamp(min=MAX_WARM_START) * WARM_START_SHARE

@@ -62,7 +62,8 @@ class SelfContact:
     def depths(self, vertices: Tensor) -> Tensor:
         """Depths of parts of the posed body (V, 3) m inside others: (P, P) m, 0 where they are not.
 
-        Row and column are the two parts, as in NAMES: the deepest vertex of the column's inside the row's.
+        Row and column are the two parts, as in PART_NAMES: the deepest vertex of the column's inside the
+        row's.
         """
         posed = self._collider.vertices(vertices)
         depths = vertices.new_zeros(len(PART_NAMES), len(PART_NAMES))

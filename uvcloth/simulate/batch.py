@@ -237,6 +237,7 @@ class _ProgressText(ProgressColumn):
     max_refresh = 1.0
 
     def render(self, task: Task) -> Text:
+        """Text for a task."""
         return Text(progress_text(task, datetime.now()))
 
 

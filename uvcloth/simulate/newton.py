@@ -204,6 +204,7 @@ class _Collider:
         self.low, self.high = model.shape_collision_aabb_lower, model.shape_collision_aabb_upper
 
     def begin(self, frame: int) -> None:
+        """Set the two ends of the motion into a frame."""
         self.ends = [(frames[frame - 1], frames[frame]) for frames in self.frames]
         if not self.ends:
             return
@@ -217,6 +218,7 @@ class _Collider:
             wp.copy(bounds, _vectors(torch.stack(corners)), count=len(corners))
 
     def move(self, share: float) -> None:
+        """Move to a share, 0 to 1, of the way into the frame."""
         for mesh, (start, end) in zip(self.meshes, self.ends, strict=True):
             wp.copy(mesh.points, _vectors(torch.lerp(start, end, share)))
             mesh.refit()
@@ -234,11 +236,12 @@ class _Forces:
         self.band = scene.band[:, None].float()
 
     def begin(self, frame: int) -> None:
+        """Set the two ends of the skinned garment's motion into a frame."""
         self.start, self.end = self.skinned[frame - 1], self.skinned[frame]
         self.velocity = (self.end - self.start) * self.fps
 
     def apply(self, state: Any, share: float, wind: Tensor) -> None:
-        """wind: (1, 3) m/s of the frame of reference against the air."""
+        """Apply the forces at a share of the frame; wind: (1, 3) m/s, of the reference frame in the air."""
         position = wp.to_torch(state.particle_q)
         velocity = wp.to_torch(state.particle_qd)
         target = torch.lerp(self.start, self.end, share)
