@@ -22,7 +22,8 @@ from uvcloth.export.shapes import (
 from uvcloth.geometry.mesh import Mesh, face_normals, vertex_normals
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms, world_rotations
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.pbns.method import PBNS, pose_vectors
+from uvcloth.methods.pbns.method import PBNS
+from uvcloth.methods.rig import pose_vectors
 from uvcloth.motion.clip import Clip
 
 REGULARIZATION = 1e-3
