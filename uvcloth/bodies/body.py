@@ -70,11 +70,11 @@ def save_body(body: Body, path: Path) -> None:
         "sides": body.sides.numpy().astype(np.int8),
         "proxy_names": np.array(sorted(body.proxies), dtype=np.str_),
     }
-    _pack_weights(arrays, "", body.weights)
+    arrays |= _pack_weights("", body.weights)
     for name, proxy in body.proxies.items():
         arrays[f"{name}_vertices"] = proxy.vertices.numpy().astype(np.float32)
         arrays[f"{name}_faces"] = proxy.faces.numpy().astype(np.uint16)
-        _pack_weights(arrays, f"{name}_", proxy.weights)
+        arrays |= _pack_weights(f"{name}_", proxy.weights)
     save_arrays(path, arrays)
 
 
@@ -119,10 +119,13 @@ def load_body(path: Path | None = None) -> Body:
         raise InputError(f"{path}: the body file lacks the array {error}") from error
 
 
-def _pack_weights(arrays: dict[str, np.ndarray], prefix: str, weights: Tensor) -> None:
+def _pack_weights(prefix: str, weights: Tensor) -> dict[str, np.ndarray]:
+    """Arrays of the strongest blend weights of (V, J), whose names begin with the prefix."""
     strongest = weights.topk(min(BODY_INFLUENCES, weights.shape[1]), dim=1)
-    arrays[f"{prefix}weight_joints"] = strongest.indices.numpy().astype(np.uint8)
-    arrays[f"{prefix}weights"] = strongest.values.numpy().astype(np.float32)
+    return {
+        f"{prefix}weight_joints": strongest.indices.numpy().astype(np.uint8),
+        f"{prefix}weights": strongest.values.numpy().astype(np.float32),
+    }
 
 
 def _unpack_weights(data: dict[str, np.ndarray], prefix: str, joints: int) -> Tensor:

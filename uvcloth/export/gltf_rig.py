@@ -41,7 +41,7 @@ def _add_garment(document: Document, rig: Rig, index: int, skin: int) -> int:
     """Add a garment with all of its targets. Returns its node."""
     garment = rig.garments[index]
     source, primitive = add_geometry(document, garment.mesh)
-    add_influences(document, primitive, garment.joints[source], garment.weights[source])
+    primitive["attributes"] |= add_influences(document, garment.joints[source], garment.weights[source])
     primitive["material"] = document.material(garment.name, GARMENT_COLORS[index % len(GARMENT_COLORS)])
     primitive["targets"] = [
         {

@@ -42,12 +42,12 @@ def add_geometry(document: Document, mesh: Mesh) -> tuple[np.ndarray, dict[str, 
     return source, {"attributes": attributes, "indices": indices}
 
 
-def add_influences(
-    document: Document, primitive: dict[str, Any], joints: np.ndarray, weights: np.ndarray
-) -> None:
-    """Bind a primitive of M vertices to the joints (M, 4) of a skin, with weights (M, 4)."""
-    primitive["attributes"]["JOINTS_0"] = document.array(joints, "VEC4", SHORT, VERTICES)
-    primitive["attributes"]["WEIGHTS_0"] = document.array(weights, "VEC4", FLOAT, VERTICES)
+def add_influences(document: Document, joints: np.ndarray, weights: np.ndarray) -> dict[str, int]:
+    """Add attributes that bind M vertices to the joints (M, 4) of a skin, with weights (M, 4)."""
+    return {
+        "JOINTS_0": document.array(joints, "VEC4", SHORT, VERTICES),
+        "WEIGHTS_0": document.array(weights, "VEC4", FLOAT, VERTICES),
+    }
 
 
 def add_skeleton(document: Document, skeleton: Skeleton) -> tuple[int, int]:
@@ -95,7 +95,7 @@ def add_body(document: Document, body: Body, skin: int) -> None:
     """Add the skinned body, with the four strongest influences of each vertex."""
     source, primitive = add_geometry(document, body.mesh)
     joints, weights = strongest(body.weights, GLTF_INFLUENCES)
-    add_influences(document, primitive, joints[source], weights[source])
+    primitive["attributes"] |= add_influences(document, joints[source], weights[source])
     primitive["material"] = document.material("body", BODY_COLOR)
     document.mesh("body", primitive, skin, extras={"source_vertices": source.tolist()})
 
