@@ -34,9 +34,11 @@ class Carrying:
         return {"engine": "carrying"}
 
     def simulate(self, scene: Scene) -> Iterator[Tensor]:
-        assert scene.touches.shape[1] == len(scene.rest) == len(scene.heavier) == len(scene.inner_thickness)
+        assert (
+            scene.touches.shape[1] == len(scene.rest) == len(scene.mass_factor) == len(scene.inner_thickness)
+        )
         assert int(scene.faces.max()) == len(scene.rest) - 1
-        assert torch.equal(scene.heavier > 1.0, scene.band)
+        assert torch.equal(scene.mass_factor > 1.0, scene.band)
         for vertices in scene.skinned:
             yield vertices + torch.tensor([0.0, 0.0, self.up])
 
