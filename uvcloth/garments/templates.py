@@ -12,6 +12,7 @@ from torch import Tensor
 
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
+from rasterize.gather import gather
 from uvcloth.bodies.body import Body
 from uvcloth.garments.attach import make_garment
 from uvcloth.garments.garment import Garment
@@ -60,8 +61,8 @@ def fit_template(name: str, body: Body) -> Garment:
 def tailored(template: Template, body: Body) -> Mesh:
     """The template's mesh on a body: anchored on its shell, then eased off the skin and evened out."""
     shell_vertices, shell_faces = shell(body, template.bodice)
-    corners = torch.from_numpy(shell_vertices).float()[torch.from_numpy(shell_faces)[template.anchor_faces]]
-    vertices = (corners * template.anchor_barycentrics[..., None]).sum(1)
+    corners = torch.from_numpy(shell_faces)[template.anchor_faces]
+    vertices = gather(torch.from_numpy(shell_vertices).float(), corners, template.anchor_barycentrics)
     vertices = eased(vertices, template.faces, template.clearance, template.snug, body)
     return Mesh(vertices, template.faces, template.uvs, template.face_uvs)
 

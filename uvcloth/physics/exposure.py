@@ -11,6 +11,7 @@ from itertools import accumulate
 import torch
 from torch import Tensor
 
+from rasterize.gather import gather
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.mesh import Mesh, face_normals
 from uvcloth.physics import kernels
@@ -48,7 +49,7 @@ class SurfaceSample:
 
     def points(self, vertices: Tensor) -> Tensor:
         """Where they are on posed vertices (..., V, 3): (..., P, 3)."""
-        return (vertices[..., self.corners, :] * self.barycentrics[..., None]).sum(-2)
+        return gather(vertices, self.corners, self.barycentrics)
 
     def chosen(self, rows: Tensor) -> "SurfaceSample":
         """Some of them, by mask or index."""
