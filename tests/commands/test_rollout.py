@@ -42,7 +42,7 @@ def scene(monkeypatch, body):
             )
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
-    monkeypatch.setattr(animation, "take", lambda name, *_: SimpleNamespace(name=name, mesh=mesh))
+    monkeypatch.setattr(animation, "load_garment", lambda name, *_: SimpleNamespace(name=name, mesh=mesh))
     method = SimpleNamespace(
         unsupported_reason=lambda outfit: "it itches" if len(outfit.garments) > 1 else ""
     )

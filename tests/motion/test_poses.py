@@ -47,7 +47,7 @@ def test_poses_save_and_load(tmp_path: Path, poses: PoseDatabase) -> None:
 def test_a_split_holds_its_poses_only(poses: PoseDatabase) -> None:
     train, test = poses.of("train"), poses.of("test")
     assert (len(train), len(poses.of("validation")), len(test)) == (2, 1, 1)
-    assert train.physxnet.frames.tolist() == [5, 0]
+    assert train.frames.tolist() == [5, 0]
     torch.testing.assert_close(test.rotations, poses.rotations[3:])
 
 

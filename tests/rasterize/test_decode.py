@@ -61,7 +61,7 @@ def shell(body: Body) -> tuple[torch.Tensor, Texels, torch.Tensor]:
     texels = rasterize_layout(load_body_layout(), 128)
     points, rays = (bake(values, body.mesh.faces, texels) for values in (body.mesh.vertices, normals))
     hits = body_to_garment(points, rays, shell, body.mesh.faces, max_distance=0.1)
-    seen = hits.skin_frames(shell, body.mesh.faces)
+    seen = hits.interpolate(shell, body.mesh.faces)
     return shell, texels, torch.where(hits.found[:, None], seen, torch.nan)
 
 

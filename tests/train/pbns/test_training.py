@@ -230,7 +230,7 @@ def test_planes_between_layers_are_those_of_each_pose_alone(layered: Outfit) -> 
     planes = layer.planes(posed, normals)
     distance = planes.distance(posed[:, layer.outer])
     assert len(posed) < objective.batch
-    for vertices, facing, found, bounds in zip(posed, normals, distance, planes.bounds, strict=True):
+    for vertices, facing, found, bounds in zip(posed, normals, distance, planes.offsets, strict=True):
         alone = Layer(vertices[layer.rows], objective.faces[0])
         beside = alone.beside(vertices[layer.outer], DEEPEST)
         met = beside.covered & ((beside.normals * facing[layer.outer]).sum(1) > 0)
