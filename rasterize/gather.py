@@ -1,5 +1,7 @@
 """Weighted sums of rows: how values at vertices become values at texels, and back."""
 
+from typing import Any
+
 import torch
 from torch import Tensor
 
@@ -10,26 +12,16 @@ def gather(values: Tensor, indices: Tensor, weights: Tensor) -> Tensor:
     weights: (N, K), or (..., N, K) where they differ over the leading dimensions of the values.
     """
     weights = weights.to(values.dtype)
-    if torch.is_grad_enabled() and values.requires_grad and not weights.requires_grad:
-        return _by_columns(values, indices, weights)
-    return _in_one_pass(values, indices, weights)
+    if weights.requires_grad:
+        return _sums(values, indices, weights)
+    sums: Tensor = _FixedWeights.apply(values, indices, weights)  # type: ignore[no-untyped-call]
+    return sums
 
 
-def _by_columns(values: Tensor, indices: Tensor, weights: Tensor) -> Tensor:
-    """One pass per column of the indices: forth and back two to three times as fast on the CPU."""
-    return torch.stack(
-        [
-            values.index_select(-2, column) * share[..., None]
-            for column, share in zip(indices.unbind(1), weights.unbind(-1), strict=True)
-        ]
-    ).sum(0)
-
-
-def _in_one_pass(values: Tensor, indices: Tensor, weights: Tensor) -> Tensor:
-    """One pass for all columns: two to ten times as fast where the values need no gradient."""
+def _sums(values: Tensor, indices: Tensor, weights: Tensor) -> Tensor:
+    """One pass for all K columns, where a product for each takes two to ten times as long."""
     leading, (rows, channels) = values.shape[:-2], values.shape[-2:]
-    batch = leading.numel()
-    first = rows * torch.arange(batch, device=values.device)[:, None, None]
+    first = rows * torch.arange(leading.numel(), device=values.device)[:, None, None]
     sums = torch.nn.functional.embedding_bag(
         (indices + first).flatten(0, 1),
         values.reshape(-1, channels),
@@ -37,3 +29,22 @@ def _in_one_pass(values: Tensor, indices: Tensor, weights: Tensor) -> Tensor:
         mode="sum",
     )
     return sums.view(*leading, len(indices), channels)
+
+
+class _FixedWeights(torch.autograd.Function):
+    """The sums, with a gradient column by column: on the CPU twice as fast as that of `_sums`."""
+
+    @staticmethod
+    def forward(ctx: Any, values: Tensor, indices: Tensor, weights: Tensor) -> Tensor:
+        ctx.save_for_backward(indices, weights)
+        ctx.rows = values.shape[-2]
+        return _sums(values, indices, weights)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:
+        indices, weights = ctx.saved_tensors
+        (sums,) = gradients
+        values = sums.new_zeros(*sums.shape[:-2], ctx.rows, sums.shape[-1])
+        for column, share in zip(indices.unbind(1), weights.unbind(-1), strict=True):
+            values.index_add_(-2, column, sums * share[..., None])
+        return values, None, None
