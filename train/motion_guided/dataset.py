@@ -34,7 +34,7 @@ class Rows:
     """R frames of the garment, clip after clip, each led in by MEMORY frames of its warm-up.
 
     vertices: (R, N, 3) m, world; offsets: (R, P, 3) of their texels from the smooth LBS reference. pose: of
-    the body.     samples: (S,) int64 rows that count. starts: (R,) int64 first row of the clip.
+    the body. samples: (S,) int64 rows that count. starts: (R,) int64 first row of the clip.
     """
 
     vertices: Tensor
@@ -42,9 +42,6 @@ class Rows:
     pose: Pose
     samples: Tensor
     starts: Tensor
-
-    def to(self, device: torch.device) -> "Rows":
-        return to_device(self, device)
 
 
 def load_rows(clips: list[TrainingClip], garment: str, under: str, maps: GarmentMaps) -> Rows:
@@ -148,12 +145,11 @@ class GarmentDataset:
         )
 
     def to(self, device: torch.device) -> None:
-        self.maps = to_device(self.maps, device)
-        self.rows, self.held = self.rows.to(device), self.held.to(device)
-        self.edges, self.laplacian = self.edges.to(device), self.laplacian.to(device)
-        self.sample = self.sample.to(device)
-        self.lengths = self.lengths.to(device)
-        self.skin = BodySurface(self.body.mesh.vertices.to(device), self.body.mesh.faces.to(device))
+        self.maps, self.rows, self.held = to_device((self.maps, self.rows, self.held), device)
+        self.edges, self.lengths = to_device((self.edges, self.lengths), device)
+        self.laplacian, self.sample = to_device((self.laplacian, self.sample), device)
+        mesh = to_device(self.body.mesh, device)
+        self.skin = BodySurface(mesh.vertices, mesh.faces)
 
     def codes(self, space: Space, rows: Rows, chosen: Tensor) -> Tensor:
         """Z* of simulated garments: (B, Z)."""

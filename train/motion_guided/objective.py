@@ -15,6 +15,7 @@ from train.loop import LoopConfig
 from train.motion_guided.dataset import CHUNK, GarmentDataset, Rows, offsets_of
 from train.motion_guided.linear_space import fit_linear
 from uvcloth.checkpoint import load_checkpoint, save_checkpoint
+from uvcloth.geometry.records import to_device
 from uvcloth.methods.motion_guided.dynamics_input import (
     MEMORY,
     DynamicsInput,
@@ -205,8 +206,9 @@ class DynamicsObjective(ShapeObjective):
     def to(self, device: torch.device) -> None:
         super().to(device)
         self.space.to(device)
-        self.past, self.past_offsets = self.past.to(device), self.past_offsets.to(device)
-        self.codes = self.codes.to(device)
+        self.past, self.past_offsets, self.codes = to_device(
+            (self.past, self.past_offsets, self.codes), device
+        )
 
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor

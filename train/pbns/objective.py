@@ -22,6 +22,7 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.order import check_order
 from uvcloth.garments.pins import pinned
 from uvcloth.geometry.mesh import Mesh, first_of, vertex_normals
+from uvcloth.geometry.records import to_device
 from uvcloth.geometry.skinning import apply_transforms, blend_transforms, skin
 from uvcloth.methods.pbns.method import (
     PBNS,
@@ -144,10 +145,6 @@ class Posed:
     vectors: Tensor
     transforms: Tensor
 
-    def to(self, device: torch.device) -> "Posed":
-        """The same on another device."""
-        return Posed(self.vectors.to(device), self.transforms.to(device))
-
 
 class PBNSObjective:
     """Energies of an outfit on one body over a database of poses (PBNS section 3.3).
@@ -203,11 +200,9 @@ class PBNSObjective:
 
     def to(self, device: torch.device) -> None:
         """Move what a step touches to a device, and stand as many bodies there as a batch has poses."""
-        self.poses, self.held = self.poses.to(device), self.held.to(device)
-        self.cloth = self.cloth.to(device)
-        self.points, self.pins = self.points.to(device), self.pins.to(device)
-        self.faces = [faces.to(device) for faces in self.faces]
-        self.caches = ClosestPointCache(self.caches.points.to(device), self.caches.clearance.to(device))
+        self.poses, self.held, self.caches = to_device((self.poses, self.held, self.caches), device)
+        self.points, self.pins, self.faces = to_device((self.points, self.pins, self.faces), device)
+        self.cloth = to_device(self.cloth, device)
         self.body = BodyBeside(self.outfit.body, self.points, self.batch, device)
         self.layers = inner_layers(self.points, self._pieces(), self.batch)
 

@@ -35,15 +35,6 @@ class Frames:
     samples: Tensor
     starts: Tensor
 
-    def to(self, device: torch.device) -> "Frames":
-        """The same frames on another device."""
-        return Frames(
-            self.motion.to(device),
-            self.pose.to(device),
-            tuple(part.to(device) for part in self.offsets),
-            *(x.to(device) for x in (self.present, self.transforms, self.samples, self.starts)),
-        )
-
     def inputs(self, rows: Tensor) -> Tensor:
         """The network's motion channels, oldest frame first: (B, C, H, W)."""
         before = torch.arange(HISTORY - 1, -1, -1, device=rows.device)

@@ -114,18 +114,8 @@ class PhysXNetObjective:
 
     def to(self, device: torch.device) -> None:
         """Move everything that a step touches to a device."""
-        self.frames, self.held = self.frames.to(device), self.held.to(device)
-        prepared = self.prepared
-        self.prepared = Prepared(
-            to_device(prepared.texels, device),
-            {name: to_device(value, device) for name, value in prepared.templates.items()},
-            {name: to_device(value, device) for name, value in prepared.worn.items()},
-            {name: value.to(device) for name, value in prepared.edges.items()},
-        )
-        self.geometry = [
-            (sample.to(device), edges.to(device), rest.to(device)) for sample, edges, rest in self.geometry
-        ]
-        self.past = self.past.to(device)
+        self.frames, self.held, self.past = to_device((self.frames, self.held, self.past), device)
+        self.prepared, self.geometry = to_device((self.prepared, self.geometry), device)
 
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
