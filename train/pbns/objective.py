@@ -1,6 +1,5 @@
 """What PBNS learns from: the potential energy of cloth on a body, over many poses and no simulation."""
 
-import hashlib
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -21,6 +20,7 @@ from uvcloth.garments.fit import is_skirt
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.order import check_order
 from uvcloth.garments.pins import pinned
+from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.mesh import Mesh, first_of, vertex_normals
 from uvcloth.geometry.records import to_device
 from uvcloth.geometry.skinning import apply_transforms, blend_transforms, skin
@@ -374,4 +374,4 @@ def _weights(garment: Garment, body: Body, attachment: AttachmentConfig) -> Tens
 
 def _digest(mesh: Mesh) -> str:
     """SHA-256 of where a mesh is at rest and of its faces, in hexadecimal."""
-    return hashlib.sha256(mesh.vertices.numpy().tobytes() + mesh.faces.numpy().tobytes()).hexdigest()
+    return fingerprint(mesh.vertices, mesh.faces)

@@ -1,6 +1,5 @@
 """Pose databases: distinct, valid poses of one body, without the motion between them, in one npz."""
 
-import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from torch import Tensor
 from rasterize.archive import load_arrays, require_finite, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 
 SPLITS = ("train", "validation", "test")
@@ -91,7 +91,7 @@ class PoseDatabase:
 
 def rest_hash(body: Body) -> str:
     """SHA-256 of the body's vertices at rest, in hexadecimal: two bodies of one shape have the same."""
-    return hashlib.sha256(body.mesh.vertices.numpy().astype("<f4").tobytes()).hexdigest()
+    return fingerprint(body.mesh.vertices.float())
 
 
 def save_poses(poses: PoseDatabase, path: Path) -> None:

@@ -1,6 +1,5 @@
 """One simulated garment over one clip: the training data's file format."""
 
-import hashlib
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from torch import Tensor
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from rasterize.moving import load_moving, pack, unpack
+from uvcloth.geometry.fingerprint import fingerprint
 
 FORMAT = "uvcloth-sequence-3"
 EXPECTED = (
@@ -64,10 +64,7 @@ class SimulatedSequence:
 
 def content_hash(sequence: SimulatedSequence) -> str:
     """SHA-256 over the simulated vertices and the motion: equal input and machine give an equal hash."""
-    digest = hashlib.sha256()
-    for tensor in (sequence.vertices, sequence.rest, sequence.transforms):
-        digest.update(np.ascontiguousarray(tensor.numpy().astype(np.float32)).tobytes())
-    return digest.hexdigest()
+    return fingerprint(sequence.vertices.float(), sequence.rest.float(), sequence.transforms.float())
 
 
 def save_sequence(sequence: SimulatedSequence, path: Path) -> None:
