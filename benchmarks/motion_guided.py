@@ -30,8 +30,9 @@ from uvcloth.garments.attach import make_garment
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.tailor import tailor
 from uvcloth.garments.templates import fit_template, tailored
+from uvcloth.methods.motion_guided.config import PRESETS
 from uvcloth.methods.motion_guided.descriptor import TAPS, RelativePositions, SeedForces
-from uvcloth.methods.motion_guided.method import PRESETS, MotionGuided
+from uvcloth.methods.motion_guided.method import MotionGuided
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
 from uvcloth.rollout import rollout

@@ -30,7 +30,7 @@ from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.pbns.method import PBNSConfig
+from uvcloth.methods.pbns.network import PBNSConfig
 
 MEASURED = 20
 """Steps that are averaged."""

@@ -7,7 +7,8 @@ from torch import Tensor
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
-from uvcloth.methods.physxnet.method import PRESETS, garment_vertices, template_offsets
+from uvcloth.methods.physxnet.config import PRESETS
+from uvcloth.methods.physxnet.maps import garment_vertices, template_offsets
 from uvcloth.methods.physxnet.texels import (
     BodyTexels,
     GarmentDecoder,

@@ -9,7 +9,7 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.rotations import rotate, rotate_back
 from uvcloth.geometry.skinning import skin_frames
 from uvcloth.methods.method import Method
-from uvcloth.rollout import rollout
+from uvcloth.rollout import CPU, rollout
 from uvcloth.simulate.sequence import SimulatedSequence
 
 SHORT_ROLLOUT = 50
@@ -50,8 +50,9 @@ def uses_feedback(method: Method, outfit: Outfit, simulated: SimulatedSequence) 
     if not method.autoregressive:
         return False
     frames = body_frames(outfit.body, with_lead(simulated.transforms[:1]), simulated.fps)
-    state = method.start(outfit, frames)
-    return method.observe(state, (simulated.vertices[0],)) is not state
+    prepared = method.prepare(outfit, CPU)
+    state = method.init(prepared, frames)
+    return method.feed_back(prepared, state, (simulated.vertices[:1],)) is not state
 
 
 def _errors(

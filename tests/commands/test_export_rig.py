@@ -13,14 +13,8 @@ from uvcloth.checkpoint import TrainingData, save_checkpoint
 from uvcloth.commands.export_rig import FORMATS, export
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
-from uvcloth.methods.pbns.method import (
-    PBNS,
-    PBNSConfig,
-    new_network,
-    pbns_checkpoint,
-    pose_vectors,
-    rest_outfit,
-)
+from uvcloth.methods.pbns.method import PBNS, new_network, pbns_checkpoint, pose_vectors, rest_outfit
+from uvcloth.methods.pbns.network import PBNSConfig
 from uvcloth.motion.library import load_clip
 
 

@@ -32,7 +32,8 @@ from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.lbs import LBSConfig
 from uvcloth.methods.method import Method
-from uvcloth.methods.physxnet.method import PRESETS, physxnet_checkpoint
+from uvcloth.methods.physxnet.config import PRESETS
+from uvcloth.methods.physxnet.method import physxnet_checkpoint
 from uvcloth.simulate.folder import keep_refused
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, save_sequence
 

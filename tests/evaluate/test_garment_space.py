@@ -9,7 +9,7 @@ from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.motion_guided.method import PRESETS
+from uvcloth.methods.motion_guided.config import PRESETS
 from uvcloth.methods.registry import CONFIGS
 
 

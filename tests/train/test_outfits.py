@@ -24,7 +24,7 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.ensemble import Ensemble
-from uvcloth.methods.motion_guided.method import PRESETS
+from uvcloth.methods.motion_guided.config import PRESETS
 from uvcloth.methods.motion_guided.seeds import pose_seeds, sample_seeds, seeds_on
 from uvcloth.methods.registry import load_method, load_methods
 from uvcloth.physics.surface import BodySurface

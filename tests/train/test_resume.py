@@ -13,7 +13,7 @@ from tests.train.simulated import save_clips
 from train.loop import LOOPS, STATE, fit, rows_of_step
 from train.physxnet.objective import LOSSES, PhysXNetObjective
 from uvcloth.checkpoint import load_tensors
-from uvcloth.methods.physxnet.method import PRESETS
+from uvcloth.methods.physxnet.config import PRESETS
 
 pytest.importorskip("lightning")
 

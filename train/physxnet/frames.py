@@ -12,7 +12,8 @@ from train.physxnet.prepare import Prepared
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.physxnet.method import PhysXNetConfig, motion_values, pose_values, template_offsets
+from uvcloth.methods.physxnet.config import PhysXNetConfig
+from uvcloth.methods.physxnet.maps import motion_values, pose_values, template_offsets
 
 CHUNK = 16
 """Frames that are posed at once."""

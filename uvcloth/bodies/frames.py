@@ -1,6 +1,7 @@
 """The posed body at many times, with the velocity and acceleration of its surface."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -38,13 +39,40 @@ class BodyFrames:
     def __len__(self) -> int:
         return len(self.transforms)
 
+    def __getitem__(self, rows: slice) -> "BodyFrames":
+        """Some of the frames."""
+        return replace(
+            self,
+            transforms=self.transforms[rows],
+            vertices=self.vertices[rows],
+            velocity=self.velocity[rows],
+            acceleration=self.acceleration[rows],
+            under=self.under[rows] if self.under is not None else None,
+        )
 
-def body_frames(body: Body, transforms: Tensor, fps: float) -> BodyFrames:
+
+def side_by_side(frames: Sequence[BodyFrames]) -> BodyFrames:
+    """Frames of several motions of one body, over nothing, as one batch; they have to have one frame rate."""
+    return BodyFrames(
+        body=frames[0].body,
+        fps=frames[0].fps,
+        transforms=torch.cat([each.transforms for each in frames]),
+        vertices=torch.cat([each.vertices for each in frames]),
+        velocity=torch.cat([each.velocity for each in frames]),
+        acceleration=torch.cat([each.acceleration for each in frames]),
+    )
+
+
+def body_frames(body: Body, transforms: Tensor, fps: float, posed: Tensor | None = None) -> BodyFrames:
     """Pose a body over LEAD + B consecutive frames of joint transforms (LEAD + B, J, 3, 4).
 
-    The first LEAD frames only serve the differences; for a clip's true start repeat its first frame.
+    The first LEAD frames only serve the differences; for a clip's true start repeat its first frame. posed:
+    (K, V, 3) m, the body in the first K frames, where that is known.
     """
-    vertices = skin(body.mesh.vertices.to(transforms), body.weights.to(transforms), transforms)
+    known = 0 if posed is None else len(posed)
+    vertices = skin(body.mesh.vertices, body.weights, transforms[known:])
+    if posed is not None:
+        vertices = torch.cat([posed, vertices])
     velocity = (vertices[1:] - vertices[:-1]) * fps
     acceleration = (velocity[1:] - velocity[:-1]) * fps
 

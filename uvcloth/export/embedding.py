@@ -9,7 +9,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.export.rig import Rigged
-from uvcloth.methods.pbns.method import PBNSNetwork
+from uvcloth.methods.pbns.network import PBNSNetwork
 
 OPSET, IR_VERSION = 13, 8
 """Old enough for the runtimes of engines; the operators are Gemm, Relu and Clip."""

@@ -15,7 +15,8 @@ from uvcloth.geometry.mesh import Mesh, face_normals, vertex_normals
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms, world_rotations
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.pbns.method import PBNS, pose_vectors
+from uvcloth.methods.pbns.method import PBNS
+from uvcloth.methods.rig import pose_vectors
 from uvcloth.motion.clip import Clip
 
 RIDGE = 1e-3

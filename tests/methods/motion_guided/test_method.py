@@ -13,9 +13,10 @@ from uvcloth.geometry.mesh import Mesh, edge_lengths, unique_edges
 from uvcloth.geometry.skinning import apply_transforms
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.lbs import LBSConfig
+from uvcloth.methods.motion_guided.config import PRESETS, MotionGuidedConfig
 from uvcloth.methods.motion_guided.dynamics_input import Pose, local_offsets, posed_shape, rest_shape
 from uvcloth.methods.motion_guided.garment_maps import local_axes
-from uvcloth.methods.motion_guided.method import PRESETS, Both, MotionGuidedConfig, motion_guided_checkpoint
+from uvcloth.methods.motion_guided.method import Both, motion_guided_checkpoint
 from uvcloth.methods.motion_guided.seeds import (
     PARTS,
     kernel_transforms,

@@ -10,7 +10,7 @@ from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import laplacian
-from uvcloth.methods.motion_guided.method import PRESETS
+from uvcloth.methods.motion_guided.config import PRESETS
 from uvcloth.methods.motion_guided.residual import Resolver
 from uvcloth.rollout import rollout
 

@@ -20,14 +20,8 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.pbns.method import (
-    PBNS,
-    PBNSConfig,
-    new_network,
-    pbns_checkpoint,
-    pose_vectors,
-    rest_outfit,
-)
+from uvcloth.methods.pbns.method import PBNS, new_network, pbns_checkpoint, pose_vectors, rest_outfit
+from uvcloth.methods.pbns.network import PBNSConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.rollout import rollout
 

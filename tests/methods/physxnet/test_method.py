@@ -13,15 +13,10 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.rotations import rotate
 from uvcloth.geometry.skinning import skin, skin_frames
-from uvcloth.methods.physxnet.method import (
-    PRESETS,
-    garment_vertices,
-    load_physxnet,
-    mirror,
-    motion_values,
-    physxnet_checkpoint,
-    template_offsets,
-)
+from uvcloth.methods.physxnet.config import PRESETS
+from uvcloth.methods.physxnet.maps import garment_vertices, motion_values, template_offsets
+from uvcloth.methods.physxnet.method import load_physxnet, physxnet_checkpoint
+from uvcloth.methods.physxnet.network import mirror
 from uvcloth.methods.registry import load_method
 from uvcloth.rollout import rollout
 

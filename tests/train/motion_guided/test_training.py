@@ -23,6 +23,7 @@ from train.motion_guided.objective import (
 )
 from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import load_checkpoint, load_tensors
+from uvcloth.methods.motion_guided.config import PRESETS
 from uvcloth.methods.motion_guided.dynamics_input import (
     MEMORY,
     DynamicsInput,
@@ -31,7 +32,6 @@ from uvcloth.methods.motion_guided.dynamics_input import (
     rest_shape,
 )
 from uvcloth.methods.motion_guided.latent import Space
-from uvcloth.methods.motion_guided.method import PRESETS
 from uvcloth.methods.registry import load_method
 
 pytest.importorskip("lightning")

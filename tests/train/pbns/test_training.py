@@ -26,7 +26,7 @@ from uvcloth.garments.pins import pinned
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.pbns.method import PBNSConfig
+from uvcloth.methods.pbns.network import PBNSConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.poses import DONORS, PoseDatabase, rest_hash, save_poses
 from uvcloth.physics.layers import Layer
