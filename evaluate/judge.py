@@ -254,7 +254,7 @@ def garment_fingerprint(garment: Garment) -> str:
     """Hash of what a method sees of a garment, which a file may change without the sequence."""
     mesh = garment.mesh
     tensors = (mesh.vertices, mesh.faces, mesh.uvs, mesh.face_uvs, garment.weights, garment.smooth_weights)
-    return fingerprint(garment.template, *tensors)
+    return fingerprint(f"{garment.source}/{garment.template}", *tensors)
 
 
 def load_candidates(models: Sequence[str], body: Body) -> tuple[Candidate, ...]:

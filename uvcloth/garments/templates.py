@@ -14,7 +14,7 @@ from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from rasterize.gather import gather
 from uvcloth.bodies.body import Body
-from uvcloth.garments.attach import make_garment
+from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.shells import Bodice, gown, suit
 from uvcloth.geometry.mesh import Mesh, boundary_edges, neighbour_average, vertex_normals
@@ -55,7 +55,8 @@ class Template:
 def fit_template(name: str, body: Body) -> Garment:
     """A template at rest on a body. Raises InputError for an unknown name or a body without proxies."""
     template = load_template(name)
-    return make_garment(name, name, tailored(template, body), body)
+    mesh = tailored(template, body)
+    return make_garment(name, mesh, body, DIFFUSION[name], template=name, source="template")
 
 
 def tailored(template: Template, body: Body) -> Mesh:

@@ -82,6 +82,7 @@ def simulate(
                 **shared,
                 "garment": cloth.garment.name,
                 "template": cloth.garment.template,
+                "source": cloth.garment.source,
                 **_sides(cloths[:index], [other[scored] for other in moved], vertices[scored]),
             },
         )

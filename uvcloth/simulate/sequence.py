@@ -29,10 +29,11 @@ class SimulatedSequence:
 
     transforms: (F, J, 3, 4) joint transforms of the body, so that its vertices can be recomputed.
     warm_up: how many leading frames only let the cloth settle and never count.
-    metadata: JSON values: clip, garment (its name), template (whose motion it takes), body, body_hash,
-    engine, versions, settings, seed, wall_seconds, and what `examine` measured; of garments that were
-    simulated together also layers (their names, innermost first) and wrong_side_percent (by the name of each
-    inner one). A file adds hash, that of what is read from it, and scored_frames, how many frames are scored.
+    metadata: JSON values: clip, garment (its name), template (whose motion it takes, or null), source
+    ("template" or "file"), body, body_hash, engine, versions, settings, seed, wall_seconds, and what
+    `examine` measured; of garments that were simulated together also layers (their names, innermost first)
+    and wrong_side_percent (by the name of each inner one). A file adds hash, that of what is read from it,
+    and scored_frames, how many frames are scored.
     """
 
     vertices: Tensor
@@ -48,9 +49,10 @@ class SimulatedSequence:
         return str(self.metadata["garment"])
 
     @property
-    def template(self) -> str:
+    def template(self) -> str | None:
         """Whose motion the garment takes; files from before garments other than templates do not say."""
-        return str(self.metadata.get("template", self.garment))
+        template = self.metadata.get("template", self.garment)
+        return None if template is None else str(template)
 
     @property
     def layers(self) -> tuple[str, ...]:
