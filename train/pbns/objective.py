@@ -109,11 +109,12 @@ class PBNSObjective(Objective):
         held = held_vertices(outfit, attachment)
         network = self._network()
         owner = network.owner
-        self.points = self.worn.vertices[first_of(owner)].to(device)
+        joined = self.worn.joined
+        self.points = joined.vertices[first_of(owner)].to(device)
         self.pins = owner[held].unique().to(device)
         self.faces = [
             owner[mesh.faces + start].to(device)
-            for mesh, start in zip(self.worn.meshes, self.worn.starts, strict=True)
+            for mesh, start in zip(self.worn.meshes, joined.starts, strict=True)
         ]
         self.energy = ClothEnergy(outfit.body, self.points, self.faces, material, batch, device)
         self.caches = empty_cache(len(self.poses.vectors), len(self.points), device)
