@@ -23,9 +23,11 @@ from rich.progress import Progress
 from torch import Tensor
 
 from rasterize.command import run_command
+from train.cloth_energy import ClothMaterial
 from train.loop import rows_of_step, set_rates
-from train.pbns.objective import LOOPS, AttachmentConfig, ClothMaterial, PBNSObjective
+from train.pbns.objective import AttachmentConfig, PBNSObjective
 from train.pbns.poses import poses_for
+from train.pbns.run import LOOPS
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
@@ -50,7 +52,6 @@ def main(
     objective = PBNSObjective(
         PBNSConfig(), ClothMaterial(), AttachmentConfig(), outfit, database, config.batch
     )
-    objective.to(torch.device("cpu"))
     net: Any = objective.networks()["net"]
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=0.0, fused=True)
     spent: dict[str, float] = {}

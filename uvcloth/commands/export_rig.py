@@ -1,4 +1,4 @@
-"""From a trained PBNS to a rigged file that engines play: what `uvcloth export` does."""
+"""From a method that is a rig to a file that engines play: what `uvcloth export` does."""
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -15,8 +15,8 @@ from uvcloth.export.gltf_rig import write_rig_glb
 from uvcloth.export.rig import Rig, Rigged, rig_of
 from uvcloth.export.shapes import Cost
 from uvcloth.export.usd_rig import write_rig_usd
-from uvcloth.methods.pbns.method import PBNS
 from uvcloth.methods.registry import load_method
+from uvcloth.methods.rig import PoseRig
 from uvcloth.motion.library import load_clip
 
 FORMATS: dict[str, Callable[[Rig, Path], None]] = {
@@ -59,9 +59,9 @@ def export(
 ) -> Exported:
     """Write a model as a rig that moves to a motion, or at rest with its pose embedding as .onnx beside it.
 
-    model: pbns as it ships, or a checkpoint folder of PBNS. out: .glb, .usdc or .usd. shapes: how many blend
-    shapes, None for the model's own. Raises InputError for bad input and a full disk; then, as after Ctrl-C,
-    writes nothing.
+    model: a method that is a rig (pbns as it ships), or a checkpoint folder of one. out: .glb, .usdc or .usd.
+    shapes: how many blend shapes, None for the model's own. Raises InputError for bad input and a full disk;
+    then, as after Ctrl-C, writes nothing.
     """
     out = Path(out)
     if out.suffix.lower() not in FORMATS:
@@ -71,21 +71,20 @@ def export(
         )
     body = load_body(body_file)
     method = load_method(model, body)
-    if not isinstance(method, PBNS):
+    if (pose_rig := method.as_rig(body)) is None:
         raise InputError(
-            f"{model}: not a PBNS, only these are blend weights and blend shapes; "
-            "`uvcloth rollout` writes any model's frames"
+            f"{model}: no rig of blend weights and blend shapes; `uvcloth rollout` writes any model's frames"
         )
     clip = load_clip(motion, body) if motion is not None else None
     with Console(stderr=True).status(f"{out.name} ..."):
-        rigged = rig_of(method, body, clip, shapes, with_body)
-        return Exported(_write(method, rigged, out), rigged)
+        rigged = rig_of(pose_rig, body, clip, shapes, with_body)
+        return Exported(_write(pose_rig, rigged, out), rigged)
 
 
-def _write(method: PBNS, rigged: Rigged, out: Path) -> tuple[Path, ...]:
-    """The rig, and beside a rig without motion the embedding: all of these files or none."""
-    alone = not len(rigged.rig.transforms)
-    files = (out, out.with_suffix(".onnx")) if alone else (out,)
+def _write(model: PoseRig, rigged: Rigged, out: Path) -> tuple[Path, ...]:
+    """The rig, and beside a rig of blend shapes without motion the embedding: all of these files or none."""
+    embedded = len(model.shapes) and not len(rigged.rig.transforms)
+    files = (out, out.with_suffix(".onnx")) if embedded else (out,)
     for path in files:
         if path.is_dir():
             raise InputError(f"{path}: cannot be written (is a folder)")
@@ -93,8 +92,8 @@ def _write(method: PBNS, rigged: Rigged, out: Path) -> tuple[Path, ...]:
         # They appear when the stack unwinds: only when all are whole.
         partial = [stack.enter_context(atomic_write(path)) for path in files]
         FORMATS[out.suffix.lower()](rigged.rig, partial[0])
-        if alone:
-            write_embedding(method.network, rigged, partial[1])
+        if embedded:
+            write_embedding(model, rigged, partial[1])
     return files
 
 

@@ -49,6 +49,9 @@ class ShapeCode:
 
 def own_shapes(shapes: Tensor, known: Tensor) -> ShapeCode:
     """The network's own blend shapes (W, V, 3), those that move anything over known embeddings (M, W)."""
+    if not len(shapes):
+        none = known.new_zeros(0)
+        return ShapeCode(known.new_zeros(0, 0), none, none, known.new_zeros(0, 0))
     low, high = known.amin(0), known.amax(0)
     moves = (high - low) * shapes.norm(dim=-1).amax(1) > LEAST_MOVE
     chosen = torch.eye(len(moves), dtype=known.dtype)[:, moves]

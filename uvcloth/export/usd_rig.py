@@ -38,10 +38,11 @@ def write_rig_usd(rig: Rig, path: Path) -> None:
         stage.SetDefaultPrim(root.GetPrim())
         skeleton = add_skeleton(stage, "/Outfit/skeleton", rig.skeleton)
         motion = animate_skeleton(stage, skeleton, rig.skeleton, rest if still else rig.transforms)
-        motion.CreateBlendShapesAttr(rig.shape_names)
-        levels = motion.CreateBlendShapeWeightsAttr()
-        for frame, row in enumerate(weights):
-            levels.Set(Vt.FloatArray.FromNumpy(row), frame)
+        if rig.shape_names:
+            motion.CreateBlendShapesAttr(rig.shape_names)
+            levels = motion.CreateBlendShapeWeightsAttr()
+            for frame, row in enumerate(weights):
+                levels.Set(Vt.FloatArray.FromNumpy(row), frame)
         _, _, *names = identifiers(["skeleton", "body", *(garment.name for garment in rig.garments)])
         for index, name in enumerate(names):
             color = GARMENT_COLORS[index % len(GARMENT_COLORS)]
@@ -57,8 +58,10 @@ def _rig_garment(stage: Any, geometry: Any, skeleton: Any, garment: RiggedGarmen
     from pxr import UsdSkel, Vt
 
     rest_geometry(geometry, garment.mesh)
-    changes = garment.normal_shapes().numpy()
     bind(geometry, skeleton, garment.joints, garment.weights)
+    if not names:
+        return
+    changes = garment.normal_shapes().numpy()
     paths = [geometry.GetPath().AppendChild(name) for name in names]
     for path, offsets, change in zip(paths, garment.shapes.numpy(), changes, strict=True):
         shape = UsdSkel.BlendShape.Define(stage, path)
