@@ -1,6 +1,5 @@
 """Rolls methods out over the test windows and scores every frame; finished windows are kept for a rerun."""
 
-import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
@@ -18,6 +17,7 @@ from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 from uvcloth.rollout import RolloutFrame, rollout
@@ -211,19 +211,10 @@ def repeatability(case: Case) -> dict[str, Tensor]:
     return distance_scores(repeat.vertices[frames + shift], ours.vertices[frames])
 
 
-def cached(out: Path, case: Case, name: str, fingerprint: str, work: Callable[[], CaseScores]) -> CaseScores:
+def cached(out: Path, case: Case, name: str, setting: str, work: Callable[[], CaseScores]) -> CaseScores:
     """The result of an earlier run of the same code on the same input, or that of `work`, then kept."""
-    key = hashlib.sha256(
-        "/".join(
-            [
-                FORMAT,
-                fingerprint,
-                garment_fingerprint(case.outfit.garments[0]),
-                content_hash(case.sequence),
-                str(len(case.reference.vertices)),
-            ]
-        ).encode()
-    ).hexdigest()[:16]
+    hashes = (setting, garment_fingerprint(case.outfit.garments[0]), content_hash(case.sequence))
+    key = fingerprint("/".join([FORMAT, *hashes, str(len(case.reference.vertices))]))[:16]
     path = Path(out) / "partial" / f"{case.window.name}_{name}_{key}.npz"
     truth = case.reference.vertices[:: case.stride]
     if path.is_file():
@@ -241,35 +232,29 @@ def cached(out: Path, case: Case, name: str, fingerprint: str, work: Callable[[]
 def code_fingerprint() -> str:
     """Hash of the sources and data that decide a score: results of others are not taken over."""
     root = Path(__file__).resolve().parent.parent
-    digest = hashlib.sha256()
+    contents: list[str | bytes] = []
     for name in JUDGING:
         place = root / name
         inside = [*place.rglob("*.py"), *place.rglob("*.npz")]
         for path in sorted(inside) if place.is_dir() else [place]:
-            digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
-    return digest.hexdigest()
+            contents += [str(path.relative_to(root)), path.read_bytes()]
+    return fingerprint(*contents)
 
 
 def body_fingerprint(body: Body) -> str:
     """Hash of the body that the garments are worn on."""
-    digest = hashlib.sha256("/".join(body.skeleton.names).encode())
     tensors = [body.mesh.vertices, body.mesh.faces, body.weights, body.skeleton.heads]
     tensors += [body.regions, body.sides]
     for proxy in body.proxies.values():
         tensors += [proxy.vertices, proxy.faces, proxy.weights]
-    for tensor in tensors:
-        digest.update(tensor.numpy().tobytes())
-    return digest.hexdigest()
+    return fingerprint("/".join(body.skeleton.names), *tensors)
 
 
 def garment_fingerprint(garment: Garment) -> str:
     """Hash of what a method sees of a garment, which a file may change without the sequence."""
-    digest = hashlib.sha256(garment.template.encode())
     mesh = garment.mesh
     tensors = (mesh.vertices, mesh.faces, mesh.uvs, mesh.face_uvs, garment.weights, garment.smooth_weights)
-    for tensor in tensors:
-        digest.update(tensor.numpy().tobytes())
-    return digest.hexdigest()
+    return fingerprint(f"{garment.source}/{garment.template}", *tensors)
 
 
 def load_candidates(models: Sequence[str], body: Body) -> tuple[Candidate, ...]:
@@ -281,14 +266,14 @@ def load_candidates(models: Sequence[str], body: Body) -> tuple[Candidate, ...]:
     for model in models:
         folder = model_folder(model)
         method = load_method(model, body)
-        digest = hashlib.sha256(model.encode())
+        contents = fingerprint(model)
         seen: frozenset[str] = frozenset()
         training_frames = None
         clips: Mapping[str, Mapping[str, str]] = {}
         training: dict[str, float] = {}
         if folder:
             checkpoint = load_checkpoint(folder)
-            digest = hashlib.sha256((folder / WEIGHTS).read_bytes() + (folder / CONFIG).read_bytes())
+            contents = fingerprint((folder / WEIGHTS).read_bytes(), (folder / CONFIG).read_bytes())
             seen = frozenset(checkpoint.data.files.values())
             clips = checkpoint.data.clips
             training_frames = checkpoint.notes.get("training_frames")
@@ -298,7 +283,7 @@ def load_candidates(models: Sequence[str], body: Body) -> tuple[Candidate, ...]:
                 name=method.name,
                 method=method,
                 weights_mb=(folder / WEIGHTS).stat().st_size / 1e6 if folder else 0.0,
-                fingerprint=digest.hexdigest(),
+                fingerprint=contents,
                 seen=seen,
                 training_frames=training_frames,
                 clips=clips,

@@ -1,7 +1,9 @@
 """Triangle meshes as plain tensors: normals, edges, adjacency, neighbour averages."""
 
 import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import accumulate
 
 import torch
 from torch import Tensor
@@ -22,6 +24,28 @@ class Mesh:
     faces: Tensor
     uvs: Tensor
     face_uvs: Tensor
+
+
+@dataclass(frozen=True)
+class JoinedMesh:
+    """Meshes one after another as one.
+
+    vertices: (N, 3). faces: (F, 3) into them. starts: of each mesh, its first vertex. sizes: how many it has.
+    """
+
+    vertices: Tensor
+    faces: Tensor
+    starts: tuple[int, ...]
+    sizes: tuple[int, ...]
+
+
+def join_meshes(parts: Iterable[tuple[Tensor, Tensor]]) -> JoinedMesh:
+    """Join one mesh or more: vertices (n, 3) and faces (f, 3) of each, as in an outfit."""
+    vertices, faces = zip(*parts, strict=True)
+    sizes = tuple(len(each) for each in vertices)
+    starts = tuple(accumulate(sizes[:-1], initial=0))
+    moved = [corners + start for corners, start in zip(faces, starts, strict=True)]
+    return JoinedMesh(torch.cat(vertices), torch.cat(moved), starts, sizes)
 
 
 def face_normals(vertices: Tensor, faces: Tensor) -> Tensor:
