@@ -30,10 +30,10 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.lbs import LBSConfig
+from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.method import Method
 from uvcloth.methods.physxnet.config import PRESETS
-from uvcloth.methods.physxnet.method import physxnet_checkpoint
+from uvcloth.methods.physxnet.method import PhysXNet, physxnet_checkpoint
 from uvcloth.simulate.folder import keep_refused
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, save_sequence
 
@@ -42,6 +42,7 @@ FILE_MM = 0.05
 """How far a vertex read from a file may be from what was simulated."""
 COUNTED = 12
 FPS = 30.0
+LBS = create_lbs(LBSConfig())
 
 
 def capsule_body() -> Body:
@@ -242,7 +243,7 @@ def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) 
     """A network that predicts no change is the smooth baseline; what it was trained on is told apart."""
     data, folder = tmp_path / "data", tmp_path / "walker"
     save_clips(data, ("tops", "bottoms"), clips=2, frames=8)
-    method = PRESETS["tiny"].create()
+    method = PhysXNet.untrained(PRESETS["tiny"])
     for parameter in method.net.parameters():
         parameter.data.zero_()
     seen = TrainingData(
@@ -276,27 +277,22 @@ def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) 
 
 
 @dataclass(frozen=True)
-class ForOne:
+class ForOne(Method):
     """The baseline for one garment only."""
 
     garment: str
     name: str = "for_one"
-    autoregressive: bool = False
-    quasi_static: bool = True
 
     def unsupported_reason(self, outfit: Outfit) -> str:
         names = [garment.name for garment in outfit.garments]
         return "" if names == [self.garment] else f"garment {names[0]}: model for_one is for {self.garment}"
 
-    def start(self, outfit: Outfit, frames: BodyFrames) -> Any:
+    def prepare(self, outfit: Outfit, device: torch.device) -> Any:
         assert not self.unsupported_reason(outfit)
-        return LBSConfig().create().start(outfit, frames)
+        return LBS.prepare(outfit, device)
 
-    def step(self, state: Any, frames: BodyFrames) -> Any:
-        return LBSConfig().create().step(state, frames)
-
-    def observe(self, state: Any, garments: tuple[Tensor, ...]) -> Any:
-        return state
+    def step(self, prepared: Any, state: Any, frames: BodyFrames) -> Any:
+        return LBS.step(prepared, state, frames)
 
 
 def judged(method: Method, data: Path, out: Path) -> tuple[dict, list[Shown]]:
@@ -313,26 +309,26 @@ def judged(method: Method, data: Path, out: Path) -> tuple[dict, list[Shown]]:
 
 
 @dataclass(frozen=True)
-class Sinking:
+class Sinking(Method):
     """Brings the garment a millimetre nearer to the body's axis in every frame, from wherever it was left."""
 
     name: str = "sinking"
     autoregressive: bool = True
-    quasi_static: bool = False
 
-    def unsupported_reason(self, outfit: Outfit) -> str:
-        return ""
-
-    def start(self, outfit: Outfit, frames: BodyFrames) -> Any:
+    def prepare(self, outfit: Outfit, device: torch.device) -> Tensor:
         return outfit.garments[0].mesh.vertices
 
-    def step(self, state: Any, frames: BodyFrames) -> Any:
+    def init(self, prepared: Tensor, frames: BodyFrames) -> Tensor:
+        return prepared
+
+    def step(self, prepared: Tensor, state: Tensor, frames: BodyFrames) -> Any:
         radius = state[:, :2].norm(dim=1, keepdim=True)
         nearer = torch.cat([state[:, :2] * (1 - 0.001 / radius), state[:, 2:]], dim=1)
         return nearer, (nearer[None] + frames.transforms[:, -1, 0, :, 3],)
 
-    def observe(self, state: Any, garments: tuple[Tensor, ...]) -> Any:
-        radius = garments[0].sub(garments[0].mean(0))[:, :2].norm(dim=1, keepdim=True)
+    def feed_back(self, prepared: Tensor, state: Tensor, garments: tuple[Tensor, ...]) -> Tensor:
+        vertices = garments[0][0]
+        radius = vertices.sub(vertices.mean(0))[:, :2].norm(dim=1, keepdim=True)
         return torch.cat(
             [state[:, :2] * radius / state[:, :2].norm(dim=1, keepdim=True), state[:, 2:]], dim=1
         )

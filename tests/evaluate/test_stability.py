@@ -11,8 +11,9 @@ from evaluate.results import stability
 from evaluate.stability import copied_truth, stability_scores
 from tests.evaluate.test_compare import COUNTED, FPS, SETTLING, capsule_body, motion, simulated, tube_garment
 from uvcloth.bodies.frames import BodyFrames
-from uvcloth.garments.garment import Outfit
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.skinning import skin
+from uvcloth.methods.method import Method
 from uvcloth.simulate.sequence import SimulatedSequence
 
 STRAY = 0.001
@@ -20,26 +21,25 @@ END = SETTLING + COUNTED
 
 
 @dataclass(frozen=True)
-class Straying:
+class Straying(Method):
     """Carries its garment along with the body's only joint, and a millimetre upwards in every frame."""
 
     name: str = "straying"
     autoregressive: bool = True
-    quasi_static: bool = False
 
-    def unsupported_reason(self, outfit: Outfit) -> str:
-        return ""
+    def prepare(self, outfit: Outfit, device: torch.device) -> Garment:
+        return outfit.garments[0]
 
-    def start(self, outfit: Outfit, frames: BodyFrames) -> Tensor:
-        return skin(outfit.garments[0].mesh.vertices, outfit.garments[0].weights, frames.transforms[:, 0])
+    def init(self, prepared: Garment, frames: BodyFrames) -> Tensor:
+        return skin(prepared.mesh.vertices, prepared.weights, frames.transforms[:, 0])
 
-    def step(self, state: Tensor, frames: BodyFrames) -> tuple[Tensor, tuple[Tensor, ...]]:
+    def step(self, prepared: Garment, state: Tensor, frames: BodyFrames) -> tuple[Tensor, tuple[Tensor, ...]]:
         moved = frames.transforms[0, -1, 0, :, 3] - frames.transforms[0, -2, 0, :, 3]
         state = state + moved + torch.tensor([0.0, 0.0, STRAY])
         return state, (state,)
 
-    def observe(self, state: Tensor, garments: tuple[Tensor, ...]) -> Tensor:
-        return garments[0][None]
+    def feed_back(self, prepared: Garment, state: Tensor, garments: tuple[Tensor, ...]) -> Tensor:
+        return garments[0]
 
 
 @pytest.fixture
