@@ -6,10 +6,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from evaluate.judge import SIMULATION, Candidate
+from evaluate.candidates import SIMULATION, Candidate
 from evaluate.progress import progress
 from evaluate.report import Picture
-from evaluate.show import Shown, garments_shown, method_color, png
+from evaluate.show import Shown, method_color, png
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
 from uvcloth.methods.method import GarmentSpace
@@ -23,22 +23,23 @@ SIZE = (160, 240)
 
 
 def interpolations(candidates: Sequence[Candidate], shown: Sequence[Shown], body: Body) -> list[Picture]:
-    """A sheet for every candidate and each garment of which it has a space.
+    """A sheet for every candidate and each garment, worn alone, of which it has a space.
 
     Its rows lie between the codes of the two simulated garments shown whose codes are farthest apart, and
     between two random codes.
     """
     names = [candidate.name for candidate in candidates]
+    alone = [window for window in shown if len(window.outfit.garments) == 1]
     spaces = [
         (candidate.name, garment, space)
         for candidate in candidates
-        for garment in garments_shown(shown).values()
+        for garment in {window.worn: window.outfit.garments[0] for window in alone}.values()
         if (space := candidate.method.garment_space(garment, body))
     ]
     sheets = []
     with progress("Spaces of garments", len(spaces)) as tick:
         for name, garment, space in spaces:
-            windows = [window for window in shown if window.garment.name == garment.name]
+            windows = [window for window in alone if window.worn == garment.name]
             color = method_color(names, name)
             rows = [between(space, *ends) for ends in (farthest(space, windows), random_pair(space))]
             images = [_picture(body, garment, shape, color) for row in rows for shape in row]

@@ -9,6 +9,7 @@ from typing import Any
 
 from torch import Tensor
 
+from evaluate.candidates import SIMULATION
 from evaluate.charts import DASH, bars, lines, mark, number, scatter
 from evaluate.familiar import cautions
 from evaluate.results import LONG
@@ -51,6 +52,14 @@ PHYSICS = {
     "crossing_edges_percent": "Edges through cloth (%)",
 }
 
+OUTFIT = {
+    "vertex_mean_mm": "Mean (mm)",
+    "vertex_rmse_mm": "RMSE (mm)",
+    "skin_percent": "Skin that shows (%)",
+    "crossing_edges_percent": "Edges through cloth (%)",
+}
+"""Of an outfit as a whole: titles by field."""
+
 PAPER_COSTS = (
     ("LBS", "1 MB", DASH, "3 ms"),
     ("TailorNet, shirt", "13.5 GB", "2.5 GB", "1 s"),
@@ -91,6 +100,20 @@ class MotionMap:
 
 
 @dataclass(frozen=True)
+class OutfitRow:
+    """An outfit of several garments as one, over all actions, by one method or the simulation.
+
+    figures: by field of metrics.json. sides: by "OUTER over INNER", vertices on the wrong side, percent,
+    before and after contact.
+    """
+
+    outfit: str
+    method: str
+    figures: Mapping[str, float | None]
+    sides: Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
 class Rank:
     """How far from the simulation, before or after contact, over all actions.
 
@@ -107,7 +130,7 @@ class Rank:
 
 @dataclass(frozen=True)
 class Standing:
-    """How one method did on one garment over all actions."""
+    """How one method did on one garment, or one outfit of several, over all actions."""
 
     method: str
     garment: str
@@ -157,10 +180,13 @@ def write_report(
         trained=[name for name, judged in results["methods"].items() if judged["training"]],
         measures=MEASURES,
         physics=PHYSICS,
+        outfit_titles=OUTFIT,
         stages=STAGES,
         paper_costs=PAPER_COSTS,
         missing=[f"{a}, {t} ({why})" for a, by in results["missing"].items() for t, why in by.items()],
         standings=standings(results),
+        ranked=[*garments_in(results), *results["outfits"]],
+        outfit_rows=outfit_rows(results),
         charts=_bar_charts(results),
         over_time=_time_charts(results),
         overall=overall,
@@ -186,9 +212,15 @@ def garments_in(results: Results) -> list[str]:
 
 
 def methods_on(results: Results, garment: str) -> list[str]:
-    """The methods that were judged on a garment: those that dress it."""
-    methods = results["methods"].items()
-    return [name for name, m in methods if any(garment in by for by in m["actions"].values())]
+    """The methods that were judged on a garment or an outfit: those that dress it."""
+    return [name for name, method in results["methods"].items() if cells(method, garment)]
+
+
+def cells(method: Results, garment: str) -> dict[str, Mapping[str, Any]]:
+    """What a method, or the simulation, scored on a garment or an outfit of several, by action."""
+    if garment in method["outfits"]:
+        return dict(method["outfits"][garment]["actions"])
+    return {action: by[garment] for action, by in method["actions"].items() if garment in by}
 
 
 def actions_in(results: Results, garment: str) -> list[str]:
@@ -203,64 +235,96 @@ def actions_in(results: Results, garment: str) -> list[str]:
 
 
 def overall(actions: Mapping[str, Mapping[str, Mapping[str, float]]], garment: str, key: str) -> float | None:
-    """The mean of one measure over all actions of a garment, weighted by frames; None if there is none.
+    """The mean of one measure over all actions of a garment; None if there is none, see `mean_of`."""
+    return mean_of([by[garment] for by in actions.values() if garment in by], key)
+
+
+def mean_of(found: Iterable[Mapping[str, float]], key: str) -> float | None:
+    """The mean of one measure over some actions, weighted by frames; None if there is none.
 
     A root mean square averages as its square.
     """
-    cells = [by[garment] for by in actions.values() if garment in by and by[garment].get(key) is not None]
-    frames = sum(cell["frames"] for cell in cells)
+    having = [cell for cell in found if cell.get(key) is not None]
+    frames = sum(cell["frames"] for cell in having)
     if not frames:
         return None
     power = 2 if "rmse" in key else 1
-    mean = sum(cell["frames"] * cell[key] ** power for cell in cells) / frames
+    mean = sum(cell["frames"] * cell[key] ** power for cell in having) / frames
     return float(mean ** (1 / power))
 
 
 def standings(results: Results) -> list[Standing]:
-    """Every method on every garment beside the better LBS (methods whose names begin with "lbs")."""
+    """Every method on every garment, then on every outfit of several, beside the better LBS."""
     return [
         Standing(
             method=name,
             garment=garment,
-            frames=sum(by[garment]["frames"] for by in method["actions"].values() if garment in by),
+            frames=sum(cell["frames"] for cell in cells(results["methods"][name], garment).values()),
             **{when: _rank(results, name, garment, suffix) for when, suffix in STAGES.items()},
         )
-        for garment in garments_in(results)
-        for name, method in results["methods"].items()
-        if name in methods_on(results, garment)
+        for garment in (*garments_in(results), *results["outfits"])
+        for name in methods_on(results, garment)
     ]
+
+
+def outfit_rows(results: Results) -> list[OutfitRow]:
+    """For every outfit of several garments the simulation, then every method that dresses it."""
+    everyone = {SIMULATION: results[SIMULATION], **results["methods"]}
+    return [
+        OutfitRow(
+            outfit=outfit,
+            method=name,
+            figures={
+                key + suffix: mean_of(found, key + suffix) for suffix in STAGES.values() for key in OUTFIT
+            }
+            | {"ms_per_frame": mean_of(found, "ms_per_frame")},
+            sides=_sides(found),
+        )
+        for outfit in results["outfits"]
+        for name, judged in everyone.items()
+        if (found := list(cells(judged, outfit).values()))
+    ]
+
+
+def _sides(found: Sequence[Mapping[str, Any]]) -> dict[str, tuple[float, float]]:
+    """The shares on the wrong side over some actions, weighted by frames, before and after contact."""
+
+    def mean(key: str, outer: str, inner: str) -> float:
+        total = sum(cell["frames"] * cell[key][outer][inner] for cell in found)
+        return float(total / sum(cell["frames"] for cell in found))
+
+    return {
+        f"{outer} over {inner}": (
+            mean("wrong_side_percent_raw", outer, inner),
+            mean("wrong_side_percent", outer, inner),
+        )
+        for outer, beneath in found[0]["wrong_side_percent"].items()
+        for inner in beneath
+    }
 
 
 def _rank(results: Results, name: str, garment: str, suffix: str) -> Rank:
     methods = results["methods"]
-    baselines = [other for other in methods if other.startswith("lbs")]
+    baselines = [other for other, method in methods.items() if method["baseline"]]
     mean_key, rmse_key = f"vertex_mean_mm{suffix}", f"vertex_rmse_mm{suffix}"
-    found = {other: overall(methods[other]["actions"], garment, mean_key) for other in (*baselines, name)}
-    means = {other: mean for other, mean in found.items() if mean is not None}
+    scored = {other: cells(methods[other], garment) for other in (*baselines, name)}
+    means = {
+        other: mean for other, by in scored.items() if (mean := mean_of(by.values(), mean_key)) is not None
+    }
     best = min((means[other] for other in baselines if other in means), default=0.0)
     judged = name not in baselines and best > 0
-    duels = _duels(results, name, baselines, garment, mean_key) if judged else []
+    duels = [
+        (cell[mean_key], min(others))
+        for action, cell in scored[name].items()
+        if (others := [scored[b][action][mean_key] for b in baselines if action in scored[b]])
+    ]
     return Rank(
         mean_mm=means[name],
-        rmse_mm=overall(methods[name]["actions"], garment, rmse_key),
+        rmse_mm=mean_of(scored[name].values(), rmse_key),
         against=means[name] / best if judged else None,
-        won=sum(own < other for own, other in duels),
-        of=len(duels),
+        won=sum(own < other for own, other in duels) if judged else 0,
+        of=len(duels) if judged else 0,
     )
-
-
-def _duels(
-    results: Results, name: str, baselines: Iterable[str], garment: str, key: str
-) -> list[tuple[float, float]]:
-    """Per action: the method's mean distance and that of the better LBS."""
-    methods = results["methods"]
-    duels = []
-    for action, by_garment in methods[name]["actions"].items():
-        others = [methods[b]["actions"].get(action, {}).get(garment) for b in baselines]
-        found = [cell[key] for cell in others if cell is not None]
-        if garment in by_garment and found:
-            duels.append((by_garment[garment][key], min(found)))
-    return duels
 
 
 def _bar_charts(results: Results) -> dict[str, list[Any]]:

@@ -2,12 +2,12 @@
 
 import torch
 
+from evaluate.candidates import SIMULATION
 from evaluate.garment_space import STEPS, between, farthest, random_pair
-from evaluate.judge import SIMULATION
 from evaluate.show import Shown
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body
-from uvcloth.garments.garment import Garment
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import GarmentSpace
@@ -43,7 +43,7 @@ def test_the_codes_farthest_apart_are_those_of_the_garments_that_differ_most(bod
     wide = skinned.clone()
     wide[1] += 0.05
     wide[3] -= 0.05
-    window = Shown("sway", "sway", dress, 30.0, 1, transforms, {SIMULATION: wide})
+    window = Shown("sway", "sway", Outfit(body, (dress,)), 30.0, 1, transforms, {SIMULATION: wide})
     first, second = farthest(space, [window])
     codes = space.encode(wide, transforms)
     assert {int((codes - code).norm(dim=1).argmin()) for code in (first, second)} == {1, 3}

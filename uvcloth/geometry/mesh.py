@@ -1,7 +1,9 @@
 """Triangle meshes as plain tensors: normals, edges, adjacency, neighbour averages."""
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import torch
 from torch import Tensor
@@ -22,6 +24,20 @@ class Mesh:
     faces: Tensor
     uvs: Tensor
     face_uvs: Tensor
+
+
+def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
+    """Several meshes as one, the vertices of each after those of the one before; one is returned as it is."""
+    if len(meshes) == 1:
+        return meshes[0]
+    points = accumulate((len(mesh.vertices) for mesh in meshes), initial=0)
+    places = accumulate((len(mesh.uvs) for mesh in meshes), initial=0)
+    return Mesh(
+        vertices=torch.cat([mesh.vertices for mesh in meshes]),
+        faces=torch.cat([mesh.faces + first for mesh, first in zip(meshes, points, strict=False)]),
+        uvs=torch.cat([mesh.uvs for mesh in meshes]),
+        face_uvs=torch.cat([mesh.face_uvs + first for mesh, first in zip(meshes, places, strict=False)]),
+    )
 
 
 def face_normals(vertices: Tensor, faces: Tensor) -> Tensor:
