@@ -87,7 +87,7 @@ class PlainForces(nn.Module):
 
 
 def method(preset: str, garment: Garment, twin: bool) -> MotionGuided:
-    made = replace(PRESETS[preset], garment=garment.name).create()
+    made = MotionGuided.untrained(replace(PRESETS[preset], garment=garment.name))
     last = [layer for layer in made.space.modules() if isinstance(layer, nn.Linear)][-1]
     nn.init.zeros_(last.weight)
     nn.init.zeros_(last.bias)

@@ -26,6 +26,9 @@ STATE = Path("training") / "state.safetensors"
 PROGRESS_KEYS = ("step", "minutes")
 """What stands beside the scores of a validation."""
 
+CONTENTS = ("data", "body", "garments")
+"""Parts of the settings that hold hashes."""
+
 LOG_EVERY = 10
 """Steps between entries in the log."""
 
@@ -98,7 +101,10 @@ class Objective(Protocol):
         ...
 
     def settings(self) -> dict[str, Any]:
-        """What must not change within a run, as JSON values: by "method", "losses", "data", and the like."""
+        """What must not change within a run: parts such as "method" and "losses", each with JSON values.
+
+        Of CONTENTS, what differs is not named.
+        """
         ...
 
     def picture(self, net: nn.Module) -> Tensor | None:
@@ -352,12 +358,10 @@ def _require_same_settings(run: Path, before: Mapping[str, Any], now: Mapping[st
         old = before.get(part)
         if old == values:
             continue
-        if not (isinstance(old, dict) and isinstance(values, dict)) or part == "data":
+        if part in CONTENTS or not isinstance(old, dict):
             raise InputError(f"{run}: was started with other {part}")
         key = next(key for key in (old | values) if old.get(key) != values.get(key))
-        if isinstance(old.get(key), dict):
-            raise InputError(f"{run}: was started with other {key} ({part})")
-        raise InputError(f"{run}: was started with {key} = {old.get(key)}, not {values.get(key)} ({part})")
+        raise InputError(f"{run}: was started with {part}.{key} = {old.get(key)}, not {values.get(key)}")
 
 
 def _save_state(training: Training) -> None:

@@ -22,10 +22,10 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.geometry.mesh import edge_lengths, laplacian, unique_edges
 from uvcloth.geometry.records import to_device
+from uvcloth.methods.motion_guided.config import MotionGuidedConfig
 from uvcloth.methods.motion_guided.dynamics_input import MEMORY, Pose, local_offsets, shape_features
 from uvcloth.methods.motion_guided.garment_maps import GarmentMaps
 from uvcloth.methods.motion_guided.latent import Space
-from uvcloth.methods.motion_guided.config import MotionGuidedConfig
 from uvcloth.methods.motion_guided.seeds import PosedSeeds, pose_seeds, seeds_on
 from uvcloth.physics.surface import BodySurface
 

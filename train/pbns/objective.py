@@ -248,7 +248,9 @@ class PBNSObjective(Objective):
         return {
             "method": asdict(self.config),
             **made_of,
-            "data": {**asdict(self.data), "body": body, "garments": garments},
+            "body": body,
+            "garments": garments,
+            "data": asdict(self.data),
         }
 
 

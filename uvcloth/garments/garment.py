@@ -8,14 +8,14 @@ from uvcloth.bodies.body import Body
 from uvcloth.geometry.mesh import Mesh
 
 LIKE = {"shirt": "tops"}
-"""By template, the one whose motion serves it where a network was not trained on it."""
+"""Substitutes: by template, the one whose motion serves it where a network was not trained on it."""
 
 
 @dataclass(frozen=True)
 class Garment:
     """One garment on one body.
 
-    template: which template's decoder serves it ("tops", "bottoms", "dress", "shirt").
+    template: the template whose decoder serves it ("tops", "bottoms", "dress", "shirt").
     mesh: N vertices, at rest on the body's rest pose.
     weights: (N, J) blend weights of the closest body vertex (the LBS baseline).
     smooth_weights: (N, J) the same, diffused over the garment, so that a skirt does not split.

@@ -1,4 +1,4 @@
-"""Linear blend skinning, and the smooth blend weights that carry a garment."""
+"""Linear blend skinning, and blend weights smoothed over a mesh."""
 
 import torch
 from torch import Tensor
@@ -57,7 +57,7 @@ def diffuse_weights(weights: Tensor, vertices: Tensor, faces: Tensor, distance: 
 
 
 def skin_frames(points: Tensor, weights: Tensor, transforms: Tensor) -> tuple[Tensor, Tensor]:
-    """Skinned points (B, N, 3) and frames (B, N, 3, 3) whose columns are the rest axes turned along."""
+    """Skinned points (B, N, 3) and frames (B, N, 3, 3), columns: the rest axes turned by the blend."""
     blended = blend_transforms(weights, transforms)
     return apply_transforms(blended, points), rotation_part(blended)
 

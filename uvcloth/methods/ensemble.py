@@ -16,15 +16,15 @@ class Ensemble(Method):
     """What one method predicts, the next one's garment is worn over (Motion-guided, section 6.5)."""
 
     methods: tuple[Method, ...]
-    name: str
-    quasi_static: bool
+    name: str = ""
     autoregressive: bool = True
+    quasi_static: bool = False
 
     @classmethod
     def of(cls, methods: tuple[Method, ...]) -> "Ensemble":
         """Methods in the order of the garments, the innermost first."""
         name = "+".join(method.name for method in methods)
-        return cls(methods, name, all(method.quasi_static for method in methods))
+        return cls(methods, name, quasi_static=all(method.quasi_static for method in methods))
 
     def unsupported_reason(self, outfit: Outfit) -> str:
         """It dresses as many garments as there are methods, each of which dresses its own."""

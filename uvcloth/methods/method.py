@@ -25,24 +25,14 @@ class Method(Protocol):
     """
 
     name: str
-
-    @property
-    def autoregressive(self) -> bool:
-        """Whether the state holds what was predicted before.
-
-        If so, the B frames of a step are those of B rollouts side by side; if not, any B frames.
-        """
-        return False
-
-    @property
-    def quasi_static(self) -> bool:
-        """Whether a frame depends on its own pose alone, however fast the body came there."""
-        return False
-
-    @property
-    def is_baseline(self) -> bool:
-        """Whether other methods are measured against it."""
-        return False
+    """The name in tables and messages."""
+    autoregressive: bool = False
+    """Whether the state holds what was predicted before. If so, the B frames of a step are those of B
+    rollouts side by side; if not, any B frames."""
+    quasi_static: bool = False
+    """Whether a frame depends on its own pose alone, however fast the body came there."""
+    is_baseline: bool = False
+    """Whether other methods are measured against it."""
 
     def unsupported_reason(self, outfit: Outfit) -> str:
         """Why it cannot dress an outfit: a sentence that names garment and model; "" where it can."""

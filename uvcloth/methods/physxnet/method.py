@@ -64,7 +64,7 @@ class PhysXNet(Method):
         return cls(config, GarmentNet(config))
 
     @property
-    def autoregressive(self) -> bool:
+    def autoregressive(self) -> bool:  # type: ignore[override]
         """Whether the network sees its own last predictions."""
         return self.config.history > 0
 
