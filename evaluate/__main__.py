@@ -91,7 +91,7 @@ def summary(results: dict) -> str:
     Then a line per method whose figures mislead, as it has met what it was judged on.
     """
     from evaluate.familiar import cautions
-    from evaluate.report import Rank, standings
+    from evaluate.standings import Rank, standings
 
     def said(rank: Rank) -> str:
         beside = f"{100 * (rank.against - 1):+4.0f} %, {rank.won} of {rank.of}" if rank.against else ""

@@ -69,8 +69,8 @@ def assigned(
     }
     for name, reasons in unsupported.items():
         if all(reasons.values()):
-            said = "; ".join(dict.fromkeys(reasons.values()))
-            raise InputError(f"{data}: nothing to judge {name} on: {said}")
+            why = "; ".join(dict.fromkeys(reasons.values()))
+            raise InputError(f"{data}: nothing to judge {name} on: {why}")
     return {name: tuple(c for c in candidates if not unsupported[c.name][name]) for name in outfits}
 
 

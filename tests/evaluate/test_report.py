@@ -15,7 +15,8 @@ from torch import Tensor
 
 from evaluate.__main__ import summary
 from evaluate.charts import DASH, number, scatter, ticks
-from evaluate.report import MotionMap, Picture, standings, write_metrics, write_report
+from evaluate.report import MotionMap, Picture, write_metrics, write_report
+from evaluate.standings import standings
 from evaluate.viewer import QUANTUM, ViewerClip
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
