@@ -106,8 +106,8 @@ def animate(
     models: a checkpoint folder or a baseline's name for all garments, or one for each in order; none for the
     model in the package. garments: template names or mesh files, the innermost first; contact keeps each out
     of the body and off what is beneath. device: as torch names it. Raises InputError for bad input or a full
-    disk; then, as after Ctrl-C, writes nothing. Of a rollout that breaks the frames before it are kept, and an
-    InputError says so.
+    disk; then, as after Ctrl-C, writes nothing. Of a rollout that breaks the frames before it are kept, and
+    an InputError says so.
     """
     console = Console(stderr=True)
     body = load_body(body_file)
