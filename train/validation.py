@@ -17,6 +17,7 @@ ROLLED = 150
 """Scored frames of a clip that are rolled out, at most."""
 
 
+@torch.no_grad()
 def rollout_errors(
     method: Method,
     prepared: Any,
