@@ -6,7 +6,7 @@ Run from the checkout with PYTHONPATH=. as
 
 Trains as usual and prints, after so many passes over the poses: milliseconds of a step, the shares of it in
 which the body is skinned and in which its trees are refitted and asked, and how long the same questions take
-without what is remembered of the last cache, and as the brute-force distance to every vertex of the body, in
+without the cache, and as the brute-force distance to every vertex of the body, in
 units of ours.
 """
 
@@ -55,9 +55,9 @@ def main(
     net: Any = objective.networks()["net"]
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=0.0, fused=True)
     spent: dict[str, float] = {}
-    crowd = objective.body._crowd
+    meshes = objective.body._crowd
     objective.body.move = _timed(objective.body.move, "move", spent)  # type: ignore[method-assign]
-    crowd.update = _timed(crowd.update, "refit", spent)  # type: ignore[method-assign]
+    meshes.update = _timed(meshes.update, "refit", spent)  # type: ignore[method-assign]
     objective.body.planes = _timed(objective.body.planes, "planes", spent)  # type: ignore[method-assign]
 
     def step(number: int) -> Tensor:
@@ -70,7 +70,7 @@ def main(
         return rows
 
     each = len(objective.samples) // config.batch
-    print("| passes | step ms | body skinned | trees refitted and asked | nothing remembered | brute force |")
+    print("| passes | step ms | body skinned | trees refitted and asked | without the cache | brute force |")
     print("|---:|---:|---:|---:|---:|---:|")
     done = 0
     with Progress(transient=True) as bar:

@@ -31,7 +31,7 @@ def gather_map(maps: Tensor, texels: Texels) -> Tensor:
 
 
 def valid_mask(texels: Texels) -> Tensor:
-    """Which texels lie on a face: (H, W) bool."""
+    """Mask of the texels that lie on a face: (H, W) bool."""
     mask = torch.zeros(texels.height * texels.width, dtype=torch.bool, device=texels.pixels.device)
     mask[texels.pixels] = True
     return mask.view(texels.height, texels.width)
@@ -39,7 +39,7 @@ def valid_mask(texels: Texels) -> Tensor:
 
 @dataclass(frozen=True)
 class Gutter:
-    """Where each texel of an H x W sheet copies from: source (H * W,) int64; valid texels from themselves."""
+    """Source texel of each texel of an H x W sheet: (H * W,) int64; valid ones copy themselves."""
 
     source: Tensor
 

@@ -48,6 +48,7 @@ class MakeBody:
     phenotype: OmitArgPrefixes[Phenotype] = field(default_factory=Phenotype)
 
     def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
         from uvcloth.bodies.anny import make_body
         from uvcloth.bodies.body import save_body
 
@@ -95,24 +96,21 @@ class Simulate:
     the same motion differ, which evaluation prints as the repeatability floor."""
 
     def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
         if not (self.clips or self.windows) or not self.garment:
             raise InputError("simulate: name at least one clip, or a table with --windows, and one garment")
         from uvcloth.bodies.body import load_body
-        from uvcloth.simulate.batch import simulate_batch
+        from uvcloth.simulate.batch import Workers, simulate_batch
+        from uvcloth.simulate.plan import ClipSelection
 
         simulate_batch(
-            clips=self.clips,
-            garments=self.garment,
+            ClipSelection(self.clips, self.windows, self.clips_from, self.split),
+            outfits=[self.garment] if self.layered else [(name,) for name in self.garment],
             out=self.out,
             body=load_body(self.body),
-            windows=self.windows,
-            clips_from=self.clips_from,
-            splits=self.split,
-            jobs=self.jobs,
-            scheduler=self.scheduler,
-            repeat=self.repeat,
-            layered=self.layered,
             engine=self.engine,
+            repeat=self.repeat,
+            workers=Workers(self.jobs, self.scheduler),
         )
 
 
@@ -124,6 +122,7 @@ class Data:
     """A folder made by `uvcloth simulate`."""
 
     def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
         from rich.console import Console
 
         from uvcloth.simulate.overview import overview
@@ -181,6 +180,7 @@ class Fit:
     """Also write the garment as it is worn: metres, Z up, as OBJ."""
 
     def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
         from uvcloth.bodies.body import load_body
         from uvcloth.garments.fit import fit
 
@@ -217,6 +217,7 @@ class Rollout:
     """Move vertices out of the body and give edges their rest length back."""
 
     def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
         if not self.garment or not self.out:
             raise InputError("rollout: name at least one garment and one file to write")
         from uvcloth.commands.rollout import animate
@@ -254,6 +255,7 @@ class Poses:
     """Decides the order in which poses are drawn."""
 
     def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
         from uvcloth.bodies.body import load_body
         from uvcloth.motion.clip_splits import find_sources
         from uvcloth.motion.draw_poses import draw_poses
@@ -294,6 +296,7 @@ class Export:
     """Write the body too."""
 
     def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
         from uvcloth.commands.export_rig import export
 
         exported = export(
@@ -315,6 +318,7 @@ class Demo:
     """Folder for everything that the demo makes."""
 
     def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
         from uvcloth.commands.demo import run
 
         run(self.out)

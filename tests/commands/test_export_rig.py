@@ -10,7 +10,7 @@ import torch
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, save_body
 from uvcloth.checkpoint import TrainingData, save_checkpoint
-from uvcloth.commands.export_rig import FORMATS, export
+from uvcloth.commands.export_rig import RIG_WRITERS, export
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.methods.pbns.method import PBNS, new_network, pbns_checkpoint, rest_outfit
@@ -32,7 +32,7 @@ def run(body: Body, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("suffix", FORMATS)
+@pytest.mark.parametrize("suffix", RIG_WRITERS)
 def test_a_motion_gives_one_file(run: Path, tmp_path: Path, suffix: str) -> None:
     out = tmp_path / "new" / f"spin{suffix}"
     exported = export(str(run), out, motion="spin", shapes=2, with_body=False)

@@ -8,7 +8,7 @@ import torch
 from rasterize.errors import InputError
 from uvcloth.commands import rollout as animation
 from uvcloth.export.animation import load_animation
-from uvcloth.export.writer import FORMATS
+from uvcloth.export.writer import WRITERS
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
@@ -113,7 +113,7 @@ def test_a_file_that_cannot_be_written_keeps_the_others_away(scene, tmp_path, mo
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setitem(FORMATS, ".glb", full)
+    monkeypatch.setitem(WRITERS, ".glb", full)
     for order in (["a.npz", "a.glb"], ["a.glb", "a.npz"]):
         with pytest.raises(InputError, match=r"a\.glb: cannot be written \(No space left"):
             animation.animate(["lbs"], "walk", ["tops"], [tmp_path / name for name in order])

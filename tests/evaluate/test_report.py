@@ -204,9 +204,9 @@ def test_a_method_counts_only_on_what_it_dresses() -> None:
     assert found["lbs_smooth", "tops"].frames == 300
 
 
-def test_page_says_which_methods_are_static(tmp_path: Path) -> None:
+def test_page_says_which_methods_are_quasi_static(tmp_path: Path) -> None:
     page = write_report(tmp_path, fake_results(), [fake_clip()], []).read_text()
-    assert "<p>lbs, lbs_smooth are static:" in page
+    assert "<p>lbs, lbs_smooth are quasi-static:" in page
     results = fake_results()
     for judged in results["methods"].values():
         judged["static"] = False

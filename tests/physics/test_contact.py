@@ -10,7 +10,14 @@ from uvcloth.bodies.body import load_body
 from uvcloth.bodies.collider import Collider, make_collider
 from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.geometry.mesh import unique_edges
-from uvcloth.physics.contact import CLOSEST, GAP, MARGIN, ContactGarment, InnerLayerContact, Obstacle
+from uvcloth.physics.contact import (
+    FINAL_CLEARANCE,
+    LAYER_CLEARANCE,
+    SKIN_CLEARANCE,
+    ContactGarment,
+    InnerLayerContact,
+    Obstacle,
+)
 from uvcloth.physics.layers import Layer
 from uvcloth.physics.strain_limiter import StrainLimiter
 
@@ -148,7 +155,7 @@ def test_cloth_between_two_limbs_that_leave_it_no_room_is_left_calm() -> None:
     resolved, contacts = both.resolve(sheet, dressed(sheet, grid(31, 31), parts=1))
     assert (contacts.inside_before, contacts.squeezed) == (len(sheet), 0)
     torch.testing.assert_close(
-        resolved[:, 2], torch.full_like(sheet[:, 2], 0.006 + MARGIN), atol=1e-4, rtol=0
+        resolved[:, 2], torch.full_like(sheet[:, 2], 0.006 + SKIN_CLEARANCE), atol=1e-4, rtol=0
     )
 
 
@@ -170,8 +177,8 @@ def test_what_is_worn_over_another_ends_over_it_where_that_one_lies_now() -> Non
         found = layer.beside(resolved)
         assert found.covered.float().mean() > 0.9
         distance = found.distance[found.covered]
-        assert distance.min() > CLOSEST - 1e-5
-        assert distance.median() > 0.9 * GAP
+        assert distance.min() > FINAL_CLEARANCE - 1e-5
+        assert distance.median() > 0.9 * LAYER_CLEARANCE
     resolved, _ = limb.resolve(sunk, worn)
     assert layer.beside(resolved).distance.min() < 0
 

@@ -82,4 +82,4 @@ def _valid_for(body: Body, database: PoseDatabase) -> PoseDatabase:
     valid = SelfContact(body).clear
     posed = track(database.transforms(body.skeleton), f"poses of {database.body_name} on {body.name}")
     clear = [valid(skin(body.mesh.vertices, body.weights, transforms[None])[0]) for transforms in posed]
-    return database.take(torch.nonzero(torch.tensor(clear)).squeeze(1))
+    return database.select(torch.nonzero(torch.tensor(clear)).squeeze(1))

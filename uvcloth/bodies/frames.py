@@ -1,4 +1,4 @@
-"""The posed body at many times, with the velocity and acceleration of its surface."""
+"""Frames of a posed body, with the velocity and acceleration of its surface."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,10 +10,10 @@ from uvcloth.bodies.body import Body
 from uvcloth.geometry.skinning import skin
 
 HISTORY = 3
-"""Frames that a method sees of the body: k-2, k-1 and k (PhysXNet section 3.1)."""
+"""Frames of the body that are a method's input: k-2, k-1 and k (PhysXNet section 3.1)."""
 
 GRAVITY = (0.0, 0.0, -9.81)
-"""m/s2, Z up."""
+"""Acceleration of gravity, m/s2, Z up."""
 
 LEAD = HISTORY + 1
 """Frames before the first one that are needed to difference its history twice."""
@@ -91,5 +91,8 @@ def body_frames(body: Body, transforms: Tensor, fps: float, posed: Tensor | None
 
 
 def with_lead(transforms: Tensor) -> Tensor:
-    """Repeat the first frame LEAD times in front: a body that stood still before the clip began."""
+    """Joint transforms (T, J, 3, 4) with the first frame repeated LEAD times in front: (LEAD + T, J, 3, 4).
+
+    The body then stood still before the clip began.
+    """
     return torch.cat([transforms[:1].expand(LEAD, -1, -1, -1), transforms])

@@ -1,4 +1,4 @@
-"""From a method that is a rig to a file that engines play: what `uvcloth export` does."""
+"""`uvcloth export`: a method that is a rig as a file for engines."""
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -19,23 +19,23 @@ from uvcloth.methods.registry import load_method
 from uvcloth.methods.rig import PoseRig
 from uvcloth.motion.library import load_clip
 
-FORMATS: dict[str, Callable[[Rig, Path], None]] = {
+RIG_WRITERS: dict[str, Callable[[Rig, Path], None]] = {
     ".glb": write_rig_glb,
     ".usdc": write_rig_usd,
     ".usd": write_rig_usd,
 }
-"""What writes each suffix."""
+"""Writers by suffix."""
 
 
 @dataclass(frozen=True)
 class Exported:
-    """What an export wrote."""
+    """Result of an export."""
 
     written: tuple[Path, ...]
     rigged: Rigged
 
     def lines(self) -> list[str]:
-        """It as text for a terminal."""
+        """Text of the result for a terminal, line by line."""
         rig, cost = self.rigged.rig, self.rigged
         frames, shapes = len(rig.transforms), len(rig.resting)
         parts = [garment.name for garment in rig.garments] + (["body"] if rig.body else [])
@@ -64,8 +64,8 @@ def export(
     then, as after Ctrl-C, writes nothing.
     """
     out = Path(out)
-    if out.suffix.lower() not in FORMATS:
-        supported = ", ".join(FORMATS)
+    if out.suffix.lower() not in RIG_WRITERS:
+        supported = ", ".join(RIG_WRITERS)
         raise InputError(
             f"{out}: the format {out.suffix or '(none)'} is not supported, use one of {supported}"
         )
@@ -82,7 +82,7 @@ def export(
 
 
 def _write(model: PoseRig, rigged: Rigged, out: Path) -> tuple[Path, ...]:
-    """The rig, and beside a rig of blend shapes without motion the embedding: all of these files or none."""
+    """Write the rig, and beside blend shapes without motion the embedding: all of these files or none."""
     embedded = len(model.shapes) and not len(rigged.rig.transforms)
     files = (out, out.with_suffix(".onnx")) if embedded else (out,)
     for path in files:
@@ -91,7 +91,7 @@ def _write(model: PoseRig, rigged: Rigged, out: Path) -> tuple[Path, ...]:
     with ExitStack() as stack:
         # They appear when the stack unwinds: only when all are whole.
         partial = [stack.enter_context(atomic_write(path)) for path in files]
-        FORMATS[out.suffix.lower()](rigged.rig, partial[0])
+        RIG_WRITERS[out.suffix.lower()](rigged.rig, partial[0])
         if embedded:
             write_embedding(model, rigged, partial[1])
     return files

@@ -1,4 +1,4 @@
-"""A finished animation as plain arrays, its own npz format, and the body's pose joint by joint."""
+"""Animations as plain arrays, their npz files, and the local poses of a skeleton."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import to_quaternions
 from uvcloth.geometry.skeleton import Skeleton
 
-FORMAT = "uvcloth-animation-1"
-CHUNK = 32
-"""Frames that are held in memory at once."""
+ANIMATION_FORMAT = "uvcloth-animation-1"
+FRAMES_AT_ONCE = 32
+"""Frames that are in memory at once."""
 
 
 @dataclass(frozen=True)
@@ -39,14 +39,20 @@ class Animation:
         return len(self.transforms)
 
     def chunks(self) -> Iterator[slice]:
-        """Slices of CHUNK frames that cover the animation in order."""
-        return (slice(start, min(start + CHUNK, len(self))) for start in range(0, len(self), CHUNK))
+        """Slices of FRAMES_AT_ONCE frames that cover the animation in order."""
+        return (
+            slice(start, min(start + FRAMES_AT_ONCE, len(self)))
+            for start in range(0, len(self), FRAMES_AT_ONCE)
+        )
 
 
 def write_npz(animation: Animation, path: Path) -> None:
-    """Write one compressed npz: per garment vertices, faces, uvs and face_uvs, the transforms and the fps."""
+    """Write one compressed npz: per garment vertices, faces, uvs and face_uvs, the transforms and the fps.
+
+    Raises InputError if it cannot be written.
+    """
     arrays: dict[str, np.ndarray] = {
-        "format": np.array(FORMAT),
+        "format": np.array(ANIMATION_FORMAT),
         "fps": np.array(animation.fps, np.float64),
         "names": np.array(animation.names),
         "transforms": animation.transforms,
@@ -62,7 +68,7 @@ def write_npz(animation: Animation, path: Path) -> None:
 
 def load_animation(path: Path) -> Animation:
     """Read an animation npz, without its body. Raises InputError if it is not one."""
-    data = load_arrays(path, FORMAT, "an animation made by `uvcloth rollout`")
+    data = load_arrays(path, ANIMATION_FORMAT, "an animation made by `uvcloth rollout`")
     try:
         names = tuple(str(name) for name in data["names"])
         return Animation(
@@ -86,7 +92,7 @@ def load_animation(path: Path) -> Animation:
 
 
 def local_pose(skeleton: Skeleton, transforms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Each joint relative to its parent: transforms (F, J, 3, 4) -> translations and rotations.
+    """Poses of joints relative to their parents: transforms (F, J, 3, 4) -> translations and rotations.
 
     Translations (F, J, 3) in metres; rotations (F, J, 4) as unit quaternions x, y, z, w that never jump to
     their negative from one frame to the next. At rest every joint has the world's orientation, so that a

@@ -1,4 +1,4 @@
-"""The pose embedding as ONNX: pose vector in, blend shape weights out, for engines that run it themselves."""
+"""Pose embedding as ONNX: pose vector in, blend shape weights out, for engines that run it themselves."""
 
 import json
 from pathlib import Path
@@ -13,7 +13,7 @@ from uvcloth.methods.rig import PoseRig
 OPSET, IR_VERSION = 13, 8
 """Old enough for the runtimes of engines; the operators are Gemm, Relu and Clip."""
 
-POSE = (
+POSE_DESCRIPTION = (
     "three numbers per joint, in the order of `joints`, along Z-up axes: the axis-angle (radians) of its "
     "rotation relative to its parent; in place of the root's the direction of gravity in the root's axes"
 )
@@ -61,7 +61,7 @@ def write_embedding(model: PoseRig, rigged: Rigged, path: Path) -> None:
     helper.set_model_props(
         model,
         {
-            "pose": POSE,
+            "pose": POSE_DESCRIPTION,
             "joints": json.dumps(skeleton.names),
             "parents": json.dumps(skeleton.parents),
             "shapes": json.dumps(rigged.rig.shape_names),

@@ -19,7 +19,7 @@ from uvcloth.render import GARMENT_COLORS
 
 
 def write_rig_glb(rig: Rig, path: Path) -> None:
-    """Write a rig as one .glb: metres, Y up, seconds. The file shows the rest pose where it does not play.
+    """Write a rig as one .glb: metres, Y up, seconds. Where it is not played, the file shows the rest pose.
 
     Raises InputError if the file would exceed the 4 GiB that the format can hold.
     """
@@ -40,10 +40,10 @@ def write_rig_glb(rig: Rig, path: Path) -> None:
 
 
 def _add_garment(document: Document, rig: Rig, index: int, skin: int) -> int:
-    """A garment with all of its targets. Returns its node."""
+    """Add a garment with all of its targets. Returns its node."""
     garment = rig.garments[index]
     source, primitive = add_geometry(document, garment.mesh)
-    add_influences(document, primitive, garment.joints[source], garment.weights[source])
+    primitive["attributes"] |= add_influences(document, garment.joints[source], garment.weights[source])
     primitive["material"] = document.material(garment.name, GARMENT_COLORS[index % len(GARMENT_COLORS)])
     extras: dict[str, Any] = {"source_vertices": source.tolist()}
     if not rig.shape_names:

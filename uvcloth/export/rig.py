@@ -8,8 +8,16 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.export.gltf_scene import INFLUENCES
-from uvcloth.export.shapes import ROWS, Cost, ShapeCode, cost, own_shapes, principal_shapes, shape_cost
+from uvcloth.export.gltf_scene import GLTF_INFLUENCES
+from uvcloth.export.shapes import (
+    POSES_AT_ONCE,
+    Cost,
+    ShapeCode,
+    cost,
+    own_shapes,
+    principal_shapes,
+    shape_cost,
+)
 from uvcloth.geometry.mesh import Mesh, face_normals, vertex_normals
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms, world_rotations
@@ -17,15 +25,15 @@ from uvcloth.geometry.skinning import skin, strongest
 from uvcloth.methods.rig import PoseRig, pose_vectors
 from uvcloth.motion.clip import Clip
 
-RIDGE = 1e-3
-"""Squared weights: keeps the solution for `one` small where the training poses leave it open."""
+REGULARIZATION = 1e-3
+"""Squared weights: regularizes `one` where the training poses do not determine it."""
 
 
 @dataclass(frozen=True)
 class RiggedGarment:
-    """N vertices that follow joints and K blend shapes.
+    """Garment of N vertices with blend weights and K blend shapes.
 
-    mesh: at rest with all weights zero. joints, weights: (N, INFLUENCES). shapes: (K, N, 3) m, at rest.
+    mesh: at rest with all weights zero. joints, weights: (N, GLTF_INFLUENCES). shapes: (K, N, 3) m, at rest.
     usual: (K,) mean weights of the training poses. one: (K,), weights @ one is nearly 1 in all of them.
     """
 
@@ -38,7 +46,7 @@ class RiggedGarment:
     one: Tensor
 
     def normal_shapes(self) -> Tensor:
-        """What each shape adds to the mesh's unit normals: (K, N, 3).
+        """Change of the mesh's unit normals by each shape: (K, N, 3).
 
         Normalized, the sum is right at the usual weights and nearly so to first order around them. It starts
         from all weights at their lowest, where no pose is; a tangent there would be worth little.
@@ -76,15 +84,15 @@ class Rig:
 
     @property
     def shape_names(self) -> list[str]:
-        """Of the K blend shapes, the same in every garment."""
+        """Names of the K blend shapes, the same in every garment."""
         return [f"shape_{index:03d}" for index in range(len(self.resting))]
 
 
 @dataclass(frozen=True)
 class Rigged:
-    """A rig, how pose embeddings become its weights, and what it gave up against the method.
+    """A rig, the code from pose embeddings to its weights, and the costs of its simplifications.
 
-    pruning: of joint influences. fewer: of blend shapes. Empty where nothing was given up.
+    pruning: of joint influences. fewer: of blend shapes. Empty where nothing is lost.
     """
 
     rig: Rig
@@ -129,7 +137,7 @@ def rig_of(
     )
     seen: dict[str, tuple[Tensor, Tensor]] = {}
     if len(training):
-        seen[f"{len(training)} training poses"] = (training, _stances(body.skeleton, model.poses))
+        seen[f"{len(training)} training poses"] = (training, _pose_transforms(body.skeleton, model.poses))
     if clip:
         seen[clip.name] = (moving, transforms)
     return Rigged(
@@ -145,14 +153,14 @@ def rig_of(
 
 
 def _garments(model: PoseRig, code: ShapeCode, trained: Tensor) -> tuple[RiggedGarment, ...]:
-    """trained: (M, K) weights of the training poses."""
+    """Garments of the rig; trained: (M, K) weights of the training poses."""
     usual = trained.mean(0) if len(trained) else trained.new_zeros(trained.shape[1])
     gram = trained.T @ trained / max(len(trained), 1)
-    one = torch.linalg.solve(gram + RIDGE * torch.eye(len(usual)), usual)
+    one = torch.linalg.solve(gram + REGULARIZATION * torch.eye(len(usual)), usual)
     shapes = model.shapes[:, model.owner]
     base = model.rest + torch.tensordot(code.constant, shapes, 1)
     mixed = torch.tensordot(code.mix, shapes, 1)
-    joints, weights = strongest(model.weights[model.owner], INFLUENCES)
+    joints, weights = strongest(model.weights[model.owner], GLTF_INFLUENCES)
     sizes = [len(mesh.vertices) for _, mesh in model.garments]
     ends = np.cumsum(sizes)
     return tuple(
@@ -170,20 +178,20 @@ def _garments(model: PoseRig, code: ShapeCode, trained: Tensor) -> tuple[RiggedG
 
 
 def _pruning(model: PoseRig, poses: dict[str, Tensor]) -> tuple[Cost, ...]:
-    """What the skinned rest shape moves by if only the strongest joints of each vertex are kept."""
+    """Costs of keeping only the strongest joints of each vertex, for the skinned rest shape."""
     weights = model.weights[model.owner]
-    if int((weights > 0).sum(1).max()) <= INFLUENCES:
+    if int((weights > 0).sum(1).max()) <= GLTF_INFLUENCES:
         return ()
-    joints, kept = (torch.from_numpy(values) for values in strongest(weights, INFLUENCES))
+    joints, kept = (torch.from_numpy(values) for values in strongest(weights, GLTF_INFLUENCES))
     lost = weights.scatter_add(1, joints, -kept)
     return tuple(
-        cost((skin(model.rest, lost, some).norm(dim=-1) for some in transforms.split(ROWS)), over)
+        cost((skin(model.rest, lost, some).norm(dim=-1) for some in transforms.split(POSES_AT_ONCE)), over)
         for over, transforms in poses.items()
     )
 
 
-def _stances(skeleton: Skeleton, poses: Tensor) -> Tensor:
-    """Joint transforms (M, J, 3, 4) that have pose vectors (M, 3 J), the root turned as at rest."""
+def _pose_transforms(skeleton: Skeleton, poses: Tensor) -> Tensor:
+    """Joint transforms (M, J, 3, 4) with the pose vectors (M, 3 J), the root turned as at rest."""
     local = from_axis_angles(poses.view(len(poses), -1, 3))
     root = torch.tensor(skeleton.parents)[:, None, None] < 0
     turns = world_rotations(skeleton.parents, torch.where(root, torch.eye(3), local))

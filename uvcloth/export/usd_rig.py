@@ -1,6 +1,6 @@
 """OpenUSD: a rig as one UsdSkel root: skinned garments with blend shapes, one animation, the body.
 
-The body keeps all of its influences, garments have what the rig gives them.
+The body keeps all of its influences, garments have those of the rig.
 """
 
 from pathlib import Path
@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from uvcloth.bodies.body import INFLUENCES
+from uvcloth.bodies.body import BODY_INFLUENCES
 from uvcloth.export.rig import Rig, RiggedGarment
 from uvcloth.export.usd_stage import (
     add_skeleton,
@@ -51,7 +51,7 @@ def write_rig_usd(rig: Rig, path: Path) -> None:
         if body := rig.body:
             geometry = define_mesh(stage, "/Outfit/body", body.mesh, BODY_COLOR)
             rest_geometry(geometry, body.mesh)
-            bind(geometry, skeleton, *strongest(body.weights, INFLUENCES))
+            bind(geometry, skeleton, *strongest(body.weights, BODY_INFLUENCES))
 
 
 def _rig_garment(stage: Any, geometry: Any, skeleton: Any, garment: RiggedGarment, names: list[str]) -> None:

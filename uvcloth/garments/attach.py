@@ -1,4 +1,4 @@
-"""Hanging a garment on a body at rest: the blend weights that carry it."""
+"""Attachment of a garment to a body at rest: its blend weights."""
 
 from typing import Literal
 
@@ -11,7 +11,7 @@ from uvcloth.geometry.mesh import Mesh, weld
 from uvcloth.geometry.skinning import diffuse_weights
 
 DIFFUSION = {"tops": 0.06, "bottoms": 0.06, "dress": 0.15, "shirt": 0.06}
-"""Metres over which blend weights spread; far enough in a skirt that left and right leg blend."""
+"""Metres over which blend weights are diffused; far enough in a skirt that left and right leg blend."""
 
 
 def make_garment(
@@ -23,9 +23,9 @@ def make_garment(
     template: str | None = None,
     source: Literal["template", "file"] = "file",
 ) -> Garment:
-    """A garment on a body, from its mesh (N vertices) at rest on the body's rest pose.
+    """Make a garment on a body, from its mesh (N vertices) at rest on the body's rest pose.
 
-    diffusion: metres over which the smooth blend weights spread. template, source: as in Garment.
+    diffusion: metres over which the smooth blend weights are diffused. template, source: as in Garment.
     """
     weights = body.weights[_closest_vertices(mesh.vertices, body.mesh.vertices)]
     return Garment(

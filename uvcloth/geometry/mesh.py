@@ -125,13 +125,13 @@ def laplacian(faces: Tensor, count: int) -> Tensor:
 
 
 def weld(vertices: Tensor) -> Tensor:
-    """For each vertex (or any row) the first at the same place, for meshes cut at UV seams: (V,) int64."""
+    """First vertex (or any row) at the place of each, for meshes cut at UV seams: (V,) int64."""
     _, place = torch.unique(vertices, dim=0, return_inverse=True)
     return first_of(place)[place]
 
 
 def first_of(groups: Tensor) -> Tensor:
-    """The first of those that share a group: groups (N,) int64, from 0 without gaps -> (G,) int64."""
+    """First index of each group: groups (N,) int64, from 0 without gaps -> (G,) int64."""
     order = torch.arange(len(groups), device=groups.device)
     first = torch.full_like(order, len(groups)).scatter_reduce(0, groups, order, "amin")
     return first[first < len(groups)]

@@ -58,7 +58,7 @@ def from_euler(axes: str, angles: Tensor) -> Tensor:
 
 
 def smallest_rotation(source: Tensor, target: Tensor) -> Tensor:
-    """(3, 3) rotation by the smallest angle that takes one unit vector (3,) to another."""
+    """Rotation (3, 3) by the smallest angle that takes one unit vector (3,) to another."""
     axis = torch.linalg.cross(source, target)
     x, y, z = axis.tolist()
     cross = torch.tensor([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]).to(source)

@@ -1,4 +1,4 @@
-"""Linear blend skinning, and the smooth blend weights that carry a garment."""
+"""Linear blend skinning, and blend weights smoothed over a mesh."""
 
 import numpy as np
 import torch
@@ -58,7 +58,7 @@ def diffuse_weights(weights: Tensor, vertices: Tensor, faces: Tensor, distance: 
 
 
 def skin_frames(points: Tensor, weights: Tensor, transforms: Tensor) -> tuple[Tensor, Tensor]:
-    """Skinned points (B, N, 3) and frames (B, N, 3, 3) whose columns are the rest axes turned along."""
+    """Skinned points (B, N, 3) and frames (B, N, 3, 3), columns: the rest axes turned by the blend."""
     blended = blend_transforms(weights, transforms)
     return apply_transforms(blended, points), rotation_part(blended)
 
@@ -70,7 +70,7 @@ def seen_from_root(points: Tensor, transforms: Tensor) -> Tensor:
 
 
 def strongest(weights: Tensor, influences: int) -> tuple[np.ndarray, np.ndarray]:
-    """The strongest blend weights of each vertex, rescaled to sum to one: (V, J) -> joints, weights (V, I).
+    """Strongest blend weights of each vertex, rescaled to sum to one: (V, J) -> joints, weights (V, I).
 
     Influences without weight name joint 0.
     """

@@ -1,4 +1,4 @@
-"""Clips by path or by name: BVH files, clip archives, and the clips that ship with the package."""
+"""Loading of clips by path or name: BVH files, clip archives, clips that ship with the package."""
 
 from importlib.resources import files
 from pathlib import Path
@@ -15,17 +15,17 @@ from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.retarget import retarget
 
-FORMAT = "uvcloth-clip-1"
+CLIP_FORMAT = "uvcloth-clip-1"
 
 
 def builtin_clips() -> dict[str, Path]:
-    """Name -> file of every clip that ships with the package, in alphabetical order."""
+    """Files of the clips that ship with the package, by name, in alphabetical order."""
     folder = Path(str(files("uvcloth") / "data" / "clips"))
     return {path.stem: path for path in sorted(folder.glob("*.npz"))}
 
 
 def load_clip(path_or_name: str | Path, body: Body, fps: float = 30.0) -> Clip:
-    """A motion retargeted onto a body, from a BVH file, a clip archive (.npz) or a built-in clip's name.
+    """Load a motion retargeted onto a body, from a BVH file, a clip archive (.npz) or a built-in clip's name.
 
     Raises InputError naming the file for unreadable files, unknown joints and unknown names.
     """
@@ -48,7 +48,7 @@ def save_clip(clip: Clip, path: Path, notice: str = "") -> None:
     save_arrays(
         path,
         {
-            "format": np.array(FORMAT),
+            "format": np.array(CLIP_FORMAT),
             "name": np.array(clip.name),
             "notice": np.array(notice),
             "joint_names": np.array(clip.skeleton.names),
@@ -67,7 +67,7 @@ def read_clip(path: Path) -> Clip:
     Raises InputError naming the file if it is missing, truncated, another format, without frames, or
     holds arrays that do not fit together or are not finite.
     """
-    data = load_arrays(path, FORMAT, "a motion clip saved by uvcloth")
+    data = load_arrays(path, CLIP_FORMAT, "a motion clip saved by uvcloth")
     try:
         names = tuple(str(name) for name in data["joint_names"])
         parents = tuple(int(parent) for parent in data["joint_parents"])

@@ -15,7 +15,7 @@ from uvcloth.physics.layers import Layer
 
 @dataclass(frozen=True)
 class ResolvedOutfit:
-    """vertices: (N, 3) m of each garment. contacts: what was done to it. moves: (N, 3) m, by how much."""
+    """Garments after contact: of each its vertices (N, 3) m, the result of its solve, its moves (N, 3) m."""
 
     vertices: tuple[Tensor, ...]
     contacts: tuple[Contacts, ...]
@@ -23,13 +23,13 @@ class ResolvedOutfit:
 
 
 class OutfitContact:
-    """Finishes the garments of an outfit, frame after frame: off the collider, edges at rest length.
+    """Contact of an outfit, frame by frame: garments off the collider, edges at rest length.
 
-    The innermost comes first, and where it ends each other one stays on its outer side.
+    The innermost comes first, and each other one stays on the outer side of where it ends.
     """
 
     def __init__(self, body: Body, meshes: Sequence[Mesh]) -> None:
-        """meshes: of the garments at rest, the innermost first; everything runs on the body's device."""
+        """Prepare the garments at rest, the innermost first; everything runs on the body's device."""
         body_vertices = body.mesh.vertices
         self.obstacle = Obstacle(to_device(make_collider(body), body_vertices.device), body_vertices)
         self.layers = [Layer(mesh.vertices, mesh.faces) for mesh in meshes[:-1]]
@@ -43,7 +43,7 @@ class OutfitContact:
     ) -> ResolvedOutfit:
         """Resolve garments (N, 3) m against the body (V, 3) and those beneath them.
 
-        moves: what that moved in the frame before, None in the first.
+        moves: (N, 3) m, the corrections of the frame before, None in the first.
         """
         self.obstacle.update(body_vertices)
         finished, contacts = [], []

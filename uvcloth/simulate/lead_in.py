@@ -1,4 +1,4 @@
-"""From rest into motion: what the body does before the first frame that counts."""
+"""Lead-in: motion of the body from its rest pose into the clip, in front of the scored frames."""
 
 import math
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from uvcloth.motion.clip import Clip
 
 @dataclass(frozen=True)
 class LeadIn:
-    """Frames of each part: at rest, blending into the first pose, and coming up to speed."""
+    """Numbers of frames: at rest, blending into the first pose, and accelerating to its velocity."""
 
     rest: int = 4
     blend: int = 24
@@ -24,7 +24,7 @@ class LeadIn:
 
 
 def lead_in(clip: Clip, body: Body, parts: LeadIn) -> Clip:
-    """The clip with a start from rest in front: len(parts) more frames.
+    """Put a start from rest in front of a clip: len(parts) more frames.
 
     The body stands at rest under its first position, facing its first heading, turns smoothly into the first
     pose moved back along the first frame's velocity, and reaches that velocity just as the clip begins.
@@ -59,7 +59,7 @@ def lead_in(clip: Clip, body: Body, parts: LeadIn) -> Clip:
 
 
 def _heading(rotation: Tensor) -> Tensor:
-    """The turn about the vertical (3, 3) that is nearest to a rotation (3, 3)."""
+    """Rotation about the vertical (3, 3) that is nearest to a rotation (3, 3)."""
     angle = math.atan2(float(rotation[1, 0] - rotation[0, 1]), float(rotation[0, 0] + rotation[1, 1]))
     c, s = math.cos(angle), math.sin(angle)
     return torch.tensor([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

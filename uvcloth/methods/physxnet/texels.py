@@ -14,7 +14,7 @@ from rasterize.decode import nearest_sampler
 from rasterize.errors import InputError
 from rasterize.gather import gather
 from rasterize.raycast import body_to_garment
-from rasterize.sheet import REACH
+from rasterize.sheet import GARMENT_RAY_LENGTH
 from rasterize.texels import Texels, rasterize_layout
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.joined_legs import joined_rays, leg_faces, leg_slices
@@ -23,7 +23,7 @@ from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import Mesh, vertex_normals
 
 SKIRT_REACH = 0.6
-"""Metres within which the rays that leave the joined legs look for cloth; the others have REACH."""
+"""Metres within which rays from the joined legs may meet cloth; for others GARMENT_RAY_LENGTH."""
 
 SKIRTS = ("dress",)
 """Templates whose lower part is seen from the joined legs."""
@@ -108,7 +108,7 @@ def template_texels(template: str | None, mesh: Mesh, body: Body, texels: BodyTe
     face = texels.sheet.face
     origins = texels.points
     directions = texels.gather(vertex_normals(body.mesh.vertices, body.mesh.faces))
-    reach = torch.full((len(origins),), REACH)
+    reach = torch.full((len(origins),), GARMENT_RAY_LENGTH)
     if template in SKIRTS:
         legs = leg_faces(body)[face]
         around = texels.sheet.uvs[legs, 0]
