@@ -21,7 +21,8 @@ class Evaluate:
 
     model: tuple[str, ...]
     """Baselines (lbs, lbs_smooth), what ships (physxnet, motion_guided, pbns), and folders written by
-    `python -m train`."""
+    `python -m train`; for garments that were simulated together also one for each, the innermost first, as in
+    RUN_A+RUN_B."""
     data: Path
     """A folder made by `uvcloth simulate`; its index.csv names the clips of each split and their actions."""
     out: Path
@@ -37,16 +38,16 @@ class Evaluate:
     body: Path | None = None
     """The body that the data was simulated on; without it the one that ships with uvcloth."""
     map_size: int = 256
-    """Height and width of the maps on which the map MSE and the representation floor are measured."""
+    """Height and width of the maps on which the map MSE is measured."""
     pictures: bool = True
     """Draw pictures: of every action, of spaces of garments, and of training and test motion."""
 
     def run(self) -> None:
         if not all(find_spec(module) for module in ("jinja2", "markupsafe", "PIL", "sklearn")):
             raise InputError("the report needs Jinja, Pillow and scikit-learn: install uvcloth[report]")
-        from evaluate.compare import compare
+        from evaluate.candidates import load_candidates
+        from evaluate.compare import Selection, compare
         from evaluate.garment_space import interpolations
-        from evaluate.judge import load_candidates
         from evaluate.motion_map import motion_maps
         from evaluate.progress import progress
         from evaluate.report import write_metrics, write_report
@@ -59,15 +60,11 @@ class Evaluate:
         candidates = load_candidates(self.model, body)
         results, shown = compare(
             candidates,
-            self.data,
+            Selection(self.data, self.actions, self.garment, self.frames, self.split),
             self.out,
             body=body,
-            actions=self.actions,
-            files=self.garment,
-            frames=self.frames,
             map_size=self.map_size,
             machine=machine(),
-            split=self.split,
         )
         metrics = write_metrics(self.out, results)
         images, spaces, motion = [], [], []
@@ -94,15 +91,16 @@ def summary(results: dict) -> str:
     Then a line per method whose figures mislead, as it has met what it was judged on.
     """
     from evaluate.familiar import cautions
-    from evaluate.report import Rank, standings
+    from evaluate.standings import Rank, standings
 
     def said(rank: Rank) -> str:
         beside = f"{100 * (rank.against - 1):+4.0f} %, {rank.won} of {rank.of}" if rank.against else ""
         return f"{rank.mean_mm:6.1f} mm {beside:18}"
 
+    found = standings(results)
+    wide = max(8, *(len(row.garment) for row in found))
     rows = [
-        f"{row.garment:8} {row.method:16} {said(row.before)} {said(row.after)}".rstrip()
-        for row in standings(results)
+        f"{row.garment:{wide}} {row.method:16} {said(row.before)} {said(row.after)}".rstrip() for row in found
     ]
     title = "mean vertex distance; against the better LBS, and on how many actions nearer"
     warnings = [
@@ -110,7 +108,7 @@ def summary(results: dict) -> str:
         for caution in cautions(results)
         if caution.red
     ]
-    return "\n".join([title, f"{'':25} {'before contact':28} after contact", *rows, *warnings])
+    return "\n".join([title, f"{'':{wide + 17}} {'before contact':28} after contact", *rows, *warnings])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

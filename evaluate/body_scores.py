@@ -5,15 +5,16 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
-from uvcloth.garments.garment import Outfit
+from uvcloth.geometry.mesh import Mesh
 from uvcloth.physics.contact import ContactGarment, Obstacle
 from uvcloth.physics.exposure import CLOTH_POINTS, Exposure, SurfaceSample, spread
 
 
 @dataclass(frozen=True)
 class DressedBody:
-    """The only garment of an outfit on its body.
+    """A garment, or several as one mesh, on a body.
 
     dressed: its vertices, as contact meets them. sample: points spread over its faces, and loose: they as
     contact meets them. exposure: of the skin that it covers.
@@ -26,9 +27,8 @@ class DressedBody:
     exposure: Exposure
 
 
-def put_on(outfit: Outfit) -> DressedBody:
-    """A garment as it lies on its body at rest."""
-    body, mesh = outfit.body, outfit.garments[0].mesh
+def put_on(body: Body, mesh: Mesh) -> DressedBody:
+    """A garment, or several as one mesh, as it lies on a body at rest."""
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     sample = spread(mesh.vertices, mesh.faces, CLOTH_POINTS)
     return DressedBody(

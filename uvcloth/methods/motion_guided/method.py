@@ -23,9 +23,11 @@ from uvcloth.methods.motion_guided.dynamics_input import (
     MEMORY,
     DynamicsInput,
     GarmentHistory,
+    Pose,
     local_offsets,
     next_shape,
     pose_transforms,
+    posed_shape,
     rest_shape,
     shape_features,
 )
@@ -155,16 +157,35 @@ class MotionGuided(Method):
         space = for_inference(self.space, body.mesh.vertices.device)
         return DecodedSpace(space, self.config.maps(garment, body), self.config.latent)
 
+    @torch.no_grad()
+    def round_trip(
+        self, prepared: MotionGuidedPrepared, frames: BodyFrames, garments: tuple[Tensor, ...]
+    ) -> tuple[Tensor, ...]:
+        """Garments (B, N, 3) encoded and decoded by the first stage."""
+        transforms, read = frames.transforms[:, -1], []
+        for maps, vertices in zip(prepared.maps, garments, strict=True):
+            pose = Pose(transforms, self._seeds(maps, frames))
+            texels = maps.positions(vertices)
+            offsets = local_offsets(maps, texels, transforms)
+            features = shape_features(prepared.space, maps, texels, offsets, pose.seeds.points)
+            resting = rest_shape(prepared.space, maps, prepared.space.encode(features))
+            read.append(posed_shape(prepared.space, maps, resting, pose))
+        return tuple(read)
+
+    def _seeds(self, maps: GarmentMaps, frames: BodyFrames) -> PosedSeeds:
+        """The seeds in B frames, on the body or on what is worn beneath."""
+        transforms = frames.transforms[:, -1]
+        if not self.config.under:
+            return pose_seeds(maps.seeds, transforms)
+        assert frames.under is not None, "the garment beneath is stepped first"
+        return seeds_on(maps.seeds, frames.under, transforms)
+
     def _next(
         self, prepared: MotionGuidedPrepared, index: int, state: MotionGuidedState, frames: BodyFrames
     ) -> tuple[MotionGuidedState, Tensor]:
         """The state after the frame and the garment (B, N, 3) in it."""
         maps, now = prepared.maps[index], frames.transforms[:, -1]
-        if self.config.under:
-            assert frames.under is not None, "the garment beneath is stepped first"
-            seeds = seeds_on(maps.seeds, frames.under, now)
-        else:
-            seeds = pose_seeds(maps.seeds, now)
+        seeds = self._seeds(maps, frames)
         seen = DynamicsInput(
             past=state.past,
             transforms=frames.transforms.flip(1),
