@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
@@ -112,15 +111,3 @@ def local_pose(skeleton: Skeleton, transforms: np.ndarray) -> tuple[np.ndarray, 
     flips = np.sign((quaternions[1:] * quaternions[:-1]).sum(-1, keepdims=True))
     quaternions[1:] *= np.cumprod(np.where(flips == 0, 1, flips), axis=0)
     return translations.astype(np.float32), quaternions.astype(np.float32)
-
-
-def strongest(weights: Tensor, influences: int) -> tuple[np.ndarray, np.ndarray]:
-    """Strongest blend weights of each vertex, rescaled to sum to one: (V, J) -> joints, weights (V, I).
-
-    Influences without weight name joint 0.
-    """
-    top = weights.topk(min(influences, weights.shape[1]), dim=1)
-    values = (top.values / top.values.sum(1, keepdim=True)).numpy().astype(np.float32)
-    joints = np.where(values > 0, top.indices.numpy(), 0)
-    missing = ((0, 0), (0, influences - values.shape[1]))
-    return np.pad(joints, missing), np.pad(values, missing)

@@ -10,10 +10,11 @@ import numpy as np
 import torch
 
 from uvcloth.bodies.body import Body
-from uvcloth.export.animation import local_pose, strongest
+from uvcloth.export.animation import local_pose
 from uvcloth.export.glb import FLOAT, INDICES, INT, SHORT, VERTICES, Document
 from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.geometry.skeleton import Skeleton
+from uvcloth.geometry.skinning import strongest
 from uvcloth.render import BODY_COLOR
 
 GLTF_INFLUENCES = 4

@@ -8,7 +8,6 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.export.animation import strongest
 from uvcloth.export.gltf_scene import GLTF_INFLUENCES
 from uvcloth.export.shapes import (
     POSES_AT_ONCE,
@@ -22,7 +21,7 @@ from uvcloth.export.shapes import (
 from uvcloth.geometry.mesh import Mesh, face_normals, vertex_normals
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms, world_rotations
-from uvcloth.geometry.skinning import skin
+from uvcloth.geometry.skinning import skin, strongest
 from uvcloth.methods.rig import PoseRig, pose_vectors
 from uvcloth.motion.clip import Clip
 

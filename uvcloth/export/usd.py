@@ -7,7 +7,7 @@ import numpy as np
 import torch
 
 from uvcloth.bodies.body import BODY_INFLUENCES
-from uvcloth.export.animation import Animation, strongest
+from uvcloth.export.animation import Animation
 from uvcloth.export.usd_stage import (
     add_skeleton,
     animate_skeleton,
@@ -18,6 +18,7 @@ from uvcloth.export.usd_stage import (
     writing,
 )
 from uvcloth.geometry.mesh import vertex_normals
+from uvcloth.geometry.skinning import strongest
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS
 
 

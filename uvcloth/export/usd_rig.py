@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from uvcloth.bodies.body import BODY_INFLUENCES
-from uvcloth.export.animation import strongest
 from uvcloth.export.rig import Rig, RiggedGarment
 from uvcloth.export.usd_stage import (
     add_skeleton,
@@ -20,6 +19,7 @@ from uvcloth.export.usd_stage import (
     rest_geometry,
     writing,
 )
+from uvcloth.geometry.skinning import strongest
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS
 
 

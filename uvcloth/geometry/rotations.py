@@ -55,3 +55,11 @@ def from_euler(axes: str, angles: Tensor) -> Tensor:
     for axis, angle in zip(axes, angles.unbind(-1), strict=True):
         product = product @ from_axis_angles(angle[..., None] * torch.eye(3)["xyz".index(axis)].to(angle))
     return product
+
+
+def smallest_rotation(source: Tensor, target: Tensor) -> Tensor:
+    """Rotation (3, 3) by the smallest angle that takes one unit vector (3,) to another."""
+    axis = torch.linalg.cross(source, target)
+    x, y, z = axis.tolist()
+    cross = torch.tensor([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]).to(source)
+    return torch.eye(3).to(source) + cross + cross @ cross / (1.0 + source @ target).clamp(min=1e-6)

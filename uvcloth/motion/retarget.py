@@ -13,7 +13,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.geometry.rotations import from_axis_angles, from_euler, to_axis_angles
+from uvcloth.geometry.rotations import from_axis_angles, from_euler, smallest_rotation, to_axis_angles
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
 
@@ -142,14 +142,6 @@ def resample(clip: Clip, fps: float) -> Clip:
         translation=translation.to(clip.translation),
         fps=fps,
     )
-
-
-def smallest_rotation(source: Tensor, target: Tensor) -> Tensor:
-    """Rotation (3, 3) by the smallest angle that takes one unit vector (3,) to another."""
-    axis = torch.linalg.cross(source, target)
-    x, y, z = axis.tolist()
-    cross = torch.tensor([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]).to(source)
-    return torch.eye(3).to(source) + cross + cross @ cross / (1.0 + source @ target).clamp(min=1e-6)
 
 
 def _known_roles(skeleton: Skeleton, owner: str) -> dict[str, int]:

@@ -133,6 +133,5 @@ class Exposure:
 
 def _skin(sample: SurfaceSample, vertices: Tensor) -> tuple[Tensor, Tensor]:
     """Points and the unit normals of their faces, (P, 3) each, on a posed body (V, 3)."""
-    a, b, c = vertices[sample.corners].unbind(1)
-    normals = torch.nn.functional.normalize(torch.linalg.cross(b - a, c - a), dim=1)
+    normals = torch.nn.functional.normalize(face_normals(vertices, sample.corners), dim=1)
     return sample.points(vertices).float(), normals.float()
