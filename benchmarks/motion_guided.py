@@ -26,7 +26,7 @@ from torch.nn import functional
 from benchmarks.descriptor import plain
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.export.writer import open_writer
-from uvcloth.garments.attach import make_garment
+from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.tailor import tailor
 from uvcloth.garments.templates import fit_template, tailored
@@ -101,8 +101,8 @@ def method(preset: str, garment: Garment, twin: bool) -> MotionGuided:
 def garment_of(body: Body, vertices: int | None) -> Garment:
     if vertices is None:
         return fit_template("dress", body)
-    # It has a name of its own, so that the engine finds a band for its vertices: the template's is of others.
-    return make_garment("retailored", "dress", tailored(tailor("dress", body, vertices), body), body)
+    mesh = tailored(tailor("dress", body, vertices), body)
+    return make_garment("retailored", mesh, body, DIFFUSION["dress"])
 
 
 def stages(made: MotionGuided, garment: Garment, body: Body, clip: Clip) -> dict[str, float]:

@@ -1,6 +1,5 @@
 """The methods in a comparison, and what their checkpoints say of them."""
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,6 +8,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import CONFIG, WEIGHTS, load_checkpoint
 from uvcloth.garments.garment import Outfit
+from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.method import Method
 from uvcloth.methods.registry import load_method, model_folder
@@ -84,13 +84,13 @@ def _load(model: str, body: Body) -> Candidate:
 def _load_one(model: str, body: Body) -> Candidate:
     folder, method = model_folder(model), load_method(model, body)
     if folder is None:
-        return Candidate(method.name, method, 0.0, _hash(model.encode()), frozenset())
+        return Candidate(method.name, method, 0.0, fingerprint(model), frozenset())
     checkpoint = load_checkpoint(folder)
     return Candidate(
         name=method.name,
         method=method,
         weights_mb=(folder / WEIGHTS).stat().st_size / 1e6,
-        fingerprint=_hash((folder / WEIGHTS).read_bytes() + (folder / CONFIG).read_bytes()),
+        fingerprint=fingerprint((folder / WEIGHTS).read_bytes(), (folder / CONFIG).read_bytes()),
         seen=frozenset(checkpoint.data.files.values()),
         training_frames=checkpoint.notes.get("training_frames"),
         clips=checkpoint.data.clips,
@@ -106,11 +106,7 @@ def _in_order(parts: Sequence[Candidate]) -> Candidate:
         name=method.name,
         method=method,
         weights_mb=sum(part.weights_mb for part in parts),
-        fingerprint=_hash("/".join(part.fingerprint for part in parts).encode()),
+        fingerprint=fingerprint("/".join(part.fingerprint for part in parts)),
         seen=frozenset().union(*(part.seen for part in parts)),
         clips={s: {clip: who for p in parts for clip, who in p.clips.get(s, {}).items()} for s in splits},
     )
-
-
-def _hash(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()

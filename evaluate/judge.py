@@ -1,6 +1,5 @@
 """Rolls methods out over cases and scores every frame; finished cases are kept for a rerun."""
 
-import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -21,6 +20,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import LEAD, body_frames, with_lead
 from uvcloth.garments.garment import Garment
+from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.rollout import PreparedRollout, prepare_rollout
 from uvcloth.simulate.sequence import SimulatedSequence, content_hash, load_sequence
 
@@ -104,7 +104,7 @@ def score(case: Case, raw: Tensor, resolved: Tensor) -> CaseScores:
     parts: dict[str, dict[str, Tensor]] = {}
     for part in case.parts:
         before, after = raw[:, part.rows], resolved[:, part.rows]
-        worn = put_on(case.outfit.body, part.mesh)
+        worn = put_on(case.outfit.body, part.meshes)
         parts[part.name] = frame_scores(before, after, part.reference)
         for suffix, frames in (("_raw", before), ("", after)):
             found = body_scores(worn, frames, case.body_vertices)
@@ -112,7 +112,7 @@ def score(case: Case, raw: Tensor, resolved: Tensor) -> CaseScores:
     *garments, whole = case.parts
     for suffix, frames in (("_raw", raw), ("", resolved)):
         moved = {part.name: frames[:, part.rows] for part in garments}
-        found = layer_scores(moved, {part.name: part.mesh.faces for part in garments})
+        found = layer_scores(moved, {part.name: part.reference.faces for part in garments})
         parts[whole.name] |= {f"{key}{suffix}": values for key, values in found.items()}
     return CaseScores(parts, resolved[:: case.stride])
 
@@ -168,7 +168,7 @@ def cached(out: Path, case: Case, name: str, setting: str, work: Callable[[], Ca
     garments = [garment_fingerprint(garment) for garment in case.outfit.garments]
     contents = [content_hash(sequence) for sequence in case.sequences]
     text = "/".join([FORMAT, setting, *garments, *contents, str(len(case.transforms))])
-    key = hashlib.sha256(text.encode()).hexdigest()[:16]
+    key = fingerprint(text)[:16]
     path = Path(out) / "partial" / f"{case.name}_{name}_{key}.npz"
     truth = case.truth[:: case.stride]
     if path.is_file():
@@ -199,32 +199,26 @@ def _prefix(part: int) -> str:
 def code_fingerprint() -> str:
     """Hash of the sources and data that decide a score: results of others are not taken over."""
     root = Path(__file__).resolve().parent.parent
-    digest = hashlib.sha256()
+    contents: list[str | bytes] = []
     for name in JUDGING:
         place = root / name
         inside = [*place.rglob("*.py"), *place.rglob("*.npz")]
         for path in sorted(inside) if place.is_dir() else [place]:
-            digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
-    return digest.hexdigest()
+            contents += [str(path.relative_to(root)), path.read_bytes()]
+    return fingerprint(*contents)
 
 
 def body_fingerprint(body: Body) -> str:
     """Hash of the body that the garments are worn on."""
-    digest = hashlib.sha256("/".join(body.skeleton.names).encode())
     tensors = [body.mesh.vertices, body.mesh.faces, body.weights, body.skeleton.heads]
     tensors += [body.regions, body.sides]
     for proxy in body.proxies.values():
         tensors += [proxy.vertices, proxy.faces, proxy.weights]
-    for tensor in tensors:
-        digest.update(tensor.numpy().tobytes())
-    return digest.hexdigest()
+    return fingerprint("/".join(body.skeleton.names), *tensors)
 
 
 def garment_fingerprint(garment: Garment) -> str:
     """Hash of what a method sees of a garment, which a file may change without the sequence."""
-    digest = hashlib.sha256(garment.template.encode())
     mesh = garment.mesh
     tensors = (mesh.vertices, mesh.faces, mesh.uvs, mesh.face_uvs, garment.weights, garment.smooth_weights)
-    for tensor in tensors:
-        digest.update(tensor.numpy().tobytes())
-    return digest.hexdigest()
+    return fingerprint(f"{garment.source}/{garment.template}", *tensors)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from rasterize.gather import gather
 from uvcloth.geometry.mesh import weld
 from uvcloth.physics.energies import acceleration_jitter, edge_change, fold_angle, fold_cosine
 from uvcloth.physics.layers import wrong_side_percent
@@ -51,8 +52,7 @@ def map_mse(predicted: Tensor, truth: Tensor, corners: Tensor, barycentrics: Ten
     corners and barycentrics (P, 3).
     """
     error = (predicted - truth) * MM
-    seen = torch.einsum("fpcx,pc->fpx", error[:, corners], barycentrics.to(error))
-    return seen.square().sum(-1).mean(-1)
+    return gather(error, corners, barycentrics).square().sum(-1).mean(-1)
 
 
 def frame_scores(raw: Tensor, resolved: Tensor, reference: Reference) -> dict[str, Tensor]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from rasterize.gather import gather
 from rasterize.texels import Texels
 
 
@@ -13,17 +14,7 @@ def bake(values: Tensor, faces: Tensor, texels: Texels) -> Tensor:
 
     faces: (F, 3) int64 of the mesh. Everything on one device.
     """
-    return interpolate(values, faces, texels.face, texels.barycentrics)
-
-
-def interpolate(values: Tensor, faces: Tensor, face: Tensor, barycentrics: Tensor) -> Tensor:
-    """Vertex attributes (..., V, C) at points on faces: face (R,), barycentrics (R, 3) -> (..., R, C)."""
-    corners = faces[face]
-    weights = barycentrics.to(values)
-    return sum(
-        (values.index_select(-2, corners[:, c]) * weights[:, c : c + 1] for c in range(1, 3)),
-        start=values.index_select(-2, corners[:, 0]) * weights[:, :1],
-    )
+    return gather(values, faces[texels.face], texels.barycentrics)
 
 
 def scatter_map(texel_values: Tensor, texels: Texels) -> Tensor:

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from rasterize.gather import gather
 from rasterize.layout import Layout
 from rasterize.texels import Texels
 
@@ -35,10 +36,7 @@ class Sampler:
 
 def decode(maps: Tensor, sampler: Sampler) -> Tensor:
     """Weighted means of texels: maps (..., C, H, W) -> (..., N, C); differentiable, on any device."""
-    count, samples = sampler.pixels.shape
-    texels = maps.flatten(-2).index_select(-1, sampler.pixels.flatten())
-    values = texels.view(*maps.shape[:-2], count, samples) * sampler.weights.to(maps)
-    return values.sum(-1).transpose(-1, -2)
+    return gather(maps.flatten(-2).transpose(-1, -2), sampler.pixels, sampler.weights)
 
 
 def sample_points(
@@ -71,7 +69,7 @@ def _images(
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Places of each point on the sheet, several on a cut: owner (P,) ascending, uvs (P, 2), islands (P,)."""
     corner_uvs = layout.uvs.double()[layout.face_uvs]
-    own = (corner_uvs[slot[face]] * barycentrics.double()[..., None]).sum(1)
+    own = gather(layout.uvs.double(), layout.face_uvs[slot[face]], barycentrics)
     owners, places, islands = [torch.arange(len(face))], [own], [layout.islands[slot[face]]]
 
     kept = mesh_faces[layout.faces]

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.bake import interpolate
+from rasterize.gather import gather
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Hits:
 
     def interpolate(self, vertices: Tensor, faces: Tensor) -> Tensor:
         """Hit points on the moved mesh (..., V, 3) with faces (F, 3): (..., R, 3), zero if none."""
-        return interpolate(vertices, faces, self.face.clamp(min=0), self.barycentrics)
+        return gather(vertices, faces[self.face.clamp(min=0)], self.barycentrics)
 
 
 def cast_rays(

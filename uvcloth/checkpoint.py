@@ -5,7 +5,6 @@ data (hashes of the files, clips, people) and the version of this package; the n
 travel with the weights.
 """
 
-import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields
@@ -21,6 +20,7 @@ from torch import Tensor
 from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.fingerprint import fingerprint
 
 VERSION = 3
 """Raised whenever a model of an older version can no longer be read or would no longer mean the same."""
@@ -62,9 +62,7 @@ class Checkpoint:
 
 def body_identity(body: Body) -> dict[str, str]:
     """Name and topology hash of a body: bodies of one rig and topology share it, whatever their shape."""
-    digest = hashlib.sha256("/".join(body.skeleton.names).encode())
-    digest.update(body.mesh.faces.numpy().tobytes())
-    return {"name": body.name, "topology": digest.hexdigest()}
+    return {"name": body.name, "topology": fingerprint("/".join(body.skeleton.names), body.mesh.faces)}
 
 
 def save_checkpoint(checkpoint: Checkpoint, folder: Path) -> None:

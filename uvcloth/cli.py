@@ -1,4 +1,4 @@
-"""The `uvcloth` command: body, simulate, data, fit, rollout, poses, export, demo.
+"""The `uvcloth` command: body, simulate, data, maps, fit, rollout, poses, export, demo.
 
 Heavy modules are imported by the subcommand that needs them, so that `uvcloth --help` answers at once.
 """
@@ -128,6 +128,39 @@ class Data:
         from uvcloth.simulate.overview import overview
 
         Console().print(overview(self.folder), soft_wrap=True)
+
+
+@dataclass(frozen=True)
+class Maps:
+    """Write body velocity, body acceleration, garment offset and masks of a simulated sequence as UV maps."""
+
+    sequence: Positional[Path]
+    """A sequence npz made by `uvcloth simulate`."""
+    out: Path
+    """Folder for one EXR file per frame and contact_sheet.png."""
+    size: int = 256
+    """Texels along each side of the maps."""
+    frames: Annotated[str, arg(metavar="FIRST:END:STEP")] = "::10"
+    """Which frames, as in Python's slices."""
+    body: BodyFile = None
+    """The body that the sequence was simulated on."""
+    layout: Annotated[Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the body's)")] = None
+    """Another UV layout of that body."""
+
+    def run(self) -> None:
+        from uvcloth.commands.maps import draw_maps
+
+        count = draw_maps(
+            self.sequence,
+            self.out,
+            size=self.size,
+            frames=self.frames,
+            body_file=self.body,
+            layout_file=self.layout,
+        )
+        print(
+            f"{self.out}: {count} EXR files; contact_sheet.png has velocity, acceleration, offset per frame"
+        )
 
 
 @dataclass(frozen=True)
@@ -295,6 +328,7 @@ Command = (
     Annotated[MakeBody, subcommand("body")]
     | Annotated[Simulate, subcommand("simulate")]
     | Annotated[Data, subcommand("data")]
+    | Annotated[Maps, subcommand("maps")]
     | Annotated[Fit, subcommand("fit")]
     | Annotated[Rollout, subcommand("rollout")]
     | Annotated[Poses, subcommand("poses")]
@@ -309,7 +343,7 @@ def main() -> int:
 
 
 def _run() -> None:
-    command: MakeBody | Simulate | Data | Fit | Rollout | Poses | Export | Demo = tyro.cli(
+    command: MakeBody | Simulate | Data | Maps | Fit | Rollout | Poses | Export | Demo = tyro.cli(
         Command,
         prog="uvcloth",
         description="Motion capture in, moving clothes out.",

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
-from uvcloth.geometry.mesh import vertex_normals
+from uvcloth.geometry.mesh import join_meshes, vertex_normals
 
 Color = tuple[float, float, float]
 
@@ -181,11 +181,10 @@ def _build(surfaces: Sequence[Surface], camera: Camera, floor: float) -> _Scene:
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
-    counts = [0, *np.cumsum([len(surface.vertices) for surface in surfaces]).tolist()]
-    vertices = torch.cat([surface.vertices.detach().cpu().float() for surface in surfaces])
+    drawn = join_meshes((each.vertices.detach().cpu().float(), each.faces.cpu()) for each in surfaces)
+    vertices, faces = drawn.vertices, drawn.faces
     if not torch.isfinite(vertices).all():
         raise InputError("a picture cannot be drawn: a vertex is not a finite number")
-    faces = torch.cat([surface.faces.cpu() + start for surface, start in zip(surfaces, counts, strict=False)])
     colors = np.concatenate(
         [np.tile(np.array(surface.color, np.float32), (len(surface.vertices), 1)) for surface in surfaces]
     )

@@ -59,6 +59,7 @@ def test_a_sequence_survives_its_file(skinned: SimulatedSequence, tmp_path: Path
     assert (again.template, again.layers) == ("tops", ("tops",))
     skirt = replace(skinned, metadata={"clip": "walk", "garment": "skirt", "template": "dress"})
     assert (skirt.garment, skirt.template) == ("skirt", "dress")
+    assert replace(skirt, metadata={**skirt.metadata, "template": None}).template is None
     assert [path.name for path in tmp_path.iterdir()] == ["s.npz"]
 
 

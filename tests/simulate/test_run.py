@@ -69,6 +69,7 @@ def test_a_mesh_that_is_cut_at_seams_is_simulated_whole(cut: Garment, body: Body
     torch.testing.assert_close(made.vertices[..., 2], moved[..., 2] + lifted, atol=1e-6, rtol=0)
     assert torch.equal(made.faces, cut.mesh.faces)
     assert (made.garment, made.template, made.layers) == ("slacks", "bottoms", ("slacks",))
+    assert made.metadata["source"] == "file"
     assert "layers" not in made.metadata
 
 

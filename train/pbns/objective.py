@@ -1,6 +1,5 @@
 """What PBNS learns from: the potential energy of cloth on a body, over many poses and no simulation."""
 
-import hashlib
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -20,6 +19,7 @@ from uvcloth.garments.fit import is_skirt
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.order import check_order
 from uvcloth.garments.pins import pinned
+from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.mesh import Mesh, first_of
 from uvcloth.geometry.records import to_device
 from uvcloth.geometry.skinning import apply_transforms, blend_transforms, skin
@@ -109,11 +109,12 @@ class PBNSObjective(Objective):
         held = held_vertices(outfit, attachment)
         network = self._network()
         owner = network.owner
-        self.points = self.worn.vertices[first_of(owner)].to(device)
+        joined = self.worn.joined
+        self.points = joined.vertices[first_of(owner)].to(device)
         self.pins = owner[held].unique().to(device)
         self.faces = [
             owner[mesh.faces + start].to(device)
-            for mesh, start in zip(self.worn.meshes, self.worn.starts, strict=True)
+            for mesh, start in zip(self.worn.meshes, joined.starts, strict=True)
         ]
         self.energy = ClothEnergy(outfit.body, self.points, self.faces, material, batch, device)
         self.caches = empty_cache(len(self.poses.vectors), len(self.points), device)
@@ -280,4 +281,4 @@ def _weights(garment: Garment, body: Body, attachment: AttachmentConfig) -> Tens
 
 def _digest(mesh: Mesh) -> str:
     """SHA-256 of where a mesh is at rest and of its faces, in hexadecimal."""
-    return hashlib.sha256(mesh.vertices.numpy().tobytes() + mesh.faces.numpy().tobytes()).hexdigest()
+    return fingerprint(mesh.vertices, mesh.faces)

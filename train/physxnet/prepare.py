@@ -1,6 +1,5 @@
 """What training needs of shapes at rest, made once per run: correspondences from ray casting, mesh edges."""
 
-import hashlib
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -12,6 +11,7 @@ from torch import Tensor
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.mesh import unique_edges
 from uvcloth.geometry.records import from_arrays, to_arrays
 from uvcloth.methods.physxnet.texels import (
@@ -77,12 +77,14 @@ def make(body: Body, templates: tuple[str, ...], size: int) -> Prepared:
 def _identity(body: Body, templates: tuple[str, ...], size: int) -> str:
     """A hash of all that correspondences depend on."""
     data = files("uvcloth") / "data"
-    digest = hashlib.sha256("/".join([*templates, str(size)]).encode())
-    for tensor in (body.mesh.vertices, body.mesh.faces, body.weights):
-        digest.update(tensor.numpy().tobytes())
-    for file in (data / "layout.npz", *(data / "templates" / f"{name}.npz" for name in templates)):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()
+    shipped = (data / "layout.npz", *(data / "templates" / f"{name}.npz" for name in templates))
+    return fingerprint(
+        "/".join([*templates, str(size)]),
+        body.mesh.vertices,
+        body.mesh.faces,
+        body.weights,
+        *(file.read_bytes() for file in shipped),
+    )
 
 
 def _read(arrays: dict[str, np.ndarray], templates: tuple[str, ...], path: Path) -> Prepared:

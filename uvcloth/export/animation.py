@@ -12,6 +12,7 @@ from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.rotations import to_quaternions
 from uvcloth.geometry.skeleton import Skeleton
 
 ANIMATION_FORMAT = "uvcloth-animation-1"
@@ -98,8 +99,6 @@ def local_pose(skeleton: Skeleton, transforms: np.ndarray) -> tuple[np.ndarray, 
     their negative from one frame to the next. At rest every joint has the world's orientation, so that a
     bind pose is a shift.
     """
-    from scipy.spatial.transform import Rotation
-
     turns = transforms[..., :3].astype(np.float64)
     heads = skeleton.heads.numpy().astype(np.float64)
     positions = np.einsum("fjab,jb->fja", turns, heads) + transforms[..., 3]
@@ -109,7 +108,7 @@ def local_pose(skeleton: Skeleton, transforms: np.ndarray) -> tuple[np.ndarray, 
     inverse = turns[:, parent].swapaxes(-1, -2)
     translations[:, child] = (inverse @ (positions[:, child] - positions[:, parent])[..., None])[..., 0]
     rotations[:, child] = inverse @ turns[:, child]
-    quaternions = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat().reshape(*rotations.shape[:2], 4)
+    quaternions = to_quaternions(torch.from_numpy(rotations)).numpy()
     flips = np.sign((quaternions[1:] * quaternions[:-1]).sum(-1, keepdims=True))
     quaternions[1:] *= np.cumprod(np.where(flips == 0, 1, flips), axis=0)
     return translations.astype(np.float32), quaternions.astype(np.float32)

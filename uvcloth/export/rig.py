@@ -20,6 +20,7 @@ from uvcloth.export.shapes import (
     shape_cost,
 )
 from uvcloth.geometry.mesh import Mesh, face_normals, vertex_normals
+from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms, world_rotations
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.rig import PoseRig, pose_vectors
@@ -192,9 +193,7 @@ def _pruning(model: PoseRig, poses: dict[str, Tensor]) -> tuple[Cost, ...]:
 
 def _pose_transforms(skeleton: Skeleton, poses: Tensor) -> Tensor:
     """Joint transforms (M, J, 3, 4) with the pose vectors (M, 3 J), the root turned as at rest."""
-    from kornia.geometry.conversions import axis_angle_to_rotation_matrix
-
-    local = axis_angle_to_rotation_matrix(poses.reshape(-1, 3)).view(len(poses), -1, 3, 3)
+    local = from_axis_angles(poses.view(len(poses), -1, 3))
     root = torch.tensor(skeleton.parents)[:, None, None] < 0
     turns = world_rotations(skeleton.parents, torch.where(root, torch.eye(3), local))
     return joint_transforms(skeleton, turns, skeleton.heads[:1].expand(len(poses), 3))

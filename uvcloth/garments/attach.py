@@ -1,5 +1,7 @@
 """Attachment of a garment to a body at rest: its blend weights."""
 
+from typing import Literal
+
 import torch
 from torch import Tensor
 
@@ -12,19 +14,27 @@ DIFFUSION = {"tops": 0.06, "bottoms": 0.06, "dress": 0.15, "shirt": 0.06}
 """Metres over which blend weights are diffused; far enough in a skirt that left and right leg blend."""
 
 
-def make_garment(name: str, template: str, mesh: Mesh, body: Body, diffusion: float | None = None) -> Garment:
+def make_garment(
+    name: str,
+    mesh: Mesh,
+    body: Body,
+    diffusion: float,
+    *,
+    template: str | None = None,
+    source: Literal["template", "file"] = "file",
+) -> Garment:
     """Make a garment on a body, from its mesh (N vertices) at rest on the body's rest pose.
 
-    diffusion: metres over which the smooth blend weights are diffused; None takes the template's.
+    diffusion: metres over which the smooth blend weights are diffused. template, source: as in Garment.
     """
     weights = body.weights[_closest_vertices(mesh.vertices, body.mesh.vertices)]
-    distance = DIFFUSION[template] if diffusion is None else diffusion
     return Garment(
         name=name,
         template=template,
         mesh=mesh,
         weights=weights,
-        smooth_weights=_diffused(weights, mesh, distance),
+        smooth_weights=_diffused(weights, mesh, diffusion),
+        source=source,
     )
 
 

@@ -47,9 +47,9 @@ def holding_band(garment: Garment, body: Body) -> Band:
 
     Raises InputError for a piece without an open hem at its top.
     """
-    mesh, template = garment.mesh, load_template(garment.template)
-    if garment.name == garment.template and torch.equal(mesh.faces, template.faces):
-        return Band(template.band, TEMPLATE_MASS[garment.template])
+    if garment.source == "template" and garment.template:
+        return Band(load_template(garment.template).band, TEMPLATE_MASS[garment.template])
+    mesh = garment.mesh
     faces = weld(mesh.vertices)[mesh.faces]
     pieces = torch.from_numpy(face_components(faces.numpy(), np.zeros(0, dtype=np.int64)))
     held = torch.zeros(len(mesh.vertices), dtype=torch.bool)

@@ -61,7 +61,7 @@ def fit(path: Path, body: Body, template: str | None = None) -> Fitted:
     if template is None:
         template = covering_template(faces, body, skirt)
     diffusion = DIFFUSION["dress"] if skirt else DIFFUSION[template]
-    garment = make_garment(path.stem, template, mesh, body, diffusion)
+    garment = make_garment(path.stem, mesh, body, diffusion, template=template)
     found = replace(diagnosis, ray_misses=int(missed.sum()), unwrapped=unwrapped, template=template)
     return Fitted(garment, found)
 

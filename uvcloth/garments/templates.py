@@ -12,8 +12,9 @@ from torch import Tensor
 
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
+from rasterize.gather import gather
 from uvcloth.bodies.body import Body
-from uvcloth.garments.attach import make_garment
+from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.shells import Bodice, dress_shell, tight_shell
 from uvcloth.geometry.mesh import Mesh, boundary_edges, neighbour_average, vertex_normals
@@ -55,14 +56,15 @@ class Template:
 def fit_template(name: str, body: Body) -> Garment:
     """Fit a template to a body at rest. Raises InputError for an unknown name or a body without proxies."""
     template = load_template(name)
-    return make_garment(name, name, tailored(template, body), body)
+    mesh = tailored(template, body)
+    return make_garment(name, mesh, body, DIFFUSION[name], template=name, source="template")
 
 
 def tailored(template: Template, body: Body) -> Mesh:
     """Mesh of a template on a body: anchored on its shell, then moved off the skin and evened out."""
     shell_vertices, shell_faces = shell(body, template.bodice)
-    corners = torch.from_numpy(shell_vertices).float()[torch.from_numpy(shell_faces)[template.anchor_faces]]
-    vertices = (corners * template.anchor_barycentrics[..., None]).sum(1)
+    corners = torch.from_numpy(shell_faces)[template.anchor_faces]
+    vertices = gather(torch.from_numpy(shell_vertices).float(), corners, template.anchor_barycentrics)
     vertices = offset_from_skin(vertices, template.faces, template.clearance, template.snug, body)
     return Mesh(vertices, template.faces, template.uvs, template.face_uvs)
 

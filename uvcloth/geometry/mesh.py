@@ -1,7 +1,7 @@
 """Triangle meshes as plain tensors: normals, edges, adjacency, neighbour averages."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import accumulate
 
@@ -26,18 +26,26 @@ class Mesh:
     face_uvs: Tensor
 
 
-def join_meshes(meshes: Sequence[Mesh]) -> Mesh:
-    """Several meshes as one, the vertices of each after those of the one before; one is returned as it is."""
-    if len(meshes) == 1:
-        return meshes[0]
-    points = accumulate((len(mesh.vertices) for mesh in meshes), initial=0)
-    places = accumulate((len(mesh.uvs) for mesh in meshes), initial=0)
-    return Mesh(
-        vertices=torch.cat([mesh.vertices for mesh in meshes]),
-        faces=torch.cat([mesh.faces + first for mesh, first in zip(meshes, points, strict=False)]),
-        uvs=torch.cat([mesh.uvs for mesh in meshes]),
-        face_uvs=torch.cat([mesh.face_uvs + first for mesh, first in zip(meshes, places, strict=False)]),
-    )
+@dataclass(frozen=True)
+class JoinedMesh:
+    """Meshes one after another as one.
+
+    vertices: (N, 3). faces: (F, 3) into them. starts: of each mesh, its first vertex. sizes: how many it has.
+    """
+
+    vertices: Tensor
+    faces: Tensor
+    starts: tuple[int, ...]
+    sizes: tuple[int, ...]
+
+
+def join_meshes(parts: Iterable[tuple[Tensor, Tensor]]) -> JoinedMesh:
+    """Join one mesh or more: vertices (n, 3) and faces (f, 3) of each, as in an outfit."""
+    vertices, faces = zip(*parts, strict=True)
+    sizes = tuple(len(each) for each in vertices)
+    starts = tuple(accumulate(sizes[:-1], initial=0))
+    moved = [corners + start for corners, start in zip(faces, starts, strict=True)]
+    return JoinedMesh(torch.cat(vertices), torch.cat(moved), starts, sizes)
 
 
 def face_normals(vertices: Tensor, faces: Tensor) -> Tensor:

@@ -1,13 +1,14 @@
 """BVH motion capture files: reading of hierarchy and motion."""
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.spatial.transform import Rotation
 
 from rasterize.errors import InputError
+from uvcloth.geometry.rotations import from_euler
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
 
@@ -183,13 +184,12 @@ def _world_rotations(path: Path, hierarchy: _Hierarchy, values: np.ndarray) -> n
         columns, axes = _columns(hierarchy, joint, "rotation")
         local = np.broadcast_to(np.eye(3), (len(values), 3, 3))
         if columns:
-            try:
-                local = Rotation.from_euler(axes.upper(), values[:, columns], degrees=True).as_matrix()
-            except ValueError as error:
+            if len(axes) > 3 or any(axis == following for axis, following in pairwise(axes)):
                 raise InputError(
                     f"{path}: joint {hierarchy.names[joint]} has the rotation channels {axes.upper()}, "
                     "expected up to three with no axis twice in a row"
-                ) from error
+                )
+            local = from_euler(axes, torch.from_numpy(np.radians(values[:, columns]))).numpy()
         world[:, joint] = local if parent < 0 else world[:, parent] @ local
     return world
 

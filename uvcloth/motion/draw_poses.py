@@ -4,12 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import torch
-from kornia.geometry.conversions import rotation_matrix_to_axis_angle
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.rotations import to_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, local_rotations
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip_splits import Source
@@ -73,8 +73,7 @@ def draw_poses(
 
 def local_angles(rotations: Tensor, skeleton: Skeleton) -> Tensor:
     """Axis-angles of all joints but the root relative to their parents: (B, J, 3, 3) -> (B, 3 (J - 1))."""
-    local = local_rotations(skeleton.parents, rotations)[:, 1:].flatten(0, 1)
-    return rotation_matrix_to_axis_angle(local).reshape(len(rotations), -1)
+    return to_axis_angles(local_rotations(skeleton.parents, rotations)[:, 1:]).flatten(1)
 
 
 def mirror_rotations(rotations: Tensor, skeleton: Skeleton) -> Tensor:

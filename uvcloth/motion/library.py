@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.spatial.transform import Rotation
 
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.rotations import from_quaternions, to_quaternions
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import Clip
@@ -45,7 +45,6 @@ def load_clip(path_or_name: str | Path, body: Body, fps: float = 30.0) -> Clip:
 
 def save_clip(clip: Clip, path: Path, notice: str = "") -> None:
     """Write a clip on its own skeleton to one npz; `notice` is a licence or an origin to keep with it."""
-    quaternions = Rotation.from_matrix(clip.rotations.flatten(0, 1).numpy()).as_quat()
     save_arrays(
         path,
         {
@@ -55,7 +54,7 @@ def save_clip(clip: Clip, path: Path, notice: str = "") -> None:
             "joint_names": np.array(clip.skeleton.names),
             "joint_parents": np.array(clip.skeleton.parents, dtype=np.int16),
             "joint_heads": clip.skeleton.heads.numpy().astype(np.float32),
-            "quaternions": quaternions.reshape(*clip.rotations.shape[:2], 4).astype(np.float32),
+            "quaternions": to_quaternions(clip.rotations).float().numpy(),
             "translation": clip.translation.numpy().astype(np.float32),
             "fps": np.array(clip.fps),
         },
@@ -89,11 +88,10 @@ def read_clip(path: Path) -> Clip:
             raise InputError(f"{path}: a {what} of the clip is not a finite number")
     if not np.allclose(np.linalg.norm(quaternions, axis=-1), 1.0, atol=1e-3):
         raise InputError(f"{path}: a rotation of the clip is no unit quaternion")
-    rotations = Rotation.from_quat(quaternions.reshape(-1, 4)).as_matrix().astype(np.float32)
     return Clip(
         name=name,
         skeleton=Skeleton(names, parents, torch.from_numpy(heads)),
-        rotations=torch.from_numpy(rotations).view(frames, joints, 3, 3),
+        rotations=from_quaternions(torch.from_numpy(quaternions).double()).float(),
         translation=torch.from_numpy(translation),
         fps=fps,
     )

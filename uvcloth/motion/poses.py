@@ -1,18 +1,18 @@
 """Pose databases: distinct, valid poses of one body, without the motion between them, in one npz."""
 
-import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from rasterize.archive import load_arrays, require_finite, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.fingerprint import fingerprint
+from uvcloth.geometry.rotations import from_quaternions, to_quaternions
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 
 SPLITS = ("train", "validation", "test")
@@ -93,18 +93,17 @@ class PoseDatabase:
 
 def rest_hash(body: Body) -> str:
     """SHA-256 of the body's vertices at rest, in hexadecimal: two bodies of one shape have the same."""
-    return hashlib.sha256(body.mesh.vertices.numpy().astype("<f4").tobytes()).hexdigest()
+    return fingerprint(body.mesh.vertices.float())
 
 
 def save_poses(poses: PoseDatabase, path: Path) -> None:
     """Write a database to one npz, rotations as quaternions. Raises InputError if it cannot be written."""
-    quaternions = Rotation.from_matrix(poses.rotations.flatten(0, 1).numpy()).as_quat()
     save_arrays(
         path,
         {
             "format": np.array(POSES_FORMAT),
             "joint_names": np.array(poses.joints),
-            "quaternions": quaternions.reshape(*poses.rotations.shape[:2], 4).astype(np.float32),
+            "quaternions": to_quaternions(poses.rotations).float().numpy(),
             "clip_names": np.array(poses.clip_names),
             "subjects": np.array(poses.subjects),
             "clips": poses.clips.numpy().astype(np.int32),
@@ -135,11 +134,9 @@ def load_poses(path: Path, body: Body) -> PoseDatabase:
             f"({len(names)} joints {', '.join(names[:3])}, ...)"
         )
     _check(path, data, len(names))
-    quaternions = data["quaternions"]
-    rotations = Rotation.from_quat(quaternions.reshape(-1, 4)).as_matrix().astype(np.float32)
     return PoseDatabase(
         joints=names,
-        rotations=torch.from_numpy(rotations).view(*quaternions.shape[:2], 3, 3),
+        rotations=from_quaternions(torch.from_numpy(data["quaternions"]).double()).float(),
         clip_names=tuple(str(name) for name in data["clip_names"]),
         subjects=tuple(str(name) for name in data["subjects"]),
         clips=torch.from_numpy(data["clips"].astype(np.int64)),

@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.rotations import from_axis_angles, from_euler, to_axis_angles
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
 
@@ -131,9 +131,8 @@ def resample(clip: Clip, fps: float) -> Clip:
     after = (before + 1).clamp(max=last)
     share = times - before
     start = clip.rotations[before].double()
-    turn = Rotation.from_matrix((start.mT @ clip.rotations[after].double()).flatten(0, 1).numpy()).as_rotvec()
-    partial = Rotation.from_rotvec(turn * share.repeat_interleave(start.shape[1])[:, None].numpy())
-    rotations = start @ torch.from_numpy(partial.as_matrix()).view_as(start)
+    turn = to_axis_angles(start.mT @ clip.rotations[after].double())
+    rotations = start @ from_axis_angles(share[:, None, None] * turn)
     translation = torch.lerp(
         clip.translation[before].double(), clip.translation[after].double(), share[:, None]
     )
@@ -200,8 +199,7 @@ def _relative_to_t_pose(clip: Clip, roles: dict[str, int]) -> tuple[Tensor, dict
     t_pose = torch.eye(3).to(heads).repeat(len(heads), 1, 1)
     for side in ("left", "right"):
         shin = heads[roles[f"{side}_foot"]] - heads[roles[f"{side}_shin"]]
-        angle = float(torch.atan2(shin[0], -shin[2]))
-        turn = torch.from_numpy(Rotation.from_euler("y", angle).as_matrix()).to(heads)
+        turn = from_euler("y", torch.atan2(shin[0], -shin[2])[None])
         leg = {roles[f"{side}_thigh"]}
         for joint, parent in enumerate(clip.skeleton.parents):
             if parent in leg:

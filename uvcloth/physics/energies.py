@@ -4,7 +4,7 @@ The energies are those of PBNS (Bertiche et al. 2021, section 3.3) in joules; le
 frames. The measures in reports use the same lengths and normals.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -28,10 +28,6 @@ class RestShape:
     lengths: Tensor
     pairs: Tensor
     masses: Tensor
-
-    def to(self, device: torch.device) -> "RestShape":
-        """Rest shape on another device."""
-        return RestShape(*(getattr(self, field.name).to(device) for field in fields(self)))
 
 
 def rest_shape(vertices: Tensor, faces: Tensor, density: float) -> RestShape:

@@ -6,13 +6,13 @@ outside. Both sides are asked at points spread evenly over their areas.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate
 
 import torch
 from torch import Tensor
 
+from rasterize.gather import gather
 from uvcloth.bodies.body import Body
-from uvcloth.geometry.mesh import Mesh, face_normals
+from uvcloth.geometry.mesh import Mesh, face_normals, join_meshes
 from uvcloth.physics import kernels
 from uvcloth.physics.launch import array, launch
 from uvcloth.physics.surface import MovingMeshes
@@ -48,7 +48,7 @@ class SurfaceSample:
 
     def points(self, vertices: Tensor) -> Tensor:
         """Positions on posed vertices (..., V, 3) m: (..., P, 3) m."""
-        return (vertices[..., self.corners, :] * self.barycentrics[..., None]).sum(-2)
+        return gather(vertices, self.corners, self.barycentrics)
 
     def chosen(self, rows: Tensor) -> "SurfaceSample":
         """Subset of the points, by mask or index (K,)."""
@@ -101,10 +101,8 @@ class Exposure:
 
     def __init__(self, body: Body, garments: Sequence[Mesh]) -> None:
         """Find the covered points; garments: as they lie on the body at rest."""
-        offsets = accumulate((len(mesh.vertices) for mesh in garments), initial=0)
-        rest = torch.cat([mesh.vertices for mesh in garments])
-        faces = torch.cat([mesh.faces + offset for mesh, offset in zip(garments, offsets, strict=False)])
-        self._cloth = Shell(rest, faces)
+        outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in garments)
+        self._cloth = Shell(outfit.vertices, outfit.faces)
         self._body = Shell(body.mesh.vertices, body.mesh.faces)
         everywhere = spread(body.mesh.vertices, body.mesh.faces, SKIN_POINTS)
         points, normals = _skin(everywhere, body.mesh.vertices)

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
+from uvcloth.geometry.mesh import join_meshes
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.poses import rest_hash
@@ -82,6 +83,7 @@ def simulate(
                 **shared,
                 "garment": cloth.garment.name,
                 "template": cloth.garment.template,
+                "source": cloth.garment.source,
                 **_sides(cloths[:index], [other[scored] for other in moved], vertices[scored]),
             },
         )
@@ -105,16 +107,14 @@ def _scene(
 ) -> Scene:
     """Make one scene of the cloths, one after another, with the body parts that one of them may touch."""
     collider = make_collider(body)
-    counts = [len(cloth.kept) for cloth in cloths]
-    starts = [sum(counts[:index]) for index in range(len(counts))]
     skinned = torch.cat([c[:, cloth.kept] for c, cloth in zip(references, cloths, strict=True)], dim=1)
     bands = [cloth.band.vertices[cloth.kept] for cloth in cloths]
-    rests = torch.cat([cloth.garment.mesh.vertices[cloth.kept] for cloth in cloths])
-    touches = collider.touches(rests, body.mesh.vertices)
+    outfit = join_meshes((cloth.garment.mesh.vertices[cloth.kept], cloth.faces) for cloth in cloths)
+    touches = collider.touches(outfit.vertices, body.mesh.vertices)
     met = touches.any(1)
     return Scene(
         rest=skinned[0],
-        faces=torch.cat([cloth.faces + start for cloth, start in zip(cloths, starts, strict=True)]),
+        faces=outfit.faces,
         band=torch.cat(bands),
         mass_factor=torch.cat(
             [torch.where(band, cloth.band.mass, 1.0) for band, cloth in zip(bands, cloths, strict=True)]

@@ -1,6 +1,5 @@
 """Simulated sequences: one garment over one clip, and its file, the training data."""
 
-import hashlib
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from torch import Tensor
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from rasterize.moving import load_moving, pack, unpack
+from uvcloth.geometry.fingerprint import fingerprint
 
 SEQUENCE_FORMAT = "uvcloth-sequence-3"
 EXPECTED_FILE = (
@@ -29,10 +29,11 @@ class SimulatedSequence:
     holds the vertices to within 0.05 mm (`rasterize.moving`), all else exactly.
     transforms: (F, J, 3, 4) joint transforms of the body, so that its vertices can be recomputed.
     warm_up: number of leading frames that only let the cloth settle and are never scored.
-    metadata: JSON values: clip, garment (its name), template (whose motion it takes), body, body_hash,
-    engine, versions, settings, seed, wall_seconds, and what `examine` measured; of garments that were
-    simulated together also layers (their names, innermost first) and wrong_side_percent (by the name of each
-    inner one). A file adds hash, that of what is read from it, and scored_frames, how many frames are scored.
+    metadata: JSON values: clip, garment (its name), template (whose motion it takes, or null), source
+    ("template" or "file"), body, body_hash, engine, versions, settings, seed, wall_seconds, and what
+    `examine` measured; of garments that were simulated together also layers (their names, innermost first)
+    and wrong_side_percent (by the name of each inner one). A file adds hash, that of what is read from it,
+    and scored_frames, how many frames are scored.
     """
 
     vertices: Tensor
@@ -49,9 +50,10 @@ class SimulatedSequence:
         return str(self.metadata["garment"])
 
     @property
-    def template(self) -> str:
+    def template(self) -> str | None:
         """Template whose motion the garment takes; files from before other garments do not say."""
-        return str(self.metadata.get("template", self.garment))
+        template = self.metadata.get("template", self.garment)
+        return None if template is None else str(template)
 
     @property
     def layers(self) -> tuple[str, ...]:
@@ -66,10 +68,7 @@ class SimulatedSequence:
 
 def content_hash(sequence: SimulatedSequence) -> str:
     """SHA-256 over the simulated vertices and the motion: equal input and machine give an equal hash."""
-    digest = hashlib.sha256()
-    for tensor in (sequence.vertices, sequence.rest, sequence.transforms):
-        digest.update(np.ascontiguousarray(tensor.numpy().astype(np.float32)).tobytes())
-    return digest.hexdigest()
+    return fingerprint(sequence.vertices.float(), sequence.rest.float(), sequence.transforms.float())
 
 
 def save_sequence(sequence: SimulatedSequence, path: Path) -> None:

@@ -1,6 +1,5 @@
 """Motion-guided: a latent dynamic encoder with Gaussian-kernel skinning, fed its own predictions."""
 
-import hashlib
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, misfit, stored_config
 from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.mesh import laplacian
 from uvcloth.geometry.records import to_device
 from uvcloth.geometry.skinning import apply_transforms, skin
@@ -268,9 +268,7 @@ def load_motion_guided(checkpoint: Checkpoint, folder: Path) -> MotionGuided:
 
 def faces_hash(garment: Garment) -> str:
     """What tells garments of one name apart: their faces, those of the texture coordinates included."""
-    digest = hashlib.sha256(garment.mesh.faces.numpy().tobytes())
-    digest.update(garment.mesh.face_uvs.numpy().tobytes())
-    return digest.hexdigest()
+    return fingerprint(garment.mesh.faces, garment.mesh.face_uvs)
 
 
 def motion_guided_checkpoint(

@@ -7,7 +7,6 @@ body came there.
 """
 
 from dataclasses import asdict, dataclass, fields
-from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, misfit, stored_config
 from uvcloth.garments.garment import Outfit
-from uvcloth.geometry.mesh import Mesh, weld
+from uvcloth.geometry.mesh import JoinedMesh, Mesh, join_meshes, weld
 from uvcloth.geometry.skinning import apply_transforms, blend_transforms
 from uvcloth.methods.method import Method, MethodEntry, for_inference, require_supported
 from uvcloth.methods.pbns.network import PBNSConfig, PBNSNetwork
@@ -46,19 +45,14 @@ class RestOutfit:
     parents: tuple[int, ...]
 
     @property
-    def vertices(self) -> Tensor:
-        """All vertices at rest (N, 3), m."""
-        return torch.cat([mesh.vertices for mesh in self.meshes])
+    def joined(self) -> JoinedMesh:
+        """The garments at rest as one mesh."""
+        return join_meshes((mesh.vertices, mesh.faces) for mesh in self.meshes)
 
     @property
     def sizes(self) -> list[int]:
         """Vertices of each garment."""
         return [len(mesh.vertices) for mesh in self.meshes]
-
-    @property
-    def starts(self) -> list[int]:
-        """The first vertex of each garment."""
-        return list(accumulate(self.sizes[:-1], initial=0))
 
 
 @dataclass(frozen=True)
@@ -166,10 +160,12 @@ def rest_outfit(outfit: Outfit) -> RestOutfit:
 
 def new_network(config: PBNSConfig, worn: RestOutfit, weights: Tensor, poses: Tensor) -> PBNSNetwork:
     """An untrained network for an outfit. weights: (N, J) to start from. poses: (M, 3 J) of training."""
-    joined = torch.cat([weld(mesh.vertices) + at for mesh, at in zip(worn.meshes, worn.starts, strict=True)])
+    joined = torch.cat(
+        [weld(mesh.vertices) + at for mesh, at in zip(worn.meshes, worn.joined.starts, strict=True)]
+    )
     kept, owner = joined.unique(return_inverse=True)
     network = PBNSNetwork(config, len(owner), len(kept), len(worn.heads), len(poses))
-    network.rest, network.owner, network.poses = worn.vertices, owner, poses
+    network.rest, network.owner, network.poses = worn.joined.vertices, owner, poses
     network.start_from(weights[kept])
     return network
 

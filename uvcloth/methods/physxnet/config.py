@@ -5,7 +5,9 @@ from typing import Literal
 
 from rasterize.errors import InputError
 from uvcloth.bodies.frames import HISTORY
-from uvcloth.garments.garment import LIKE
+
+LIKE = {"shirt": "tops"}
+"""By template, the one whose motion serves it where a network was not trained on it."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +58,13 @@ class PhysXNetConfig:
         motion = HISTORY * 6 + (3 if self.pose else 0)
         return motion + self.history * 3 * len(self.templates)
 
-    def decoder(self, template: str) -> str:
-        """The template whose decoder serves a garment of this one: its own, else that of the one LIKE it."""
-        return template if template in self.templates else LIKE.get(template, template)
+    def decoder(self, template: str | None) -> str | None:
+        """The template whose decoder serves a garment of this one: its own, else that of the one LIKE it.
+
+        None where there is no such decoder.
+        """
+        candidates = (template, LIKE.get(template or ""))
+        return next((each for each in candidates if each in self.templates), None)
 
 
 PRESETS: dict[str, PhysXNetConfig] = {

@@ -71,10 +71,13 @@ class PhysXNet(Method):
     def unsupported_reason(self, outfit: Outfit) -> str:
         """It dresses what a template with a decoder serves."""
         for garment in outfit.garments:
-            if self.config.decoder(garment.template) not in self.config.templates:
+            if not self.config.decoder(garment.template):
+                wanted = (
+                    f"template {garment.template!r}" if garment.template else "a garment without template"
+                )
                 return (
-                    f"garment {garment.name}: model {self.name} has no decoder for template "
-                    f"{garment.template!r}, it has {', '.join(self.config.templates)}"
+                    f"garment {garment.name}: model {self.name} has no decoder for {wanted}, "
+                    f"it has {', '.join(self.config.templates)}"
                 )
         return ""
 
@@ -85,7 +88,7 @@ class PhysXNet(Method):
         """
         require_supported(self, outfit)
         texels = body_texels(outfit.body, self.config.size)
-        served = [self.config.decoder(garment.template) for garment in outfit.garments]
+        served = [name for garment in outfit.garments if (name := self.config.decoder(garment.template))]
         templates = {
             name: template_texels(name, template_mesh(name, outfit), outfit.body, texels)
             for name in dict.fromkeys(served)
@@ -193,11 +196,10 @@ def offsets_of(predicted: Tensor, index: int, pixels: Tensor) -> Tensor:
 
 def template_mesh(name: str, outfit: Outfit) -> Mesh:
     """A template at rest on an outfit's body: the outfit's own garment where it is the template itself."""
-    from uvcloth.garments.templates import fit_template, load_template
+    from uvcloth.garments.templates import fit_template
 
-    faces = load_template(name).faces
     for garment in outfit.garments:
-        if garment.name == garment.template == name and torch.equal(garment.mesh.faces, faces):
+        if garment.source == "template" and garment.template == name:
             return garment.mesh
     return fit_template(name, outfit.body).mesh
 

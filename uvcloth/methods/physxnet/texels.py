@@ -99,11 +99,11 @@ def body_texels(body: Body, size: int) -> BodyTexels:
     )
 
 
-def template_texels(template: str, mesh: Mesh, body: Body, texels: BodyTexels) -> TemplateTexels:
+def template_texels(template: str | None, mesh: Mesh, body: Body, texels: BodyTexels) -> TemplateTexels:
     """Cast a ray from every texel along the body's normal, or out of the joined legs under a skirt.
 
     A texel whose ray misses, or meets the cloth from outside (it then covers another limb), sees no template.
-    Raises InputError if no texel sees it.
+    template: whose rays serve the mesh, None where none does. Raises InputError if no texel sees it.
     """
     face = texels.sheet.face
     origins = texels.points
