@@ -215,16 +215,28 @@ class Rollout:
     """A body made by `uvcloth body`."""
     contact: bool = True
     """Move vertices out of the body and give edges their rest length back."""
+    device: Annotated[str, arg(metavar="cpu|cuda")] = "cpu"
+    """What everything runs on."""
+    threads: Annotated[int, arg(metavar="N")] = 1
+    """Of the processor; on a loaded machine several are slower than one."""
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
         if not self.garment or not self.out:
             raise InputError("rollout: name at least one garment and one file to write")
         from uvcloth.commands.rollout import animate
+        from uvcloth.commands.threads import limited_threads
 
-        summary = animate(
-            self.model, self.motion, self.garment, self.out, body_file=self.body, contact=self.contact
-        )
+        with limited_threads(self.threads):
+            summary = animate(
+                self.model,
+                self.motion,
+                self.garment,
+                self.out,
+                body_file=self.body,
+                contact=self.contact,
+                device=self.device,
+            )
         print("\n".join(summary.lines()))
 
 

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from time import perf_counter
 
+import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
@@ -16,11 +17,12 @@ from uvcloth.bodies.body import load_body
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
+from uvcloth.geometry.records import to_device
 from uvcloth.methods.method import Method
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.exposure import Exposure
-from uvcloth.rollout import BrokenRolloutError, RolloutFrame, rollout
+from uvcloth.rollout import CPU, BrokenRolloutError, RolloutFrame, rollout
 
 
 @dataclass(frozen=True)
@@ -97,19 +99,22 @@ def animate(
     *,
     body_file: Path | None = None,
     contact: bool = True,
+    device: str = "cpu",
 ) -> Summary:
     """Roll a method out on a motion once and write every file of `out`, each as its suffix says.
 
     models: a checkpoint folder or a baseline's name for all garments, or one for each in order; none for the
     model in the package. garments: template names or mesh files, the innermost first; contact keeps each out
-    of the body and off what is beneath. Raises InputError for bad input or a full disk; then, as after
-    Ctrl-C, writes nothing. Of a rollout that breaks the frames before it are kept, and an InputError says so.
+    of the body and off what is beneath. device: as torch names it. Raises InputError for bad input or a full
+    disk; then, as after Ctrl-C, writes nothing. Of a rollout that breaks the frames before it are kept, and
+    an InputError says so.
     """
     console = Console(stderr=True)
     body = load_body(body_file)
     report = partial(console.print, highlight=False, markup=False)
     outfit = Outfit(body, tuple(load_garment(name, body, report) for name in garments))
     clip = load_clip(motion, body)
+    place = _device(device)
     method = _load(models, outfit)
     meshes = [(garment.name, garment.mesh) for garment in outfit.garments]
     exposure = Exposure(body, [mesh for _, mesh in meshes])
@@ -121,7 +126,8 @@ def animate(
         task = progress.add_task(clip.name, total=len(clip), rate="")
         broken: BrokenRolloutError | None = None
         try:
-            for frame in rollout(method, outfit, clip.transforms(), clip.fps, contact):
+            for predicted in rollout(method, outfit, clip.transforms(), clip.fps, contact, device=place):
+                frame = to_device(predicted, CPU)
                 totals.add(frame)
                 with totals.timed("measuring"):
                     totals.skin += exposure.percent(frame.vertices, frame.body_vertices)
@@ -144,6 +150,16 @@ def animate(
         raise InputError(f"{broken}; the {totals.frames} frames before it are in {names}")
     vertices = totals.frames * sum(len(mesh.vertices) for _, mesh in meshes)
     return _summary(totals, written, perf_counter() - start, vertices if contact else None)
+
+
+def _device(name: str) -> torch.device:
+    """The device of a name. Raises InputError if this machine has none such."""
+    try:
+        device = torch.device(name)
+        torch.empty(0, device=device)
+    except (RuntimeError, AssertionError) as error:
+        raise InputError(f"--device {name}: not on this machine") from error
+    return device
 
 
 def _load(models: Sequence[str], outfit: Outfit) -> Method:
