@@ -86,7 +86,7 @@ def machine() -> str:
 
 
 def summary(results: dict) -> str:
-    """Per garment and method, before and after contact: the mean vertex distance beside the better LBS.
+    """Per garment or outfit and method, before and after contact: the mean distance beside the better LBS.
 
     Then a line per method whose figures mislead, as it has met what it was judged on.
     """
@@ -99,8 +99,10 @@ def summary(results: dict) -> str:
 
     found = standings(results)
     wide = max(8, *(len(row.garment) for row in found))
+    method = max(16, *(len(row.method) for row in found))
     rows = [
-        f"{row.garment:{wide}} {row.method:16} {said(row.before)} {said(row.after)}".rstrip() for row in found
+        f"{row.garment:{wide}} {row.method:{method}} {said(row.before)} {said(row.after)}".rstrip()
+        for row in found
     ]
     title = "mean vertex distance; against the better LBS, and on how many actions nearer"
     warnings = [
@@ -108,7 +110,9 @@ def summary(results: dict) -> str:
         for caution in cautions(results)
         if caution.red
     ]
-    return "\n".join([title, f"{'':{wide + 17}} {'before contact':28} after contact", *rows, *warnings])
+    return "\n".join(
+        [title, f"{'':{wide + method + 1}} {'before contact':28} after contact", *rows, *warnings]
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,5 +1,6 @@
 """How a garment and the body under it get along, per frame: by vertices, by faces, by what shows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -7,7 +8,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
-from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh, join_meshes
 from uvcloth.physics.contact import ContactGarment, Obstacle
 from uvcloth.physics.exposure import CLOTH_POINTS, Exposure, SurfaceSample, spread
 
@@ -27,16 +28,17 @@ class DressedBody:
     exposure: Exposure
 
 
-def put_on(body: Body, mesh: Mesh) -> DressedBody:
-    """A garment, or several as one mesh, as it lies on a body at rest."""
+def put_on(body: Body, meshes: Sequence[Mesh]) -> DressedBody:
+    """A garment, or several as one mesh, as they lie on a body at rest."""
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
-    sample = spread(mesh.vertices, mesh.faces, CLOTH_POINTS)
+    outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in meshes)
+    sample = spread(outfit.vertices, outfit.faces, CLOTH_POINTS)
     return DressedBody(
         obstacle=obstacle,
-        dressed=obstacle.dress(mesh.vertices, mesh.faces),
+        dressed=obstacle.dress(outfit.vertices, outfit.faces),
         sample=sample,
-        loose=obstacle.dress(sample.points(mesh.vertices), mesh.faces[:0]),
-        exposure=Exposure(body, [mesh]),
+        loose=obstacle.dress(sample.points(outfit.vertices), outfit.faces[:0]),
+        exposure=Exposure(body, meshes),
     )
 
 

@@ -28,12 +28,13 @@ SAME_REST = 0.002
 class Part:
     """What is scored by itself: a garment of an outfit, or the whole outfit as one mesh.
 
-    rows: its vertices among those of the outfit. mesh: at rest. reference: the scored frames.
+    rows: its vertices among those of the outfit. meshes: of its garments at rest. reference: the scored
+    frames.
     """
 
     name: str
     rows: slice
-    mesh: Mesh
+    meshes: tuple[Mesh, ...]
     reference: Reference
 
 
@@ -149,7 +150,7 @@ def make_case(
             sequence.vertices[scored], sequence.rest, sequence.faces, first.fps, *(seen or (None, None))
         )
         rows = slice(row, row + len(sequence.rest))
-        parts.append(Part(garment.name, rows, garment.mesh, reference))
+        parts.append(Part(garment.name, rows, (garment.mesh,), reference))
         row = rows.stop
     if len(parts) > 1:
         parts.append(_whole(parts, row))
@@ -160,18 +161,17 @@ def make_case(
 
 def _whole(parts: Sequence[Part], vertices: int) -> Part:
     """The garments of an outfit as one mesh; no map shows it all."""
-    joined = join_meshes((part.mesh.vertices, part.mesh.faces) for part in parts)
-    no_uvs = joined.vertices.new_zeros(0, 2), joined.faces.new_zeros(0, 3)
-    mesh = Mesh(joined.vertices, joined.faces, *no_uvs)
+    joined = join_meshes((part.reference.rest, part.reference.faces) for part in parts)
     reference = Reference(
         vertices=torch.cat([part.reference.vertices for part in parts], dim=1),
-        rest=torch.cat([part.reference.rest for part in parts]),
-        faces=mesh.faces,
+        rest=joined.vertices,
+        faces=joined.faces,
         fps=parts[0].reference.fps,
         texel_corners=None,
         texel_barycentrics=None,
     )
-    return Part(outfit_name([part.name for part in parts]), slice(0, vertices), mesh, reference)
+    meshes = tuple(mesh for part in parts for mesh in part.meshes)
+    return Part(outfit_name([part.name for part in parts]), slice(0, vertices), meshes, reference)
 
 
 def _load(window: Window, garment: Garment, body: Body) -> SimulatedSequence:

@@ -104,7 +104,7 @@ def score(case: Case, raw: Tensor, resolved: Tensor) -> CaseScores:
     parts: dict[str, dict[str, Tensor]] = {}
     for part in case.parts:
         before, after = raw[:, part.rows], resolved[:, part.rows]
-        worn = put_on(case.outfit.body, part.mesh)
+        worn = put_on(case.outfit.body, part.meshes)
         parts[part.name] = frame_scores(before, after, part.reference)
         for suffix, frames in (("_raw", before), ("", after)):
             found = body_scores(worn, frames, case.body_vertices)
@@ -112,7 +112,7 @@ def score(case: Case, raw: Tensor, resolved: Tensor) -> CaseScores:
     *garments, whole = case.parts
     for suffix, frames in (("_raw", raw), ("", resolved)):
         moved = {part.name: frames[:, part.rows] for part in garments}
-        found = layer_scores(moved, {part.name: part.mesh.faces for part in garments})
+        found = layer_scores(moved, {part.name: part.reference.faces for part in garments})
         parts[whole.name] |= {f"{key}{suffix}": values for key, values in found.items()}
     return CaseScores(parts, resolved[:: case.stride])
 

@@ -60,8 +60,7 @@ class Shown:
     @property
     def faces(self) -> Tensor:
         """Faces (M, 3) of all garments as one mesh."""
-        meshes = (garment.mesh for garment in self.outfit.garments)
-        return join_meshes((mesh.vertices, mesh.faces) for mesh in meshes).faces
+        return join_meshes((each.mesh.vertices, each.mesh.faces) for each in self.outfit.garments).faces
 
     @property
     def liveliness(self) -> float:

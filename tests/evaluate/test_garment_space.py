@@ -7,6 +7,7 @@ from evaluate.garment_space import STEPS, between, farthest, random_pair
 from evaluate.show import Shown
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
@@ -55,3 +56,17 @@ def test_only_methods_that_decode_have_a_space(body: Body) -> None:
     assert [name for name, method in methods.items() if method.garment_space(dress, body)] == [
         "motion_guided"
     ]
+
+
+def test_a_round_trip_goes_through_the_space(body: Body) -> None:
+    """On the body at rest, posing changes nothing: what is left is the way to the code and back."""
+    dress = fit_template("dress", body)
+    torch.manual_seed(0)
+    method = MotionGuided.untrained(PRESETS["tiny"])
+    prepared = method.prepare(Outfit(body, (dress,)), torch.device("cpu"))
+    still = torch.eye(3, 4).expand(2, len(body.skeleton.names), 3, 4)
+    wide = torch.stack([dress.mesh.vertices, 1.05 * dress.mesh.vertices])
+    (read,) = method.round_trip(prepared, body_frames(body, with_lead(still), 30.0), (wide,))
+    space = method.garment_space(dress, body)
+    assert space is not None
+    torch.testing.assert_close(read, space.decode(space.encode(wide, still)), atol=1e-5, rtol=0)
