@@ -60,7 +60,7 @@ def main(clips: tuple[str, ...] = ()) -> None:
 def measure(clip: Clip, garment: Garment, body: Body) -> list[str]:
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     rest, faces = garment.mesh.vertices, garment.mesh.faces
-    dressed = obstacle.dress(rest, faces)
+    dressed = obstacle.contact_garment(rest, faces)
     before = None
     edges = unique_edges(faces)
     length = (rest[edges[:, 0]] - rest[edges[:, 1]]).norm(dim=1)

@@ -21,10 +21,7 @@ from torch import Tensor
 
 from rasterize.command import run_command
 from rasterize.errors import InputError
-from uvcloth.simulate.sequence import load_sequence
-
-SAME_MOTION = 1e-3
-"""How far joint transforms may differ, metres or one, in two simulations of one motion."""
+from uvcloth.simulate.sequence import MOTION_TOLERANCE, load_sequence
 
 
 def apart(first: Path, second: Path) -> tuple[str, Tensor]:
@@ -36,7 +33,7 @@ def apart(first: Path, second: Path) -> tuple[str, Tensor]:
     frames = min(len(each.vertices) - each.warm_up for each in (ours, other))
     if ours.vertices.shape[1:] != other.vertices.shape[1:]:
         raise InputError(f"{second}: not the mesh of {first}")
-    if float((ours.transforms[-frames:] - other.transforms[-frames:]).abs().max()) > SAME_MOTION:
+    if float((ours.transforms[-frames:] - other.transforms[-frames:]).abs().max()) > MOTION_TOLERANCE:
         raise InputError(f"{second}: does not have the motion of {first}")
     return ours.garment, (ours.vertices[-frames:] - other.vertices[-frames:]).norm(dim=-1).mean(1)
 

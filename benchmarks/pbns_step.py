@@ -55,7 +55,7 @@ def main(
     net: Any = objective.networks()["net"]
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=0.0, fused=True)
     spent: dict[str, float] = {}
-    meshes = objective.body._crowd
+    meshes = objective.body._meshes
     objective.body.move = _timed(objective.body.move, "move", spent)  # type: ignore[method-assign]
     meshes.update = _timed(meshes.update, "refit", spent)  # type: ignore[method-assign]
     objective.body.planes = _timed(objective.body.planes, "planes", spent)  # type: ignore[method-assign]

@@ -43,6 +43,7 @@ class Evaluate:
     """Draw pictures: of every action, of spaces of garments, and of training and test motion."""
 
     def run(self) -> None:
+        """Judge, and write metrics.json and the report. Raises InputError for what cannot be judged."""
         if not all(find_spec(module) for module in ("jinja2", "markupsafe", "PIL", "sklearn")):
             raise InputError("the report needs Jinja, Pillow and scikit-learn: install uvcloth[report]")
         from evaluate.candidates import load_candidates
@@ -93,7 +94,7 @@ def summary(results: dict) -> str:
     from evaluate.familiar import cautions
     from evaluate.standings import Rank, standings
 
-    def said(rank: Rank) -> str:
+    def format_rank(rank: Rank) -> str:
         beside = f"{100 * (rank.against - 1):+4.0f} %, {rank.won} of {rank.of}" if rank.against else ""
         return f"{rank.mean_mm:6.1f} mm {beside:18}"
 
@@ -101,7 +102,8 @@ def summary(results: dict) -> str:
     wide = max(8, *(len(row.garment) for row in found))
     method = max(16, *(len(row.method) for row in found))
     rows = [
-        f"{row.garment:{wide}} {row.method:{method}} {said(row.before)} {said(row.after)}".rstrip()
+        f"{row.garment:{wide}} {row.method:{method}} "
+        f"{format_rank(row.before)} {format_rank(row.after)}".rstrip()
         for row in found
     ]
     title = "mean vertex distance; against the better LBS, and on how many actions nearer"
@@ -116,7 +118,7 @@ def summary(results: dict) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Returns the exit code: 0, 2 for bad input, 130 after Ctrl-C."""
+    """Parse the command line and judge; returns the exit code: 0, 2 for bad input, 130 after Ctrl-C."""
     return run_command(
         "evaluate", lambda: tyro.cli(Evaluate, args=arguments, prog="python -m evaluate").run()
     )

@@ -1,4 +1,4 @@
-"""Which simulated windows are judged, and what their actions are called."""
+"""The simulated windows of a split, by action, and those that are missing."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -28,6 +28,7 @@ class Window:
 
     @property
     def name(self) -> str:
+        """Clip and garment."""
         return f"{self.clip}_{self.garment}"
 
 
@@ -52,7 +53,7 @@ def find_windows(
 def find_missing(
     data: Path, actions: Sequence[str] = (), garments: Sequence[str] = TEMPLATES, split: str = "test"
 ) -> dict[str, dict[str, str]]:
-    """The windows of a split that there is no sequence of: {action: {garment: why}}.
+    """The windows of a split without a sequence: {action: {garment: reason}}.
 
     A garment that was not tried on any of its clips is not missed. Raises InputError as find_windows does.
     """
@@ -69,7 +70,7 @@ def find_missing(
 
 
 def _why(window: Window, captures: Mapping[str, str]) -> str:
-    """Why there is no sequence of a window. captures: why clips were refused before they were simulated."""
+    """The reason that a window has no sequence. captures: by clip, the reason that it was refused."""
     apart = rejected(window.path)
     if apart.is_file():
         return str(Stored(apart, read_metadata(apart), repeat=False).reason)
@@ -77,7 +78,7 @@ def _why(window: Window, captures: Mapping[str, str]) -> str:
 
 
 def people_in(data: Path) -> dict[str, str]:
-    """Who moves in each clip, by the index of a data folder; nothing without one."""
+    """The subject of each clip, by the index of a data folder; empty without one."""
     index = Path(data) / INDEX
     return {clip: entry.subject for clip, entry in read_index(index).items()} if index.is_file() else {}
 
@@ -107,6 +108,7 @@ def _wanted(data: Path, actions: Sequence[str], garments: Sequence[str], split: 
 
 
 def _clips_of(index: Path, split: str) -> dict[str, str]:
+    """The action of each clip of a split by the index. Raises InputError if it has none."""
     clips = {entry.clip: entry.action for entry in read_index(index).values() if entry.split == split}
     if not clips:
         raise InputError(f"{index}: no row has the split {split}")
@@ -114,6 +116,7 @@ def _clips_of(index: Path, split: str) -> dict[str, str]:
 
 
 def _simulated_clips(data: Path, garments: Sequence[str]) -> dict[str, str]:
+    """Clips by the names of sequence files, each as its own action. Raises InputError if there are none."""
     longest_first = sorted(garments, key=len, reverse=True)
     clips = []
     for stem in sorted(path.stem for path in data.glob("*.npz")):

@@ -1,4 +1,4 @@
-"""How a garment and the body under it get along, per frame: by vertices, by faces, by what shows."""
+"""Scores of a garment against the body under it, per frame: vertices and faces inside, skin that shows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ from uvcloth.physics.exposure import CLOTH_POINTS, Exposure, SurfaceSample, spre
 class DressedBody:
     """A garment, or several as one mesh, on a body.
 
-    dressed: its vertices, as contact meets them. sample: points spread over its faces, and loose: they as
+    garment: its vertices, as contact meets them. sample: points spread over its faces, and loose: they as
     contact meets them. exposure: of the skin that it covers.
     """
 
     obstacle: Obstacle
-    dressed: ContactGarment
+    garment: ContactGarment
     sample: SurfaceSample
     loose: ContactGarment
     exposure: Exposure
@@ -35,28 +35,29 @@ def put_on(body: Body, meshes: Sequence[Mesh]) -> DressedBody:
     sample = spread(outfit.vertices, outfit.faces, CLOTH_POINTS)
     return DressedBody(
         obstacle=obstacle,
-        dressed=obstacle.dress(outfit.vertices, outfit.faces),
+        garment=obstacle.contact_garment(outfit.vertices, outfit.faces),
         sample=sample,
-        loose=obstacle.dress(sample.points(outfit.vertices), outfit.faces[:0]),
+        loose=obstacle.contact_garment(sample.points(outfit.vertices), outfit.faces[:0]),
         exposure=Exposure(body, meshes),
     )
 
 
-def body_scores(worn: DressedBody, frames: Tensor, body_frames: Tensor) -> dict[str, Tensor]:
+def body_scores(dressed: DressedBody, frames: Tensor, body_frames: Tensor) -> dict[str, Tensor]:
     """Percentages of a garment (F, N, 3) on the posed body (F, V, 3), m, per frame: (F,) each.
 
     inside_percent, squeezed_percent: vertices inside the body, and those between two parts of it that leave
     them no room, which do not count as inside. inside_faces_percent: of the cloth's area inside the body.
     skin_percent: of the skin that the garment covers at rest, by area, what shows through it.
     """
-    skins = list(worn.obstacle.skins(frames, worn.dressed, body_frames))
-    points = worn.sample.points(frames)
+    skins = list(dressed.obstacle.skins(frames, dressed.garment, body_frames))
+    points = dressed.sample.points(frames)
     exposed = [
-        worn.exposure.percent([vertices], posed) for vertices, posed in zip(frames, body_frames, strict=True)
+        dressed.exposure.percent([vertices], posed)
+        for vertices, posed in zip(frames, body_frames, strict=True)
     ]
     return {
         "inside_percent": torch.tensor([100.0 * float(skin.inside.float().mean()) for skin in skins]),
         "squeezed_percent": torch.tensor([100.0 * float(skin.squeezed.float().mean()) for skin in skins]),
-        "inside_faces_percent": worn.obstacle.inside_percent(points, worn.loose, body_frames),
+        "inside_faces_percent": dressed.obstacle.inside_percent(points, dressed.loose, body_frames),
         "skin_percent": torch.tensor(exposed),
     }

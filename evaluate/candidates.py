@@ -20,7 +20,7 @@ IN_ORDER = "+"
 """Between models that are one candidate, one for each garment, the innermost first."""
 
 TRAINING = ("step", "epochs", "minutes", "samples")
-"""What a checkpoint's notes say of how long it was trained."""
+"""The notes of a checkpoint that say how long it was trained."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def load_candidates(models: Sequence[str], body: Body) -> tuple[Candidate, ...]:
 def assigned(
     candidates: Sequence[Candidate], outfits: Mapping[str, Outfit], data: Path
 ) -> dict[str, tuple[Candidate, ...]]:
-    """By outfit, those that dress it. Raises InputError naming one that dresses none, and why not."""
+    """The candidates that support each outfit. Raises InputError naming one that supports none, and why."""
     unsupported = {
         c.name: {name: c.method.unsupported_reason(outfit) for name, outfit in outfits.items()}
         for c in candidates
@@ -82,6 +82,7 @@ def _load(model: str, body: Body) -> Candidate:
 
 
 def _load_one(model: str, body: Body) -> Candidate:
+    """A method by its name, or a trained one with what its checkpoint says."""
     folder, method = model_folder(model), load_method(model, body)
     if folder is None:
         return Candidate(method.name, method, 0.0, fingerprint(model), frozenset())
@@ -99,7 +100,7 @@ def _load_one(model: str, body: Body) -> Candidate:
 
 
 def _in_order(parts: Sequence[Candidate]) -> Candidate:
-    """Several as one: it has met what any of them has, and each of them was trained by itself."""
+    """One candidate of several methods in order: it has seen all that any of them has."""
     method = Ensemble.of(tuple(part.method for part in parts))
     splits = dict.fromkeys(split for part in parts for split in part.clips)
     return Candidate(

@@ -1,4 +1,4 @@
-"""An outfit over a clip, ready to be judged: garments that were simulated together, and what is measured."""
+"""Cases: an outfit over a clip, garments that were simulated together, with references to score against."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,18 +15,15 @@ from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh, join_meshes
 from uvcloth.geometry.skinning import skin
-from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, read_metadata
+from uvcloth.simulate.sequence import REST_TOLERANCE, SimulatedSequence, load_sequence, read_metadata
 
 SHOWN = 50
 """Frames of a case that are kept to be looked at, at most."""
 
-SAME_REST = 0.002
-"""Metres between a sequence's rest mesh and the garment on the body that still count as the same garment."""
-
 
 @dataclass(frozen=True)
 class Part:
-    """What is scored by itself: a garment of an outfit, or the whole outfit as one mesh.
+    """A unit of scoring: a garment of an outfit, or the whole outfit as one mesh.
 
     rows: its vertices among those of the outfit. meshes: of its garments at rest. reference: the scored
     frames.
@@ -57,15 +54,17 @@ class Case:
 
     @property
     def name(self) -> str:
-        """Clip and garments: what its file is named after."""
+        """Clip and garments, the stem of its file."""
         return "_".join([self.windows[0].clip, *(window.garment for window in self.windows)])
 
     @property
     def action(self) -> str:
+        """The action of the clip."""
         return self.windows[0].action
 
     @property
     def fps(self) -> float:
+        """Frames per second."""
         return self.sequences[0].fps
 
     @property
@@ -80,16 +79,17 @@ class Case:
 
     @property
     def end(self) -> int:
-        """Where in the sequences the scored frames end."""
+        """The frame of the sequences after the last scored one."""
         return self.start + len(self.transforms)
 
     @property
     def stride(self) -> int:
+        """Frames from one that is shown to the next."""
         return -(-len(self.transforms) // SHOWN)
 
 
 def outfit_name(garments: Sequence[str]) -> str:
-    """What an outfit is called in every table, by its garments, the innermost first: "tops over bottoms"."""
+    """The name of an outfit in every table, from its garments, the innermost first: "tops over bottoms"."""
     return " over ".join(reversed(garments))
 
 
@@ -139,7 +139,7 @@ def make_case(
     texels: Mapping[str, Texels | None],
     frames: int | None = None,
 ) -> Case:
-    """What is scored of sequences that fit together; see `open_case`."""
+    """The case of sequences that fit together; see `open_case`."""
     first, body = sequences[0], outfit.body
     scored = slice(first.warm_up, None if frames is None else first.warm_up + frames)
     parts: list[Part] = []
@@ -186,7 +186,7 @@ def _load(window: Window, garment: Garment, body: Body) -> SimulatedSequence:
             f"body {body.name!r} has {joints}"
         )
     apart = float((sequence.rest - mesh.vertices).norm(dim=1).max())
-    if apart > SAME_REST:
+    if apart > REST_TOLERANCE:
         raise InputError(
             f"{window.path}: at rest it is up to {1000 * apart:.0f} mm from the garment {garment.name} "
             f"on body {body.name!r}; it was simulated in another shape or on another body"

@@ -155,6 +155,7 @@ def mark(index: int) -> str:
 
 
 def _open(width: float, height: float, title: str, left: float) -> str:
+    """The beginning of an SVG chart with its title."""
     return (
         f'<svg class="chart" viewBox="0 0 {width} {height}" role="img" aria-label="{escape(title)}">'
         f'<text class="title" x="{left}" y="13">{escape(title)}</text>'
@@ -162,4 +163,5 @@ def _open(width: float, height: float, title: str, left: float) -> str:
 
 
 def _tick(value: float) -> str:
+    """The label of a tick."""
     return f"{value:,.10g}"

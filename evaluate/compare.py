@@ -36,7 +36,7 @@ from uvcloth.garments.templates import TEMPLATES, fit_template
 
 @dataclass(frozen=True)
 class Selection:
-    """What is judged of a data folder.
+    """The part of a data folder that is judged.
 
     actions: only these, all if empty. files: garments other than the templates. frames: of each window, None
     for all. split: test, or validation to choose by.
@@ -78,8 +78,8 @@ def compare(
 
     map_size: of the maps that are measured. machine: for the record. Returns the content of metrics.json and
     what there is to look at. Finished cases are kept under OUT/partial and taken over by a rerun. A method is
-    judged on the outfits that it dresses. Raises InputError for a model or data that does not fit, and for a
-    method that dresses none of the outfits.
+    judged on the outfits that it supports. Raises InputError for a model or data that does not fit, and for a
+    method that supports none of the outfits.
     """
     data, split = selection.data, selection.split
     others = taken(selection.files, body)
@@ -88,8 +88,8 @@ def compare(
     for name in others:
         if name not in {window.garment for window in windows}:
             raise InputError(f"{data}: holds no {split} sequence of the garment {name} (CLIP_{name}.npz)")
-    worn = dict.fromkeys(window.garment for window in windows)
-    garments = {name: others[name] if name in others else fit_template(name, body) for name in worn}
+    names = dict.fromkeys(window.garment for window in windows)
+    garments = {name: others[name] if name in others else fit_template(name, body) for name in names}
     cases = simulated_together(windows)
     outfits = {_named(case): Outfit(body, tuple(garments[w.garment] for w in case)) for case in cases}
     dressing = assigned(candidates, outfits, data)
@@ -156,7 +156,7 @@ def judged_case(
 def measured(
     judged: Sequence[JudgedCase], candidates: Sequence[Candidate], people: Mapping[str, str]
 ) -> dict[str, Any]:
-    """What metrics.json says of the methods and of the simulation. people: who moves, by clip."""
+    """The fields of metrics.json on the methods and the simulation. people: subjects by clip."""
     names = (SIMULATION, *(candidate.name for candidate in candidates))
     entries = {
         name: [
@@ -168,9 +168,9 @@ def measured(
         for name in names
     }
     outfits = {
-        outfit_name(worn): worn
-        for worn in (tuple(window.garment for window in case.contents) for case in judged)
-        if len(worn) > 1
+        outfit_name(garments): garments
+        for garments in (tuple(window.garment for window in case.contents) for case in judged)
+        if len(garments) > 1
     }
     results = summarize(entries, outfits)
     methods = {
@@ -191,7 +191,7 @@ def measured(
         "previous_frame": {
             kind: {garment: stability(found) for garment, found in by.items()} for kind, by in copies.items()
         },
-        "outfits": {name: {"garments": list(worn)} for name, worn in outfits.items()},
+        "outfits": {name: {"garments": list(garments)} for name, garments in outfits.items()},
         "actions": list(dict.fromkeys(window.action for window in windows)),
         "windows": len(windows),
         "frames": sum(frames),
@@ -205,7 +205,7 @@ def frame_rate(judged: Sequence[JudgedCase]) -> float:
 
 
 def facts(candidate: Candidate, judged_on: Mapping[Window, str], people: Mapping[str, str]) -> dict[str, Any]:
-    """What metrics.json says of a method besides its figures. judged_on: windows and their hashes."""
+    """The fields of metrics.json on a method besides its scores. judged_on: windows and their hashes."""
     return {
         "weights_mb": candidate.weights_mb,
         **acquaintance(candidate, judged_on, people),

@@ -1,4 +1,4 @@
-"""Whether a model has met what it is judged on: that very sequence, its motion, or the person."""
+"""Overlap of training and test: sequences, motions and people that a model saw and is judged on."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -8,12 +8,12 @@ from evaluate.actions import Window
 from evaluate.candidates import Candidate
 
 MADE_BY = {"train": "was trained on", "validation": "was chosen by"}
-"""What each split of a model's own data did to it, the graver first."""
+"""The role of each split of a model's own data, the graver first."""
 
 
 @dataclass(frozen=True)
 class Familiar:
-    """What a model has met of a window.
+    """The overlap of a window with the data that a model was made from.
 
     split: "train" if it was trained on it, "validation" if it was chosen by it. same: "sequence" if it was
     the simulation itself, "clip" if it was the motion (another garment or simulation, or poses of it),
@@ -29,7 +29,7 @@ class Familiar:
 
 @dataclass(frozen=True)
 class Caution:
-    """How many windows are familiar to a method, and from what, in words. red: its figures mislead."""
+    """A warning on a method: the number of windows it has seen, and from what. red: its scores mislead."""
 
     method: str
     says: str
@@ -41,7 +41,7 @@ class Caution:
 def familiarity(
     window: Window, content: str, candidate: Candidate, people: Mapping[str, str]
 ) -> Familiar | None:
-    """What a method has met of a window, the gravest; None if nothing that is known of.
+    """The gravest overlap of a window with a method's own data; None if none is known.
 
     content: hash of the window's sequence. people: who moves, by clip, for models that do not say.
     """
@@ -61,7 +61,7 @@ def familiarity(
 def acquaintance(
     candidate: Candidate, windows: Mapping[Window, str], people: Mapping[str, str]
 ) -> dict[str, Any]:
-    """What metrics.json says of a method about windows that it was judged on, given by their hashes."""
+    """The fields of metrics.json on the overlap of a method's data with judged windows, given by hash."""
     met = {w.name: familiarity(w, content, candidate, people) for w, content in windows.items()}
     familiar = {window: asdict(found) for window, found in met.items() if found is not None}
     return {
@@ -72,7 +72,7 @@ def acquaintance(
 
 
 def cautions(results: Mapping[str, Any]) -> list[Caution]:
-    """What to say of each method in metrics.json that has met what it was judged on.
+    """The warnings on the methods in metrics.json whose own data overlaps with the judged windows.
 
     Windows that are judged to choose by (results["split"] validation) mislead nobody who chose by them.
     """
@@ -96,6 +96,7 @@ def _named(met: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
 
 
 def _source(same: str, subject: str, clips: Sequence[str]) -> str:
+    """The source of an overlap in words."""
     if same == "person":
         return f"person {subject} in clip{'s' * (len(clips) > 1)} {', '.join(clips)}"
     return "this very simulation" if same == "sequence" else f"clip {clips[0]}"

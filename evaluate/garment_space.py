@@ -15,10 +15,10 @@ from uvcloth.garments.garment import Garment
 from uvcloth.methods.method import GarmentSpace
 from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
 
-STEPS = (1.0, 0.8, 0.6, 0.5, 0.4, 0.2, 0.0)
+BLEND_SHARES = (1.0, 0.8, 0.6, 0.5, 0.4, 0.2, 0.0)
 """Shares a of the first code, the second having 1 - a, as in the figure."""
 
-SIZE = (160, 240)
+PICTURE_SIZE = (160, 240)
 """Width and height of one garment, in pixels."""
 
 
@@ -33,19 +33,19 @@ def interpolations(candidates: Sequence[Candidate], shown: Sequence[Shown], body
     spaces = [
         (candidate.name, garment, space)
         for candidate in candidates
-        for garment in {window.worn: window.outfit.garments[0] for window in alone}.values()
+        for garment in {window.outfit_name: window.outfit.garments[0] for window in alone}.values()
         if (space := candidate.method.garment_space(garment, body))
     ]
     sheets = []
     with progress("Spaces of garments", len(spaces)) as tick:
         for name, garment, space in spaces:
-            windows = [window for window in alone if window.worn == garment.name]
+            windows = [window for window in alone if window.outfit_name == garment.name]
             color = method_color(names, name)
             rows = [between(space, *ends) for ends in (farthest(space, windows), random_pair(space))]
             images = [_picture(body, garment, shape, color) for row in rows for shape in row]
             tick()
-            sheet = png(contact_sheet(images, columns=len(STEPS)))
-            labels = tuple(f"a = {share:g}" for share in STEPS)
+            sheet = png(contact_sheet(images, columns=len(BLEND_SHARES)))
+            labels = tuple(f"a = {share:g}" for share in BLEND_SHARES)
             sheets.append(Picture(f"{name}, {garment.name}", sheet, labels))
     return sheets
 
@@ -64,8 +64,8 @@ def random_pair(space: GarmentSpace) -> tuple[Tensor, Tensor]:
 
 
 def between(space: GarmentSpace, first: Tensor, second: Tensor) -> Tensor:
-    """Garments (STEPS, N, 3), m, between two codes (Z,)."""
-    share = torch.tensor(STEPS)[:, None]
+    """Garments (BLEND_SHARES, N, 3), m, between two codes (Z,)."""
+    share = torch.tensor(BLEND_SHARES)[:, None]
     return space.decode(share * first + (1 - share) * second)
 
 
@@ -75,5 +75,5 @@ def _picture(body: Body, garment: Garment, shape: Tensor, color: Color) -> np.nd
         Surface(body.mesh.vertices, body.mesh.faces, BODY_COLOR),
         Surface(shape, garment.mesh.faces, color),
     ]
-    camera = three_quarter(body.mesh.vertices, aspect=SIZE[0] / SIZE[1])
-    return render(surfaces, camera, SIZE, floor=float(body.mesh.vertices[:, 2].min()))
+    camera = three_quarter(body.mesh.vertices, aspect=PICTURE_SIZE[0] / PICTURE_SIZE[1])
+    return render(surfaces, camera, PICTURE_SIZE, floor=float(body.mesh.vertices[:, 2].min()))

@@ -1,4 +1,4 @@
-"""Rolls methods out over cases and scores every frame; finished cases are kept for a rerun."""
+"""Judging: roll methods out over cases and score every frame; finished cases are kept for a rerun."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -22,14 +22,11 @@ from uvcloth.bodies.frames import LEAD, body_frames, with_lead
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.rollout import PreparedRollout, prepare_rollout
-from uvcloth.simulate.sequence import SimulatedSequence, content_hash, load_sequence
+from uvcloth.simulate.sequence import MOTION_TOLERANCE, SimulatedSequence, content_hash, load_sequence
 
-FORMAT = "uvcloth-judged-5"
+SCORES_FORMAT = "uvcloth-judged-5"
 
-SAME_MOTION = 0.001
-"""Metres (and matrix entries) between joint transforms that still count as the same motion."""
-
-CHUNK = 16
+ENCODED_AT_ONCE = 16
 """Frames that are written in a method's representation at the same time: bounds the memory of large maps."""
 
 JUDGING = (
@@ -104,10 +101,10 @@ def score(case: Case, raw: Tensor, resolved: Tensor) -> CaseScores:
     parts: dict[str, dict[str, Tensor]] = {}
     for part in case.parts:
         before, after = raw[:, part.rows], resolved[:, part.rows]
-        worn = put_on(case.outfit.body, part.meshes)
+        dressed = put_on(case.outfit.body, part.meshes)
         parts[part.name] = frame_scores(before, after, part.reference)
         for suffix, frames in (("_raw", before), ("", after)):
-            found = body_scores(worn, frames, case.body_vertices)
+            found = body_scores(dressed, frames, case.body_vertices)
             parts[part.name] |= {f"{key}{suffix}": values for key, values in found.items()}
     *garments, whole = case.parts
     for suffix, frames in (("_raw", raw), ("", resolved)):
@@ -119,14 +116,14 @@ def score(case: Case, raw: Tensor, resolved: Tensor) -> CaseScores:
 
 @torch.no_grad()
 def representation(case: Case, prepared: PreparedRollout) -> dict[str, Scores]:
-    """How far the simulation, written in a method's representation and read back, is from itself, by part.
+    """Errors of the simulation written in a method's representation and read back, mm and mm2, by part.
 
     Empty for a method that can show any garment.
     """
     chunks = []
     led = with_lead(case.motion)
-    for first in range(case.start, case.end, CHUNK):
-        last = min(first + CHUNK, case.end)
+    for first in range(case.start, case.end, ENCODED_AT_ONCE):
+        last = min(first + ENCODED_AT_ONCE, case.end)
         frames = body_frames(case.outfit.body, led[first : last + LEAD], case.fps)
         truth = tuple(sequence.vertices[first:last] for sequence in case.sequences)
         read = prepared.method.round_trip(prepared.prepared, frames, truth)
@@ -139,7 +136,7 @@ def representation(case: Case, prepared: PreparedRollout) -> dict[str, Scores]:
 
 
 def repeatability(window: Window, simulated: SimulatedSequence) -> dict[str, Tensor]:
-    """How far a simulation is from its repeat, per frame that counts in both; empty without a repeat.
+    """Distances of a simulation from its repeat, per frame that is scored in both; empty without a repeat.
 
     Frames are matched by the body's pose. A clip that has nothing before its window cannot start earlier: its
     repeat is the same simulation and tells nothing, so it counts as none. Raises InputError if the repeat is
@@ -157,7 +154,7 @@ def repeatability(window: Window, simulated: SimulatedSequence) -> dict[str, Ten
     first = max(simulated.warm_up, repeat.warm_up - shift)
     frames = torch.arange(first, len(simulated.vertices))
     if not len(frames) or (
-        (simulated.transforms[frames] - repeat.transforms[frames + shift]).abs().max() > SAME_MOTION
+        (simulated.transforms[frames] - repeat.transforms[frames + shift]).abs().max() > MOTION_TOLERANCE
     ):
         raise InputError(f"{window.repeat}: does not repeat the motion of {window.path}")
     return distance_scores(repeat.vertices[frames + shift], simulated.vertices[frames])
@@ -167,12 +164,12 @@ def cached(out: Path, case: Case, name: str, setting: str, work: Callable[[], Ca
     """The result of an earlier run of the same code on the same input, or that of `work`, then kept."""
     garments = [garment_fingerprint(garment) for garment in case.outfit.garments]
     contents = [content_hash(sequence) for sequence in case.sequences]
-    text = "/".join([FORMAT, setting, *garments, *contents, str(len(case.transforms))])
+    text = "/".join([SCORES_FORMAT, setting, *garments, *contents, str(len(case.transforms))])
     key = fingerprint(text)[:16]
     path = Path(out) / "partial" / f"{case.name}_{name}_{key}.npz"
     truth = case.truth[:: case.stride]
     if path.is_file():
-        data = load_arrays(path, FORMAT, "a judged window")
+        data = load_arrays(path, SCORES_FORMAT, "a judged window")
         parts = {
             part.name: {
                 name.removeprefix(_prefix(index)): torch.from_numpy(values)
@@ -184,7 +181,7 @@ def cached(out: Path, case: Case, name: str, setting: str, work: Callable[[], Ca
         return CaseScores(parts, truth + torch.from_numpy(data["offset"].astype(np.float32)))
     judged = work()
     # Offsets from the simulation are small, so half precision keeps them well within a millimetre.
-    arrays = {"format": np.array(FORMAT), "offset": (judged.shown - truth).numpy().astype(np.float16)}
+    arrays = {"format": np.array(SCORES_FORMAT), "offset": (judged.shown - truth).numpy().astype(np.float16)}
     for index, scores in enumerate(judged.parts.values()):
         arrays |= {f"{_prefix(index)}{key}": values.numpy() for key, values in scores.items()}
     save_arrays(path, arrays)
@@ -192,7 +189,7 @@ def cached(out: Path, case: Case, name: str, setting: str, work: Callable[[], Ca
 
 
 def _prefix(part: int) -> str:
-    """What the names of a part's scores begin with in a file."""
+    """The prefix of the names of a part's scores in a file."""
     return f"part{part}/"
 
 
@@ -209,7 +206,7 @@ def code_fingerprint() -> str:
 
 
 def body_fingerprint(body: Body) -> str:
-    """Hash of the body that the garments are worn on."""
+    """Hash of the body at rest."""
     tensors = [body.mesh.vertices, body.mesh.faces, body.weights, body.skeleton.heads]
     tensors += [body.regions, body.sides]
     for proxy in body.proxies.values():

@@ -1,4 +1,4 @@
-"""How far a prediction is from the simulation, and whether it moves like cloth. Batched over frames.
+"""Metrics of a prediction against the simulation: distances, and measures of cloth. Batched over frames.
 
 Shapes: F frames, N vertices, P texels. Positions in metres, results in millimetres (or mm2, radians).
 """
@@ -70,7 +70,7 @@ def frame_scores(raw: Tensor, resolved: Tensor, reference: Reference) -> dict[st
 
 
 def shape_scores(vertices: Tensor, reference: Reference) -> dict[str, Tensor]:
-    """Vertex errors of (F, N, 3), and how it stretches, bends, shakes and runs through itself: (F,) each."""
+    """Vertex errors of (F, N, 3), change of edges, bending, jitter and self-intersection: (F,) each."""
     return {
         **distance_scores(vertices, reference.vertices),
         "edge_mm": edge_change(vertices, reference.rest, reference.faces) * MM,
@@ -100,5 +100,5 @@ def layer_scores(garments: Mapping[str, Tensor], faces: Mapping[str, Tensor]) ->
 
 
 def wrong_side_key(outer: str, inner: str) -> str:
-    """The score of one garment over another."""
+    """The name of the score of an outer garment over an inner one."""
     return f"wrong_side_percent/{outer}/{inner}"

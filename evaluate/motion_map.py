@@ -1,4 +1,4 @@
-"""Where the judged motion lies beside that which methods were trained on (Motion-guided, Figure 5)."""
+"""t-SNE maps of the judged motion beside that of training (Motion-guided, Figure 5)."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -75,7 +75,7 @@ def _training_motion(data: Path, seen: frozenset[str]) -> dict[str, tuple[str, T
 
 
 def seed_positions(body: Body, transforms: Tensor) -> Tensor:
-    """Where SEEDS points of the posed body lie, seen from its root: (F, 3 SEEDS), m.
+    """Positions of SEEDS points of the posed body, seen from its root: (F, 3 SEEDS), m.
 
     Its position is taken away and its heading, the part of its rotation about the vertical, turned back:
     where the body stands and faces does not count. transforms: (F, J, 3, 4).

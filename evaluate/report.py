@@ -75,6 +75,7 @@ class Picture:
 
     @property
     def base64(self) -> str:
+        """The PNG for a data URL."""
         return base64.b64encode(self.png).decode("ascii")
 
 
@@ -162,6 +163,7 @@ def write_report(
 
 
 def _bar_charts(results: Results) -> dict[str, list[Any]]:
+    """A chart for each garment and measure."""
     names = list(results["methods"])
     charts: dict[str, list[Any]] = {}
     for key, (title, unit, suffix) in MEASURES.items():
@@ -198,12 +200,14 @@ def _time_charts(results: Results) -> dict[str, list[Any]]:
 
 
 def _motion_chart(motion: MotionMap) -> Any:
+    """A scatter of training and judged frames."""
     groups = {"training": motion.training.tolist()}
     groups |= {action: places.tolist() for action, places in motion.tests.items()}
     return scatter("Training of " + ", ".join(motion.methods), groups)
 
 
 def _write(path: Path, text: str) -> Path:
+    """Write a text file, whole or not at all. Raises InputError if it cannot be written."""
     with atomic_write(path) as partial:
         partial.write_text(text, encoding="utf-8")
     return path

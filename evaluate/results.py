@@ -11,7 +11,7 @@ from evaluate.candidates import SIMULATION
 from evaluate.judge import Scores
 from evaluate.metrics import wrong_side_key
 
-STAGES = ("_raw", "")
+STAGE_SUFFIXES = ("_raw", "")
 """Suffixes of what is measured before and after contact."""
 
 SHORT = ("one_step_mm", "rollout_50_mm")
@@ -29,7 +29,7 @@ MEANS = (
     "skin_percent",
     "crossing_edges_percent",
 )
-"""What is averaged over the frames, before and after contact."""
+"""Scores that are averaged over the frames, before and after contact."""
 
 LONG = 250
 """Frames from which on a window tells whether a rollout drifts,"""
@@ -46,12 +46,12 @@ FIGURES = {
 """The three figures of a floor: the distance score that is averaged, and the power of its mean."""
 
 REPRESENTED = "representation_"
-"""What the distance scores of a method's own representation begin with."""
+"""Prefix of the distance scores of a method's own representation."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """What one method scored on one part, a garment or a whole outfit, in one case."""
+    """The scores of one method on one part, a garment or a whole outfit, in one case."""
 
     action: str
     part: str
@@ -68,12 +68,12 @@ def summarize(entries: Mapping[str, Sequence[Entry]], outfits: Mapping[str, Sequ
 
     def summarized(found: Sequence[Entry]) -> dict[str, Any]:
         single = [entry for entry in found if entry.part not in outfits]
-        worn = [name for name in outfits if any(entry.part == name for entry in found)]
-        whole = {name: [entry for entry in found if entry.part == name] for name in worn}
+        judged = [name for name in outfits if any(entry.part == name for entry in found)]
+        whole = {name: [entry for entry in found if entry.part == name] for name in judged}
         return {
             **_tables(single, simulation),
             "representation": _representation(single),
-            "outfits": {name: _outfit(whole[name], simulation, outfits[name]) for name in worn},
+            "outfits": {name: _outfit(whole[name], simulation, outfits[name]) for name in judged},
         }
 
     yardstick = summarized(simulation)
@@ -114,7 +114,9 @@ def stability(windows: Sequence[Scores]) -> dict[str, float | int | None]:
     What does not feed on itself has the same error in all of them. A score that nothing has is None, as is
     the drift without a long window.
     """
-    alike = {f"{key}{stage}": f"vertex_mean_mm{stage}" for key in (*SHORT, "whole_mm") for stage in STAGES}
+    alike = {
+        f"{key}{stage}": f"vertex_mean_mm{stage}" for key in (*SHORT, "whole_mm") for stage in STAGE_SUFFIXES
+    }
     windows = [{key: w[own] for key, own in alike.items() if own in w} | dict(w) for w in windows]
     long = [w["vertex_mean_mm"] for w in windows if len(w["vertex_mean_mm"]) >= LONG]
     early, late = (float(sum(errors[span].sum() for errors in long)) for span in (EARLY, LATE))
@@ -126,7 +128,7 @@ def stability(windows: Sequence[Scores]) -> dict[str, float | int | None]:
 
 
 def _tables(entries: Sequence[Entry], simulation: Sequence[Entry]) -> dict[str, Any]:
-    """What metrics.json says of a method, by part."""
+    """The tables of a method in metrics.json, by part."""
     parts = {
         part: [entry.scores for entry in entries if entry.part == part]
         for part in dict.fromkeys(entry.part for entry in entries)
@@ -138,7 +140,7 @@ def _tables(entries: Sequence[Entry], simulation: Sequence[Entry]) -> dict[str, 
                 part: _over_time([scores[f"vertex_mean_mm{stage}"] for scores in windows])
                 for part, windows in parts.items()
             }
-            for stage in STAGES
+            for stage in STAGE_SUFFIXES
         },
         "stability": {part: stability(windows) for part, windows in parts.items()},
     }
@@ -166,12 +168,12 @@ def _sides(scores: Sequence[Scores], garments: Sequence[str]) -> dict[str, dict[
             for index, outer in enumerate(garments)
             if index
         }
-        for stage in STAGES
+        for stage in STAGE_SUFFIXES
     }
 
 
 def _representation(entries: Sequence[Entry]) -> dict[str, dict[str, float]]:
-    """What a method's own representation loses, by garment; empty if it has none."""
+    """The errors of a method's own representation, by garment; empty if it has none."""
     found: dict[str, list[Scores]] = {}
     for entry in entries:
         if f"{REPRESENTED}vertex_mean_mm" in entry.scores:
@@ -185,6 +187,7 @@ def _figures(windows: Sequence[Scores], prefix: str = "") -> dict[str, float]:
 
 
 def _by_action(entries: Sequence[Entry], simulation: Sequence[Entry]) -> dict[str, dict[str, Any]]:
+    """A cell for each action and part."""
     actions: dict[str, dict[str, Any]] = {}
     for action, part in dict.fromkeys((entry.action, entry.part) for entry in entries):
         actions.setdefault(action, {})[part] = _cell(
@@ -194,6 +197,7 @@ def _by_action(entries: Sequence[Entry], simulation: Sequence[Entry]) -> dict[st
 
 
 def _scores(entries: Sequence[Entry], action: str, part: str) -> list[Scores]:
+    """The scores of all cases of an action with a part."""
     return [entry.scores for entry in entries if (entry.action, entry.part) == (action, part)]
 
 
@@ -204,7 +208,7 @@ def _cell(scores: Sequence[Scores], simulation: Sequence[Scores]) -> dict[str, A
         "frames": sum(len(each["vertex_mean_mm"]) for each in scores),
         "map_mse_mm2": _mean(scores, "map_mse_mm2") if "map_mse_mm2" in scores[0] else None,
     }
-    for stage in STAGES:
+    for stage in STAGE_SUFFIXES:
         cell |= {f"{key}{stage}": _mean(scores, f"{key}{stage}") for key in MEANS}
         cell[f"vertex_rmse_mm{stage}"] = _mean(scores, f"vertex_mse_mm2{stage}") ** 0.5
         # Fewer than three frames have no acceleration.
@@ -216,6 +220,7 @@ def _cell(scores: Sequence[Scores], simulation: Sequence[Scores]) -> dict[str, A
 
 
 def _mean(scores: Sequence[Scores], key: str) -> float:
+    """The mean of one score over all frames; 0 without any."""
     values = torch.cat([each[key] for each in scores]).double()
     return float(values.mean()) if len(values) else 0.0
 

@@ -1,4 +1,4 @@
-"""What the report shows of the judged windows: animations to scrub through and rendered pictures."""
+"""Animations and rendered pictures of the judged windows for the report."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, th
 MOMENTS = (0.3, 0.6, 0.9)
 """Shares of a window at which it is pictured."""
 
-PICTURE = (200, 300)
+PICTURE_SIZE = (200, 300)
 """Width and height of one pictured moment, in pixels."""
 
 SIMULATION_COLOR: Color = (0.43, 0.45, 0.50)
@@ -40,7 +40,7 @@ METHOD_COLORS: tuple[Color, ...] = (
 class Shown:
     """A judged case as far as it is looked at.
 
-    meshes: by name, the simulation first, then the methods that dress the outfit, all its garments as one,
+    meshes: by name, the simulation first, then the methods that support the outfit, all its garments as one,
     (S, N, 3) metres. transforms: (S, J, 3, 4). fps: of the S frames.
     """
 
@@ -53,7 +53,7 @@ class Shown:
     meshes: Mapping[str, Tensor]
 
     @property
-    def worn(self) -> str:
+    def outfit_name(self) -> str:
         """The name of the outfit, that of its garment where it is one."""
         return outfit_name([garment.name for garment in self.outfit.garments])
 
@@ -75,14 +75,14 @@ def viewer_clips(shown: Sequence[Shown]) -> list[ViewerClip]:
     """The liveliest case of each outfit, where methods differ most."""
     clips = []
     for name in outfits_shown(shown):
-        s = max((s for s in shown if s.worn == name), key=lambda s: s.liveliness)
+        s = max((s for s in shown if s.outfit_name == name), key=lambda s: s.liveliness)
         clips.append(ViewerClip(s.action, name, s.fps, s.stride, s.faces, s.transforms, s.meshes))
     return clips
 
 
 def outfits_shown(shown: Sequence[Shown]) -> dict[str, Outfit]:
     """The outfits that were judged, by name."""
-    return {each.worn: each.outfit for each in shown}
+    return {each.outfit_name: each.outfit for each in shown}
 
 
 def pictured(shown: Sequence[Shown]) -> list[Shown]:
@@ -91,7 +91,7 @@ def pictured(shown: Sequence[Shown]) -> list[Shown]:
     outfits = list(outfits_shown(shown))
     for index, action in enumerate(dict.fromkeys(each.action for each in shown)):
         of_action = [each for each in shown if each.action == action]
-        wanted = [each for each in of_action if each.worn == outfits[-1 - index % len(outfits)]]
+        wanted = [each for each in of_action if each.outfit_name == outfits[-1 - index % len(outfits)]]
         chosen.append((wanted or of_action)[0])
     return chosen
 
@@ -120,7 +120,7 @@ def pictures(
                     Surface(mesh[frame], window.faces, color),
                 ],
                 three_quarter(skin_vertices),
-                PICTURE,
+                PICTURE_SIZE,
             )
             for frame, skin_vertices in zip(frames, posed, strict=True)
             for mesh, color in zip(window.meshes.values(), colors, strict=True)
@@ -128,7 +128,8 @@ def pictures(
         names = ", ".join(window.meshes)
         seconds = ", ".join(f"{frame / window.fps:.1f}" for frame in frames)
         yield Picture(
-            f"{window.action}, {window.worn}; from left to right: {names}; from top to bottom at {seconds} s",
+            f"{window.action}, {window.outfit_name}; from left to right: {names}; "
+            f"from top to bottom at {seconds} s",
             png(contact_sheet(images, columns=len(window.meshes))),
         )
         tick()

@@ -1,4 +1,4 @@
-"""How far a method that feeds on itself gets from the truth: in one step, in rollouts that start from it."""
+"""Stability of a method that feeds on itself: errors in one step, and in rollouts from the truth."""
 
 from dataclasses import replace
 from itertools import islice
@@ -49,7 +49,7 @@ def stability_scores(prepared: PreparedRollout, case: Case) -> dict[str, dict[st
 
 
 def uses_feedback(prepared: PreparedRollout, case: Case) -> bool:
-    """Whether observed garments change a method's state; one may remember its own predictions only."""
+    """True if observed garments change a method's state; one may remember its own predictions only."""
     method = prepared.method
     if not method.autoregressive:
         return False

@@ -1,4 +1,4 @@
-"""Who stands where: methods over all actions, on each garment and outfit, beside the baselines."""
+"""Standings: methods over all actions, on each garment and outfit, beside the baselines."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ class OutfitRow:
 
 @dataclass(frozen=True)
 class Rank:
-    """How far from the simulation, before or after contact, over all actions.
+    """The mean distance from the simulation, before or after contact, over all actions.
 
     against: mean distance divided by that of the better baseline (LBS), None for a baseline or without one.
     won, of: actions on which it is nearer to the simulation than the better baseline of that action.
@@ -52,7 +52,7 @@ class Rank:
 
 @dataclass(frozen=True)
 class Standing:
-    """How one method did on one garment, or one outfit of several, over all actions."""
+    """The ranks of one method on one garment, or one outfit of several, over all actions."""
 
     method: str
     garment: str
@@ -68,12 +68,12 @@ def garments_in(results: Results) -> list[str]:
 
 
 def methods_on(results: Results, garment: str) -> list[str]:
-    """The methods that were judged on a garment or an outfit: those that dress it."""
+    """The methods that were judged on a garment or an outfit: those that support it."""
     return [name for name, method in results["methods"].items() if cells(method, garment)]
 
 
 def cells(method: Results, garment: str) -> dict[str, Mapping[str, Any]]:
-    """What a method, or the simulation, scored on a garment or an outfit of several, by action."""
+    """The scores of a method, or the simulation, on a garment or an outfit of several, by action."""
     if garment in method["outfits"]:
         return dict(method["outfits"][garment]["actions"])
     return {action: by[garment] for action, by in method["actions"].items() if garment in by}
@@ -124,7 +124,7 @@ def standings(results: Results) -> list[Standing]:
 
 
 def outfit_rows(results: Results) -> list[OutfitRow]:
-    """For every outfit of several garments the simulation, then every method that dresses it."""
+    """For every outfit of several garments the simulation, then every method that supports it."""
     everyone = {SIMULATION: results[SIMULATION], **results["methods"]}
     return [
         OutfitRow(
@@ -160,6 +160,7 @@ def _sides(found: Sequence[Mapping[str, Any]]) -> dict[str, tuple[float, float]]
 
 
 def _rank(results: Results, name: str, garment: str, suffix: str) -> Rank:
+    """The rank of a method on a garment or an outfit. suffix: of the fields, "_raw" before contact."""
     methods = results["methods"]
     baselines = [other for other, method in methods.items() if method["baseline"]]
     mean_key, rmse_key = f"vertex_mean_mm{suffix}", f"vertex_rmse_mm{suffix}"

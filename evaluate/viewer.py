@@ -1,4 +1,4 @@
-"""Packs mesh animations small enough to live inside an HTML page.
+"""Mesh animations packed small enough to live inside an HTML page.
 
 Positions are quantized to half a millimetre. The first mesh of a clip is stored as second
 differences in time, the others as second differences of what sets them apart from the first; 16-bit
@@ -25,7 +25,7 @@ INFLUENCES = 4
 
 @dataclass(frozen=True)
 class ViewerClip:
-    """One window to scrub through: the same garment from the simulation and from methods that dress it.
+    """One window to scrub through: the same garment from the simulation and from the methods.
 
     meshes: by name, the simulation first, each (F, N, 3) metres, world. faces: (M, 3).
     transforms: (F, J, 3, 4) joint transforms of the body. stride: of the frames shown, the first being
@@ -107,4 +107,5 @@ def _planes(values: np.ndarray) -> bytes:
 
 
 def _compress(blob: bytes) -> str:
+    """Compressed bytes as base64 text."""
     return base64.b64encode(gzip.compress(blob, 9, mtime=0)).decode("ascii")

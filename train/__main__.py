@@ -52,6 +52,7 @@ def starting_from(
 
 
 def _preset_of(arguments: list[str]) -> str | None:
+    """The preset named on the command line, None for none."""
     for index, argument in enumerate(arguments):
         if argument == "--preset" and index + 1 < len(arguments):
             return arguments[index + 1]

@@ -1,4 +1,4 @@
-"""What an outfit collides with in many poses at once: the body near it, and its own inner layers."""
+"""Collision of an outfit in many poses at once: with the body near it, and with its own inner layers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -34,15 +34,15 @@ class BodyBeside:
         kept, collider = collider_near(body, outfit.cpu(), NEAR_BODY)
         rest, weights = body.mesh.vertices[kept], body.weights[kept]
         self._rest, self._weights, self._collider = to_device((rest, weights, collider), device)
-        self._crowd = PosedMeshBatch(self._collider.vertices(self._rest), collider.parts[0], batch)
+        self._meshes = PosedMeshBatch(self._collider.vertices(self._rest), collider.parts[0], batch)
 
     def move(self, transforms: Tensor) -> None:
-        """Take the poses of joint transforms (B, J, 3, 4)."""
-        self._crowd.update(self._collider.vertices(skin(self._rest, self._weights, transforms)))
+        """Move to the poses of joint transforms (B, J, 3, 4)."""
+        self._meshes.update(self._collider.vertices(skin(self._rest, self._weights, transforms)))
 
     def planes(self, outfit: Tensor, near: float, cache: ClosestPointCache | None, plane: str) -> Planes:
         """The planes that keep an outfit (B, U, 3) m off the body where it is near, m."""
-        return self._crowd.planes(outfit, near, cache, corner=plane == "vertex")
+        return self._meshes.planes(outfit, near, cache, corner=plane == "vertex")
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""SimulatedSequence sequences as training data: the garments of one clip side by side."""
+"""Simulated sequences as training data: the garments of one clip side by side."""
 
 from collections.abc import Mapping
 from collections.abc import Sequence as List
@@ -12,17 +12,15 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData
 from uvcloth.motion.index import INDEX, Entry, read_index
-from uvcloth.simulate.sequence import SimulatedSequence, load_sequence
+from uvcloth.simulate.sequence import (
+    MOTION_TOLERANCE,
+    REST_TOLERANCE,
+    SimulatedSequence,
+    load_sequence,
+)
 
 SEEN = ("train", "validation")
 """The splits of an index that training sees: what teaches, and what the network that is kept is chosen by."""
-
-SAME_MOTION = 1e-3
-"""Largest difference (m, or of a rotation matrix) between the motions of two garments of one clip."""
-
-
-SAME_REST = 0.002
-"""Metres between a sequence's rest shape and the template on the body that still count as the same."""
 
 
 @dataclass(frozen=True)
@@ -74,10 +72,11 @@ def load_training_clips(folder: Path, templates: List[str], body: Body) -> list[
 
 
 def _training_clip(clip: str, sequences: dict[Path, SimulatedSequence], entry: Entry | None) -> TrainingClip:
+    """Join the sequences of one clip. Raises InputError naming the file of another motion."""
     (first_path, first), *others = sequences.items()
     for path, other in others:
         same = other.transforms.shape == first.transforms.shape and other.warm_up == first.warm_up
-        if not same or (other.transforms - first.transforms).abs().max() > SAME_MOTION:
+        if not same or (other.transforms - first.transforms).abs().max() > MOTION_TOLERANCE:
             raise InputError(f"{path}: moves otherwise than {first_path.name} of the same clip {clip!r}")
     return TrainingClip(
         clip=clip,
@@ -100,7 +99,7 @@ def check_rests(rests: Mapping[str, Tensor], clips: list[TrainingClip], body: Bo
     for clip in clips:
         for name, rest in clip.rests.items():
             expected = rests[name]
-            if rest.shape != expected.shape or (rest - expected).norm(dim=1).max() > SAME_REST:
+            if rest.shape != expected.shape or (rest - expected).norm(dim=1).max() > REST_TOLERANCE:
                 raise InputError(
                     f"{clip.clip}_{name}: at rest not the garment {name} on body {body.name!r}; "
                     "it was simulated with another garment or body"
@@ -109,7 +108,7 @@ def check_rests(rests: Mapping[str, Tensor], clips: list[TrainingClip], body: Bo
 
 @dataclass(frozen=True)
 class Holdout:
-    """Which clips validate where the data has no index that says so."""
+    """The choice of validation clips where the data has no index."""
 
     holdout: int = 8
     """Every n-th clip validates and is not trained on, if the data has no index.csv."""
@@ -143,7 +142,7 @@ def hold_out(
 
 
 def training_data(training: list[TrainingClip], held: list[TrainingClip]) -> TrainingData:
-    """What a model that was trained on some clips, and chosen by others, says of them."""
+    """The record of the clips that a model was trained on and chosen by, for its checkpoint."""
     return TrainingData(
         files={name: digest for r in (*training, *held) for name, digest in r.files.items()},
         clips={
@@ -159,5 +158,5 @@ def scored_frames(clip: TrainingClip) -> range:
 
 
 def frames_of(clips: list[TrainingClip]) -> int:
-    """How many frames count in all."""
+    """The number of scored frames of all clips."""
     return sum(len(scored_frames(clip)) for clip in clips)

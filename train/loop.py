@@ -21,10 +21,10 @@ from train.interrupt import waiting_interrupt
 from uvcloth.checkpoint import load_tensors, save_tensors
 
 STATE = Path("training") / "state.safetensors"
-"""Where a run keeps what an exact resume needs."""
+"""The training state of a run, for an exact resume."""
 
 PROGRESS_KEYS = ("step", "minutes")
-"""What stands beside the scores of a validation."""
+"""Keys beside the scores of a validation."""
 
 CONTENTS = ("data", "body", "garments")
 """Parts of the settings that hold hashes."""
@@ -35,7 +35,7 @@ LOG_EVERY = 10
 
 @dataclass(frozen=True)
 class LoopConfig:
-    """How long and how fast to train."""
+    """Settings of the training loop: length, learning rate, averaging, validation."""
 
     steps: int = 3000
     """Optimizer steps in all."""
@@ -54,7 +54,7 @@ class LoopConfig:
     validate_every: int = 250
     """Steps between validations."""
     keep: Literal["best", "last"] = "best"
-    """Which network is kept: the best in validation, or the last."""
+    """The network that is kept: the best in validation, or the last."""
     save_seconds: float = 120.0
     """Seconds between saved training states."""
     seed: int = 0
@@ -75,7 +75,7 @@ class LoopConfig:
 
 
 class Objective(Protocol):
-    """What a method brings to be trained on one device; classes derived from it inherit the defaults."""
+    """The part of training that is a method's own, on one device; derived classes inherit the defaults."""
 
     @property
     def samples(self) -> Tensor:
@@ -101,22 +101,22 @@ class Objective(Protocol):
         ...
 
     def settings(self) -> dict[str, Any]:
-        """What must not change within a run: parts such as "method" and "losses", each with JSON values.
+        """Settings that must not change within a run: parts such as "method" and "losses", of JSON values.
 
         Of CONTENTS, what differs is not named.
         """
         ...
 
     def picture(self, net: nn.Module) -> Tensor | None:
-        """What the network does, to look at in the log: (H, W, 3) uint8; None for nothing to see."""
+        """A picture of the network's output for the log: (H, W, 3) uint8; None for none."""
         return None
 
     def memory(self) -> dict[str, Tensor]:
-        """What the objective itself keeps between steps."""
+        """The objective's own state between steps, for an exact resume."""
         return {}
 
     def remember(self, memory: Mapping[str, Tensor]) -> None:
-        """Take that back."""
+        """Restore the state that `memory` gave."""
         return
 
 
@@ -129,7 +129,7 @@ def training_device() -> torch.device:
 
 @dataclass
 class Progressed:
-    """How far a run has come: optimizer steps, seconds of training, and the validation scores so far."""
+    """The progress of a run: optimizer steps, seconds of training, and the validation scores so far."""
 
     step: int = 0
     seconds: float = 0.0
@@ -186,7 +186,7 @@ def _first(scores: Mapping[str, float]) -> float:
 
 
 def has_begun(run: Path) -> bool:
-    """Whether the folder holds a run that can be resumed."""
+    """True if the folder holds a run that can be resumed."""
     return (run / STATE).exists()
 
 
@@ -199,6 +199,7 @@ def check_run(run: Path, *, resume: bool) -> None:
 
 
 def _begin(objective: Objective, run: Path, config: LoopConfig) -> Training:
+    """Make networks, optimizers and logger, the weights seeded."""
     from lightning.fabric import Fabric
     from lightning.fabric.loggers.tensorboard import TensorBoardLogger
 
@@ -225,6 +226,7 @@ def _begin(objective: Objective, run: Path, config: LoopConfig) -> Training:
 
 
 def _train(training: Training, interrupted: Callable[[], bool]) -> None:
+    """Step, log, validate and save until the training is spent or interrupted."""
     config, fabric, done = training.config, training.fabric, training.done
     samples = training.objective.samples.cpu()
     shown = ""
@@ -292,13 +294,14 @@ def _validate(training: Training) -> str:
 
 
 def _learned(training: Training) -> dict[str, float]:
-    """How many samples there are, and how often each was seen so far."""
+    """The number of samples, and how often each was seen so far."""
     samples = len(training.objective.samples)
     steps = samples // min(training.config.batch, samples)
     return {"samples": samples, "epochs": round(training.done.step / steps, 2)}
 
 
 def _progress(shown: bool) -> Progress:
+    """The progress bar, on the main process alone."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(bar_width=20),
@@ -318,13 +321,13 @@ def rows_of_step(samples: Tensor, config: LoopConfig, step: int) -> Tensor:
 
 
 def _share(config: LoopConfig, done: Progressed) -> float:
-    """How much of the steps or the minutes is spent, whichever is more: 0 to 1."""
+    """The share of the steps or the minutes that is spent, whichever is more: 0 to 1."""
     spent = done.step / config.steps
     return spent if config.minutes is None else max(spent, done.seconds / 60.0 / config.minutes)
 
 
 def set_rates(optimizers: Mapping[str, Any], config: LoopConfig, share: float) -> None:
-    """The learning rate after a share of the training, 0 to 1."""
+    """Set the learning rate after a share of the training, 0 to 1."""
     rate = config.learning_rate
     if config.schedule == "cosine":
         rate *= min(1.0, share / 0.01 + 1e-2) * 0.5 * (1.0 + math.cos(math.pi * share))
@@ -345,7 +348,7 @@ def _blend(average: nn.Module, network: nn.Module, decay: float, step: int) -> N
 
 
 def _settings(training: Training) -> dict[str, Any]:
-    """What must not change within a run, as JSON values, the loop's own as "loop"; its length may."""
+    """Settings that must not change within a run, as JSON values; "loop": the loop's but its length."""
     may_change = ("steps", "minutes", "validate_every", "save_seconds")
     loop = {key: value for key, value in asdict(training.config).items() if key not in may_change}
     settings: dict[str, Any] = json.loads(json.dumps({"loop": loop, **training.objective.settings()}))
@@ -365,6 +368,7 @@ def _require_same_settings(run: Path, before: Mapping[str, Any], now: Mapping[st
 
 
 def _save_state(training: Training) -> None:
+    """Write the training state, on the main process alone."""
     if not training.fabric.is_global_zero:
         return
     tensors = {f"memory/{key}": value for key, value in training.objective.memory().items()}
@@ -380,6 +384,7 @@ def _save_state(training: Training) -> None:
 
 
 def _load_state(training: Training) -> None:
+    """Read the training state. Raises InputError if it is of other settings or another network."""
     run = training.run
     tensors, meta = load_tensors(run / STATE)
     _require_same_settings(run, meta["settings"], _settings(training))

@@ -8,6 +8,8 @@ from torch import Tensor
 
 
 class _Product(torch.autograd.Function):
+    """Sparse matrix times dense columns; the backward pass multiplies with the transpose."""
+
     @staticmethod
     def forward(ctx: Any, dense: Tensor, matrix: Tensor, transposed: Tensor) -> Tensor:
         ctx.transposed = transposed
@@ -46,6 +48,8 @@ def differences(edges: Tensor, columns: int) -> Operator:
 
 
 def _operator(rows: Tensor, columns: Tensor, values: Tensor, shape: tuple[int, int]) -> Operator:
+    """An operator of entries (row, column, value)."""
+
     def compressed(first: Tensor, second: Tensor, size: tuple[int, int]) -> Tensor:
         sparse = torch.sparse_coo_tensor(
             torch.stack([first, second]), values.float(), size, check_invariants=False

@@ -21,7 +21,7 @@ class TrainingRun(Protocol):
 
 @dataclass(frozen=True)
 class TrainerEntry:
-    """How a method is trained.
+    """The trainer of a method.
 
     run: what the command line is parsed into; its field `preset`, where there are presets, names one of them.
     presets: by name, what fields of the run start from; the first is the usual one.

@@ -1,4 +1,4 @@
-"""Validation by rollout: what a method predicts over whole clips, side by side, before contact."""
+"""Validation by rollout: errors of predictions over whole clips, side by side, before contact."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -31,7 +31,7 @@ CONFIG = "config.json"
 
 @dataclass(frozen=True)
 class TrainingData:
-    """What a model was made from.
+    """The data that a model was made from.
 
     files: name -> content hash, those that it was chosen by included. clips: "train" (what taught it) and
     "validation" (what it was chosen by) -> name of a clip -> who moves in it, "" where that is not known.
@@ -138,7 +138,7 @@ def stored_config(checkpoint: Checkpoint, config: Callable[..., Any]) -> Any:
 
 
 def misfit(folder: Path, error: Exception) -> InputError:
-    """What to raise where weights and config of a model in a folder do not fit each other."""
+    """The error to raise where weights and config of a model in a folder do not fit each other."""
     first = str(error).partition("\n")[0]
     return InputError(f"{folder}: weights and config of the model do not fit each other ({first})")
 
@@ -168,6 +168,7 @@ def load_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
 
 
 def _package_version() -> str:
+    """The version of this package."""
     try:
         return version("uvcloth")
     except PackageNotFoundError:

@@ -12,7 +12,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.frames import LEAD, BodyFrames, body_frames, side_by_side
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
-from uvcloth.geometry.records import to_device
+from uvcloth.geometry.records import CPU, to_device
 from uvcloth.methods.method import Method
 
 if TYPE_CHECKING:
@@ -24,8 +24,6 @@ LONGEST, TORN = 4.0, 0.01
 
 BATCH = 8
 """Frames that the body is posed for, and that a method without memory predicts, at once."""
-
-CPU = torch.device("cpu")
 
 
 @dataclass(frozen=True)
@@ -218,7 +216,7 @@ class BrokenRolloutError(InputError):
 
 
 class EdgeLimits:
-    """What every prediction is held to: finite numbers, and edges that keep some likeness to rest."""
+    """Limits of every prediction: finite numbers, and edges that are not far longer than at rest."""
 
     def __init__(self, outfit: Outfit) -> None:
         self.names = [garment.name for garment in outfit.garments]

@@ -227,7 +227,7 @@ def test_rerun_takes_over_what_is_finished(
     wider.mesh.vertices[:, 0] *= 1.1
     with pytest.raises(AssertionError, match="judged again"):
         run(world, tmp_path / "out", body=wider)
-    monkeypatch.setattr(judging, "FORMAT", "another")
+    monkeypatch.setattr(judging, "SCORES_FORMAT", "another")
     with pytest.raises(AssertionError, match="judged again"):
         run(world, tmp_path / "out")
 
@@ -384,7 +384,7 @@ def test_a_method_is_judged_on_what_it_dresses(world: Path, tmp_path: Path) -> N
     assert own["stability"].keys() == own["over_time_mm"].keys() == {"dress"}
     assert results["methods"]["lbs"]["stability"].keys() == {"tops", "dress"}
     assert results["windows"] == 4
-    assert {"for_one" in each.meshes for each in shown if each.worn == "tops"} == {False}
+    assert {"for_one" in each.meshes for each in shown if each.outfit_name == "tops"} == {False}
     drawn = list(pictures(shown, ["lbs", "for_one"], capsule_body(), lambda: None))
     assert "simulation, lbs;" in drawn[0].caption
     assert "simulation, lbs, for_one;" in drawn[1].caption

@@ -3,7 +3,7 @@
 import torch
 
 from evaluate.candidates import SIMULATION
-from evaluate.garment_space import STEPS, between, farthest, random_pair
+from evaluate.garment_space import BLEND_SHARES, between, farthest, random_pair
 from evaluate.show import Shown
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body
@@ -30,8 +30,8 @@ def test_a_linear_space_is_crossed_in_even_steps(body: Body) -> None:
     first, second = random_pair(space)
     assert not torch.equal(first, second)
     shapes = between(space, first, second)
-    assert shapes.shape == (len(STEPS), len(dress.mesh.vertices), 3)
-    share = torch.tensor(STEPS)[:, None, None]
+    assert shapes.shape == (len(BLEND_SHARES), len(dress.mesh.vertices), 3)
+    share = torch.tensor(BLEND_SHARES)[:, None, None]
     torch.testing.assert_close(shapes, share * shapes[:1] + (1 - share) * shapes[-1:], atol=1e-5, rtol=0)
     assert (shapes[0] - shapes[-1]).norm(dim=1).max() > 1e-4
 

@@ -56,10 +56,10 @@ def test_a_coarse_garment_is_inside_by_its_faces_while_no_vertex_is(body: Body) 
     shape.apply_translation([0.0, -0.05, 0.3])
     corners, faces = torch.tensor(shape.vertices).float(), torch.tensor(shape.faces).long()
     mesh = Mesh(corners, faces, corners[:, :2], faces)
-    worn = put_on(body, [mesh])
+    dressed = put_on(body, [mesh])
     tight = corners.clone()
     tight[:, :2] = corners.mean(0)[:2] + 0.55 * (corners - corners.mean(0))[:, :2]
-    found = body_scores(worn, torch.stack([corners, tight]), body.mesh.vertices.expand(2, -1, -1))
+    found = body_scores(dressed, torch.stack([corners, tight]), body.mesh.vertices.expand(2, -1, -1))
     assert found["inside_percent"].tolist() == [0.0, 0.0]
     assert found["inside_faces_percent"][0] == found["skin_percent"][0] == 0.0
     assert found["inside_faces_percent"][1] > 10.0

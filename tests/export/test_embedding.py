@@ -29,7 +29,7 @@ def test_onnx_gives_the_rig_s_weights(
     rigged = rig_of(pbns.as_rig(outfit.body), outfit.body, shapes=shapes)
     write_embedding(pbns.as_rig(outfit.body), rigged, tmp_path / "rig.onnx")
     session = onnxruntime.InferenceSession(tmp_path / "rig.onnx")
-    for poses in (pbns.network.poses, pose_vectors(pbns.worn.parents, clip.transforms())):
+    for poses in (pbns.network.poses, pose_vectors(pbns.garments.parents, clip.transforms())):
         (weights,) = session.run(["weights"], {"pose": poses.numpy()})
         with torch.no_grad():
             embeddings = pbns.network.embed(poses)

@@ -51,7 +51,7 @@ def test_the_rig_is_the_rollout(pbns: PBNS, outfit: Outfit, clip: Clip) -> None:
 
 def test_every_weight_uses_the_whole_range(pbns: PBNS, outfit: Outfit, clip: Clip, practice: Clip) -> None:
     rigged = rig_of(pbns.as_rig(outfit.body), outfit.body, clip)
-    known = torch.cat([pbns.network.poses, pose_vectors(pbns.worn.parents, clip.transforms())])
+    known = torch.cat([pbns.network.poses, pose_vectors(pbns.garments.parents, clip.transforms())])
     with torch.no_grad():
         weights = rigged.code.weights(pbns.network.embed(known))
     np.testing.assert_allclose(weights.amin(0), 0.0, atol=1e-5)

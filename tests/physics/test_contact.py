@@ -197,12 +197,12 @@ def test_a_layer_holds_what_is_over_it_at_rest_and_nothing_under_it() -> None:
     worn = Obstacle(make_collider(body), body.mesh.vertices)
     tops, bottoms = (fit_template(name, body).mesh for name in ("tops", "bottoms"))
     layer = Layer(bottoms.vertices, bottoms.faces)
-    (shirt,) = worn.dress(tops.vertices, tops.faces, [layer]).over
+    (shirt,) = worn.contact_garment(tops.vertices, tops.faces, [layer]).over
     assert len(shirt.rows) == len(tops.vertices)
     rows, distance, _ = shirt.find(tops.vertices)
     assert len(rows) > 100
     assert distance.min() > 0
-    (tucked,) = worn.dress(bottoms.vertices, bottoms.faces, [Layer(tops.vertices, tops.faces)]).over
+    (tucked,) = worn.contact_garment(bottoms.vertices, bottoms.faces, [Layer(tops.vertices, tops.faces)]).over
     rows, _, _ = tucked.find(bottoms.vertices)
     assert not len(rows)
 
@@ -212,7 +212,7 @@ def test_templates_at_rest_on_the_default_body_are_outside_and_stay() -> None:
     worn = Obstacle(make_collider(body), body.mesh.vertices)
     for name in TEMPLATES:
         mesh = fit_template(name, body).mesh
-        resolved, contacts = worn.resolve(mesh.vertices, worn.dress(mesh.vertices, mesh.faces))
+        resolved, contacts = worn.resolve(mesh.vertices, worn.contact_garment(mesh.vertices, mesh.faces))
         assert (contacts.inside_before, contacts.inside_after) == (0, 0)
         assert (resolved - mesh.vertices).norm(dim=1).mean() < 2e-4
 
@@ -223,6 +223,6 @@ def test_percent_inside_follows_the_body() -> None:
     mesh = fit_template("tops", body).mesh
     frames = mesh.vertices.expand(2, -1, -1)
     apart = torch.stack([body.mesh.vertices, body.mesh.vertices + torch.tensor([0.0, 0.05, 0.0])])
-    percent = worn.inside_percent(frames, worn.dress(mesh.vertices, mesh.faces), apart)
+    percent = worn.inside_percent(frames, worn.contact_garment(mesh.vertices, mesh.faces), apart)
     assert percent[0] == 0
     assert percent[1] > 20

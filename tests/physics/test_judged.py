@@ -62,7 +62,7 @@ def test_another_library_finds_templates_and_body_apart_at_rest(body: Body) -> N
     worn = Obstacle(make_collider(body), body.mesh.vertices)
     for name in TEMPLATES:
         mesh = fit_template(name, body).mesh
-        resolved, _ = worn.resolve(mesh.vertices, worn.dress(mesh.vertices, mesh.faces))
+        resolved, _ = worn.resolve(mesh.vertices, worn.contact_garment(mesh.vertices, mesh.faces))
         skin = (body.mesh.vertices, body.mesh.faces)
         assert not judge.meet(skin, (resolved, mesh.faces))
         assert 0 < judge.distance(skin, (resolved, mesh.faces), reach=0.02) < SKIN_CLEARANCE + 1e-4

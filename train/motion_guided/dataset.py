@@ -1,4 +1,4 @@
-"""What Motion-guided trains on: one garment on one body, frame after frame, clip after clip."""
+"""The training data of Motion-guided: one garment on one body, frame after frame, clip after clip."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -21,7 +21,7 @@ from train.operators import Operator, differences, sampling
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.geometry.mesh import edge_lengths, laplacian, unique_edges
-from uvcloth.geometry.records import to_device
+from uvcloth.geometry.records import CPU, to_device
 from uvcloth.methods.motion_guided.config import MotionGuidedConfig
 from uvcloth.methods.motion_guided.dynamics_input import MEMORY, Pose, local_offsets, shape_features
 from uvcloth.methods.motion_guided.garment_maps import GarmentMaps
@@ -29,13 +29,11 @@ from uvcloth.methods.motion_guided.latent import Space
 from uvcloth.methods.motion_guided.seeds import PosedSeeds, pose_seeds, seeds_on
 from uvcloth.physics.surface import BodySurface
 
-CPU = torch.device("cpu")
-
 CLEARANCE = 0.002
 """Metres that the rest shape should keep off the body at rest (epsilon of L_SDF)."""
 
-CHUNK = 16
-"""Frames that are skinned at once."""
+FRAMES_AT_ONCE = 16
+"""Frames that are skinned, encoded or decoded at once: bounds the memory."""
 
 
 @dataclass(frozen=True)
@@ -96,12 +94,12 @@ def joined_seeds(parts: list[PosedSeeds]) -> PosedSeeds:
 
 def offsets_of(maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> Tensor:
     """Texels of garments (R, N, 3) as offsets from the smooth LBS reference (R, P, 3), some at a time."""
-    parts = zip(vertices.split(CHUNK), transforms.split(CHUNK), strict=True)
+    parts = zip(vertices.split(FRAMES_AT_ONCE), transforms.split(FRAMES_AT_ONCE), strict=True)
     return torch.cat([local_offsets(maps, maps.positions(v), now) for v, now in parts])
 
 
 class GarmentDataset:
-    """What both stages train on: one garment on one body, training and validation clips."""
+    """The training data of both stages: one garment on one body, training and validation clips."""
 
     def __init__(
         self,
@@ -127,13 +125,13 @@ class GarmentDataset:
             under=under.name if under else "",
             vertices=len(garment.mesh.vertices),
         )
-        worn = {g.name: g.mesh.vertices for g in (garment, under) if g}
+        rests = {g.name: g.mesh.vertices for g in (garment, under) if g}
         clips = [
-            r for r in load_training_clips(data, tuple(worn), self.body) if worn.keys() <= r.rests.keys()
+            r for r in load_training_clips(data, tuple(rests), self.body) if rests.keys() <= r.rests.keys()
         ]
         if not clips:
-            raise InputError(f"{data}: no training clip was simulated with {' and '.join(worn)}")
-        check_rests(worn, clips, self.body)
+            raise InputError(f"{data}: no training clip was simulated with {' and '.join(rests)}")
+        check_rests(rests, clips, self.body)
         training, held = hold_out(clips, holdout, data)
         if not training:
             raise InputError(f"{data}: needs two clips of {garment.name} at least, one to validate with")

@@ -4,10 +4,10 @@ import torch
 from rich.progress import track
 from torch import Tensor
 
-from train.motion_guided.dataset import CHUNK, GarmentDataset
+from train.motion_guided.dataset import FRAMES_AT_ONCE, GarmentDataset
 from uvcloth.geometry.rotations import rotate, rotate_back
 from uvcloth.methods.motion_guided.dynamics_input import pose_transforms
-from uvcloth.methods.motion_guided.latent import REACH, LinearSpace, Space
+from uvcloth.methods.motion_guided.latent import DISPLACEMENT_SCALE, LinearSpace, Space
 
 ROUNDS = 4
 """Iterations that take a garment back to the rest space."""
@@ -40,7 +40,7 @@ def fit_linear(space: LinearSpace, dataset: GarmentDataset) -> None:
     shapes = torch.cat(
         [
             rest_displacements(space, dataset, part)
-            for part in track(chosen.split(CHUNK), "shapes", transient=True)
+            for part in track(chosen.split(FRAMES_AT_ONCE), "shapes", transient=True)
         ]
     )
     mean = shapes.mean(0)
@@ -51,10 +51,10 @@ def fit_linear(space: LinearSpace, dataset: GarmentDataset) -> None:
     size = codes.std(0).clamp(min=1e-9)
     directions = (components * (scales * size)).T
     space.decoder.weight.zero_()
-    space.decoder.weight[:, : len(directions)] = directions.T / REACH
-    space.decoder.bias.copy_(mean / REACH)
+    space.decoder.weight[:, : len(directions)] = directions.T / DISPLACEMENT_SCALE
+    space.decoder.bias.copy_(mean / DISPLACEMENT_SCALE)
     seen = torch.cat(
-        [space.features(maps.map(rows.offsets[part])).flatten(1) for part in chosen.split(CHUNK)]
+        [space.features(maps.map(rows.offsets[part])).flatten(1) for part in chosen.split(FRAMES_AT_ONCE)]
     )
     wanted = codes / size
     gram = seen @ seen.T

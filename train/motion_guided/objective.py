@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from rasterize.errors import InputError
 from train.clips import Holdout
 from train.loop import Objective
-from train.motion_guided.dataset import CHUNK, GarmentDataset, Rows, offsets_of
+from train.motion_guided.dataset import FRAMES_AT_ONCE, GarmentDataset, Rows, offsets_of
 from train.motion_guided.linear_space import fit_linear
 from train.validation import rollout_errors
 from uvcloth.checkpoint import load_checkpoint, save_checkpoint
@@ -75,9 +75,11 @@ class ShapeObjective(Objective):
 
     @property
     def samples(self) -> Tensor:
+        """The scored rows of all training clips."""
         return self.dataset.rows.samples
 
     def networks(self) -> dict[str, nn.Module]:
+        """The space, its inputs scaled to the data; a linear one is fitted."""
         dataset, net = self.dataset, self.dataset.config.shape_space()
         offsets = dataset.rows.offsets[dataset.rows.samples[::4]]
         seen = dataset.maps.map(offsets)
@@ -90,6 +92,7 @@ class ShapeObjective(Objective):
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
+        """The losses of a batch (section 4.2)."""
         dataset, losses = self.dataset, self.losses
         space = networks["net"]
         codes = dataset.codes(space, dataset.rows, rows)
@@ -111,7 +114,7 @@ class ShapeObjective(Objective):
 
     @torch.no_grad()
     def validate(self, net: Any) -> dict[str, float]:
-        """How exactly held-out garments are encoded and decoded, mm."""
+        """Mean vertex error of held-out garments encoded and decoded, mm."""
         net.eval()
         dataset, errors = self.dataset, []
         for chosen in dataset.held.samples[::2].split(8):
@@ -123,9 +126,11 @@ class ShapeObjective(Objective):
         return {"mean_mm": float(torch.cat(errors).mean())}
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
+        """Write the checkpoint of the first stage."""
         self._save({"space": net}, run, notes)
 
     def _save(self, stages: dict[str, nn.Module], run: Path, notes: dict[str, Any]) -> None:
+        """Write the checkpoint of some stages."""
         dataset = self.dataset
         tensors = {f"{s}.{name}": t for s, net in stages.items() for name, t in net.state_dict().items()}
         notes = {**notes, "training_frames": dataset.frames}
@@ -135,6 +140,7 @@ class ShapeObjective(Objective):
         )
 
     def settings(self) -> dict[str, Any]:
+        """Settings that must not change within a run."""
         dataset = self.dataset
         return {
             "method": asdict(dataset.config),
@@ -154,7 +160,9 @@ class DynamicsObjective(ShapeObjective):
             self.codes = torch.cat(
                 [
                     dataset.codes(self.space, dataset.rows, chosen)
-                    for chosen in track(torch.arange(len(self.past)).split(CHUNK), "codes", transient=True)
+                    for chosen in track(
+                        torch.arange(len(self.past)).split(FRAMES_AT_ONCE), "codes", transient=True
+                    )
                 ]
             )
 
@@ -166,11 +174,12 @@ class DynamicsObjective(ShapeObjective):
         return first[rows.starts[first + last] == rows.starts[first]]
 
     def networks(self) -> dict[str, nn.Module]:
+        """The dynamic encoder, its inputs scaled to the data."""
         net = self.dataset.config.dynamics()
         dataset = self.dataset
         seen = [
             motion_of(dataset.config.local_offsets, dataset.maps, self._input(dataset.rows, chosen))
-            for chosen in dataset.rows.samples[::8].split(CHUNK)
+            for chosen in dataset.rows.samples[::8].split(FRAMES_AT_ONCE)
         ]
         scale = torch.cat(seen).square().mean((0, 1)).sqrt()
         net.motion_scale.copy_(scale.clamp(min=1e-3)[:, None, None])
@@ -179,6 +188,7 @@ class DynamicsObjective(ShapeObjective):
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
+        """The losses of a batch, unrolled over several frames (section 5)."""
         dataset, losses = self.dataset, self.losses
         past, last = self._input(dataset.rows, rows, (self.past, self.past_offsets)).past, self.past[rows - 1]
         frames: list[dict[str, Tensor]] = []
@@ -218,7 +228,7 @@ class DynamicsObjective(ShapeObjective):
         return parts, posed[: len(rows)]
 
     def _unchanged(self, rows: Tensor) -> Tensor:
-        """What is seen beside E_t = 0 where garment and body stay as they are in rows (B,).
+        """Features beside E_t = 0 where garment and body stay as they are in rows (B,).
 
         The garment is the simulated one whatever the histories are: from another, it would have to change.
         """
@@ -228,13 +238,14 @@ class DynamicsObjective(ShapeObjective):
         return state_features(self.space, maps, texels, offsets, pose.seeds.points, pose.transforms)
 
     def _input(self, rows: Rows, chosen: Tensor, past: tuple[Tensor, Tensor] | None = None) -> DynamicsInput:
-        """What comes before the chosen rows (B,); past: the garments (R, N, 3), where not as simulated."""
+        """The encoder's input for chosen rows (B,). past: garments (R, N, 3) and their offsets."""
         vertices, offsets = past or (rows.vertices, rows.offsets)
         back = chosen[:, None] - torch.arange(1, MEMORY + 1, device=chosen.device)
         history = GarmentHistory(self.dataset.maps.positions(vertices[back]), offsets[back])
         return self._after(rows, chosen, history)
 
     def _after(self, rows: Rows, chosen: Tensor, past: GarmentHistory) -> DynamicsInput:
+        """The encoder's input for chosen rows (B,) after a history."""
         now = chosen[:, None] - torch.arange(MEMORY, device=chosen.device)
         return DynamicsInput(
             past=past,
@@ -256,12 +267,15 @@ class DynamicsObjective(ShapeObjective):
         )
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
+        """Write the checkpoint of both stages."""
         self._save({"space": self.space, "dynamics": net}, run, notes)
 
     def memory(self) -> dict[str, Tensor]:
+        """The latest predictions, which an exact resume needs."""
         return {"past": self.past} if self.losses.past == "own" else {}
 
     def remember(self, memory: Mapping[str, Tensor]) -> None:
+        """Restore the state that `memory` gave."""
         if self.losses.past == "own":
             self.past.copy_(memory["past"])
             self.past_offsets = offsets_of(self.dataset.maps, self.past, self.dataset.rows.pose.transforms)

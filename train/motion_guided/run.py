@@ -25,14 +25,14 @@ LOOPS: dict[str, LoopConfig] = {
     "paper": LoopConfig(steps=30000, batch=4, learning_rate=1e-4, weight_decay=0.0, average=0.0),
     "tiny": LoopConfig(steps=8, batch=2, validate_every=4, average=0.9),
 }
-"""How long the dynamics are trained."""
+"""The loop of the dynamics, by preset."""
 
 SHAPE_LOOPS: dict[str, LoopConfig] = {
     "fast": LoopConfig(steps=200, learning_rate=1e-4, weight_decay=0.0, validate_every=50),
     "paper": LOOPS["paper"],
     "tiny": LOOPS["tiny"],
 }
-"""How long the space of shapes is trained; a linear one is fitted before."""
+"""The loop of the space of shapes, by preset; a linear one is fitted before."""
 
 LOSSES: dict[str, MotionGuidedLosses] = {
     "fast": MotionGuidedLosses(),
@@ -60,7 +60,7 @@ class MotionGuidedRun:
     network: OmitArgPrefixes[MotionGuidedConfig] = field(default_factory=MotionGuidedConfig)
     losses: OmitArgPrefixes[MotionGuidedLosses] = field(default_factory=MotionGuidedLosses)
     loop: OmitArgPrefixes[LoopConfig] = field(default_factory=LoopConfig)
-    """How long and how fast to train the dynamics."""
+    """The loop that trains the dynamics."""
     shape: LoopConfig = field(default_factory=LoopConfig)
     """The same for the space of shapes."""
 

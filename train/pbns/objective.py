@@ -1,4 +1,4 @@
-"""What PBNS learns from: the potential energy of cloth on a body, over many poses and no simulation."""
+"""The objective of PBNS: the potential energy of cloth on a body, over many poses and no simulation."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -21,7 +21,7 @@ from uvcloth.garments.order import check_order
 from uvcloth.garments.pins import pinned
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.mesh import Mesh, first_of
-from uvcloth.geometry.records import to_device
+from uvcloth.geometry.records import CPU, to_device
 from uvcloth.geometry.skinning import apply_transforms, blend_transforms, skin
 from uvcloth.methods.pbns.method import PBNS, new_network, pbns_checkpoint, rest_outfit
 from uvcloth.methods.pbns.network import PBNSConfig, PBNSNetwork
@@ -39,8 +39,6 @@ from uvcloth.physics.posed_batch import ClosestPointCache, empty_cache
 from uvcloth.physics.surface import BodySurface
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 
-CPU = torch.device("cpu")
-
 MILLI = 1000.0
 """Losses are logged in millijoules, lengths in millimetres."""
 
@@ -53,21 +51,21 @@ VALIDATED = 128
 PICTURED = 3
 """Validation poses in the picture."""
 
-PICTURE = (300, 400)
+PICTURE_SIZE = (300, 400)
 """Width and height of a pictured pose, pixels."""
 
 
 @dataclass(frozen=True)
 class AttachmentConfig:
-    """How a garment hangs on the body to begin with."""
+    """The initial attachment of a garment to the body: pins and blend weights."""
 
     pins: tuple[str, ...] = ("band",)
-    """What is pinned: band (what holds each garment up), waist, neck, none, or a file of vertex numbers."""
+    """The pins: band (what holds each garment up), waist, neck, none, or a file of vertex numbers."""
     weights: Literal["auto", "closest", "smooth"] = "auto"
     """Blend weights of the closest body vertex (paper), or those smoothed over the garment; auto takes the
     smooth ones where cloth hangs free of the body."""
     train_weights: Literal["auto", "yes", "no"] = "auto"
-    """Whether blend weights are trained too; auto trains those of an outfit with a skirt (paper)."""
+    """Train the blend weights too; auto trains those of an outfit with a skirt (paper)."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +95,7 @@ class PBNSObjective(Objective):
     ) -> None:
         self.config, self.material, self.attachment, self.outfit = config, material, attachment, outfit
         self.data, self.batch, self.device = poses.data, batch, device
-        self.worn = rest_outfit(outfit)
+        self.garments = rest_outfit(outfit)
         self.poses, self.held = (
             to_device(_posed(poses.database.of(split), outfit), device) for split in ("train", "validation")
         )
@@ -109,12 +107,12 @@ class PBNSObjective(Objective):
         held = held_vertices(outfit, attachment)
         network = self._network()
         owner = network.owner
-        joined = self.worn.joined
+        joined = self.garments.joined
         self.points = joined.vertices[first_of(owner)].to(device)
         self.pins = owner[held].unique().to(device)
         self.faces = [
             owner[mesh.faces + start].to(device)
-            for mesh, start in zip(self.worn.meshes, joined.starts, strict=True)
+            for mesh, start in zip(self.garments.meshes, joined.starts, strict=True)
         ]
         self.energy = ClothEnergy(outfit.body, self.points, self.faces, material, batch, device)
         self.caches = empty_cache(len(self.poses.vectors), len(self.points), device)
@@ -129,7 +127,8 @@ class PBNSObjective(Objective):
         return {"net": self._network()}
 
     def _network(self) -> PBNSNetwork:
-        network = new_network(self.config, self.worn, self.weights, self.poses.vectors.cpu())
+        """A new network, whose blend weights are trained only if the settings say so."""
+        network = new_network(self.config, self.garments, self.weights, self.poses.vectors.cpu())
         network.sharp_weights.requires_grad_(self.trains_weights)
         return network
 
@@ -198,8 +197,8 @@ class PBNSObjective(Objective):
         obstacle = Obstacle(make_collider(body), body.mesh.vertices)
         inside = torch.zeros(len(posed))
         for rows, faces in self._pieces():
-            worn = obstacle.dress(self.points[rows].cpu(), faces.cpu())
-            share = obstacle.inside_percent(posed[:, rows].cpu().contiguous(), worn, bodies)
+            garment = obstacle.contact_garment(self.points[rows].cpu(), faces.cpu())
+            share = obstacle.inside_percent(posed[:, rows].cpu().contiguous(), garment, bodies)
             inside += share * len(rows) / len(self.points)
         return inside.mean()
 
@@ -230,20 +229,22 @@ class PBNSObjective(Objective):
             for index, faces in enumerate(self.faces):
                 color = GARMENT_COLORS[index % len(GARMENT_COLORS)]
                 surfaces.append(Surface(vertices, faces.cpu(), color))
-            camera = three_quarter(skin_vertices, aspect=PICTURE[0] / PICTURE[1])
+            camera = three_quarter(skin_vertices, aspect=PICTURE_SIZE[0] / PICTURE_SIZE[1])
             floor = float(skin_vertices[:, 2].min())
-            pictures.append(render(surfaces, camera, PICTURE, floor))
+            pictures.append(render(surfaces, camera, PICTURE_SIZE, floor))
         return torch.from_numpy(contact_sheet(pictures, columns=PICTURED))
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
         """Write the checkpoint of the network."""
         made_of = {"material": asdict(self.material), "attachment": asdict(self.attachment)}
-        method = PBNS(self.config, net, self.worn)
+        method = PBNS(self.config, net, self.garments)
         save_checkpoint(pbns_checkpoint(method, self.outfit.body, self.data, notes | made_of), run)
 
     def settings(self) -> dict[str, Any]:
-        """What must not change within a run."""
-        garments = {name: _digest(mesh) for name, mesh in zip(self.worn.names, self.worn.meshes, strict=True)}
+        """Settings that must not change within a run."""
+        garments = {
+            name: _digest(mesh) for name, mesh in zip(self.garments.names, self.garments.meshes, strict=True)
+        }
         body = {self.outfit.body.name: rest_hash(self.outfit.body)}
         made_of = {"material": asdict(self.material), "attachment": asdict(self.attachment)}
         return {
@@ -262,6 +263,7 @@ def held_vertices(outfit: Outfit, attachment: AttachmentConfig) -> Tensor:
 
 
 def _posed(poses: PoseDatabase, outfit: Outfit) -> Posed:
+    """The poses of a database for the body of an outfit."""
     skeleton = outfit.body.skeleton
     transforms = poses.transforms(skeleton)
     return Posed(pose_vectors(skeleton.parents, transforms), transforms)

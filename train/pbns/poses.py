@@ -21,7 +21,7 @@ from uvcloth.motion.recombine import RECOMBINED, recombine
 from uvcloth.physics.self_contact import SelfContact
 
 DRAWN = "poses.npz"
-"""Where a run keeps the poses that were drawn for it."""
+"""The file of a run with the poses that were drawn for it."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def poses_for(given: Sequence[str], body: Body, run: Path) -> Poses:
 
 
 def _drawn_from(database: PoseDatabase, sources: Sequence[Source]) -> bool:
-    """Whether its clips, and what they are for, are those of the sources."""
+    """True if a database has the clips and splits of the sources."""
     same = database.clip_names == tuple(source.name for source in sources)
     if not same or database.subjects != tuple(source.subject for source in sources):
         return False
@@ -74,11 +74,13 @@ def _drawn_from(database: PoseDatabase, sources: Sequence[Source]) -> bool:
 
 
 def _require_splits(where: str, splits: set[str], advice: str) -> None:
+    """Raise InputError unless there are training and validation poses."""
     if not set(SEEN) <= splits:
         raise InputError(f"{where}: lacks training or validation poses, {advice}")
 
 
 def _valid_for(body: Body, database: PoseDatabase) -> PoseDatabase:
+    """The poses in which a body does not run through itself."""
     valid = SelfContact(body).clear
     posed = track(database.transforms(body.skeleton), f"poses of {database.body_name} on {body.name}")
     clear = [valid(skin(body.mesh.vertices, body.weights, transforms[None])[0]) for transforms in posed]

@@ -15,7 +15,7 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.maps import motion_values, pose_values, template_offsets
 
-CHUNK = 16
+BAKED_AT_ONCE = 16
 """Frames that are posed at once."""
 
 
@@ -54,8 +54,8 @@ def load_frames(
         first = max(0, clip.warm_up - (HISTORY - 1))
         led = with_lead(clip.transforms)
         lead = len(led) - len(clip.transforms)
-        for begin in range(first, len(clip.transforms), CHUNK):
-            end = min(begin + CHUNK, len(clip.transforms))
+        for begin in range(first, len(clip.transforms), BAKED_AT_ONCE):
+            end = min(begin + BAKED_AT_ONCE, len(clip.transforms))
             frames = body_frames(body, led[begin : end + lead], clip.fps)
             now = frames.transforms[:, -1]
             vertices = frames.vertices[:, -1]
@@ -66,14 +66,14 @@ def load_frames(
             if config.pose:
                 pose.append(sheet_of(pose_values(prepared.texels, vertices, now), prepared))
             for part, name in zip(offsets, config.templates, strict=True):
-                template, worn = prepared.templates[name], prepared.worn[name]
+                template, decoder = prepared.templates[name], prepared.decoders[name]
                 if name in clip.vertices:
                     simulated = clip.vertices[name][begin:end]
                     value = template_offsets(
                         config,
                         prepared.texels,
                         template,
-                        worn,
+                        decoder,
                         vertices=simulated,
                         body_vertices=vertices,
                         transforms=now,

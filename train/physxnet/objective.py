@@ -1,4 +1,4 @@
-"""The objective of PhysXNet: what it is trained for, how it is validated and what it saves."""
+"""The objective of PhysXNet: losses, validation and checkpoints."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -20,15 +20,13 @@ from train.validation import rollout_errors
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.checkpoint import save_checkpoint
 from uvcloth.geometry.mesh import edge_lengths
-from uvcloth.geometry.records import to_device
+from uvcloth.geometry.records import CPU, to_device
 from uvcloth.methods.lbs import LinearBlendSkinning, SkinnedGarment
 from uvcloth.methods.method import Method, for_inference
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.maps import garment_vertices
 from uvcloth.methods.physxnet.method import PhysXNet, PhysXNetPrepared, offsets_of, physxnet_checkpoint
 from uvcloth.methods.physxnet.network import GarmentNet, mirror
-
-CPU = torch.device("cpu")
 
 STATISTICS_STRIDE = 4
 """Every n-th training frame enters the statistics."""
@@ -39,7 +37,7 @@ GEOMETRY_STRIDE = 4
 
 @dataclass(frozen=True)
 class Losses(Holdout):
-    """What the network is trained for, beside the L1 error of the normalized maps."""
+    """Weights of the losses, and how they are trained."""
 
     l1: float = 1.0
     """Weight of the L1 error over each template's valid texels (paper: 100, against the discriminator)."""
@@ -73,7 +71,7 @@ class PhysXNetObjective(Objective):
         self.body = body or load_body()
         clips = load_training_clips(data, config.templates, self.body)
         prepared = prepare(run, self.body, config.templates, config.size)
-        check_rests({name: decoder.points for name, decoder in prepared.worn.items()}, clips, self.body)
+        check_rests({name: decoder.points for name, decoder in prepared.decoders.items()}, clips, self.body)
         training, held = hold_out(clips, losses, data)
         for name in config.templates:
             if not any(name in r.vertices for r in training):
@@ -122,13 +120,14 @@ class PhysXNetObjective(Objective):
         parts = self._parts(networks["net"], predicted, rows)
         total = torch.stack(list(parts.values())).sum()
         if self.weights.adversarial:
-            seen, real, made = self._judged(networks["net"], maps, predicted, rows)
-            judge = networks["discriminator"]
+            seen, real, made = self._discriminator_inputs(networks["net"], maps, predicted, rows)
+            discriminator = networks["discriminator"]
             loss = discriminator_loss(
-                judge(torch.cat([seen, real], dim=1)), judge(torch.cat([seen, made.detach()], dim=1))
+                discriminator(torch.cat([seen, real], dim=1)),
+                discriminator(torch.cat([seen, made.detach()], dim=1)),
             )
             yield "discriminator", loss, {"discriminator": loss}
-            fooled = generator_loss(judge(torch.cat([seen, made], dim=1)))
+            fooled = generator_loss(discriminator(torch.cat([seen, made], dim=1)))
             total, parts = total + fooled, {**parts, "adversarial": fooled}
         yield "net", total, parts
 
@@ -159,7 +158,7 @@ class PhysXNetObjective(Objective):
                     self.config,
                     self.prepared.texels,
                     template,
-                    self.prepared.worn[name],
+                    self.prepared.decoders[name],
                     offsets=offsets[some],
                     body_vertices=posed,
                     transforms=transforms,
@@ -180,10 +179,10 @@ class PhysXNetObjective(Objective):
         past = self.past[before.clamp(min=0)].float() * known
         return past.flatten(1, 2)
 
-    def _judged(
+    def _discriminator_inputs(
         self, net: GarmentNet, maps: Tensor, predicted: Tensor, rows: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
-        """What the discriminator sees: normalized inputs, real and made maps, zero off the cloth."""
+        """Inputs of the discriminator: normalized inputs, real and made maps, zero off the cloth."""
         real, mask = torch.zeros_like(predicted), torch.zeros_like(predicted)
         for index, name in enumerate(self.config.templates):
             pixels = self.prepared.templates[name].pixels
@@ -198,17 +197,18 @@ class PhysXNetObjective(Objective):
         """Mean vertex error in mm of each template over the validation clips, and their mean."""
         method = PhysXNet(self.config, net)  # type: ignore[arg-type]
         texels, templates = self.prepared.texels, self.prepared.templates
-        garments = tuple((name, self.prepared.worn[name]) for name in self.config.templates)
+        garments = tuple((name, self.prepared.decoders[name]) for name in self.config.templates)
         network = for_inference(net, self.device)
         return self._rollout_errors(method, PhysXNetPrepared(network, texels, templates, garments))
 
     def _skinning_errors(self) -> dict[str, float]:
-        """The same errors of a garment that never leaves the smooth LBS reference."""
-        decoders = (self.prepared.worn[name] for name in self.config.templates)
+        """Mean vertex errors, mm, of a garment that never leaves the smooth LBS reference, see `validate`."""
+        decoders = (self.prepared.decoders[name] for name in self.config.templates)
         skinned = tuple(SkinnedGarment(decoder.points, decoder.smooth_weights) for decoder in decoders)
         return self._rollout_errors(LinearBlendSkinning("lbs_smooth", smooth=True), skinned)
 
     def _rollout_errors(self, method: Method, prepared: Any) -> dict[str, float]:
+        """Mean vertex errors, mm, of a method over the validation clips, see `rollout_errors`."""
         return rollout_errors(method, prepared, self.body, self.config.templates, self.held, self.device)
 
     def save(self, net: GarmentNet, run: Path, notes: dict[str, Any]) -> None:
@@ -217,7 +217,7 @@ class PhysXNetObjective(Objective):
         save_checkpoint(physxnet_checkpoint(method, self.body, self.data, notes), run)
 
     def settings(self) -> dict[str, Any]:
-        """What must not change within a run."""
+        """Settings that must not change within a run."""
         return {
             "method": asdict(self.config),
             "losses": asdict(self.weights),
@@ -225,11 +225,11 @@ class PhysXNetObjective(Objective):
         }
 
     def memory(self) -> dict[str, Tensor]:
-        """What the objective remembers between steps and an exact resume needs."""
+        """The latest predictions, which an exact resume needs."""
         return {"past": self.past} if self.config.history else {}
 
     def remember(self, memory: Mapping[str, Tensor]) -> None:
-        """Take back what `memory` gave."""
+        """Restore the state that `memory` gave."""
         if self.config.history:
             if memory["past"].shape != self.past.shape:
                 raise InputError("the run was trained on other data: it remembers another number of frames")
@@ -237,8 +237,8 @@ class PhysXNetObjective(Objective):
 
 
 def _geometry(prepared: Prepared, name: str) -> tuple[Operator, Operator, Tensor]:
-    """How a template's texels become vertices, those edge vectors, and the edges' rest lengths, m."""
-    decoder, edges = prepared.worn[name], prepared.edges[name]
+    """Operators from a template's texels to vertices and from these to edge vectors; rest lengths, m."""
+    decoder, edges = prepared.decoders[name], prepared.edges[name]
     sample = sampling(decoder.samples, decoder.shares, len(prepared.templates[name].texels))
     return sample, differences(edges, len(decoder.points)), edge_lengths(decoder.points, edges)
 
@@ -284,5 +284,6 @@ def _scales(config: PhysXNetConfig, values: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def _new_past(config: PhysXNetConfig, frames: Frames) -> Tensor:
+    """Zeros in place of the predictions of all rows (R, C, H, W), half precision."""
     sheet = (3 * len(config.templates), config.size, config.size)
     return frames.transforms.new_zeros(len(frames.transforms), *sheet, dtype=torch.float16)

@@ -25,6 +25,7 @@ class PatchGAN(nn.Module):
         self.layers = nn.Sequential(*layers, nn.Conv2d(widths[-1], 1, 4, padding=1))
 
     def forward(self, maps: Tensor) -> Tensor:
+        """Maps (B, C, H, W) -> logits of overlapping patches (B, 1, h, w)."""
         return self.layers(maps)
 
 
@@ -40,5 +41,5 @@ def discriminator_loss(real: Tensor, made: Tensor) -> Tensor:
 
 
 def generator_loss(made: Tensor) -> Tensor:
-    """What the generator pays for maps that are taken for made ones (eq. 2, first term)."""
+    """Loss of the generator for maps that are taken for made ones (eq. 2, first term)."""
     return nn.functional.binary_cross_entropy_with_logits(made, torch.ones_like(made))

@@ -1,4 +1,4 @@
-"""What training needs of shapes at rest, made once per run: correspondences from ray casting, mesh edges."""
+"""Preparation from shapes at rest, once per run: correspondences from ray casting, mesh edges."""
 
 from dataclasses import dataclass
 from importlib.resources import files
@@ -23,17 +23,17 @@ from uvcloth.methods.physxnet.texels import (
     template_texels,
 )
 
-FORMAT = "uvcloth-prepared-1"
-FILE = "prepared.npz"
+PREPARED_FORMAT = "uvcloth-prepared-1"
+PREPARED_FILE = "prepared.npz"
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """Correspondences of a body and its templates. edges: template -> (E, 2) int64 mesh edges."""
+    """Correspondences of a body and its templates, by name. edges: (E, 2) int64 mesh edges of each."""
 
     texels: BodyTexels
     templates: dict[str, TemplateTexels]
-    worn: dict[str, GarmentDecoder]
+    decoders: dict[str, GarmentDecoder]
     edges: dict[str, Tensor]
 
 
@@ -43,24 +43,24 @@ def prepare(folder: Path, body: Body, templates: tuple[str, ...], size: int) -> 
     Only the making needs ray casting: a folder that was prepared here can be trained anywhere.
     """
     identity = _identity(body, templates, size)
-    path = Path(folder) / FILE
+    path = Path(folder) / PREPARED_FILE
     if path.exists():
-        arrays = load_arrays(path, FORMAT, "the correspondences of a training run")
+        arrays = load_arrays(path, PREPARED_FORMAT, "the correspondences of a training run")
         if str(arrays["identity"]) == identity:
             return _read(arrays, templates, path)
     prepared = make(body, templates, size)
-    arrays = {"format": np.array(FORMAT), "identity": np.array(identity)}
+    arrays = {"format": np.array(PREPARED_FORMAT), "identity": np.array(identity)}
     arrays |= to_arrays(prepared.texels, "texels")
     for name in templates:
         arrays |= to_arrays(prepared.templates[name], f"template.{name}")
-        arrays |= to_arrays(prepared.worn[name], f"worn.{name}")
+        arrays |= to_arrays(prepared.decoders[name], f"worn.{name}")
         arrays[f"edges.{name}"] = prepared.edges[name].numpy()
     save_arrays(path, arrays)
     return prepared
 
 
 def make(body: Body, templates: tuple[str, ...], size: int) -> Prepared:
-    """Dress the body in every template and cast the rays."""
+    """Fit every template to the body and cast the rays."""
     from uvcloth.garments.templates import fit_template
 
     texels = body_texels(body, size)
@@ -69,7 +69,7 @@ def make(body: Body, templates: tuple[str, ...], size: int) -> Prepared:
     return Prepared(
         texels=texels,
         templates=seen,
-        worn={name: build_decoder(garments[name], seen[name], texels) for name in templates},
+        decoders={name: build_decoder(garments[name], seen[name], texels) for name in templates},
         edges={name: unique_edges(garments[name].mesh.faces) for name in templates},
     )
 
@@ -88,11 +88,12 @@ def _identity(body: Body, templates: tuple[str, ...], size: int) -> str:
 
 
 def _read(arrays: dict[str, np.ndarray], templates: tuple[str, ...], path: Path) -> Prepared:
+    """The preparation in a file. Raises InputError if it lacks an array."""
     try:
         return Prepared(
             texels=from_arrays(BodyTexels, arrays, "texels"),
             templates={name: from_arrays(TemplateTexels, arrays, f"template.{name}") for name in templates},
-            worn={name: from_arrays(GarmentDecoder, arrays, f"worn.{name}") for name in templates},
+            decoders={name: from_arrays(GarmentDecoder, arrays, f"worn.{name}") for name in templates},
             edges={name: torch.from_numpy(arrays[f"edges.{name}"]) for name in templates},
         )
     except KeyError as error:

@@ -17,12 +17,12 @@ from uvcloth.bodies.body import load_body
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
-from uvcloth.geometry.records import to_device
+from uvcloth.geometry.records import CPU, to_device
 from uvcloth.methods.method import Method
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.exposure import Exposure
-from uvcloth.rollout import CPU, BrokenRolloutError, RolloutFrame, rollout
+from uvcloth.rollout import BrokenRolloutError, RolloutFrame, rollout
 
 
 @dataclass(frozen=True)
@@ -166,10 +166,10 @@ def _load(models: Sequence[str], outfit: Outfit) -> Method:
     """Load the method that the models make. Raises InputError if it cannot dress the outfit."""
     models = models or [DEFAULT]
     method = load_methods(models, outfit.body)
-    if unsupported_reason := method.unsupported_reason(outfit):
+    if reason := method.unsupported_reason(outfit):
         several = len(models) == 1 < len(outfit.garments)
         hint = "; each garment may have a model of its own, as in --model A B" if several else ""
-        raise InputError(unsupported_reason + hint)
+        raise InputError(reason + hint)
     return method
 
 

@@ -12,6 +12,8 @@ Record = TypeVar("Record")
 
 Value = TypeVar("Value")
 
+CPU = torch.device("cpu")
+
 
 def to_arrays(record: Any, prefix: str) -> dict[str, np.ndarray]:
     """The fields of a record as arrays for an npz."""

@@ -1,4 +1,4 @@
-"""Several methods together, each dressing one garment of an outfit, the innermost first."""
+"""Several methods together, each for one garment of an outfit, the innermost first."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,7 +13,7 @@ from uvcloth.methods.method import Method, require_supported
 
 @dataclass(frozen=True)
 class Ensemble(Method):
-    """What one method predicts, the next one's garment is worn over (Motion-guided, section 6.5)."""
+    """Methods in order: the prediction of each lies beneath the garment of the next (Motion-guided, 6.5)."""
 
     methods: tuple[Method, ...]
     name: str = ""
@@ -27,7 +27,7 @@ class Ensemble(Method):
         return cls(methods, name, quasi_static=all(method.quasi_static for method in methods))
 
     def unsupported_reason(self, outfit: Outfit) -> str:
-        """It dresses as many garments as there are methods, each of which dresses its own."""
+        """The reason of the first method that does not support its garment, or that their numbers differ."""
         if len(self.methods) != len(outfit.garments):
             counts = f"models given: {len(self.methods)}, garments: {len(outfit.garments)}"
             return f"{counts}; expected one model for all, or one for each in order, the innermost first"

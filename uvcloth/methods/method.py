@@ -27,19 +27,19 @@ class Method(Protocol):
     name: str
     """The name in tables and messages."""
     autoregressive: bool = False
-    """Whether the state holds what was predicted before. If so, the B frames of a step are those of B
+    """True if the state holds what was predicted before. Then the B frames of a step are those of B
     rollouts side by side; if not, any B frames."""
     quasi_static: bool = False
-    """Whether a frame depends on its own pose alone, however fast the body came there."""
+    """True if a frame depends on its own pose alone, however fast the body came there."""
     is_baseline: bool = False
-    """Whether other methods are measured against it."""
+    """True if other methods are measured against it."""
 
     def unsupported_reason(self, outfit: Outfit) -> str:
-        """Why it cannot dress an outfit: a sentence that names garment and model; "" where it can."""
+        """The reason that it cannot dress an outfit, in words that name garment and model; "" if it can."""
         return ""
 
     def prepare(self, outfit: Outfit, device: torch.device) -> Any:
-        """Work out what depends on the outfit alone (ray casts, layouts, weights on the device): Prepared."""
+        """Compute what depends on the outfit alone (ray casts, layouts, weights on the device): Prepared."""
         ...
 
     def init(self, prepared: Any, frames: BodyFrames) -> Any:

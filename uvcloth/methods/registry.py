@@ -38,7 +38,7 @@ def load_methods(models: Sequence[str | Path], body: Body) -> Method:
 
 
 def model_folder(name_or_run: str | Path) -> Path | None:
-    """Where a trained model lies: in the package if it is named as its method; None for what is untrained."""
+    """The folder of a trained model, in the package if named as its method; None if untrained."""
     entry = METHODS.get(str(name_or_run))
     if entry is None:
         return Path(name_or_run)

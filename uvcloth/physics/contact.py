@@ -136,7 +136,7 @@ class Obstacle:
         self.collider, self._rest = collider, body_vertices
         self._parts = surface.MovingMeshes(collider.vertices(body_vertices), collider.parts)
 
-    def dress(self, vertices: Tensor, faces: Tensor, over: Sequence[Layer] = ()) -> ContactGarment:
+    def contact_garment(self, vertices: Tensor, faces: Tensor, over: Sequence[Layer] = ()) -> ContactGarment:
         """Prepare a garment at rest, vertices (N, 3) m and faces (M, 3), over others at rest."""
         touches = self._touches(vertices)
         beneath = tuple(self._beneath(layer, vertices, touches) for layer in over)

@@ -34,7 +34,7 @@ class OutfitContact:
         self.obstacle = Obstacle(to_device(make_collider(body), body_vertices.device), body_vertices)
         self.layers = [Layer(mesh.vertices, mesh.faces) for mesh in meshes[:-1]]
         self.garments = [
-            self.obstacle.dress(mesh.vertices, mesh.faces, self.layers[:index])
+            self.obstacle.contact_garment(mesh.vertices, mesh.faces, self.layers[:index])
             for index, mesh in enumerate(meshes)
         ]
 

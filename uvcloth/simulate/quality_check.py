@@ -63,7 +63,7 @@ def examine(
     if float(ratio.max()) > MAX_STRETCH:
         return sequence, f"frame {int(ratio.argmax())}: an edge is {float(ratio.max()):.1f} times its length"
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
-    contact = obstacle.dress(sequence.rest, sequence.faces)
+    contact = obstacle.contact_garment(sequence.rest, sequence.faces)
     pierced = _pierced_percent(sequence, body.skeleton, contact.touches)
     scored = slice(sequence.warm_up, None)
     vertices, transforms = vertices[scored], sequence.transforms[scored]

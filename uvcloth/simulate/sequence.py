@@ -20,6 +20,12 @@ EXPECTED_FILE = (
 )
 SEQUENCE_ARRAYS = ("faces", "rest", "transforms", "fps", "warm_up", "metadata")
 
+MOTION_TOLERANCE = 1e-3
+"""Largest difference of joint transforms, metres or matrix entries, between sequences of one motion."""
+
+REST_TOLERANCE = 0.002
+"""Metres between a sequence's rest mesh and a garment on the body within which they are the same garment."""
+
 
 @dataclass(frozen=True)
 class SimulatedSequence:

@@ -287,7 +287,7 @@ def test_a_saved_model_dresses_as_before(tmp_path: Path) -> None:
     assert isinstance(loaded, PBNS)
     assert loaded.name == "mine"
     assert loaded.config == method.config
-    assert loaded.worn.names == ("shirt", "coat")
+    assert loaded.garments.names == ("shirt", "coat")
     motion = some_motion(outfit.body)
     before, after = (list(rollout(m, outfit, motion, 30.0, contact=False)) for m in (method, loaded))
     for one, other in zip(before, after, strict=True):

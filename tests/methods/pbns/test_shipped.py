@@ -52,7 +52,7 @@ def test_at_rest_it_hangs_near_the_pattern_on_the_skin(method: PBNS, body: Body,
         mesh = garment.mesh
         assert float((vertices - mesh.vertices).norm(dim=1).mean()) < 0.015
         assert float(edge_change(vertices[None], mesh.vertices, mesh.faces).mean()) < 0.003
-        worn = obstacle.dress(mesh.vertices, mesh.faces)
+        worn = obstacle.contact_garment(mesh.vertices, mesh.faces)
         assert float(obstacle.inside_percent(vertices[None], worn, body.mesh.vertices[None])) < 1.0
 
 

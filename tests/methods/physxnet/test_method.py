@@ -60,7 +60,7 @@ def test_decoding_undoes_encoding(frame, anchor, body, prepared, outfit):
     transforms = swaying(4, seed=1).transforms()
     posed = skin(body.mesh.vertices, body.weights, transforms)
     for garment in outfit.garments:
-        worn, template = prepared.worn[garment.template], prepared.templates[garment.template]
+        worn, template = prepared.decoders[garment.template], prepared.templates[garment.template]
         moved, frames = skin_frames(worn.points, worn.smooth_weights, transforms)
         swing = 0.03 * torch.sin(8.0 * worn.points[:, 2:] + torch.arange(3.0))
         vertices = moved + rotate(frames, swing)

@@ -14,7 +14,7 @@ from uvcloth.methods.motion_guided.seeds import sample_seeds
 
 @dataclass(frozen=True)
 class MotionGuidedConfig:
-    """What the networks see and are made of; `PRESETS["paper"]` is the method as published."""
+    """Inputs and sizes of the networks; `PRESETS["paper"]` is the method as published."""
 
     garment: str = "dress"
     """The garment that the networks are for, a template or a mesh file: they are garment-specific."""
@@ -43,16 +43,16 @@ class MotionGuidedConfig:
     dropout: float = 0.2
     """Share of what the dynamic encoder's last layer sees that training drops (paper: 0)."""
     upsample: Literal["transposed", "resize"] = "resize"
-    """How the decoder enlarges (paper: transposed)."""
+    """Enlargement in the decoder (paper: transposed)."""
     seeds: int = 581
     """Seed points on the body."""
     near: int = 64
     """Of them, those nearest at rest that may move a vertex by their kernels (paper: all)."""
     skinning: Skinning = "smooth_lbs"
-    """What poses a shape: the smooth blend weights (smooth_lbs); or Gaussian kernels around the seeds,
+    """The skinning of a shape: the smooth blend weights (smooth_lbs); or Gaussian kernels around the seeds,
     weighed at rest (fixed) or where a vertex is displaced to (kernels, paper)."""
     local_offsets: bool = True
-    """What is encoded: offsets from the smooth LBS reference, in axes that turn with it, their
+    """The encoder sees offsets from the smooth LBS reference, in axes that turn with it, their
     change, and pose and motion of that garment; else positions relative to every seed and the garment's own
     motion, along the world's axes (paper)."""
     contact: bool = True

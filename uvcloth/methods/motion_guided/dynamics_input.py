@@ -1,4 +1,4 @@
-"""What comes before the next garment, and what the networks of Motion-guided make of it."""
+"""The input of the dynamic encoder of Motion-guided, and the next garment that follows from it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from uvcloth.methods.motion_guided.latent import Dynamics, Space
 from uvcloth.methods.motion_guided.seeds import PosedSeeds, kernel_transforms
 
 MEMORY = 3
-"""Garments that a situation holds: the last one, and two more for its velocity and acceleration."""
+"""Garments in a history: the last one, and two more for its velocity and acceleration."""
 
 
 @dataclass(frozen=True)
@@ -41,14 +41,15 @@ class GarmentHistory:
     offsets: Tensor
 
     def followed_by(self, maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> "GarmentHistory":
-        """What comes before the frame after: garments (B, N, 3) m on the body at transforms (B, J, 3, 4)."""
+        """The history with new garments (B, N, 3) m first, on the body at transforms (B, J, 3, 4)."""
         return self._with(maps, vertices, transforms, slice(0, MEMORY - 1))
 
     def corrected(self, maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> "GarmentHistory":
-        """Other garments (B, N, 3) m in place of the newest."""
+        """The history with other garments (B, N, 3) m in place of the newest."""
         return self._with(maps, vertices, transforms, slice(1, MEMORY))
 
     def _with(self, maps: GarmentMaps, vertices: Tensor, transforms: Tensor, kept: slice) -> "GarmentHistory":
+        """The history with new garments (B, N, 3) m first and those kept after them."""
         texels = maps.positions(vertices)
         offsets = local_offsets(maps, texels, transforms)
         return GarmentHistory(
@@ -59,7 +60,7 @@ class GarmentHistory:
 
 @dataclass(frozen=True)
 class DynamicsInput:
-    """What comes before the next garment, of B frames.
+    """The garments, poses and seeds that the next garment of B frames follows from.
 
     past: the garments before. transforms: (B, MEMORY, J, 3, 4) of the body, now first. seeds_before, seeds:
     the body then and now. fps: (B,) frames per second.
@@ -92,7 +93,7 @@ def shape_features(space: Space, maps: GarmentMaps, texels: Tensor, offsets: Ten
 
 
 def motion_of(local_offsets: bool, maps: GarmentMaps, seen: DynamicsInput) -> Tensor:
-    """What moves, of every texel (B, P, C), m/s and m/s2.
+    """Velocities and accelerations of every texel (B, P, C), m/s and m/s2.
 
     C = 6 as published, the garment's own motion. With local offsets, C = 12: the changes of its offsets, and
     the reference's velocity and specific force, in the axes that turn with it.
@@ -157,7 +158,7 @@ def next_shape(
 
 
 def pose_transforms(space: Space, maps: GarmentMaps, resting: Tensor, pose: Pose) -> Tensor:
-    """What poses each vertex of rest-space garments (B, N, 3): (B, N, 3, 4)."""
+    """Transforms that pose each vertex of rest-space garments (B, N, 3): (B, N, 3, 4)."""
     if maps.skinning == "smooth_lbs":
         return blend_transforms(maps.smooth_weights, pose.transforms)
     where = resting if maps.skinning == "kernels" else maps.points.expand_as(resting)

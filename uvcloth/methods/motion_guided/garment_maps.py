@@ -17,7 +17,7 @@ from uvcloth.methods.motion_guided.latent import uv_encoding
 from uvcloth.methods.motion_guided.seeds import Kernels, Seeds, nearest_kernels
 
 Skinning = Literal["smooth_lbs", "fixed", "kernels"]
-"""How shapes at rest are posed: by the smooth blend weights, or by Gaussian kernels around the seeds,
+"""The skinning of shapes at rest: by the smooth blend weights, or by Gaussian kernels around the seeds,
 weighed where a vertex lies at rest or where it is displaced to (as published)."""
 
 

@@ -20,7 +20,7 @@ FREQUENCIES = 8
 FIRST_RADIUS = 0.05
 """Metres: every kernel's radius before training."""
 
-REACH = 0.05
+DISPLACEMENT_SCALE = 0.05
 """Metres of displacement that the network's last layer calls 1."""
 
 
@@ -31,11 +31,12 @@ def uv_encoding(uvs: Tensor) -> Tensor:
 
 
 def _block(layer: nn.Module, channels: int, norm: str) -> nn.Sequential:
+    """A layer, its normalization and a leaky ReLU."""
     return nn.Sequential(layer, normalization(norm, channels), nn.LeakyReLU(SLOPE, inplace=True))
 
 
 def _stem(width: int, layers: int, norm: str) -> nn.Sequential:
-    """What follows a first convolution: its normalization, and more layers of the same size."""
+    """The layers after a first convolution: its normalization, and more layers of the same size."""
     return nn.Sequential(
         normalization(norm, width),
         nn.LeakyReLU(SLOPE, inplace=True),
@@ -60,6 +61,7 @@ class Encoder(nn.Module):
         self.code = nn.Linear(4 * widths[-1], latent)
 
     def forward(self, maps: Tensor) -> Tensor:
+        """Maps (B, C, H, W) -> codes (B, Z)."""
         return self.code(self.dropout(self.layers(maps).flatten(1)))
 
 
@@ -153,15 +155,18 @@ class ShapeSpace(Space):
         )
 
     def features(self, *maps: Tensor) -> Tensor:
+        """S(M^P): (B, width, H, W), see `Space`."""
         return self.stem(self.first(self.centred(*maps)) if self.local_offsets else self.first(*maps))
 
     def encode(self, features: Tensor) -> Tensor:
+        """Features (B, width, H, W) -> codes (B, Z)."""
         return self.encoder(features)
 
     def decode(self, codes: Tensor, sample: Callable[[Tensor], Tensor], places: Tensor) -> Tensor:
+        """Codes (B, Z) -> displacements (B, N, 3), m, by maps and a perceptron, see `Space`."""
         maps = self.decoder(self.unfold(codes).unflatten(1, (-1, 2, 2)))
         seen = sample(maps.flatten(2).transpose(1, 2))
-        return REACH * self.vertex(torch.cat([seen, places.expand(len(codes), -1, -1)], dim=2))
+        return DISPLACEMENT_SCALE * self.vertex(torch.cat([seen, places.expand(len(codes), -1, -1)], dim=2))
 
 
 class LinearSpace(Space):
@@ -177,13 +182,16 @@ class LinearSpace(Space):
         self.decoder = nn.Linear(latent, 3 * vertices)
 
     def features(self, *maps: Tensor) -> Tensor:
+        """The centred offsets (B, 3, H, W)."""
         return self.centred(*maps)
 
     def encode(self, features: Tensor) -> Tensor:
+        """Centred offsets (B, 3, H, W) -> codes (B, Z)."""
         return self.code(features.flatten(1))
 
     def decode(self, codes: Tensor, sample: Callable[[Tensor], Tensor], places: Tensor) -> Tensor:
-        return REACH * self.decoder(codes).unflatten(1, (-1, 3))
+        """Codes (B, Z) -> displacements (B, N, 3), m; neither sample nor places are needed."""
+        return DISPLACEMENT_SCALE * self.decoder(codes).unflatten(1, (-1, 3))
 
 
 class Dynamics(nn.Module):

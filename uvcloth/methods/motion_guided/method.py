@@ -82,7 +82,7 @@ class MotionGuided(Method):
         return cls(config, config.shape_space(), config.dynamics())
 
     def unsupported_reason(self, outfit: Outfit) -> str:
-        """It dresses one garment, over what it was trained over."""
+        """The reason that it cannot dress an outfit: it is for one garment, over what it was trained over."""
         config, under = self.config, outfit.under
         for garment in outfit.garments:
             who = f"garment {garment.name}: model {self.name}"
@@ -118,6 +118,7 @@ class MotionGuided(Method):
         return tuple(self._still(maps, transforms) for maps in prepared.maps)
 
     def _still(self, maps: GarmentMaps, transforms: Tensor) -> MotionGuidedState:
+        """The state of a garment that lay smoothly skinned on the body at (B, J, 3, 4) all along."""
         still = skin(maps.points, maps.smooth_weights, transforms)
         texels = maps.positions(still)[:, None].repeat(1, MEMORY, 1, 1)
         return MotionGuidedState(
@@ -233,11 +234,12 @@ class DecodedSpace:
 
 
 def _resolver(garment: Garment, body: Body, device: torch.device) -> Resolver:
+    """The residual optimization of a garment, on a device."""
     vertices, mesh = body.mesh.vertices.to(device), garment.mesh
     obstacle = Obstacle(to_device(make_collider(body), device), vertices)
     points, faces = mesh.vertices.to(device), mesh.faces.to(device)
     smooth = laplacian(mesh.faces, len(points)).to(device)
-    return Resolver(obstacle, obstacle.dress(points, faces), smooth)
+    return Resolver(obstacle, obstacle.contact_garment(points, faces), smooth)
 
 
 class Both(nn.Module):
@@ -267,7 +269,7 @@ def load_motion_guided(checkpoint: Checkpoint, folder: Path) -> MotionGuided:
 
 
 def faces_hash(garment: Garment) -> str:
-    """What tells garments of one name apart: their faces, those of the texture coordinates included."""
+    """Hash of a garment's faces, texture faces included: tells meshes of one name apart."""
     return fingerprint(garment.mesh.faces, garment.mesh.face_uvs)
 
 
@@ -278,7 +280,7 @@ def motion_guided_checkpoint(
     data: TrainingData,
     notes: dict[str, Any],
 ) -> Checkpoint:
-    """What training saves, in half precision."""
+    """The checkpoint of one stage or both, in half precision."""
     return Checkpoint(
         method="motion_guided",
         config=asdict(config),

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from uvcloth.physics.contact import ContactGarment, Obstacle
 
-STEPS = 50
+ITERATIONS = 50
 """Optimizer steps in a frame, at most."""
 
 RATE = 1e-3
@@ -49,7 +49,7 @@ class Resolver:
         with torch.enable_grad():
             residual = residual.clone().requires_grad_()
             optimizer = torch.optim.Adam([residual], lr=RATE)
-            for step in range(STEPS):
+            for step in range(ITERATIONS):
                 move = (turns @ sample(residual)[0][..., None]).squeeze(-1)
                 if step % RENEWED == 0:
                     skin = self.obstacle.skin((vertices + move).detach(), self.garment)

@@ -29,12 +29,12 @@ SAME_SHAPE = 0.002
 
 
 HALVED = ("layers.", "shapes", "poses")
-"""What of the network is saved in half precision: it is most of a file, and blend shapes lose micrometres."""
+"""Tensors that are saved in half precision: they are most of a file, and blend shapes lose micrometres."""
 
 
 @dataclass(frozen=True)
 class RestOutfit:
-    """What a model dresses: garments at rest on one body, the innermost first, as one list of N vertices.
+    """The outfit of a model: garments at rest on one body, the innermost first, as one list of N vertices.
 
     names: of the garments. meshes: of each. heads: (J, 3) the body's joints at rest, m. parents: (J,).
     """
@@ -70,11 +70,11 @@ class PBNSPrepared:
 
 @dataclass(frozen=True)
 class PBNS(Method):
-    """A quasi-static method: it dresses the outfit that it was trained for, or some of it, on that body."""
+    """A quasi-static method for the outfit that it was trained on, or some of it, on that body."""
 
     config: PBNSConfig
     network: PBNSNetwork
-    worn: RestOutfit
+    garments: RestOutfit
     name: str = "pbns"
     quasi_static: bool = True
 
@@ -84,15 +84,15 @@ class PBNS(Method):
         return cls(config, PBNSNetwork(config, 0, 0, 1, 0), RestOutfit((), (), torch.zeros(1, 3), (-1,)))
 
     def unsupported_reason(self, outfit: Outfit) -> str:
-        """It dresses garments that it was trained for, in their order, on that very body."""
+        """The reason that it cannot dress an outfit: it is for its own garments in order, on its own body."""
         names = tuple(garment.name for garment in outfit.garments)
-        own = " over ".join(reversed(self.worn.names)) or "no garment yet"
+        own = " over ".join(reversed(self.garments.names)) or "no garment yet"
         who = f"model {self.name} is for {own}"
-        if names != tuple(name for name in self.worn.names if name in names):
+        if names != tuple(name for name in self.garments.names if name in names):
             return f"{who}, not for {' over '.join(reversed(names))}"
         if fault := self.body_fault(outfit.body):
             return fault
-        meshes = dict(zip(self.worn.names, self.worn.meshes, strict=True))
+        meshes = dict(zip(self.garments.names, self.garments.meshes, strict=True))
         for garment in outfit.garments:
             mesh = meshes[garment.name]
             same_faces = torch.equal(garment.mesh.faces, mesh.faces)
@@ -104,8 +104,8 @@ class PBNS(Method):
         return ""
 
     def body_fault(self, body: Body) -> str:
-        """Why the model does not fit a body: blend shapes are for one body's shape; "" where it fits."""
-        heads, own = body.skeleton.heads, self.worn.heads
+        """The reason that the model does not fit a body: it is for one shape of body; "" if it fits."""
+        heads, own = body.skeleton.heads, self.garments.heads
         if heads.shape == own.shape and float((heads - own).norm(dim=1).max()) < SAME_SHAPE:
             return ""
         return f"model {self.name} was trained on another body than {body.name!r}, in skeleton or shape"
@@ -113,12 +113,12 @@ class PBNS(Method):
     def prepare(self, outfit: Outfit, device: torch.device) -> PBNSPrepared:
         """Choose the vertices of the outfit. Raises InputError for one that is not supported."""
         require_supported(self, outfit)
-        rows = torch.arange(len(self.network.rest)).split(self.worn.sizes)
-        own = dict(zip(self.worn.names, rows, strict=True))
-        worn = [own[garment.name] for garment in outfit.garments]
+        parts = torch.arange(len(self.network.rest)).split(self.garments.sizes)
+        own = dict(zip(self.garments.names, parts, strict=True))
+        rows = [own[garment.name] for garment in outfit.garments]
         network = for_inference(self.network, device)
-        chosen = torch.cat(worn).to(device)
-        return PBNSPrepared(network, chosen, [len(each) for each in worn], network.blend_weights()[chosen])
+        chosen = torch.cat(rows).to(device)
+        return PBNSPrepared(network, chosen, [len(each) for each in rows], network.blend_weights()[chosen])
 
     @torch.no_grad()
     def step(
@@ -126,7 +126,7 @@ class PBNS(Method):
     ) -> tuple[tuple[()], tuple[Tensor, ...]]:
         """Garment vertices (B, N, 3) of each garment, m (paper eq. 1)."""
         network, rows, transforms = prepared.network, prepared.rows, frames.transforms[:, -1]
-        deformed = network.deform(pose_vectors(self.worn.parents, transforms))[:, network.owner[rows]]
+        deformed = network.deform(pose_vectors(self.garments.parents, transforms))[:, network.owner[rows]]
         posed = apply_transforms(
             blend_transforms(prepared.weights, transforms), network.rest[rows] + deformed
         )
@@ -140,12 +140,12 @@ class PBNS(Method):
         network = self.network
         return PoseRig(
             name=self.name,
-            garments=tuple(zip(self.worn.names, self.worn.meshes, strict=True)),
+            garments=tuple(zip(self.garments.names, self.garments.meshes, strict=True)),
             owner=network.owner,
             weights=network.unique_weights(),
             shapes=network.shapes.detach().view(len(network.shapes), -1, 3),
             layers=tuple((layer.weight.detach(), layer.bias.detach()) for layer in network.linears()),
-            parents=self.worn.parents,
+            parents=self.garments.parents,
             poses=network.poses,
         )
 
@@ -158,33 +158,33 @@ def rest_outfit(outfit: Outfit) -> RestOutfit:
     return RestOutfit(names, meshes, skeleton.heads, skeleton.parents)
 
 
-def new_network(config: PBNSConfig, worn: RestOutfit, weights: Tensor, poses: Tensor) -> PBNSNetwork:
+def new_network(config: PBNSConfig, garments: RestOutfit, weights: Tensor, poses: Tensor) -> PBNSNetwork:
     """An untrained network for an outfit. weights: (N, J) to start from. poses: (M, 3 J) of training."""
     joined = torch.cat(
-        [weld(mesh.vertices) + at for mesh, at in zip(worn.meshes, worn.joined.starts, strict=True)]
+        [weld(mesh.vertices) + at for mesh, at in zip(garments.meshes, garments.joined.starts, strict=True)]
     )
     kept, owner = joined.unique(return_inverse=True)
-    network = PBNSNetwork(config, len(owner), len(kept), len(worn.heads), len(poses))
-    network.rest, network.owner, network.poses = worn.joined.vertices, owner, poses
+    network = PBNSNetwork(config, len(owner), len(kept), len(garments.heads), len(poses))
+    network.rest, network.owner, network.poses = garments.joined.vertices, owner, poses
     network.start_from(weights[kept])
     return network
 
 
 def pbns_checkpoint(method: PBNS, body: Body, data: TrainingData, notes: dict[str, Any]) -> Checkpoint:
-    """What training saves: the network, most of it in half precision, and the outfit that it is for."""
+    """The checkpoint: the network, most of it in half precision, and the outfit that it is for."""
     tensors = {
         f"network.{name}": tensor.half() if name.startswith(HALVED) else tensor
         for name, tensor in method.network.state_dict().items()
     }
-    for index, mesh in enumerate(method.worn.meshes):
+    for index, mesh in enumerate(method.garments.meshes):
         # Faces may serve as face_uvs too, which safetensors refuses to write twice.
         tensors |= {f"mesh.{index}.{field.name}": getattr(mesh, field.name).clone() for field in fields(Mesh)}
     return Checkpoint(
         method="pbns",
         config=asdict(method.config),
-        tensors=tensors | {"heads": method.worn.heads, "parents": torch.tensor(method.worn.parents)},
+        tensors=tensors | {"heads": method.garments.heads, "parents": torch.tensor(method.garments.parents)},
         body=body_identity(body),
-        garments=method.worn.names,
+        garments=method.garments.names,
         data=data,
         notes=notes,
     )
@@ -199,24 +199,26 @@ def load_pbns(checkpoint: Checkpoint, folder: Path) -> PBNS:
             Mesh(**{field.name: tensors[f"mesh.{index}.{field.name}"] for field in fields(Mesh)})
             for index in range(len(checkpoint.garments))
         )
-        worn = RestOutfit(checkpoint.garments, meshes, tensors["heads"], tuple(tensors["parents"].tolist()))
+        garments = RestOutfit(
+            checkpoint.garments, meshes, tensors["heads"], tuple(tensors["parents"].tolist())
+        )
         state = {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
-        counts = (len(state["owner"]), len(state["strongest"]), len(worn.heads), len(state["poses"]))
+        counts = (len(state["owner"]), len(state["strongest"]), len(garments.heads), len(state["poses"]))
         network = PBNSNetwork(config, *counts)
         network.load_state_dict(state)
-        _require_fit(network, worn)
+        _require_fit(network, garments)
     except (KeyError, IndexError, TypeError, ValueError, RuntimeError) as error:
         raise misfit(folder, error) from error
-    return PBNS(config, network.eval(), worn)
+    return PBNS(config, network.eval(), garments)
 
 
-def _require_fit(network: PBNSNetwork, worn: RestOutfit) -> None:
+def _require_fit(network: PBNSNetwork, garments: RestOutfit) -> None:
     """Raise ValueError, IndexError or RuntimeError unless a network has the outfit's vertices and joints."""
-    if not sum(worn.sizes) == len(network.rest) == len(network.owner):
-        raise ValueError(f"{sum(worn.sizes)} vertices, weights for {len(network.owner)}")
-    joints = len(worn.heads)
-    if not (len(worn.parents) == network.joints == joints and max(worn.parents) < joints):
-        raise ValueError(f"{joints} joints, {len(worn.parents)} parents, poses of {network.joints}")
+    if not sum(garments.sizes) == len(network.rest) == len(network.owner):
+        raise ValueError(f"{sum(garments.sizes)} vertices, weights for {len(network.owner)}")
+    joints = len(garments.heads)
+    if not (len(garments.parents) == network.joints == joints and max(garments.parents) < joints):
+        raise ValueError(f"{joints} joints, {len(garments.parents)} parents, poses of {network.joints}")
     network.blend_weights()
 
 

@@ -23,7 +23,7 @@ FIRST_SHAPE = 1e-3
 
 @dataclass(frozen=True)
 class PBNSConfig:
-    """What the network is made of."""
+    """Sizes of the network."""
 
     width: int = 256
     """Width of the pose embedding's layers, and number of blend shapes."""

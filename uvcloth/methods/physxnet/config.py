@@ -12,7 +12,7 @@ LIKE = {"shirt": "tops"}
 
 @dataclass(frozen=True)
 class PhysXNetConfig:
-    """What the network sees, predicts and is made of; `PRESETS["paper"]` is the method as published."""
+    """Inputs, outputs and sizes of the network; `PRESETS["paper"]` is the method as published."""
 
     size: int = 64
     """Height and width of every map, a multiple of 2 to the number of levels."""
@@ -23,7 +23,7 @@ class PhysXNetConfig:
     norm: Literal["batch", "group", "instance"] = "group"
     """Normalization layers."""
     upsample: Literal["transposed", "resize"] = "resize"
-    """How decoders enlarge: transposed convolutions (paper) or convolution and bilinear enlargement."""
+    """Enlargement in the decoders: transposed convolution (paper), or convolution and bilinear resize."""
     dropout: float = 0.4
     """Share of the deepest level's channels dropped in training; 0 in the paper."""
     frame: Literal["world", "body"] = "body"
@@ -33,9 +33,9 @@ class PhysXNetConfig:
     pose: bool = True
     """Three more channels: where the body point is, seen from the root joint, against its place at rest."""
     anchor: Literal["body", "smooth_lbs"] = "smooth_lbs"
-    """What offsets are measured from: the texel's body point (paper) or the smoothly skinned garment."""
+    """The origin of offsets: the texel's body point (paper) or the smoothly skinned garment."""
     history: int = 2
-    """How many of its own last offset maps the network sees; 0 remembers nothing (paper)."""
+    """The number of its own last offset maps that the network sees; 0 remembers nothing (paper)."""
     scaling: Literal["min_max", "mean_std"] = "mean_std"
     """Each channel to [-1, 1] by its extremes (paper), or to zero mean and unit deviation."""
     reach: float = 4.0

@@ -30,7 +30,7 @@ def motion_values(
 
 
 def pose_values(texels: BodyTexels, vertices: Tensor, transforms: Tensor) -> Tensor:
-    """Where the texels' body points are, seen from the root joint, against their rest: (T, 3, P), m.
+    """Positions of the texels' body points, seen from the root joint, against their rest: (T, 3, P), m.
 
     vertices: (T, V, 3). transforms: (T, J, 3, 4), the root joint first.
     """
@@ -41,7 +41,7 @@ def template_offsets(
     config: PhysXNetConfig,
     texels: BodyTexels,
     template: TemplateTexels,
-    worn: GarmentDecoder,
+    decoder: GarmentDecoder,
     *,
     vertices: Tensor,
     body_vertices: Tensor,
@@ -55,7 +55,7 @@ def template_offsets(
         origins, frames = body_anchors(texels, template, body_vertices, transforms)
         offsets = template.gather(vertices) - origins
         return rotate_back(frames, offsets) if config.frame == "body" else offsets
-    origins, frames = skin_frames(worn.points, worn.smooth_weights, transforms)
+    origins, frames = skin_frames(decoder.points, decoder.smooth_weights, transforms)
     offsets = vertices - origins
     return template.gather(rotate_back(frames, offsets) if config.frame == "body" else offsets)
 
@@ -64,27 +64,27 @@ def garment_vertices(
     config: PhysXNetConfig,
     texels: BodyTexels,
     template: TemplateTexels,
-    worn: GarmentDecoder,
+    decoder: GarmentDecoder,
     *,
     offsets: Tensor,
     body_vertices: Tensor,
     transforms: Tensor,
     sample: Callable[[Tensor], Tensor] | None = None,
 ) -> Tensor:
-    """The inverse: a template's offsets (B, Q, 3) on any garment (eq. 9) -> its vertices (B, N, 3), m.
+    """Decode a template's offsets (B, Q, 3) to the vertices (B, N, 3), m, of any garment (eq. 9).
 
     Anchored on the smooth LBS reference, a garment keeps its own rest shape and takes over the change
     sampled; anchored on the body, it follows the template's surface and keeps what it had beside it at rest.
-    sample: what serves for `worn.sample` where its gradient is wanted fast.
+    sample: what serves for `decoder.sample` where its gradient is wanted fast.
     """
-    sample = sample or worn.sample
+    sample = sample or decoder.sample
     local = config.frame == "body"
     if config.anchor == "body":
         origins, frames = body_anchors(texels, template, body_vertices, transforms)
         surface = sample(origins + (rotate(frames, offsets) if local else offsets))
-        _, turned = skin_frames(worn.points, worn.weights, transforms)
-        return surface + rotate(turned, worn.residual)
-    origins, frames = skin_frames(worn.points, worn.smooth_weights, transforms)
+        _, turned = skin_frames(decoder.points, decoder.weights, transforms)
+        return surface + rotate(turned, decoder.residual)
+    origins, frames = skin_frames(decoder.points, decoder.smooth_weights, transforms)
     change = sample(offsets)
     return origins + (rotate(frames, change) if local else change)
 

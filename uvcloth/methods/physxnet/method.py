@@ -40,7 +40,7 @@ class PhysXNetPrepared:
 
 @dataclass(frozen=True)
 class PhysXNetState:
-    """What an autoregressive network sees of the past in B rollouts.
+    """The past that an autoregressive network sees in B rollouts.
 
     offsets: (B, history, 3 * templates, H, W) m, the last maps that it predicted, oldest first. motion: (B,
     HISTORY - 1, 6, P) velocity and acceleration of the body's texels in the frames before, oldest first.
@@ -65,11 +65,11 @@ class PhysXNet(Method):
 
     @property
     def autoregressive(self) -> bool:  # type: ignore[override]
-        """Whether the network sees its own last predictions."""
+        """True if the network sees its own last predictions."""
         return self.config.history > 0
 
     def unsupported_reason(self, outfit: Outfit) -> str:
-        """It dresses what a template with a decoder serves."""
+        """The reason that it cannot dress an outfit: a garment without a template that has a decoder."""
         for garment in outfit.garments:
             if not self.config.decoder(garment.template):
                 wanted = (
@@ -217,7 +217,7 @@ def load_physxnet(checkpoint: Checkpoint, folder: Path) -> PhysXNet:
 def physxnet_checkpoint(
     method: PhysXNet, body: Body, data: TrainingData, notes: dict[str, Any]
 ) -> Checkpoint:
-    """What a trained method saves."""
+    """The checkpoint of a trained method."""
     return Checkpoint(
         method="physxnet",
         config=asdict(method.config),

@@ -1,4 +1,4 @@
-"""Which texel sees which point of the body and of a template: the paper's T^UB, T^BC and T^XB (section 4).
+"""Texels and the points of body and template that they see: the paper's T^UB, T^BC and T^XB (section 4).
 
 Everything here depends only on shapes at rest. It is made once per body (ray casting) and is plain tensors
 afterwards, so that training on another machine needs neither rays nor meshes.

@@ -21,9 +21,9 @@ def normalization(kind: str, channels: int) -> nn.Module:
 
 
 def upsampling(kind: str, inputs: int, outputs: int) -> nn.Module:
-    """Doubles a map: "transposed" convolution, or "resize": bilinear enlargement after a 3 x 3 convolution.
+    """A layer that doubles a map: "transposed" convolution, or "resize", bilinear enlargement.
 
-    The convolution comes before the enlargement, where the map is a quarter of the size.
+    The latter comes after a 3 x 3 convolution, on the map at a quarter of the size.
     """
     if kind == "transposed":
         return nn.ConvTranspose2d(inputs, outputs, KERNEL, stride=2, padding=1)
@@ -73,8 +73,9 @@ class Decoder(nn.Module):
 
 
 class UNet(nn.Module):
-    """(B, inputs, H, W) -> (B, decoders * 3, H, W); H and W are multiples of 2 to the number of levels.
+    """The U-Net: maps (B, inputs, H, W) -> (B, decoders * 3, H, W).
 
+    H and W: multiples of 2 to the number of levels.
     width: channels of the first level; each of the next doubles them, up to eight times.
     dropout: share of the deepest level's channels that training drops.
     """
@@ -92,6 +93,7 @@ class UNet(nn.Module):
         self.decoders = nn.ModuleList(Decoder(widths, 3, norm, upsample) for _ in range(decoders))
 
     def forward(self, x: Tensor) -> Tensor:
+        """Maps (B, inputs, H, W) -> (B, decoders * 3, H, W)."""
         skips: list[Tensor] = []
         for layer in self.encoder:
             x = layer(x)
