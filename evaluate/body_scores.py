@@ -28,7 +28,7 @@ class DressedBody:
     exposure: Exposure
 
 
-def put_on(body: Body, meshes: Sequence[Mesh]) -> DressedBody:
+def dressed_body(body: Body, meshes: Sequence[Mesh]) -> DressedBody:
     """A garment, or several as one mesh, as they lie on a body at rest."""
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in meshes)

@@ -11,7 +11,7 @@ from typing import Any
 from evaluate.actions import Window, find_missing, find_windows, people_in
 from evaluate.candidates import SIMULATION, Candidate, assigned
 from evaluate.case import Case, open_case, outfit_name, simulated_together
-from evaluate.familiar import acquaintance
+from evaluate.familiar import training_overlap
 from evaluate.judge import (
     CaseScores,
     Scores,
@@ -82,7 +82,7 @@ def compare(
     method that supports none of the outfits.
     """
     data, split = selection.data, selection.split
-    others = taken(selection.files, body)
+    others = load_garment_files(selection.files, body)
     chosen = (data, selection.actions, (*TEMPLATES, *others), split)
     windows = find_windows(*chosen)
     for name in others:
@@ -208,7 +208,7 @@ def facts(candidate: Candidate, judged_on: Mapping[Window, str], people: Mapping
     """The fields of metrics.json on a method besides its scores. judged_on: windows and their hashes."""
     return {
         "weights_mb": candidate.weights_mb,
-        **acquaintance(candidate, judged_on, people),
+        **training_overlap(candidate, judged_on, people),
         "static": candidate.method.quasi_static,
         "baseline": candidate.method.is_baseline,
         "training_frames": candidate.training_frames,
@@ -222,7 +222,7 @@ def by_garment(cases: Sequence[Mapping[str, Scores]]) -> dict[str, list[Scores]]
     return {garment: [case[garment] for case in cases if garment in case] for garment in garments}
 
 
-def taken(files: Sequence[str], body: Body) -> dict[str, Garment]:
+def load_garment_files(files: Sequence[str], body: Body) -> dict[str, Garment]:
     """Garments from files by the names that their sequences have; what is a template is not among them.
 
     Raises InputError also if two have one name.

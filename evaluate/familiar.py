@@ -58,7 +58,7 @@ def familiarity(
     return None
 
 
-def acquaintance(
+def training_overlap(
     candidate: Candidate, windows: Mapping[Window, str], people: Mapping[str, str]
 ) -> dict[str, Any]:
     """The fields of metrics.json on the overlap of a method's data with judged windows, given by hash."""

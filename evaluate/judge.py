@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from evaluate.actions import Window
-from evaluate.body_scores import body_scores, put_on
+from evaluate.body_scores import body_scores, dressed_body
 from evaluate.candidates import Candidate
 from evaluate.case import Case
 from evaluate.metrics import distance_scores, frame_scores, layer_scores
@@ -101,7 +101,7 @@ def score(case: Case, raw: Tensor, resolved: Tensor) -> CaseScores:
     parts: dict[str, dict[str, Tensor]] = {}
     for part in case.parts:
         before, after = raw[:, part.rows], resolved[:, part.rows]
-        dressed = put_on(case.outfit.body, part.meshes)
+        dressed = dressed_body(case.outfit.body, part.meshes)
         parts[part.name] = frame_scores(before, after, part.reference)
         for suffix, frames in (("_raw", before), ("", after)):
             found = body_scores(dressed, frames, case.body_vertices)

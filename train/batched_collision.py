@@ -20,14 +20,14 @@ NEAR_BODY = 0.2
 NEAR_LAYER = 0.1
 """Metres from an inner layer within which what it covers at rest lies over it."""
 
-DEEPEST = 0.03
-"""Metres within which it is looked for."""
+LAYER_SEARCH_DISTANCE = 0.03
+"""Metres from an inner layer within which each step looks for what lies over it."""
 
-BESIDE = 10.0
+COPY_SPACING = 10.0
 """Metres between the copies of a layer, one for each pose, which are one mesh."""
 
 
-class BodyBeside:
+class NearbyBody:
     """The part of a body near an outfit at rest (U, 3) m, in as many poses at once as a batch has."""
 
     def __init__(self, body: Body, outfit: Tensor, batch: int, device: torch.device) -> None:
@@ -64,12 +64,12 @@ class InnerLayer:
         trousers of a thigh that is pressed into the belly do not lie under the shirt there.
         """
         aside = outfit.new_zeros(len(outfit), 1, 3)
-        aside[:, 0, 0] = BESIDE * torch.arange(len(outfit), device=outfit.device)
+        aside[:, 0, 0] = COPY_SPACING * torch.arange(len(outfit), device=outfit.device)
         inner, outer = (outfit[:, rows].detach() + aside for rows in (self.rows, self.outer))
         placed = self.copies.points.clone()
         placed[: inner[..., 0].numel()] = inner.flatten(0, 1)
         self.copies.update(placed)
-        found = self.copies.beside(outer.flatten(0, 1), DEEPEST)
+        found = self.copies.beside(outer.flatten(0, 1), LAYER_SEARCH_DISTANCE)
         offsets = (found.normals * (outer - aside).flatten(0, 1)).sum(1) - found.distance
         alike = (found.normals * normals[:, self.outer].flatten(0, 1)).sum(1) > 0
         offsets = torch.where(found.covered & alike, offsets, FREE)
@@ -81,7 +81,11 @@ def inner_layers(outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batc
 
     Innermost first, each with what it covers of each of those after it, but for what is on its inner side.
     """
-    aside = BESIDE * torch.arange(batch, device=outfit.device)[:, None, None] * outfit.new_tensor([1.0, 0, 0])
+    aside = (
+        COPY_SPACING
+        * torch.arange(batch, device=outfit.device)[:, None, None]
+        * outfit.new_tensor([1.0, 0, 0])
+    )
     layers = []
     for index, (rows, faces) in enumerate(garments[:-1]):
         tiled = faces + len(rows) * torch.arange(batch, device=outfit.device)[:, None, None]

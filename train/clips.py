@@ -19,7 +19,7 @@ from uvcloth.simulate.sequence import (
     load_sequence,
 )
 
-SEEN = ("train", "validation")
+TRAINING_SPLITS = ("train", "validation")
 """The splits of an index that training sees: what teaches, and what the network that is kept is chosen by."""
 
 
@@ -55,7 +55,7 @@ def load_training_clips(folder: Path, templates: List[str], body: Body) -> list[
         raise InputError(f"{folder}: no sequence (*.npz) made by `uvcloth simulate` in this folder")
     index = Path(folder) / INDEX
     entries = read_index(index) if index.is_file() else None
-    chosen = {clip: e for clip, e in (entries or {}).items() if e.split in SEEN}
+    chosen = {clip: e for clip, e in (entries or {}).items() if e.split in TRAINING_SPLITS}
     clips: dict[str, dict[Path, SimulatedSequence]] = {}
     for path in track(paths, "reading sequences", transient=True):
         sequence = load_sequence(path)
@@ -132,12 +132,14 @@ def hold_out(
         validating = range(len(splits))[chosen.holdout - 1 :: chosen.holdout] or range(len(splits))[1:][-1:]
         splits = ["validation" if place in validating else "train" for place in range(len(splits))]
     else:
-        for split in SEEN:
+        for split in TRAINING_SPLITS:
             if split not in splits:
                 raise InputError(
                     f"{folder}: holds no sequence for {split}; simulate clips that {INDEX} calls {split}"
                 )
-    training, held = ([r for r, own in zip(clips, splits, strict=True) if own == split] for split in SEEN)
+    training, held = (
+        [r for r, own in zip(clips, splits, strict=True) if own == split] for split in TRAINING_SPLITS
+    )
     return training, held
 
 

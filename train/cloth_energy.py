@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
-from train.batched_collision import BodyBeside, inner_layers
+from train.batched_collision import NearbyBody, inner_layers
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.records import to_device
@@ -63,7 +63,7 @@ class ClothEnergy:
         self.material = material
         self.cloth = to_device(rest_shape(points, torch.cat(list(faces)), material.mass), device)
         points = points.to(device)
-        self.body = BodyBeside(body, points, batch, device)
+        self.body = NearbyBody(body, points, batch, device)
         pieces = [each.to(device).unique(return_inverse=True) for each in faces]
         self.layers = inner_layers(points, pieces, batch)
 

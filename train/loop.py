@@ -269,7 +269,7 @@ def _step(training: Training, samples: Tensor) -> dict[str, Tensor]:
         training.optimizers[name].step()
         parts |= logged
     if config.average:
-        _blend(training.average, training.networks["net"].module, config.average, done.step)
+        _update_average(training.average, training.networks["net"].module, config.average, done.step)
     done.step += 1
     return parts
 
@@ -337,7 +337,7 @@ def set_rates(optimizers: Mapping[str, Any], config: LoopConfig, share: float) -
 
 
 @torch.no_grad()
-def _blend(average: nn.Module, network: nn.Module, decay: float, step: int) -> None:
+def _update_average(average: nn.Module, network: nn.Module, decay: float, step: int) -> None:
     """Move the running mean towards the network: faster while there is little to average."""
     decay = min(decay, (1.0 + step) / (10.0 + step))
     for mean, value in zip(average.state_dict().values(), network.state_dict().values(), strict=True):

@@ -13,7 +13,7 @@ from uvcloth.geometry.records import to_device
 from uvcloth.methods.method import Method
 from uvcloth.rollout import roll_out_together
 
-ROLLED = 150
+ROLLOUT_FRAMES = 150
 """Scored frames of a clip that are rolled out, at most."""
 
 
@@ -37,7 +37,7 @@ def rollout_errors(
     errors: dict[str, list[Tensor]] = {name: [] for name in garments}
     for fps in sorted({clip.fps for clip in clips}):
         together = [clip for clip in clips if clip.fps == fps]
-        motions = [clip.transforms[: clip.warm_up + ROLLED].to(device) for clip in together]
+        motions = [clip.transforms[: clip.warm_up + ROLLOUT_FRAMES].to(device) for clip in together]
         beneath = [clip.vertices[under].to(device) for clip in together] if under else []
         frames = roll_out_together(method, prepared, outfit, motions, fps, beneath)
         for index, predicted in enumerate(frames):

@@ -6,7 +6,7 @@ import pytest
 
 from evaluate.actions import Window
 from evaluate.candidates import Candidate
-from evaluate.familiar import Familiar, acquaintance, cautions, familiarity
+from evaluate.familiar import Familiar, cautions, familiarity, training_overlap
 from tests.small_body import small_body
 from uvcloth.methods.registry import load_method
 
@@ -51,7 +51,7 @@ def test_a_model_without_data_has_met_nothing() -> None:
 
 def test_cautions_are_red_unless_one_chooses_by_what_one_chose_by() -> None:
     windows = {window("02_04", "02"): "a", window("02_04", "02", "dress"): "b", window("11_01", "11"): "c"}
-    said = acquaintance(candidate(), windows, {})
+    said = training_overlap(candidate(), windows, {})
     assert said["trained_on"] == ["02_04_tops", "02_04_dress"]
     assert said["chosen_on"] == ["11_01_tops"]
     trained, chosen = cautions({"split": "test", "methods": {"net": said}})

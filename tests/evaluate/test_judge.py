@@ -5,7 +5,7 @@ import torch
 import trimesh
 
 from evaluate.actions import Window
-from evaluate.body_scores import body_scores, put_on
+from evaluate.body_scores import body_scores, dressed_body
 from evaluate.case import make_case
 from evaluate.judge import score
 from uvcloth.bodies.body import Body
@@ -56,7 +56,7 @@ def test_a_coarse_garment_is_inside_by_its_faces_while_no_vertex_is(body: Body) 
     shape.apply_translation([0.0, -0.05, 0.3])
     corners, faces = torch.tensor(shape.vertices).float(), torch.tensor(shape.faces).long()
     mesh = Mesh(corners, faces, corners[:, :2], faces)
-    dressed = put_on(body, [mesh])
+    dressed = dressed_body(body, [mesh])
     tight = corners.clone()
     tight[:, :2] = corners.mean(0)[:2] + 0.55 * (corners - corners.mean(0))[:, :2]
     found = body_scores(dressed, torch.stack([corners, tight]), body.mesh.vertices.expand(2, -1, -1))

@@ -98,6 +98,18 @@ def offsets_of(maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> Tenso
     return torch.cat([local_offsets(maps, maps.positions(v), now) for v, now in parts])
 
 
+def load_clips_of(rests: dict[str, Tensor], data: Path, body: Body) -> list[TrainingClip]:
+    """The training clips with all of some garments. rests: by name, (N, 3) m, their vertices at rest.
+
+    Raises InputError if there is none, or if one is of another garment or body.
+    """
+    clips = [r for r in load_training_clips(data, tuple(rests), body) if rests.keys() <= r.rests.keys()]
+    if not clips:
+        raise InputError(f"{data}: no training clip was simulated with {' and '.join(rests)}")
+    check_rests(rests, clips, body)
+    return clips
+
+
 class GarmentDataset:
     """The training data of both stages: one garment on one body, training and validation clips."""
 
@@ -126,13 +138,7 @@ class GarmentDataset:
             vertices=len(garment.mesh.vertices),
         )
         rests = {g.name: g.mesh.vertices for g in (garment, under) if g}
-        clips = [
-            r for r in load_training_clips(data, tuple(rests), self.body) if rests.keys() <= r.rests.keys()
-        ]
-        if not clips:
-            raise InputError(f"{data}: no training clip was simulated with {' and '.join(rests)}")
-        check_rests(rests, clips, self.body)
-        training, held = hold_out(clips, holdout, data)
+        training, held = hold_out(load_clips_of(rests, data, self.body), holdout, data)
         if not training:
             raise InputError(f"{data}: needs two clips of {garment.name} at least, one to validate with")
         if frames is not None and frames < 2:

@@ -42,13 +42,13 @@ from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, r
 MILLI = 1000.0
 """Losses are logged in millijoules, lengths in millimetres."""
 
-LOOSE = (0.02, 0.06)
+LOOSE_DISTANCES = (0.02, 0.06)
 """Metres from the skin at rest over which cloth goes from close to free."""
 
-VALIDATED = 128
+VALIDATION_POSES = 128
 """Poses that validation takes, at most."""
 
-PICTURED = 3
+PICTURE_POSES = 3
 """Validation poses in the picture."""
 
 PICTURE_SIZE = (300, 400)
@@ -164,7 +164,7 @@ class PBNSObjective(Objective):
         of vertices, as the evaluation counts it. layers_percent: of an outer garment's vertices over an inner
         one that are on its wrong side.
         """
-        stride = math.ceil(len(self.held.vectors) / VALIDATED)
+        stride = math.ceil(len(self.held.vectors) / VALIDATION_POSES)
         rows = torch.arange(0, len(self.held.vectors), stride, device=self.held.vectors.device)
         energies, posed = [], []
         for some in rows.split(self.batch):
@@ -220,7 +220,9 @@ class PBNSObjective(Objective):
     def picture(self, net: Any) -> Tensor:
         """A few validation poses, rendered: (H, W, 3) uint8."""
         body = self.outfit.body
-        rows = torch.linspace(0, len(self.held.vectors) - 1, PICTURED).long().to(self.held.vectors.device)
+        rows = (
+            torch.linspace(0, len(self.held.vectors) - 1, PICTURE_POSES).long().to(self.held.vectors.device)
+        )
         _, posed = self.pose(net, self.held, rows)
         bodies = skin(body.mesh.vertices, body.weights, self.held.transforms[rows].cpu())
         pictures = []
@@ -232,7 +234,7 @@ class PBNSObjective(Objective):
             camera = three_quarter(skin_vertices, aspect=PICTURE_SIZE[0] / PICTURE_SIZE[1])
             floor = float(skin_vertices[:, 2].min())
             pictures.append(render(surfaces, camera, PICTURE_SIZE, floor))
-        return torch.from_numpy(contact_sheet(pictures, columns=PICTURED))
+        return torch.from_numpy(contact_sheet(pictures, columns=PICTURE_POSES))
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
         """Write the checkpoint of the network."""
@@ -276,8 +278,8 @@ def _weights(garment: Garment, body: Body, attachment: AttachmentConfig) -> Tens
     if attachment.weights == "smooth":
         return garment.smooth_weights
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
-    distance = surface.closest(garment.mesh.vertices, LOOSE[1]).signed_distance
-    loose = ((distance - LOOSE[0]) / (LOOSE[1] - LOOSE[0])).clamp(0.0, 1.0)
+    distance = surface.closest(garment.mesh.vertices, LOOSE_DISTANCES[1]).signed_distance
+    loose = ((distance - LOOSE_DISTANCES[0]) / (LOOSE_DISTANCES[1] - LOOSE_DISTANCES[0])).clamp(0.0, 1.0)
     return torch.lerp(garment.weights, garment.smooth_weights, loose[:, None])
 
 

@@ -9,7 +9,7 @@ from rich.progress import track
 
 from rasterize.atomic import make_folder
 from rasterize.errors import InputError
-from train.clips import SEEN
+from train.clips import TRAINING_SPLITS
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData
 from uvcloth.geometry.fingerprint import fingerprint
@@ -20,7 +20,7 @@ from uvcloth.motion.poses import SPLITS, PoseDatabase, load_poses, rest_hash, sa
 from uvcloth.motion.recombine import RECOMBINED, recombine
 from uvcloth.physics.self_contact import SelfContact
 
-DRAWN = "poses.npz"
+POSES_FILE = "poses.npz"
 """The file of a run with the poses that were drawn for it."""
 
 
@@ -40,7 +40,7 @@ def poses_for(given: Sequence[str], body: Body, run: Path) -> Poses:
     other clips. A run's clips, or the poses left, must be for training and for validation: InputError if not.
     """
     ready = len(given) == 1 and Path(given[0]).suffix == ".npz"
-    path = Path(given[0]) if ready else run / DRAWN
+    path = Path(given[0]) if ready else run / POSES_FILE
     sources = [] if ready else find_sources(given)
     if not ready:
         _require_splits(f"--poses {' '.join(given)}", {source.split for source in sources}, "name more clips")
@@ -54,7 +54,7 @@ def poses_for(given: Sequence[str], body: Body, run: Path) -> Poses:
     # What is no longer valid here may still be part of a recombined pose: the clips are those of the file.
     data = TrainingData(
         files={path.name: fingerprint(path.read_bytes())},
-        clips={split: database.clips_of(split) for split in SEEN},
+        clips={split: database.clips_of(split) for split in TRAINING_SPLITS},
     )
     if database.body_hash != rest_hash(body):
         database = _valid_for(body, database)
@@ -75,7 +75,7 @@ def _drawn_from(database: PoseDatabase, sources: Sequence[Source]) -> bool:
 
 def _require_splits(where: str, splits: set[str], advice: str) -> None:
     """Raise InputError unless there are training and validation poses."""
-    if not set(SEEN) <= splits:
+    if not set(TRAINING_SPLITS) <= splits:
         raise InputError(f"{where}: lacks training or validation poses, {advice}")
 
 

@@ -66,21 +66,8 @@ def load_frames(
             if config.pose:
                 pose.append(sheet_of(pose_values(prepared.texels, vertices, now), prepared))
             for part, name in zip(offsets, config.templates, strict=True):
-                template, decoder = prepared.templates[name], prepared.decoders[name]
-                if name in clip.vertices:
-                    simulated = clip.vertices[name][begin:end]
-                    value = template_offsets(
-                        config,
-                        prepared.texels,
-                        template,
-                        decoder,
-                        vertices=simulated,
-                        body_vertices=vertices,
-                        transforms=now,
-                    )
-                    part.append(value.half())
-                else:
-                    part.append(torch.zeros(end - begin, len(template.texels), 3, dtype=torch.float16))
+                simulated = clip.vertices[name][begin:end] if name in clip.vertices else None
+                part.append(_offsets(config, prepared, name, simulated, vertices, now))
         count = len(clip.transforms) - first
         has = torch.tensor([name in clip.vertices for name in config.templates])
         present.append(has.expand(count, -1))
@@ -98,6 +85,29 @@ def load_frames(
         samples=torch.cat(samples),
         starts=torch.cat(starts),
     )
+
+
+def _offsets(
+    config: PhysXNetConfig,
+    prepared: Prepared,
+    name: str,
+    simulated: Tensor | None,
+    body_vertices: Tensor,
+    transforms: Tensor,
+) -> Tensor:
+    """Values (T, Q, 3) of a template's offset map, m, float16; zeros where it was not simulated."""
+    template = prepared.templates[name]
+    if simulated is None:
+        return torch.zeros(len(transforms), len(template.texels), 3, dtype=torch.float16)
+    return template_offsets(
+        config,
+        prepared.texels,
+        template,
+        prepared.decoders[name],
+        vertices=simulated,
+        body_vertices=body_vertices,
+        transforms=transforms,
+    ).half()
 
 
 def sheet_of(values: Tensor, prepared: Prepared) -> Tensor:

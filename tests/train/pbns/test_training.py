@@ -13,13 +13,13 @@ from torch import Tensor
 from rasterize.errors import InputError
 from tests.train.simulated import swaying
 from train.__main__ import main
-from train.batched_collision import DEEPEST
+from train.batched_collision import LAYER_SEARCH_DISTANCE
 from train.cloth_energy import ClothMaterial
 from train.loop import STATE, fit
 from train.pbns import objective as pbns
 from train.pbns import poses
 from train.pbns.objective import AttachmentConfig, PBNSObjective
-from train.pbns.poses import DRAWN, Poses, poses_for
+from train.pbns.poses import POSES_FILE, Poses, poses_for
 from train.pbns.run import LOOPS
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData, load_checkpoint, load_tensors
@@ -231,7 +231,7 @@ def test_planes_between_layers_are_those_of_each_pose_alone(layered: Outfit) -> 
     assert len(posed) < objective.batch
     for vertices, facing, found, bounds in zip(posed, normals, distance, planes.offsets, strict=True):
         alone = Layer(vertices[layer.rows], objective.faces[0])
-        beside = alone.beside(vertices[layer.outer], DEEPEST)
+        beside = alone.beside(vertices[layer.outer], LAYER_SEARCH_DISTANCE)
         met = beside.covered & ((beside.normals * facing[layer.outer]).sum(1) > 0)
         same = (bounds > FREE) == met
         assert same.float().mean() > 0.999
@@ -315,7 +315,7 @@ def test_measures_of_smoothly_skinned_garments_are_sane(layered: Outfit, monkeyp
     measured: list[int] = []
     monkeypatch.setattr(objective, "measure", lambda posed, transforms: measured.append(len(posed)) or {})
     for most in (1, 2, 3, 9):
-        monkeypatch.setattr(pbns, "VALIDATED", most)
+        monkeypatch.setattr(pbns, "VALIDATION_POSES", most)
         objective.validate(net)
     assert measured == [1, 2, 3, 3]
 
@@ -406,19 +406,19 @@ def test_clips_are_drawn_into_the_run_once(
     monkeypatch.setattr(poses, "RECOMBINED", 3)
     run = tmp_path / "run"
     taken = poses_for(["jump", "twirl"], body, run)
-    assert list(taken.data.files) == [DRAWN]
+    assert list(taken.data.files) == [POSES_FILE]
     assert taken.data.clips == {"train": {"jump": ""}, "validation": {"twirl": ""}}
     assert set(taken.database.clip_names) == {"jump", "twirl"}
     assert len(taken.database.of("train")) > 3
     assert len(taken.database.of("validation")) > 0
-    drawn = (run / DRAWN).read_bytes()
+    drawn = (run / POSES_FILE).read_bytes()
     monkeypatch.setattr(poses, "draw_poses", None)
     again = poses_for(["jump", "twirl"], body, run)
     assert again.data == taken.data
-    assert (run / DRAWN).read_bytes() == drawn
+    assert (run / POSES_FILE).read_bytes() == drawn
     with pytest.raises(InputError, match=r"run/poses\.npz: was drawn from other clips"):
         poses_for(["jump", "walk"], body, run)
-    save_poses(replace(taken.database, splits=1 - taken.database.splits), run / DRAWN)
+    save_poses(replace(taken.database, splits=1 - taken.database.splits), run / POSES_FILE)
     with pytest.raises(InputError, match="was drawn from other clips or splits"):
         poses_for(["jump", "twirl"], body, run)
 

@@ -11,16 +11,16 @@ from uvcloth.physics.contact import ContactGarment, Obstacle
 ITERATIONS = 50
 """Optimizer steps in a frame, at most."""
 
-RATE = 1e-3
+LEARNING_RATE = 1e-3
 """Adam's learning rate, metres."""
 
-ENOUGH = 5e-6
+TARGET_DEPTH = 5e-6
 """Metres of mean depth at which the optimization stops."""
 
-PUSH = 100.0
+DEPTH_WEIGHT = 100.0
 """Weight of the mean depth (lambda_3)."""
 
-RENEWED = 10
+SEARCH_EVERY = 10
 """Steps after which the nearest skin is looked up anew."""
 
 
@@ -48,16 +48,16 @@ class Resolver:
         self.obstacle.update(body_vertices)
         with torch.enable_grad():
             residual = residual.clone().requires_grad_()
-            optimizer = torch.optim.Adam([residual], lr=RATE)
+            optimizer = torch.optim.Adam([residual], lr=LEARNING_RATE)
             for step in range(ITERATIONS):
                 move = (turns @ sample(residual)[0][..., None]).squeeze(-1)
-                if step % RENEWED == 0:
+                if step % SEARCH_EVERY == 0:
                     skin = self.obstacle.skin((vertices + move).detach(), self.garment)
                 depth = (skin.offsets - ((vertices + move) * skin.normals).sum(1)).clamp(min=0.0)
                 mean_depth = torch.where(skin.squeezed, 0.0, depth).mean()
-                if mean_depth < ENOUGH:
+                if mean_depth < TARGET_DEPTH:
                     break
-                loss = move.abs().mean() + (self.laplacian @ move).abs().mean() + PUSH * mean_depth
+                loss = move.abs().mean() + (self.laplacian @ move).abs().mean() + DEPTH_WEIGHT * mean_depth
                 optimizer.zero_grad()
                 loss.backward()
                 optimizer.step()

@@ -28,7 +28,7 @@ SAME_SHAPE = 0.002
 """Metres between joints or rest vertices that still count as the same body and garment."""
 
 
-HALVED = ("layers.", "shapes", "poses")
+HALF_PRECISION = ("layers.", "shapes", "poses")
 """Tensors that are saved in half precision: they are most of a file, and blend shapes lose micrometres."""
 
 
@@ -173,7 +173,7 @@ def new_network(config: PBNSConfig, garments: RestOutfit, weights: Tensor, poses
 def pbns_checkpoint(method: PBNS, body: Body, data: TrainingData, notes: dict[str, Any]) -> Checkpoint:
     """The checkpoint: the network, most of it in half precision, and the outfit that it is for."""
     tensors = {
-        f"network.{name}": tensor.half() if name.startswith(HALVED) else tensor
+        f"network.{name}": tensor.half() if name.startswith(HALF_PRECISION) else tensor
         for name, tensor in method.network.state_dict().items()
     }
     for index, mesh in enumerate(method.garments.meshes):
