@@ -10,6 +10,7 @@ What is worn over other garments stays on their outer side wherever they cover i
 side at rest, as a shirt that is tucked in, stays as free of them as they are of it.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -145,9 +146,14 @@ class Obstacle:
         """Move to the posed body (V, 3)."""
         self._parts.update(self.collider.vertices(body_vertices))
 
-    def skin(self, vertices: Tensor, garment: ContactGarment, reach: float = REACH) -> Skin:
-        """The nearest skin within reach, m, that each of a garment's vertices (N, 3) may touch."""
-        return self._search(vertices, garment.touches, vertices.new_full((len(vertices),), reach))
+    def skin(
+        self, vertices: Tensor, garment: ContactGarment, reach: float = REACH, alert: float = math.inf
+    ) -> Skin:
+        """The nearest skin within reach, m, that each of a garment's vertices (N, 3) may touch.
+
+        alert: metres outside the body from which on a distance need only be a lower bound, not below alert.
+        """
+        return self._search(vertices, garment.touches, vertices.new_full((len(vertices),), reach), alert)
 
     def resolve(
         self, vertices: Tensor, garment: ContactGarment, before: Tensor | None = None
@@ -161,7 +167,7 @@ class Obstacle:
         The layers that it is worn over have to be where they end in this frame.
         """
         start = vertices if before is None else vertices + _carried(before)
-        skin = self.skin(start, garment)
+        skin = self.skin(start, garment, alert=ALERT)
         inside_before = int(skin.inside.sum())
         held = (skin.distance < ALERT) & ~skin.squeezed
         offsets = torch.where(held, skin.offsets + MARGIN, FREE)
@@ -228,12 +234,13 @@ class Obstacle:
         skin.normals[rows[near]], skin.offsets[rows[near]] = found.normals[near], found.offsets[near]
         skin.squeezed[rows] = found.squeezed
 
-    def _search(self, vertices: Tensor, touches: Tensor, reach: Tensor) -> Skin:
-        """The nearest skin of N vertices within their reach (N,), m."""
+    def _search(self, vertices: Tensor, touches: Tensor, reach: Tensor, alert: float = math.inf) -> Skin:
+        """The nearest skin of N vertices within their reach (N,), m; alert as in `skin`."""
         distance, offsets, gap = (torch.empty_like(reach) for _ in range(3))
         normals = torch.empty_like(vertices)
-        query = map(array, (touches, vertices, reach, distance, normals, offsets, gap))
-        launch(kernels.closest_touched, len(vertices), vertices.device, self._parts.ids, *query)
+        query = (*map(array, (touches, vertices, reach)), alert, NARROW)
+        results = map(array, (distance, normals, offsets, gap))
+        launch(kernels.closest_touched, len(vertices), vertices.device, self._parts.ids, *query, *results)
         return Skin(distance, normals, offsets, gap < NARROW)
 
 
