@@ -12,7 +12,7 @@ from torch import Tensor
 from rasterize.bake import bake
 from rasterize.decode import nearest_sampler
 from rasterize.errors import InputError
-from rasterize.gather import gather
+from rasterize.gather import gather, weighted_rows
 from rasterize.raycast import body_to_garment
 from rasterize.sheet import REACH
 from rasterize.texels import Texels, rasterize_layout
@@ -84,8 +84,8 @@ class GarmentDecoder:
     smooth_weights: Tensor
 
     def sample(self, values: Tensor) -> Tensor:
-        """Values at the template's texels (..., Q, C) -> at the garment's vertices (..., N, C)."""
-        return gather(values, self.samples, self.shares)
+        """Values at the template's texels (B, Q, C) -> at the garment's vertices (B, N, C)."""
+        return weighted_rows(values, self.samples, self.shares)
 
 
 def body_texels(body: Body, size: int) -> BodyTexels:
