@@ -66,7 +66,8 @@ class SeedForces(SeedKernel):
         batch, texels, seeds = forces.shape
         # A tap reads its neighbour: seen from that texel, it writes to the other side.
         axes = zip(self.weight.unbind(2), normals.unbind(2), strict=True)
-        taps = sum(kernel * along[:, None, :, None] for kernel, along in axes).flip(-1)
+        x, y, z = (kernel * along[:, None, :, None] for kernel, along in axes)
+        taps = (x + y + z).flip(-1)
         rows = taps.transpose(1, 2).reshape(batch * seeds, -1)
         pairs, first = forces.pairs, torch.arange(0, forces.shape.numel(), seeds, device=pixels.device)
         written = functional.embedding_bag(
