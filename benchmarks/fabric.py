@@ -54,7 +54,8 @@ def main(poses: Path, out: Path, garment: str = "tops", steps: int = 1500, pose:
             f"| {edge:g} | {bend:g} | " + " | ".join(f"{found[key]:.3f}" for key in keys) + " |", flush=True
         )
         method = load_method(run, body)
-        _, (vertices,) = method.step(method.start(outfit, frames), frames)
+        prepared = method.prepare(outfit, torch.device("cpu"))
+        _, (vertices,) = method.step(prepared, method.init(prepared, frames), frames)
         faces = outfit.garments[0].mesh.faces
         surfaces = [
             Surface(skin, body.mesh.faces, BODY_COLOR),

@@ -51,12 +51,12 @@ STAGES = {
     "physxnet": {
         METHOD: "uvcloth.methods.physxnet.method:PhysXNet.step",
         "method: motion maps": "uvcloth.methods.physxnet.method:PhysXNet._motion",
-        "method: network": "uvcloth.methods.physxnet.method:GarmentNet.forward",
+        "method: network": "uvcloth.methods.physxnet.network:GarmentNet.forward",
         "method: decoding": "uvcloth.methods.physxnet.method:garment_vertices",
     },
     "motion_guided": {
         METHOD: "uvcloth.methods.motion_guided.method:MotionGuided.step",
-        "method: observing": "uvcloth.methods.motion_guided.method:MotionGuided.observe",
+        "method: feeding back": "uvcloth.methods.motion_guided.method:MotionGuided.feed_back",
         "method: motion maps": "uvcloth.methods.motion_guided.dynamics_input:motion_of",
         "method: forces": "uvcloth.methods.motion_guided.dynamics_input:contact_forces",
         "method: forces' maps": "uvcloth.methods.motion_guided.descriptor:SeedForces.forward",
@@ -65,7 +65,7 @@ STAGES = {
     },
     "pbns": {
         METHOD: "uvcloth.methods.pbns.method:PBNS.step",
-        "method: network": "uvcloth.methods.pbns.method:PBNSNetwork.deform",
+        "method: network": "uvcloth.methods.pbns.network:PBNSNetwork.deform",
     },
     "lbs_smooth": {METHOD: "uvcloth.methods.lbs:LinearBlendSkinning.step"},
 }

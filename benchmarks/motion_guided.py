@@ -26,12 +26,13 @@ from torch.nn import functional
 from benchmarks.descriptor import plain
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.export.writer import open_writer
-from uvcloth.garments.attach import make_garment
+from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.tailor import tailor
 from uvcloth.garments.templates import fit_template, tailored
+from uvcloth.methods.motion_guided.config import PRESETS
 from uvcloth.methods.motion_guided.descriptor import TAPS, Forces, RelativePositions, SeedForces
-from uvcloth.methods.motion_guided.method import PRESETS, MotionGuided
+from uvcloth.methods.motion_guided.method import MotionGuided
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
 from uvcloth.rollout import rollout
@@ -86,7 +87,7 @@ class PlainForces(nn.Module):
 
 
 def method(preset: str, garment: Garment, twin: bool) -> MotionGuided:
-    made = replace(PRESETS[preset], garment=garment.name).create()
+    made = MotionGuided.untrained(replace(PRESETS[preset], garment=garment.name))
     last = [layer for layer in made.space.modules() if isinstance(layer, nn.Linear)][-1]
     nn.init.zeros_(last.weight)
     nn.init.zeros_(last.bias)
@@ -100,8 +101,8 @@ def method(preset: str, garment: Garment, twin: bool) -> MotionGuided:
 def garment_of(body: Body, vertices: int | None) -> Garment:
     if vertices is None:
         return fit_template("dress", body)
-    # It has a name of its own, so that the engine finds a band for its vertices: the template's is of others.
-    return make_garment("retailored", "dress", tailored(tailor("dress", body, vertices), body), body)
+    mesh = tailored(tailor("dress", body, vertices), body)
+    return make_garment("retailored", mesh, body, DIFFUSION["dress"])
 
 
 def stages(made: MotionGuided, garment: Garment, body: Body, clip: Clip) -> dict[str, float]:

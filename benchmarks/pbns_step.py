@@ -6,7 +6,7 @@ Run from the checkout with PYTHONPATH=. as
 
 Trains as usual and prints, after so many passes over the poses: milliseconds of a step, the shares of it in
 which the body is skinned and in which its trees are refitted and asked, and how long the same questions take
-without what is remembered of the last cache, and as the brute-force distance to every vertex of the body, in
+without the cache, and as the brute-force distance to every vertex of the body, in
 units of ours.
 """
 
@@ -23,14 +23,16 @@ from rich.progress import Progress
 from torch import Tensor
 
 from rasterize.command import run_command
+from train.cloth_energy import ClothMaterial
 from train.loop import rows_of_step, set_rates
-from train.pbns.objective import LOOPS, AttachmentConfig, ClothMaterial, PBNSObjective
+from train.pbns.objective import AttachmentConfig, PBNSObjective
 from train.pbns.poses import poses_for
+from train.pbns.run import LOOPS
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.pbns.method import PBNSConfig
+from uvcloth.methods.pbns.network import PBNSConfig
 
 MEASURED = 20
 """Steps that are averaged."""
@@ -50,13 +52,12 @@ def main(
     objective = PBNSObjective(
         PBNSConfig(), ClothMaterial(), AttachmentConfig(), outfit, database, config.batch
     )
-    objective.to(torch.device("cpu"))
     net: Any = objective.networks()["net"]
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=0.0, fused=True)
     spent: dict[str, float] = {}
-    crowd = objective.body._crowd
+    meshes = objective.body._crowd
     objective.body.move = _timed(objective.body.move, "move", spent)  # type: ignore[method-assign]
-    crowd.update = _timed(crowd.update, "refit", spent)  # type: ignore[method-assign]
+    meshes.update = _timed(meshes.update, "refit", spent)  # type: ignore[method-assign]
     objective.body.planes = _timed(objective.body.planes, "planes", spent)  # type: ignore[method-assign]
 
     def step(number: int) -> Tensor:
@@ -69,7 +70,7 @@ def main(
         return rows
 
     each = len(objective.samples) // config.batch
-    print("| passes | step ms | body skinned | trees refitted and asked | nothing remembered | brute force |")
+    print("| passes | step ms | body skinned | trees refitted and asked | without the cache | brute force |")
     print("|---:|---:|---:|---:|---:|---:|")
     done = 0
     with Progress(transient=True) as bar:

@@ -21,7 +21,8 @@ class Evaluate:
 
     model: tuple[str, ...]
     """Baselines (lbs, lbs_smooth), what ships (physxnet, motion_guided, pbns), and folders written by
-    `python -m train`."""
+    `python -m train`; for garments that were simulated together also one for each, the innermost first, as in
+    RUN_A+RUN_B."""
     data: Path
     """A folder made by `uvcloth simulate`; its index.csv names the clips of each split and their actions."""
     out: Path
@@ -37,38 +38,38 @@ class Evaluate:
     body: Path | None = None
     """The body that the data was simulated on; without it the one that ships with uvcloth."""
     map_size: int = 256
-    """Height and width of the maps on which the map MSE and the representation floor are measured."""
+    """Height and width of the maps on which the map MSE is measured."""
     pictures: bool = True
     """Draw pictures: of every action, of spaces of garments, and of training and test motion."""
+    threads: Annotated[int, tyro.conf.arg(metavar="N")] = 1
+    """Of the processor, for what is timed; on a loaded machine several are slower than one."""
 
     def run(self) -> None:
         if not all(find_spec(module) for module in ("jinja2", "markupsafe", "PIL", "sklearn")):
             raise InputError("the report needs Jinja, Pillow and scikit-learn: install uvcloth[report]")
-        from evaluate.compare import compare
+        from evaluate.candidates import load_candidates
+        from evaluate.compare import Selection, compare
         from evaluate.garment_space import interpolations
-        from evaluate.judge import load_candidates
         from evaluate.motion_map import motion_maps
         from evaluate.progress import progress
         from evaluate.report import write_metrics, write_report
         from evaluate.show import pictured, pictures, viewer_clips
         from uvcloth.bodies.body import load_body
+        from uvcloth.commands.threads import limited_threads
 
         if self.frames is not None and self.frames < 1:
             raise InputError(f"--frames: {self.frames} is not a number of frames")
         body = load_body(self.body)
         candidates = load_candidates(self.model, body)
-        results, shown = compare(
-            candidates,
-            self.data,
-            self.out,
-            body=body,
-            actions=self.actions,
-            files=self.garment,
-            frames=self.frames,
-            map_size=self.map_size,
-            machine=machine(),
-            split=self.split,
-        )
+        with limited_threads(self.threads):
+            results, shown = compare(
+                candidates,
+                Selection(self.data, self.actions, self.garment, self.frames, self.split),
+                self.out,
+                body=body,
+                map_size=self.map_size,
+                machine=f"{machine()}, threads used: {self.threads}",
+            )
         metrics = write_metrics(self.out, results)
         images, spaces, motion = [], [], []
         if self.pictures:
@@ -89,20 +90,23 @@ def machine() -> str:
 
 
 def summary(results: dict) -> str:
-    """Per garment and method, before and after contact: the mean vertex distance beside the better LBS.
+    """Per garment or outfit and method, before and after contact: the mean distance beside the better LBS.
 
     Then a line per method whose figures mislead, as it has met what it was judged on.
     """
     from evaluate.familiar import cautions
-    from evaluate.report import Rank, standings
+    from evaluate.standings import Rank, standings
 
     def said(rank: Rank) -> str:
         beside = f"{100 * (rank.against - 1):+4.0f} %, {rank.won} of {rank.of}" if rank.against else ""
         return f"{rank.mean_mm:6.1f} mm {beside:18}"
 
+    found = standings(results)
+    wide = max(8, *(len(row.garment) for row in found))
+    method = max(16, *(len(row.method) for row in found))
     rows = [
-        f"{row.garment:8} {row.method:16} {said(row.before)} {said(row.after)}".rstrip()
-        for row in standings(results)
+        f"{row.garment:{wide}} {row.method:{method}} {said(row.before)} {said(row.after)}".rstrip()
+        for row in found
     ]
     title = "mean vertex distance; against the better LBS, and on how many actions nearer"
     warnings = [
@@ -110,7 +114,9 @@ def summary(results: dict) -> str:
         for caution in cautions(results)
         if caution.red
     ]
-    return "\n".join([title, f"{'':25} {'before contact':28} after contact", *rows, *warnings])
+    return "\n".join(
+        [title, f"{'':{wide + method + 1}} {'before contact':28} after contact", *rows, *warnings]
+    )
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

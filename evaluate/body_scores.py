@@ -1,19 +1,21 @@
 """How a garment and the body under it get along, per frame: by vertices, by faces, by what shows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
+from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
-from uvcloth.garments.garment import Outfit
+from uvcloth.geometry.mesh import Mesh, join_meshes
 from uvcloth.physics.contact import ContactGarment, Obstacle
 from uvcloth.physics.exposure import CLOTH_POINTS, Exposure, SurfaceSample, spread
 
 
 @dataclass(frozen=True)
 class DressedBody:
-    """The only garment of an outfit on its body.
+    """A garment, or several as one mesh, on a body.
 
     dressed: its vertices, as contact meets them. sample: points spread over its faces, and loose: they as
     contact meets them. exposure: of the skin that it covers.
@@ -26,17 +28,17 @@ class DressedBody:
     exposure: Exposure
 
 
-def put_on(outfit: Outfit) -> DressedBody:
-    """A garment as it lies on its body at rest."""
-    body, mesh = outfit.body, outfit.garments[0].mesh
+def put_on(body: Body, meshes: Sequence[Mesh]) -> DressedBody:
+    """A garment, or several as one mesh, as they lie on a body at rest."""
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
-    sample = spread(mesh.vertices, mesh.faces, CLOTH_POINTS)
+    outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in meshes)
+    sample = spread(outfit.vertices, outfit.faces, CLOTH_POINTS)
     return DressedBody(
         obstacle=obstacle,
-        dressed=obstacle.dress(mesh.vertices, mesh.faces),
+        dressed=obstacle.dress(outfit.vertices, outfit.faces),
         sample=sample,
-        loose=obstacle.dress(sample.points(mesh.vertices), mesh.faces[:0]),
-        exposure=Exposure(body, [mesh]),
+        loose=obstacle.dress(sample.points(outfit.vertices), outfit.faces[:0]),
+        exposure=Exposure(body, meshes),
     )
 
 

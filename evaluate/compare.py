@@ -1,32 +1,30 @@
-"""The whole comparison: every method on every window, the floors, and the content of metrics.json."""
+"""The whole comparison: every method on every case, the floors, and the content of metrics.json."""
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import date
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import torch
-from torch import Tensor
-
 from evaluate.actions import Window, find_missing, find_windows, people_in
+from evaluate.candidates import SIMULATION, Candidate, assigned
+from evaluate.case import Case, open_case, outfit_name, simulated_together
 from evaluate.familiar import acquaintance
 from evaluate.judge import (
-    SIMULATION,
-    Candidate,
-    Case,
+    CaseScores,
+    Scores,
     body_fingerprint,
     cached,
     code_fingerprint,
     judge,
     judge_simulation,
-    open_case,
     repeatability,
 )
-from evaluate.maps import GarmentMap, garment_map, round_trip
-from evaluate.metrics import distance_scores
+from evaluate.maps import garment_map
 from evaluate.progress import progress
-from evaluate.results import Entry, Scores, floor, stability, summarize
+from evaluate.results import Entry, floor, representation_floor, stability, summarize
 from evaluate.show import Shown
 from evaluate.stability import copied_truth
 from rasterize.errors import InputError
@@ -35,122 +33,193 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.templates import TEMPLATES, fit_template
 
-CHUNK = 16
-"""Frames that are written to maps at the same time: bounds the memory of large maps."""
+
+@dataclass(frozen=True)
+class Selection:
+    """What is judged of a data folder.
+
+    actions: only these, all if empty. files: garments other than the templates. frames: of each window, None
+    for all. split: test, or validation to choose by.
+    """
+
+    data: Path
+    actions: Sequence[str] = ()
+    files: Sequence[str] = ()
+    frames: int | None = None
+    split: str = "test"
+
+
+@dataclass(frozen=True)
+class JudgedCase:
+    """A case after all methods were judged on it.
+
+    scores: by name, the simulation first. contents: hash of each window's sequence. repeated: by garment, the
+    errors of its repeat. copied: by kind and garment, those of the frame before. shown: what to look at.
+    """
+
+    scores: Mapping[str, CaseScores]
+    contents: Mapping[Window, str]
+    fps: float
+    repeated: Mapping[str, Scores]
+    copied: Mapping[str, Mapping[str, Scores]]
+    shown: Shown
 
 
 def compare(
     candidates: Sequence[Candidate],
-    data: Path,
+    selection: Selection,
     out: Path,
     *,
     body: Body,
-    actions: Sequence[str],
-    files: Sequence[str] = (),
-    frames: int | None,
     map_size: int,
     machine: str,
-    split: str = "test",
 ) -> tuple[dict[str, Any], list[Shown]]:
-    """Judge methods on the windows of a split of a data folder: test, or validation to choose by.
+    """Judge methods on the outfits, most of them of one garment, that were simulated over unseen clips.
 
-    files: garments other than the templates. frames: of each window, None for all. map_size: of the maps
-    that are measured. machine: for the record. Returns the content of metrics.json and what there is to look
-    at. Finished windows are kept under OUT/partial and taken over by a rerun. A method is judged on the
-    garments that it dresses. Raises InputError for a model or data that does not fit, and for a method that
-    dresses none of the garments.
+    map_size: of the maps that are measured. machine: for the record. Returns the content of metrics.json and
+    what there is to look at. Finished cases are kept under OUT/partial and taken over by a rerun. A method is
+    judged on the outfits that it dresses. Raises InputError for a model or data that does not fit, and for a
+    method that dresses none of the outfits.
     """
-    others = taken(files, body)
-    names = (*TEMPLATES, *others)
-    windows = find_windows(data, actions, names, split)
-    missing = find_missing(data, actions, names, split)
+    data, split = selection.data, selection.split
+    others = taken(selection.files, body)
+    chosen = (data, selection.actions, (*TEMPLATES, *others), split)
+    windows = find_windows(*chosen)
     for name in others:
         if name not in {window.garment for window in windows}:
             raise InputError(f"{data}: holds no {split} sequence of the garment {name} (CLIP_{name}.npz)")
-    code = code_fingerprint()
-    setting = f"{code}/{body_fingerprint(body)}/{map_size}/{machine}"
     worn = dict.fromkeys(window.garment for window in windows)
     garments = {name: others[name] if name in others else fit_template(name, body) for name in worn}
-    dressing = assigned(candidates, garments, body, data)
-    maps = {name: garment_map(garment, body, map_size) for name, garment in garments.items()}
-
-    entries: dict[str, list[Entry]] = {name: [] for name in (SIMULATION, *(c.name for c in candidates))}
-    represented: dict[str, list[Scores]] = {name: [] for name in garments}
-    repeated: dict[str, list[Scores]] = {name: [] for name in garments}
-    copied: dict[str, dict[str, list[Scores]]] = {
-        kind: {name: [] for name in garments} for kind in ("held", "carried")
-    }
-    shown: list[Shown] = []
-    contents: dict[Window, str] = {}
-    with progress("Windows", sum(1 + len(dressing[window.garment]) for window in windows)) as tick:
-        for window in windows:
-            seen = maps[window.garment]
-            texels = (seen.template.corners, seen.template.barycentrics) if seen else None
-            case = open_case(window, body, garments[window.garment], texels, frames)
-            tick(0, note=f"{window.action}, {window.garment}")
-            contents[window] = str(case.sequence.metadata.get("hash"))
-            keep = partial(cached, out, case)
-            judged = {SIMULATION: keep(SIMULATION, setting, partial(judge_simulation, case))}
-            represented[window.garment].append(representation(case, seen) if seen else {})
-            repeated[window.garment].append(repeatability(case))
-            end = case.start + len(case.reference.vertices)
-            for kind, scores in copied_truth(garments[window.garment], case.sequence, end).items():
-                copied[kind][window.garment].append(scores)
-            tick()
-            for candidate in dressing[window.garment]:
-                tick(0, note=f"{window.action}, {window.garment}: {candidate.name}")
-                fingerprint = f"{setting}/{candidate.fingerprint}"
-                judged[candidate.name] = keep(candidate.name, fingerprint, partial(judge, case, candidate))
-                tick()
-            for name, found in judged.items():
-                entries[name].append(Entry(window.action, window.garment, found))
-            shown.append(
-                Shown(
-                    action=window.action,
-                    clip=window.clip,
-                    garment=garments[window.garment],
-                    fps=case.sequence.fps / case.stride,
-                    stride=case.stride,
-                    transforms=case.transforms[:: case.stride],
-                    meshes={name: found.shown for name, found in judged.items()},
-                )
-            )
-
-    results = summarize(entries)
-    for candidate in candidates:
-        results["methods"][candidate.name]["weights_mb"] = candidate.weights_mb
-        worn_by = {w: content for w, content in contents.items() if candidate in dressing[w.garment]}
-        results["methods"][candidate.name] |= acquaintance(candidate, worn_by, people_in(data))
-        results["methods"][candidate.name]["static"] = candidate.method.quasi_static
-        results["methods"][candidate.name]["training_frames"] = candidate.training_frames
-        results["methods"][candidate.name]["training"] = dict(candidate.training)
-    results["floor"] = {**floor(represented, "representation"), **floor(repeated, "repeatability")}
-    results["previous_frame"] = {
-        kind: {garment: stability(windows) for garment, windows in by_garment.items()}
-        for kind, by_garment in copied.items()
-    }
-    results["garments"] = {name: _size(garment) for name, garment in garments.items()}
-    return results | {
-        "actions": list(dict.fromkeys(window.action for window in windows)),
+    cases = simulated_together(windows)
+    outfits = {_named(case): Outfit(body, tuple(garments[w.garment] for w in case)) for case in cases}
+    dressing = assigned(candidates, outfits, data)
+    texels = {name: garment_map(garment, body, map_size) for name, garment in garments.items()}
+    code = code_fingerprint()
+    setting = f"{code}/{body_fingerprint(body)}/{map_size}/{machine}"
+    judged = []
+    with progress("Windows", sum(1 + len(dressing[_named(case)]) for case in cases)) as tick:
+        for case in cases:
+            name = _named(case)
+            opened = open_case(case, outfits[name], texels, selection.frames)
+            judged.append(judged_case(opened, dressing[name], partial(cached, out, opened), setting, tick))
+    return {
+        **measured(judged, candidates, people_in(data)),
+        "garments": {name: _size(garment) for name, garment in garments.items()},
+        "missing": find_missing(*chosen),
         "split": split,
-        "windows": len(windows),
-        "missing": missing,
-        "frames": sum(len(e.judged.scores["vertex_mean_mm"]) for e in entries[SIMULATION]),
-        "fps": case.sequence.fps,
         "map_size": map_size,
         "body": body.name,
         "date": date.today().isoformat(),
         "machine": machine,
         "code": code[:12],
-    }, shown
+    }, [each.shown for each in judged]
 
 
-def representation(case: Case, seen: GarmentMap) -> dict[str, Tensor]:
-    """The representation floor: how far the simulation's decoded maps are from it, per frame."""
-    truth = case.reference.vertices
-    spans = [slice(first, first + CHUNK) for first in range(0, len(truth), CHUNK)]
-    chunks = [round_trip(seen, truth[s], case.body_vertices[s], case.transforms[s]) for s in spans]
-    return distance_scores(torch.cat(chunks), truth)
+def judged_case(
+    case: Case,
+    candidates: Sequence[Candidate],
+    keep: Callable[[str, str, Callable[[], CaseScores]], CaseScores],
+    setting: str,
+    tick: Callable[..., None],
+) -> JudgedCase:
+    """Judge methods on a case. keep: takes over what is finished, by name and setting, or works it out."""
+    note = f"{case.action}, {_named(case.windows)}"
+    tick(0, note=note)
+    scores = {SIMULATION: keep(SIMULATION, setting, partial(judge_simulation, case))}
+    simulated = list(zip(case.windows, case.outfit.garments, case.sequences, strict=True))
+    repeated = {garment.name: repeatability(window, sequence) for window, garment, sequence in simulated}
+    copied = {garment.name: copied_truth(garment, sequence, case.end) for _, garment, sequence in simulated}
+    tick()
+    for candidate in candidates:
+        tick(0, note=f"{note}: {candidate.name}")
+        fingerprint = f"{setting}/{candidate.fingerprint}"
+        scores[candidate.name] = keep(candidate.name, fingerprint, partial(judge, case, candidate))
+        tick()
+    return JudgedCase(
+        scores=scores,
+        contents={window: str(sequence.metadata.get("hash")) for window, _, sequence in simulated},
+        fps=case.fps,
+        repeated=repeated,
+        copied={kind: {name: by[kind] for name, by in copied.items()} for kind in ("held", "carried")},
+        shown=Shown(
+            action=case.action,
+            clip=case.windows[0].clip,
+            outfit=case.outfit,
+            fps=case.fps / case.stride,
+            stride=case.stride,
+            transforms=case.transforms[:: case.stride],
+            meshes={name: found.shown for name, found in scores.items()},
+        ),
+    )
+
+
+def measured(
+    judged: Sequence[JudgedCase], candidates: Sequence[Candidate], people: Mapping[str, str]
+) -> dict[str, Any]:
+    """What metrics.json says of the methods and of the simulation. people: who moves, by clip."""
+    names = (SIMULATION, *(candidate.name for candidate in candidates))
+    entries = {
+        name: [
+            Entry(case.shown.action, part, scores)
+            for case in judged
+            if name in case.scores
+            for part, scores in case.scores[name].parts.items()
+        ]
+        for name in names
+    }
+    outfits = {
+        outfit_name(worn): worn
+        for worn in (tuple(window.garment for window in case.contents) for case in judged)
+        if len(worn) > 1
+    }
+    results = summarize(entries, outfits)
+    methods = {
+        c.name: results["methods"][c.name]
+        | facts(
+            c, {w: h for case in judged if c.name in case.scores for w, h in case.contents.items()}, people
+        )
+        for c in candidates
+    }
+    repeats = by_garment([case.repeated for case in judged])
+    copies = {kind: by_garment([case.copied[kind] for case in judged]) for kind in ("held", "carried")}
+    windows = [window for case in judged for window in case.contents]
+    frames = [len(e.scores["vertex_mean_mm"]) for e in entries[SIMULATION] if e.part not in outfits]
+    return {
+        **results,
+        "methods": methods,
+        "floor": {**representation_floor(methods), **floor(repeats, "repeatability")},
+        "previous_frame": {
+            kind: {garment: stability(found) for garment, found in by.items()} for kind, by in copies.items()
+        },
+        "outfits": {name: {"garments": list(worn)} for name, worn in outfits.items()},
+        "actions": list(dict.fromkeys(window.action for window in windows)),
+        "windows": len(windows),
+        "frames": sum(frames),
+        "fps": frame_rate(judged),
+    }
+
+
+def frame_rate(judged: Sequence[JudgedCase]) -> float:
+    """Frames per second of the cases; where they differ, that of most of them."""
+    return Counter(case.fps for case in judged).most_common(1)[0][0]
+
+
+def facts(candidate: Candidate, judged_on: Mapping[Window, str], people: Mapping[str, str]) -> dict[str, Any]:
+    """What metrics.json says of a method besides its figures. judged_on: windows and their hashes."""
+    return {
+        "weights_mb": candidate.weights_mb,
+        **acquaintance(candidate, judged_on, people),
+        "static": candidate.method.quasi_static,
+        "baseline": candidate.method.is_baseline,
+        "training_frames": candidate.training_frames,
+        "training": dict(candidate.training),
+    }
+
+
+def by_garment(cases: Sequence[Mapping[str, Scores]]) -> dict[str, list[Scores]]:
+    """The scores of several cases by garment."""
+    garments = dict.fromkeys(garment for case in cases for garment in case)
+    return {garment: [case[garment] for case in cases if garment in case] for garment in garments}
 
 
 def taken(files: Sequence[str], body: Body) -> dict[str, Garment]:
@@ -167,19 +236,9 @@ def taken(files: Sequence[str], body: Body) -> dict[str, Garment]:
     return {name: garment for name, garment in garments.items() if name not in TEMPLATES}
 
 
-def assigned(
-    candidates: Sequence[Candidate], garments: Mapping[str, Garment], body: Body, data: Path
-) -> dict[str, tuple[Candidate, ...]]:
-    """By garment, those that dress it. Raises InputError naming one that dresses none, and why not."""
-    outfits = {name: Outfit(body, (garment,)) for name, garment in garments.items()}
-    unsupported = {
-        c.name: {name: c.method.unsupported_reason(outfit) for name, outfit in outfits.items()}
-        for c in candidates
-    }
-    for name, heard in unsupported.items():
-        if all(heard.values()):
-            raise InputError(f"{data}: nothing to judge {name} on: {'; '.join(heard.values())}")
-    return {name: tuple(c for c in candidates if not unsupported[c.name][name]) for name in garments}
+def _named(windows: Sequence[Window]) -> str:
+    """The outfit of windows that were simulated together."""
+    return outfit_name([window.garment for window in windows])
 
 
 def _size(garment: Garment) -> dict[str, float | int]:

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from evaluate.actions import Window
-from evaluate.judge import Candidate
+from evaluate.candidates import Candidate
 
 MADE_BY = {"train": "was trained on", "validation": "was chosen by"}
 """What each split of a model's own data did to it, the graver first."""

@@ -1,8 +1,7 @@
-"""Rolls methods out over the test windows and scores every frame; finished windows are kept for a rerun."""
+"""Rolls methods out over cases and scores every frame; finished cases are kept for a rerun."""
 
-import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
@@ -12,33 +11,26 @@ from torch import Tensor
 
 from evaluate.actions import Window
 from evaluate.body_scores import body_scores, put_on
-from evaluate.metrics import Reference, distance_scores, frame_scores
+from evaluate.candidates import Candidate
+from evaluate.case import Case
+from evaluate.metrics import distance_scores, frame_scores, layer_scores
 from evaluate.stability import stability_scores, uses_feedback
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.geometry.skinning import skin
-from uvcloth.methods.method import Method
-from uvcloth.rollout import RolloutFrame, rollout
+from uvcloth.bodies.frames import LEAD, body_frames, with_lead
+from uvcloth.garments.garment import Garment
+from uvcloth.geometry.fingerprint import fingerprint
+from uvcloth.rollout import PreparedRollout, prepare_rollout
 from uvcloth.simulate.sequence import SimulatedSequence, content_hash, load_sequence
 
-FORMAT = "uvcloth-judged-4"
-
-SIMULATION = "simulation"
-"""The name under which the simulation itself is scored: the yardstick of the physics."""
-
-SHOWN = 50
-"""Frames of a window that are kept to be looked at, at most."""
-
-SAME_REST = 0.002
-"""Metres between a sequence's rest mesh and the garment on the body that still count as the same garment."""
+FORMAT = "uvcloth-judged-5"
 
 SAME_MOTION = 0.001
 """Metres (and matrix entries) between joint transforms that still count as the same motion."""
 
-TRAINING = ("step", "epochs", "minutes", "samples")
-"""What a checkpoint's notes say of how long it was trained."""
+CHUNK = 16
+"""Frames that are written in a method's representation at the same time: bounds the memory of large maps."""
 
 JUDGING = (
     "rasterize",
@@ -47,98 +39,28 @@ JUDGING = (
     "evaluate/maps.py",
     "evaluate/body_scores.py",
     "evaluate/stability.py",
+    "evaluate/case.py",
     "evaluate/judge.py",
 )
 """The sources and data that decide a score."""
 
-
-@dataclass(frozen=True)
-class Candidate:
-    """A method in the comparison.
-
-    name: in every table. weights_mb: size of its weights file, 0 without one. fingerprint: hash of what
-    decides its predictions besides the code. seen: content hashes of the sequences that it was trained
-    on or chosen by. training_frames: how many frames the former have, and training: how long it learned
-    from them (steps, epochs, minutes, samples), where its checkpoint says so. clips: the clips of both
-    and who moves in them, see `TrainingData`.
-    """
-
-    name: str
-    method: Method
-    weights_mb: float
-    fingerprint: str
-    seen: frozenset[str]
-    training_frames: int | None = None
-    clips: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    training: Mapping[str, float] = field(default_factory=dict)
+Scores = Mapping[str, Tensor]
+"""By measure, F values (jitter F - 2)."""
 
 
 @dataclass(frozen=True)
 class CaseScores:
-    """One method on one window.
+    """One method on one case.
 
-    scores: per frame, F values each (jitter F - 2); with "network_ms" and "contact_ms" if it is a method, and
-    with the scores of its stability if it is autoregressive.
-    shown: (S, N, 3) every stride-th frame of the case after contact, metres, world.
+    parts: scores per frame of each garment and, of several, of the whole outfit, by name; the last has what
+    concerns the outfit: of a method "network_ms" and "contact_ms", of several garments on which side of each
+    other they are. A method has those of its stability too if it uses feedback, and those of its
+    representation if it has one.
+    shown: (S, N, 3) every stride-th frame of the whole outfit after contact, metres, world.
     """
 
-    scores: Mapping[str, Tensor]
+    parts: Mapping[str, Scores]
     shown: Tensor
-
-
-@dataclass(frozen=True)
-class Case:
-    """A window ready to be judged: its sequence, what it is measured against, and who wears it.
-
-    start: number of warm-up frames. reference: the scored frames. transforms: (F, J, 3, 4) and
-    body_vertices: (F, V, 3) of the body in those.
-    """
-
-    window: Window
-    sequence: SimulatedSequence
-    outfit: Outfit
-    reference: Reference
-    start: int
-    transforms: Tensor
-    body_vertices: Tensor
-
-    @property
-    def stride(self) -> int:
-        return -(-len(self.reference.vertices) // SHOWN)
-
-
-def open_case(
-    window: Window, body: Body, garment: Garment, texels: tuple[Tensor, Tensor] | None, frames: int | None
-) -> Case:
-    """Load a window and check that it was simulated with this garment on this body.
-
-    texels: corners and barycentrics (P, 3) of the garment's map, None without one. frames: judge at most so
-    many, None for all. Raises InputError naming the file if the mesh, the rest shape or the skeleton differs,
-    or no frame counts.
-    """
-    sequence = load_sequence(window.path)
-    mesh, joints = garment.mesh, len(body.skeleton.names)
-    if not torch.equal(sequence.faces, mesh.faces):
-        raise InputError(f"{window.path}: its mesh is not that of the garment {garment.name}")
-    if sequence.transforms.shape[1] != joints:
-        raise InputError(
-            f"{window.path}: simulated on a body of {sequence.transforms.shape[1]} joints, "
-            f"body {body.name!r} has {joints}"
-        )
-    apart = float((sequence.rest - mesh.vertices).norm(dim=1).max())
-    if apart > SAME_REST:
-        raise InputError(
-            f"{window.path}: at rest it is up to {1000 * apart:.0f} mm from the garment {garment.name} "
-            f"on body {body.name!r}; it was simulated in another shape or on another body"
-        )
-    end = len(sequence.vertices) if frames is None else sequence.warm_up + frames
-    truth = sequence.vertices[sequence.warm_up : end]
-    if not len(truth):
-        raise InputError(f"{window.path}: has no frame after its {sequence.warm_up} warm-up frames")
-    reference = Reference(truth, sequence.rest, sequence.faces, sequence.fps, *(texels or (None, None)))
-    transforms = sequence.transforms[sequence.warm_up : end]
-    posed = skin(body.mesh.vertices, body.weights, transforms)
-    return Case(window, sequence, Outfit(body, (garment,)), reference, sequence.warm_up, transforms, posed)
 
 
 def judge(case: Case, candidate: Candidate) -> CaseScores:
@@ -148,167 +70,155 @@ def judge(case: Case, candidate: Candidate) -> CaseScores:
     predictions owe something to contact. It is also rolled out from the truth. Raises InputError if a
     prediction is not a finite number.
     """
-    method, end = candidate.method, case.start + len(case.reference.vertices)
-    predicted, resolved, milliseconds = [], [], []
-    for frame in _rolled(case, method, contact=True):
-        predicted.append(frame.raw[0])
-        resolved.append(frame.vertices[0])
+    prepared = prepare_rollout(candidate.method, case.outfit)
+    raw, resolved, times = _predicted(case, prepared)
+    more = representation(case, prepared)
+    if uses_feedback(prepared, case):
+        raw, _, _ = _predicted(case, replace(prepared, contact=None))
+        stable = stability_scores(prepared, case)
+        more = {name: {**scores, **more.get(name, {})} for name, scores in stable.items()}
+    scored = score(case, raw, resolved)
+    parts = {name: {**scores, **more.get(name, {})} for name, scores in scored.parts.items()}
+    whole = case.parts[-1].name
+    return CaseScores({**parts, whole: {**parts[whole], **times}}, scored.shown)
+
+
+def _predicted(case: Case, prepared: PreparedRollout) -> tuple[Tensor, Tensor, Scores]:
+    """All vertices (F, N, 3) of a rollout in the scored frames, before and after contact, and its times."""
+    raw, resolved, milliseconds = [], [], []
+    for frame in islice(prepared.frames(case.motion, case.fps), case.start, None):
+        raw.append(torch.cat(frame.raw).cpu())
+        resolved.append(torch.cat(frame.vertices).cpu())
         milliseconds.append([frame.milliseconds["network"], frame.milliseconds["contact"]])
-    stable: dict[str, Tensor] = {}
-    if uses_feedback(method, case.outfit, case.sequence):
-        predicted = [frame.raw[0] for frame in _rolled(case, method, contact=False)]
-        stable = stability_scores(method, case.outfit, case.sequence, end)
-    scored = score(case, torch.stack(predicted).cpu(), torch.stack(resolved).cpu())
-    times = torch.tensor(milliseconds)
-    scores = {**scored.scores, **stable, "network_ms": times[:, 0], "contact_ms": times[:, 1]}
-    return CaseScores(scores, scored.shown)
-
-
-def _rolled(case: Case, method: Method, contact: bool) -> Iterator[RolloutFrame]:
-    """The frames of a rollout that count."""
-    transforms = case.sequence.transforms[: case.start + len(case.reference.vertices)]
-    return islice(rollout(method, case.outfit, transforms, case.sequence.fps, contact), case.start, None)
+    network, contact = torch.tensor(milliseconds).unbind(1)
+    return torch.stack(raw), torch.stack(resolved), {"network_ms": network, "contact_ms": contact}
 
 
 def judge_simulation(case: Case) -> CaseScores:
     """The simulation scored as if it were a prediction: no error, but its own edges, bends and jitter."""
-    return score(case, case.reference.vertices, case.reference.vertices)
+    return score(case, case.truth, case.truth)
 
 
 def score(case: Case, raw: Tensor, resolved: Tensor) -> CaseScores:
-    """Score predictions before (F, N, 3) and after contact (F, N, 3) on the scored frames."""
-    scores = frame_scores(raw, resolved, case.reference)
-    worn = put_on(case.outfit)
+    """Score predictions of all garments before (F, N, 3) and after contact (F, N, 3) on the scored frames."""
+    parts: dict[str, dict[str, Tensor]] = {}
+    for part in case.parts:
+        before, after = raw[:, part.rows], resolved[:, part.rows]
+        worn = put_on(case.outfit.body, part.meshes)
+        parts[part.name] = frame_scores(before, after, part.reference)
+        for suffix, frames in (("_raw", before), ("", after)):
+            found = body_scores(worn, frames, case.body_vertices)
+            parts[part.name] |= {f"{key}{suffix}": values for key, values in found.items()}
+    *garments, whole = case.parts
     for suffix, frames in (("_raw", raw), ("", resolved)):
-        found = body_scores(worn, frames, case.body_vertices)
-        scores |= {f"{key}{suffix}": values for key, values in found.items()}
-    return CaseScores(scores, resolved[:: case.stride])
+        moved = {part.name: frames[:, part.rows] for part in garments}
+        found = layer_scores(moved, {part.name: part.reference.faces for part in garments})
+        parts[whole.name] |= {f"{key}{suffix}": values for key, values in found.items()}
+    return CaseScores(parts, resolved[:: case.stride])
 
 
-def repeatability(case: Case) -> dict[str, Tensor]:
-    """How far the simulation is from its repeat, per frame that counts in both; empty without a repeat.
+@torch.no_grad()
+def representation(case: Case, prepared: PreparedRollout) -> dict[str, Scores]:
+    """How far the simulation, written in a method's representation and read back, is from itself, by part.
+
+    Empty for a method that can show any garment.
+    """
+    chunks = []
+    led = with_lead(case.motion)
+    for first in range(case.start, case.end, CHUNK):
+        last = min(first + CHUNK, case.end)
+        frames = body_frames(case.outfit.body, led[first : last + LEAD], case.fps)
+        truth = tuple(sequence.vertices[first:last] for sequence in case.sequences)
+        read = prepared.method.round_trip(prepared.prepared, frames, truth)
+        if read is None:
+            return {}
+        chunks.append(torch.cat(read, dim=1))
+    shown = torch.cat(chunks)
+    errors = {part.name: distance_scores(shown[:, part.rows], part.reference.vertices) for part in case.parts}
+    return {name: {f"representation_{k}": v for k, v in found.items()} for name, found in errors.items()}
+
+
+def repeatability(window: Window, simulated: SimulatedSequence) -> dict[str, Tensor]:
+    """How far a simulation is from its repeat, per frame that counts in both; empty without a repeat.
 
     Frames are matched by the body's pose. A clip that has nothing before its window cannot start earlier: its
     repeat is the same simulation and tells nothing, so it counts as none. Raises InputError if the repeat is
     not the same motion or mesh.
     """
-    if case.window.repeat is None:
+    if window.repeat is None:
         return {}
-    repeat = load_sequence(case.window.repeat)
-    ours = case.sequence
-    if repeat.vertices.shape[1:] != ours.vertices.shape[1:]:
-        raise InputError(f"{case.window.repeat}: not the mesh of {case.window.path}")
-    gaps = (repeat.transforms - ours.transforms[-1]).abs().amax(dim=(1, 2, 3))
-    shift = int(gaps.argmin()) - (len(ours.vertices) - 1)
-    if shift == 0 and len(repeat.vertices) == len(ours.vertices):
+    repeat = load_sequence(window.repeat)
+    if repeat.vertices.shape[1:] != simulated.vertices.shape[1:]:
+        raise InputError(f"{window.repeat}: not the mesh of {window.path}")
+    gaps = (repeat.transforms - simulated.transforms[-1]).abs().amax(dim=(1, 2, 3))
+    shift = int(gaps.argmin()) - (len(simulated.vertices) - 1)
+    if shift == 0 and len(repeat.vertices) == len(simulated.vertices):
         return {}
-    first = max(ours.warm_up, repeat.warm_up - shift)
-    frames = torch.arange(first, len(ours.vertices))
+    first = max(simulated.warm_up, repeat.warm_up - shift)
+    frames = torch.arange(first, len(simulated.vertices))
     if not len(frames) or (
-        (ours.transforms[frames] - repeat.transforms[frames + shift]).abs().max() > SAME_MOTION
+        (simulated.transforms[frames] - repeat.transforms[frames + shift]).abs().max() > SAME_MOTION
     ):
-        raise InputError(f"{case.window.repeat}: does not repeat the motion of {case.window.path}")
-    return distance_scores(repeat.vertices[frames + shift], ours.vertices[frames])
+        raise InputError(f"{window.repeat}: does not repeat the motion of {window.path}")
+    return distance_scores(repeat.vertices[frames + shift], simulated.vertices[frames])
 
 
-def cached(out: Path, case: Case, name: str, fingerprint: str, work: Callable[[], CaseScores]) -> CaseScores:
+def cached(out: Path, case: Case, name: str, setting: str, work: Callable[[], CaseScores]) -> CaseScores:
     """The result of an earlier run of the same code on the same input, or that of `work`, then kept."""
-    key = hashlib.sha256(
-        "/".join(
-            [
-                FORMAT,
-                fingerprint,
-                garment_fingerprint(case.outfit.garments[0]),
-                content_hash(case.sequence),
-                str(len(case.reference.vertices)),
-            ]
-        ).encode()
-    ).hexdigest()[:16]
-    path = Path(out) / "partial" / f"{case.window.name}_{name}_{key}.npz"
-    truth = case.reference.vertices[:: case.stride]
+    garments = [garment_fingerprint(garment) for garment in case.outfit.garments]
+    contents = [content_hash(sequence) for sequence in case.sequences]
+    text = "/".join([FORMAT, setting, *garments, *contents, str(len(case.transforms))])
+    key = fingerprint(text)[:16]
+    path = Path(out) / "partial" / f"{case.name}_{name}_{key}.npz"
+    truth = case.truth[:: case.stride]
     if path.is_file():
         data = load_arrays(path, FORMAT, "a judged window")
-        scores = {k.removeprefix("score_"): torch.from_numpy(v) for k, v in data.items() if k[:6] == "score_"}
-        return CaseScores(scores, truth + torch.from_numpy(data["offset"].astype(np.float32)))
+        parts = {
+            part.name: {
+                name.removeprefix(_prefix(index)): torch.from_numpy(values)
+                for name, values in data.items()
+                if name.startswith(_prefix(index))
+            }
+            for index, part in enumerate(case.parts)
+        }
+        return CaseScores(parts, truth + torch.from_numpy(data["offset"].astype(np.float32)))
     judged = work()
     # Offsets from the simulation are small, so half precision keeps them well within a millimetre.
     arrays = {"format": np.array(FORMAT), "offset": (judged.shown - truth).numpy().astype(np.float16)}
-    arrays.update({f"score_{key}": values.numpy() for key, values in judged.scores.items()})
+    for index, scores in enumerate(judged.parts.values()):
+        arrays |= {f"{_prefix(index)}{key}": values.numpy() for key, values in scores.items()}
     save_arrays(path, arrays)
     return judged
+
+
+def _prefix(part: int) -> str:
+    """What the names of a part's scores begin with in a file."""
+    return f"part{part}/"
 
 
 def code_fingerprint() -> str:
     """Hash of the sources and data that decide a score: results of others are not taken over."""
     root = Path(__file__).resolve().parent.parent
-    digest = hashlib.sha256()
+    contents: list[str | bytes] = []
     for name in JUDGING:
         place = root / name
         inside = [*place.rglob("*.py"), *place.rglob("*.npz")]
         for path in sorted(inside) if place.is_dir() else [place]:
-            digest.update(str(path.relative_to(root)).encode() + path.read_bytes())
-    return digest.hexdigest()
+            contents += [str(path.relative_to(root)), path.read_bytes()]
+    return fingerprint(*contents)
 
 
 def body_fingerprint(body: Body) -> str:
     """Hash of the body that the garments are worn on."""
-    digest = hashlib.sha256("/".join(body.skeleton.names).encode())
     tensors = [body.mesh.vertices, body.mesh.faces, body.weights, body.skeleton.heads]
     tensors += [body.regions, body.sides]
     for proxy in body.proxies.values():
         tensors += [proxy.vertices, proxy.faces, proxy.weights]
-    for tensor in tensors:
-        digest.update(tensor.numpy().tobytes())
-    return digest.hexdigest()
+    return fingerprint("/".join(body.skeleton.names), *tensors)
 
 
 def garment_fingerprint(garment: Garment) -> str:
     """Hash of what a method sees of a garment, which a file may change without the sequence."""
-    digest = hashlib.sha256(garment.template.encode())
     mesh = garment.mesh
     tensors = (mesh.vertices, mesh.faces, mesh.uvs, mesh.face_uvs, garment.weights, garment.smooth_weights)
-    for tensor in tensors:
-        digest.update(tensor.numpy().tobytes())
-    return digest.hexdigest()
-
-
-def load_candidates(models: Sequence[str], body: Body) -> tuple[Candidate, ...]:
-    """Load what ships by name and trained models by folder. Raises InputError for unknown or equal names."""
-    from uvcloth.checkpoint import CONFIG, WEIGHTS, load_checkpoint
-    from uvcloth.methods.registry import load_method, model_folder
-
-    candidates = []
-    for model in models:
-        folder = model_folder(model)
-        method = load_method(model, body)
-        digest = hashlib.sha256(model.encode())
-        seen: frozenset[str] = frozenset()
-        training_frames = None
-        clips: Mapping[str, Mapping[str, str]] = {}
-        training: dict[str, float] = {}
-        if folder:
-            checkpoint = load_checkpoint(folder)
-            digest = hashlib.sha256((folder / WEIGHTS).read_bytes() + (folder / CONFIG).read_bytes())
-            seen = frozenset(checkpoint.data.files.values())
-            clips = checkpoint.data.clips
-            training_frames = checkpoint.notes.get("training_frames")
-            training = {key: checkpoint.notes[key] for key in TRAINING if key in checkpoint.notes}
-        candidates.append(
-            Candidate(
-                name=method.name,
-                method=method,
-                weights_mb=(folder / WEIGHTS).stat().st_size / 1e6 if folder else 0.0,
-                fingerprint=digest.hexdigest(),
-                seen=seen,
-                training_frames=training_frames,
-                clips=clips,
-                training=training,
-            )
-        )
-    names = [candidate.name for candidate in candidates]
-    for name in names:
-        if names.count(name) > 1:
-            raise InputError(f"--model: two models are called {name!r}, rename one of the folders")
-        if name == SIMULATION:
-            raise InputError(f"--model: no model can be called {SIMULATION!r}, rename the folder")
-    return tuple(candidates)
+    return fingerprint(f"{garment.source}/{garment.template}", *tensors)

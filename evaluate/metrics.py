@@ -3,13 +3,16 @@
 Shapes: F frames, N vertices, P texels. Positions in metres, results in millimetres (or mm2, radians).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
+from rasterize.gather import gather
 from uvcloth.geometry.mesh import weld
 from uvcloth.physics.energies import acceleration_jitter, edge_change, fold_angle, fold_cosine
+from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.physics.self_intersection import crossing_edges_percent
 
 MM = 1000.0
@@ -49,8 +52,7 @@ def map_mse(predicted: Tensor, truth: Tensor, corners: Tensor, barycentrics: Ten
     corners and barycentrics (P, 3).
     """
     error = (predicted - truth) * MM
-    seen = torch.einsum("fpcx,pc->fpx", error[:, corners], barycentrics.to(error))
-    return seen.square().sum(-1).mean(-1)
+    return gather(error, corners, barycentrics).square().sum(-1).mean(-1)
 
 
 def frame_scores(raw: Tensor, resolved: Tensor, reference: Reference) -> dict[str, Tensor]:
@@ -77,3 +79,26 @@ def shape_scores(vertices: Tensor, reference: Reference) -> dict[str, Tensor]:
         "jitter": acceleration_jitter(vertices, reference.fps),
         "crossing_edges_percent": crossing_edges_percent(vertices, weld(reference.rest)[reference.faces]),
     }
+
+
+def layer_scores(garments: Mapping[str, Tensor], faces: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Percent of an outer garment's vertices on an inner one's inner side, of those beside it: (F,) each.
+
+    garments: (F, N, 3) m of each, the innermost first, and faces: (M, 3), by name.
+    """
+    names = list(garments)
+    return {
+        wrong_side_key(outer, inner): torch.tensor(
+            [
+                wrong_side_percent(over[None], under[None], faces[inner])
+                for over, under in zip(garments[outer], garments[inner], strict=True)
+            ]
+        )
+        for index, outer in enumerate(names)
+        for inner in names[:index]
+    }
+
+
+def wrong_side_key(outer: str, inner: str) -> str:
+    """The score of one garment over another."""
+    return f"wrong_side_percent/{outer}/{inner}"

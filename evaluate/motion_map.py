@@ -6,7 +6,8 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from evaluate.judge import SHOWN, Candidate
+from evaluate.candidates import Candidate
+from evaluate.case import SHOWN
 from evaluate.report import MotionMap
 from evaluate.show import Shown
 from uvcloth.bodies.body import Body

@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,17 @@ from evaluate.charts import DASH, bars, lines, mark, number, scatter
 from evaluate.familiar import cautions
 from evaluate.results import LONG
 from evaluate.stability import SHORT_ROLLOUT
+from evaluate.standings import (
+    OUTFIT,
+    STAGES,
+    Results,
+    actions_in,
+    garments_in,
+    methods_on,
+    outfit_rows,
+    overall,
+    standings,
+)
 from evaluate.viewer import ViewerClip, pack_body, pack_clip
 from rasterize.atomic import atomic_write
 from uvcloth.bodies.body import Body
@@ -21,9 +32,6 @@ from uvcloth.rollout import BATCH
 TEMPLATES = Path(__file__).with_name("templates")
 METRICS = "metrics.json"
 REPORT = "report.html"
-
-Results = Mapping[str, Any]
-"""The content of metrics.json, as docs/metrics.md describes it."""
 
 MEASURES = {
     "vertex_mean_mm_raw": ("Mean vertex distance before contact", "mm", "mm"),
@@ -35,9 +43,6 @@ MEASURES = {
     "vertex_mse_mm2": ("Vertex MSE after contact", "mm²", "mse_mm2"),
 }
 """Figure 6 by measure: title, unit, and the suffix of the floors that can stand beside it."""
-
-STAGES = {"before": "_raw", "after": ""}
-"""Before and after contact: the suffixes of the fields."""
 
 PHYSICS = {
     "edge_mm": "Edge change (mm)",
@@ -90,32 +95,6 @@ class MotionMap:
     tests: Mapping[str, Tensor]
 
 
-@dataclass(frozen=True)
-class Rank:
-    """How far from the simulation, before or after contact, over all actions.
-
-    against: mean distance divided by that of the better LBS, None for an LBS itself or without one.
-    won, of: actions on which it is nearer to the simulation than the better LBS of that action.
-    """
-
-    mean_mm: float
-    rmse_mm: float | None
-    against: float | None
-    won: int
-    of: int
-
-
-@dataclass(frozen=True)
-class Standing:
-    """How one method did on one garment over all actions."""
-
-    method: str
-    garment: str
-    frames: int
-    before: Rank
-    after: Rank
-
-
 def write_metrics(out: Path, results: Results) -> Path:
     """Write OUT/metrics.json, whole or not at all. Raises InputError if it cannot be written."""
     return _write(Path(out) / METRICS, json.dumps(results, indent=1))
@@ -157,10 +136,13 @@ def write_report(
         trained=[name for name, judged in results["methods"].items() if judged["training"]],
         measures=MEASURES,
         physics=PHYSICS,
+        outfit_titles=OUTFIT,
         stages=STAGES,
         paper_costs=PAPER_COSTS,
         missing=[f"{a}, {t} ({why})" for a, by in results["missing"].items() for t, why in by.items()],
         standings=standings(results),
+        ranked=[*garments_in(results), *results["outfits"]],
+        outfit_rows=outfit_rows(results),
         charts=_bar_charts(results),
         over_time=_time_charts(results),
         overall=overall,
@@ -177,90 +159,6 @@ def write_report(
         mark=mark,
     )
     return _write(Path(out) / REPORT, page)
-
-
-def garments_in(results: Results) -> list[str]:
-    """The garments that any method was judged on, in the order in which they first appear."""
-    found = [t for m in results["methods"].values() for a in m["actions"].values() for t in a]
-    return list(dict.fromkeys(found))
-
-
-def methods_on(results: Results, garment: str) -> list[str]:
-    """The methods that were judged on a garment: those that dress it."""
-    methods = results["methods"].items()
-    return [name for name, m in methods if any(garment in by for by in m["actions"].values())]
-
-
-def actions_in(results: Results, garment: str) -> list[str]:
-    """The actions on which any method was judged with a garment."""
-    found = [
-        action
-        for method in results["methods"].values()
-        for action, by_garment in method["actions"].items()
-        if garment in by_garment
-    ]
-    return list(dict.fromkeys(found))
-
-
-def overall(actions: Mapping[str, Mapping[str, Mapping[str, float]]], garment: str, key: str) -> float | None:
-    """The mean of one measure over all actions of a garment, weighted by frames; None if there is none.
-
-    A root mean square averages as its square.
-    """
-    cells = [by[garment] for by in actions.values() if garment in by and by[garment].get(key) is not None]
-    frames = sum(cell["frames"] for cell in cells)
-    if not frames:
-        return None
-    power = 2 if "rmse" in key else 1
-    mean = sum(cell["frames"] * cell[key] ** power for cell in cells) / frames
-    return float(mean ** (1 / power))
-
-
-def standings(results: Results) -> list[Standing]:
-    """Every method on every garment beside the better LBS (methods whose names begin with "lbs")."""
-    return [
-        Standing(
-            method=name,
-            garment=garment,
-            frames=sum(by[garment]["frames"] for by in method["actions"].values() if garment in by),
-            **{when: _rank(results, name, garment, suffix) for when, suffix in STAGES.items()},
-        )
-        for garment in garments_in(results)
-        for name, method in results["methods"].items()
-        if name in methods_on(results, garment)
-    ]
-
-
-def _rank(results: Results, name: str, garment: str, suffix: str) -> Rank:
-    methods = results["methods"]
-    baselines = [other for other in methods if other.startswith("lbs")]
-    mean_key, rmse_key = f"vertex_mean_mm{suffix}", f"vertex_rmse_mm{suffix}"
-    found = {other: overall(methods[other]["actions"], garment, mean_key) for other in (*baselines, name)}
-    means = {other: mean for other, mean in found.items() if mean is not None}
-    best = min((means[other] for other in baselines if other in means), default=0.0)
-    judged = name not in baselines and best > 0
-    duels = _duels(results, name, baselines, garment, mean_key) if judged else []
-    return Rank(
-        mean_mm=means[name],
-        rmse_mm=overall(methods[name]["actions"], garment, rmse_key),
-        against=means[name] / best if judged else None,
-        won=sum(own < other for own, other in duels),
-        of=len(duels),
-    )
-
-
-def _duels(
-    results: Results, name: str, baselines: Iterable[str], garment: str, key: str
-) -> list[tuple[float, float]]:
-    """Per action: the method's mean distance and that of the better LBS."""
-    methods = results["methods"]
-    duels = []
-    for action, by_garment in methods[name]["actions"].items():
-        others = [methods[b]["actions"].get(action, {}).get(garment) for b in baselines]
-        found = [cell[key] for cell in others if cell is not None]
-        if garment in by_garment and found:
-            duels.append((by_garment[garment][key], min(found)))
-    return duels
 
 
 def _bar_charts(results: Results) -> dict[str, list[Any]]:

@@ -7,9 +7,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from evaluate.judge import SIMULATION, CaseScores
-
-Scores = Mapping[str, Tensor]
+from evaluate.candidates import SIMULATION
+from evaluate.judge import Scores
+from evaluate.metrics import wrong_side_key
 
 STAGES = ("_raw", "")
 """Suffixes of what is measured before and after contact."""
@@ -38,34 +38,52 @@ EARLY, LATE = slice(50, 150), slice(-100, None)
 """and those of its frames that are compared for that."""
 
 
+FIGURES = {
+    "mm": ("vertex_mean_mm", 1.0),
+    "rmse_mm": ("vertex_mse_mm2", 0.5),
+    "mse_mm2": ("vertex_mse_mm2", 1.0),
+}
+"""The three figures of a floor: the distance score that is averaged, and the power of its mean."""
+
+REPRESENTED = "representation_"
+"""What the distance scores of a method's own representation begin with."""
+
+
 @dataclass(frozen=True)
 class Entry:
-    """What one method scored on one window."""
+    """What one method scored on one part, a garment or a whole outfit, in one case."""
 
     action: str
-    garment: str
-    judged: CaseScores
+    part: str
+    scores: Scores
 
 
-def summarize(entries: Mapping[str, Sequence[Entry]]) -> dict[str, Any]:
-    """The methods and the simulation, by action and garment.
+def summarize(entries: Mapping[str, Sequence[Entry]], outfits: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+    """The methods and the simulation, by action and garment, and by outfit and action.
 
-    entries: by method name; those under SIMULATION are the yardstick and go to a key of their own.
+    entries: by method name; those under SIMULATION are the yardstick and go to a key of their own. outfits:
+    by name, the garments of those that have several, the innermost first.
     """
-    yardstick = _by_action(entries[SIMULATION], entries[SIMULATION])
-    methods = {
-        name: {
-            "actions": _by_action(found, entries[SIMULATION]),
-            **{f"over_time_mm{stage}": _over_time(found, f"vertex_mean_mm{stage}") for stage in STAGES},
-            "stability": {
-                garment: stability([e.judged.scores for e in found if e.garment == garment])
-                for garment in dict.fromkeys(entry.garment for entry in found)
-            },
+    simulation = entries[SIMULATION]
+
+    def summarized(found: Sequence[Entry]) -> dict[str, Any]:
+        single = [entry for entry in found if entry.part not in outfits]
+        worn = [name for name in outfits if any(entry.part == name for entry in found)]
+        whole = {name: [entry for entry in found if entry.part == name] for name in worn}
+        return {
+            **_tables(single, simulation),
+            "representation": _representation(single),
+            "outfits": {name: _outfit(whole[name], simulation, outfits[name]) for name in worn},
         }
-        for name, found in entries.items()
-        if name != SIMULATION
+
+    yardstick = summarized(simulation)
+    return {
+        "methods": {name: summarized(found) for name, found in entries.items() if name != SIMULATION},
+        SIMULATION: {
+            "actions": yardstick["actions"],
+            "outfits": {name: {"actions": each["actions"]} for name, each in yardstick["outfits"].items()},
+        },
     }
-    return {"methods": methods, SIMULATION: {"actions": yardstick}}
 
 
 def floor(frames: Mapping[str, Sequence[Scores]], kind: str) -> dict[str, dict[str, float]]:
@@ -73,16 +91,20 @@ def floor(frames: Mapping[str, Sequence[Scores]], kind: str) -> dict[str, dict[s
 
     frames: by garment, the distance scores of every window; garments without any are left out.
     """
-    means, squares = {}, {}
-    for garment, windows in frames.items():
-        found = [scores for scores in windows if scores]
-        if found:
-            means[garment] = _mean(found, "vertex_mean_mm")
-            squares[garment] = _mean(found, "vertex_mse_mm2")
+    found = {garment: [scores for scores in windows if scores] for garment, windows in frames.items()}
+    figures = {garment: _figures(windows) for garment, windows in found.items() if windows}
+    return {f"{kind}_{unit}": {garment: each[unit] for garment, each in figures.items()} for unit in FIGURES}
+
+
+def representation_floor(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float]]:
+    """By garment, the least that a method's own representation loses: {"representation_mm": ..., ...}."""
+    represented = [method["representation"] for method in methods.values()]
+    garments = dict.fromkeys(garment for by_garment in represented for garment in by_garment)
     return {
-        f"{kind}_mm": means,
-        f"{kind}_rmse_mm": {garment: square**0.5 for garment, square in squares.items()},
-        f"{kind}_mse_mm2": squares,
+        f"representation_{unit}": {
+            garment: min(by[garment][unit] for by in represented if garment in by) for garment in garments
+        }
+        for unit in FIGURES
     }
 
 
@@ -103,23 +125,82 @@ def stability(windows: Sequence[Scores]) -> dict[str, float | int | None]:
     }
 
 
+def _tables(entries: Sequence[Entry], simulation: Sequence[Entry]) -> dict[str, Any]:
+    """What metrics.json says of a method, by part."""
+    parts = {
+        part: [entry.scores for entry in entries if entry.part == part]
+        for part in dict.fromkeys(entry.part for entry in entries)
+    }
+    return {
+        "actions": _by_action(entries, simulation),
+        **{
+            f"over_time_mm{stage}": {
+                part: _over_time([scores[f"vertex_mean_mm{stage}"] for scores in windows])
+                for part, windows in parts.items()
+            }
+            for stage in STAGES
+        },
+        "stability": {part: stability(windows) for part, windows in parts.items()},
+    }
+
+
+def _outfit(entries: Sequence[Entry], simulation: Sequence[Entry], garments: Sequence[str]) -> dict[str, Any]:
+    """The same of one outfit as a whole, and how its garments lie over one another in each action."""
+    tables = _tables(entries, simulation)
+    (name,) = tables["stability"]
+    cells = {action: by_part[name] for action, by_part in tables["actions"].items()}
+    return {
+        **{key: by_part[name] for key, by_part in tables.items() if key != "actions"},
+        "actions": {
+            action: cell | _sides([e.scores for e in entries if e.action == action], garments)
+            for action, cell in cells.items()
+        },
+    }
+
+
+def _sides(scores: Sequence[Scores], garments: Sequence[str]) -> dict[str, dict[str, dict[str, float]]]:
+    """Vertices on the wrong side, percent, by outer and inner garment, before and after contact."""
+    return {
+        f"wrong_side_percent{stage}": {
+            outer: {inner: _mean(scores, wrong_side_key(outer, inner) + stage) for inner in garments[:index]}
+            for index, outer in enumerate(garments)
+            if index
+        }
+        for stage in STAGES
+    }
+
+
+def _representation(entries: Sequence[Entry]) -> dict[str, dict[str, float]]:
+    """What a method's own representation loses, by garment; empty if it has none."""
+    found: dict[str, list[Scores]] = {}
+    for entry in entries:
+        if f"{REPRESENTED}vertex_mean_mm" in entry.scores:
+            found.setdefault(entry.part, []).append(entry.scores)
+    return {garment: _figures(windows, REPRESENTED) for garment, windows in found.items()}
+
+
+def _figures(windows: Sequence[Scores], prefix: str = "") -> dict[str, float]:
+    """The three figures of a floor over some windows."""
+    return {unit: _mean(windows, f"{prefix}{key}") ** power for unit, (key, power) in FIGURES.items()}
+
+
 def _by_action(entries: Sequence[Entry], simulation: Sequence[Entry]) -> dict[str, dict[str, Any]]:
     actions: dict[str, dict[str, Any]] = {}
-    for action, garment in dict.fromkeys((entry.action, entry.garment) for entry in entries):
-        actions.setdefault(action, {})[garment] = _cell(
-            _scores(entries, action, garment), _scores(simulation, action, garment)
+    for action, part in dict.fromkeys((entry.action, entry.part) for entry in entries):
+        actions.setdefault(action, {})[part] = _cell(
+            _scores(entries, action, part), _scores(simulation, action, part)
         )
     return actions
 
 
-def _scores(entries: Sequence[Entry], action: str, garment: str) -> list[Scores]:
-    return [e.judged.scores for e in entries if (e.action, e.garment) == (action, garment)]
+def _scores(entries: Sequence[Entry], action: str, part: str) -> list[Scores]:
+    return [entry.scores for entry in entries if (entry.action, entry.part) == (action, part)]
 
 
-def _cell(scores: Sequence[Scores], simulation: Sequence[Scores]) -> dict[str, float | int | None]:
-    """Means over all frames of one action and garment."""
+def _cell(scores: Sequence[Scores], simulation: Sequence[Scores]) -> dict[str, Any]:
+    """Means over all frames of one action and part."""
     calm = _mean(simulation, "jitter")
-    cell: dict[str, float | int | None] = {
+    cell: dict[str, Any] = {
         "frames": sum(len(each["vertex_mean_mm"]) for each in scores),
         "map_mse_mm2": _mean(scores, "map_mse_mm2") if "map_mse_mm2" in scores[0] else None,
     }
@@ -128,7 +209,7 @@ def _cell(scores: Sequence[Scores], simulation: Sequence[Scores]) -> dict[str, f
         cell[f"vertex_rmse_mm{stage}"] = _mean(scores, f"vertex_mse_mm2{stage}") ** 0.5
         # Fewer than three frames have no acceleration.
         cell[f"jitter_ratio{stage}"] = _mean(scores, f"jitter{stage}") / calm if calm > 0 else None
-    if "network_ms" in scores[0]:
+    if all("network_ms" in each for each in scores):
         network, contact = _mean(scores, "network_ms"), _mean(scores, "contact_ms")
         cell |= {"network_ms": network, "contact_ms": contact, "ms_per_frame": network + contact}
     return cell
@@ -139,12 +220,8 @@ def _mean(scores: Sequence[Scores], key: str) -> float:
     return float(values.mean()) if len(values) else 0.0
 
 
-def _over_time(entries: Sequence[Entry], key: str) -> dict[str, list[float]]:
-    """The mean of a score at each frame over a garment's windows, while at least half of them last."""
-    lines = {}
-    for garment in dict.fromkeys(entry.garment for entry in entries):
-        windows = [e.judged.scores[key] for e in entries if e.garment == garment]
-        padded = torch.nn.utils.rnn.pad_sequence(windows, padding_value=float("nan"))
-        enough = padded.isfinite().sum(1) * 2 >= len(windows)
-        lines[garment] = [round(float(value), 3) for value in padded.nanmean(1)[enough]]
-    return lines
+def _over_time(windows: Sequence[Tensor]) -> list[float]:
+    """The mean of a score (F,) of several windows at each frame, while at least half of them last."""
+    padded = torch.nn.utils.rnn.pad_sequence(list(windows), padding_value=float("nan"))
+    enough = padded.isfinite().sum(1) * 2 >= len(windows)
+    return [round(float(value), 3) for value in padded.nanmean(1)[enough]]

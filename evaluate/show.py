@@ -7,10 +7,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from evaluate.case import outfit_name
 from evaluate.report import Picture
 from evaluate.viewer import ViewerClip
 from uvcloth.bodies.body import Body
-from uvcloth.garments.garment import Garment
+from uvcloth.garments.garment import Outfit
+from uvcloth.geometry.mesh import join_meshes
 from uvcloth.geometry.skinning import skin
 from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
 
@@ -36,23 +38,33 @@ METHOD_COLORS: tuple[Color, ...] = (
 
 @dataclass(frozen=True)
 class Shown:
-    """A judged window as far as it is looked at.
+    """A judged case as far as it is looked at.
 
-    meshes: by name, the simulation first, then the methods that dress the garment, (S, N, 3) metres.
-    transforms: (S, J, 3, 4). fps: of the S frames.
+    meshes: by name, the simulation first, then the methods that dress the outfit, all its garments as one,
+    (S, N, 3) metres. transforms: (S, J, 3, 4). fps: of the S frames.
     """
 
     action: str
     clip: str
-    garment: Garment
+    outfit: Outfit
     fps: float
     stride: int
     transforms: Tensor
     meshes: Mapping[str, Tensor]
 
     @property
+    def worn(self) -> str:
+        """The name of the outfit, that of its garment where it is one."""
+        return outfit_name([garment.name for garment in self.outfit.garments])
+
+    @property
+    def faces(self) -> Tensor:
+        """Faces (M, 3) of all garments as one mesh."""
+        return join_meshes((each.mesh.vertices, each.mesh.faces) for each in self.outfit.garments).faces
+
+    @property
     def liveliness(self) -> float:
-        """Mean speed of the simulated garment in m/s, from frame to frame shown."""
+        """Mean speed of the simulated garments in m/s, from frame to frame shown."""
         simulated = next(iter(self.meshes.values()))
         return (
             float(torch.diff(simulated, dim=0).norm(dim=-1).mean()) * self.fps if len(simulated) > 1 else 0.0
@@ -60,27 +72,26 @@ class Shown:
 
 
 def viewer_clips(shown: Sequence[Shown]) -> list[ViewerClip]:
-    """The liveliest window of each garment, where methods differ most."""
+    """The liveliest case of each outfit, where methods differ most."""
     clips = []
-    for name in garments_shown(shown):
-        s = max((s for s in shown if s.garment.name == name), key=lambda s: s.liveliness)
-        faces = s.garment.mesh.faces
-        clips.append(ViewerClip(s.action, name, s.fps, s.stride, faces, s.transforms, s.meshes))
+    for name in outfits_shown(shown):
+        s = max((s for s in shown if s.worn == name), key=lambda s: s.liveliness)
+        clips.append(ViewerClip(s.action, name, s.fps, s.stride, s.faces, s.transforms, s.meshes))
     return clips
 
 
-def garments_shown(shown: Sequence[Shown]) -> dict[str, Garment]:
-    """The garments that were judged, by name."""
-    return {each.garment.name: each.garment for each in shown}
+def outfits_shown(shown: Sequence[Shown]) -> dict[str, Outfit]:
+    """The outfits that were judged, by name."""
+    return {each.worn: each.outfit for each in shown}
 
 
 def pictured(shown: Sequence[Shown]) -> list[Shown]:
-    """One window per action, taking the garments in turn, so that all are seen."""
+    """One case per action, taking the outfits in turn, so that all are seen."""
     chosen = []
-    garments = list(garments_shown(shown))
+    outfits = list(outfits_shown(shown))
     for index, action in enumerate(dict.fromkeys(each.action for each in shown)):
         of_action = [each for each in shown if each.action == action]
-        wanted = [each for each in of_action if each.garment.name == garments[-1 - index % len(garments)]]
+        wanted = [each for each in of_action if each.worn == outfits[-1 - index % len(outfits)]]
         chosen.append((wanted or of_action)[0])
     return chosen
 
@@ -93,7 +104,7 @@ def method_color(methods: Sequence[str], name: str) -> Color:
 def pictures(
     shown: Sequence[Shown], methods: Sequence[str], body: Body, tick: Callable[[], None]
 ) -> Iterator[Picture]:
-    """One picture per window: a row per moment, the simulation first, then every method. tick: after each.
+    """One picture per case: a row per moment, the simulation first, then every method. tick: after each.
 
     methods: all that were judged on anything, in order.
     """
@@ -106,7 +117,7 @@ def pictures(
             render(
                 [
                     Surface(skin_vertices, body.mesh.faces, BODY_COLOR),
-                    Surface(mesh[frame], window.garment.mesh.faces, color),
+                    Surface(mesh[frame], window.faces, color),
                 ],
                 three_quarter(skin_vertices),
                 PICTURE,
@@ -117,8 +128,7 @@ def pictures(
         names = ", ".join(window.meshes)
         seconds = ", ".join(f"{frame / window.fps:.1f}" for frame in frames)
         yield Picture(
-            f"{window.action}, {window.garment.name}; from left to right: {names}; "
-            f"from top to bottom at {seconds} s",
+            f"{window.action}, {window.worn}; from left to right: {names}; from top to bottom at {seconds} s",
             png(contact_sheet(images, columns=len(window.meshes))),
         )
         tick()

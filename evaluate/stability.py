@@ -1,82 +1,82 @@
 """How far a method that feeds on itself gets from the truth: in one step, in rollouts that start from it."""
 
+from dataclasses import replace
+from itertools import islice
+
 import torch
 from torch import Tensor
 
+from evaluate.case import Case
 from evaluate.metrics import distance_scores
 from uvcloth.bodies.frames import body_frames, with_lead
-from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.garment import Garment
 from uvcloth.geometry.rotations import rotate, rotate_back
 from uvcloth.geometry.skinning import skin_frames
-from uvcloth.methods.method import Method
-from uvcloth.rollout import rollout
+from uvcloth.rollout import PreparedRollout
 from uvcloth.simulate.sequence import SimulatedSequence
 
 SHORT_ROLLOUT = 50
 """Frames of a short rollout (Motion-guided, Table 3)."""
 
 
-def stability_scores(
-    method: Method, outfit: Outfit, simulated: SimulatedSequence, end: int
-) -> dict[str, Tensor]:
-    """Mean vertex distances, mm, of a method that uses feedback, over warm-up .. end, (F,) each.
+def stability_scores(prepared: PreparedRollout, case: Case) -> dict[str, dict[str, Tensor]]:
+    """Mean vertex distances, mm, of a method that uses feedback, in the scored frames, (F,) each, by part.
 
-    one_step_mm_raw, one_step_mm: before and after contact, the true garment having been observed after every
+    one_step_mm_raw, one_step_mm: before and after contact, the true garments having been observed after every
     frame before. rollout_50_mm_raw, rollout_50_mm: without contact and after it, in rollouts of SHORT_ROLLOUT
-    frames one behind the other. Each starts anew as the window does: it observes as many true garments as
+    frames one behind the other. Each starts anew as the case does: it observes as many true garments as
     there are warm-up frames, then its own.
     """
-    warm_up = simulated.warm_up
-    stepped = _errors(method, outfit, simulated, 0, end, known=end)
-
-    def rolled(contact: bool) -> Tensor:
-        spans = [
-            (first, min(first + warm_up + SHORT_ROLLOUT, end))
-            for first in range(0, end - warm_up, SHORT_ROLLOUT)
-        ]
-        parts = [_errors(method, outfit, simulated, *span, known=warm_up, contact=contact) for span in spans]
-        return torch.cat(parts)[:, int(contact)]
-
+    spans = [
+        (first, min(first + case.start + SHORT_ROLLOUT, case.end))
+        for first in range(0, case.end - case.start, SHORT_ROLLOUT)
+    ]
+    alone = replace(prepared, contact=None)
+    stepped = _errors(prepared, case, (0, case.end), known=case.end)
+    short_raw, short = (
+        torch.cat([_errors(rollout, case, span, known=case.start)[:, stage] for span in spans])
+        for stage, rollout in enumerate((alone, prepared))
+    )
     return {
-        "one_step_mm_raw": stepped[:, 0],
-        "one_step_mm": stepped[:, 1],
-        "rollout_50_mm_raw": rolled(contact=False),
-        "rollout_50_mm": rolled(contact=True),
+        part.name: {
+            "one_step_mm_raw": stepped[:, 0, index],
+            "one_step_mm": stepped[:, 1, index],
+            "rollout_50_mm_raw": short_raw[:, index],
+            "rollout_50_mm": short[:, index],
+        }
+        for index, part in enumerate(case.parts)
     }
 
 
-def uses_feedback(method: Method, outfit: Outfit, simulated: SimulatedSequence) -> bool:
-    """Whether an observed garment changes a method's state; one may remember its own predictions only."""
+def uses_feedback(prepared: PreparedRollout, case: Case) -> bool:
+    """Whether observed garments change a method's state; one may remember its own predictions only."""
+    method = prepared.method
     if not method.autoregressive:
         return False
-    frames = body_frames(outfit.body, with_lead(simulated.transforms[:1]), simulated.fps)
-    state = method.start(outfit, frames)
-    return method.observe(state, (simulated.vertices[0],)) is not state
+    frames = body_frames(case.outfit.body, with_lead(case.motion[:1]), case.fps)
+    state = method.init(prepared.prepared, frames)
+    observed = tuple(sequence.vertices[:1] for sequence in case.sequences)
+    return method.feed_back(prepared.prepared, state, observed) is not state
 
 
-def _errors(
-    method: Method,
-    outfit: Outfit,
-    simulated: SimulatedSequence,
-    first: int,
-    last: int,
-    known: int,
-    contact: bool = True,
-) -> Tensor:
-    """Errors (F, 2), mm, before and after contact, over frames first .. last without as many as settle.
+def _errors(prepared: PreparedRollout, case: Case, span: tuple[int, int], known: int) -> Tensor:
+    """Errors (F, 2, parts), mm, before and after contact, over a span of frames, its warm-up left out.
 
-    known: of how many frames, from `first` on, the truth is observed.
+    known: of how many frames, from its first on, the truth is observed.
     """
-    truth = simulated.vertices[first:last]
-    transforms = simulated.transforms[first:last]
-    shown = [(vertices,) for vertices in truth[:known]]
-    errors = [
-        distance_scores(torch.stack([frame.raw[0], frame.vertices[0]]).cpu(), vertices)["vertex_mean_mm"]
-        for frame, vertices in zip(
-            rollout(method, outfit, transforms, simulated.fps, contact, truth=shown), truth, strict=True
-        )
-    ]
-    return torch.stack(errors[simulated.warm_up :])
+    first, last = span
+    garments = [sequence.vertices[first:last] for sequence in case.sequences]
+    truth = list(zip(*garments, strict=True))
+    frames = prepared.frames(case.motion[first:last], case.fps, truth=truth[:known])
+    errors = []
+    for frame, true in islice(zip(frames, truth, strict=True), case.start, None):
+        found = torch.stack([torch.cat(frame.raw), torch.cat(frame.vertices)]).cpu()
+        apart = [
+            distance_scores(found[:, part.rows], torch.cat(true)[part.rows])["vertex_mean_mm"]
+            for part in case.parts
+        ]
+        errors.append(torch.stack(apart, dim=1))
+    return torch.stack(errors)
 
 
 def copied_truth(garment: Garment, simulated: SimulatedSequence, end: int) -> dict[str, dict[str, Tensor]]:

@@ -1,4 +1,4 @@
-"""npz files that are written whole or not at all, and read without pickle."""
+"""Read and write npz files: written whole or not at all, read without pickle."""
 
 import zipfile
 import zlib

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Atomic writing of files: they appear whole or not at all."""
 
 import os
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ from rasterize.errors import InputError
 
 @contextmanager
 def atomic_write(path: Path) -> Iterator[Path]:
-    """Where to write instead of to `path`: the same name in a folder beside it, moved to `path` at the end.
+    """Temporary path to write to instead of `path`: the same name in a folder beside it, moved at the end.
 
     If the block raises, nothing is left and an older file stays. Folders above are made.
     Raises InputError naming `path` if the system refuses anything in the block.

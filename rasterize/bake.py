@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from rasterize.gather import gather
 from rasterize.texels import Texels
 
 
@@ -13,17 +14,7 @@ def bake(values: Tensor, faces: Tensor, texels: Texels) -> Tensor:
 
     faces: (F, 3) int64 of the mesh. Everything on one device.
     """
-    return interpolate(values, faces, texels.face, texels.barycentrics)
-
-
-def interpolate(values: Tensor, faces: Tensor, face: Tensor, barycentrics: Tensor) -> Tensor:
-    """Vertex attributes (..., V, C) at points on faces: face (R,), barycentrics (R, 3) -> (..., R, C)."""
-    corners = faces[face]
-    weights = barycentrics.to(values)
-    return sum(
-        (values.index_select(-2, corners[:, c]) * weights[:, c : c + 1] for c in range(1, 3)),
-        start=values.index_select(-2, corners[:, 0]) * weights[:, :1],
-    )
+    return gather(values, faces[texels.face], texels.barycentrics)
 
 
 def scatter_map(texel_values: Tensor, texels: Texels) -> Tensor:
@@ -40,7 +31,7 @@ def gather_map(maps: Tensor, texels: Texels) -> Tensor:
 
 
 def valid_mask(texels: Texels) -> Tensor:
-    """Which texels lie on a face: (H, W) bool."""
+    """Mask of the texels that lie on a face: (H, W) bool."""
     mask = torch.zeros(texels.height * texels.width, dtype=torch.bool, device=texels.pixels.device)
     mask[texels.pixels] = True
     return mask.view(texels.height, texels.width)
@@ -48,7 +39,7 @@ def valid_mask(texels: Texels) -> Tensor:
 
 @dataclass(frozen=True)
 class Gutter:
-    """Where each texel of an H x W sheet copies from: source (H * W,) int64; valid texels from themselves."""
+    """Source texel of each texel of an H x W sheet: (H * W,) int64; valid ones copy themselves."""
 
     source: Tensor
 

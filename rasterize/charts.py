@@ -35,7 +35,7 @@ def face_components(faces: np.ndarray, cuts: np.ndarray) -> np.ndarray:
 
 
 def largest_piece(faces: np.ndarray) -> np.ndarray:
-    """Which faces make up the largest connected piece of a mesh: (n,) int64, ascending."""
+    """Faces of the largest connected piece of a mesh: (n,) int64, ascending."""
     pieces = face_components(faces, np.zeros(0, dtype=np.int64))
     return np.flatnonzero(pieces == np.bincount(pieces).argmax())
 

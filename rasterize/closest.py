@@ -1,4 +1,4 @@
-"""Closest points on a mesh with warp. Apart from raycast.py, because importing warp takes a while."""
+"""Closest points on a mesh with warp; kept out of raycast.py, because importing warp takes a while."""
 
 # mypy: disable-error-code="valid-type, attr-defined, no-untyped-call"
 
@@ -8,7 +8,7 @@ from torch import Tensor
 
 wp.config.log_level = wp.LOG_WARNING
 
-REACH = 1e3
+UNBOUNDED_DISTANCE = 1e3
 """Metres: farther than any input that was not refused before."""
 
 
@@ -21,7 +21,7 @@ def _closest(
     distance: wp.array(dtype=float),
 ) -> None:
     i = wp.tid()
-    query = wp.mesh_query_point_no_sign(mesh, points[i], REACH)
+    query = wp.mesh_query_point_no_sign(mesh, points[i], UNBOUNDED_DISTANCE)
     face[i] = query.face
     barycentrics[i] = wp.vec3(query.u, query.v, 1.0 - query.u - query.v)
     distance[i] = wp.length(points[i] - wp.mesh_eval_position(mesh, query.face, query.u, query.v))

@@ -1,4 +1,4 @@
-"""How every command of the project ends: one sentence for bad input, never a traceback for it."""
+"""Exit codes and messages of every command: one sentence for bad input, never a traceback for it."""
 
 import errno
 import sys
@@ -10,7 +10,7 @@ BAD_INPUT = 2
 INTERRUPTED = 130
 
 REFUSED_BY_THE_SYSTEM = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM}
-"""The machine, not the program, says no: full disk, quota, read-only folder, no permission."""
+"""Errors of the system, not of the program: full disk, quota, read-only folder, no permission."""
 
 
 def run_command(program: str, command: Callable[[], None]) -> int:
@@ -22,17 +22,18 @@ def run_command(program: str, command: Callable[[], None]) -> int:
     try:
         command()
     except InputError as error:
-        return _say(program, str(error), BAD_INPUT)
+        return _report(program, str(error), BAD_INPUT)
     except KeyboardInterrupt:
-        return _say(program, "interrupted; finished work is in place", INTERRUPTED)
+        return _report(program, "interrupted; finished work is in place", INTERRUPTED)
     except OSError as error:
         if error.errno not in REFUSED_BY_THE_SYSTEM:
             raise
         place = f"{error.filename}: " if error.filename else ""
-        return _say(program, f"{place}cannot be written or read ({error.strerror})", BAD_INPUT)
+        return _report(program, f"{place}cannot be written or read ({error.strerror})", BAD_INPUT)
     return 0
 
 
-def _say(program: str, sentence: str, code: int) -> int:
+def _report(program: str, sentence: str, code: int) -> int:
+    """Print one sentence to stderr, on one line, and return the exit code."""
     print(f"{program}: {' '.join(sentence.split())}", file=sys.stderr)
     return code

@@ -6,25 +6,26 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from rasterize.gather import gather
 from rasterize.layout import Layout
 from rasterize.texels import Texels
 
-AT_VERTEX = 1e-4
+ZERO_BARYCENTRIC = 1e-4
 """A barycentric coordinate below this counts as zero: the point lies on an edge or a vertex."""
 
 LAYER_DISTANCE = 0.02
 """Two points whose normals are at right angles count as 1.4 times this many metres farther apart."""
 
 RIDGES = (1e-4, 1e-2)
-"""Of moving least squares, as shares of the total weight: the second where the first leaves large weights."""
+"""Ridges of moving least squares, shares of the total weight; the second where the first amplifies."""
 
-GAIN = 2.0
+MAX_GAIN = 2.0
 """Sum of the absolute weights of a point above which errors in the maps would be amplified too much."""
 
 
 @dataclass(frozen=True)
 class Sampler:
-    """For each of N points, S texels of the sheet and their weights.
+    """Sampling weights: for each of N points, S texels of the sheet and their weights.
 
     pixels: (N, S) int64 into H * W, all valid texels. weights: (N, S), rows sum to one.
     """
@@ -35,10 +36,7 @@ class Sampler:
 
 def decode(maps: Tensor, sampler: Sampler) -> Tensor:
     """Weighted means of texels: maps (..., C, H, W) -> (..., N, C); differentiable, on any device."""
-    count, samples = sampler.pixels.shape
-    texels = maps.flatten(-2).index_select(-1, sampler.pixels.flatten())
-    values = texels.view(*maps.shape[:-2], count, samples) * sampler.weights.to(maps)
-    return values.sum(-1).transpose(-1, -2)
+    return gather(maps.flatten(-2).transpose(-1, -2), sampler.pixels, sampler.weights)
 
 
 def sample_points(
@@ -69,13 +67,13 @@ def sample_points(
 def _images(
     layout: Layout, mesh_faces: Tensor, slot: Tensor, face: Tensor, barycentrics: Tensor
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Every place of each point on the sheet: owner (P,) ascending, uvs (P, 2), islands (P,)."""
+    """Places of each point on the sheet, several on a cut: owner (P,) ascending, uvs (P, 2), islands (P,)."""
     corner_uvs = layout.uvs.double()[layout.face_uvs]
-    own = (corner_uvs[slot[face]] * barycentrics.double()[..., None]).sum(1)
+    own = gather(layout.uvs.double(), layout.face_uvs[slot[face]], barycentrics)
     owners, places, islands = [torch.arange(len(face))], [own], [layout.islands[slot[face]]]
 
     kept = mesh_faces[layout.faces]
-    on = barycentrics > AT_VERTEX
+    on = barycentrics > ZERO_BARYCENTRIC
     # At a vertex: every corner of a kept face there.
     at_vertex = torch.nonzero(on.sum(1) == 1).flatten()
     vertex = mesh_faces[face[at_vertex], barycentrics[at_vertex].argmax(1)]
@@ -119,7 +117,7 @@ def _images(
 
 
 def _ranges(first: Tensor, last: Tensor) -> tuple[Tensor, Tensor]:
-    """Write out the ranges first..last: which range, and the index."""
+    """Write out the ranges first..last: the range of each index, and the index."""
     which = torch.arange(len(first)).repeat_interleave(last - first)
     begin = (last - first).cumsum(0) - (last - first)
     return which, torch.arange(len(which)) - begin[which] + first[which]
@@ -167,7 +165,7 @@ def nearest_sampler(
     """Weights over the k texels whose points in rest pose lie nearest to each query.
 
     points_at_texels: (M, 3) metres, not finite where a ray missed. queries: (N, 3).
-    normals: of the M points and the N queries; points that look the other way are then avoided, so that one
+    normals: of the M points and the N queries; points that face the other way are then avoided, so that one
     layer of cloth does not take its values from another.
     The weights are moving least squares of the first order: wherever the texels surround the query, they
     reproduce every linear field almost exactly; where they do not, a ridge bounds the weights.
@@ -198,5 +196,5 @@ def nearest_sampler(
         coefficients = torch.linalg.solve(moments + ridge * slopes * moments[:, :1, :1], unit)
         bounded = closeness * torch.einsum("nki,ni->nk", basis, coefficients)
         bounded = bounded / bounded.sum(1, keepdim=True)
-        weights = torch.where(weights.abs().sum(1, keepdim=True) > GAIN, bounded, weights)
+        weights = torch.where(weights.abs().sum(1, keepdim=True) > MAX_GAIN, bounded, weights)
     return Sampler(texels.pixels[usable[nearest]], weights.float())

@@ -1,5 +1,7 @@
 """Flatten a chart onto a rectangle: little distortion, and not a single fold."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
@@ -7,10 +9,10 @@ from scipy.sparse.linalg import splu
 from rasterize.charts import boundary_loops
 from rasterize.errors import InputError
 
-RELAXATIONS = 300
-"""At most this many descent steps; a chart settles in 10 to 50."""
+MAX_DESCENT_STEPS = 300
+"""At most this many descent steps; a chart converges in 10 to 50."""
 
-BULGE = 0.01
+SIDE_BULGE = 0.01
 """Sides bend outwards by this share of the chart, so that a face with all corners on one side is no line."""
 
 
@@ -45,20 +47,20 @@ def flatten(
         chord = square[side + 1] - square[side]
         outward = np.array([chord[1], -chord[0]])
         uvs[run] = (
-            square[side] + along[:, None] * chord + (4 * BULGE * along * (1 - along))[:, None] * outward
+            square[side] + along[:, None] * chord + (4 * SIDE_BULGE * along * (1 - along))[:, None] * outward
         )
         free[run] &= chord != 0
         on_side[run, side] = True
     inner: np.ndarray = np.logical_and(free[:, 0], free[:, 1])
     uvs = _solve(_mean_value_weights(vertices, faces), uvs, inner)
-    uvs = (uvs + BULGE) / (1 + 2 * BULGE)
+    uvs = (uvs + SIDE_BULGE) / (1 + 2 * SIDE_BULGE)
     # A face with all corners on one side is as thin as the bulge: no movement can help it.
     thin = on_side[faces].all(1).any(1)
     return _relax(vertices, faces, uvs, free=free, thin=thin, aspect=aspect)
 
 
 def _mean_value_weights(vertices: np.ndarray, faces: np.ndarray) -> sparse.csr_matrix:
-    """w_ij = (tan(a / 2) + tan(b / 2)) / |ij| with a, b the angles at i beside the edge ij."""
+    """Weights (n, n): w_ij = (tan(a / 2) + tan(b / 2)) / |ij|, a and b the angles at i beside the edge."""
     rows, cols, values = [], [], []
     for corner in range(3):
         i, j, k = (faces[:, (corner + step) % 3] for step in range(3))
@@ -84,6 +86,43 @@ def _solve(weights: sparse.csr_matrix, uvs: np.ndarray, inner: np.ndarray) -> np
     return solved
 
 
+@dataclass(frozen=True)
+class _Distortion:
+    """Symmetric Dirichlet energy of a flattened chart, area x (|J|^2 + |J^-1|^2).
+
+    faces: (m, 3). slopes: (2, m, 3), d/dx and d/dy of a linear function from its values at the corners of the
+    face laid flat. area: (m,) weights of the faces. size: (2,) of the rectangle. free: (n, 2) coordinates
+    that may move.
+    """
+
+    faces: np.ndarray
+    slopes: np.ndarray
+    area: np.ndarray
+    size: np.ndarray
+    free: np.ndarray
+
+    def energy(self, uvs: np.ndarray) -> tuple[float, np.ndarray]:
+        """Energy at uvs (n, 2) and its gradient (n, 2), zero where fixed; infinite if a face turns over."""
+        jacobian = np.einsum("dfc,fcu->fud", self.slopes, uvs[self.faces] * self.size)
+        det = np.linalg.det(jacobian)
+        if det.min() <= 0:
+            return np.inf, uvs
+        square = (jacobian**2).sum((1, 2))
+        cofactor = np.stack(
+            [
+                np.stack([jacobian[:, 1, 1], -jacobian[:, 1, 0]], axis=1),
+                np.stack([-jacobian[:, 0, 1], jacobian[:, 0, 0]], axis=1),
+            ],
+            axis=1,
+        )
+        slope = (2 * self.area * (1 + det**-2))[:, None, None] * jacobian
+        slope -= (2 * self.area * square * det**-3)[:, None, None] * cofactor
+        per_corner = np.einsum("dfc,fud->fcu", self.slopes, slope) * self.size
+        gradient = np.zeros_like(uvs)
+        np.add.at(gradient, self.faces.ravel(), per_corner.reshape(-1, 2))
+        return float((self.area * square * (1 + det**-2)).sum()), np.where(self.free, gradient, 0.0)
+
+
 def _relax(
     vertices: np.ndarray,
     faces: np.ndarray,
@@ -93,76 +132,64 @@ def _relax(
     thin: np.ndarray,
     aspect: float,
 ) -> np.ndarray:
-    """Lower the symmetric Dirichlet energy, area x (|J|^2 + |J^-1|^2), without ever turning a face over.
+    """Lower the distortion of a flattened chart without ever turning a face over.
 
     Gradient descent preconditioned with the Laplacian (Kovalsky et al. 2016); free: (n, 2), the coordinates
     that may move (boundary vertices slide along their side). Faces marked thin only must not turn over.
     """
-    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-    length = np.linalg.norm(b - a, axis=1)
-    normal = np.cross(b - a, c - a)
-    double_area = np.linalg.norm(normal, axis=1)
-    # The face laid flat: corner 0 at the origin, corner 1 on the x axis.
-    x = ((c - a) * (b - a)).sum(1) / length
-    y = double_area / length
-    scale = np.sqrt(double_area.sum() / 2 / aspect)
-    size = scale * np.array([aspect, 1.0])
-    # d/dx and d/dy of a linear function from its values at the three corners.
-    slopes = np.stack(
-        [
-            np.stack([-1 / length, 1 / length, np.zeros_like(x)], axis=1),
-            np.stack([(x / length - 1) / y, -x / (length * y), 1 / y], axis=1),
-        ]
-    )
-    area = np.where(thin, 0.0, double_area / 2)
-
-    def energy(positions: np.ndarray) -> tuple[float, np.ndarray]:
-        corners = positions[faces] * size
-        jacobian = np.einsum("dfc,fcu->fud", slopes, corners)
-        det = np.linalg.det(jacobian)
-        if det.min() <= 0:
-            return np.inf, positions
-        square = (jacobian**2).sum((1, 2))
-        cofactor = np.stack(
-            [
-                np.stack([jacobian[:, 1, 1], -jacobian[:, 1, 0]], axis=1),
-                np.stack([-jacobian[:, 0, 1], jacobian[:, 0, 0]], axis=1),
-            ],
-            axis=1,
-        )
-        slope = (2 * area * (1 + det**-2))[:, None, None] * jacobian
-        slope -= (2 * area * square * det**-3)[:, None, None] * cofactor
-        per_corner = np.einsum("dfc,fud->fcu", slopes, slope) * size
-        gradient = np.zeros_like(positions)
-        np.add.at(gradient, faces.ravel(), per_corner.reshape(-1, 2))
-        return float((area * square * (1 + det**-2)).sum()), np.where(free, gradient, 0.0)
-
-    rows = np.tile(np.arange(len(faces)), 3)
-    shape = (len(faces), len(vertices))
-    gradients = [sparse.csr_matrix((d.T.ravel(), (rows, faces.T.ravel())), shape=shape) for d in slopes]
-    laplacian = sum(g.T @ sparse.diags(double_area / 2) @ g for g in gradients).tocsr()
+    slopes, double_area = _face_slopes(vertices, faces)
+    size = np.sqrt(double_area.sum() / 2 / aspect) * np.array([aspect, 1.0])
+    distortion = _Distortion(faces, slopes, np.where(thin, 0.0, double_area / 2), size, free)
+    laplacian = _laplacian(len(vertices), faces, slopes, double_area / 2)
     solvers = [
         (free[:, axis], splu((laplacian[free[:, axis]][:, free[:, axis]] * size[axis] ** 2).tocsc()))
         for axis in range(2)
     ]
     step = 1.0
-    current, gradient = energy(uvs)
-    for _ in range(RELAXATIONS):
+    current, gradient = distortion.energy(uvs)
+    for _ in range(MAX_DESCENT_STEPS):
         direction = np.zeros_like(uvs)
         for axis, (moving, solver) in enumerate(solvers):
             direction[moving, axis] = -solver.solve(gradient[moving, axis])
         slope = float((direction * gradient).sum())
         while step > 1e-12:
-            tried, tried_gradient = energy(uvs + step * direction)
+            tried, tried_gradient = distortion.energy(uvs + step * direction)
             if tried < current + 1e-4 * step * slope:
                 break
             step *= 0.5
         else:
             break
         uvs = uvs + step * direction
-        settled = current - tried < 1e-5 * current
+        converged = current - tried < 1e-5 * current
         current, gradient = tried, tried_gradient
-        if settled:
+        if converged:
             break
         step *= 3.0
     return uvs
+
+
+def _face_slopes(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes (2, m, 3) of linear functions on the faces laid flat, and twice the areas (m,) of the faces.
+
+    Corner 0 of a flat face lies at the origin, corner 1 on the x axis.
+    """
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    length = np.linalg.norm(b - a, axis=1)
+    double_area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    x = ((c - a) * (b - a)).sum(1) / length
+    y = double_area / length
+    slopes = np.stack(
+        [
+            np.stack([-1 / length, 1 / length, np.zeros_like(x)], axis=1),
+            np.stack([(x / length - 1) / y, -x / (length * y), 1 / y], axis=1),
+        ]
+    )
+    return slopes, double_area
+
+
+def _laplacian(count: int, faces: np.ndarray, slopes: np.ndarray, area: np.ndarray) -> sparse.csr_matrix:
+    """Cotangent Laplacian (count, count) of a mesh from the slopes (2, m, 3) and areas (m,) of its faces."""
+    rows = np.tile(np.arange(len(faces)), 3)
+    shape = (len(faces), count)
+    gradients = [sparse.csr_matrix((d.T.ravel(), (rows, faces.T.ravel())), shape=shape) for d in slopes]
+    return sum(g.T @ sparse.diags(area) @ g for g in gradients).tocsr()

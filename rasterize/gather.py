@@ -1,28 +1,50 @@
 """Weighted sums of rows: how values at vertices become values at texels, and back."""
 
+from typing import Any
+
 import torch
 from torch import Tensor
 
 
-def gather(values: Tensor, indices: Tensor, shares: Tensor) -> Tensor:
-    """Weighted sums of rows: values (..., V, C), indices and shares (P, K) -> (..., P, C)."""
-    total = values.index_select(-2, indices[:, 0]) * shares[:, :1]
-    for column in range(1, indices.shape[1]):
-        total = total + values.index_select(-2, indices[:, column]) * shares[:, column : column + 1]
-    return total
+def gather(values: Tensor, indices: Tensor, weights: Tensor) -> Tensor:
+    """Weighted sums of rows: values (..., V, C), indices (N, K) int64 -> (..., N, C), in their dtype.
 
-
-def weighted_rows(values: Tensor, indices: Tensor, shares: Tensor) -> Tensor:
-    """Weighted sums of rows: values (B, V, C), indices (N, K), shares (N, K) or (B, N, K) -> (B, N, C).
-
-    One pass for many rows each, where `gather` makes one per column; gradients for the shares are fast.
+    weights: (N, K), or (..., N, K) where they differ over the leading dimensions of the values.
     """
-    batch, rows, channels = values.shape
-    first = rows * torch.arange(batch, device=values.device)[:, None, None]
-    picked = torch.nn.functional.embedding_bag(
+    weights = weights.to(values.dtype)
+    if weights.requires_grad:
+        return _sums(values, indices, weights)
+    sums: Tensor = _FixedWeights.apply(values, indices, weights)  # type: ignore[no-untyped-call]
+    return sums
+
+
+def _sums(values: Tensor, indices: Tensor, weights: Tensor) -> Tensor:
+    """One pass for all K columns, where a product for each takes two to ten times as long."""
+    leading, (rows, channels) = values.shape[:-2], values.shape[-2:]
+    first = rows * torch.arange(leading.numel(), device=values.device)[:, None, None]
+    sums = torch.nn.functional.embedding_bag(
         (indices + first).flatten(0, 1),
         values.reshape(-1, channels),
-        per_sample_weights=shares.expand(batch, *indices.shape).flatten(0, 1),
+        per_sample_weights=weights.expand(*leading, *indices.shape).reshape(-1, indices.shape[1]),
         mode="sum",
     )
-    return picked.view(batch, len(indices), channels)
+    return sums.view(*leading, len(indices), channels)
+
+
+class _FixedWeights(torch.autograd.Function):
+    """The sums, with a gradient column by column: on the CPU twice as fast as that of `_sums`."""
+
+    @staticmethod
+    def forward(ctx: Any, values: Tensor, indices: Tensor, weights: Tensor) -> Tensor:
+        ctx.save_for_backward(indices, weights)
+        ctx.rows = values.shape[-2]
+        return _sums(values, indices, weights)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:
+        indices, weights = ctx.saved_tensors
+        (sums,) = gradients
+        values = sums.new_zeros(*sums.shape[:-2], ctx.rows, sums.shape[-1])
+        for column, share in zip(indices.unbind(1), weights.unbind(-1), strict=True):
+            values.index_add_(-2, column, sums * share[..., None])
+        return values, None, None

@@ -1,4 +1,4 @@
-"""UV layouts: which part of a mesh lies where on the unit square."""
+"""UV layouts: the charts of a mesh, their places on the unit square, and their files."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from rasterize.charts import boundary_loops, edge_keys, edges_of, face_component
 from rasterize.errors import InputError
 from rasterize.flatten import flatten
 
-FORMAT = "rasterize-layout-1"
+LAYOUT_FORMAT = "rasterize-layout-1"
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,10 @@ class Layout:
 
 @dataclass(frozen=True)
 class Chart:
-    """One piece of a surface and the rectangle that it fills.
+    """One labelled piece of a surface and the rectangle that it fills.
 
-    label: of its faces. corners: the four mesh vertices, counter-clockwise from the lower left, that go to
-    the corners of the rectangle; a vertex on a seam may be named twice, once for each side of the seam.
+    label: that of its faces. corners: the four mesh vertices, counter-clockwise from the lower left, that go
+    to the corners of the rectangle; a vertex on a seam may be named twice, once for each side of the seam.
     rectangle: (left, bottom, right, top) on the sheet.
     """
 
@@ -127,11 +127,11 @@ def unwrap(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def save_layout(layout: Layout, path: Path) -> None:
-    """Write one compressed npz, whole or not at all. Raises InputError if it cannot be written."""
+    """Write a layout to one compressed npz. Raises InputError if it cannot be written."""
     save_arrays(
         path,
         {
-            "format": np.array(FORMAT),
+            "format": np.array(LAYOUT_FORMAT),
             "faces": layout.faces.numpy().astype(np.int32),
             "uvs": layout.uvs.numpy().astype(np.float32),
             "face_uvs": layout.face_uvs.numpy().astype(np.int32),
@@ -142,7 +142,7 @@ def save_layout(layout: Layout, path: Path) -> None:
 
 def load_layout(path: Path) -> Layout:
     """Read a layout npz. Raises InputError if it is missing, damaged, not a layout, or not finite."""
-    data = load_arrays(path, FORMAT, "a UV layout", ("faces", "uvs", "face_uvs", "islands"))
+    data = load_arrays(path, LAYOUT_FORMAT, "a UV layout", ("faces", "uvs", "face_uvs", "islands"))
     require_finite(path, data)
     return Layout(
         faces=torch.from_numpy(data["faces"].astype(np.int64)),

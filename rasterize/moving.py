@@ -1,4 +1,4 @@
-"""Moving points in few bytes: whole multiples of a step, predicted in time and along the mesh.
+"""Compression of moving points: whole multiples of a step, predicted in time and along the mesh.
 
 What is kept is how each point's second difference in time differs from that of a neighbour: a few steps where
 cloth moves smoothly. These are whole numbers, so that nothing adds up: in every frame, and on every machine
@@ -15,31 +15,31 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components
 from rasterize.archive import load_arrays, require_finite
 from rasterize.errors import InputError
 
-STEP = 5.7e-5
-"""Metres. Half the diagonal of a cube of this size, the largest error of a point, is 0.0494 mm."""
+QUANTIZATION_STEP = 5.7e-5
+"""Metres between two coordinates; half the diagonal of such a cube, the largest error, is 0.0494 mm."""
 
-PACKED = ("changes", "parents", "origin")
+PACKED_ARRAYS = ("changes", "parents", "origin")
 """Names of what `pack` makes and `unpack` takes."""
 
-FARTHEST = 1.0e4
+MAX_COORDINATE = 1.0e4
 """Metres from the origin within which points are packed."""
 
 
 def pack(points: np.ndarray, faces: np.ndarray) -> dict[str, np.ndarray]:
-    """Points (F, N, 3) m of a mesh with faces (M, 3) as arrays that compress well.
+    """Pack points (F, N, 3) m of a mesh with faces (M, 3) into arrays that compress well.
 
     changes: (2, N, 3, F) uint8, the low and high bytes of 16 bits, signs last. parents: (N,) int32, the
     neighbour that each point is predicted by, N for none. origin: (3,) int64 steps, the first point.
 
-    Points that are not finite, beyond FARTHEST, or jump by more than 16 bits of steps (1.8 m) do not fit:
-    changes is then (F, N, 3) float32, the points as they are.
+    Points that are not finite, beyond MAX_COORDINATE, or jump by more than 16 bits of steps (1.8 m) do not
+    fit: changes is then (F, N, 3) float32, the points as they are.
     """
     parents = _parents(faces, points.shape[1])
     origin = np.zeros(3, dtype=np.int64)
     arrays = {"changes": points.astype(np.float32), "parents": parents, "origin": origin}
-    if not (np.abs(points) < FARTHEST).all():
+    if not (np.abs(points) < MAX_COORDINATE).all():
         return arrays
-    steps = np.rint(points.astype(np.float64).transpose(1, 2, 0) / STEP).astype(np.int64)
+    steps = np.rint(points.astype(np.float64).transpose(1, 2, 0) / QUANTIZATION_STEP).astype(np.int64)
     arrays["origin"] = origin = steps[0, :, 0].copy()
     steps -= origin[:, None]
     speeds = np.diff(steps, axis=2)
@@ -53,7 +53,7 @@ def pack(points: np.ndarray, faces: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def unpack(changes: np.ndarray, parents: np.ndarray, origin: np.ndarray) -> np.ndarray:
-    """The points (F, N, 3) m that `pack` made these arrays of, float32.
+    """Unpack the arrays of `pack` into points (F, N, 3) m, float32.
 
     Raises ValueError or IndexError if they do not fit together.
     """
@@ -67,17 +67,19 @@ def unpack(changes: np.ndarray, parents: np.ndarray, origin: np.ndarray) -> np.n
     steps[..., 1:].cumsum(axis=2, out=steps[..., 1:])
     steps.cumsum(axis=2, out=steps)
     steps += origin[:, None]
-    return np.multiply(steps.transpose(2, 0, 1), STEP, dtype=np.float64).astype(np.float32, order="C")
+    return np.multiply(steps.transpose(2, 0, 1), QUANTIZATION_STEP, dtype=np.float64).astype(
+        np.float32, order="C"
+    )
 
 
 def load_moving(path: Path, format: str, expected: str, names: Sequence[str]) -> dict[str, np.ndarray]:
-    """An npz as `load_arrays` reads it, with the points in it unpacked as "vertices" (F, N, 3).
+    """Read an npz as `load_arrays` does, its points unpacked as "vertices" (F, N, 3) m.
 
     Raises InputError also for points that do not fit together and for numbers that are not finite.
     """
-    data = load_arrays(path, format, expected, (*PACKED, *names))
+    data = load_arrays(path, format, expected, (*PACKED_ARRAYS, *names))
     try:
-        data["vertices"] = unpack(*(data.pop(name) for name in PACKED))
+        data["vertices"] = unpack(*(data.pop(name) for name in PACKED_ARRAYS))
     except (ValueError, TypeError, IndexError) as error:
         raise InputError(f"{path}: its vertices do not fit together, expected {expected}") from error
     require_finite(path, data)
@@ -97,7 +99,7 @@ def _parents(faces: np.ndarray, count: int) -> np.ndarray:
 
 
 def _levels(parents: np.ndarray) -> Iterator[np.ndarray]:
-    """Points by how many others lie between them and the first of their piece; the first are left out."""
+    """Points in the order of their distance, in edges, from the first of their piece, without the first."""
     level = np.flatnonzero(parents == len(parents))
     while len(level):
         level = np.flatnonzero(np.isin(parents, level))

@@ -6,12 +6,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.bake import interpolate
+from rasterize.gather import gather
 
 
 @dataclass(frozen=True)
 class Hits:
-    """Where R rays or points meet a mesh.
+    """Hits of R rays, or closest points of R points, on a mesh.
 
     face: (R,) int64, -1 where nothing was met. barycentrics: (R, 3), zero there. distance: (R,) metres, along
     the ray's direction (negative behind its origin); infinite there. For closest points it is positive.
@@ -23,12 +23,12 @@ class Hits:
 
     @property
     def found(self) -> Tensor:
-        """(R,) bool."""
+        """Mask of the rays that met the mesh: (R,) bool."""
         return self.face >= 0
 
     def interpolate(self, vertices: Tensor, faces: Tensor) -> Tensor:
-        """The points met, on the moved mesh (..., V, 3) with faces (F, 3): (..., R, 3), zero if none."""
-        return interpolate(vertices, faces, self.face.clamp(min=0), self.barycentrics)
+        """Hit points on the moved mesh (..., V, 3) with faces (F, 3): (..., R, 3), zero if none."""
+        return gather(vertices, faces[self.face.clamp(min=0)], self.barycentrics)
 
 
 def cast_rays(
@@ -40,7 +40,7 @@ def cast_rays(
     max_distance: float,
     both_ways: bool,
 ) -> Hits:
-    """Meet the nearest face along each ray, or along both it and its opposite.
+    """Find the nearest face along each ray, or along both it and its opposite.
 
     origins, directions: (R, 3), directions of any length above zero. vertices: (V, 3). faces: (F, 3).
     max_distance: metres; hits farther away count as missed.

@@ -13,8 +13,8 @@ from rasterize.exr import write_exr
 from rasterize.raycast import Hits, body_to_garment
 from rasterize.texels import Texels
 
-REACH = 0.12
-"""Metres along the body's normal within which a texel looks for cloth."""
+GARMENT_RAY_LENGTH = 0.12
+"""Metres along the body's normal within which a texel's ray may meet cloth."""
 
 AXES = ("X", "Y", "Z")
 
@@ -44,12 +44,15 @@ class FrameMaps:
 def see_garment(
     body_rest: Tensor, faces: Tensor, garment_rest: Tensor, garment_faces: Tensor, texels: Texels
 ) -> Hits:
-    """T^BC in rest pose: what each texel sees. body_rest: (V, 3), garment_rest: (N, 3)."""
+    """T^BC in rest pose: the garment point of each of M texels.
+
+    body_rest: (V, 3) m. garment_rest: (N, 3) m.
+    """
     corners = body_rest[faces]
     across = torch.linalg.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = torch.zeros_like(body_rest).index_add(0, faces.flatten(), across.repeat_interleave(3, dim=0))
     points, directions = bake(body_rest, faces, texels), bake(normals, faces, texels)
-    return body_to_garment(points, directions, garment_rest, garment_faces, REACH)
+    return body_to_garment(points, directions, garment_rest, garment_faces, GARMENT_RAY_LENGTH)
 
 
 def frame_maps(
@@ -85,7 +88,7 @@ def write_maps(maps: FrameMaps, path: Path) -> None:
 
 
 def contact_sheet(frames: Mapping[int, FrameMaps]) -> np.ndarray:
-    """One row per frame with velocity, acceleration and offset: (rows, columns, 3) in [0, 1].
+    """Picture of one row per frame with velocity, acceleration and offset: (rows, columns, 3) in [0, 1].
 
     Grey is zero, red, green and blue are X, Y and Z; each quantity has one scale over all frames.
     """

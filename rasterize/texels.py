@@ -1,4 +1,4 @@
-"""Which face of the mesh each texel of a layout sees: the papers' transference matrix T^UB."""
+"""Rasterization of a UV layout: the mesh face of each texel, the papers' transference matrix T^UB."""
 
 from dataclasses import dataclass
 
@@ -100,7 +100,7 @@ class Density:
 def texel_density(
     layout: Layout, vertices: Tensor, faces: Tensor, parts: Tensor, size: int
 ) -> dict[int, Density]:
-    """How evenly a size x size sheet samples each part of a surface.
+    """Sampling density of each part of a surface on a size x size sheet.
 
     vertices: (V, 3) metres. faces: (F, 3). parts: (F,) int64 part of each face; parts without a kept face are
     left out.

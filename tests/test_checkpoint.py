@@ -25,7 +25,7 @@ def checkpoint():
         config={"size": 32},
         tensors={"weight": torch.arange(6.0).view(2, 3), "count": torch.tensor(3)},
         body=body_identity(small_body()),
-        templates=("tops",),
+        garments=("tops",),
         data=TrainingData({"walk_tops.npz": "abc"}, {"train": {"walk": "ann"}, "validation": {"run": ""}}),
         notes={"step": 7},
     )
@@ -35,7 +35,7 @@ def test_comes_back_equal(checkpoint, tmp_path):
     save_checkpoint(checkpoint, tmp_path / "run")
     loaded = load_checkpoint(tmp_path / "run", small_body())
     assert loaded.config == checkpoint.config
-    assert loaded.templates == checkpoint.templates
+    assert loaded.garments == checkpoint.garments
     assert loaded.data == checkpoint.data
     for name, tensor in checkpoint.tensors.items():
         assert torch.equal(loaded.tensors[name], tensor)

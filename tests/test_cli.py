@@ -42,32 +42,32 @@ def test_help_imports_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "[]"
-    for subcommand in ("body", "simulate", "data", "fit", "rollout", "poses", "export", "demo"):
+    for subcommand in ("body", "simulate", "data", "maps", "fit", "rollout", "poses", "export", "demo"):
         assert subcommand in done.stdout
 
 
 def test_simulate_hands_everything_on(monkeypatch, stand_in):
+    from uvcloth.simulate import batch
+    from uvcloth.simulate.plan import ClipSelection
+
     calls = []
-    stand_in("uvcloth.simulate.batch", simulate_batch=lambda **options: calls.append(options))
+    monkeypatch.setattr(batch, "simulate_batch", lambda *given, **options: calls.append((given, options)))
     stand_in("uvcloth.bodies.body", load_body=lambda path: f"body from {path}")
-    arguments = ("a.bvh", "walk", "--garment", "tops", "dress", "--out", "data", "--jobs", "2", "--layered")
+    arguments = ("a.bvh", "walk", "--garment", "tops", "dress", "--out", "data", "--jobs", "2")
     assert run(monkeypatch, "simulate", *arguments, "--windows", "index.csv", "--body", "b.npz") == 0
-    assert calls == [
-        {
-            "clips": ("a.bvh", "walk"),
-            "garments": ("tops", "dress"),
-            "out": Path("data"),
-            "body": "body from b.npz",
-            "windows": Path("index.csv"),
-            "clips_from": None,
-            "splits": None,
-            "jobs": 2,
-            "scheduler": None,
-            "repeat": False,
-            "layered": True,
-            "engine": "newton",
-        }
-    ]
+    assert run(monkeypatch, "simulate", *arguments, "--layered", "--engine", "blender", "--repeat") == 0
+    (alone, first), (_, second) = calls
+    assert alone == (ClipSelection(("a.bvh", "walk"), Path("index.csv")),)
+    assert (first["out"], first["body"]) == (Path("data"), "body from b.npz")
+    assert first["workers"] == batch.Workers(jobs=2)
+    assert (first["engine"], first["repeat"], second["engine"], second["repeat"]) == (
+        "newton",
+        False,
+        "blender",
+        True,
+    )
+    assert [list(outfit) for outfit in first["outfits"]] == [["tops"], ["dress"]]
+    assert [list(outfit) for outfit in second["outfits"]] == [["tops", "dress"]]
 
 
 def test_body_hands_on_only_the_given_phenotypes(monkeypatch, stand_in, tmp_path):

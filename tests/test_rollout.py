@@ -12,8 +12,11 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
+from uvcloth.methods.method import Method
+from uvcloth.methods.physxnet.config import PRESETS
+from uvcloth.methods.physxnet.method import PhysXNet
 from uvcloth.physics.layers import wrong_side_percent
-from uvcloth.rollout import BATCH, BrokenRolloutError, rollout
+from uvcloth.rollout import BATCH, BrokenRolloutError, prepare_rollout, roll_out_together, rollout
 
 FPS = 30.0
 
@@ -24,6 +27,11 @@ def outfit() -> Outfit:
     return Outfit(body, (Garment("shell", "tops", mesh, body.weights, body.weights),))
 
 
+def clothed() -> Outfit:
+    body = load_body()
+    return Outfit(body, (fit_template("tops", body),))
+
+
 def falling(frames: int) -> torch.Tensor:
     """Both joints fall freely: constant acceleration."""
     transforms = torch.eye(3, 4).repeat(frames, 2, 1, 1)
@@ -32,35 +40,38 @@ def falling(frames: int) -> torch.Tensor:
 
 
 @dataclass
-class Recorder:
-    """Skins the garment and keeps the body frames that it was shown."""
+class Recorder(Method):
+    """Skins the garment and keeps the body frames that it was shown; its state is what was fed back."""
 
-    autoregressive: bool
+    autoregressive: bool = False
     name: str = "recorder"
+    prepared: int = 0
 
-    def start(self, outfit, frames):
+    def prepare(self, outfit, device):
+        self.prepared += 1
         self.seen = []
-        return outfit.garments[0]
+        return outfit.garments
 
-    def step(self, garment, frames):
+    def step(self, garments, fed_back, frames):
         self.seen.append(frames)
-        return garment, (skin(garment.mesh.vertices, garment.weights, frames.transforms[:, -1]),)
+        transforms = frames.transforms[:, -1]
+        return fed_back, tuple(skin(g.mesh.vertices, g.weights, transforms) for g in garments)
 
-    def observe(self, garment, garments):
-        self.observed = garments
-        return garment
+    def feed_back(self, prepared, state, garments):
+        self.fed_back = garments
+        return garments
 
 
-@pytest.mark.parametrize("remembers", [False, True])
-def test_streams_every_frame_with_its_true_history(remembers):
+@pytest.mark.parametrize("autoregressive", [False, True])
+def test_streams_every_frame_with_its_true_history(autoregressive):
     worn, motion = outfit(), falling(2 * BATCH + 3)
-    method = Recorder(remembers)
+    method = Recorder(autoregressive)
     frames = list(rollout(method, worn, iter(motion), FPS, contact=False))
     assert [frame.index for frame in frames] == list(range(len(motion)))
     whole = body_frames(worn.body, with_lead(motion), FPS)
     shown = torch.cat([part.acceleration for part in method.seen])
     torch.testing.assert_close(shown, whole.acceleration)
-    assert max(len(part) for part in method.seen) == (1 if remembers else BATCH)
+    assert max(len(part) for part in method.seen) == (1 if autoregressive else BATCH)
     for frame, transforms in zip(frames, motion, strict=True):
         torch.testing.assert_close(frame.transforms, transforms)
         expected = skin(worn.garments[0].mesh.vertices, worn.garments[0].weights, transforms[None])[0]
@@ -100,12 +111,9 @@ def test_contact_leaves_no_vertex_inside():
 class Slipping(Recorder):
     """Skins garments, trousers too far in front and the shirt too far behind."""
 
-    def start(self, outfit, frames):
-        return outfit.garments
-
-    def step(self, garments, frames):
+    def step(self, garments, state, frames):
         aside = {"bottoms": -0.015, "tops": 0.015}
-        return garments, tuple(
+        return state, tuple(
             skin(g.mesh.vertices, g.smooth_weights, frames.transforms[:, -1])
             + torch.tensor([0.0, aside[g.name], 0.0])
             for g in garments
@@ -128,11 +136,35 @@ def test_contact_keeps_an_outer_garment_over_the_inner_one():
     assert wrong_side_percent(both[1], below, bottoms.mesh.faces) < 0.5
 
 
-def test_a_method_that_remembers_observes_what_contact_left():
+def test_what_contact_left_is_fed_back_to_an_autoregressive_method():
     method = Recorder(True)
     for frame in rollout(method, outfit(), falling(3), FPS):
         kept = frame.vertices
-    assert torch.equal(method.observed[0], kept[0])
+    assert torch.equal(method.fed_back[0][0], kept[0])
+
+
+def test_rollouts_of_one_preparation_are_those_of_their_own():
+    method, worn = Recorder(True), outfit()
+    prepared = prepare_rollout(method, worn)
+    for motion in (falling(5), falling(3)):
+        for one, other in zip(
+            prepared.frames(motion, FPS), rollout(Recorder(True), worn, motion, FPS), strict=True
+        ):
+            assert torch.equal(one.vertices[0], other.vertices[0])
+    assert method.prepared == 1
+
+
+def test_rollouts_side_by_side_are_those_alone():
+    method, worn = PhysXNet.untrained(replace(PRESETS["tiny"], templates=("tops",))), clothed()
+    method.net.output_scale.fill_(0.01)
+    motions = [swaying(frames, seed=frames).transforms() for frames in (BATCH + 3, BATCH + 1)]
+    prepared = method.prepare(worn, torch.device("cpu"))
+    together = list(roll_out_together(method, prepared, worn, motions, FPS))
+    assert len(together) == BATCH + 1
+    for index, motion in enumerate(motions):
+        alone = rollout(method, worn, motion, FPS, contact=False)
+        for (both,), frame in zip(together, alone, strict=False):
+            torch.testing.assert_close(both[index], frame.vertices[0], atol=1e-5, rtol=0.0)
 
 
 def test_stops_at_the_frame_that_is_not_finite():
@@ -144,16 +176,16 @@ def test_stops_at_the_frame_that_is_not_finite():
 
 @dataclass
 class Exploding(Recorder):
-    def step(self, garment, frames):
-        garment, (vertices,) = super().step(garment, frames)
-        return garment, (vertices / (len(self.seen) < 6),)
+    def step(self, garments, state, frames):
+        state, (vertices,) = super().step(garments, state, frames)
+        return state, (vertices / (len(self.seen) < 6),)
 
 
 @dataclass
 class Tearing(Recorder):
-    def step(self, garment, frames):
-        garment, (vertices,) = super().step(garment, frames)
-        return garment, (vertices * (9.0 if len(self.seen) == 4 else 1.0),)
+    def step(self, garments, state, frames):
+        state, (vertices,) = super().step(garments, state, frames)
+        return state, (vertices * (9.0 if len(self.seen) == 4 else 1.0),)
 
 
 def test_a_method_that_tears_its_garment_is_stopped():
@@ -168,16 +200,15 @@ def test_a_method_that_explodes_is_stopped_at_its_frame():
 
 @dataclass
 class Following(Recorder):
-    """A method with memory that stays a metre above the garment that it last observed."""
+    """An autoregressive method that stays a metre above the garment that was last fed back."""
 
-    def step(self, garment, frames):
-        _, skinned = super().step(garment, frames)
-        last = getattr(self, "observed", skinned)
-        return garment, tuple(vertices.reshape(1, -1, 3) + torch.tensor([0.0, 0.0, 1.0]) for vertices in last)
+    def step(self, garments, state, frames):
+        _, skinned = super().step(garments, state, frames)
+        return state, tuple(vertices + torch.tensor([0.0, 0.0, 1.0]) for vertices in state or skinned)
 
 
 @pytest.mark.parametrize("contact", [False, True])
-def test_the_truth_is_observed_as_far_as_it_is_given(contact):
+def test_the_truth_is_fed_back_as_far_as_it_is_given(contact):
     worn, still = outfit(), torch.eye(3, 4).repeat(6, 2, 1, 1)
     truth = [(worn.garments[0].mesh.vertices + torch.tensor([10.0 * k, 0.0, 0.0]),) for k in (1, 2, 3)]
     frames = list(rollout(Following(True), worn, still, FPS, contact, truth))
@@ -189,10 +220,10 @@ def test_the_truth_is_observed_as_far_as_it_is_given(contact):
     torch.testing.assert_close(frames[4].raw[0], alone + up)
 
 
-def test_a_method_without_memory_takes_no_notice_of_the_truth():
+def test_a_method_without_feedback_takes_no_notice_of_the_truth():
     method, worn = Recorder(False), outfit()
     truth = [(worn.garments[0].mesh.vertices + 1.0,)] * 3
     told, untold = (list(rollout(method, worn, falling(3), FPS, truth=known)) for known in (truth, ()))
-    assert not hasattr(method, "observed")
+    assert not hasattr(method, "fed_back")
     for one, other in zip(told, untold, strict=True):
         assert torch.equal(one.vertices[0], other.vertices[0])

@@ -7,7 +7,8 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.collider import Collider, collider_near
+from uvcloth.bodies.collider import collider_near
+from uvcloth.geometry.records import to_device
 from uvcloth.geometry.skinning import skin
 from uvcloth.physics.layers import Layer
 from uvcloth.physics.posed_batch import ClosestPointCache, Planes, PosedMeshBatch
@@ -31,8 +32,8 @@ class BodyBeside:
 
     def __init__(self, body: Body, outfit: Tensor, batch: int, device: torch.device) -> None:
         kept, collider = collider_near(body, outfit.cpu(), NEAR_BODY)
-        self._rest, self._weights = body.mesh.vertices[kept].to(device), body.weights[kept].to(device)
-        self._collider = Collider(collider.parts, tuple(rim.to(device) for rim in collider.rims))
+        rest, weights = body.mesh.vertices[kept], body.weights[kept]
+        self._rest, self._weights, self._collider = to_device((rest, weights, collider), device)
         self._crowd = PosedMeshBatch(self._collider.vertices(self._rest), collider.parts[0], batch)
 
     def move(self, transforms: Tensor) -> None:

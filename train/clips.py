@@ -1,10 +1,10 @@
 """SimulatedSequence sequences as training data: the garments of one clip side by side."""
 
+from collections.abc import Mapping
 from collections.abc import Sequence as List
 from dataclasses import dataclass
 from pathlib import Path
 
-import torch
 from rich.progress import track
 from torch import Tensor
 
@@ -19,6 +19,10 @@ SEEN = ("train", "validation")
 
 SAME_MOTION = 1e-3
 """Largest difference (m, or of a rotation matrix) between the motions of two garments of one clip."""
+
+
+SAME_REST = 0.002
+"""Metres between a sequence's rest shape and the template on the body that still count as the same."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,21 @@ def _training_clip(clip: str, sequences: dict[Path, SimulatedSequence], entry: E
     )
 
 
+def check_rests(rests: Mapping[str, Tensor], clips: list[TrainingClip], body: Body) -> None:
+    """Raise InputError naming the clip if it was simulated with another garment or on another body.
+
+    rests: template -> (N, 3) m, its vertices at rest on the body.
+    """
+    for clip in clips:
+        for name, rest in clip.rests.items():
+            expected = rests[name]
+            if rest.shape != expected.shape or (rest - expected).norm(dim=1).max() > SAME_REST:
+                raise InputError(
+                    f"{clip.clip}_{name}: at rest not the garment {name} on body {body.name!r}; "
+                    "it was simulated with another garment or body"
+                )
+
+
 @dataclass(frozen=True)
 class Holdout:
     """Which clips validate where the data has no index that says so."""
@@ -142,9 +161,3 @@ def scored_frames(clip: TrainingClip) -> range:
 def frames_of(clips: list[TrainingClip]) -> int:
     """How many frames count in all."""
     return sum(len(scored_frames(clip)) for clip in clips)
-
-
-def stacked(clips: list[TrainingClip], template: str) -> Tensor | None:
-    """The scored frames of one template one after another (F, N, 3); None where every clip lacks it."""
-    parts = [r.vertices[template][r.warm_up :] for r in clips if template in r.vertices]
-    return torch.cat(parts) if parts else None

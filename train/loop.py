@@ -3,11 +3,12 @@
 import copy
 import json
 import math
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol
 
 import torch
 from rich.console import Console
@@ -24,6 +25,9 @@ STATE = Path("training") / "state.safetensors"
 
 PROGRESS_KEYS = ("step", "minutes")
 """What stands beside the scores of a validation."""
+
+CONTENTS = ("data", "body", "garments")
+"""Parts of the settings that hold hashes."""
 
 LOG_EVERY = 10
 """Steps between entries in the log."""
@@ -70,53 +74,57 @@ class LoopConfig:
             raise InputError(f"--average {self.average}: has to be 0 or more, and less than 1")
 
 
-LOOPS: dict[str, LoopConfig] = {
-    "default": LoopConfig(),
-    "paper": LoopConfig(steps=20000, learning_rate=2e-4, schedule="constant", weight_decay=0.0, average=0.0),
-    "tiny": LoopConfig(steps=30, validate_every=15, average=0.9),
-}
-
-
 class Objective(Protocol):
-    """What a method brings to be trained; see train/physxnet/objective.py."""
+    """What a method brings to be trained on one device; classes derived from it inherit the defaults."""
 
     @property
     def samples(self) -> Tensor:
         """(S,) int64 rows that a step may ask for."""
+        ...
 
     def networks(self) -> dict[str, nn.Module]:
         """New networks by name; "net" is the one that is validated and saved."""
-
-    def to(self, device: torch.device) -> None:
-        """Move what a step touches to a device."""
+        ...
 
     def steps(
         self, networks: Mapping[str, nn.Module], rows: Tensor
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
         """For each network to update in turn: its name, its loss and the parts of it for the log."""
+        ...
 
     def validate(self, net: nn.Module) -> dict[str, float]:
         """Scores by name and unit; by the first of them, the lower the better, the network kept is chosen."""
+        ...
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
         """Write the checkpoint of the network."""
+        ...
 
     def settings(self) -> dict[str, Any]:
-        """What must not change within a run, data included, as JSON values."""
+        """What must not change within a run: parts such as "method" and "losses", each with JSON values.
+
+        Of CONTENTS, what differs is not named.
+        """
+        ...
+
+    def picture(self, net: nn.Module) -> Tensor | None:
+        """What the network does, to look at in the log: (H, W, 3) uint8; None for nothing to see."""
+        return None
 
     def memory(self) -> dict[str, Tensor]:
-        """What the objective itself remembers between steps."""
+        """What the objective itself keeps between steps."""
+        return {}
 
     def remember(self, memory: Mapping[str, Tensor]) -> None:
         """Take that back."""
+        return
 
 
-@runtime_checkable
-class Pictured(Protocol):
-    """An objective that also shows what it validates."""
-
-    def picture(self, net: nn.Module) -> Tensor:
-        """What the network does, to look at in the log: (H, W, 3) uint8."""
+def training_device() -> torch.device:
+    """The device that this process trains on: its own GPU where there are any."""
+    if not torch.cuda.is_available():
+        return torch.device("cpu")
+    return torch.device("cuda", int(os.environ.get("LOCAL_RANK", "0")))
 
 
 @dataclass
@@ -206,9 +214,7 @@ def _begin(objective: Objective, run: Path, config: LoopConfig) -> Training:
     torch.manual_seed(config.seed)
     networks: dict[str, Any] = {}
     optimizers: dict[str, Any] = {}
-    fresh = objective.networks()
-    objective.to(fabric.device)
-    for name, network in fresh.items():
+    for name, network in objective.networks().items():
         laid_out = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         optimizer = torch.optim.AdamW(
             laid_out.parameters(), lr=config.learning_rate, weight_decay=config.weight_decay, fused=True
@@ -273,8 +279,8 @@ def _validate(training: Training) -> str:
     when = {"step": done.step, "minutes": done.seconds / 60}
     done.errors.append({**when, **errors})
     training.fabric.log_dict({f"validation/{name}": error for name, error in errors.items()}, done.step)
-    if isinstance(training.objective, Pictured):
-        picture = training.objective.picture(training.average)
+    picture = training.objective.picture(training.average)
+    if picture is not None:
         training.fabric.logger.experiment.add_image("validation", picture, done.step, dataformats="HWC")
     if training.config.keep == "last" or _first(errors) < done.best:
         if training.fabric.is_global_zero:
@@ -339,11 +345,23 @@ def _blend(average: nn.Module, network: nn.Module, decay: float, step: int) -> N
 
 
 def _settings(training: Training) -> dict[str, Any]:
-    """What must not change within a run, as JSON values; how long it takes may."""
+    """What must not change within a run, as JSON values, the loop's own as "loop"; its length may."""
     may_change = ("steps", "minutes", "validate_every", "save_seconds")
     loop = {key: value for key, value in asdict(training.config).items() if key not in may_change}
-    settings: dict[str, Any] = json.loads(json.dumps({**loop, **training.objective.settings()}))
+    settings: dict[str, Any] = json.loads(json.dumps({"loop": loop, **training.objective.settings()}))
     return settings
+
+
+def _require_same_settings(run: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
+    """Raise InputError naming the first setting that a run was started with another value of."""
+    for part, values in now.items():
+        old = before.get(part)
+        if old == values:
+            continue
+        if part in CONTENTS or not isinstance(old, dict):
+            raise InputError(f"{run}: was started with other {part}")
+        key = next(key for key in (old | values) if old.get(key) != values.get(key))
+        raise InputError(f"{run}: was started with {part}.{key} = {old.get(key)}, not {values.get(key)}")
 
 
 def _save_state(training: Training) -> None:
@@ -364,11 +382,7 @@ def _save_state(training: Training) -> None:
 def _load_state(training: Training) -> None:
     run = training.run
     tensors, meta = load_tensors(run / STATE)
-    for key, value in _settings(training).items():
-        before = meta["settings"].get(key)
-        if before != value:
-            change = f"other {key}" if isinstance(value, dict) else f"{key} = {before}, not {value}"
-            raise InputError(f"{run}: was started with {change}")
+    _require_same_settings(run, meta["settings"], _settings(training))
 
     def part(prefix: str) -> dict[str, Tensor]:
         return {key[len(prefix) :]: value for key, value in tensors.items() if key.startswith(prefix)}

@@ -32,10 +32,6 @@ class Operator:
         product: Tensor = _Product.apply(dense, self.matrix, self.transposed)  # type: ignore[no-untyped-call]
         return product.view(-1, batch, channels).transpose(0, 1)
 
-    def to(self, device: torch.device) -> "Operator":
-        """The same operator on another device."""
-        return Operator(self.matrix.to(device), self.transposed.to(device))
-
 
 def sampling(indices: Tensor, shares: Tensor, columns: int) -> Operator:
     """Weighted sums: row n adds shares (N, S) of the columns indices (N, S)."""

@@ -1,11 +1,10 @@
 """Checkpoints: a folder with model.safetensors and config.json, and nothing that could run code.
 
-config.json holds the method's name and config, the body that it was trained on, the templates, the training
+config.json holds the method's name and config, the body that it was trained on, the garments, the training
 data (hashes of the files, clips, people) and the version of this package; the normalization statistics
 travel with the weights.
 """
 
-import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields
@@ -16,11 +15,12 @@ from typing import Any
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
-from torch import Tensor, nn
+from torch import Tensor
 
 from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.fingerprint import fingerprint
 
 VERSION = 3
 """Raised whenever a model of an older version can no longer be read or would no longer mean the same."""
@@ -46,7 +46,8 @@ class Checkpoint:
     """A trained method.
 
     method: its name in the registry. config: its config as JSON values. tensors: weights and statistics.
-    body: name and topology hash of the body it was trained on. templates: names, in the network's order.
+    body: name and topology hash of the body it was trained on. garments: names of
+    those it dresses (PhysXNet: its templates), in the network's order.
     data: what it was made from. notes: anything worth knowing (steps, minutes, errors).
     """
 
@@ -54,16 +55,14 @@ class Checkpoint:
     config: dict[str, Any]
     tensors: dict[str, Tensor]
     body: dict[str, str]
-    templates: tuple[str, ...]
+    garments: tuple[str, ...]
     data: TrainingData
     notes: dict[str, Any]
 
 
 def body_identity(body: Body) -> dict[str, str]:
     """Name and topology hash of a body: bodies of one rig and topology share it, whatever their shape."""
-    digest = hashlib.sha256("/".join(body.skeleton.names).encode())
-    digest.update(body.mesh.faces.numpy().tobytes())
-    return {"name": body.name, "topology": digest.hexdigest()}
+    return {"name": body.name, "topology": fingerprint("/".join(body.skeleton.names), body.mesh.faces)}
 
 
 def save_checkpoint(checkpoint: Checkpoint, folder: Path) -> None:
@@ -75,7 +74,7 @@ def save_checkpoint(checkpoint: Checkpoint, folder: Path) -> None:
         "method": checkpoint.method,
         "config": checkpoint.config,
         "body": checkpoint.body,
-        "templates": checkpoint.templates,
+        "garments": checkpoint.garments,
         "data": asdict(checkpoint.data),
         "notes": checkpoint.notes,
     }
@@ -109,7 +108,7 @@ def load_checkpoint(folder: Path, body: Body | None = None) -> Checkpoint:
             config=dict(meta["config"]),
             tensors=tensors,
             body=dict(meta["body"]),
-            templates=tuple(meta["templates"]),
+            garments=tuple(meta["garments"]),
             data=TrainingData(
                 files=dict(meta["data"]["files"]),
                 clips={split: dict(clips) for split, clips in dict(meta["data"]["clips"]).items()},
@@ -124,23 +123,6 @@ def load_checkpoint(folder: Path, body: Body | None = None) -> Checkpoint:
             f"body {body.name!r} has another"
         )
     return checkpoint
-
-
-def restored(
-    checkpoint: Checkpoint, folder: Path, config: Callable[..., Any], networks: Callable[[Any], nn.Module]
-) -> Any:
-    """The method of a checkpoint: what its config creates, with its weights, ready to predict.
-
-    config: the method's config dataclass. networks: what of the method takes the weights. Raises InputError
-    if weights and config do not fit each other.
-    """
-    try:
-        method = stored_config(checkpoint, config).create()
-        networks(method).load_state_dict(checkpoint.tensors)
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise misfit(folder, error) from error
-    networks(method).eval()
-    return method
 
 
 def stored_config(checkpoint: Checkpoint, config: Callable[..., Any]) -> Any:

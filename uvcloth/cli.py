@@ -1,4 +1,4 @@
-"""The `uvcloth` command: body, simulate, data, fit, rollout, poses, export, demo.
+"""The `uvcloth` command: body, simulate, data, maps, fit, rollout, poses, export, demo.
 
 Heavy modules are imported by the subcommand that needs them, so that `uvcloth --help` answers at once.
 """
@@ -48,6 +48,7 @@ class MakeBody:
     phenotype: OmitArgPrefixes[Phenotype] = field(default_factory=Phenotype)
 
     def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
         from uvcloth.bodies.anny import make_body
         from uvcloth.bodies.body import save_body
 
@@ -95,24 +96,21 @@ class Simulate:
     the same motion differ, which evaluation prints as the repeatability floor."""
 
     def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
         if not (self.clips or self.windows) or not self.garment:
             raise InputError("simulate: name at least one clip, or a table with --windows, and one garment")
         from uvcloth.bodies.body import load_body
-        from uvcloth.simulate.batch import simulate_batch
+        from uvcloth.simulate.batch import Workers, simulate_batch
+        from uvcloth.simulate.plan import ClipSelection
 
         simulate_batch(
-            clips=self.clips,
-            garments=self.garment,
+            ClipSelection(self.clips, self.windows, self.clips_from, self.split),
+            outfits=[self.garment] if self.layered else [(name,) for name in self.garment],
             out=self.out,
             body=load_body(self.body),
-            windows=self.windows,
-            clips_from=self.clips_from,
-            splits=self.split,
-            jobs=self.jobs,
-            scheduler=self.scheduler,
-            repeat=self.repeat,
-            layered=self.layered,
             engine=self.engine,
+            repeat=self.repeat,
+            workers=Workers(self.jobs, self.scheduler),
         )
 
 
@@ -124,11 +122,45 @@ class Data:
     """A folder made by `uvcloth simulate`."""
 
     def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
         from rich.console import Console
 
         from uvcloth.simulate.overview import overview
 
         Console().print(overview(self.folder), soft_wrap=True)
+
+
+@dataclass(frozen=True)
+class Maps:
+    """Write body velocity, body acceleration, garment offset and masks of a simulated sequence as UV maps."""
+
+    sequence: Positional[Path]
+    """A sequence npz made by `uvcloth simulate`."""
+    out: Path
+    """Folder for one EXR file per frame and contact_sheet.png."""
+    size: int = 256
+    """Texels along each side of the maps."""
+    frames: Annotated[str, arg(metavar="FIRST:END:STEP")] = "::10"
+    """Which frames, as in Python's slices."""
+    body: BodyFile = None
+    """The body that the sequence was simulated on."""
+    layout: Annotated[Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the body's)")] = None
+    """Another UV layout of that body."""
+
+    def run(self) -> None:
+        from uvcloth.commands.maps import draw_maps
+
+        count = draw_maps(
+            self.sequence,
+            self.out,
+            size=self.size,
+            frames=self.frames,
+            body_file=self.body,
+            layout_file=self.layout,
+        )
+        print(
+            f"{self.out}: {count} EXR files; contact_sheet.png has velocity, acceleration, offset per frame"
+        )
 
 
 @dataclass(frozen=True)
@@ -148,6 +180,7 @@ class Fit:
     """Also write the garment as it is worn: metres, Z up, as OBJ."""
 
     def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
         from uvcloth.bodies.body import load_body
         from uvcloth.garments.fit import fit
 
@@ -182,15 +215,28 @@ class Rollout:
     """A body made by `uvcloth body`."""
     contact: bool = True
     """Move vertices out of the body and give edges their rest length back."""
+    device: Annotated[str, arg(metavar="cpu|cuda")] = "cpu"
+    """What everything runs on."""
+    threads: Annotated[int, arg(metavar="N")] = 1
+    """Of the processor; on a loaded machine several are slower than one."""
 
     def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
         if not self.garment or not self.out:
             raise InputError("rollout: name at least one garment and one file to write")
         from uvcloth.commands.rollout import animate
+        from uvcloth.commands.threads import limited_threads
 
-        summary = animate(
-            self.model, self.motion, self.garment, self.out, body_file=self.body, contact=self.contact
-        )
+        with limited_threads(self.threads):
+            summary = animate(
+                self.model,
+                self.motion,
+                self.garment,
+                self.out,
+                body_file=self.body,
+                contact=self.contact,
+                device=self.device,
+            )
         print("\n".join(summary.lines()))
 
 
@@ -221,6 +267,7 @@ class Poses:
     """Decides the order in which poses are drawn."""
 
     def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
         from uvcloth.bodies.body import load_body
         from uvcloth.motion.clip_splits import find_sources
         from uvcloth.motion.draw_poses import draw_poses
@@ -261,6 +308,7 @@ class Export:
     """Write the body too."""
 
     def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
         from uvcloth.commands.export_rig import export
 
         exported = export(
@@ -282,6 +330,7 @@ class Demo:
     """Folder for everything that the demo makes."""
 
     def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
         from uvcloth.commands.demo import run
 
         run(self.out)
@@ -291,6 +340,7 @@ Command = (
     Annotated[MakeBody, subcommand("body")]
     | Annotated[Simulate, subcommand("simulate")]
     | Annotated[Data, subcommand("data")]
+    | Annotated[Maps, subcommand("maps")]
     | Annotated[Fit, subcommand("fit")]
     | Annotated[Rollout, subcommand("rollout")]
     | Annotated[Poses, subcommand("poses")]
@@ -305,7 +355,7 @@ def main() -> int:
 
 
 def _run() -> None:
-    command: MakeBody | Simulate | Data | Fit | Rollout | Poses | Export | Demo = tyro.cli(
+    command: MakeBody | Simulate | Data | Maps | Fit | Rollout | Poses | Export | Demo = tyro.cli(
         Command,
         prog="uvcloth",
         description="Motion capture in, moving clothes out.",

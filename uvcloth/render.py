@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
-from uvcloth.geometry.mesh import vertex_normals
+from uvcloth.geometry.mesh import join_meshes, vertex_normals
 
 Color = tuple[float, float, float]
 
@@ -26,24 +26,42 @@ GARMENT_COLORS: tuple[Color, ...] = (
     (0.36, 0.56, 0.40),
 )
 
-BACKDROP = np.array([0.86, 0.87, 0.88], np.float32)
-FLOOR = np.array([0.74, 0.74, 0.75], np.float32)
-KEY_FROM = np.array([-0.55, 0.65, 1.0], np.float32)
+BACKDROP_COLOR = np.array([0.86, 0.87, 0.88], np.float32)
+FLOOR_COLOR = np.array([0.74, 0.74, 0.75], np.float32)
+KEY_DIRECTION = np.array([-0.55, 0.65, 1.0], np.float32)
 """Towards the key light: left of, behind and above the camera."""
+
 KEY_SPREAD = 0.22
+"""Radius of the key light over its distance: how soft its shadows are."""
+
 KEY, DOME, BOUNCE, RIM = 0.72, 0.50, 0.35, 0.10
-INSIDE = 0.45
+"""Strengths of the key light, of the dome, of the dome from below as a share of it, and of the rim light."""
+
+INNER_SIDE_SHADE = 0.45
+"""Share of the light on the inner side of cloth."""
+
 DOME_RAYS, KEY_RAYS = 24, 8
+"""Shadow rays per point."""
+
 FLOOR_GRID, FLOOR_REACH = 80, 2.2
-LIFT = 1e-3
+"""Points along a side of the floor's grid, and metres from its centre to a side."""
+
+SHADOW_RAY_START = 1e-3
+"""Metres above the surface from where shadow rays start."""
+
 EDGE_CONTRAST = 0.03
+"""Difference of neighbouring pixels, of [0, 1], above which they are drawn with more rays."""
+
 EDGE_SAMPLES = 4
-MARGIN = 1.22
+"""Rays along each side of such a pixel."""
+
+FRAMING = 1.22
+"""Half the picture over what has to be in it."""
 
 
 @dataclass(frozen=True)
 class Surface:
-    """vertices: (V, 3) metres, Z up. faces: (F, 3) int64. color: sRGB in [0, 1]."""
+    """A mesh to draw. vertices: (V, 3) metres, Z up. faces: (F, 3) int64. color: sRGB in [0, 1]."""
 
     vertices: Tensor
     faces: Tensor
@@ -52,14 +70,17 @@ class Surface:
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole. eye and target: world positions in metres. view: vertical field of view in degrees."""
+    """A pinhole camera.
+
+    eye and target: world positions in metres. view: vertical field of view in degrees.
+    """
 
     eye: tuple[float, float, float]
     target: tuple[float, float, float]
     view: float = 28.0
 
     def following(self, point: Tensor) -> "Camera":
-        """The same view moved so that it is centred on a point (3,)."""
+        """Camera moved so that its view is centred on a point (3,), m."""
         x, y, z = point.tolist()
         right, back, up = (eye - target for eye, target in zip(self.eye, self.target, strict=True))
         return replace(self, eye=(x + right, y + back, z + up), target=(x, y, z))
@@ -79,7 +100,7 @@ def three_quarter(points: Tensor, turn: float = 30.0, rise: float = 8.0, aspect:
     away = level * np.cos(risen) + torch.tensor([0.0, 0.0, np.sin(risen)], dtype=torch.float64)
     up = torch.linalg.cross(away, right)
     across, along, down = ((points - target) @ axis for axis in (right, away, up))
-    half_height = np.tan(np.radians(Camera.view / 2)) / MARGIN
+    half_height = np.tan(np.radians(Camera.view / 2)) / FRAMING
     reach = torch.maximum(down.abs(), across.abs() / aspect)
     x, y, z = (target + (along + reach / half_height).max() * away).tolist()
     return Camera((x, y, z), tuple(target.tolist()))
@@ -88,7 +109,7 @@ def three_quarter(points: Tensor, turn: float = 30.0, rise: float = 8.0, aspect:
 def render(
     surfaces: Sequence[Surface], camera: Camera, size: tuple[int, int] = (480, 640), floor: float = 0.0
 ) -> np.ndarray:
-    """One picture: (height, width, 3) uint8 sRGB, of surfaces over a floor at height `floor`.
+    """Draw one picture, (height, width, 3) uint8 sRGB, of surfaces over a floor at height `floor`.
 
     size: (width, height) in pixels. Raises InputError if a vertex is not a finite number.
     """
@@ -109,7 +130,7 @@ def render_frames(
     size: tuple[int, int] = (480, 640),
     floor: float = 0.0,
 ) -> Iterator[np.ndarray]:
-    """Pictures of many frames, one at a time: (height, width, 3) uint8 each.
+    """Yield a picture of each frame: (height, width, 3) uint8.
 
     Without a camera a three-quarter view is fitted to the first frame and follows its first surface.
     """
@@ -125,7 +146,7 @@ def render_frames(
 
 
 def contact_sheet(images: Sequence[np.ndarray], columns: int, gap: int = 6) -> np.ndarray:
-    """Equal-sized pictures (h, w, 3) uint8 row by row on one white sheet, `gap` pixels apart."""
+    """Arrange equal-sized pictures (h, w, 3) uint8 row by row on one white sheet, `gap` pixels apart."""
     height, width = images[0].shape[:2]
     rows = -(-len(images) // columns)
     sheet = np.full((rows * (height + gap) - gap, columns * (width + gap) - gap, 3), 255, np.uint8)
@@ -137,7 +158,7 @@ def contact_sheet(images: Sequence[np.ndarray], columns: int, gap: int = 6) -> n
 
 @dataclass(frozen=True)
 class _Scene:
-    """Everything a ray needs, in linear light.
+    """Scene for ray casting, in linear light.
 
     normals, colors: (V, 3). dome, key: share of each light that reaches a vertex (V,).
     key_direction: unit, towards the light. floor_light: (G, G), 1 where the
@@ -160,18 +181,17 @@ def _build(surfaces: Sequence[Surface], camera: Camera, floor: float) -> _Scene:
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
-    counts = [0, *np.cumsum([len(surface.vertices) for surface in surfaces]).tolist()]
-    vertices = torch.cat([surface.vertices.detach().cpu().float() for surface in surfaces])
+    drawn = join_meshes((each.vertices.detach().cpu().float(), each.faces.cpu()) for each in surfaces)
+    vertices, faces = drawn.vertices, drawn.faces
     if not torch.isfinite(vertices).all():
         raise InputError("a picture cannot be drawn: a vertex is not a finite number")
-    faces = torch.cat([surface.faces.cpu() + start for surface, start in zip(surfaces, counts, strict=False)])
     colors = np.concatenate(
         [np.tile(np.array(surface.color, np.float32), (len(surface.vertices), 1)) for surface in surfaces]
     )
     points, normals = vertices.numpy(), vertex_normals(vertices, faces).numpy()
     embree = EmbreeScene()
     TriangleMesh(embree, points, faces.numpy().astype(np.int32))
-    to_key = _normalize(KEY_FROM @ _camera_ground(camera))
+    to_key = _normalize(KEY_DIRECTION @ _camera_ground(camera))
     dome, key = _received(embree, points, normals, to_key)
     centre = (points[:, :2].min(0) + points[:, :2].max(0)) / 2
     return _Scene(
@@ -189,7 +209,7 @@ def _build(surfaces: Sequence[Surface], camera: Camera, floor: float) -> _Scene:
 
 
 def _camera_ground(camera: Camera) -> np.ndarray:
-    """Rows: the camera's right, its back along the floor, and up: (3, 3)."""
+    """Axes of the camera on the floor: its right, its back along the floor, and up, as rows (3, 3)."""
     back = np.array(camera.eye) - np.array(camera.target)
     back = _normalize(np.array([back[0], back[1], 0.0]))
     return np.stack([np.array([-back[1], back[0], 0.0]), back, [0.0, 0.0, 1.0]]).astype(np.float32)
@@ -218,7 +238,7 @@ def _received(
     directions = np.concatenate(
         [domewards, np.broadcast_to(keywards, (len(points), KEY_RAYS, 3))], axis=1, dtype=np.float32
     )
-    origins = np.repeat(points + LIFT * normals, DOME_RAYS + KEY_RAYS, axis=0)
+    origins = np.repeat(points + SHADOW_RAY_START * normals, DOME_RAYS + KEY_RAYS, axis=0)
     arrives = embree.run(origins, directions.reshape(-1, 3), query="OCCLUDED") < 0
     arrives = arrives.reshape(len(points), -1)
     brightness = np.where(domewards[..., 2] > 0, np.float32(1), np.float32(BOUNCE))
@@ -227,14 +247,14 @@ def _received(
 
 
 def _shade(scene: _Scene, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Linear colours (R, 3) seen along rays (R, 3)."""
+    """Linear colours (R, 3) along rays (R, 3)."""
     hits = scene.embree.run(origins, directions, output=True)
     with np.errstate(divide="ignore"):
         to_floor = (scene.floor - origins[:, 2]) / directions[:, 2]
     hit = hits["primID"] >= 0
     on_floor = (to_floor > 0) & (~hit | (to_floor < hits["tfar"]))
     on_mesh = hit & ~on_floor
-    colors = np.tile(_decode(BACKDROP), (len(origins), 1))
+    colors = np.tile(_decode(BACKDROP_COLOR), (len(origins), 1))
     u, v = hits["u"][on_mesh], hits["v"][on_mesh]
     colors[on_mesh] = _shade_mesh(scene, hits["primID"][on_mesh], u, v, directions[on_mesh])
     reached = origins[on_floor, :2] + to_floor[on_floor, None] * directions[on_floor, :2]
@@ -258,7 +278,7 @@ def _shade_mesh(
     normals = np.where(inside[:, None], -normals, normals)
     lambert = np.clip(normals @ scene.key_direction, 0, 1)
     light = KEY * lambert * interpolated(scene.key) * ~inside + DOME * interpolated(scene.dome)
-    light = light * np.where(inside, INSIDE, 1.0)
+    light = light * np.where(inside, INNER_SIDE_SHADE, 1.0)
     rim = RIM * (1 - np.abs(facing)).clip(0, 1) ** 3 * interpolated(scene.dome)
     return interpolated(scene.colors) * light[:, None] + rim[:, None]
 
@@ -271,7 +291,7 @@ def _shade_floor(scene: _Scene, points: np.ndarray) -> np.ndarray:
     light = map_coordinates(scene.floor_light, grid, order=1, mode="nearest")
     far = np.clip((np.linalg.norm(away, axis=1) - 0.6) / (FLOOR_REACH - 0.6), 0, 1)[:, None]
     far = far * far * (3 - 2 * far)
-    return _decode(FLOOR) * (1 - far) * light[:, None] + _decode(BACKDROP) * far
+    return _decode(FLOOR_COLOR) * (1 - far) * light[:, None] + _decode(BACKDROP_COLOR) * far
 
 
 def _pixel_centres(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:

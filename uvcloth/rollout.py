@@ -3,25 +3,29 @@
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
-from uvcloth.bodies.collider import make_collider
-from uvcloth.bodies.frames import LEAD, BodyFrames, body_frames
+from uvcloth.bodies.frames import LEAD, BodyFrames, body_frames, side_by_side
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
+from uvcloth.geometry.records import to_device
 from uvcloth.methods.method import Method
-from uvcloth.physics.contact import Contacts, Obstacle
-from uvcloth.physics.layers import Layer
+
+if TYPE_CHECKING:
+    from uvcloth.physics.contact import Contacts
+    from uvcloth.physics.outfit_contact import OutfitContact
 
 LONGEST, TORN = 4.0, 0.01
 """A garment is torn when more than this share of its edges has more than so many times its rest length."""
 
 BATCH = 8
 """Frames that the body is posed for, and that a method without memory predicts, at once."""
+
+CPU = torch.device("cpu")
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,74 @@ class RolloutFrame:
     transforms: Tensor
     body_vertices: Tensor
     milliseconds: Mapping[str, float]
-    contacts: tuple[Contacts, ...] = ()
+    contacts: "tuple[Contacts, ...]" = ()
+
+
+@dataclass(frozen=True)
+class PreparedRollout:
+    """A method with an outfit on a device: what all rollouts of the two share.
+
+    prepared: what the method works out for the outfit. contact: what keeps the outfit off the body, None
+    without it.
+    """
+
+    method: Method
+    outfit: Outfit
+    prepared: Any
+    limits: "EdgeLimits"
+    contact: "OutfitContact | None"
+    device: torch.device = CPU
+
+    def frames(
+        self, transforms: Iterable[Tensor], fps: float, truth: Sequence[tuple[Tensor, ...]] = ()
+    ) -> Iterator[RolloutFrame]:
+        """Predict the outfit over a motion, frame after frame; see `rollout`. One rollout at a time."""
+        method, state, index = self.method, None, 0
+        moves: tuple[Tensor | None, ...] = (None,) * len(self.outfit.garments)
+        for frames, body_ms in _posed(self.outfit, transforms, fps, self.device):
+            state = method.init(self.prepared, frames[:1]) if index == 0 else state
+            for part in _single(frames) if method.autoregressive else [frames]:
+                begun = time.perf_counter()
+                state, garments = method.step(self.prepared, state, part)
+                network_ms = 1000.0 * (time.perf_counter() - begun) / len(part)
+                for offset in range(len(part)):
+                    raw = tuple(vertices[offset].contiguous() for vertices in garments)
+                    self.limits.require_finite(raw, index)
+                    frame = RolloutFrame(
+                        index=index,
+                        raw=raw,
+                        vertices=raw,
+                        transforms=part.transforms[offset, -1],
+                        body_vertices=part.vertices[offset, -1],
+                        milliseconds={"body": body_ms, "network": network_ms, "contact": 0.0},
+                    )
+                    if self.contact:
+                        frame, moves = _resolved(frame, self.contact, moves)
+                    if method.autoregressive and (index < len(truth) or self.contact):
+                        seen = truth[index] if index < len(truth) else frame.vertices
+                        batched = tuple(vertices[None].to(self.device) for vertices in seen)
+                        state = method.feed_back(self.prepared, state, batched)
+                    self.limits.require_whole(frame.vertices, index)
+                    yield frame
+                    index += 1
+
+
+def prepare_rollout(
+    method: Method, outfit: Outfit, contact: bool = True, device: torch.device = CPU
+) -> PreparedRollout:
+    """Work out what all rollouts of a method with an outfit share; each then pays for its frames alone.
+
+    Raises InputError for an outfit that the method does not support.
+    """
+    prepared = method.prepare(outfit, device)
+    outfit = to_device(outfit, device)
+    if not contact:
+        return PreparedRollout(method, outfit, prepared, EdgeLimits(outfit), None, device)
+    # Training validates without contact on machines that have nothing to resolve it with.
+    from uvcloth.physics.outfit_contact import OutfitContact
+
+    resolver = OutfitContact(outfit.body, [garment.mesh for garment in outfit.garments])
+    return PreparedRollout(method, outfit, prepared, EdgeLimits(outfit), resolver, device)
 
 
 def rollout(
@@ -49,71 +120,89 @@ def rollout(
     fps: float,
     contact: bool = True,
     truth: Sequence[tuple[Tensor, ...]] = (),
+    device: torch.device = CPU,
 ) -> Iterator[RolloutFrame]:
     """Predict the outfit over a motion, frame after frame.
 
     transforms: (J, 3, 4) of each frame in turn, a tensor or a stream. The body stands still before its first
     frame. With contact, vertices inside the body (forearms and hands left out, as in the simulations) are
     moved out of it after each frame, outer garments off the inner ones that they cover, and edges get
-    their rest length back; an autoregressive method may observe that.
+    their rest length back; that is fed back to an autoregressive method.
 
-    truth: the garments, (N, 3) m each, that an autoregressive method observes after each of the first frames
-    instead of its own. Contact goes on from what it moved itself, as always. A method without memory takes no
-    notice.
+    truth: the garments, (N, 3) m each, that are fed back to an autoregressive method after each of the first
+    frames instead of its own. Contact goes on from what it moved itself, as always. Any other method takes no
+    notice. device: everything runs on it.
 
     Raises InputError naming the frame where a transform is not a finite number, and BrokenRolloutError where
     a prediction is not, or is torn.
     """
+    yield from prepare_rollout(method, outfit, contact, device).frames(transforms, fps, truth)
+
+
+def roll_out_together(
+    method: Method,
+    prepared: Any,
+    outfit: Outfit,
+    motions: Sequence[Tensor],
+    fps: float,
+    under: Sequence[Tensor] = (),
+) -> Iterator[tuple[Tensor, ...]]:
+    """Predict an outfit over several motions (T, J, 3, 4) side by side, without contact, on their device.
+
+    Yields, frame after frame until the first of them ends, the garments (B, N, 3) m of all. outfit: on that
+    device. under: (T, N, 3) m of each motion, what is worn beneath, for a method that needs it.
+    """
+    streams = [_posed(outfit, motion, fps, motion.device) for motion in motions]
     state: Any = None
-    resolver = _Contact(outfit) if contact else None
-    limits = _Limits(outfit)
-    first = 0
-    for frames, body_ms in _posed(outfit, transforms, fps):
-        state = method.start(outfit, frames) if state is None else state
-        for part in _single(frames) if method.autoregressive else [frames]:
-            begun = time.perf_counter()
-            state, garments = method.step(state, part)
-            network_ms = 1000.0 * (time.perf_counter() - begun) / len(part)
-            for offset in range(len(part)):
-                raw = tuple(vertices[offset].contiguous() for vertices in garments)
-                limits.finite(raw, first + offset)
-                frame = RolloutFrame(
-                    index=first + offset,
-                    raw=raw,
-                    vertices=raw,
-                    transforms=part.transforms[offset, -1],
-                    body_vertices=part.vertices[offset, -1],
-                    milliseconds={"body": body_ms, "network": network_ms, "contact": 0.0},
-                )
-                if resolver:
-                    frame = resolver.resolve(frame)
-                if method.autoregressive and frame.index < len(truth):
-                    state = method.observe(state, truth[frame.index])
-                elif method.autoregressive and resolver:
-                    state = method.observe(state, frame.vertices)
-                limits.whole(frame.vertices, frame.index)
-                yield frame
-            first += len(part)
+    index = 0
+    for batches in zip(*streams, strict=False):
+        for parts in zip(*(_single(frames) for frames, _ in batches), strict=False):
+            frames = side_by_side(parts)
+            if under:
+                frames = replace(frames, under=torch.stack([vertices[index] for vertices in under]))
+            state = method.init(prepared, frames) if index == 0 else state
+            state, garments = method.step(prepared, state, frames)
+            yield garments
+            index += 1
 
 
-def _posed(outfit: Outfit, transforms: Iterable[Tensor], fps: float) -> Iterator[tuple[BodyFrames, float]]:
+def _resolved(
+    frame: RolloutFrame, contact: "OutfitContact", moves: tuple[Tensor | None, ...]
+) -> tuple[RolloutFrame, tuple[Tensor | None, ...]]:
+    """The frame with its garments resolved against its body, and what that moved."""
+    begun = time.perf_counter()
+    resolved = contact.resolve(frame.raw, frame.body_vertices, moves)
+    spent = 1000.0 * (time.perf_counter() - begun)
+    return replace(
+        frame,
+        vertices=resolved.vertices,
+        milliseconds={**frame.milliseconds, "contact": spent},
+        contacts=resolved.contacts,
+    ), resolved.moves
+
+
+def _posed(
+    outfit: Outfit, transforms: Iterable[Tensor], fps: float, device: torch.device
+) -> Iterator[tuple[BodyFrames, float]]:
     """The body in batches of frames, and how long posing took per frame, ms; keeps LEAD frames behind."""
-    ring: list[Tensor] = []
+    led: list[Tensor] = []
     fresh: list[Tensor] = []
+    posed: Tensor | None = None
 
     def pose() -> tuple[BodyFrames, float]:
         begun = time.perf_counter()
-        frames = body_frames(outfit.body, torch.stack(ring + fresh), fps)
+        frames = body_frames(outfit.body, torch.stack(led + fresh), fps, posed)
         return frames, 1000.0 * (time.perf_counter() - begun) / len(fresh)
 
     for index, transform in enumerate(transforms):
         if not torch.isfinite(transform).all():
             raise InputError(f"frame {index} of the motion: a joint's transform is not a finite number")
-        ring = ring or [transform] * LEAD
-        fresh.append(transform)
+        fresh.append(transform.to(device))
+        led = led or fresh * LEAD
         if len(fresh) == BATCH:
-            yield pose()
-            ring, fresh = (ring + fresh)[-LEAD:], []
+            frames, spent = pose()
+            yield frames, spent
+            led, fresh, posed = (led + fresh)[-LEAD:], [], frames.vertices[-LEAD:, -1]
     if fresh:
         yield pose()
 
@@ -121,21 +210,14 @@ def _posed(outfit: Outfit, transforms: Iterable[Tensor], fps: float) -> Iterator
 def _single(frames: BodyFrames) -> Iterator[BodyFrames]:
     """One frame at a time, for an autoregressive method."""
     for index in range(len(frames)):
-        now = slice(index, index + 1)
-        yield replace(
-            frames,
-            transforms=frames.transforms[now],
-            vertices=frames.vertices[now],
-            velocity=frames.velocity[now],
-            acceleration=frames.acceleration[now],
-        )
+        yield frames[index : index + 1]
 
 
 class BrokenRolloutError(InputError):
     """A prediction that nothing can go on from; the frames before it are good."""
 
 
-class _Limits:
+class EdgeLimits:
     """What every prediction is held to: finite numbers, and edges that keep some likeness to rest."""
 
     def __init__(self, outfit: Outfit) -> None:
@@ -144,14 +226,14 @@ class _Limits:
         self.edges = [unique_edges(mesh.faces) for mesh in meshes]
         self.lengths = [edge_lengths(m.vertices, edges) for m, edges in zip(meshes, self.edges, strict=True)]
 
-    def finite(self, garments: tuple[Tensor, ...], index: int) -> None:
-        """Raises BrokenRolloutError naming frame and garment."""
+    def require_finite(self, garments: tuple[Tensor, ...], index: int) -> None:
+        """Raise BrokenRolloutError naming frame and garment."""
         for name, vertices in zip(self.names, garments, strict=True):
             if not torch.isfinite(vertices).all():
                 raise BrokenRolloutError(f"frame {index}: garment {name} left the finite numbers")
 
-    def whole(self, garments: tuple[Tensor, ...], index: int) -> None:
-        """Raises BrokenRolloutError naming frame and garment."""
+    def require_whole(self, garments: tuple[Tensor, ...], index: int) -> None:
+        """Raise BrokenRolloutError naming frame and garment."""
         for name, vertices, edges, lengths in zip(
             self.names, garments, self.edges, self.lengths, strict=True
         ):
@@ -161,42 +243,3 @@ class _Limits:
                     f"frame {index}: garment {name} is torn, {100 * long:.0f} % of its "
                     f"edges have more than {LONGEST:.0f} times their length"
                 )
-
-
-class _Contact:
-    """Finishes the garments of an outfit, frame after frame: off the collider, edges at rest length.
-
-    The innermost comes first, and where it ends each other one stays on its outer side. moves: what the frame
-    before moved each garment's vertices, (N, 3) m.
-    """
-
-    def __init__(self, outfit: Outfit) -> None:
-        meshes = [garment.mesh for garment in outfit.garments]
-        body_vertices = outfit.body.mesh.vertices
-        self.obstacle = Obstacle(make_collider(outfit.body), body_vertices)
-        self.layers = [Layer(mesh.vertices, mesh.faces) for mesh in meshes[:-1]]
-        self.garments = [
-            self.obstacle.dress(mesh.vertices, mesh.faces, self.layers[:index])
-            for index, mesh in enumerate(meshes)
-        ]
-        self.moves: list[Tensor | None] = [None] * len(meshes)
-
-    def resolve(self, frame: RolloutFrame) -> RolloutFrame:
-        """The frame with its garments resolved against its body."""
-        begun = time.perf_counter()
-        self.obstacle.update(frame.body_vertices)
-        finished, contacts = [], []
-        for index, (raw, garment) in enumerate(zip(frame.raw, self.garments, strict=True)):
-            vertices, found = self.obstacle.resolve(raw, garment, self.moves[index])
-            self.moves[index] = vertices - raw
-            for layer in self.layers[index : index + 1]:
-                layer.update(vertices)
-            finished.append(vertices)
-            contacts.append(found)
-        spent = 1000.0 * (time.perf_counter() - begun)
-        return replace(
-            frame,
-            vertices=tuple(finished),
-            milliseconds={**frame.milliseconds, "contact": spent},
-            contacts=tuple(contacts),
-        )

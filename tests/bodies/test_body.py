@@ -10,7 +10,7 @@ import trimesh
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body, load_body, save_body
-from uvcloth.bodies.collider import ARMS, FOREARMS, LEGS, TORSO, make_collider
+from uvcloth.bodies.collider import ARM_PARTS, FOREARM_PARTS, LEG_PARTS, TORSO_PART, make_collider
 from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skeleton import joint_transforms
@@ -144,14 +144,14 @@ def test_what_has_no_long_sleeves_meets_the_body_as_if_it_had_no_forearms(name: 
     without = replace(body, regions=torch.where(long, len(REGIONS), body.regions))
     cloth = fit_template(name, body).mesh.vertices
     touches, expected = (make_collider(each).touches(cloth, body.mesh.vertices) for each in (body, without))
-    assert not touches[list(FOREARMS)].any()
+    assert not touches[list(FOREARM_PARTS)].any()
     assert torch.equal(touches, expected)
 
 
 def test_cloth_on_the_shoulder_meets_arm_and_torso_and_under_the_arm_the_arm_alone(body: Body) -> None:
     cloth = fit_template("shirt", body).mesh.vertices
     joint = body.skeleton.heads[body.skeleton.names.index("LeftArm")]
-    arm, torso = make_collider(body).touches(cloth, body.mesh.vertices)[[ARMS[0], TORSO]]
+    arm, torso = make_collider(body).touches(cloth, body.mesh.vertices)[[ARM_PARTS[0], TORSO_PART]]
     out, depth, up = (cloth - joint).unbind(1)
     shoulder = (out.abs() < 0.04) & (depth.abs() < 0.04) & (up > 0.05)
     under = (out > 0.005) & (out < 0.04) & (depth.abs() < 0.04) & (up < -0.05) & (up > -0.15)
@@ -165,8 +165,8 @@ def test_cloth_on_a_body_without_arms_meets_its_torso(body: Body) -> None:
     arm = body.regions == REGIONS.index("upper_arm")
     armless = replace(body, regions=torch.where(arm, len(REGIONS), body.regions))
     touches = make_collider(armless).touches(fit_template("tops", body).mesh.vertices, body.mesh.vertices)
-    assert not touches[list(ARMS)].any()
-    assert touches[TORSO].float().mean() > 0.9
+    assert not touches[list(ARM_PARTS)].any()
+    assert touches[TORSO_PART].float().mean() > 0.9
 
 
 def test_a_wide_sleeve_is_no_skirt_and_a_wide_skirt_no_sleeve(body: Body) -> None:
@@ -174,9 +174,9 @@ def test_a_wide_sleeve_is_no_skirt_and_a_wide_skirt_no_sleeve(body: Body) -> Non
     sleeve = 0.5 * (heads["RightForeArm"] + heads["RightHand"]) - torch.tensor([0.0, 0.0, 0.1])
     skirt = heads["RightFingerBase"] + torch.tensor([0.2, 0.0, 0.0])
     touches = make_collider(body).touches(torch.stack([sleeve, skirt]), body.mesh.vertices)
-    assert touches[:, 0].nonzero().flatten().tolist() == [FOREARMS[1]]
-    assert touches[list(LEGS), 1].all()
-    assert not touches[list(FOREARMS), 1].any()
+    assert touches[:, 0].nonzero().flatten().tolist() == [FOREARM_PARTS[1]]
+    assert touches[list(LEG_PARTS), 1].all()
+    assert not touches[list(FOREARM_PARTS), 1].any()
 
 
 def test_diffused_weights_blend_and_still_sum_to_one() -> None:

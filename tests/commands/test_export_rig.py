@@ -10,17 +10,12 @@ import torch
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, save_body
 from uvcloth.checkpoint import TrainingData, save_checkpoint
-from uvcloth.commands.export_rig import FORMATS, export
+from uvcloth.commands.export_rig import RIG_WRITERS, export
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
-from uvcloth.methods.pbns.method import (
-    PBNS,
-    PBNSConfig,
-    new_network,
-    pbns_checkpoint,
-    pose_vectors,
-    rest_outfit,
-)
+from uvcloth.methods.pbns.method import PBNS, new_network, pbns_checkpoint, rest_outfit
+from uvcloth.methods.pbns.network import PBNSConfig
+from uvcloth.methods.rig import pose_vectors
 from uvcloth.motion.library import load_clip
 
 
@@ -37,7 +32,7 @@ def run(body: Body, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("suffix", FORMATS)
+@pytest.mark.parametrize("suffix", RIG_WRITERS)
 def test_a_motion_gives_one_file(run: Path, tmp_path: Path, suffix: str) -> None:
     out = tmp_path / "new" / f"spin{suffix}"
     exported = export(str(run), out, motion="spin", shapes=2, with_body=False)
@@ -87,7 +82,7 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(
 
 @pytest.mark.parametrize("model", ["physxnet", "lbs_smooth"])
 def test_a_model_without_blend_shapes_is_refused(tmp_path: Path, model: str) -> None:
-    with pytest.raises(InputError, match=f"{model}: not a PBNS.*`uvcloth rollout` writes"):
+    with pytest.raises(InputError, match=f"{model}: no rig .*`uvcloth rollout` writes"):
         export(model, tmp_path / "rig.glb")
     assert not list(tmp_path.iterdir())
 

@@ -8,7 +8,7 @@ import torch
 from rasterize.errors import InputError
 from uvcloth.commands import rollout as animation
 from uvcloth.export.animation import load_animation
-from uvcloth.export.writer import FORMATS
+from uvcloth.export.writer import WRITERS
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
@@ -30,7 +30,7 @@ def scene(monkeypatch, body):
     faces = torch.tensor([[0, 1, 2]])
     mesh = Mesh(raw, faces, torch.zeros(0, 2), torch.zeros(0, 3, dtype=torch.int64))
 
-    def rollout(method, outfit, transforms, fps, contact):
+    def rollout(method, outfit, transforms, fps, contact, device):
         for joints in still:
             yield SimpleNamespace(
                 raw=(raw,),
@@ -86,7 +86,7 @@ def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
     clip = load_clip("walk", body).window(0, FRAMES)
     shirt = fit_template("tops", body)
 
-    def rollout(method, outfit, transforms, fps, contact):
+    def rollout(method, outfit, transforms, fps, contact, device):
         aside = torch.tensor([0.0, 0.0 if contact else 0.02, 0.0])
         for joints in transforms:
             worn = skin(shirt.mesh.vertices, shirt.smooth_weights, joints[None])[0] + aside
@@ -113,7 +113,7 @@ def test_a_file_that_cannot_be_written_keeps_the_others_away(scene, tmp_path, mo
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setitem(FORMATS, ".glb", full)
+    monkeypatch.setitem(WRITERS, ".glb", full)
     for order in (["a.npz", "a.glb"], ["a.glb", "a.npz"]):
         with pytest.raises(InputError, match=r"a\.glb: cannot be written \(No space left"):
             animation.animate(["lbs"], "walk", ["tops"], [tmp_path / name for name in order])
@@ -121,8 +121,8 @@ def test_a_file_that_cannot_be_written_keeps_the_others_away(scene, tmp_path, mo
 
 
 def test_a_rollout_that_stops_keeps_the_frames_before(scene, tmp_path, monkeypatch):
-    def stops(*arguments):
-        frames = scene.rollout(*arguments)
+    def stops(*arguments, **options):
+        frames = scene.rollout(*arguments, **options)
         yield next(frames)
         yield next(frames)
         raise BrokenRolloutError("frame 2: garment tops is torn")
@@ -135,8 +135,8 @@ def test_a_rollout_that_stops_keeps_the_frames_before(scene, tmp_path, monkeypat
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), InputError("the disk is full")])
 def test_a_broken_rollout_leaves_nothing(scene, tmp_path, monkeypatch, error):
-    def breaks(*arguments):
-        frames = scene.rollout(*arguments)
+    def breaks(*arguments, **options):
+        frames = scene.rollout(*arguments, **options)
         yield next(frames)
         raise error
 

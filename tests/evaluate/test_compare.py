@@ -5,7 +5,6 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -17,8 +16,10 @@ import evaluate.compare as comparison
 import evaluate.judge as judging
 from evaluate.__main__ import main
 from evaluate.actions import find_windows
-from evaluate.compare import compare
-from evaluate.judge import Candidate, Case, CaseScores, judge, load_candidates
+from evaluate.candidates import Candidate, load_candidates
+from evaluate.case import Case
+from evaluate.compare import Selection, compare
+from evaluate.judge import CaseScores, judge
 from evaluate.report import write_report
 from evaluate.show import Shown, pictures
 from rasterize.errors import InputError
@@ -30,9 +31,10 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.lbs import LBSConfig
+from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.method import Method
-from uvcloth.methods.physxnet.method import PRESETS, physxnet_checkpoint
+from uvcloth.methods.physxnet.config import PRESETS
+from uvcloth.methods.physxnet.method import PhysXNet, physxnet_checkpoint
 from uvcloth.simulate.folder import keep_refused
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, save_sequence
 
@@ -41,6 +43,7 @@ FILE_MM = 0.05
 """How far a vertex read from a file may be from what was simulated."""
 COUNTED = 12
 FPS = 30.0
+LBS = create_lbs(LBSConfig())
 
 
 def capsule_body() -> Body:
@@ -53,9 +56,9 @@ def capsule_body() -> Body:
     return Body("capsule", mesh, skeleton, torch.ones(len(vertices), 1), flat, flat, {})
 
 
-def tube_garment(name: str) -> Garment:
+def tube_garment(name: str, radius: float = 0.18) -> Garment:
     """An open tube around the capsule, 3 cm off it."""
-    shape = trimesh.creation.cylinder(radius=0.18, height=0.5, sections=20)
+    shape = trimesh.creation.cylinder(radius=radius, height=0.5, sections=20)
     shape = shape.subdivide()
     upright = abs(shape.face_normals[:, 2]) < 0.5
     shape.update_faces(upright)
@@ -87,13 +90,11 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A data folder of two actions and two templates, and templates that are tubes."""
     monkeypatch.setattr(comparison, "fit_template", lambda name, body: tube_garment(name))
 
-    def every_vertex(garment: Garment, body: Body, size: int) -> SimpleNamespace:
+    def every_vertex(garment: Garment, body: Body, size: int) -> tuple[Tensor, Tensor]:
         corners = torch.arange(len(garment.mesh.vertices))[:, None].expand(-1, 3)
-        weights = torch.tensor([[1.0, 0.0, 0.0]]).expand(len(corners), 3)
-        return SimpleNamespace(template=SimpleNamespace(corners=corners, barycentrics=weights))
+        return corners, torch.tensor([[1.0, 0.0, 0.0]]).expand(len(corners), 3)
 
     monkeypatch.setattr(comparison, "garment_map", every_vertex)
-    monkeypatch.setattr(comparison, "round_trip", lambda seen, vertices, *_: vertices + 0.001)
 
     data = tmp_path / "data"
     for clip, off in (("02_04", 0.005), ("12_01", 0.010)):
@@ -139,12 +140,9 @@ def run(
     body = body or capsule_body()
     return compare(
         load_candidates(("lbs", "lbs_smooth"), body),
-        data,
+        Selection(data, actions, files, frames),
         out,
         body=body,
-        actions=actions,
-        files=files,
-        frames=frames,
         map_size=16,
         machine=machine,
     )[0]
@@ -174,10 +172,41 @@ def test_known_errors_come_out(world: Path, tmp_path: Path) -> None:
     json.dumps(results, allow_nan=False)
 
 
+@dataclass(frozen=True)
+class Rounded(Method):
+    """The baseline, whose representation moves every garment by (off, off, off) m."""
+
+    off: float
+    name: str
+
+    def prepare(self, outfit: Outfit, device: torch.device) -> Any:
+        return LBS.prepare(outfit, device)
+
+    def step(self, prepared: Any, state: Any, frames: BodyFrames) -> Any:
+        return LBS.step(prepared, state, frames)
+
+    def round_trip(self, prepared: Any, frames: BodyFrames, garments: tuple[Tensor, ...]) -> Any:
+        assert len(frames) == len(garments[0])
+        return tuple(vertices + self.off for vertices in garments)
+
+
 def test_floors(world: Path, tmp_path: Path) -> None:
-    floor = run(world, tmp_path / "out")["floor"]
-    assert floor["repeatability_mm"] == pytest.approx({"tops": 2.0}, abs=1e-3)
-    assert floor["representation_mm"]["dress"] == pytest.approx(3**0.5, abs=1e-3)
+    results = run(world, tmp_path / "out")
+    assert results["floor"]["repeatability_mm"] == pytest.approx({"tops": 2.0}, abs=1e-3)
+    assert results["floor"]["representation_mm"] == results["methods"]["lbs"]["representation"] == {}
+    results, _ = compare(
+        [Candidate(n, Rounded(off, n), 0.0, n, frozenset()) for n, off in (("near", 0.001), ("far", 0.002))],
+        Selection(world),
+        tmp_path / "out",
+        body=capsule_body(),
+        map_size=16,
+        machine="a test",
+    )
+    root = 3**0.5
+    assert results["floor"]["representation_mm"] == pytest.approx({"tops": root, "dress": root}, abs=1e-3)
+    assert results["floor"]["representation_mse_mm2"]["dress"] == pytest.approx(3.0, abs=1e-2)
+    own = results["methods"]["far"]["representation"]["dress"]
+    assert own == pytest.approx({"mm": 2 * root, "rmse_mm": 2 * root, "mse_mm2": 12.0}, abs=1e-2)
 
 
 def test_rerun_takes_over_what_is_finished(
@@ -239,9 +268,9 @@ def test_a_folder_called_like_a_baseline_is_not_it(
 
 def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) -> None:
     """A network that predicts no change is the smooth baseline; what it was trained on is told apart."""
-    data, folder = tmp_path / "data", tmp_path / "walker"
+    data, folder = tmp_path / "data", tmp_path / "lbs_walker"
     save_clips(data, ("tops", "bottoms"), clips=2, frames=8)
-    method = PRESETS["tiny"].create()
+    method = PhysXNet.untrained(PRESETS["tiny"])
     for parameter in method.net.parameters():
         parameter.data.zero_()
     seen = TrainingData(
@@ -251,15 +280,14 @@ def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) 
     save_checkpoint(physxnet_checkpoint(method, body, seen, {"training_frames": 1434}), folder)
     results, _ = compare(
         load_candidates(("lbs_smooth", str(folder)), body),
-        data,
+        Selection(data, frames=2),
         tmp_path / "out",
         body=body,
-        actions=(),
-        frames=2,
         map_size=64,
         machine="a test",
     )
-    walker, baseline = results["methods"]["walker"], results["methods"]["lbs_smooth"]
+    walker, baseline = results["methods"]["lbs_walker"], results["methods"]["lbs_smooth"]
+    assert (walker["baseline"], baseline["baseline"]) == (False, True)
     assert walker["trained_on"] == ["clip0_tops", "clip0_bottoms"]
     assert walker["chosen_on"] == ["clip1_tops"]
     assert [found["same"] for found in walker["familiar"].values()] == ["sequence", "clip", "clip"]
@@ -275,63 +303,56 @@ def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) 
 
 
 @dataclass(frozen=True)
-class ForOne:
+class ForOne(Method):
     """The baseline for one garment only."""
 
     garment: str
     name: str = "for_one"
-    autoregressive: bool = False
-    quasi_static: bool = True
 
     def unsupported_reason(self, outfit: Outfit) -> str:
         names = [garment.name for garment in outfit.garments]
         return "" if names == [self.garment] else f"garment {names[0]}: model for_one is for {self.garment}"
 
-    def start(self, outfit: Outfit, frames: BodyFrames) -> Any:
+    def prepare(self, outfit: Outfit, device: torch.device) -> Any:
         assert not self.unsupported_reason(outfit)
-        return LBSConfig().create().start(outfit, frames)
+        return LBS.prepare(outfit, device)
 
-    def step(self, state: Any, frames: BodyFrames) -> Any:
-        return LBSConfig().create().step(state, frames)
-
-    def observe(self, state: Any, garments: tuple[Tensor, ...]) -> Any:
-        return state
+    def step(self, prepared: Any, state: Any, frames: BodyFrames) -> Any:
+        return LBS.step(prepared, state, frames)
 
 
 def judged(method: Method, data: Path, out: Path) -> tuple[dict, list[Shown]]:
     return compare(
         (*load_candidates(("lbs",), capsule_body()), Candidate(method.name, method, 0.0, "", frozenset())),
-        data,
+        Selection(data),
         out,
         body=capsule_body(),
-        actions=(),
-        frames=None,
         map_size=16,
         machine="a test",
     )
 
 
 @dataclass(frozen=True)
-class Sinking:
+class Sinking(Method):
     """Brings the garment a millimetre nearer to the body's axis in every frame, from wherever it was left."""
 
     name: str = "sinking"
     autoregressive: bool = True
-    quasi_static: bool = False
 
-    def unsupported_reason(self, outfit: Outfit) -> str:
-        return ""
-
-    def start(self, outfit: Outfit, frames: BodyFrames) -> Any:
+    def prepare(self, outfit: Outfit, device: torch.device) -> Tensor:
         return outfit.garments[0].mesh.vertices
 
-    def step(self, state: Any, frames: BodyFrames) -> Any:
+    def init(self, prepared: Tensor, frames: BodyFrames) -> Tensor:
+        return prepared
+
+    def step(self, prepared: Tensor, state: Tensor, frames: BodyFrames) -> Any:
         radius = state[:, :2].norm(dim=1, keepdim=True)
         nearer = torch.cat([state[:, :2] * (1 - 0.001 / radius), state[:, 2:]], dim=1)
         return nearer, (nearer[None] + frames.transforms[:, -1, 0, :, 3],)
 
-    def observe(self, state: Any, garments: tuple[Tensor, ...]) -> Any:
-        radius = garments[0].sub(garments[0].mean(0))[:, :2].norm(dim=1, keepdim=True)
+    def feed_back(self, prepared: Tensor, state: Tensor, garments: tuple[Tensor, ...]) -> Tensor:
+        vertices = garments[0][0]
+        radius = vertices.sub(vertices.mean(0))[:, :2].norm(dim=1, keepdim=True)
         return torch.cat(
             [state[:, :2] * radius / state[:, :2].norm(dim=1, keepdim=True), state[:, 2:]], dim=1
         )
@@ -363,10 +384,16 @@ def test_a_method_is_judged_on_what_it_dresses(world: Path, tmp_path: Path) -> N
     assert own["stability"].keys() == own["over_time_mm"].keys() == {"dress"}
     assert results["methods"]["lbs"]["stability"].keys() == {"tops", "dress"}
     assert results["windows"] == 4
-    assert {"for_one" in each.meshes for each in shown if each.garment.name == "tops"} == {False}
+    assert {"for_one" in each.meshes for each in shown if each.worn == "tops"} == {False}
     drawn = list(pictures(shown, ["lbs", "for_one"], capsule_body(), lambda: None))
     assert "simulation, lbs;" in drawn[0].caption
     assert "simulation, lbs, for_one;" in drawn[1].caption
+
+
+def test_the_frame_rate_is_that_of_most_windows(world: Path, tmp_path: Path) -> None:
+    last = world / "12_01_dress.npz"
+    save_sequence(replace(load_sequence(last), fps=60.0), last)
+    assert run(world, tmp_path / "out", frames=3)["fps"] == FPS
 
 
 def test_a_method_that_dresses_nothing_is_refused(world: Path, tmp_path: Path) -> None:
@@ -454,7 +481,7 @@ def test_a_changed_file_is_judged_again(
         names = []
 
         def counted(case: Case, candidate: Candidate) -> CaseScores:
-            names.append(case.window.name)
+            names.append(case.name)
             return judge(case, candidate)
 
         monkeypatch.setattr(comparison, "judge", counted)

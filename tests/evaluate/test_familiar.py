@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from evaluate.actions import Window
+from evaluate.candidates import Candidate
 from evaluate.familiar import Familiar, acquaintance, cautions, familiarity
-from evaluate.judge import Candidate
 from tests.small_body import small_body
 from uvcloth.methods.registry import load_method
 

@@ -6,8 +6,8 @@ import trimesh
 
 from evaluate.actions import Window
 from evaluate.body_scores import body_scores, put_on
-from evaluate.judge import Case, score
-from evaluate.metrics import Reference
+from evaluate.case import make_case
+from evaluate.judge import score
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
@@ -31,18 +31,15 @@ def test_inside_counts_what_lies_within_the_body() -> None:
     garment = Garment("g", "tops", cloth, torch.ones(300, 1), torch.ones(300, 1))
     transforms = torch.eye(3, 4).expand(2, 1, 3, 4)
     corners = torch.arange(300)[:, None].expand(-1, 3)
-    case = Case(
-        window=Window("a", "a", "", "tops", None, None),  # type: ignore[arg-type]
-        sequence=SimulatedSequence(points, sheet, points[0], transforms, 30.0, 0, {}),
-        outfit=Outfit(body, (garment,)),
-        reference=Reference(points, points[0], sheet, 30.0, corners, torch.full((300, 3), 1 / 3)),
-        start=0,
-        transforms=transforms,
-        body_vertices=shape.expand(2, -1, -1),
+    case = make_case(
+        (Window("a", "a", "", "g", None, None),),  # type: ignore[arg-type]
+        (SimulatedSequence(points, sheet, points[0], transforms, 30.0, 0, {}),),
+        Outfit(body, (garment,)),
+        {"g": (corners, torch.full((300, 3), 1 / 3))},
     )
     outside = 3.0 * points
     outside[outside.norm(dim=-1) < 0.25] = 1.0
-    scores = score(case, points, outside).scores
+    scores = score(case, points, outside).parts["g"]
     for frame in range(2):
         expected = 100.0 * float((points[frame].norm(dim=1) < 0.199).float().mean())
         assert float(scores["inside_percent_raw"][frame]) == pytest.approx(expected, abs=1.0)
@@ -59,10 +56,7 @@ def test_a_coarse_garment_is_inside_by_its_faces_while_no_vertex_is(body: Body) 
     shape.apply_translation([0.0, -0.05, 0.3])
     corners, faces = torch.tensor(shape.vertices).float(), torch.tensor(shape.faces).long()
     mesh = Mesh(corners, faces, corners[:, :2], faces)
-    weights = torch.nn.functional.one_hot(
-        torch.zeros(len(corners), dtype=torch.long), len(body.skeleton.names)
-    )
-    worn = put_on(Outfit(body, (Garment("box", "tops", mesh, weights.float(), weights.float()),)))
+    worn = put_on(body, [mesh])
     tight = corners.clone()
     tight[:, :2] = corners.mean(0)[:2] + 0.55 * (corners - corners.mean(0))[:, :2]
     found = body_scores(worn, torch.stack([corners, tight]), body.mesh.vertices.expand(2, -1, -1))

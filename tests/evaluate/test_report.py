@@ -15,7 +15,8 @@ from torch import Tensor
 
 from evaluate.__main__ import summary
 from evaluate.charts import DASH, number, scatter, ticks
-from evaluate.report import MotionMap, Picture, standings, write_metrics, write_report
+from evaluate.report import MotionMap, Picture, write_metrics, write_report
+from evaluate.standings import standings
 from evaluate.viewer import QUANTUM, ViewerClip
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
@@ -82,6 +83,9 @@ def fake_results() -> dict[str, Any]:
             "chosen_on": [],
             "familiar": {},
             "static": mean != MEANS["net"],
+            "baseline": mean != MEANS["net"],
+            "representation": {},
+            "outfits": {},
             "training_frames": 1434 if mean == MEANS["net"] else None,
             "training": {"step": 300, "epochs": 1.67, "minutes": 6.5} if mean == MEANS["net"] else {},
             "over_time_mm_raw": dict(over_time),
@@ -92,7 +96,10 @@ def fake_results() -> dict[str, Any]:
     floor = {"tops": 5.5, "dress": 9.0}
     return {
         "methods": {name: method(mean) for name, mean in MEANS.items()},
-        "simulation": {"actions": {a: {t: {**cell(0.0)} for t in ("tops", "dress")} for a in ACTIONS}},
+        "simulation": {
+            "actions": {a: {t: {**cell(0.0)} for t in ("tops", "dress")} for a in ACTIONS},
+            "outfits": {},
+        },
         "floor": {
             "representation_mm": {"tops": 1.5, "dress": 2.5},
             "representation_rmse_mm": {"tops": 2.0, "dress": 3.0},
@@ -106,6 +113,7 @@ def fake_results() -> dict[str, Any]:
             for kind, mean in (("held", 400.0), ("carried", 80.0))
         },
         "garments": {t: {"vertices": 3100, "model_mb": 0.2} for t in ("tops", "dress")},
+        "outfits": {},
         "actions": list(ACTIONS),
         "split": "test",
         "windows": 3,
@@ -172,6 +180,14 @@ def test_standings_compare_with_the_better_lbs() -> None:
     assert rows["lbs", "tops"].before.against is None
 
 
+def test_a_baseline_is_one_by_nature_not_by_name() -> None:
+    results = fake_results()
+    results["methods"]["lbs_residual"] = results["methods"].pop("net")
+    rows = {(row.method, row.garment): row for row in standings(results)}
+    assert rows["lbs_residual", "tops"].before.against == pytest.approx(27.0 / 33.0)
+    assert rows["lbs_smooth", "tops"].before.against is None
+
+
 def test_contact_may_turn_a_standing_around() -> None:
     results = fake_results()
     for by_garment in results["methods"]["lbs_smooth"]["actions"].values():
@@ -204,9 +220,39 @@ def test_a_method_counts_only_on_what_it_dresses() -> None:
     assert found["lbs_smooth", "tops"].frames == 300
 
 
-def test_page_says_which_methods_are_static(tmp_path: Path) -> None:
+def dressed_outfit(mean: float, side: float) -> dict[str, Any]:
+    """What metrics.json says of a method, or of the simulation, on tops over bottoms."""
+    sides = {"tops": {"bottoms": side}}
+    both = {**cell(mean), "wrong_side_percent_raw": sides, "wrong_side_percent": {"tops": {"bottoms": 0.0}}}
+    return {
+        "actions": {"jump": both, "walking": both | {"wrong_side_percent_raw": {"tops": {"bottoms": 9.0}}}}
+    }
+
+
+def test_page_has_outfits_as_one(tmp_path: Path) -> None:
+    assert 'id="outfits"' not in write_report(tmp_path, fake_results(), [], []).read_text()
+    results = fake_results()
+    results["outfits"] = {"tops over bottoms": {"garments": ["bottoms", "tops"]}}
+    results["simulation"]["outfits"]["tops over bottoms"] = dressed_outfit(0.0, 1.0)
+    results["methods"]["lbs"]["outfits"]["tops over bottoms"] = dressed_outfit(20.0, 3.0)
+    results["methods"]["net"]["outfits"]["tops over bottoms"] = dressed_outfit(10.0, 5.0)
+    page = write_report(tmp_path, results, [], []).read_text()
+    whole = rows(page, 'id="outfits"')
+    assert [row[1] for row in whole[2:]] == ["simulation", "lbs", "net"]
+    assert whole[4] == ["", "net", "10.0", "11.4", "2.50", "0.75", "8.00", "9.12", "0.50", "0.75", "25.0"]
+    assert rows(page, 'id="layers"')[1:] == [
+        ["tops over bottoms", "simulation", "tops over bottoms", "5.00", "0"],
+        ["", "lbs", "tops over bottoms", "6.00", "0"],
+        ["", "net", "tops over bottoms", "7.00", "0"],
+    ]
+    (net,) = (row for row in standings(results) if row.garment == "tops over bottoms" and row.method == "net")
+    assert (net.before.against, net.before.won, net.before.of) == (pytest.approx(0.5), 2, 2)
+    assert "tops over bottoms net" in summary(results)
+
+
+def test_page_says_which_methods_are_quasi_static(tmp_path: Path) -> None:
     page = write_report(tmp_path, fake_results(), [fake_clip()], []).read_text()
-    assert "<p>lbs, lbs_smooth are static:" in page
+    assert "<p>lbs, lbs_smooth are quasi-static:" in page
     results = fake_results()
     for judged in results["methods"].values():
         judged["static"] = False

@@ -1,18 +1,23 @@
 """Errors of methods that feed on themselves, where they are known in advance."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import pytest
 import torch
 from torch import Tensor
 
 import evaluate.stability as measured
+from evaluate.actions import Window
+from evaluate.case import make_case
 from evaluate.results import stability
 from evaluate.stability import copied_truth, stability_scores
 from tests.evaluate.test_compare import COUNTED, FPS, SETTLING, capsule_body, motion, simulated, tube_garment
 from uvcloth.bodies.frames import BodyFrames
-from uvcloth.garments.garment import Outfit
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.skinning import skin
+from uvcloth.methods.method import Method
+from uvcloth.rollout import prepare_rollout
 from uvcloth.simulate.sequence import SimulatedSequence
 
 STRAY = 0.001
@@ -20,26 +25,25 @@ END = SETTLING + COUNTED
 
 
 @dataclass(frozen=True)
-class Straying:
+class Straying(Method):
     """Carries its garment along with the body's only joint, and a millimetre upwards in every frame."""
 
     name: str = "straying"
     autoregressive: bool = True
-    quasi_static: bool = False
 
-    def unsupported_reason(self, outfit: Outfit) -> str:
-        return ""
+    def prepare(self, outfit: Outfit, device: torch.device) -> Garment:
+        return outfit.garments[0]
 
-    def start(self, outfit: Outfit, frames: BodyFrames) -> Tensor:
-        return skin(outfit.garments[0].mesh.vertices, outfit.garments[0].weights, frames.transforms[:, 0])
+    def init(self, prepared: Garment, frames: BodyFrames) -> Tensor:
+        return skin(prepared.mesh.vertices, prepared.weights, frames.transforms[:, 0])
 
-    def step(self, state: Tensor, frames: BodyFrames) -> tuple[Tensor, tuple[Tensor, ...]]:
+    def step(self, prepared: Garment, state: Tensor, frames: BodyFrames) -> tuple[Tensor, tuple[Tensor, ...]]:
         moved = frames.transforms[0, -1, 0, :, 3] - frames.transforms[0, -2, 0, :, 3]
         state = state + moved + torch.tensor([0.0, 0.0, STRAY])
         return state, (state,)
 
-    def observe(self, state: Tensor, garments: tuple[Tensor, ...]) -> Tensor:
-        return garments[0][None]
+    def feed_back(self, prepared: Garment, state: Tensor, garments: tuple[Tensor, ...]) -> Tensor:
+        return garments[0]
 
 
 @pytest.fixture
@@ -53,7 +57,9 @@ def test_errors_grow_with_the_frames_since_the_truth(
 ) -> None:
     monkeypatch.setattr(measured, "SHORT_ROLLOUT", 5)
     outfit = Outfit(capsule_body(), (tube_garment("tops"),))
-    scores = stability_scores(Straying(), outfit, window, END)
+    where = Window("jump", "02_04", "", "tops", Path(), None)
+    case = make_case((where,), (window,), outfit, {})
+    scores = stability_scores(prepare_rollout(Straying(), outfit), case)["tops"]
     assert scores["one_step_mm"].tolist() == pytest.approx([1.0] * COUNTED, abs=0.05)
     assert scores["one_step_mm_raw"].tolist() == pytest.approx([1.0] * COUNTED, abs=1e-3)
     assert scores["rollout_50_mm"].tolist() == pytest.approx([1, 2, 3, 4, 5] * 2 + [1, 2], abs=0.1)

@@ -11,7 +11,9 @@ from uvcloth.export.animation import Animation
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.pbns.method import PBNS, PBNSConfig, new_network, pose_vectors, rest_outfit
+from uvcloth.methods.pbns.method import PBNS, new_network, rest_outfit
+from uvcloth.methods.pbns.network import PBNSConfig
+from uvcloth.methods.rig import pose_vectors
 from uvcloth.motion.clip import Clip
 
 FRAMES = 40

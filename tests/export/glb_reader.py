@@ -93,13 +93,13 @@ class GlbReader:
         """Points of a mesh (M, 3) on joints whose nodes have these matrices."""
         worlds: Locals = {}
 
-        def cache(index: int, parent: np.ndarray) -> None:
+        def visit(index: int, parent: np.ndarray) -> None:
             worlds[index] = parent @ own[index]
             for child in self.gltf.nodes[index].children or []:
-                cache(child, worlds[index])
+                visit(child, worlds[index])
 
         for root in self.gltf.scenes[0].nodes:
-            cache(root, np.eye(4))
+            visit(root, np.eye(4))
         skin = self.gltf.skins[self.gltf.nodes[self.node(name)].skin]
         inverse_bind = self.read(skin.inverseBindMatrices).reshape(-1, 4, 4).transpose(0, 2, 1)
         palette = np.stack([worlds[joint] for joint in skin.joints]) @ inverse_bind

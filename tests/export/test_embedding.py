@@ -14,7 +14,8 @@ from uvcloth.export.embedding import write_embedding
 from uvcloth.export.gltf_rig import write_rig_glb
 from uvcloth.export.rig import rig_of
 from uvcloth.garments.garment import Outfit
-from uvcloth.methods.pbns.method import PBNS, pose_vectors
+from uvcloth.methods.pbns.method import PBNS
+from uvcloth.methods.rig import pose_vectors
 from uvcloth.motion.clip import Clip
 
 pytest.importorskip("onnx")
@@ -25,8 +26,8 @@ onnxruntime = pytest.importorskip("onnxruntime")
 def test_onnx_gives_the_rig_s_weights(
     pbns: PBNS, outfit: Outfit, clip: Clip, tmp_path: Path, shapes: int | None
 ) -> None:
-    rigged = rig_of(pbns, outfit.body, shapes=shapes)
-    write_embedding(pbns.network, rigged, tmp_path / "rig.onnx")
+    rigged = rig_of(pbns.as_rig(outfit.body), outfit.body, shapes=shapes)
+    write_embedding(pbns.as_rig(outfit.body), rigged, tmp_path / "rig.onnx")
     session = onnxruntime.InferenceSession(tmp_path / "rig.onnx")
     for poses in (pbns.network.poses, pose_vectors(pbns.worn.parents, clip.transforms())):
         (weights,) = session.run(["weights"], {"pose": poses.numpy()})
@@ -48,9 +49,9 @@ def pose_vector(glb: GlbReader, frame: int | None, names: list[str], parents: li
 
 
 def test_the_rest_pose_gives_the_file_s_own_weights(pbns: PBNS, outfit: Outfit, tmp_path: Path) -> None:
-    rigged = rig_of(pbns, outfit.body)
+    rigged = rig_of(pbns.as_rig(outfit.body), outfit.body)
     write_rig_glb(rigged.rig, tmp_path / "rig.glb")
-    write_embedding(pbns.network, rigged, tmp_path / "rig.onnx")
+    write_embedding(pbns.as_rig(outfit.body), rigged, tmp_path / "rig.onnx")
     rig = GlbReader.load(tmp_path / "rig.glb")
     session = onnxruntime.InferenceSession(tmp_path / "rig.onnx")
     facts = session.get_modelmeta().custom_metadata_map
@@ -61,10 +62,10 @@ def test_the_rest_pose_gives_the_file_s_own_weights(pbns: PBNS, outfit: Outfit, 
 
 def test_an_engine_can_pose_the_rig_alone(pbns: PBNS, outfit: Outfit, practice: Clip, tmp_path: Path) -> None:
     """Joint rotations from one file drive the ONNX, its weights the other file's targets."""
-    write_rig_glb(rig_of(pbns, outfit.body, practice).rig, tmp_path / "motion.glb")
-    alone = rig_of(pbns, outfit.body)
+    write_rig_glb(rig_of(pbns.as_rig(outfit.body), outfit.body, practice).rig, tmp_path / "motion.glb")
+    alone = rig_of(pbns.as_rig(outfit.body), outfit.body)
     write_rig_glb(alone.rig, tmp_path / "rig.glb")
-    write_embedding(pbns.network, alone, tmp_path / "rig.onnx")
+    write_embedding(pbns.as_rig(outfit.body), alone, tmp_path / "rig.onnx")
     motion, rig = GlbReader.load(tmp_path / "motion.glb"), GlbReader.load(tmp_path / "rig.glb")
     session = onnxruntime.InferenceSession(tmp_path / "rig.onnx")
     facts = session.get_modelmeta().custom_metadata_map

@@ -22,7 +22,7 @@ MILLIMETRE = 1e-3
 @pytest.fixture(scope="module")
 def path(pbns: PBNS, outfit: Outfit, clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("rig") / "wave.glb"
-    write_rig_glb(rig_of(pbns, outfit.body, clip).rig, path)
+    write_rig_glb(rig_of(pbns.as_rig(outfit.body), outfit.body, clip).rig, path)
     return path
 
 
@@ -61,7 +61,7 @@ def test_four_influences_cost_what_the_rig_says(
     make_pbns: Callable[..., PBNS], outfit: Outfit, clip: Clip, tmp_path: Path
 ) -> None:
     many = make_pbns(influences=7)
-    rigged = rig_of(many, outfit.body, clip)
+    rigged = rig_of(many.as_rig(outfit.body), outfit.body, clip)
     write_rig_glb(rigged.rig, tmp_path / "many.glb")
     glb, expected = GlbReader.load(tmp_path / "many.glb"), rolled_out(many, outfit, clip)
     apart = np.concatenate(
@@ -82,7 +82,7 @@ def test_normals_follow_the_blend_shapes(
     pbns: PBNS, outfit: Outfit, clip: Clip, tmp_path: Path, shapes: int | None
 ) -> None:
     """At rest, against the normals of the morphed surface."""
-    write_rig_glb(rig_of(pbns, outfit.body, clip, shapes).rig, tmp_path / "wave.glb")
+    write_rig_glb(rig_of(pbns.as_rig(outfit.body), outfit.body, clip, shapes).rig, tmp_path / "wave.glb")
     glb = GlbReader.load(tmp_path / "wave.glb")
     for garment in outfit.garments:
         source, angles = glb.source(garment.name), []
@@ -102,7 +102,7 @@ def test_normals_follow_the_blend_shapes(
 def test_without_a_motion_the_file_stands_in_the_rest_pose(
     pbns: PBNS, outfit: Outfit, tmp_path: Path
 ) -> None:
-    rigged = rig_of(pbns, outfit.body, with_body=False)
+    rigged = rig_of(pbns.as_rig(outfit.body), outfit.body, with_body=False)
     write_rig_glb(rigged.rig, tmp_path / "rig.glb")
     glb = GlbReader.load(tmp_path / "rig.glb")
     assert not glb.gltf.animations
@@ -118,6 +118,8 @@ def test_without_a_motion_the_file_stands_in_the_rest_pose(
 def test_khronos_validator_finds_nothing(
     pbns: PBNS, outfit: Outfit, clip: Clip, tmp_path: Path, moving: bool
 ) -> None:
-    rigged = rig_of(pbns, outfit.body, clip if moving else None, shapes=None if moving else 5)
+    rigged = rig_of(
+        pbns.as_rig(outfit.body), outfit.body, clip if moving else None, shapes=None if moving else 5
+    )
     write_rig_glb(rigged.rig, tmp_path / "rig.glb")
     require_clean(tmp_path / "rig.glb")

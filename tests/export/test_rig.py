@@ -14,7 +14,8 @@ from uvcloth.export.rig import Rig, rig_of
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.skeleton import Skeleton
-from uvcloth.methods.pbns.method import PBNS, pose_vectors
+from uvcloth.methods.pbns.method import PBNS
+from uvcloth.methods.rig import pose_vectors
 from uvcloth.motion.clip import Clip
 from uvcloth.rollout import rollout
 
@@ -40,7 +41,7 @@ def farthest(made: list[np.ndarray], expected: list[np.ndarray]) -> float:
 
 
 def test_the_rig_is_the_rollout(pbns: PBNS, outfit: Outfit, clip: Clip) -> None:
-    rigged = rig_of(pbns, outfit.body, clip)
+    rigged = rig_of(pbns.as_rig(outfit.body), outfit.body, clip)
     assert rigged.pruning == rigged.fewer == ()
     expected = rolled_out(pbns, outfit, clip)
     assert farthest(played(rigged.rig), expected) < 1e-5
@@ -49,13 +50,13 @@ def test_the_rig_is_the_rollout(pbns: PBNS, outfit: Outfit, clip: Clip) -> None:
 
 
 def test_every_weight_uses_the_whole_range(pbns: PBNS, outfit: Outfit, clip: Clip, practice: Clip) -> None:
-    rigged = rig_of(pbns, outfit.body, clip)
+    rigged = rig_of(pbns.as_rig(outfit.body), outfit.body, clip)
     known = torch.cat([pbns.network.poses, pose_vectors(pbns.worn.parents, clip.transforms())])
     with torch.no_grad():
         weights = rigged.code.weights(pbns.network.embed(known))
     np.testing.assert_allclose(weights.amin(0), 0.0, atol=1e-5)
     np.testing.assert_allclose(weights.amax(0), 1.0, atol=1e-5)
-    practised = rig_of(pbns, outfit.body, practice)
+    practised = rig_of(pbns.as_rig(outfit.body), outfit.body, practice)
     assert rigged.code.scale.abs().sum() < 0.95 * practised.code.scale.abs().sum()  # The clip went further.
 
 
@@ -64,13 +65,13 @@ def test_shapes_that_nothing_moves_are_left_out(pbns: PBNS, outfit: Outfit) -> N
         embeddings = pbns.network.embed(pbns.network.poses)
     moving = int((embeddings.amax(0) > embeddings.amin(0)).sum())
     assert moving < pbns.config.width
-    assert len(rig_of(pbns, outfit.body).rig.resting) == moving
+    assert len(rig_of(pbns.as_rig(outfit.body), outfit.body).rig.resting) == moving
 
 
 @pytest.mark.parametrize("count", [1, 4, 9])
 def test_fewer_shapes_are_the_best_there_are(pbns: PBNS, outfit: Outfit, count: int) -> None:
     """The error that is left is what numpy's SVD of all deformations leaves (Eckart and Young)."""
-    rigged = rig_of(pbns, outfit.body, shapes=count)
+    rigged = rig_of(pbns.as_rig(outfit.body), outfit.body, shapes=count)
     with torch.no_grad():
         embeddings = pbns.network.embed(pbns.network.poses)
         deformed = (embeddings @ pbns.network.shapes).double().numpy()
@@ -84,7 +85,7 @@ def test_fewer_shapes_are_the_best_there_are(pbns: PBNS, outfit: Outfit, count: 
 
 
 def test_the_cost_of_fewer_shapes_is_what_the_rig_misses(pbns: PBNS, outfit: Outfit, clip: Clip) -> None:
-    rigged = rig_of(pbns, outfit.body, clip, shapes=6)
+    rigged = rig_of(pbns.as_rig(outfit.body), outfit.body, clip, shapes=6)
     expected = rolled_out(pbns, outfit, clip)
     apart = [np.linalg.norm(a - b, axis=-1) for a, b in zip(played(rigged.rig), expected, strict=True)]
     cost = rigged.fewer[1]
@@ -98,7 +99,7 @@ def test_the_cost_of_four_influences_is_what_the_rig_misses(
     make_pbns: Callable[..., PBNS], outfit: Outfit, clip: Clip
 ) -> None:
     many = make_pbns(influences=7)
-    rigged = rig_of(many, outfit.body, clip)
+    rigged = rig_of(many.as_rig(outfit.body), outfit.body, clip)
     assert all(garment.joints.shape[1] == 4 for garment in rigged.rig.garments)
     expected = rolled_out(many, outfit, clip)
     apart = [np.linalg.norm(a - b, axis=-1) for a, b in zip(played(rigged.rig), expected, strict=True)]
@@ -110,7 +111,7 @@ def test_the_cost_of_four_influences_is_what_the_rig_misses(
 
 
 def test_the_rest_pose_is_held_without_a_motion(pbns: PBNS, outfit: Outfit) -> None:
-    rig = rig_of(pbns, outfit.body).rig
+    rig = rig_of(pbns.as_rig(outfit.body), outfit.body).rig
     assert len(rig.transforms) == len(rig.weights) == 0
     still = torch.eye(3, 4).expand(1, len(rig.skeleton.names), 3, 4)
     posed = replace(rig, weights=rig.resting[None], transforms=still.numpy())
@@ -119,7 +120,7 @@ def test_the_rest_pose_is_held_without_a_motion(pbns: PBNS, outfit: Outfit) -> N
 
 
 def test_normals_are_exact_in_the_usual_pose_and_close_around_it(pbns: PBNS, outfit: Outfit) -> None:
-    rigged = rig_of(pbns, outfit.body)
+    rigged = rig_of(pbns.as_rig(outfit.body), outfit.body)
     garment = rigged.rig.garments[0]
     faces, changes = garment.mesh.faces, garment.normal_shapes()
     start = vertex_normals(garment.mesh.vertices, faces)
@@ -145,22 +146,22 @@ def test_impossible_numbers_of_shapes_are_refused(
     pbns: PBNS, outfit: Outfit, shapes: int, words: str
 ) -> None:
     with pytest.raises(InputError, match=words):
-        rig_of(pbns, outfit.body, shapes=shapes)
+        rig_of(pbns.as_rig(outfit.body), outfit.body, shapes=shapes)
 
 
 def test_another_body_and_a_clip_on_another_rig_are_refused(pbns: PBNS, body: Body, clip: Clip) -> None:
     with pytest.raises(InputError, match="trained on another body than 'box'"):
-        rig_of(pbns, small_body())
+        pbns.as_rig(small_body())
     skeleton = body.skeleton
     taller = replace(body, skeleton=replace(skeleton, heads=skeleton.heads * 1.1))
     with pytest.raises(InputError, match="trained on another body"):
-        rig_of(pbns, taller)
+        pbns.as_rig(taller)
     renamed = Skeleton(tuple(f"b{name}" for name in skeleton.names), skeleton.parents, skeleton.heads)
     with pytest.raises(InputError, match="clip wave: it moves another skeleton"):
-        rig_of(pbns, body, replace(clip, skeleton=renamed))
+        rig_of(pbns.as_rig(body), body, replace(clip, skeleton=renamed))
 
 
 def test_a_model_that_never_deforms_is_refused(pbns: PBNS, body: Body) -> None:
     one = replace(pbns, network=type(pbns.network)(pbns.config, 9, 9, len(body.skeleton.names), 1))
     with pytest.raises(InputError, match="no pose that it knows moves"):
-        rig_of(one, body)
+        rig_of(one.as_rig(body), body)

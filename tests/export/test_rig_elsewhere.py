@@ -25,7 +25,7 @@ MILLIMETRE = 1e-3
 @pytest.fixture(scope="module")
 def path(pbns: PBNS, outfit: Outfit, clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("rig") / "wave.glb"
-    write_rig_glb(rig_of(pbns, outfit.body, clip).rig, path)
+    write_rig_glb(rig_of(pbns.as_rig(outfit.body), outfit.body, clip).rig, path)
     return path
 
 
@@ -53,7 +53,7 @@ def test_blender_plays_the_rollout(
     frames = [str(frame) for frame in FRAMES]
     if suffix == ".usdc":
         path = tmp_path / "wave.usdc"
-        write_rig_usd(rig_of(pbns, outfit.body, clip).rig, path)
+        write_rig_usd(rig_of(pbns.as_rig(outfit.body), outfit.body, clip).rig, path)
     command = [python, HERE / "play_in_blender.py", path, tmp_path / "played.npz", "30", *expected]
     # Its Python must not find our packages.
     clean = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}

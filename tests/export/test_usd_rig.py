@@ -20,7 +20,7 @@ from pxr import Usd, UsdGeom, UsdSkel, UsdValidation  # noqa: E402
 @pytest.fixture(scope="module")
 def path(pbns: PBNS, outfit: Outfit, clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("rig") / "wave.usdc"
-    write_rig_usd(rig_of(pbns, outfit.body, clip).rig, path)
+    write_rig_usd(rig_of(pbns.as_rig(outfit.body), outfit.body, clip).rig, path)
     return path
 
 
@@ -41,7 +41,9 @@ def test_usd_s_own_skinning_meets_the_rollout(path: Path, pbns: PBNS, outfit: Ou
 def test_usd_validation_finds_no_error(
     pbns: PBNS, outfit: Outfit, clip: Clip, tmp_path: Path, moving: bool
 ) -> None:
-    write_rig_usd(rig_of(pbns, outfit.body, clip if moving else None).rig, tmp_path / "rig.usdc")
+    write_rig_usd(
+        rig_of(pbns.as_rig(outfit.body), outfit.body, clip if moving else None).rig, tmp_path / "rig.usdc"
+    )
     stage = Usd.Stage.Open(str(tmp_path / "rig.usdc"))
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     found = UsdValidation.ValidationContext(validators).Validate(stage)
@@ -51,7 +53,7 @@ def test_usd_validation_finds_no_error(
 def test_without_a_motion_the_stage_stands_in_the_rest_pose(
     pbns: PBNS, outfit: Outfit, tmp_path: Path
 ) -> None:
-    rig = rig_of(pbns, outfit.body, with_body=False).rig
+    rig = rig_of(pbns.as_rig(outfit.body), outfit.body, with_body=False).rig
     write_rig_usd(rig, tmp_path / "rig.usdc")
     stage = Usd.Stage.Open(str(tmp_path / "rig.usdc"))
     assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (0, 0)

@@ -8,7 +8,7 @@ import torch
 
 from rasterize.errors import InputError
 from uvcloth.export.animation import Animation, load_animation
-from uvcloth.export.writer import FORMATS, FrameWriter, open_writer
+from uvcloth.export.writer import WRITERS, FrameWriter, open_writer
 
 
 def write(animation: Animation, path: Path, batch: int = 7) -> FrameWriter:
@@ -31,14 +31,14 @@ def test_unsupported_format_is_refused_before_any_work(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("suffix", FORMATS)
+@pytest.mark.parametrize("suffix", WRITERS)
 def test_only_the_finished_files_are_left(animation: Animation, tmp_path: Path, suffix: str) -> None:
     writer = write(animation, tmp_path / f"walk{suffix}")
     assert writer.written
     assert sorted(tmp_path.iterdir()) == sorted(writer.written)
 
 
-@pytest.mark.parametrize("suffix", FORMATS)
+@pytest.mark.parametrize("suffix", WRITERS)
 def test_an_interrupt_leaves_nothing_and_keeps_the_old_file(
     animation: Animation, tmp_path: Path, suffix: str
 ) -> None:
@@ -56,7 +56,7 @@ def test_an_interrupt_leaves_nothing_and_keeps_the_old_file(
     assert old.read_text() == "old"
 
 
-@pytest.mark.parametrize("suffix", FORMATS)
+@pytest.mark.parametrize("suffix", WRITERS)
 @pytest.mark.parametrize("room", ["spool", "file"])
 def test_a_full_disk_is_one_sentence_and_leaves_nothing(
     animation: Animation, tmp_path: Path, suffix: str, room: str

@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 from importlib.resources import files
+from pathlib import Path
 
 import pytest
 import torch
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.export.obj import save_obj
 from uvcloth.garments.band import TEMPLATE_MASS, holding_band
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.loading import load_garment
@@ -20,12 +22,12 @@ SKIRT = str(files("uvcloth") / "data" / "garments" / "skirt.obj")
 @pytest.fixture(scope="module")
 def shirt(body: Body) -> Garment:
     """The T-shirt as if it came from a file."""
-    return replace(fit_template("tops", body), name="shirt")
+    return replace(fit_template("tops", body), name="shirt", source="file")
 
 
 @pytest.fixture(scope="module")
 def trousers(body: Body) -> Garment:
-    return replace(fit_template("bottoms", body), name="trousers")
+    return replace(fit_template("bottoms", body), name="trousers", source="file")
 
 
 def moved(garment: Garment, faces: torch.Tensor) -> Garment:
@@ -50,6 +52,26 @@ def test_the_rule_for_files_agrees_with_the_templates(body: Body, shirt: Garment
 def test_a_file_that_is_named_as_its_template_hangs_by_its_own_hem(body: Body, shirt: Garment) -> None:
     named = replace(shirt, template="shirt")
     assert torch.equal(holding_band(named, body).vertices, holding_band(shirt, body).vertices)
+
+
+def test_a_file_of_a_template_by_its_name_hangs_by_its_own_hem(body: Body, tmp_path: Path) -> None:
+    """The same faces under the same name are no sign that a mesh lies where the template does."""
+    mesh = fit_template("tops", body).mesh
+    save_obj(mesh, tmp_path / "tops.obj")
+    worn = load_garment(str(tmp_path / "tops.obj"), body)
+    assert (worn.name, worn.template, worn.source) == ("tops", "tops", "file")
+    assert torch.equal(worn.mesh.faces, mesh.faces)
+    assert holding_band(worn, body).mass != TEMPLATE_MASS["tops"]
+
+
+def test_a_template_hangs_by_its_own_band_whatever_its_name(body: Body) -> None:
+    band = holding_band(replace(fit_template("dress", body), name="gown"), body)
+    assert torch.equal(band.vertices, load_template("dress").band)
+
+
+def test_a_garment_without_template_hangs_by_its_hem(body: Body, shirt: Garment) -> None:
+    bare = replace(shirt, template=None)
+    assert torch.equal(holding_band(bare, body).vertices, holding_band(shirt, body).vertices)
 
 
 def test_a_skirt_hangs_by_its_waist(body: Body) -> None:

@@ -17,11 +17,11 @@ SKIRT = Path(str(files("uvcloth") / "data" / "garments" / "skirt.obj"))
 
 def test_a_template_is_worn_and_a_file_is_fitted(body: Body) -> None:
     shirt = load_garment("tops", body)
-    assert (shirt.name, shirt.template) == ("tops", "tops")
+    assert (shirt.name, shirt.template, shirt.source) == ("tops", "tops", "template")
     assert torch.equal(shirt.mesh.vertices, fit_template("tops", body).mesh.vertices)
     said: list[str] = []
     skirt = load_garment(str(SKIRT), body, said.append)
-    assert (skirt.name, skirt.template) == ("skirt", "dress")
+    assert (skirt.name, skirt.template, skirt.source) == ("skirt", "dress", "file")
     assert said[0].startswith(f"{SKIRT}: ")
     assert "worn as dress" in said[-1]
 

@@ -12,7 +12,7 @@ from rasterize.charts import boundary_loops
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.cut import cut, place
-from uvcloth.garments.templates import TEMPLATES, fit_template, load_template, outward, save_template
+from uvcloth.garments.templates import TEMPLATES, faces_outward, fit_template, load_template, save_template
 from uvcloth.physics.surface import BodySurface
 
 OPENINGS = {"tops": 4, "bottoms": 3, "dress": 4, "shirt": 4}
@@ -43,7 +43,7 @@ def test_templates_are_clean_garments(name: str, body: Body) -> None:
     assert mesh.edges_unique_length.max() < 0.04
     skin = BodySurface(body.mesh.vertices, body.mesh.faces).closest(garment.mesh.vertices)
     assert float(skin.signed_distance.min()) > 0.003
-    assert outward(garment.mesh, body)
+    assert faces_outward(garment.mesh, body)
     assert len(garment.mesh.face_uvs) == len(garment.mesh.faces)
     assert 0 <= float(garment.mesh.uvs.min()) <= float(garment.mesh.uvs.max()) <= 1
 

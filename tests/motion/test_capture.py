@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.skeleton import local_rotations, world_rotations
 from uvcloth.motion.bvh import read_bvh
-from uvcloth.motion.capture import jump, standstill
+from uvcloth.motion.capture import find_jump, find_standstill
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import builtin_clips, load_clip
 
@@ -40,35 +40,35 @@ def still(clip: Clip, names: tuple[str, ...], start: int, end: int) -> Clip:
 def test_sound_captures_have_no_fault(body: Body) -> None:
     for name in builtin_clips():
         clip = load_clip(name, body)
-        assert jump(clip) is None
-        assert standstill(clip) is None
+        assert find_jump(clip) is None
+        assert find_standstill(clip) is None
 
 
 def test_a_jump_names_the_joint_nearest_the_root_and_the_frame(walk: Clip) -> None:
-    said = str(jump(turned(walk, "LeftArm", 50, 120.0), 7))
+    said = str(find_jump(turned(walk, "LeftArm", 50, 120.0), 7))
     assert said.startswith("LeftArm turns by 1")
     assert said.endswith("degrees in frame 57")
-    assert jump(turned(walk, "LeftArm", 50, 75.0)) is None
+    assert find_jump(turned(walk, "LeftArm", 50, 75.0)) is None
 
 
 @pytest.mark.parametrize("name", ["LeftHand", "RightHandFinger1", "LThumb", "RightToeBase"])
 def test_joints_that_no_cloth_hangs_on_do_not_count(walk: Clip, name: str) -> None:
-    assert jump(turned(walk, name, 50, 170.0)) is None
-    assert standstill(still(walk, (name,), 20, 90)) is None
+    assert find_jump(turned(walk, name, 50, 170.0)) is None
+    assert find_standstill(still(walk, (name,), 20, 90)) is None
 
 
 def test_a_joint_that_stands_still_for_a_second_is_named(walk: Clip) -> None:
-    assert standstill(still(walk, ("RightLeg",), 20, 60), 100) == (
+    assert find_standstill(still(walk, ("RightLeg",), 20, 60), 100) == (
         "RightLeg stands still from frame 120 to 160 while others move"
     )
-    assert standstill(still(walk, ("RightLeg",), 20, 45)) is None
+    assert find_standstill(still(walk, ("RightLeg",), 20, 45)) is None
 
 
 def test_a_person_who_stands_and_a_joint_that_the_capture_lacks_do_not_count(walk: Clip) -> None:
-    assert standstill(still(walk, walk.skeleton.names, 20, 90)) is None
-    assert standstill(still(walk, ("Neck",), 0, len(walk))) is None
-    assert standstill(walk.window(3, 1)) is None
-    assert jump(walk.window(3, 1)) is None
+    assert find_standstill(still(walk, walk.skeleton.names, 20, 90)) is None
+    assert find_standstill(still(walk, ("Neck",), 0, len(walk))) is None
+    assert find_standstill(walk.window(3, 1)) is None
+    assert find_jump(walk.window(3, 1)) is None
 
 
 @pytest.mark.parametrize(
@@ -98,4 +98,4 @@ def test_it_is_the_capture_that_jumps_and_not_the_retargeting(
         angles.append(float(torch.rad2deg(torch.arccos((turn.trace() - 1.0) / 2.0))))
     assert angles[0] == pytest.approx(angles[1], abs=0.5)
     assert angles[0] > 90.0
-    assert jump(moved) is not None
+    assert find_jump(moved) is not None

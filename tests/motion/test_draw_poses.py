@@ -67,7 +67,7 @@ def test_each_pose_is_the_frame_that_it_says(drawn: PoseDatabase, body: Body) ->
         motion = load_clip(source.file, body).rotations
         torch.testing.assert_close(drawn.rotations[rows], motion[drawn.frames[rows]])
         assert (drawn.splits[drawn.clips == index] == index).all()
-    flipped = drawn.take(torch.nonzero(drawn.mirrored).squeeze(1))
+    flipped = drawn.select(torch.nonzero(drawn.mirrored).squeeze(1))
     assert len(flipped) > 0
     assert (flipped.clips == 0).all()
     motion = load_clip("jump", body).rotations[flipped.frames]

@@ -31,9 +31,9 @@ def test_parts_of_the_skeleton(body: Body) -> None:
 
 def test_each_part_moves_as_its_donor_does(body: Body, drawn: PoseDatabase, tmp_path: Path) -> None:
     more = recombine(drawn, body, always, 12)
-    made = more.take(torch.arange(len(drawn), len(more)))
+    made = more.select(torch.arange(len(drawn), len(more)))
     assert len(made) == 12
-    assert torch.equal(more.take(torch.arange(len(drawn))).rotations, drawn.rotations)
+    assert torch.equal(more.select(torch.arange(len(drawn))).rotations, drawn.rotations)
     assert made.splits.eq(0).all()
     angles = local_angles(made.rotations, body.skeleton).view(12, -1, 3)
     before = local_angles(drawn.rotations, body.skeleton).view(len(drawn), -1, 3)

@@ -11,9 +11,10 @@ from torch import Tensor
 from rasterize.errors import InputError
 from tests.motion.bvh_text import Joint, bvh_text, performer, still
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.rotations import smallest_rotation
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.retarget import joint_roles, lowest_vertex, resample, retarget, smallest_rotation
+from uvcloth.motion.retarget import joint_roles, lowest_vertex, resample, retarget
 
 MOCAP = Path(os.environ.get("UVCLOTH_MOCAP", Path(__file__).parents[3] / "shared" / "mocap"))
 CAPTURES = sorted((MOCAP / "cmu").glob("*.bvh"))

@@ -9,7 +9,7 @@ from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
-from uvcloth.physics.self_contact import NAMES, PARTS, SelfContact
+from uvcloth.physics.self_contact import BODY_PARTS, PART_NAMES, SelfContact
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def push(boxes: Body, distance: float) -> torch.Tensor:
 
 @pytest.mark.parametrize("distance", [0.004, 0.015, 0.03, 0.06])
 def test_the_depth_is_how_far_one_box_is_pushed_into_another(boxes: Body, distance: float) -> None:
-    torso, forearm = NAMES.index("torso"), NAMES.index("forearm")
+    torso, forearm = PART_NAMES.index("torso"), PART_NAMES.index("forearm")
     depths = SelfContact(boxes).depths(push(boxes, distance))
     assert float(depths[torso, forearm]) == pytest.approx(distance, abs=1e-5)
     depths[torso, forearm] = depths[forearm, torso] = 0.0
@@ -59,7 +59,7 @@ def test_a_forearm_may_touch_the_waist_and_not_enter_it(boxes: Body) -> None:
 
 
 def test_every_region_of_the_body_belongs_to_one_part() -> None:
-    assert sorted(region for regions, _ in PARTS for region in regions) == sorted(REGIONS)
+    assert sorted(region for regions, _ in BODY_PARTS for region in regions) == sorted(REGIONS)
 
 
 def turned(body: Body, joint: str, degrees: float, axis: str = "y") -> torch.Tensor:
@@ -89,7 +89,7 @@ def test_a_body_is_clear_at_rest_and_with_hanging_arms_or_bent_knees(body: Body)
 def test_an_arm_or_a_leg_through_the_body_is_not_clear(body: Body) -> None:
     contact = SelfContact(body)
     depths = contact.depths(turned(body, "LeftArm", 100.0))
-    torso, left_forearm = NAMES.index("torso"), NAMES.index("forearm")
+    torso, left_forearm = PART_NAMES.index("torso"), PART_NAMES.index("forearm")
     assert float(torch.maximum(depths, depths.T)[torso, left_forearm]) > 0.03
     for joint, degrees, axis in (
         ("LeftArm", 100.0, "y"),

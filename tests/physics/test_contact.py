@@ -14,11 +14,11 @@ from uvcloth.geometry.mesh import unique_edges
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.contact import (
-    ALERT,
-    CLOSEST,
-    GAP,
-    MARGIN,
-    REACH,
+    FINAL_CLEARANCE,
+    LAYER_CLEARANCE,
+    PLANE_DISTANCE,
+    SKIN_CLEARANCE,
+    SKIN_SEARCH_DISTANCE,
     ContactGarment,
     InnerLayerContact,
     Obstacle,
@@ -161,7 +161,7 @@ def test_cloth_between_two_limbs_that_leave_it_no_room_is_left_calm() -> None:
     resolved, contacts = both.resolve(sheet, dressed(sheet, grid(31, 31), parts=1))
     assert (contacts.inside_before, contacts.squeezed) == (len(sheet), 0)
     torch.testing.assert_close(
-        resolved[:, 2], torch.full_like(sheet[:, 2], 0.006 + MARGIN), atol=1e-4, rtol=0
+        resolved[:, 2], torch.full_like(sheet[:, 2], 0.006 + SKIN_CLEARANCE), atol=1e-4, rtol=0
     )
 
 
@@ -183,8 +183,8 @@ def test_what_is_worn_over_another_ends_over_it_where_that_one_lies_now() -> Non
         found = layer.beside(resolved)
         assert found.covered.float().mean() > 0.9
         distance = found.distance[found.covered]
-        assert distance.min() > CLOSEST - 1e-5
-        assert distance.median() > 0.9 * GAP
+        assert distance.min() > FINAL_CLEARANCE - 1e-5
+        assert distance.median() > 0.9 * LAYER_CLEARANCE
     resolved, _ = limb.resolve(sunk, worn)
     assert layer.beside(resolved).distance.min() < 0
 
@@ -235,7 +235,7 @@ def test_percent_inside_follows_the_body() -> None:
 
 
 @pytest.mark.parametrize("name", ["walk", "jump"])
-def test_a_search_within_alert_finds_what_a_full_one_of_each_part_finds(name: str) -> None:
+def test_a_search_near_the_skin_finds_what_a_full_one_of_each_part_finds(name: str) -> None:
     """The dress, smoothly skinned and carried 3 cm into the body, beside one closest point query per part."""
     body = load_body()
     dress = fit_template("dress", body)
@@ -248,17 +248,17 @@ def test_a_search_within_alert_finds_what_a_full_one_of_each_part_finds(name: st
         posed = skin(body.mesh.vertices, body.weights, transforms[None])[0]
         vertices = skin(dress.mesh.vertices, dress.smooth_weights, transforms[None])[0]
         vertices += torch.tensor([0.0, 0.03, 0.0])
-        nearest = torch.full((len(vertices),), REACH)
+        nearest = torch.full((len(vertices),), SKIN_SEARCH_DISTANCE)
         for part, rows in zip(parts, touched, strict=True):
             if len(rows):
                 part.update(collider.vertices(posed))
-                found = part.closest(vertices[rows], REACH).signed_distance
+                found = part.closest(vertices[rows], SKIN_SEARCH_DISTANCE).signed_distance
                 nearest[rows] = torch.minimum(nearest[rows], found)
         worn.update(posed)
-        for alert in (ALERT, REACH):
-            distance = worn.skin(vertices, garment, alert=alert).distance
-            known = nearest < alert
-            assert torch.equal(distance < alert, known)
+        for exact in (PLANE_DISTANCE, SKIN_SEARCH_DISTANCE):
+            distance = worn.skin(vertices, garment, exact=exact).distance
+            known = nearest < exact
+            assert torch.equal(distance < exact, known)
             torch.testing.assert_close(distance[known], nearest[known], atol=1e-6, rtol=0)
             assert (distance[~known] <= nearest[~known] + 1e-6).all()
-        assert 100 < int((nearest < 0).sum()) < int((nearest < ALERT).sum()) < len(vertices) - 100
+        assert 100 < int((nearest < 0).sum()) < int((nearest < PLANE_DISTANCE).sum()) < len(vertices) - 100

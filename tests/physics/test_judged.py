@@ -10,7 +10,7 @@ from tests.physics.test_contact import dressed, ellipsoid, grid, obstacle, tenso
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.garments.templates import TEMPLATES, fit_template
-from uvcloth.physics.contact import MARGIN, Obstacle
+from uvcloth.physics.contact import SKIN_CLEARANCE, Obstacle
 from uvcloth.physics.self_intersection import crossing_edges_percent
 
 
@@ -65,4 +65,4 @@ def test_another_library_finds_templates_and_body_apart_at_rest(body: Body) -> N
         resolved, _ = worn.resolve(mesh.vertices, worn.dress(mesh.vertices, mesh.faces))
         skin = (body.mesh.vertices, body.mesh.faces)
         assert not judge.meet(skin, (resolved, mesh.faces))
-        assert 0 < judge.distance(skin, (resolved, mesh.faces), reach=0.02) < MARGIN + 1e-4
+        assert 0 < judge.distance(skin, (resolved, mesh.faces), reach=0.02) < SKIN_CLEARANCE + 1e-4

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.physics.posed_batch import ClosestPointCache, Planes, PosedMeshBatch, empty_cache
-from uvcloth.physics.surface import FREE, REACH, BodySurface
+from uvcloth.physics.surface import FREE, SEARCH_DISTANCE, BodySurface
 
 NEAR = 0.004
 CPU = torch.device("cpu")
@@ -41,10 +41,10 @@ def around(poses: Tensor, count: int, spread: float, seed: int = 0) -> Tensor:
     return poses[:, chosen] + spread * torch.randn(len(poses), count, 3, generator=generator)
 
 
-def crowd_of(mesh: tuple[Tensor, Tensor], poses: Tensor, copies: int | None = None) -> PosedMeshBatch:
-    crowd = PosedMeshBatch(*mesh, copies or len(poses))
-    crowd.update(poses)
-    return crowd
+def meshes_of(mesh: tuple[Tensor, Tensor], poses: Tensor, copies: int | None = None) -> PosedMeshBatch:
+    meshes = PosedMeshBatch(*mesh, copies or len(poses))
+    meshes.update(poses)
+    return meshes
 
 
 def assert_same(planes: Planes, others: Planes) -> None:
@@ -57,7 +57,7 @@ def assert_same(planes: Planes, others: Planes) -> None:
 def test_planes_are_those_of_each_pose_alone(mesh: tuple[Tensor, Tensor], copies: int) -> None:
     poses = posed(mesh[0], 4)
     points = around(poses, 700, 0.02)
-    planes = crowd_of(mesh, poses, copies).planes(points, NEAR)
+    planes = meshes_of(mesh, poses, copies).planes(points, NEAR)
     distance = planes.distance(points)
     for pose, cloth, normals, found in zip(poses, points, planes.normals, distance, strict=True):
         alone = BodySurface(pose, mesh[1]).closest(cloth)
@@ -70,10 +70,10 @@ def test_planes_are_those_of_each_pose_alone(mesh: tuple[Tensor, Tensor], copies
 
 def test_points_outside_touch_nothing_and_those_deep_inside_do() -> None:
     mesh = ball()
-    crowd = crowd_of(mesh, mesh[0][None])
+    meshes = meshes_of(mesh, mesh[0][None])
     heights = torch.tensor([0.0, 0.1, 0.15 + 0.9 * NEAR, 0.15 + 1.1 * NEAR, 0.5, 5.0])
     points = heights[:, None] * torch.nn.functional.normalize(mesh[0][10], dim=0)
-    planes = crowd.planes(points[None], NEAR)
+    planes = meshes.planes(points[None], NEAR)
     assert (planes.offsets[0] > FREE).tolist() == [True, True, True, False, False, False]
     assert planes.normals[0, 3:].abs().max() == 0.0
     assert planes.distance(points[None])[0, 3:].min() > 1e5
@@ -85,8 +85,8 @@ def test_the_plane_of_a_corner_is_tangent_at_the_nearest_vertex_of_the_closest_f
     mesh = ball()
     poses = posed(mesh[0], 3)
     points = around(poses, 500, 0.01)
-    crowd = crowd_of(mesh, poses, 5)
-    planes, usual = crowd.planes(points, NEAR, corner=True), crowd.planes(points, NEAR)
+    meshes = meshes_of(mesh, poses, 5)
+    planes, usual = meshes.planes(points, NEAR, corner=True), meshes.planes(points, NEAR)
     assert torch.equal(planes.offsets > FREE, usual.offsets > FREE)
     for pose, cloth, offsets, normals in zip(poses, points, planes.offsets, planes.normals, strict=True):
         touched = offsets > FREE
@@ -106,7 +106,7 @@ def test_the_plane_of_a_corner_is_tangent_at_the_nearest_vertex_of_the_closest_f
 def test_a_visit_changes_nothing_that_is_found(mesh: tuple[Tensor, Tensor], corner: bool) -> None:
     """Random walks of every length, with points on edges and at vertices among them."""
     poses = posed(mesh[0], 3)
-    crowd = crowd_of(mesh, poses)
+    meshes = meshes_of(mesh, poses)
     points = around(poses, 1500, 0.05)
     cache = empty_cache(3, 1500, CPU)
     generator = torch.Generator().manual_seed(1)
@@ -116,29 +116,29 @@ def test_a_visit_changes_nothing_that_is_found(mesh: tuple[Tensor, Tensor], corn
         points[:, :50] = poses[:, mesh[1][:50]].mean(2)
         points[:, 50:100] = poses[:, mesh[1][:50, :2]].mean(2)
         points[:, 100:150] = poses[:, :50] * 1.001
-        assert_same(crowd.planes(points, NEAR, cache, corner), crowd.planes(points, NEAR, corner=corner))
+        assert_same(meshes.planes(points, NEAR, cache, corner), meshes.planes(points, NEAR, corner=corner))
 
 
 def test_a_visit_spares_what_moved_less_than_it_was_away() -> None:
     mesh = ball()
-    crowd, cache = crowd_of(mesh, mesh[0][None]), empty_cache(1, 3, CPU)
+    meshes, cache = meshes_of(mesh, mesh[0][None]), empty_cache(1, 3, CPU)
     direction = torch.nn.functional.normalize(mesh[0][10], dim=0)
     points = torch.tensor([[0.15], [0.2], [1.0]])[None] * direction
-    crowd.planes(points, NEAR, cache)
+    meshes.planes(points, NEAR, cache)
     assert torch.equal(cache.points, points)
-    expected = torch.tensor([[0.0, 0.05, REACH]])
+    expected = torch.tensor([[0.0, 0.05, SEARCH_DISTANCE]])
     torch.testing.assert_close(cache.clearance, expected, atol=1e-4, rtol=0)
     moved = points - 0.03 * direction
-    crowd.planes(moved, NEAR, cache)
+    meshes.planes(moved, NEAR, cache)
     assert torch.equal(cache.points, torch.stack([moved[0, 0], points[0, 1], points[0, 2]])[None])
-    assert cache.clearance[0].tolist() == pytest.approx([-0.03, 0.05, REACH], abs=3e-4)
-    crowd.planes(moved - 0.03 * direction, NEAR, cache)
-    assert cache.clearance[0].tolist() == pytest.approx([-0.06, -0.01, REACH], abs=1e-3)
+    assert cache.clearance[0].tolist() == pytest.approx([-0.03, 0.05, SEARCH_DISTANCE], abs=3e-4)
+    meshes.planes(moved - 0.03 * direction, NEAR, cache)
+    assert cache.clearance[0].tolist() == pytest.approx([-0.06, -0.01, SEARCH_DISTANCE], abs=1e-3)
 
 
 def test_a_visit_that_remembers_wrongly_is_believed() -> None:
     """What a cache spares is really not looked up: a point said to be far away is not found inside."""
     mesh = ball()
-    crowd, points = crowd_of(mesh, mesh[0][None]), torch.zeros(1, 2, 3)
+    meshes, points = meshes_of(mesh, mesh[0][None]), torch.zeros(1, 2, 3)
     cache = ClosestPointCache(points.clone(), torch.tensor([[1.0, -0.15]]))
-    assert (crowd.planes(points, NEAR, cache).offsets > FREE).tolist() == [[False, True]]
+    assert (meshes.planes(points, NEAR, cache).offsets > FREE).tolist() == [[False, True]]

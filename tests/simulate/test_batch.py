@@ -18,14 +18,14 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate import batch, quality_check
 from uvcloth.simulate import plan as planning
-from uvcloth.simulate.batch import foreseen, simulate_batch
+from uvcloth.simulate.batch import Workers, progress_text, simulate_batch
 from uvcloth.simulate.fabric import Fabric
 from uvcloth.simulate.folder import refused_captures
 from uvcloth.simulate.newton import Newton
-from uvcloth.simulate.plan import Job
-from uvcloth.simulate.quality_check import MOST_INSIDE, examine
+from uvcloth.simulate.plan import ClipSelection, Job
+from uvcloth.simulate.quality_check import MAX_INSIDE_PERCENT, examine
 from uvcloth.simulate.sequence import (
-    FORMAT,
+    SEQUENCE_FORMAT,
     SimulatedSequence,
     content_hash,
     load_sequence,
@@ -59,6 +59,7 @@ def test_a_sequence_survives_its_file(skinned: SimulatedSequence, tmp_path: Path
     assert (again.template, again.layers) == ("tops", ("tops",))
     skirt = replace(skinned, metadata={"clip": "walk", "garment": "skirt", "template": "dress"})
     assert (skirt.garment, skirt.template) == ("skirt", "dress")
+    assert replace(skirt, metadata={**skirt.metadata, "template": None}).template is None
     assert [path.name for path in tmp_path.iterdir()] == ["s.npz"]
 
 
@@ -86,7 +87,7 @@ def test_damaged_metadata_is_refused(
     skinned: SimulatedSequence, tmp_path: Path, metadata: str, words: str
 ) -> None:
     save_sequence(skinned, tmp_path / "s.npz")
-    arrays = load_arrays(tmp_path / "s.npz", FORMAT, "a sequence")
+    arrays = load_arrays(tmp_path / "s.npz", SEQUENCE_FORMAT, "a sequence")
     save_arrays(tmp_path / "s.npz", {**arrays, "metadata": np.array(metadata)})
     with pytest.raises(InputError, match=rf"s\.npz: the metadata .*{words}"):
         load_sequence(tmp_path / "s.npz")
@@ -105,7 +106,7 @@ def test_exploded_and_swallowed_sequences_are_refused(
     sunken = hips + 0.3 * (skinned.vertices - hips)
     seen, reason = examine(replace(skinned, vertices=sunken), shirt, body)
     assert "inside the body" in str(reason)
-    assert seen.metadata["inside_percent"] > MOST_INSIDE
+    assert seen.metadata["inside_percent"] > MAX_INSIDE_PERCENT
 
 
 def test_a_sleeve_that_came_off_its_arm_is_refused(
@@ -129,7 +130,7 @@ def test_a_shirt_that_runs_through_itself_is_refused(
     skinned: SimulatedSequence, shirt: Garment, body: Body, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert examine(skinned, shirt, body)[0].metadata["crossing_percent"] < 1.0
-    monkeypatch.setattr(quality_check, "MOST_INSIDE", 100.0)
+    monkeypatch.setattr(quality_check, "MAX_INSIDE_PERCENT", 100.0)
     noise = torch.randn(skinned.vertices.shape, generator=torch.Generator().manual_seed(0))
     crumpled = replace(skinned, vertices=skinned.vertices + 0.01 * noise)
     assert "% of the edges run through the garment itself" in str(examine(crumpled, shirt, body)[1])
@@ -142,7 +143,7 @@ def finished(skinned: SimulatedSequence, body: Body, tmp_path: Path) -> Path:
     out = tmp_path / "out"
     out.mkdir()
     save_sequence(skinned, out / "walk_tops.npz")
-    simulate_batch(["walk"], ["tops"], out, body, windows=tmp_path / "mine.csv")
+    simulate_batch(ClipSelection(["walk"], tmp_path / "mine.csv"), [["tops"]], out, body)
     return out
 
 
@@ -151,16 +152,16 @@ def test_windows_are_kept_with_the_sequences_and_others_are_refused(
 ) -> None:
     mine = tmp_path / "mine.csv"
     assert (finished / "index.csv").read_text() == mine.read_text()
-    simulate_batch(["walk"], ["tops"], finished, body, windows=mine)
+    simulate_batch(ClipSelection(["walk"], mine), [["tops"]], finished, body)
     mine.write_text(HEADER + "walk,a,train,walking,40,30\n")
     with pytest.raises(InputError, match=r"out/index\.csv: holds other windows than .*mine\.csv"):
-        simulate_batch(["walk"], ["tops"], finished, body, windows=mine)
+        simulate_batch(ClipSelection(["walk"], mine), [["tops"]], finished, body)
     assert "test" in (finished / "index.csv").read_text()
 
 
 def test_what_was_simulated_alone_is_not_taken_for_a_layer(finished: Path, body: Body) -> None:
     with pytest.raises(InputError, match=r"walk_tops\.npz: was simulated as tops, not as bottoms under tops"):
-        simulate_batch(["walk"], ["bottoms", "tops"], finished, body, layered=True)
+        simulate_batch(ClipSelection(["walk"]), [["bottoms", "tops"]], finished, body)
 
 
 @pytest.mark.parametrize(
@@ -180,7 +181,7 @@ def test_data_of_another_body_or_engine_are_refused(
     other = replace(skinned, metadata={**skinned.metadata, "clip": "run", **said})
     save_sequence(other, finished / "repeat" / "rejected" / "run_dress.npz")
     with pytest.raises(InputError, match=rf"run_dress\.npz: {words}.*simulate into another folder"):
-        simulate_batch(["walk"], ["tops"], finished, body)
+        simulate_batch(ClipSelection(["walk"]), [["tops"]], finished, body)
 
 
 def test_data_of_this_body_and_engine_are_added_to(
@@ -190,51 +191,52 @@ def test_data_of_this_body_and_engine_are_added_to(
     save_sequence(
         replace(skinned, metadata={**skinned.metadata, **said}), finished / "rejected" / "run_tops.npz"
     )
-    simulate_batch(["walk", "run"], ["tops"], finished, body)
+    simulate_batch(ClipSelection(["walk", "run"]), [["tops"]], finished, body)
 
 
 def test_a_faulty_capture_is_reported_and_the_others_go_on(
     finished: Path, body: Body, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(
-        planning, "jump", lambda clip, first: "LeftFoot turns" if clip.name == "run" else None
+        planning, "find_jump", lambda clip, first: "LeftFoot turns" if clip.name == "run" else None
     )
     made: list[Job] = []
     monkeypatch.setattr(batch, "_simulate_all", lambda todo, *_: made.extend(todo))
-    simulate_batch(["walk", "run", "jump"], ["tops"], finished, body)
+    simulate_batch(ClipSelection(["walk", "run", "jump"]), [["tops"]], finished, body)
     assert [job.motion.name for job in made] == ["jump"]
     assert "run: refused, LeftFoot turns" in capsys.readouterr().out
     assert refused_captures(finished) == {"run": "LeftFoot turns"}
 
 
-def test_the_end_is_foreseen_from_the_speed_of_all_workers() -> None:
+def test_the_end_is_predicted_from_the_speed_of_all_workers() -> None:
     clock = iter(range(1000)).__next__
     progress = Progress(get_time=lambda: 2.0 * clock(), disable=True, speed_estimate_period=3600.0)
     task = progress.add_task("", total=7203)
     now = datetime(2026, 11, 22, 13, 0)
-    assert foreseen(progress.tasks[0], now) == "measuring"
+    assert progress_text(progress.tasks[0], now) == "measuring"
     for _ in range(3):
         progress.advance(task, 1)
     seconds_per_frame = 1.0 / progress.tasks[0].speed
     end = now + timedelta(seconds=7200 * seconds_per_frame)
-    assert foreseen(progress.tasks[0], now).startswith("3 of 7203 frames")
-    assert foreseen(progress.tasks[0], now).endswith(f"done {end:%a %d %b %H:%M}")
+    assert progress_text(progress.tasks[0], now).startswith("3 of 7203 frames")
+    assert progress_text(progress.tasks[0], now).endswith(f"done {end:%a %d %b %H:%M}")
     assert seconds_per_frame == pytest.approx(2.0, rel=0.5)
 
 
 def test_garments_that_would_share_files_or_cross_are_refused(body: Body, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="garment tops: another one is also named tops"):
-        simulate_batch(["walk"], ["tops", "tops"], tmp_path, body)
+        simulate_batch(ClipSelection(["walk"]), [["tops"], ["tops"]], tmp_path, body)
     with pytest.raises(InputError, match=r"garment bottoms: cannot be worn over the garment tops, .* 100 %"):
-        simulate_batch(["walk"], ["tops", "bottoms"], tmp_path, body, layered=True)
+        simulate_batch(ClipSelection(["walk"]), [["tops", "bottoms"]], tmp_path, body)
     assert not list(tmp_path.iterdir())
 
 
 def test_places_and_numbers_that_cannot_be_are_refused(body: Body, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="file: cannot be made a folder"):
-        simulate_batch(["walk"], ["tops"], tmp_path / "file", body)
+        simulate_batch(ClipSelection(["walk"]), [["tops"]], tmp_path / "file", body)
     with pytest.raises(InputError, match="--jobs 0: expected at least 1"):
-        simulate_batch(["walk"], ["tops"], tmp_path / "out", body, jobs=0)
+        simulate_batch(ClipSelection(["walk"]), [["tops"]], tmp_path / "out", body, workers=Workers(jobs=0))
+    nowhere = Workers(scheduler="nowhere")
     with pytest.raises(InputError, match="--scheduler nowhere: no dask scheduler answers there"):
-        simulate_batch(["walk"], ["tops"], tmp_path / "out", body, scheduler="nowhere")
+        simulate_batch(ClipSelection(["walk"]), [["tops"]], tmp_path / "out", body, workers=nowhere)

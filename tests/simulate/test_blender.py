@@ -15,14 +15,15 @@ from tests.simulate.physics.scenes import FPS, G, play, scene, sheet
 from uvcloth.bodies.body import Body
 from uvcloth.simulate import blender
 from uvcloth.simulate.batch import simulate_batch
-from uvcloth.simulate.blender import VARIABLE, Blender, find_blender
+from uvcloth.simulate.blender import PYTHON_VARIABLE, Blender, find_blender
 from uvcloth.simulate.fabric import Fabric
+from uvcloth.simulate.plan import ClipSelection
 
 STILL = Fabric(drag=0.0)
 """Cloth without air."""
 
 needs_blender = pytest.mark.skipif(
-    not os.environ.get(VARIABLE), reason=f"needs {VARIABLE}, a Python that has the package bpy"
+    not os.environ.get(PYTHON_VARIABLE), reason=f"needs {PYTHON_VARIABLE}, a Python that has the package bpy"
 )
 
 
@@ -135,17 +136,17 @@ def test_an_interpreter_that_does_not_serve_is_named(
     script: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     find_blender.cache_clear()
-    monkeypatch.setenv(VARIABLE, fake(tmp_path / "python", script))
-    with pytest.raises(InputError, match=f"{VARIABLE}=.*python: {words}"):
+    monkeypatch.setenv(PYTHON_VARIABLE, fake(tmp_path / "python", script))
+    with pytest.raises(InputError, match=f"{PYTHON_VARIABLE}=.*python: {words}"):
         find_blender()
 
 
 def test_the_variable_has_to_name_something(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     find_blender.cache_clear()
-    monkeypatch.delenv(VARIABLE, raising=False)
-    with pytest.raises(InputError, match=f"needs the environment variable {VARIABLE}"):
+    monkeypatch.delenv(PYTHON_VARIABLE, raising=False)
+    with pytest.raises(InputError, match=f"needs the environment variable {PYTHON_VARIABLE}"):
         find_blender()
-    monkeypatch.setenv(VARIABLE, str(tmp_path / "nothing"))
+    monkeypatch.setenv(PYTHON_VARIABLE, str(tmp_path / "nothing"))
     with pytest.raises(InputError, match=r"nothing: cannot be run \(No such file"):
         find_blender()
 
@@ -154,13 +155,13 @@ def test_nothing_is_written_where_the_engine_is_missing(
     body: Body, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     find_blender.cache_clear()
-    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.delenv(PYTHON_VARIABLE, raising=False)
     for engine, words in (
-        ("blender", VARIABLE),
+        ("blender", PYTHON_VARIABLE),
         ("havok", "--engine havok: expected one of newton, blender"),
     ):
         with pytest.raises(InputError, match=words):
-            simulate_batch(["walk"], ["tops"], tmp_path / "data", body, engine=engine)
+            simulate_batch(ClipSelection(["walk"]), [["tops"]], tmp_path / "data", body, engine=engine)
     assert not list(tmp_path.iterdir())
 
 

@@ -10,8 +10,8 @@ from uvcloth.garments.band import hems
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import boundary_edges, weld
-from uvcloth.physics.contact import Obstacle
-from uvcloth.simulate.hems import hanging_in_the_air
+from uvcloth.physics.contact import Obstacle, Skin
+from uvcloth.simulate.hems import unsupported_hem
 
 FPS = 30.0
 FRAMES = 36
@@ -25,10 +25,13 @@ def dress(body: Body) -> Garment:
 def judge(vertices: Tensor, skinned: Tensor, dress: Garment, body: Body, posed: Tensor) -> tuple | None:
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     rest, faces = dress.mesh.vertices, dress.mesh.faces
-    worn = obstacle.dress(rest, faces)
-    return hanging_in_the_air(
-        vertices, skinned, rest, faces, FPS, obstacle, worn, posed.expand(len(vertices), -1, -1)
-    )
+    garment = obstacle.dress(rest, faces)
+
+    def skin_at(frame: int) -> Skin:
+        obstacle.update(posed.expand(len(vertices), -1, -1)[frame])
+        return obstacle.skin(vertices[frame], garment)
+
+    return unsupported_hem(vertices, skinned, rest, faces, FPS, skin_at)
 
 
 def lifted(dress: Garment, rise: Tensor) -> Tensor:

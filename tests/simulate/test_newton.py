@@ -11,7 +11,7 @@ pytest.importorskip("newton", reason="the `simulate` extra is not installed")
 
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.simulate.engine import Scene
-from uvcloth.simulate.newton import MOST_SUBSTEPS, Newton
+from uvcloth.simulate.newton import MAX_SUBSTEPS, Newton
 
 FPS = 30.0
 
@@ -35,8 +35,8 @@ def sheet_over_a_ball(frames: int, height: float) -> Scene:
         rest=points,
         faces=faces,
         band=torch.zeros(len(points), dtype=torch.bool),
-        heavier=torch.ones(len(points)),
-        room=torch.zeros(len(points)),
+        mass_factor=torch.ones(len(points)),
+        inner_thickness=torch.zeros(len(points)),
         skinned=points.expand(frames, -1, -1),
         collider=surface.expand(frames, -1, -1),
         collider_parts=(torch.from_numpy(ball.faces),),
@@ -66,7 +66,7 @@ def test_what_may_not_touch_does_not_and_fast_scenes_take_more_substeps() -> Non
     still, fast = torch.zeros(4, 3), torch.full((4, 3), 2.0 * engine.substeps * engine.stride)
     assert engine.substeps_for(still, still) == engine.substeps
     assert engine.substeps_for(still, fast) > 2 * engine.substeps
-    assert engine.substeps_for(still, 1e6 * fast) == MOST_SUBSTEPS
+    assert engine.substeps_for(still, 1e6 * fast) == MAX_SUBSTEPS
 
 
 def test_layers_keep_apart_and_the_outer_one_farther_off_the_ball() -> None:
@@ -77,8 +77,8 @@ def test_layers_keep_apart_and_the_outer_one_farther_off_the_ball() -> None:
         rest=torch.cat([inner.rest, outer.rest]),
         faces=torch.cat([inner.faces, inner.faces + count]),
         band=inner.band.repeat(2),
-        heavier=inner.heavier.repeat(2),
-        room=torch.tensor([0.0, 0.006]).repeat_interleave(count),
+        mass_factor=inner.mass_factor.repeat(2),
+        inner_thickness=torch.tensor([0.0, 0.006]).repeat_interleave(count),
         skinned=torch.cat([inner.skinned, outer.skinned], dim=1),
         touches=inner.touches.repeat(1, 2),
     )

@@ -11,7 +11,7 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.motion.index import Entry, read_index
 from uvcloth.motion.library import builtin_clips
 from uvcloth.simulate.cloth import Cloth, join
-from uvcloth.simulate.plan import Job, batch_sources, mixed, plan
+from uvcloth.simulate.plan import ClipSelection, Job, batch_sources, interleaved, plan
 
 HEADER = "trial,subject,split,action,window_start,window_frames\n"
 
@@ -30,7 +30,7 @@ def table(tmp_path: Path) -> Path:
 def jobs(
     clips: list[str], dress: tuple[Cloth, ...], body: Body, table: Path, earlier: bool = False
 ) -> list[Job]:
-    sources = batch_sources(clips, table, None, None)
+    sources = batch_sources(ClipSelection(clips, table))
     return plan(sources, [dress], table.parent, body, earlier)[0]
 
 
@@ -52,7 +52,7 @@ def test_windows_choose_frames_and_name_what_is_wrong(
 
 def test_two_clips_for_one_file_are_refused(dress: tuple[Cloth, ...], body: Body, tmp_path: Path) -> None:
     shipped = builtin_clips()["walk"]
-    sources = batch_sources(["walk", str(shipped)], None, None, None)
+    sources = batch_sources(ClipSelection(["walk", str(shipped)]))
     with pytest.raises(InputError, match=rf"walk_dress\.npz: both walk and {shipped}"):
         plan(sources, [dress], tmp_path, body)
 
@@ -61,7 +61,7 @@ def test_what_is_there_is_not_read_again(dress: tuple[Cloth, ...], body: Body, t
     (tmp_path / "rejected").mkdir()
     (tmp_path / "rejected" / "gone_dress.npz").touch()
     (tmp_path / "walk_dress.npz").touch()
-    sources = batch_sources(["gone.bvh", "walk"], None, None, None)
+    sources = batch_sources(ClipSelection(["gone.bvh", "walk"]))
     assert plan(sources, [dress], tmp_path, body) == ([], {})
     todo, _ = plan(sources[1:], [dress], tmp_path / "repeat", body)
     assert len(todo) == 1
@@ -74,20 +74,20 @@ def test_a_whole_index_gives_the_clips_of_its_splits(tmp_path: Path) -> None:
     windows.write_text(HEADER + "".join(f"{clip},{who},{split},walk,0,9\n" for clip, who, split in rows))
     for clip in ("a1", "b1", "c1"):
         (clips / "cmu" / f"{clip}.bvh").touch()
-    found = batch_sources((), windows, clips, None)
+    found = batch_sources(ClipSelection((), windows, clips))
     assert [source.clip for source in found] == ["c1", "b1", "a1"]
     assert found[0].name == str(clips / "cmu" / "c1.bvh")
-    assert [source.clip for source in batch_sources((), windows, clips, ["test"])] == ["b1"]
+    assert [source.clip for source in batch_sources(ClipSelection((), windows, clips, ["test"]))] == ["b1"]
     (clips / "cmu" / "b1.bvh").unlink()
     with pytest.raises(InputError, match=r"clips: lacks the clip b1"):
-        batch_sources((), windows, clips, None)
+        batch_sources(ClipSelection((), windows, clips))
     for wrong, words in (
         (((), windows, clips, ["unused"]), "--split unused: expected some of train, validation, test"),
         ((["a1"], windows, clips, None), "--clips-from and --split choose the clips"),
         ((["a1"], None, clips, None), "go with --windows"),
     ):
         with pytest.raises(InputError, match=words):
-            batch_sources(*wrong)
+            batch_sources(ClipSelection(*wrong))
 
 
 def test_any_beginning_has_its_share_of_every_person_and_action() -> None:
@@ -96,9 +96,9 @@ def test_any_beginning_has_its_share_of_every_person_and_action() -> None:
         for person, count in (("a", 30), ("b", 15), ("c", 6))
         for n in range(count)
     ]
-    order = mixed(entries)
+    order = interleaved(entries)
     assert sorted(order, key=str) == sorted(entries, key=str)
-    assert order == mixed(reversed(entries))
+    assert order == interleaved(reversed(entries))
     for length in (10, 17, 34, 51):
         people = Counter(entry.subject for entry in order[:length])
         actions = Counter(entry.action for entry in order[:length])
@@ -108,7 +108,7 @@ def test_any_beginning_has_its_share_of_every_person_and_action() -> None:
 
 
 def test_the_benchmark_starts_with_validation_and_test(mocap_folder: Path) -> None:
-    order = mixed(e for e in read_index(mocap_folder / "index_v2.csv").values() if e.split != "unused")
+    order = interleaved(e for e in read_index(mocap_folder / "index_v2.csv").values() if e.split != "unused")
     splits = [entry.split for entry in order]
     assert splits == sorted(splits, key=["validation", "test", "train"].index)
     beginning = order[splits.index("train") :][:30]

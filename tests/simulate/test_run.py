@@ -17,7 +17,7 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
 from uvcloth.simulate.cloth import join
 from uvcloth.simulate.engine import Scene
-from uvcloth.simulate.layers import THICKNESS, room_below
+from uvcloth.simulate.layers import LAYER_THICKNESS, inner_thickness
 from uvcloth.simulate.lead_in import LeadIn
 from uvcloth.simulate.run import simulate
 
@@ -34,9 +34,11 @@ class Carrying:
         return {"engine": "carrying"}
 
     def simulate(self, scene: Scene) -> Iterator[Tensor]:
-        assert scene.touches.shape[1] == len(scene.rest) == len(scene.heavier) == len(scene.room)
+        assert (
+            scene.touches.shape[1] == len(scene.rest) == len(scene.mass_factor) == len(scene.inner_thickness)
+        )
         assert int(scene.faces.max()) == len(scene.rest) - 1
-        assert torch.equal(scene.heavier > 1.0, scene.band)
+        assert torch.equal(scene.mass_factor > 1.0, scene.band)
         for vertices in scene.skinned:
             yield vertices + torch.tensor([0.0, 0.0, self.up])
 
@@ -67,6 +69,7 @@ def test_a_mesh_that_is_cut_at_seams_is_simulated_whole(cut: Garment, body: Body
     torch.testing.assert_close(made.vertices[..., 2], moved[..., 2] + lifted, atol=1e-6, rtol=0)
     assert torch.equal(made.faces, cut.mesh.faces)
     assert (made.garment, made.template, made.layers) == ("slacks", "bottoms", ("slacks",))
+    assert made.metadata["source"] == "file"
     assert "layers" not in made.metadata
 
 
@@ -84,11 +87,11 @@ def test_layers_are_simulated_as_one_and_come_back_apart(body: Body, clip: Clip)
 
 def test_an_outer_layer_leaves_room_where_it_covers(body: Body) -> None:
     under, over = (join(fit_template(name, body), body) for name in ("bottoms", "tops"))
-    room, heights = room_below(over, (under,)), over.garment.mesh.vertices[:, 2]
+    room, heights = inner_thickness(over, (under,)), over.garment.mesh.vertices[:, 2]
     top = float(under.garment.mesh.vertices[:, 2].max())
     assert not room[heights > top + 0.03].any()
-    torch.testing.assert_close(room[heights < top - 0.03].median(), torch.tensor(THICKNESS))
-    assert not room_below(under, ()).any()
+    torch.testing.assert_close(room[heights < top - 0.03].median(), torch.tensor(LAYER_THICKNESS))
+    assert not inner_thickness(under, ()).any()
 
 
 def test_a_face_without_an_area_is_refused(body: Body) -> None:

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from tests.simulate.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.collider import FOREARMS, PARTS, make_collider
+from uvcloth.bodies.collider import COLLIDER_PARTS, FOREARM_PARTS, make_collider
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
@@ -22,7 +22,9 @@ from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
 from uvcloth.simulate.sequence import SimulatedSequence
 
-UPPER = len([side for regions, sides in PARTS for side in sides if regions[0] not in ("calf", "forearm")])
+UPPER = len(
+    [side for regions, sides in COLLIDER_PARTS for side in sides if regions[0] not in ("calf", "forearm")]
+)
 """Parts of the body that a T-shirt touches: all but calves and forearms."""
 
 
@@ -41,7 +43,7 @@ def skinned(shirt: Garment, body: Body) -> SimulatedSequence:
 def sleeves(body: Body, skinned: SimulatedSequence) -> Tensor:
     """The vertices that touch the left forearm and hand and nothing else: (N,) bool."""
     touches = make_collider(body).touches(skinned.rest, body.mesh.vertices)
-    return touches[FOREARMS[0]] & (touches.sum(0) == 1)
+    return touches[FOREARM_PARTS[0]] & (touches.sum(0) == 1)
 
 
 def test_a_worn_sleeve_is_accepted(skinned: SimulatedSequence, shirt: Garment, body: Body) -> None:
@@ -73,7 +75,7 @@ def test_a_forearm_beside_its_sleeve_has_left_it(
     assert reason == "a limb has left its cloth in 100 % of the frames"
 
 
-@pytest.mark.parametrize(("name", "parts"), [("tops", UPPER), ("shirt", UPPER + len(FOREARMS))])
+@pytest.mark.parametrize(("name", "parts"), [("tops", UPPER), ("shirt", UPPER + len(FOREARM_PARTS))])
 def test_only_parts_that_the_garment_touches_are_in_its_scene(name: str, parts: int, body: Body) -> None:
     class Looking:
         def describe(self) -> dict[str, Any]:

@@ -10,21 +10,15 @@ from rasterize.errors import InputError
 from tests.train.simulated import save_clips, swaying
 from train.loop import fit
 from train.motion_guided.dataset import GarmentDataset
-from train.motion_guided.objective import (
-    LOOPS,
-    LOSSES,
-    SHAPE,
-    DynamicsObjective,
-    ShapeObjective,
-    load_shape_space,
-)
+from train.motion_guided.objective import SHAPE, DynamicsObjective, ShapeObjective, load_shape_space
+from train.motion_guided.run import LOOPS, LOSSES
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.ensemble import Ensemble
-from uvcloth.methods.motion_guided.method import PRESETS
+from uvcloth.methods.motion_guided.config import PRESETS
 from uvcloth.methods.motion_guided.seeds import pose_seeds, sample_seeds, seeds_on
 from uvcloth.methods.registry import load_method, load_methods
 from uvcloth.physics.surface import BodySurface
@@ -108,7 +102,7 @@ def test_an_outer_model_sees_the_inner_garment(runs: tuple[Path, Path]) -> None:
     outfit = Outfit(body, tuple(fit_template(name, body) for name in ("bottoms", "tops")))
     (inner, outer), motion = (load_method(run, body) for run in runs), swaying(3, seed=5).transforms()
     shirts = [
-        list(rollout(Ensemble((below, outer)), outfit, motion, 30.0, contact=False))[-1].raw[1]
+        list(rollout(Ensemble.of((below, outer)), outfit, motion, 30.0, contact=False))[-1].raw[1]
         for below in (inner, load_method("lbs", body))
     ]
     assert not torch.equal(*shirts)

@@ -10,10 +10,11 @@ import torch
 
 from rasterize.errors import InputError
 from tests.train.simulated import save_clips
-from train.loop import LOOPS, STATE, fit, rows_of_step
-from train.physxnet.objective import LOSSES, PhysXNetObjective
+from train.loop import STATE, fit, rows_of_step
+from train.physxnet.objective import PhysXNetObjective
+from train.physxnet.run import LOOPS, LOSSES
 from uvcloth.checkpoint import load_tensors
-from uvcloth.methods.physxnet.method import PRESETS
+from uvcloth.methods.physxnet.config import PRESETS
 
 pytest.importorskip("lightning")
 
@@ -74,7 +75,7 @@ def test_resuming_gives_the_weights_of_an_uninterrupted_run(variant: str, data: 
     with pytest.raises(InputError, match="learning_rate"):
         fit(objective("parts"), tmp_path / "parts", replace(LOOP, learning_rate=0.5), resume=True)
     other = PhysXNetObjective(network, replace(losses, edge=losses.edge + 1.0), data, tmp_path / "parts")
-    with pytest.raises(InputError, match="was started with edge"):
+    with pytest.raises(InputError, match=r"was started with losses.edge"):
         fit(other, tmp_path / "parts", LOOP, resume=True)
     with pytest.raises(InputError, match="--resume"):
         fit(objective("parts"), tmp_path / "parts", LOOP, resume=False)

@@ -8,19 +8,28 @@ from rich.console import Console
 from torch import Tensor
 
 from rasterize.errors import InputError
-from train.clips import Holdout, TrainingClip, frames_of, hold_out, load_training_clips, training_data
+from train.clips import (
+    Holdout,
+    TrainingClip,
+    check_rests,
+    frames_of,
+    hold_out,
+    load_training_clips,
+    training_data,
+)
 from train.operators import Operator, differences, sampling
-from train.physxnet.prepare import check_rests
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.geometry.mesh import edge_lengths, laplacian, unique_edges
 from uvcloth.geometry.records import to_device
+from uvcloth.methods.motion_guided.config import MotionGuidedConfig
 from uvcloth.methods.motion_guided.dynamics_input import MEMORY, Pose, local_offsets, shape_features
 from uvcloth.methods.motion_guided.garment_maps import GarmentMaps
 from uvcloth.methods.motion_guided.latent import Space
-from uvcloth.methods.motion_guided.method import MotionGuidedConfig
 from uvcloth.methods.motion_guided.seeds import PosedSeeds, pose_seeds, seeds_on
 from uvcloth.physics.surface import BodySurface
+
+CPU = torch.device("cpu")
 
 CLEARANCE = 0.002
 """Metres that the rest shape should keep off the body at rest (epsilon of L_SDF)."""
@@ -34,22 +43,21 @@ class Rows:
     """R frames of the garment, clip after clip, each led in by MEMORY frames of its warm-up.
 
     vertices: (R, N, 3) m, world; offsets: (R, P, 3) of their texels from the smooth LBS reference. pose: of
-    the body.     samples: (S,) int64 rows that count. starts: (R,) int64 first row of the clip.
+    the body. fps: (R,) of the row's clip. samples: (S,) int64 scored rows. starts: (R,) int64 first row of
+    the clip.
     """
 
     vertices: Tensor
     offsets: Tensor
     pose: Pose
+    fps: Tensor
     samples: Tensor
     starts: Tensor
-
-    def to(self, device: torch.device) -> "Rows":
-        return to_device(self, device)
 
 
 def load_rows(clips: list[TrainingClip], garment: str, under: str, maps: GarmentMaps) -> Rows:
     """Join the clips; under: the garment that the seeds lie on, if any."""
-    vertices, seeds, transforms, samples, starts = [], [], [], [], []
+    vertices, seeds, transforms, fps, samples, starts = [], [], [], [], [], []
     row = 0
     for clip in clips:
         first = max(0, clip.warm_up - MEMORY)
@@ -62,6 +70,7 @@ def load_rows(clips: list[TrainingClip], garment: str, under: str, maps: Garment
             seeds.append(pose_seeds(maps.seeds, transforms[-1]))
         count = len(transforms[-1])
         samples.append(torch.arange(row + max(MEMORY, clip.warm_up - first), row + count))
+        fps.append(torch.full((count,), clip.fps))
         starts.append(torch.full((count,), row))
         row += count
     joined = torch.cat(transforms)
@@ -70,6 +79,7 @@ def load_rows(clips: list[TrainingClip], garment: str, under: str, maps: Garment
         vertices=simulated,
         offsets=offsets_of(maps, simulated, joined),
         pose=Pose(joined, joined_seeds(seeds)),
+        fps=torch.cat(fps),
         samples=torch.cat(samples),
         starts=torch.cat(starts),
     )
@@ -100,8 +110,11 @@ class GarmentDataset:
         data: Path,
         body: Body | None = None,
         frames: int | None = None,
+        device: torch.device = CPU,
     ) -> None:
-        """Read the data; frames: train on the first so many only, clip after clip, None for all.
+        """Read the data and put it on the device.
+
+        frames: train on the first so many only, clip after clip, None for all.
 
         Raises InputError if it lacks the garment or what is worn under it, or is of another garment or body.
         """
@@ -124,36 +137,31 @@ class GarmentDataset:
         training, held = hold_out(clips, holdout, data)
         if not training:
             raise InputError(f"{data}: needs two clips of {garment.name} at least, one to validate with")
+        if frames is not None and frames < 2:
+            raise InputError(f"--frames {frames}: has to be 2 or more")
         self.data = training_data(training, held)
-        self.fps = clips[0].fps
-        self.maps = config.maps(garment, self.body, under)
-        self.rows = load_rows(training, garment.name, self.config.under, self.maps)
-        self.held = load_rows(held, garment.name, self.config.under, self.maps)
+        self.device, self.clips = device, held
+        maps = config.maps(garment, self.body, under)
+        rows = load_rows(training, garment.name, config.under, maps)
+        rows = replace(rows, samples=rows.samples[:frames])
+        self.rows: Rows = to_device(rows, device)
+        self.held: Rows = to_device(load_rows(held, garment.name, config.under, maps), device)
+        self.maps: GarmentMaps = to_device(maps, device)
         edges = unique_edges(garment.mesh.faces)
         count = len(garment.mesh.vertices)
-        self.edges = differences(edges, count)
-        self.lengths = edge_lengths(garment.mesh.vertices, edges)
+        self.edges: Operator = to_device(differences(edges, count), device)
+        self.lengths = edge_lengths(garment.mesh.vertices, edges).to(device)
         smooth = laplacian(garment.mesh.faces, count)
-        self.laplacian = Operator(smooth.to_sparse_csr(), smooth.t().to_sparse_csr())
-        self.sample = sampling(self.maps.pixels, self.maps.shares, 4 * config.size**2)
-        self.skin = BodySurface(self.body.mesh.vertices, self.body.mesh.faces)
-        if frames is not None:
-            if frames < 2:
-                raise InputError(f"--frames {frames}: has to be 2 or more")
-            self.rows = replace(self.rows, samples=self.rows.samples[:frames])
+        self.laplacian: Operator = to_device(
+            Operator(smooth.to_sparse_csr(), smooth.t().to_sparse_csr()), device
+        )
+        self.sample: Operator = to_device(sampling(maps.pixels, maps.shares, 4 * config.size**2), device)
+        self.skin = BodySurface(self.body.mesh.vertices.to(device), self.body.mesh.faces.to(device))
         self.frames = len(self.rows.samples)
         Console().print(
             f"{self.frames} training frames of {len(training)} clips, "
             f"{frames_of(held)} validation frames ({', '.join(r.clip for r in held)})"
         )
-
-    def to(self, device: torch.device) -> None:
-        self.maps = to_device(self.maps, device)
-        self.rows, self.held = self.rows.to(device), self.held.to(device)
-        self.edges, self.laplacian = self.edges.to(device), self.laplacian.to(device)
-        self.sample = self.sample.to(device)
-        self.lengths = self.lengths.to(device)
-        self.skin = BodySurface(self.body.mesh.vertices.to(device), self.body.mesh.faces.to(device))
 
     def codes(self, space: Space, rows: Rows, chosen: Tensor) -> Tensor:
         """Z* of simulated garments: (B, Z)."""

@@ -44,9 +44,10 @@ def fit_linear(space: LinearSpace, dataset: GarmentDataset) -> None:
         ]
     )
     mean = shapes.mean(0)
-    torch.manual_seed(0)
-    latent = space.decoder.in_features
-    codes, scales, components = torch.pca_lowrank(shapes - mean, q=min(latent, len(shapes) - 1), center=False)
+    count = min(space.decoder.in_features, len(shapes) - 1)
+    with torch.random.fork_rng():
+        torch.manual_seed(0)
+        codes, scales, components = torch.pca_lowrank(shapes - mean, q=count, center=False)
     size = codes.std(0).clamp(min=1e-9)
     directions = (components * (scales * size)).T
     space.decoder.weight.zero_()
@@ -57,7 +58,7 @@ def fit_linear(space: LinearSpace, dataset: GarmentDataset) -> None:
     )
     wanted = codes / size
     gram = seen @ seen.T
-    ridge = RIDGE * gram.diagonal().mean() * torch.eye(len(gram))
+    ridge = RIDGE * gram.diagonal().mean() * torch.eye(len(gram)).to(gram)
     space.code.weight.zero_()
     space.code.bias.zero_()
     space.code.weight[: wanted.shape[1]] = (seen.T @ torch.linalg.solve(gram + ridge, wanted)).T

@@ -11,26 +11,30 @@ from torch import Tensor, nn
 
 from rasterize.errors import InputError
 from train.clips import Holdout
-from train.loop import LoopConfig
+from train.loop import Objective
 from train.motion_guided.dataset import CHUNK, GarmentDataset, Rows, offsets_of
 from train.motion_guided.linear_space import fit_linear
+from train.validation import rollout_errors
 from uvcloth.checkpoint import load_checkpoint, save_checkpoint
+from uvcloth.methods.method import for_inference
+from uvcloth.methods.motion_guided.config import MotionGuidedConfig
 from uvcloth.methods.motion_guided.dynamics_input import (
     MEMORY,
     DynamicsInput,
+    GarmentHistory,
     dynamics_features,
-    local_offsets,
     motion_of,
-    next_shape,
     posed_shape,
     rest_shape,
     state_features,
 )
 from uvcloth.methods.motion_guided.latent import LinearSpace, Space
-from uvcloth.methods.motion_guided.method import MotionGuidedConfig, faces_hash, motion_guided_checkpoint
-
-ROLLED = 150
-"""Frames of a validation clip that are rolled out, at most."""
+from uvcloth.methods.motion_guided.method import (
+    MotionGuided,
+    MotionGuidedPrepared,
+    faces_hash,
+    motion_guided_checkpoint,
+)
 
 
 @dataclass(frozen=True)
@@ -62,28 +66,8 @@ class MotionGuidedLosses(Holdout):
 SHAPE = "shape"
 """The folder in a run that holds the first stage."""
 
-LOOPS: dict[str, LoopConfig] = {
-    "fast": LoopConfig(steps=300, average=0.99, validate_every=25, keep="last"),
-    "paper": LoopConfig(steps=30000, batch=4, learning_rate=1e-4, weight_decay=0.0, average=0.0),
-    "tiny": LoopConfig(steps=8, batch=2, validate_every=4, average=0.9),
-}
-"""How long the dynamics are trained."""
 
-SHAPE_LOOPS: dict[str, LoopConfig] = {
-    "fast": LoopConfig(steps=200, learning_rate=1e-4, weight_decay=0.0, validate_every=50),
-    "paper": LOOPS["paper"],
-    "tiny": LOOPS["tiny"],
-}
-"""How long the space of shapes is trained; a linear one is fitted before."""
-
-LOSSES: dict[str, MotionGuidedLosses] = {
-    "fast": MotionGuidedLosses(),
-    "paper": MotionGuidedLosses(steady=0.0, past="true", unroll=1),
-    "tiny": MotionGuidedLosses(),
-}
-
-
-class ShapeObjective:
+class ShapeObjective(Objective):
     """Stage one: an autoencoder of the simulated garments."""
 
     def __init__(self, dataset: GarmentDataset, losses: MotionGuidedLosses) -> None:
@@ -102,9 +86,6 @@ class ShapeObjective:
         if isinstance(net, LinearSpace):
             fit_linear(net, dataset)
         return {"net": net}
-
-    def to(self, device: torch.device) -> None:
-        self.dataset.to(device)
 
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
@@ -156,17 +137,10 @@ class ShapeObjective:
     def settings(self) -> dict[str, Any]:
         dataset = self.dataset
         return {
-            **asdict(dataset.config),
-            **asdict(self.losses),
-            "data": asdict(dataset.data),
-            "frames": dataset.frames,
+            "method": asdict(dataset.config),
+            "losses": asdict(self.losses),
+            "data": {**asdict(dataset.data), "frames": dataset.frames},
         }
-
-    def memory(self) -> dict[str, Tensor]:
-        return {}
-
-    def remember(self, memory: Mapping[str, Tensor]) -> None:
-        pass
 
 
 class DynamicsObjective(ShapeObjective):
@@ -174,7 +148,7 @@ class DynamicsObjective(ShapeObjective):
 
     def __init__(self, dataset: GarmentDataset, losses: MotionGuidedLosses, space: Space) -> None:
         super().__init__(dataset, losses)
-        self.space = space.eval().requires_grad_(False)
+        self.space = for_inference(space, dataset.device)
         self.past, self.past_offsets = dataset.rows.vertices.clone(), dataset.rows.offsets.clone()
         with torch.no_grad():
             self.codes = torch.cat(
@@ -202,26 +176,19 @@ class DynamicsObjective(ShapeObjective):
         net.motion_scale.copy_(scale.clamp(min=1e-3)[:, None, None])
         return {"net": net}
 
-    def to(self, device: torch.device) -> None:
-        super().to(device)
-        self.space.to(device)
-        self.past, self.past_offsets = self.past.to(device), self.past_offsets.to(device)
-        self.codes = self.codes.to(device)
-
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
         dataset, losses = self.dataset, self.losses
-        window = self._input(dataset.rows, rows, (self.past, self.past_offsets))
-        before, offsets, last = window.before, window.offsets, self.past[rows - 1]
+        past, last = self._input(dataset.rows, rows, (self.past, self.past_offsets)).past, self.past[rows - 1]
         frames: list[dict[str, Tensor]] = []
         for now in (rows + frame for frame in range(losses.unroll)):
-            seen = self._after(dataset.rows, now, before, offsets)
+            seen = self._after(dataset.rows, now, past)
             parts, last = self._losses(networks["net"], seen, now, last)
             frames.append(parts)
-            before, offsets = self._moved(seen, last)
+            past = past.followed_by(dataset.maps, last, seen.pose.transforms)
             if losses.past == "own":
-                self.past[now], self.past_offsets[now] = last.detach(), offsets[:, 0].detach()
+                self.past[now], self.past_offsets[now] = last.detach(), past.offsets[:, 0].detach()
         parts = {name: torch.stack([each[name] for each in frames]).mean() for name in frames[0]}
         yield "net", torch.stack(list(parts.values())).sum(), parts
 
@@ -264,46 +231,29 @@ class DynamicsObjective(ShapeObjective):
         """What comes before the chosen rows (B,); past: the garments (R, N, 3), where not as simulated."""
         vertices, offsets = past or (rows.vertices, rows.offsets)
         back = chosen[:, None] - torch.arange(1, MEMORY + 1, device=chosen.device)
-        return self._after(rows, chosen, self.dataset.maps.positions(vertices[back]), offsets[back])
+        history = GarmentHistory(self.dataset.maps.positions(vertices[back]), offsets[back])
+        return self._after(rows, chosen, history)
 
-    def _after(self, rows: Rows, chosen: Tensor, before: Tensor, offsets: Tensor) -> DynamicsInput:
+    def _after(self, rows: Rows, chosen: Tensor, past: GarmentHistory) -> DynamicsInput:
         now = chosen[:, None] - torch.arange(MEMORY, device=chosen.device)
         return DynamicsInput(
-            before=before,
-            offsets=offsets,
+            past=past,
             transforms=rows.pose.transforms[now],
             seeds_before=rows.pose.seeds[chosen - 1],
             seeds=rows.pose.seeds[chosen],
-            fps=self.dataset.fps,
+            fps=rows.fps[chosen],
         )
 
-    def _moved(self, seen: DynamicsInput, posed: Tensor) -> tuple[Tensor, Tensor]:
-        """What comes before the garment that follows (B, N, 3): texels and offsets, as in DynamicsInput."""
-        texels = self.dataset.maps.positions(posed)
-        moved = local_offsets(self.dataset.maps, texels, seen.pose.transforms)
-        return (
-            torch.cat([texels[:, None], seen.before[:, :-1]], dim=1),
-            torch.cat([moved[:, None], seen.offsets[:, :-1]], dim=1),
-        )
-
-    @torch.no_grad()
     def validate(self, net: Any) -> dict[str, float]:
         """Mean vertex error over rollouts of the held-out clips, side by side, before contact, mm."""
-        net.eval()
-        dataset, held = self.dataset, self.dataset.held
-        starts, counts = held.starts.unique(return_counts=True)
-        first = self._input(held, starts + MEMORY)
-        before, offsets = first.before, first.offsets
-        errors = []
-        for frame in range(MEMORY, min(ROLLED, int(counts.min()))):
-            chosen = starts + frame
-            seen = self._after(held, chosen, before, offsets)
-            resting = next_shape(self.space, net, dataset.maps, seen, dataset.config.sigma)
-            posed = posed_shape(self.space, dataset.maps, resting, held.pose[chosen])
-            errors.append((posed - held.vertices[chosen]).norm(dim=2).mean(1) * 1000.0)
-            before, offsets = self._moved(seen, posed)
-        net.train()
-        return {"mean_mm": float(torch.cat(errors).mean())}
+        dataset = self.dataset
+        config, network = dataset.config, for_inference(net, dataset.device)
+        method = MotionGuided(config, self.space, network)
+        prepared = MotionGuidedPrepared(self.space, network, (dataset.maps,), ())
+        names = (config.garment,)
+        return rollout_errors(
+            method, prepared, dataset.body, names, dataset.clips, dataset.device, config.under
+        )
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
         self._save({"space": self.space, "dynamics": net}, run, notes)

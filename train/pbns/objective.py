@@ -1,6 +1,5 @@
 """What PBNS learns from: the potential energy of cloth on a body, over many poses and no simulation."""
 
-import hashlib
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -10,9 +9,8 @@ from typing import Any, Literal
 import torch
 from torch import Tensor, nn
 
-from rasterize.errors import InputError
-from train.batched_collision import BodyBeside, inner_layers
-from train.loop import LoopConfig
+from train.cloth_energy import ClothEnergy, ClothMaterial
+from train.loop import Objective
 from train.pbns.poses import Poses
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
@@ -21,34 +19,27 @@ from uvcloth.garments.fit import is_skirt
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.order import check_order
 from uvcloth.garments.pins import pinned
-from uvcloth.geometry.mesh import Mesh, first_of, vertex_normals
+from uvcloth.geometry.fingerprint import fingerprint
+from uvcloth.geometry.mesh import Mesh, first_of
+from uvcloth.geometry.records import to_device
 from uvcloth.geometry.skinning import apply_transforms, blend_transforms, skin
-from uvcloth.methods.pbns.method import (
-    PBNS,
-    PBNSConfig,
-    PBNSNetwork,
-    new_network,
-    pbns_checkpoint,
-    pose_vectors,
-    rest_outfit,
-)
+from uvcloth.methods.pbns.method import PBNS, new_network, pbns_checkpoint, rest_outfit
+from uvcloth.methods.pbns.network import PBNSConfig, PBNSNetwork
+from uvcloth.methods.rig import pose_vectors
 from uvcloth.motion.poses import PoseDatabase, rest_hash
 from uvcloth.physics.contact import Obstacle
 from uvcloth.physics.energies import (
-    bend_energy,
-    collision_energy,
     edge_change,
-    edge_energy,
     fold_angle,
     fold_cosine,
-    gravity_energy,
     pin_energy,
-    rest_shape,
 )
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.physics.posed_batch import ClosestPointCache, empty_cache
 from uvcloth.physics.surface import BodySurface
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+
+CPU = torch.device("cpu")
 
 MILLI = 1000.0
 """Losses are logged in millijoules, lengths in millimetres."""
@@ -67,33 +58,6 @@ PICTURE = (300, 400)
 
 
 @dataclass(frozen=True)
-class ClothMaterial:
-    """What the cloth is like, and how hard it is kept off the body. Energies are in joules."""
-
-    edge: float = 15.0
-    """N/m, resistance to stretch and compression (paper, Figure 5: 5 to 25)."""
-    bend: float = 5e-5
-    """J, resistance to bending (paper, Figure 5: 1e-6 to 1e-4)."""
-    mass: float = 0.3
-    """kg/m2, which gravity pulls at."""
-    collision: float = 50.0
-    """N/m, of what lies too near to the skin or to what is worn beneath (paper: 25)."""
-    thickness: float = 0.005
-    """Metres that cloth keeps off them (paper: 0.004)."""
-    pin: float = 10.0
-    """N/m, on the deformation of pinned vertices (paper: 1000; its program: 10)."""
-    plane: Literal["surface", "vertex"] = "surface"
-    """Collide with the plane at the closest point of the skin, or at its closest vertex (paper)."""
-
-    def __post_init__(self) -> None:
-        """Raises InputError for what no cloth has."""
-        for name in ("edge", "bend", "mass", "collision", "thickness", "pin"):
-            value = getattr(self, name)
-            if not 0 <= value < math.inf:
-                raise InputError(f"--{name} {value}: has to be 0 or more")
-
-
-@dataclass(frozen=True)
 class AttachmentConfig:
     """How a garment hangs on the body to begin with."""
 
@@ -106,37 +70,6 @@ class AttachmentConfig:
     """Whether blend weights are trained too; auto trains those of an outfit with a skirt (paper)."""
 
 
-LOOPS: dict[str, LoopConfig] = {
-    "default": LoopConfig(steps=2500, batch=16, weight_decay=0.0, validate_every=500, keep="last"),
-    "paper": LoopConfig(
-        steps=6000,
-        batch=16,
-        schedule="constant",
-        weight_decay=0.0,
-        average=0.0,
-        validate_every=500,
-        keep="last",
-    ),
-    "tiny": LoopConfig(steps=8, batch=4, weight_decay=0.0, validate_every=4, average=0.9),
-}
-
-
-PRESETS: dict[str, dict[str, Any]] = {
-    "default": {"network": PBNSConfig(), "material": ClothMaterial(), "attachment": AttachmentConfig()},
-    "paper": {
-        "network": PBNSConfig(influences=99),
-        "material": ClothMaterial(collision=25.0, thickness=0.004, pin=1000.0, plane="vertex"),
-        "attachment": AttachmentConfig(weights="closest"),
-    },
-    "tiny": {
-        "network": PBNSConfig(width=16, layers=2),
-        "material": ClothMaterial(),
-        "attachment": AttachmentConfig(),
-    },
-}
-"""What each preset of the command line starts from."""
-
-
 @dataclass(frozen=True)
 class Posed:
     """Poses in memory. vectors: (P, 3 J) as the network sees them. transforms: (P, J, 3, 4)."""
@@ -144,12 +77,8 @@ class Posed:
     vectors: Tensor
     transforms: Tensor
 
-    def to(self, device: torch.device) -> "Posed":
-        """The same on another device."""
-        return Posed(self.vectors.to(device), self.transforms.to(device))
 
-
-class PBNSObjective:
+class PBNSObjective(Objective):
     """Energies of an outfit on one body over a database of poses (PBNS section 3.3).
 
     batch: poses in a step. Raises InputError for layers that cross at rest, pins that name no vertex, and a
@@ -164,12 +93,13 @@ class PBNSObjective:
         outfit: Outfit,
         poses: Poses,
         batch: int,
+        device: torch.device = CPU,
     ) -> None:
         self.config, self.material, self.attachment, self.outfit = config, material, attachment, outfit
-        self.data, self.batch = poses.data, batch
+        self.data, self.batch, self.device = poses.data, batch, device
         self.worn = rest_outfit(outfit)
         self.poses, self.held = (
-            _posed(poses.database.of(split), outfit) for split in ("train", "validation")
+            to_device(_posed(poses.database.of(split), outfit), device) for split in ("train", "validation")
         )
         self.weights = torch.cat([_weights(garment, outfit.body, attachment) for garment in outfit.garments])
         self.trains_weights = attachment.train_weights == "yes" or (
@@ -179,13 +109,15 @@ class PBNSObjective:
         held = held_vertices(outfit, attachment)
         network = self._network()
         owner = network.owner
-        self.points = self.worn.vertices[first_of(owner)]
-        self.pins = owner[held].unique()
+        joined = self.worn.joined
+        self.points = joined.vertices[first_of(owner)].to(device)
+        self.pins = owner[held].unique().to(device)
         self.faces = [
-            owner[mesh.faces + start] for mesh, start in zip(self.worn.meshes, self.worn.starts, strict=True)
+            owner[mesh.faces + start].to(device)
+            for mesh, start in zip(self.worn.meshes, joined.starts, strict=True)
         ]
-        self.cloth = rest_shape(self.points, torch.cat(self.faces), material.mass)
-        self.caches = empty_cache(len(self.poses.vectors), len(self.points), torch.device("cpu"))
+        self.energy = ClothEnergy(outfit.body, self.points, self.faces, material, batch, device)
+        self.caches = empty_cache(len(self.poses.vectors), len(self.points), device)
 
     @property
     def samples(self) -> Tensor:
@@ -197,19 +129,9 @@ class PBNSObjective:
         return {"net": self._network()}
 
     def _network(self) -> PBNSNetwork:
-        network = new_network(self.config, self.worn, self.weights, self.poses.vectors)
+        network = new_network(self.config, self.worn, self.weights, self.poses.vectors.cpu())
         network.sharp_weights.requires_grad_(self.trains_weights)
         return network
-
-    def to(self, device: torch.device) -> None:
-        """Move what a step touches to a device, and stand as many bodies there as a batch has poses."""
-        self.poses, self.held = self.poses.to(device), self.held.to(device)
-        self.cloth = self.cloth.to(device)
-        self.points, self.pins = self.points.to(device), self.pins.to(device)
-        self.faces = [faces.to(device) for faces in self.faces]
-        self.caches = ClosestPointCache(self.caches.points.to(device), self.caches.clearance.to(device))
-        self.body = BodyBeside(self.outfit.body, self.points, self.batch, device)
-        self.layers = inner_layers(self.points, self._pieces(), self.batch)
 
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
@@ -231,21 +153,8 @@ class PBNSObjective:
         self, deformed: Tensor, posed: Tensor, transforms: Tensor, cache: ClosestPointCache | None
     ) -> dict[str, Tensor]:
         """Mean energies over a batch, mJ: () each."""
-        material, cloth = self.material, self.cloth
-        self.body.move(transforms)
-        planes = self.body.planes(posed, material.thickness, cache, material.plane)
-        met = [collision_energy(planes.distance(posed), material.thickness, material.collision)]
-        normals = vertex_normals(posed.detach(), cloth.faces) if self.layers else posed
-        for layer in self.layers:
-            distance = layer.planes(posed, normals).distance(posed[:, layer.outer])
-            met.append(collision_energy(distance, material.thickness, material.collision))
-        energies = {
-            "edge": edge_energy(posed, cloth, material.edge),
-            "bend": bend_energy(posed, cloth, material.bend),
-            "collision": torch.stack(met).sum(0),
-            "gravity": gravity_energy(posed, cloth),
-            "pin": pin_energy(deformed[:, self.pins], material.pin),
-        }
+        energies = self.energy(posed, transforms, cache)
+        energies["pin"] = pin_energy(deformed[:, self.pins], self.material.pin)
         return {name: MILLI * energy.mean() for name, energy in energies.items()}
 
     @torch.no_grad()
@@ -278,7 +187,7 @@ class PBNSObjective:
             "bend_cos": fold_cosine(posed, faces).mean(),
             "inside_percent": self._inside_percent(posed, transforms),
         }
-        if self.layers:
+        if self.energy.layers:
             measures["layers_percent"] = self._layers_percent(posed)
         return {name: float(value) for name, value in measures.items()}
 
@@ -338,19 +247,12 @@ class PBNSObjective:
         body = {self.outfit.body.name: rest_hash(self.outfit.body)}
         made_of = {"material": asdict(self.material), "attachment": asdict(self.attachment)}
         return {
-            **asdict(self.config),
+            "method": asdict(self.config),
             **made_of,
             "body": body,
             "garments": garments,
             "data": asdict(self.data),
         }
-
-    def memory(self) -> dict[str, Tensor]:
-        """Nothing: where vertices were last looked up saves time and changes nothing."""
-        return {}
-
-    def remember(self, memory: Mapping[str, Tensor]) -> None:
-        """There is nothing to take back."""
 
 
 def held_vertices(outfit: Outfit, attachment: AttachmentConfig) -> Tensor:
@@ -379,4 +281,4 @@ def _weights(garment: Garment, body: Body, attachment: AttachmentConfig) -> Tens
 
 def _digest(mesh: Mesh) -> str:
     """SHA-256 of where a mesh is at rest and of its faces, in hexadecimal."""
-    return hashlib.sha256(mesh.vertices.numpy().tobytes() + mesh.faces.numpy().tobytes()).hexdigest()
+    return fingerprint(mesh.vertices, mesh.faces)

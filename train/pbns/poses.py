@@ -1,6 +1,5 @@
 """The poses to train on: a database from a file, or drawn from motion into the run's folder."""
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from rasterize.errors import InputError
 from train.clips import SEEN
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData
+from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip_splits import Source, find_sources
 from uvcloth.motion.draw_poses import draw_poses
@@ -53,7 +53,7 @@ def poses_for(given: Sequence[str], body: Body, run: Path) -> Poses:
         raise InputError(f"{path}: was drawn from other clips or splits; name them again, or another folder")
     # What is no longer valid here may still be part of a recombined pose: the clips are those of the file.
     data = TrainingData(
-        files={path.name: hashlib.sha256(path.read_bytes()).hexdigest()},
+        files={path.name: fingerprint(path.read_bytes())},
         clips={split: database.clips_of(split) for split in SEEN},
     )
     if database.body_hash != rest_hash(body):
@@ -82,4 +82,4 @@ def _valid_for(body: Body, database: PoseDatabase) -> PoseDatabase:
     valid = SelfContact(body).clear
     posed = track(database.transforms(body.skeleton), f"poses of {database.body_name} on {body.name}")
     clear = [valid(skin(body.mesh.vertices, body.weights, transforms[None])[0]) for transforms in posed]
-    return database.take(torch.nonzero(torch.tensor(clear)).squeeze(1))
+    return database.select(torch.nonzero(torch.tensor(clear)).squeeze(1))

@@ -12,7 +12,8 @@ from train.physxnet.prepare import Prepared
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.physxnet.method import PhysXNetConfig, motion_values, pose_values, template_offsets
+from uvcloth.methods.physxnet.config import PhysXNetConfig
+from uvcloth.methods.physxnet.maps import motion_values, pose_values, template_offsets
 
 CHUNK = 16
 """Frames that are posed at once."""
@@ -34,15 +35,6 @@ class Frames:
     transforms: Tensor
     samples: Tensor
     starts: Tensor
-
-    def to(self, device: torch.device) -> "Frames":
-        """The same frames on another device."""
-        return Frames(
-            self.motion.to(device),
-            self.pose.to(device),
-            tuple(part.to(device) for part in self.offsets),
-            *(x.to(device) for x in (self.present, self.transforms, self.samples, self.starts)),
-        )
 
     def inputs(self, rows: Tensor) -> Tensor:
         """The network's motion channels, oldest frame first: (B, C, H, W)."""

@@ -1,6 +1,6 @@
 """The objective of PhysXNet: what it is trained for, how it is validated and what it saves."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -10,31 +10,25 @@ from rich.console import Console
 from torch import Tensor, nn
 
 from rasterize.errors import InputError
-from train.clips import (
-    Holdout,
-    TrainingClip,
-    frames_of,
-    hold_out,
-    load_training_clips,
-    stacked,
-    training_data,
-)
+from train.clips import Holdout, check_rests, frames_of, hold_out, load_training_clips, training_data
+from train.loop import Objective
 from train.operators import Operator, differences, sampling
 from train.physxnet.frames import Frames, body_vertices, load_frames
 from train.physxnet.patchgan import PatchGAN, discriminator_loss, generator_loss
-from train.physxnet.prepare import Prepared, check_rests, prepare
+from train.physxnet.prepare import Prepared, prepare
+from train.validation import rollout_errors
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.checkpoint import save_checkpoint
 from uvcloth.geometry.mesh import edge_lengths
 from uvcloth.geometry.records import to_device
-from uvcloth.methods.physxnet.method import (
-    GarmentNet,
-    PhysXNet,
-    PhysXNetConfig,
-    garment_vertices,
-    mirror,
-    physxnet_checkpoint,
-)
+from uvcloth.methods.lbs import LinearBlendSkinning, SkinnedGarment
+from uvcloth.methods.method import Method, for_inference
+from uvcloth.methods.physxnet.config import PhysXNetConfig
+from uvcloth.methods.physxnet.maps import garment_vertices
+from uvcloth.methods.physxnet.method import PhysXNet, PhysXNetPrepared, offsets_of, physxnet_checkpoint
+from uvcloth.methods.physxnet.network import GarmentNet, mirror
+
+CPU = torch.device("cpu")
 
 STATISTICS_STRIDE = 4
 """Every n-th training frame enters the statistics."""
@@ -59,43 +53,44 @@ class Losses(Holdout):
     """Show half of the samples left-right mirrored."""
 
 
-LOSSES: dict[str, Losses] = {
-    "default": Losses(),
-    "paper": Losses(l1=100.0, edge=0.0, bend=0.0, adversarial=True, mirror=False),
-    "tiny": Losses(),
-}
-
-
-class PhysXNetObjective:
+class PhysXNetObjective(Objective):
     """Losses and validation of one network on one set of clips, all held in memory."""
 
     def __init__(
-        self, config: PhysXNetConfig, losses: Losses, data: Path, run: Path, body: Body | None = None
+        self,
+        config: PhysXNetConfig,
+        losses: Losses,
+        data: Path,
+        run: Path,
+        body: Body | None = None,
+        device: torch.device = CPU,
     ) -> None:
-        """Read the data and prepare everything. Raises InputError if data, body and templates do not fit."""
-        self.config, self.weights = config, losses
+        """Read the data and prepare everything on the device.
+
+        Raises InputError if data, body and templates do not fit.
+        """
+        self.config, self.weights, self.device = config, losses, device
         self.body = body or load_body()
         clips = load_training_clips(data, config.templates, self.body)
-        self.prepared = prepare(run, self.body, config.templates, config.size)
-        check_rests({name: worn.points for name, worn in self.prepared.worn.items()}, clips, self.body)
+        prepared = prepare(run, self.body, config.templates, config.size)
+        check_rests({name: decoder.points for name, decoder in prepared.worn.items()}, clips, self.body)
         training, held = hold_out(clips, losses, data)
         for name in config.templates:
             if not any(name in r.vertices for r in training):
                 raise InputError(f"{data}: no training sequence of {name}; simulate some or set --templates")
         self.data = training_data(training, held)
-        self.frames = load_frames(config, self.body, self.prepared, training, "training frames")
-        held = held or training
-        self.held = load_frames(config, self.body, self.prepared, held, "validation frames")
-        self.truth = [stacked(held, name) for name in config.templates]
-        self.held_rows = [_counting_rows(self.held, held, name) for name in config.templates]
+        self.held = held or training
         Console().print(
             f"{frames_of(training)} training frames of {len(training)} clips, "
-            f"{frames_of(held)} validation frames ({', '.join(r.clip for r in held)})"
+            f"{frames_of(self.held)} validation frames ({', '.join(r.clip for r in self.held)})"
         )
-        self.geometry = [self._geometry(name) for name in config.templates]
+        frames = load_frames(config, self.body, prepared, training, "training frames")
+        self.frames = to_device(frames, device)
+        self.geometry = to_device([_geometry(prepared, name) for name in config.templates], device)
+        self.prepared: Prepared = to_device(prepared, device)
         self.past = _new_past(config, self.frames) if config.history else torch.zeros(0)
         if config.anchor == "smooth_lbs":
-            errors = {name: f"{error:.1f}" for name, error in self._errors(self._without_change).items()}
+            errors = {name: f"{error:.1f}" for name, error in self._skinning_errors().items()}
             Console().print(f"smooth skinning alone: {errors}")
 
     @property
@@ -111,21 +106,6 @@ class PhysXNetObjective:
             return {"net": net}
         channels = self.config.inputs + 3 * len(self.config.templates)
         return {"net": net, "discriminator": PatchGAN(channels, self.config.width)}
-
-    def to(self, device: torch.device) -> None:
-        """Move everything that a step touches to a device."""
-        self.frames, self.held = self.frames.to(device), self.held.to(device)
-        prepared = self.prepared
-        self.prepared = Prepared(
-            to_device(prepared.texels, device),
-            {name: to_device(value, device) for name, value in prepared.templates.items()},
-            {name: to_device(value, device) for name, value in prepared.worn.items()},
-            {name: value.to(device) for name, value in prepared.edges.items()},
-        )
-        self.geometry = [
-            (sample.to(device), edges.to(device), rest.to(device)) for sample, edges, rest in self.geometry
-        ]
-        self.past = self.past.to(device)
 
     def steps(
         self, networks: Mapping[str, Any], rows: Tensor
@@ -192,12 +172,6 @@ class PhysXNetObjective:
                 parts["bend"] = parts["bend"] + self.weights.bend * (share * turned).sum()
         return parts
 
-    def _geometry(self, name: str) -> tuple[Operator, Operator, Tensor]:
-        """How a template's texels become vertices, those edge vectors, and the edges' rest lengths, m."""
-        worn, edges = self.prepared.worn[name], self.prepared.edges[name]
-        sample = sampling(worn.samples, worn.shares, len(self.prepared.templates[name].texels))
-        return sample, differences(edges, len(worn.points)), edge_lengths(worn.points, edges)
-
     def _history(self, rows: Tensor) -> Tensor:
         """The latest predictions of the frames before: (B, history * templates * 3, H, W), oldest first."""
         back = torch.arange(self.config.history, 0, -1, device=rows.device)
@@ -221,61 +195,21 @@ class PhysXNetObjective:
         return net.scaled(maps), real, made
 
     def validate(self, net: nn.Module) -> dict[str, float]:
-        """Mean vertex error in mm of each template over the validation clips, and their mean.
+        """Mean vertex error in mm of each template over the validation clips, and their mean."""
+        method = PhysXNet(self.config, net)  # type: ignore[arg-type]
+        texels, templates = self.prepared.texels, self.prepared.templates
+        garments = tuple((name, self.prepared.worn[name]) for name in self.config.templates)
+        network = for_inference(net, self.device)
+        return self._rollout_errors(method, PhysXNetPrepared(network, texels, templates, garments))
 
-        As decoded, before contact. With history the clips are rolled out side by side, on their own
-        predictions.
-        """
-        net.eval()
-        errors = self._errors(net)
-        net.train()
-        return errors
+    def _skinning_errors(self) -> dict[str, float]:
+        """The same errors of a garment that never leaves the smooth LBS reference."""
+        decoders = (self.prepared.worn[name] for name in self.config.templates)
+        skinned = tuple(SkinnedGarment(decoder.points, decoder.smooth_weights) for decoder in decoders)
+        return self._rollout_errors(LinearBlendSkinning("lbs_smooth", smooth=True), skinned)
 
-    def _without_change(self, maps: Tensor) -> Tensor:
-        """What a network would say that never moves a garment off the smooth LBS reference."""
-        return maps.new_zeros(len(maps), 3 * len(self.config.templates), *maps.shape[2:])
-
-    @torch.no_grad()
-    def _errors(self, net: Callable[[Tensor], Tensor]) -> dict[str, float]:
-        errors: dict[str, list[Tensor]] = {name: [] for name in self.config.templates}
-        for rows, predicted in self._rollouts(net) if self.config.history else self._batches(net):
-            transforms = self.held.transforms[rows]
-            posed = body_vertices(self.body, transforms) if self.config.anchor == "body" else transforms
-            for index, name in enumerate(self.config.templates):
-                truth, places = self.truth[index], self.held_rows[index][rows.cpu()]
-                here = torch.nonzero(places >= 0).squeeze(1)
-                if truth is None or not len(here):
-                    continue
-                template = self.prepared.templates[name]
-                vertices = garment_vertices(
-                    self.config,
-                    self.prepared.texels,
-                    template,
-                    self.prepared.worn[name],
-                    offsets=offsets_of(predicted[here], index, template.pixels),
-                    body_vertices=posed[here],
-                    transforms=transforms[here],
-                )
-                true = truth[places[here]].to(vertices)
-                errors[name].append((vertices - true).norm(dim=2).mean(1) * 1000.0)
-        means = {f"{name}_mm": float(torch.cat(parts).mean()) for name, parts in errors.items() if parts}
-        return {"mean_mm": sum(means.values()) / len(means), **means}
-
-    def _batches(self, net: Callable[[Tensor], Tensor]) -> Iterator[tuple[Tensor, Tensor]]:
-        for rows in self.held.samples[:: max(1, len(self.held.samples) // 128)].split(8):
-            maps = self.held.inputs(rows)
-            yield rows, net(maps)
-
-    def _rollouts(self, net: Callable[[Tensor], Tensor]) -> Iterator[tuple[Tensor, Tensor]]:
-        starts, counts = self.held.starts.unique(return_counts=True)
-        sheet = (3 * len(self.config.templates), self.config.size, self.config.size)
-        past = torch.zeros(len(starts), self.config.history, *sheet, device=starts.device)
-        for frame in range(2, min(150, int(counts.min()))):
-            rows = starts + frame
-            maps = self.held.inputs(rows)
-            predicted = net(torch.cat([maps, past.flatten(1, 2)], dim=1))
-            past = torch.cat([past[:, 1:], predicted[:, None]], dim=1)
-            yield rows, predicted
+    def _rollout_errors(self, method: Method, prepared: Any) -> dict[str, float]:
+        return rollout_errors(method, prepared, self.body, self.config.templates, self.held, self.device)
 
     def save(self, net: GarmentNet, run: Path, notes: dict[str, Any]) -> None:
         """Write the trained method to the run's folder."""
@@ -284,7 +218,11 @@ class PhysXNetObjective:
 
     def settings(self) -> dict[str, Any]:
         """What must not change within a run."""
-        return {**asdict(self.config), **asdict(self.weights), "data": asdict(self.data)}
+        return {
+            "method": asdict(self.config),
+            "losses": asdict(self.weights),
+            "data": asdict(self.data),
+        }
 
     def memory(self) -> dict[str, Tensor]:
         """What the objective remembers between steps and an exact resume needs."""
@@ -298,9 +236,11 @@ class PhysXNetObjective:
             self.past.copy_(memory["past"])
 
 
-def offsets_of(predicted: Tensor, index: int, pixels: Tensor) -> Tensor:
-    """One template's texels of predicted maps (B, templates * 3, H, W): (B, Q, 3)."""
-    return predicted[:, 3 * index : 3 * index + 3].flatten(2).index_select(2, pixels).transpose(1, 2)
+def _geometry(prepared: Prepared, name: str) -> tuple[Operator, Operator, Tensor]:
+    """How a template's texels become vertices, those edge vectors, and the edges' rest lengths, m."""
+    decoder, edges = prepared.worn[name], prepared.edges[name]
+    sample = sampling(decoder.samples, decoder.shares, len(prepared.templates[name].texels))
+    return sample, differences(edges, len(decoder.points)), edge_lengths(decoder.points, edges)
 
 
 def set_statistics(net: GarmentNet, config: PhysXNetConfig, prepared: Prepared, frames: Frames) -> None:
@@ -343,20 +283,6 @@ def _scales(config: PhysXNetConfig, values: Tensor) -> tuple[Tensor, Tensor]:
     return values.mean((0, 2)), values.std((0, 2)).clamp(min=1e-6)
 
 
-def _counting_rows(frames: Frames, clips: list[TrainingClip], template: str) -> Tensor:
-    """For each row, its place in `stacked(clips, template)`, -1 where it has none: (R,) int64."""
-    places = torch.full((len(frames.transforms),), -1, dtype=torch.int64)
-    next_place, next_row = 0, 0
-    for clip in clips:
-        rows = min(clip.warm_up, 2) + len(clip.transforms) - clip.warm_up
-        if template in clip.vertices:
-            count = len(clip.transforms) - clip.warm_up
-            places[next_row + rows - count : next_row + rows] = torch.arange(next_place, next_place + count)
-            next_place += count
-        next_row += rows
-    return places
-
-
 def _new_past(config: PhysXNetConfig, frames: Frames) -> Tensor:
     sheet = (3 * len(config.templates), config.size, config.size)
-    return torch.zeros(len(frames.transforms), *sheet, dtype=torch.float16)
+    return frames.transforms.new_zeros(len(frames.transforms), *sheet, dtype=torch.float16)

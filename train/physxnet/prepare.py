@@ -1,7 +1,5 @@
 """What training needs of shapes at rest, made once per run: correspondences from ray casting, mesh edges."""
 
-import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -12,8 +10,8 @@ from torch import Tensor
 
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
-from train.clips import TrainingClip
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.mesh import unique_edges
 from uvcloth.geometry.records import from_arrays, to_arrays
 from uvcloth.methods.physxnet.texels import (
@@ -27,9 +25,6 @@ from uvcloth.methods.physxnet.texels import (
 
 FORMAT = "uvcloth-prepared-1"
 FILE = "prepared.npz"
-
-SAME_REST = 0.002
-"""Metres between a sequence's rest shape and the template on the body that still count as the same."""
 
 
 @dataclass(frozen=True)
@@ -79,30 +74,17 @@ def make(body: Body, templates: tuple[str, ...], size: int) -> Prepared:
     )
 
 
-def check_rests(rests: Mapping[str, Tensor], clips: list[TrainingClip], body: Body) -> None:
-    """Raise InputError naming the clip if it was simulated with another garment or on another body.
-
-    rests: template -> (N, 3) m, its vertices at rest on the body.
-    """
-    for clip in clips:
-        for name, rest in clip.rests.items():
-            expected = rests[name]
-            if rest.shape != expected.shape or (rest - expected).norm(dim=1).max() > SAME_REST:
-                raise InputError(
-                    f"{clip.clip}_{name}: at rest not the garment {name} on body {body.name!r}; "
-                    "it was simulated with another garment or body"
-                )
-
-
 def _identity(body: Body, templates: tuple[str, ...], size: int) -> str:
     """A hash of all that correspondences depend on."""
     data = files("uvcloth") / "data"
-    digest = hashlib.sha256("/".join([*templates, str(size)]).encode())
-    for tensor in (body.mesh.vertices, body.mesh.faces, body.weights):
-        digest.update(tensor.numpy().tobytes())
-    for file in (data / "layout.npz", *(data / "templates" / f"{name}.npz" for name in templates)):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()
+    shipped = (data / "layout.npz", *(data / "templates" / f"{name}.npz" for name in templates))
+    return fingerprint(
+        "/".join([*templates, str(size)]),
+        body.mesh.vertices,
+        body.mesh.faces,
+        body.weights,
+        *(file.read_bytes() for file in shipped),
+    )
 
 
 def _read(arrays: dict[str, np.ndarray], templates: tuple[str, ...], path: Path) -> Prepared:

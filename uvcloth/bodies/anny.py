@@ -1,4 +1,4 @@
-"""Make a body from Anny phenotypes. Anny is needed only here: a made body is one small npz."""
+"""Bodies from Anny phenotypes. Anny is needed only here: a made body is one small npz."""
 
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,8 @@ from uvcloth.bodies.body import REGIONS, Body, Proxy
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
 
-RIG = "cmu_mb"
+ANNY_RIG = "cmu_mb"
+"""Anny's name of the rig with the joints of CMU's motion capture."""
 
 DEFAULT_PHENOTYPE = {
     "gender": 0.7,
@@ -43,7 +44,7 @@ REGION_SUFFIXES = {
 
 
 def make_body(name: str, phenotype: dict[str, float] | None = None) -> Body:
-    """A body of Anny's topology: the watertight skin without eyes and mouth, 31 joints, two proxies.
+    """Make a body of Anny's topology: the watertight skin without eyes and mouth, 31 joints, two proxies.
 
     phenotype: values in [0, 1] for the keys of DEFAULT_PHENOTYPE; missing keys take the default.
     The first call builds Anny's rig (a minute or two) and caches it where ANNY_CACHE_DIR says.
@@ -86,7 +87,7 @@ def rig(topology: str) -> Any:
         import anny
     except ModuleNotFoundError as error:
         raise InputError("making a body needs Anny: install uvcloth[body]") from error
-    return anny.Anny(rig=RIG, topology=topology, phenotype_blendshapes="original")
+    return anny.Anny(rig=ANNY_RIG, topology=topology, phenotype_blendshapes="original")
 
 
 def _dense_weights(model: Any) -> Tensor:

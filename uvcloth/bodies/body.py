@@ -1,4 +1,4 @@
-"""A body is data: mesh, skeleton, blend weights, regions and garment proxies, in one small npz."""
+"""Bodies as data: mesh, skeleton, blend weights, regions and garment proxies, in one small npz."""
 
 from dataclasses import dataclass
 from importlib.resources import files
@@ -16,8 +16,9 @@ from uvcloth.geometry.skeleton import Skeleton
 REGIONS = ("torso", "upper_arm", "forearm", "thigh", "calf", "head", "hand", "foot")
 """Names of the body regions; `Body.regions` holds indices into this tuple."""
 
-FORMAT = "uvcloth-body-1"
-INFLUENCES = 7
+BODY_FORMAT = "uvcloth-body-1"
+BODY_INFLUENCES = 7
+"""Strongest joints per vertex whose blend weights a file keeps."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +52,12 @@ class Body:
 
 
 def save_body(body: Body, path: Path) -> None:
-    """Write a body to one compressed npz (weights as the strongest influences per vertex)."""
+    """Write a body to one compressed npz (weights as the strongest influences per vertex).
+
+    Raises InputError if it cannot be written.
+    """
     arrays: dict[str, np.ndarray] = {
-        "format": np.array(FORMAT),
+        "format": np.array(BODY_FORMAT),
         "name": np.array(body.name),
         "vertices": body.mesh.vertices.numpy().astype(np.float32),
         "faces": body.mesh.faces.numpy().astype(np.uint16),
@@ -66,22 +70,22 @@ def save_body(body: Body, path: Path) -> None:
         "sides": body.sides.numpy().astype(np.int8),
         "proxy_names": np.array(sorted(body.proxies), dtype=np.str_),
     }
-    _pack_weights(arrays, "", body.weights)
+    arrays |= _pack_weights("", body.weights)
     for name, proxy in body.proxies.items():
         arrays[f"{name}_vertices"] = proxy.vertices.numpy().astype(np.float32)
         arrays[f"{name}_faces"] = proxy.faces.numpy().astype(np.uint16)
-        _pack_weights(arrays, f"{name}_", proxy.weights)
+        arrays |= _pack_weights(f"{name}_", proxy.weights)
     save_arrays(path, arrays)
 
 
 def load_body(path: Path | None = None) -> Body:
-    """Read a body npz; None is the body that ships with the package.
+    """Read a body npz; without a path, the body that ships with the package.
 
     Raises InputError if the file is missing, truncated, of another format, or holds values that are
     not finite.
     """
     path = path or Path(str(files("uvcloth") / "data" / "body.npz"))
-    data = load_arrays(path, FORMAT, "a body made by `uvcloth body`")
+    data = load_arrays(path, BODY_FORMAT, "a body made by `uvcloth body`")
     require_finite(path, data)
     try:
         names = tuple(str(name) for name in data["joint_names"])
@@ -115,10 +119,13 @@ def load_body(path: Path | None = None) -> Body:
         raise InputError(f"{path}: the body file lacks the array {error}") from error
 
 
-def _pack_weights(arrays: dict[str, np.ndarray], prefix: str, weights: Tensor) -> None:
-    strongest = weights.topk(min(INFLUENCES, weights.shape[1]), dim=1)
-    arrays[f"{prefix}weight_joints"] = strongest.indices.numpy().astype(np.uint8)
-    arrays[f"{prefix}weights"] = strongest.values.numpy().astype(np.float32)
+def _pack_weights(prefix: str, weights: Tensor) -> dict[str, np.ndarray]:
+    """Arrays of the strongest blend weights of (V, J), whose names begin with the prefix."""
+    strongest = weights.topk(min(BODY_INFLUENCES, weights.shape[1]), dim=1)
+    return {
+        f"{prefix}weight_joints": strongest.indices.numpy().astype(np.uint8),
+        f"{prefix}weights": strongest.values.numpy().astype(np.float32),
+    }
 
 
 def _unpack_weights(data: dict[str, np.ndarray], prefix: str, joints: int) -> Tensor:

@@ -1,4 +1,4 @@
-"""The body as cloth sees it: a set of closed parts, and which of them each bit of cloth meets.
+"""Colliders: the body as closed parts, and the parts that each vertex of cloth may touch.
 
 Mocap pushes thighs into bellies and calves into thighs. Cloth between them belongs there: each part on its
 own says where its outside is, where one surface of the whole body would send it through a leg. Mocap also
@@ -24,7 +24,7 @@ from uvcloth.geometry.mesh import boundary_edges, vertex_normals
 Parts = Sequence[tuple[tuple[str, ...], tuple[int, ...]]]
 """Regions that move as one, and the sides that have them."""
 
-PARTS: Parts = (
+COLLIDER_PARTS: Parts = (
     (("head",), (0,)),
     (("upper_arm",), (1, -1)),
     (("torso",), (0,)),
@@ -32,32 +32,34 @@ PARTS: Parts = (
     (("calf", "foot"), (1, -1)),
     (("forearm", "hand"), (1, -1)),
 )
-"""What cloth meets."""
+"""Parts of the body that cloth touches, in the order of the constants below."""
 
-ARMS, TORSO, LEGS, FOREARMS = (1, 2), 3, (4, 5, 6, 7), (8, 9)
-"""Places of upper arms, torso, thighs and calves, and forearms among the parts."""
+ARM_PARTS, TORSO_PART, LEG_PARTS, FOREARM_PARTS = (1, 2), 3, (4, 5, 6, 7), (8, 9)
+"""Indices of upper arms, torso, thighs and calves, and forearms among the parts."""
 
-SLACK = 0.03
+PART_SLACK = 0.03
 """Metres by which a part may be farther than twice the nearest one and still lie beside a point at rest."""
 
-FACING = 0.5
+ARMPIT_COSINE = 0.5
 """Cosine between the normals of an arm and the torso below which cloth beside both is in the armpit."""
 
-LOOSE = 0.04
+FREE_HANGING_DISTANCE = 0.04
 """Metres from the body at rest from which on cloth hangs freely, as a skirt does, and meets both legs."""
 
-CHUNK = 4096
+POINTS_AT_ONCE = 4096
 """Points whose distances to all vertices of a part are held in memory at once."""
 
-BULGE = 0.7
+CAP_HEIGHT = 0.7
 """Height of the caps, in radii of the opening: a cut knee still is a knee, however deep cloth lies in it."""
 
 
 @dataclass(frozen=True)
 class Collider:
-    """parts: faces (F, 3) of closed surfaces, into the body's V vertices followed by the tips of the caps.
+    """The body as closed surfaces, one per part.
 
-    A body that lacks a part has no faces there. rims: per cap, the directed edges (E, 2) of body vertices
+    parts: faces (F, 3) of each, into the body's V vertices followed by the tips of the caps.
+
+    A part that the body lacks has no faces. rims: per cap, the directed edges (E, 2) of body vertices
     around it.
     """
 
@@ -83,11 +85,11 @@ class Collider:
         start, end = (ends - centre.index_select(-2, owner)[..., None, :]).flip(-2).unbind(-2)
         area = 0.5 * members @ torch.linalg.cross(start, end)
         size = area.norm(dim=-1, keepdim=True)
-        tips = centre + BULGE * (size / math.pi).sqrt() * area / size.clamp(min=1e-9)
+        tips = centre + CAP_HEIGHT * (size / math.pi).sqrt() * area / size.clamp(min=1e-9)
         return torch.cat([body_vertices, tips], dim=-2)
 
     def touches(self, points: Tensor, body_vertices: Tensor) -> Tensor:
-        """Which part may touch which point of a garment (N, 3) at rest: (parts, N) bool.
+        """Mask of the parts that each point of a garment (N, 3) m at rest may touch: (parts, N) bool.
 
         Cloth touches the parts that it lies beside, and a skirt the legs. Mocap presses arms into ribs and
         thighs into bellies: what both of two such parts push comes off the one that it belongs to. In the
@@ -97,28 +99,28 @@ class Collider:
         """
         vertices = self.vertices(body_vertices)
         distance = torch.stack([_nearest(points, vertices[part.unique()])[0] for part in self.parts])
-        limbs, trunk = list(FOREARMS), distance[[TORSO, *LEGS]].amin(0)
+        limbs, trunk = list(FOREARM_PARTS), distance[[TORSO_PART, *LEG_PARTS]].amin(0)
         distance[limbs] = torch.where(2.0 * distance[limbs] < trunk, distance[limbs], math.inf)
         nearest = distance.amin(0)
-        touches = distance < 2.0 * nearest + SLACK
-        arms, armpit = list(ARMS), self._in_armpit(points, body_vertices)
-        touches[arms] &= (distance[arms] <= distance[TORSO]) | ~armpit
-        touches[TORSO] &= (distance[TORSO] <= distance[arms].amin(0)) | ~armpit
-        touches[list(LEGS)] |= (nearest > LOOSE) & (nearest < distance[limbs].amin(0))
+        touches = distance < 2.0 * nearest + PART_SLACK
+        arms, armpit = list(ARM_PARTS), self._in_armpit(points, body_vertices)
+        touches[arms] &= (distance[arms] <= distance[TORSO_PART]) | ~armpit
+        touches[TORSO_PART] &= (distance[TORSO_PART] <= distance[arms].amin(0)) | ~armpit
+        touches[list(LEG_PARTS)] |= (nearest > FREE_HANGING_DISTANCE) & (nearest < distance[limbs].amin(0))
         return touches & torch.isfinite(distance)
 
     def _in_armpit(self, points: Tensor, body_vertices: Tensor) -> Tensor:
-        """Which points (N, 3) at rest lie between the skin of an arm and that of the torso: (N,) bool."""
+        """Mask of points (N, 3) m at rest that lie between the skin of an arm and that of the torso: (N,)."""
         skin = [part[(part < len(body_vertices)).all(1)] for part in self.parts]
         normals = vertex_normals(body_vertices, torch.cat(skin))
-        arms, torso = torch.cat([skin[part] for part in ARMS]).unique(), skin[TORSO].unique()
+        arms, torso = torch.cat([skin[part] for part in ARM_PARTS]).unique(), skin[TORSO_PART].unique()
         if not len(arms) or not len(torso):
             return torch.zeros(len(points), dtype=torch.bool)
         beside = [normals[own[_nearest(points, body_vertices[own])[1]]] for own in (arms, torso)]
-        return (beside[0] * beside[1]).sum(1) < FACING
+        return (beside[0] * beside[1]).sum(1) < ARMPIT_COSINE
 
 
-def make_collider(body: Body, parts: Parts = PARTS) -> Collider:
+def make_collider(body: Body, parts: Parts = COLLIDER_PARTS) -> Collider:
     """Cut the body into parts and close each opening with a cap; `touches` is for the parts of cloth."""
     kept = [
         body.mesh.faces[torch.isin(body.regions, _indices(regions)) & (body.sides == side)]
@@ -129,9 +131,10 @@ def make_collider(body: Body, parts: Parts = PARTS) -> Collider:
 
 
 def collider_near(body: Body, points: Tensor, reach: float) -> tuple[Tensor, Collider]:
-    """What of a body at rest is within reach, m, of points (N, 3), as one closed part.
+    """Collider of the body's faces within reach, m, of points (N, 3) m at rest, as one closed part.
 
-    Its vertices (K,) int64 among the body's, and the part, into those K. Raises InputError if none is near.
+    Returns its vertices (K,) int64 among the body's, and the part, into those K. Raises InputError if none is
+    near.
     """
     from scipy.spatial import KDTree
 
@@ -144,7 +147,7 @@ def collider_near(body: Body, points: Tensor, reach: float) -> tuple[Tensor, Col
 
 
 def _closed(parts: list[Tensor], count: int) -> Collider:
-    """Parts (F, 3) into `count` vertices, each opening closed with a cap; equal rims share one."""
+    """Collider of parts (F, 3) into `count` vertices, openings closed with caps; equal rims share one."""
     tips: dict[tuple[int, ...], int] = {}
     rims: list[Tensor] = []
 
@@ -161,10 +164,10 @@ def _closed(parts: list[Tensor], count: int) -> Collider:
 
 
 def _nearest(points: Tensor, others: Tensor) -> tuple[Tensor, Tensor]:
-    """How far each point (N, 3) is from the nearest of others (M, 3), infinite without any, and which."""
+    """Distance (N,) from points (N, 3) to the nearest of others (M, 3), infinite if none, and its index."""
     if not len(others):
         return points.new_full((len(points),), math.inf), torch.zeros(len(points), dtype=torch.int64)
-    found = [torch.cdist(some, others).min(1) for some in points.split(CHUNK)]
+    found = [torch.cdist(some, others).min(1) for some in points.split(POINTS_AT_ONCE)]
     return torch.cat([each.values for each in found]), torch.cat([each.indices for each in found])
 
 

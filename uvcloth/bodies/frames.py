@@ -1,6 +1,7 @@
-"""The posed body at many times, with the velocity and acceleration of its surface."""
+"""Frames of a posed body, with the velocity and acceleration of its surface."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -9,10 +10,10 @@ from uvcloth.bodies.body import Body
 from uvcloth.geometry.skinning import skin
 
 HISTORY = 3
-"""Frames that a method sees of the body: k-2, k-1 and k (PhysXNet section 3.1)."""
+"""Frames of the body that are a method's input: k-2, k-1 and k (PhysXNet section 3.1)."""
 
 GRAVITY = (0.0, 0.0, -9.81)
-"""m/s2, Z up."""
+"""Acceleration of gravity, m/s2, Z up."""
 
 LEAD = HISTORY + 1
 """Frames before the first one that are needed to difference its history twice."""
@@ -38,13 +39,40 @@ class BodyFrames:
     def __len__(self) -> int:
         return len(self.transforms)
 
+    def __getitem__(self, rows: slice) -> "BodyFrames":
+        """Some of the frames."""
+        return replace(
+            self,
+            transforms=self.transforms[rows],
+            vertices=self.vertices[rows],
+            velocity=self.velocity[rows],
+            acceleration=self.acceleration[rows],
+            under=self.under[rows] if self.under is not None else None,
+        )
 
-def body_frames(body: Body, transforms: Tensor, fps: float) -> BodyFrames:
+
+def side_by_side(frames: Sequence[BodyFrames]) -> BodyFrames:
+    """Frames of several motions of one body, over nothing, as one batch; they have to have one frame rate."""
+    return BodyFrames(
+        body=frames[0].body,
+        fps=frames[0].fps,
+        transforms=torch.cat([each.transforms for each in frames]),
+        vertices=torch.cat([each.vertices for each in frames]),
+        velocity=torch.cat([each.velocity for each in frames]),
+        acceleration=torch.cat([each.acceleration for each in frames]),
+    )
+
+
+def body_frames(body: Body, transforms: Tensor, fps: float, posed: Tensor | None = None) -> BodyFrames:
     """Pose a body over LEAD + B consecutive frames of joint transforms (LEAD + B, J, 3, 4).
 
-    The first LEAD frames only serve the differences; for a clip's true start repeat its first frame.
+    The first LEAD frames only serve the differences; for a clip's true start repeat its first frame. posed:
+    (K, V, 3) m, the body in the first K frames, where that is known.
     """
-    vertices = skin(body.mesh.vertices.to(transforms), body.weights.to(transforms), transforms)
+    known = 0 if posed is None else len(posed)
+    vertices = skin(body.mesh.vertices, body.weights, transforms[known:])
+    if posed is not None:
+        vertices = torch.cat([posed, vertices])
     velocity = (vertices[1:] - vertices[:-1]) * fps
     acceleration = (velocity[1:] - velocity[:-1]) * fps
 
@@ -63,5 +91,8 @@ def body_frames(body: Body, transforms: Tensor, fps: float) -> BodyFrames:
 
 
 def with_lead(transforms: Tensor) -> Tensor:
-    """Repeat the first frame LEAD times in front: a body that stood still before the clip began."""
+    """Joint transforms (T, J, 3, 4) with the first frame repeated LEAD times in front: (LEAD + T, J, 3, 4).
+
+    The body then stood still before the clip began.
+    """
     return torch.cat([transforms[:1].expand(LEAD, -1, -1, -1), transforms])

@@ -1,4 +1,4 @@
-"""The body with its legs joined by an ellipse, from which a skirt is seen (PhysXNet section 4.2).
+"""Joined legs: the ellipse around both, from which rays towards a skirt start (PhysXNet section 4.2).
 
 Each leg wraps half of an ellipse around both legs: the angle around the leg, measured from its outer side, is
 halved. The inner line of a leg thus lands at the front centre seen from one side of it and at the back centre
@@ -12,15 +12,15 @@ from torch import Tensor
 
 from uvcloth.bodies.body import REGIONS, Body
 
-LEGS = (REGIONS.index("thigh"), REGIONS.index("calf"))
-SLICES = 24
+LEG_REGIONS = (REGIONS.index("thigh"), REGIONS.index("calf"))
+LEG_SLICES = 24
 """Horizontal slices in which the legs are measured."""
 
-STRETCHES = 12
+STRETCH_SLICES = 12
 """Horizontal slices in which the angle around a leg is stretched to its seam."""
 
-LEAST_REACH = 0.8
-"""Share of half a turn that a half must cover to be stretched to it: above the crotch a leg has no inside."""
+LEAST_HALF_TURN = 0.8
+"""Least share of half a turn that half a leg is stretched from: above the crotch it has no inside."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class LegSlices:
 
 
 def leg_faces(body: Body) -> Tensor:
-    """(F,) bool: faces of thighs and calves."""
-    return (body.regions == LEGS[0]) | (body.regions == LEGS[1])
+    """Mask of the faces of thighs and calves: (F,) bool."""
+    return (body.regions == LEG_REGIONS[0]) | (body.regions == LEG_REGIONS[1])
 
 
 def leg_slices(body: Body) -> LegSlices:
@@ -51,13 +51,13 @@ def leg_slices(body: Body) -> LegSlices:
     corners = body.mesh.vertices[body.mesh.faces[legs].reshape(-1)]
     side = (body.sides[legs] < 0).long().repeat_interleave(3)
     height = corners[:, 2].contiguous()
-    edges = torch.linspace(float(height.min()), _crotch(body), SLICES + 1)
+    edges = torch.linspace(float(height.min()), _crotch(body), LEG_SLICES + 1)
     level = torch.bucketize(height, edges, right=True) - 1
-    below = level < SLICES
-    corners, index = corners[below], (side * SLICES + level)[below, None].expand(-1, 2)
-    empty = torch.full((2 * SLICES, 2), torch.nan)
-    lower = empty.scatter_reduce(0, index, corners[:, :2], "amin", include_self=False).view(2, SLICES, 2)
-    upper = empty.scatter_reduce(0, index, corners[:, :2], "amax", include_self=False).view(2, SLICES, 2)
+    below = level < LEG_SLICES
+    corners, index = corners[below], (side * LEG_SLICES + level)[below, None].expand(-1, 2)
+    empty = torch.full((2 * LEG_SLICES, 2), torch.nan)
+    lower = empty.scatter_reduce(0, index, corners[:, :2], "amin", include_self=False).view(2, LEG_SLICES, 2)
+    upper = empty.scatter_reduce(0, index, corners[:, :2], "amax", include_self=False).view(2, LEG_SLICES, 2)
     filled = ~lower.isnan().any(dim=2).any(dim=0)
     heights = ((edges[1:] + edges[:-1]) / 2)[filled]
     lower, upper = lower[:, filled], upper[:, filled]
@@ -99,8 +99,8 @@ def _unrolled(angle: Tensor, height: Tensor, sides: Tensor, along: Tensor) -> Te
 
     Angles run on past the inner line up to the seam; then each half of each leg is stretched, level by level.
     """
-    edges = torch.linspace(float(height.min()), float(height.max()), STRETCHES + 1)
-    level = (torch.bucketize(height, edges, right=True) - 1).clamp(0, STRETCHES - 1)
+    edges = torch.linspace(float(height.min()), float(height.max()), STRETCH_SLICES + 1)
+    level = (torch.bucketize(height, edges, right=True) - 1).clamp(0, STRETCH_SLICES - 1)
     middles = (edges[1:] + edges[:-1]) / 2
     unrolled = angle.clone()
     for side in (1, -1):
@@ -110,9 +110,9 @@ def _unrolled(angle: Tensor, height: Tensor, sides: Tensor, along: Tensor) -> Te
             sign = torch.sign(angle[half].sin().sum())
             astray = (angle[half].abs() > 0.5 * torch.pi) & (angle[half].sign() != sign)
             run = angle[half] + torch.where(astray, 2 * torch.pi * sign, 0.0)
-            reach = torch.full((STRETCHES,), torch.pi)
+            reach = torch.full((STRETCH_SLICES,), torch.pi)
             reach = reach.scatter_reduce(0, level[half], run.abs(), "amax", include_self=False)
-            reach = reach.clamp(min=LEAST_REACH * torch.pi)
+            reach = reach.clamp(min=LEAST_HALF_TURN * torch.pi)
             unrolled[half] = run * torch.pi / _at(middles, reach[:, None], height[half])[:, 0]
     return unrolled
 

@@ -1,4 +1,4 @@
-"""The body's UV sheet: torso front and back in the middle, arms above legs on either side."""
+"""UV layout of a body: torso front and back in the middle, arms above legs on either side."""
 
 from importlib.resources import files as resources
 from pathlib import Path
@@ -22,17 +22,17 @@ from uvcloth.bodies.body import REGIONS, Body, load_body
 from uvcloth.geometry.mesh import face_pairs, vertex_normals
 
 PRUNED, TORSO, LEFT_ARM, RIGHT_ARM, LEFT_LEG, RIGHT_LEG, FRONT, BACK = range(-1, 7)
-PARTS = {"left arm": LEFT_ARM, "right arm": RIGHT_ARM, "left leg": LEFT_LEG, "right leg": RIGHT_LEG}
+LIMB_LABELS = {"left arm": LEFT_ARM, "right arm": RIGHT_ARM, "left leg": LEFT_LEG, "right leg": RIGHT_LEG}
 
-MARGIN = 1.0 / 256.0
+CHART_MARGIN = 1.0 / 256.0
 """Half the gutter: two texels between charts at 256 x 256."""
 
-WANDER = 0.05
-"""Price of a metre of seam that runs exactly on the side where it should, against 1 at right angles."""
+SEAM_LENGTH_COST = 0.05
+"""Cost of a metre of seam that runs exactly on the side where it should, against 1 at right angles."""
 
 
 def body_layout(body: Body) -> Layout:
-    """The sheet of a body (PhysXNet section 4.2): head, hands and feet pruned, the rest cut into six charts.
+    """Make the UV layout of a body (PhysXNet section 4.2): six charts, head, hands and feet pruned.
 
     Torso front and back are cut at the sides, shoulders and crotch; arms along the underside and legs along
     the inner line, so that a leg runs from the inner line over the front, the outside and the back. The
@@ -43,7 +43,7 @@ def body_layout(body: Body) -> Layout:
     mirror = mirrored_vertices(body)
     labels = _part_labels(body, mirror)
     torso = labels == TORSO
-    loops = {name: _rings(faces[labels == part], faces[torso], name) for name, part in PARTS.items()}
+    loops = {name: _rings(faces[labels == part], faces[torso], name) for name, part in LIMB_LABELS.items()}
     neck = _neck(faces[torso], loops)
 
     frontal = vertex_normals(body.mesh.vertices, body.mesh.faces)[:, 1].abs().double().numpy()
@@ -61,7 +61,7 @@ def body_layout(body: Body) -> Layout:
         seams[name] = cheapest_path(faces[torso], torso_cost, shoulder, hip, name)
         for limb in ("arm", "leg"):
             name = f"{side} {limb}"
-            chosen = faces[labels == PARTS[name]]
+            chosen = faces[labels == LIMB_LABELS[name]]
             cost = _edge_costs(body, chosen, _off_seam(body, loops[name], limb))
             seams[name] = cheapest_path(chosen, cost, *loops[name], name)
     crotch = cheapest_path(
@@ -74,24 +74,27 @@ def body_layout(body: Body) -> Layout:
     seams["crotch"] = crotch if mirror is None else _mirrored_path(crotch, mirror)
     cut = np.concatenate([path_edges(path) for path in seams.values()])
     labels[torso] = _front_and_back(body, faces[torso], cut)
-    labels = _without_teeth(labels, faces)
+    labels = _smooth_borders(labels, faces)
     return lay_out(
         body.mesh.vertices,
         body.mesh.faces,
         torch.from_numpy(labels),
         _charts(body, labels, seams),
-        torch.from_numpy(np.concatenate([path_edges(seams[name]) for name in PARTS])),
-        margin=MARGIN,
+        torch.from_numpy(np.concatenate([path_edges(seams[name]) for name in LIMB_LABELS])),
+        margin=CHART_MARGIN,
     )
 
 
 def load_body_layout() -> Layout:
-    """The sheet of the body that ships with the package, shared by all bodies of its topology."""
+    """Read the layout of the body that ships with the package, shared by all bodies of its topology."""
     return load_layout(Path(str(resources("uvcloth") / "data" / "layout.npz")))
 
 
 def mirrored_vertices(body: Body, tolerance: float = 1e-3) -> np.ndarray | None:
-    """For each vertex (V,) its partner across x = 0, or None if the mesh or its faces are not symmetric."""
+    """Partner of each vertex (V,) across x = 0, or None if the mesh or its faces are not symmetric.
+
+    tolerance: metres between a vertex and the mirror image of its partner.
+    """
     points, faces = body.mesh.vertices.numpy(), body.mesh.faces.numpy()
     distance, partner = cKDTree(points * [-1, 1, 1]).query(points)
     if distance.max() > tolerance or (partner[partner] != np.arange(len(points))).any():
@@ -102,26 +105,26 @@ def mirrored_vertices(body: Body, tolerance: float = 1e-3) -> np.ndarray | None:
 
 
 def _part_labels(body: Body, mirror: np.ndarray | None) -> np.ndarray:
-    """Part of each face (F,), every part in one piece with smooth borders, the right side as the left."""
+    """Part of each face (F,), each part in one piece with smooth borders, the right side as the left."""
     regions, sides, faces = body.regions.numpy(), body.sides.numpy(), body.mesh.faces.numpy()
     labels = np.full(len(faces), PRUNED)
     labels[regions == REGIONS.index("torso")] = TORSO
     for limb, inner, outer in (("arm", "upper_arm", "forearm"), ("leg", "thigh", "calf")):
         on_limb = np.isin(regions, [REGIONS.index(inner), REGIONS.index(outer)])
-        labels[on_limb & (sides > 0)] = PARTS[f"left {limb}"]
-        labels[on_limb & (sides < 0)] = PARTS[f"right {limb}"]
+        labels[on_limb & (sides > 0)] = LIMB_LABELS[f"left {limb}"]
+        labels[on_limb & (sides < 0)] = LIMB_LABELS[f"right {limb}"]
     if mirror is not None:
         labels = _mirrored_labels(labels, body, mirror)
-    labels = _without_teeth(labels, faces)
-    for part in (TORSO, *PARTS.values()):
+    labels = _smooth_borders(labels, faces)
+    for part in (TORSO, *LIMB_LABELS.values()):
         chosen = np.flatnonzero(labels == part)
         if len(chosen):
             labels[np.delete(chosen, largest_piece(faces[chosen]))] = PRUNED
     return labels
 
 
-def _without_teeth(labels: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Give each face that meets its own part along one edge only to the part that it bites into.
+def _smooth_borders(labels: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Labels (F,) in which a face that meets its own part along one edge only goes to the part around it.
 
     Such a face would have all its corners on the rim of its chart, where no texel sees it.
     """
@@ -129,21 +132,21 @@ def _without_teeth(labels: np.ndarray, faces: np.ndarray) -> np.ndarray:
     for turn in range(20):
         around = np.where(neighbours >= 0, labels[neighbours], PRUNED)
         agreed = np.where(around[:, 0] == around[:, 2], around[:, 0], around[:, 1])
-        teeth = (agreed != labels) & ((around == agreed[:, None]).sum(1) >= 2)
-        # One direction at a time, or two teeth that bite into each other would change places for ever.
-        labels = np.where(teeth & ((agreed > labels) == turn % 2), agreed, labels)
+        single = (agreed != labels) & ((around == agreed[:, None]).sum(1) >= 2)
+        # One direction at a time, or two neighbours of that kind would change places for ever.
+        labels = np.where(single & ((agreed > labels) == turn % 2), agreed, labels)
     return labels
 
 
 def _mirrored_labels(labels: np.ndarray, body: Body, mirror: np.ndarray) -> np.ndarray:
-    """Faces of the right half take the part of their partners on the left."""
+    """Labels (F,) in which faces of the right half have the part of their partners on the left."""
     faces = body.mesh.faces.numpy()
     order = np.lexsort(np.sort(faces, axis=1).T)
     partner = np.empty(len(faces), dtype=np.int64)
     partner[order] = np.lexsort(np.sort(mirror[faces], axis=1).T)
     swap = np.arange(-1, 7)
     for limb in ("arm", "leg"):
-        left, right = PARTS[f"left {limb}"], PARTS[f"right {limb}"]
+        left, right = LIMB_LABELS[f"left {limb}"], LIMB_LABELS[f"right {limb}"]
         swap[[left + 1, right + 1]] = right, left
     middle = body.mesh.vertices.numpy()[faces, 0].mean(1)
     return np.where(middle < 0, swap[labels[partner] + 1], labels)
@@ -179,15 +182,15 @@ def _neck(torso: np.ndarray, loops: dict[str, tuple[np.ndarray, np.ndarray]]) ->
 
 
 def _edge_costs(body: Body, faces: np.ndarray, price: np.ndarray) -> np.ndarray:
-    """Length of each edge times the mean price (V,) of its ends."""
+    """Length of each edge times the mean price (V,) of its ends: (3F,)."""
     edges, _ = edges_of(faces)
     points = body.mesh.vertices.double().numpy()
     length = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
-    return length * (WANDER + price[edges].mean(1))
+    return length * (SEAM_LENGTH_COST + price[edges].mean(1))
 
 
 def _off_seam(body: Body, rings: tuple[np.ndarray, np.ndarray], limb: str) -> np.ndarray:
-    """How far a limb's surface (V,) looks away from the seam's side: 0 underneath an arm or inside a leg."""
+    """One minus the cosine of normals and the seam's side (V,): 0 underneath an arm or inside a leg."""
     points = body.mesh.vertices.double().numpy()
     normals = vertex_normals(body.mesh.vertices, body.mesh.faces).double().numpy()
     top, end = points[rings[0]].mean(0), points[rings[1]].mean(0)
@@ -198,7 +201,7 @@ def _off_seam(body: Body, rings: tuple[np.ndarray, np.ndarray], limb: str) -> np
 
 
 def _mirrored_path(path: np.ndarray, mirror: np.ndarray) -> np.ndarray:
-    """Replace a path's second half by the mirror image of its first."""
+    """Path whose second half is the mirror image of its first."""
     following = np.append(path[1:], path[-1])
     crossing = int(np.argmax((mirror[path] == path) | (mirror[path] == following)))
     half = path[: crossing + 1]
@@ -236,7 +239,7 @@ def _charts(body: Body, labels: np.ndarray, seams: dict[str, np.ndarray]) -> lis
         "right leg": (right[0], 0.0, right[1], knee),
     }
     charts = []
-    for name, part in PARTS.items():
+    for name, part in LIMB_LABELS.items():
         top, end = int(seams[name][0]), int(seams[name][-1])
         charts.append(Chart(name, part, (end, end, top, top), sheet[name]))
     ends = {
@@ -262,6 +265,6 @@ def _charts(body: Body, labels: np.ndarray, seams: dict[str, np.ndarray]) -> lis
 
 
 def layout_of(body: Body) -> Layout:
-    """The layout that all bodies of the default topology share; any other body gets its own."""
+    """Layout of a body: the one that all bodies of the default topology share, or one of its own."""
     default = load_body()
     return load_body_layout() if torch.equal(default.mesh.faces, body.mesh.faces) else body_layout(body)

@@ -1,4 +1,7 @@
-"""`uvcloth demo`: the whole way once, on what the package brings, in ten minutes or so on two cores."""
+"""`uvcloth demo`: simulation, rollout, export and pictures from the package's own data.
+
+It takes ten minutes or so on two cores.
+"""
 
 from collections.abc import Iterable, Iterator
 from importlib.resources import files
@@ -21,12 +24,13 @@ from uvcloth.methods.registry import DEFAULT, load_method
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render_frames
 from uvcloth.rollout import rollout
 from uvcloth.simulate.batch import simulate_batch
+from uvcloth.simulate.plan import ClipSelection
 from uvcloth.simulate.sequence import load_sequence
 
 CLIP = "jump"
 GARMENT = "skirt.obj"
 MODELS = {"tops": "physxnet", "bottoms": "physxnet", "dress": "motion_guided"}
-"""The templates that are shown, and the model that each is drawn with."""
+"""Templates that are shown, and the model that predicts each."""
 
 PICTURES = 6
 PICTURE_SIZE = (300, 420)
@@ -41,7 +45,7 @@ def run(out: Path) -> None:
     console = Console()
     body = load_body()
     console.print(f"1. Simulating {', '.join(MODELS)} over the built-in clip {CLIP} (five to ten minutes)")
-    simulate_batch([CLIP], tuple(MODELS), out / "sequences", body)
+    simulate_batch(ClipSelection([CLIP]), [(name,) for name in MODELS], out / "sequences", body)
     skirt = str(files("uvcloth") / "data" / "garments" / GARMENT)
     console.print(
         "2. Rolling the shipped models out on the same clip: Motion-guided on its dress, PhysXNet on a shirt "
@@ -65,7 +69,7 @@ def run(out: Path) -> None:
 
 
 def _side_by_side(path: Path, name: str, body: Body) -> np.ndarray:
-    """A sheet of PICTURES moments of a simulated sequence, a shipped model's rollout below each."""
+    """Draw a sheet of PICTURES moments of a simulated sequence, a shipped model's rollout below each."""
     if not path.exists():
         raise InputError(f"{path}: the simulation was kept apart, see {path.parent / 'rejected'}")
     sequence = load_sequence(path)

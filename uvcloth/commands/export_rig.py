@@ -1,4 +1,4 @@
-"""From a trained PBNS to a rigged file that engines play: what `uvcloth export` does."""
+"""`uvcloth export`: a method that is a rig as a file for engines."""
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -15,27 +15,27 @@ from uvcloth.export.gltf_rig import write_rig_glb
 from uvcloth.export.rig import Rig, Rigged, rig_of
 from uvcloth.export.shapes import Cost
 from uvcloth.export.usd_rig import write_rig_usd
-from uvcloth.methods.pbns.method import PBNS
 from uvcloth.methods.registry import load_method
+from uvcloth.methods.rig import PoseRig
 from uvcloth.motion.library import load_clip
 
-FORMATS: dict[str, Callable[[Rig, Path], None]] = {
+RIG_WRITERS: dict[str, Callable[[Rig, Path], None]] = {
     ".glb": write_rig_glb,
     ".usdc": write_rig_usd,
     ".usd": write_rig_usd,
 }
-"""What writes each suffix."""
+"""Writers by suffix."""
 
 
 @dataclass(frozen=True)
 class Exported:
-    """What an export wrote."""
+    """Result of an export."""
 
     written: tuple[Path, ...]
     rigged: Rigged
 
     def lines(self) -> list[str]:
-        """It as text for a terminal."""
+        """Text of the result for a terminal, line by line."""
         rig, cost = self.rigged.rig, self.rigged
         frames, shapes = len(rig.transforms), len(rig.resting)
         parts = [garment.name for garment in rig.garments] + (["body"] if rig.body else [])
@@ -59,42 +59,41 @@ def export(
 ) -> Exported:
     """Write a model as a rig that moves to a motion, or at rest with its pose embedding as .onnx beside it.
 
-    model: pbns as it ships, or a checkpoint folder of PBNS. out: .glb, .usdc or .usd. shapes: how many blend
-    shapes, None for the model's own. Raises InputError for bad input and a full disk; then, as after Ctrl-C,
-    writes nothing.
+    model: a method that is a rig (pbns as it ships), or a checkpoint folder of one. out: .glb, .usdc or .usd.
+    shapes: how many blend shapes, None for the model's own. Raises InputError for bad input and a full disk;
+    then, as after Ctrl-C, writes nothing.
     """
     out = Path(out)
-    if out.suffix.lower() not in FORMATS:
-        supported = ", ".join(FORMATS)
+    if out.suffix.lower() not in RIG_WRITERS:
+        supported = ", ".join(RIG_WRITERS)
         raise InputError(
             f"{out}: the format {out.suffix or '(none)'} is not supported, use one of {supported}"
         )
     body = load_body(body_file)
     method = load_method(model, body)
-    if not isinstance(method, PBNS):
+    if (pose_rig := method.as_rig(body)) is None:
         raise InputError(
-            f"{model}: not a PBNS, only these are blend weights and blend shapes; "
-            "`uvcloth rollout` writes any model's frames"
+            f"{model}: no rig of blend weights and blend shapes; `uvcloth rollout` writes any model's frames"
         )
     clip = load_clip(motion, body) if motion is not None else None
     with Console(stderr=True).status(f"{out.name} ..."):
-        rigged = rig_of(method, body, clip, shapes, with_body)
-        return Exported(_write(method, rigged, out), rigged)
+        rigged = rig_of(pose_rig, body, clip, shapes, with_body)
+        return Exported(_write(pose_rig, rigged, out), rigged)
 
 
-def _write(method: PBNS, rigged: Rigged, out: Path) -> tuple[Path, ...]:
-    """The rig, and beside a rig without motion the embedding: all of these files or none."""
-    alone = not len(rigged.rig.transforms)
-    files = (out, out.with_suffix(".onnx")) if alone else (out,)
+def _write(model: PoseRig, rigged: Rigged, out: Path) -> tuple[Path, ...]:
+    """Write the rig, and beside blend shapes without motion the embedding: all of these files or none."""
+    embedded = len(model.shapes) and not len(rigged.rig.transforms)
+    files = (out, out.with_suffix(".onnx")) if embedded else (out,)
     for path in files:
         if path.is_dir():
             raise InputError(f"{path}: cannot be written (is a folder)")
     with ExitStack() as stack:
         # They appear when the stack unwinds: only when all are whole.
         partial = [stack.enter_context(atomic_write(path)) for path in files]
-        FORMATS[out.suffix.lower()](rigged.rig, partial[0])
-        if alone:
-            write_embedding(method.network, rigged, partial[1])
+        RIG_WRITERS[out.suffix.lower()](rigged.rig, partial[0])
+        if embedded:
+            write_embedding(model, rigged, partial[1])
     return files
 
 

@@ -1,13 +1,14 @@
-"""From a motion and garments to an animation file: what `uvcloth rollout` does."""
+"""`uvcloth rollout`: a motion and garments to an animation file."""
 
 from collections import defaultdict
-from collections.abc import Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from time import perf_counter
 
+import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
@@ -16,20 +17,23 @@ from uvcloth.bodies.body import load_body
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
+from uvcloth.geometry.records import to_device
+from uvcloth.methods.method import Method
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.exposure import Exposure
-from uvcloth.rollout import BrokenRolloutError, rollout
+from uvcloth.rollout import CPU, BrokenRolloutError, RolloutFrame, rollout
 
 
 @dataclass(frozen=True)
 class Summary:
-    """What a rollout did.
+    """Summary of a rollout.
 
-    milliseconds: per frame, by stage. skin: percent of the skin that the garments cover at rest that shows
-    through them in what was written. inside_before, inside_after: percent of the garment vertices inside the
-    body before contact (and after what it carries over from frame to frame) and after it, but for those
-    squeezed between parts of the body; squeezed: percent of those. None without contact.
+    written: the files. seconds: wall time of all frames. milliseconds: per frame, by stage. skin: percent of
+    the skin that the garments cover at rest that shows through them in what was written. inside_before,
+    inside_after: percent of the garment vertices inside the body before contact (and after what it carries
+    over from frame to frame) and after it, but for those squeezed between parts of the body; squeezed:
+    percent of those. None without contact.
     """
 
     written: tuple[Path, ...]
@@ -58,6 +62,35 @@ class Summary:
         return lines
 
 
+@dataclass
+class _Totals:
+    """Sums over the frames of a rollout so far; counts are of vertices."""
+
+    frames: int = 0
+    inside_before: int = 0
+    inside_after: int = 0
+    squeezed: int = 0
+    skin: float = 0.0
+    milliseconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+
+    def add(self, frame: RolloutFrame) -> None:
+        """Add what the rollout measured in a frame."""
+        self.frames += 1
+        for stage, milliseconds in frame.milliseconds.items():
+            self.milliseconds[stage] += milliseconds
+        for contacts in frame.contacts:
+            self.inside_before += contacts.inside_before
+            self.inside_after += contacts.inside_after
+            self.squeezed += contacts.squeezed
+
+    @contextmanager
+    def timed(self, stage: str) -> Iterator[None]:
+        """Add the time that the block takes to a stage."""
+        begun = perf_counter()
+        yield
+        self.milliseconds[stage] += 1e3 * (perf_counter() - begun)
+
+
 def animate(
     models: Sequence[str],
     motion: str,
@@ -66,77 +99,95 @@ def animate(
     *,
     body_file: Path | None = None,
     contact: bool = True,
+    device: str = "cpu",
 ) -> Summary:
     """Roll a method out on a motion once and write every file of `out`, each as its suffix says.
 
     models: a checkpoint folder or a baseline's name for all garments, or one for each in order; none for the
     model in the package. garments: template names or mesh files, the innermost first; contact keeps each out
-    of the body and off what is beneath. Raises InputError for bad input or a full disk; then, as after
-    Ctrl-C, writes nothing. Of a rollout that breaks the frames before it are kept, and an InputError says so.
+    of the body and off what is beneath. device: as torch names it. Raises InputError for bad input or a full
+    disk; then, as after Ctrl-C, writes nothing. Of a rollout that breaks the frames before it are kept, and
+    an InputError says so.
     """
     console = Console(stderr=True)
     body = load_body(body_file)
-    say = partial(console.print, highlight=False, markup=False)
-    outfit = Outfit(body, tuple(load_garment(name, body, say) for name in garments))
+    report = partial(console.print, highlight=False, markup=False)
+    outfit = Outfit(body, tuple(load_garment(name, body, report) for name in garments))
     clip = load_clip(motion, body)
-    models = models or [DEFAULT]
-    method = load_methods(models, body)
-    if unsupported_reason := method.unsupported_reason(outfit):
-        several = len(models) == 1 < len(outfit.garments)
-        hint = "; each garment may have a model of its own, as in --model A B" if several else ""
-        raise InputError(unsupported_reason + hint)
-    exposure = Exposure(body, [garment.mesh for garment in outfit.garments])
-    counted = {"before": 0, "after": 0, "squeezed": 0}
-    shown = 0.0
-    spent: dict[str, float] = defaultdict(float)
-    start = perf_counter()
+    place = _device(device)
+    method = _load(models, outfit)
     meshes = [(garment.name, garment.mesh) for garment in outfit.garments]
+    exposure = Exposure(body, [mesh for _, mesh in meshes])
+    totals = _Totals()
+    start = perf_counter()
     with ExitStack() as stack:
         writers = [stack.enter_context(open_writer(path, meshes, body, clip.fps)) for path in out]
         progress = stack.enter_context(_progress(console))
         task = progress.add_task(clip.name, total=len(clip), rate="")
-        frames = 0
         broken: BrokenRolloutError | None = None
         try:
-            for frame in rollout(method, outfit, clip.transforms(), clip.fps, contact):
-                frames += 1
-                for stage, milliseconds in frame.milliseconds.items():
-                    spent[stage] += milliseconds
-                for found in frame.contacts:
-                    counted["before"] += found.inside_before
-                    counted["after"] += found.inside_after
-                    counted["squeezed"] += found.squeezed
-                begun = perf_counter()
-                shown += exposure.percent(frame.vertices, frame.body_vertices)
-                spent["measuring"] += 1e3 * (perf_counter() - begun)
-                begun = perf_counter()
-                for writer in writers:
-                    writer.add(frame.vertices, frame.transforms)
-                spent["writing"] += 1e3 * (perf_counter() - begun)
-                rate = frames / (perf_counter() - start)
+            for predicted in rollout(method, outfit, clip.transforms(), clip.fps, contact, device=place):
+                frame = to_device(predicted, CPU)
+                totals.add(frame)
+                with totals.timed("measuring"):
+                    totals.skin += exposure.percent(frame.vertices, frame.body_vertices)
+                with totals.timed("writing"):
+                    for writer in writers:
+                        writer.add(frame.vertices, frame.transforms)
+                rate = totals.frames / (perf_counter() - start)
                 progress.update(task, advance=1, rate=f"{rate:.1f} frames per second")
         except BrokenRolloutError as error:
-            if not frames:
+            if not totals.frames:
                 raise
             broken = error
-        begun = perf_counter()
         # Only when every file is whole may the first of them appear.
-        for writer in writers:
-            writer.finish()
-    spent["writing"] += 1e3 * (perf_counter() - begun)
+        with totals.timed("writing"):
+            for writer in writers:
+                writer.finish()
+    written = tuple(path for writer in writers for path in writer.written)
     if broken:
-        names = ", ".join(str(path) for writer in writers for path in writer.written)
-        raise InputError(f"{broken}; the {frames} frames before it are in {names}")
-    vertices = len(clip) * sum(len(garment.mesh.vertices) for garment in outfit.garments)
+        names = ", ".join(map(str, written))
+        raise InputError(f"{broken}; the {totals.frames} frames before it are in {names}")
+    vertices = totals.frames * sum(len(mesh.vertices) for _, mesh in meshes)
+    return _summary(totals, written, perf_counter() - start, vertices if contact else None)
+
+
+def _device(name: str) -> torch.device:
+    """The device of a name. Raises InputError if this machine has none such."""
+    try:
+        device = torch.device(name)
+        torch.empty(0, device=device)
+    except (RuntimeError, AssertionError) as error:
+        raise InputError(f"--device {name}: not on this machine") from error
+    return device
+
+
+def _load(models: Sequence[str], outfit: Outfit) -> Method:
+    """Load the method that the models make. Raises InputError if it cannot dress the outfit."""
+    models = models or [DEFAULT]
+    method = load_methods(models, outfit.body)
+    if unsupported_reason := method.unsupported_reason(outfit):
+        several = len(models) == 1 < len(outfit.garments)
+        hint = "; each garment may have a model of its own, as in --model A B" if several else ""
+        raise InputError(unsupported_reason + hint)
+    return method
+
+
+def _summary(totals: _Totals, written: tuple[Path, ...], seconds: float, vertices: int | None) -> Summary:
+    """Summary of a whole rollout; vertices: of all frames together, None without contact."""
+
+    def percent(count: int) -> float | None:
+        return None if vertices is None else 100.0 * count / vertices
+
     return Summary(
-        written=tuple(path for writer in writers for path in writer.written),
-        frames=len(clip),
-        seconds=perf_counter() - start,
-        milliseconds={stage: total / len(clip) for stage, total in spent.items()},
-        skin=shown / len(clip),
-        inside_before=100.0 * counted["before"] / vertices if contact else None,
-        inside_after=100.0 * counted["after"] / vertices if contact else None,
-        squeezed=100.0 * counted["squeezed"] / vertices if contact else None,
+        written=written,
+        frames=totals.frames,
+        seconds=seconds,
+        milliseconds={stage: total / totals.frames for stage, total in totals.milliseconds.items()},
+        skin=totals.skin / totals.frames,
+        inside_before=percent(totals.inside_before),
+        inside_after=percent(totals.inside_after),
+        squeezed=percent(totals.squeezed),
     )
 
 

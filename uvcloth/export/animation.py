@@ -1,4 +1,4 @@
-"""A finished animation as plain arrays, its own npz format, and the body's pose joint by joint."""
+"""Animations as plain arrays, their npz files, and the local poses of a skeleton."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -6,17 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.rotations import to_quaternions
 from uvcloth.geometry.skeleton import Skeleton
 
-FORMAT = "uvcloth-animation-1"
-CHUNK = 32
-"""Frames that are held in memory at once."""
+ANIMATION_FORMAT = "uvcloth-animation-1"
+FRAMES_AT_ONCE = 32
+"""Frames that are in memory at once."""
 
 
 @dataclass(frozen=True)
@@ -39,14 +39,20 @@ class Animation:
         return len(self.transforms)
 
     def chunks(self) -> Iterator[slice]:
-        """Slices of CHUNK frames that cover the animation in order."""
-        return (slice(start, min(start + CHUNK, len(self))) for start in range(0, len(self), CHUNK))
+        """Slices of FRAMES_AT_ONCE frames that cover the animation in order."""
+        return (
+            slice(start, min(start + FRAMES_AT_ONCE, len(self)))
+            for start in range(0, len(self), FRAMES_AT_ONCE)
+        )
 
 
 def write_npz(animation: Animation, path: Path) -> None:
-    """Write one compressed npz: per garment vertices, faces, uvs and face_uvs, the transforms and the fps."""
+    """Write one compressed npz: per garment vertices, faces, uvs and face_uvs, the transforms and the fps.
+
+    Raises InputError if it cannot be written.
+    """
     arrays: dict[str, np.ndarray] = {
-        "format": np.array(FORMAT),
+        "format": np.array(ANIMATION_FORMAT),
         "fps": np.array(animation.fps, np.float64),
         "names": np.array(animation.names),
         "transforms": animation.transforms,
@@ -62,7 +68,7 @@ def write_npz(animation: Animation, path: Path) -> None:
 
 def load_animation(path: Path) -> Animation:
     """Read an animation npz, without its body. Raises InputError if it is not one."""
-    data = load_arrays(path, FORMAT, "an animation made by `uvcloth rollout`")
+    data = load_arrays(path, ANIMATION_FORMAT, "an animation made by `uvcloth rollout`")
     try:
         names = tuple(str(name) for name in data["names"])
         return Animation(
@@ -86,14 +92,12 @@ def load_animation(path: Path) -> Animation:
 
 
 def local_pose(skeleton: Skeleton, transforms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Each joint relative to its parent: transforms (F, J, 3, 4) -> translations and rotations.
+    """Poses of joints relative to their parents: transforms (F, J, 3, 4) -> translations and rotations.
 
     Translations (F, J, 3) in metres; rotations (F, J, 4) as unit quaternions x, y, z, w that never jump to
     their negative from one frame to the next. At rest every joint has the world's orientation, so that a
     bind pose is a shift.
     """
-    from scipy.spatial.transform import Rotation
-
     turns = transforms[..., :3].astype(np.float64)
     heads = skeleton.heads.numpy().astype(np.float64)
     positions = np.einsum("fjab,jb->fja", turns, heads) + transforms[..., 3]
@@ -103,19 +107,7 @@ def local_pose(skeleton: Skeleton, transforms: np.ndarray) -> tuple[np.ndarray, 
     inverse = turns[:, parent].swapaxes(-1, -2)
     translations[:, child] = (inverse @ (positions[:, child] - positions[:, parent])[..., None])[..., 0]
     rotations[:, child] = inverse @ turns[:, child]
-    quaternions = Rotation.from_matrix(rotations.reshape(-1, 3, 3)).as_quat().reshape(*rotations.shape[:2], 4)
+    quaternions = to_quaternions(torch.from_numpy(rotations)).numpy()
     flips = np.sign((quaternions[1:] * quaternions[:-1]).sum(-1, keepdims=True))
     quaternions[1:] *= np.cumprod(np.where(flips == 0, 1, flips), axis=0)
     return translations.astype(np.float32), quaternions.astype(np.float32)
-
-
-def strongest(weights: Tensor, influences: int) -> tuple[np.ndarray, np.ndarray]:
-    """The strongest blend weights of each vertex, rescaled to sum to one: (V, J) -> joints, weights (V, I).
-
-    Influences without weight name joint 0.
-    """
-    top = weights.topk(min(influences, weights.shape[1]), dim=1)
-    values = (top.values / top.values.sum(1, keepdim=True)).numpy().astype(np.float32)
-    joints = np.where(values > 0, top.indices.numpy(), 0)
-    missing = ((0, 0), (0, influences - values.shape[1]))
-    return np.pad(joints, missing), np.pad(values, missing)

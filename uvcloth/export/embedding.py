@@ -1,26 +1,25 @@
-"""The pose embedding as ONNX: pose vector in, blend shape weights out, for engines that run it themselves."""
+"""Pose embedding as ONNX: pose vector in, blend shape weights out, for engines that run it themselves."""
 
 import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.export.rig import Rigged
-from uvcloth.methods.pbns.method import PBNSNetwork
+from uvcloth.methods.rig import PoseRig
 
 OPSET, IR_VERSION = 13, 8
 """Old enough for the runtimes of engines; the operators are Gemm, Relu and Clip."""
 
-POSE = (
+POSE_DESCRIPTION = (
     "three numbers per joint, in the order of `joints`, along Z-up axes: the axis-angle (radians) of its "
     "rotation relative to its parent; in place of the root's the direction of gravity in the root's axes"
 )
 
 
-def write_embedding(network: PBNSNetwork, rigged: Rigged, path: Path) -> None:
+def write_embedding(model: PoseRig, rigged: Rigged, path: Path) -> None:
     """Write f_X and the map to a rig's weights: input pose (B, 3 J), output weights (B, K) in [0, 1].
 
     The metadata names joints, parents and shapes. Raises InputError if the package onnx is not installed.
@@ -33,7 +32,7 @@ def write_embedding(network: PBNSNetwork, rigged: Rigged, path: Path) -> None:
             f"{path}: writing it needs the package onnx: pip install 'uvcloth[export]', or name a --motion"
         ) from error
 
-    layers: list[tuple[Tensor, Tensor]] = [(layer.weight.T, layer.bias) for layer in network.layers]  # type: ignore[misc]
+    layers = [(weight.T, bias) for weight, bias in model.layers]
     layers.append((rigged.code.scale, rigged.code.shift))
     constants: list[Any] = [
         numpy_helper.from_array(np.array(value, np.float32), name)
@@ -52,7 +51,7 @@ def write_embedding(network: PBNSNetwork, rigged: Rigged, path: Path) -> None:
             nodes.append(helper.make_node("Relu", [value], [f"relu_{index}"]))
             value = f"relu_{index}"
     nodes.append(helper.make_node("Clip", [value, "lowest", "highest"], ["weights"]))
-    sizes = (("pose", 3 * network.joints), ("weights", len(rigged.code)))
+    sizes = (("pose", 3 * len(model.parents)), ("weights", len(rigged.code)))
     ends = [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["batch", size]) for name, size in sizes]
     graph = helper.make_graph(nodes, "pose_embedding", ends[:1], ends[1:], constants)
     model = helper.make_model(
@@ -62,7 +61,7 @@ def write_embedding(network: PBNSNetwork, rigged: Rigged, path: Path) -> None:
     helper.set_model_props(
         model,
         {
-            "pose": POSE,
+            "pose": POSE_DESCRIPTION,
             "joints": json.dumps(skeleton.names),
             "parents": json.dumps(skeleton.parents),
             "shapes": json.dumps(rigged.rig.shape_names),

@@ -1,4 +1,4 @@
-"""The container of glTF 2.0 binary: JSON and one buffer, which is written piece by piece."""
+"""Container of glTF 2.0 binary: JSON and one buffer, which is written piece by piece."""
 
 import json
 import struct
@@ -12,15 +12,15 @@ import numpy as np
 from rasterize.errors import InputError
 from uvcloth.render import Color
 
-LARGEST = 2**32 - 1
+MAX_FILE_BYTES = 2**32 - 1
 SHORT, INT, FLOAT = 5123, 5125, 5126
-TYPES = {FLOAT: np.float32, INT: np.uint32, SHORT: np.uint16}
+COMPONENT_TYPES = {FLOAT: np.float32, INT: np.uint32, SHORT: np.uint16}
 VERTICES, INDICES = 34962, 34963
 
 
 @dataclass
 class Document:
-    """The JSON part as it grows, and what will fill the binary part: functions that yield its bytes."""
+    """Document under construction: the JSON part, and functions that yield the bytes of the binary part."""
 
     accessors: list[dict[str, Any]] = field(default_factory=list)
     views: list[dict[str, Any]] = field(default_factory=list)
@@ -62,8 +62,8 @@ class Document:
         target: int | None = None,
         bounds: bool = False,
     ) -> int:
-        """An accessor over an array of its own. Returns its index."""
-        data = np.ascontiguousarray(values, TYPES[component])
+        """Add an accessor over an array of its own. Returns its index."""
+        data = np.ascontiguousarray(values, COMPONENT_TYPES[component])
         view = self.view(data.nbytes, lambda: iter([data]), target)
         accessor = {"bufferView": view, "componentType": component, "count": len(data), "type": kind}
         if bounds:
@@ -73,7 +73,7 @@ class Document:
         return len(self.accessors) - 1
 
     def mesh(self, name: str, primitive: dict[str, Any], skin: int | None = None, **others: Any) -> int:
-        """A mesh of one primitive, and the node at the root of the scene that shows it. Returns the node."""
+        """Add a mesh of one primitive, and a node for it at the root of the scene. Returns the node."""
         self.meshes.append({"name": name, "primitives": [primitive], **others})
         node = {"name": name, "mesh": len(self.meshes) - 1}
         self.nodes.append(node if skin is None else {**node, "skin": skin})
@@ -81,12 +81,12 @@ class Document:
         return len(self.nodes) - 1
 
     def animate(self, node: int, path: str, time: int, output: int) -> None:
-        """Move a node's translation, rotation or weights: accessors of the times and of the values."""
+        """Animate a node's translation, rotation or weights: accessors of the times and of the values."""
         self.samplers.append({"input": time, "output": output, "interpolation": "LINEAR"})
         self.channels.append({"sampler": len(self.samplers) - 1, "target": {"node": node, "path": path}})
 
     def material(self, name: str, color: Color) -> int:
-        """A dull cloth or skin of one colour. Returns its index."""
+        """Add a rough, non-metallic material of one sRGB colour. Returns its index."""
         linear = [channel**2.2 for channel in color]
         self.materials.append(
             {
@@ -122,7 +122,7 @@ class Document:
         text = json.dumps(document, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
         total = 12 + 8 + len(text) + 8 + self.length
-        if total > LARGEST:
+        if total > MAX_FILE_BYTES:
             raise InputError(
                 f"{path.name}: {total / 2**30:.1f} GiB do not fit into a .glb (at most 4 GiB), "
                 "write fewer frames or blend shapes, or another format"

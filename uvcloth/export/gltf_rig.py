@@ -1,6 +1,7 @@
 """glTF 2.0 binary: a rig with skinned garments, blend shapes as morph targets, and its motion if any."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from uvcloth.render import GARMENT_COLORS
 
 
 def write_rig_glb(rig: Rig, path: Path) -> None:
-    """Write a rig as one .glb: metres, Y up, seconds. The file shows the rest pose where it does not play.
+    """Write a rig as one .glb: metres, Y up, seconds. Where it is not played, the file shows the rest pose.
 
     Raises InputError if the file would exceed the 4 GiB that the format can hold.
     """
@@ -31,18 +32,22 @@ def write_rig_glb(rig: Rig, path: Path) -> None:
         times = np.arange(len(rig.transforms), dtype=np.float32) / np.float32(rig.fps)
         time = document.array(times, "SCALAR", bounds=True)
         animate_skeleton(document, rig.skeleton, first, rig.transforms, time)
-        weights = document.array(rig.weights.ravel(), "SCALAR")
-        for node in nodes:
-            document.animate(node, "weights", time, weights)
+        if rig.shape_names:
+            weights = document.array(rig.weights.ravel(), "SCALAR")
+            for node in nodes:
+                document.animate(node, "weights", time, weights)
     document.write(path)
 
 
 def _add_garment(document: Document, rig: Rig, index: int, skin: int) -> int:
-    """A garment with all of its targets. Returns its node."""
+    """Add a garment with all of its targets. Returns its node."""
     garment = rig.garments[index]
     source, primitive = add_geometry(document, garment.mesh)
-    add_influences(document, primitive, garment.joints[source], garment.weights[source])
+    primitive["attributes"] |= add_influences(document, garment.joints[source], garment.weights[source])
     primitive["material"] = document.material(garment.name, GARMENT_COLORS[index % len(GARMENT_COLORS)])
+    extras: dict[str, Any] = {"source_vertices": source.tolist()}
+    if not rig.shape_names:
+        return document.mesh(garment.name, primitive, skin, extras=extras)
     primitive["targets"] = [
         {
             "POSITION": document.array(shape[source] @ TO_Y_UP.T, "VEC3", FLOAT, VERTICES, bounds=True),
@@ -50,10 +55,5 @@ def _add_garment(document: Document, rig: Rig, index: int, skin: int) -> int:
         }
         for shape, change in zip(garment.shapes.numpy(), garment.normal_shapes().numpy(), strict=True)
     ]
-    return document.mesh(
-        garment.name,
-        primitive,
-        skin,
-        weights=rig.resting.tolist(),
-        extras={"targetNames": rig.shape_names, "source_vertices": source.tolist()},
-    )
+    extras["targetNames"] = rig.shape_names
+    return document.mesh(garment.name, primitive, skin, weights=rig.resting.tolist(), extras=extras)

@@ -1,4 +1,4 @@
-"""What glTF files of ours share: meshes at rest, a skeleton, its poses, and skins.
+"""Parts of glTF files that animations and rigs share: meshes at rest, a skeleton, its poses, and skins.
 
 glTF knows one texture coordinate per vertex, so vertices on texture seams are repeated after the mesh's own
 vertices, and the mesh's `extras.source_vertices` names the original of each.
@@ -10,13 +10,14 @@ import numpy as np
 import torch
 
 from uvcloth.bodies.body import Body
-from uvcloth.export.animation import local_pose, strongest
+from uvcloth.export.animation import local_pose
 from uvcloth.export.glb import FLOAT, INDICES, INT, SHORT, VERTICES, Document
 from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.geometry.skeleton import Skeleton
+from uvcloth.geometry.skinning import strongest
 from uvcloth.render import BODY_COLOR
 
-INFLUENCES = 4
+GLTF_INFLUENCES = 4
 """Joint influences per vertex that every glTF reader supports."""
 
 # Z up, facing -Y -> Y up, facing +Z.
@@ -24,7 +25,10 @@ TO_Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], np.float32)
 
 
 def add_geometry(document: Document, mesh: Mesh) -> tuple[np.ndarray, dict[str, Any]]:
-    """A mesh at rest: the source vertex of each glTF vertex (M,), and a primitive without material."""
+    """Add a mesh at rest.
+
+    Returns the source vertex of each glTF vertex (M,), and a primitive without material.
+    """
     source, faces, uvs = split_seams(mesh)
     positions = mesh.vertices.numpy()[source] @ TO_Y_UP.T
     normals = unit_normals(mesh.vertices.numpy(), mesh)[source] @ TO_Y_UP.T
@@ -39,18 +43,18 @@ def add_geometry(document: Document, mesh: Mesh) -> tuple[np.ndarray, dict[str, 
     return source, {"attributes": attributes, "indices": indices}
 
 
-def add_influences(
-    document: Document, primitive: dict[str, Any], joints: np.ndarray, weights: np.ndarray
-) -> None:
-    """Hang a primitive of M vertices on the joints (M, 4) of a skin, with weights (M, 4)."""
-    primitive["attributes"]["JOINTS_0"] = document.array(joints, "VEC4", SHORT, VERTICES)
-    primitive["attributes"]["WEIGHTS_0"] = document.array(weights, "VEC4", FLOAT, VERTICES)
+def add_influences(document: Document, joints: np.ndarray, weights: np.ndarray) -> dict[str, int]:
+    """Add attributes that bind M vertices to the joints (M, 4) of a skin, with weights (M, 4)."""
+    return {
+        "JOINTS_0": document.array(joints, "VEC4", SHORT, VERTICES),
+        "WEIGHTS_0": document.array(weights, "VEC4", FLOAT, VERTICES),
+    }
 
 
 def add_skeleton(document: Document, skeleton: Skeleton) -> tuple[int, int]:
-    """Nodes of all joints, in their order, and a skin on them: the index of the skin and of the first node.
+    """Add nodes of all joints, in order, and a skin on them.
 
-    At rest every joint has the axes of the scene.
+    Returns the index of the skin and that of the first node. At rest every joint has the axes of the scene.
     """
     heads = skeleton.heads.numpy() @ TO_Y_UP.T
     first = len(document.nodes)
@@ -89,16 +93,16 @@ def animate_skeleton(
 
 
 def add_body(document: Document, body: Body, skin: int) -> None:
-    """The skinned body, with the four strongest influences of each vertex."""
+    """Add the skinned body, with the four strongest influences of each vertex."""
     source, primitive = add_geometry(document, body.mesh)
-    joints, weights = strongest(body.weights, INFLUENCES)
-    add_influences(document, primitive, joints[source], weights[source])
+    joints, weights = strongest(body.weights, GLTF_INFLUENCES)
+    primitive["attributes"] |= add_influences(document, joints[source], weights[source])
     primitive["material"] = document.material("body", BODY_COLOR)
     document.mesh("body", primitive, skin, extras={"source_vertices": source.tolist()})
 
 
 def split_seams(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """One texture coordinate per vertex: source vertices (M,), faces (F, 3), uvs (M, 2).
+    """Split a mesh at its UV seams: source vertices (M,), faces (F, 3), one texture coordinate each (M, 2).
 
     The first V vertices are the mesh's own in their order; the repeated ones of seams follow.
     """

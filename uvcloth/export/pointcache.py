@@ -1,4 +1,4 @@
-"""PC2 point caches with the rest meshes as OBJ: what Blender's Mesh Cache modifier and 3ds Max read."""
+"""PC2 point caches with the rest meshes as OBJ, for Blender's Mesh Cache modifier and 3ds Max."""
 
 import struct
 from collections.abc import Iterator
@@ -37,7 +37,10 @@ def _posed_body(animation: Animation) -> Iterator[np.ndarray]:
 
 
 def _write_cache(path: Path, frames: int, chunks: Iterator[np.ndarray]) -> None:
-    """Header: signature, version 1, points, first frame, frames per sample, samples; then x, y, z floats."""
+    """Write a point cache.
+
+    Header: signature, version 1, points, first frame, frames per sample, samples; then x, y, z floats.
+    """
     with path.open("wb") as stream:
         first = next(chunks)
         stream.write(struct.pack("<12siiffi", b"POINTCACHE2\0", 1, first.shape[1], 0.0, 1.0, frames))

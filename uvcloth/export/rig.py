@@ -1,4 +1,4 @@
-"""A trained PBNS as what engines play: a skeleton, skinned garments with blend shapes, and their motion."""
+"""A rig as engines play it: a skeleton, skinned garments with blend shapes, and their motion."""
 
 from dataclasses import dataclass, replace
 
@@ -8,24 +8,32 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.export.animation import strongest
-from uvcloth.export.gltf_scene import INFLUENCES
-from uvcloth.export.shapes import ROWS, Cost, ShapeCode, cost, own_shapes, principal_shapes, shape_cost
+from uvcloth.export.gltf_scene import GLTF_INFLUENCES
+from uvcloth.export.shapes import (
+    POSES_AT_ONCE,
+    Cost,
+    ShapeCode,
+    cost,
+    own_shapes,
+    principal_shapes,
+    shape_cost,
+)
 from uvcloth.geometry.mesh import Mesh, face_normals, vertex_normals
+from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms, world_rotations
-from uvcloth.geometry.skinning import skin
-from uvcloth.methods.pbns.method import PBNS, pose_vectors
+from uvcloth.geometry.skinning import skin, strongest
+from uvcloth.methods.rig import PoseRig, pose_vectors
 from uvcloth.motion.clip import Clip
 
-RIDGE = 1e-3
-"""Squared weights: keeps the solution for `one` small where the training poses leave it open."""
+REGULARIZATION = 1e-3
+"""Squared weights: regularizes `one` where the training poses do not determine it."""
 
 
 @dataclass(frozen=True)
 class RiggedGarment:
-    """N vertices that follow joints and K blend shapes.
+    """Garment of N vertices with blend weights and K blend shapes.
 
-    mesh: at rest with all weights zero. joints, weights: (N, INFLUENCES). shapes: (K, N, 3) m, at rest.
+    mesh: at rest with all weights zero. joints, weights: (N, GLTF_INFLUENCES). shapes: (K, N, 3) m, at rest.
     usual: (K,) mean weights of the training poses. one: (K,), weights @ one is nearly 1 in all of them.
     """
 
@@ -38,7 +46,7 @@ class RiggedGarment:
     one: Tensor
 
     def normal_shapes(self) -> Tensor:
-        """What each shape adds to the mesh's unit normals: (K, N, 3).
+        """Change of the mesh's unit normals by each shape: (K, N, 3).
 
         Normalized, the sum is right at the usual weights and nearly so to first order around them. It starts
         from all weights at their lowest, where no pose is; a tangent there would be worth little.
@@ -76,15 +84,15 @@ class Rig:
 
     @property
     def shape_names(self) -> list[str]:
-        """Of the K blend shapes, the same in every garment."""
+        """Names of the K blend shapes, the same in every garment."""
         return [f"shape_{index:03d}" for index in range(len(self.resting))]
 
 
 @dataclass(frozen=True)
 class Rigged:
-    """A rig, how pose embeddings become its weights, and what it gave up against the method.
+    """A rig, the code from pose embeddings to its weights, and the costs of its simplifications.
 
-    pruning: of joint influences. fewer: of blend shapes. Empty where nothing was given up.
+    pruning: of joint influences. fewer: of blend shapes. Empty where nothing is lost.
     """
 
     rig: Rig
@@ -95,34 +103,31 @@ class Rigged:
 
 @torch.no_grad()
 def rig_of(
-    method: PBNS, body: Body, clip: Clip | None = None, shapes: int | None = None, with_body: bool = True
+    model: PoseRig, body: Body, clip: Clip | None = None, shapes: int | None = None, with_body: bool = True
 ) -> Rigged:
-    """Make a rig of a trained model on its body, with the motion of a clip on that body or without.
+    """Make a rig of a model on its body, with the motion of a clip on that body or without.
 
-    shapes: how many blend shapes, as principal components; None keeps the network's own. Weights cover the
-    training poses and the clip. Raises InputError for another body, a clip on another skeleton, and a number
-    of shapes that there cannot be.
+    shapes: how many blend shapes, as principal components; None keeps the model's own. Weights cover the
+    poses that the model was made for and the clip. Raises InputError for a clip on another skeleton, and a
+    number of shapes that there cannot be.
     """
-    if fault := method.body_fault(body):
-        raise InputError(fault)
     if clip and clip.skeleton.names != body.skeleton.names:
         raise InputError(f"clip {clip.name}: it moves another skeleton than that of body {body.name!r}")
-    network = method.network
-    if shapes is not None and not 1 <= shapes <= len(network.shapes):
-        most = len(network.shapes)
+    if shapes is not None and not 1 <= shapes <= len(model.shapes):
+        most = len(model.shapes)
         raise InputError(f"--shapes {shapes}: has to be from 1 to {most}, as many as the model has")
     transforms = clip.transforms() if clip else torch.zeros(0, len(body.skeleton.names), 3, 4)
     rest = torch.eye(3, 4).expand(1, len(body.skeleton.names), 3, 4)
-    training = network.embed(network.poses)
-    poses = pose_vectors(method.worn.parents, torch.cat([rest, transforms]))
-    resting, moving = network.embed(poses).split([1, len(transforms)])
+    training = model.embed(model.poses)
+    poses = pose_vectors(model.parents, torch.cat([rest, transforms]))
+    resting, moving = model.embed(poses).split([1, len(transforms)])
     known = torch.cat([training, moving])
-    own = network.shapes.view(len(network.shapes), -1, 3)
+    own = model.shapes
     code = own_shapes(own, known) if shapes is None else principal_shapes(own, training, known, shapes)
-    if not len(code):
-        raise InputError(f"model {method.name}: no pose that it knows moves any of its blend shapes")
+    if len(own) and not len(code):
+        raise InputError(f"model {model.name}: no pose that it knows moves any of its blend shapes")
     rig = Rig(
-        garments=_garments(method, code, code.weights(training)),
+        garments=_garments(model, code, code.weights(training)),
         skeleton=body.skeleton,
         body=body if with_body else None,
         resting=code.weights(resting)[0].numpy(),
@@ -130,13 +135,15 @@ def rig_of(
         weights=code.weights(moving).numpy(),
         fps=clip.fps if clip else 30.0,
     )
-    seen = {f"{len(training)} training poses": (training, _stances(body.skeleton, network.poses))}
+    seen: dict[str, tuple[Tensor, Tensor]] = {}
+    if len(training):
+        seen[f"{len(training)} training poses"] = (training, _pose_transforms(body.skeleton, model.poses))
     if clip:
         seen[clip.name] = (moving, transforms)
     return Rigged(
         rig,
         code,
-        pruning=_pruning(method, {over: posed for over, (_, posed) in seen.items()}),
+        pruning=_pruning(model, {over: posed for over, (_, posed) in seen.items()}),
         fewer=tuple(
             shape_cost(code, own, embeddings, over)
             for over, (embeddings, _) in seen.items()
@@ -145,16 +152,17 @@ def rig_of(
     )
 
 
-def _garments(method: PBNS, code: ShapeCode, trained: Tensor) -> tuple[RiggedGarment, ...]:
-    """trained: (M, K) weights of the training poses."""
-    usual = trained.mean(0)
-    one = torch.linalg.solve(trained.T @ trained / len(trained) + RIDGE * torch.eye(len(usual)), usual)
-    network = method.network
-    shapes = network.blend_shapes()
-    base = network.rest + torch.tensordot(code.constant, shapes, 1)
+def _garments(model: PoseRig, code: ShapeCode, trained: Tensor) -> tuple[RiggedGarment, ...]:
+    """Garments of the rig; trained: (M, K) weights of the training poses."""
+    usual = trained.mean(0) if len(trained) else trained.new_zeros(trained.shape[1])
+    gram = trained.T @ trained / max(len(trained), 1)
+    one = torch.linalg.solve(gram + REGULARIZATION * torch.eye(len(usual)), usual)
+    shapes = model.shapes[:, model.owner]
+    base = model.rest + torch.tensordot(code.constant, shapes, 1)
     mixed = torch.tensordot(code.mix, shapes, 1)
-    joints, weights = strongest(network.blend_weights(), INFLUENCES)
-    ends = np.cumsum(method.worn.sizes)
+    joints, weights = strongest(model.weights[model.owner], GLTF_INFLUENCES)
+    sizes = [len(mesh.vertices) for _, mesh in model.garments]
+    ends = np.cumsum(sizes)
     return tuple(
         RiggedGarment(
             name,
@@ -163,32 +171,28 @@ def _garments(method: PBNS, code: ShapeCode, trained: Tensor) -> tuple[RiggedGar
             weights[end - size : end],
             mixed[:, end - size : end],
             usual,
-            one / (one @ usual),
+            one / (one @ usual) if len(usual) else one,
         )
-        for name, mesh, size, end in zip(
-            method.worn.names, method.worn.meshes, method.worn.sizes, ends, strict=True
-        )
+        for (name, mesh), size, end in zip(model.garments, sizes, ends, strict=True)
     )
 
 
-def _pruning(method: PBNS, poses: dict[str, Tensor]) -> tuple[Cost, ...]:
-    """What the skinned rest shape moves by if only the strongest joints of each vertex are kept."""
-    weights = method.network.blend_weights()
-    if int((weights > 0).sum(1).max()) <= INFLUENCES:
+def _pruning(model: PoseRig, poses: dict[str, Tensor]) -> tuple[Cost, ...]:
+    """Costs of keeping only the strongest joints of each vertex, for the skinned rest shape."""
+    weights = model.weights[model.owner]
+    if int((weights > 0).sum(1).max()) <= GLTF_INFLUENCES:
         return ()
-    joints, kept = (torch.from_numpy(values) for values in strongest(weights, INFLUENCES))
+    joints, kept = (torch.from_numpy(values) for values in strongest(weights, GLTF_INFLUENCES))
     lost = weights.scatter_add(1, joints, -kept)
     return tuple(
-        cost((skin(method.network.rest, lost, some).norm(dim=-1) for some in transforms.split(ROWS)), over)
+        cost((skin(model.rest, lost, some).norm(dim=-1) for some in transforms.split(POSES_AT_ONCE)), over)
         for over, transforms in poses.items()
     )
 
 
-def _stances(skeleton: Skeleton, poses: Tensor) -> Tensor:
-    """Joint transforms (M, J, 3, 4) that have pose vectors (M, 3 J), the root turned as at rest."""
-    from kornia.geometry.conversions import axis_angle_to_rotation_matrix
-
-    local = axis_angle_to_rotation_matrix(poses.reshape(-1, 3)).view(len(poses), -1, 3, 3)
+def _pose_transforms(skeleton: Skeleton, poses: Tensor) -> Tensor:
+    """Joint transforms (M, J, 3, 4) with the pose vectors (M, 3 J), the root turned as at rest."""
+    local = from_axis_angles(poses.view(len(poses), -1, 3))
     root = torch.tensor(skeleton.parents)[:, None, None] < 0
     turns = world_rotations(skeleton.parents, torch.where(root, torch.eye(3), local))
     return joint_transforms(skeleton, turns, skeleton.heads[:1].expand(len(poses), 3))

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from uvcloth.bodies.body import INFLUENCES
-from uvcloth.export.animation import Animation, strongest
+from uvcloth.bodies.body import BODY_INFLUENCES
+from uvcloth.export.animation import Animation
 from uvcloth.export.usd_stage import (
     add_skeleton,
     animate_skeleton,
@@ -18,6 +18,7 @@ from uvcloth.export.usd_stage import (
     writing,
 )
 from uvcloth.geometry.mesh import vertex_normals
+from uvcloth.geometry.skinning import strongest
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS
 
 
@@ -36,7 +37,7 @@ def write_usd(animation: Animation, path: Path) -> None:
             animate_skeleton(stage, skeleton, body.skeleton, animation.transforms)
             geometry = define_mesh(stage, "/Outfit/body/mesh", body.mesh, BODY_COLOR)
             rest_geometry(geometry, body.mesh)
-            bind(geometry, skeleton, *strongest(body.weights, INFLUENCES))
+            bind(geometry, skeleton, *strongest(body.weights, BODY_INFLUENCES))
 
 
 def _write_garment(stage: Any, animation: Animation, index: int, prim: str) -> None:

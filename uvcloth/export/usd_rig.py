@@ -1,6 +1,6 @@
 """OpenUSD: a rig as one UsdSkel root: skinned garments with blend shapes, one animation, the body.
 
-The body keeps all of its influences, garments have what the rig gives them.
+The body keeps all of its influences, garments have those of the rig.
 """
 
 from pathlib import Path
@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from uvcloth.bodies.body import INFLUENCES
-from uvcloth.export.animation import strongest
+from uvcloth.bodies.body import BODY_INFLUENCES
 from uvcloth.export.rig import Rig, RiggedGarment
 from uvcloth.export.usd_stage import (
     add_skeleton,
@@ -20,6 +19,7 @@ from uvcloth.export.usd_stage import (
     rest_geometry,
     writing,
 )
+from uvcloth.geometry.skinning import strongest
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS
 
 
@@ -38,10 +38,11 @@ def write_rig_usd(rig: Rig, path: Path) -> None:
         stage.SetDefaultPrim(root.GetPrim())
         skeleton = add_skeleton(stage, "/Outfit/skeleton", rig.skeleton)
         motion = animate_skeleton(stage, skeleton, rig.skeleton, rest if still else rig.transforms)
-        motion.CreateBlendShapesAttr(rig.shape_names)
-        levels = motion.CreateBlendShapeWeightsAttr()
-        for frame, row in enumerate(weights):
-            levels.Set(Vt.FloatArray.FromNumpy(row), frame)
+        if rig.shape_names:
+            motion.CreateBlendShapesAttr(rig.shape_names)
+            levels = motion.CreateBlendShapeWeightsAttr()
+            for frame, row in enumerate(weights):
+                levels.Set(Vt.FloatArray.FromNumpy(row), frame)
         _, _, *names = identifiers(["skeleton", "body", *(garment.name for garment in rig.garments)])
         for index, name in enumerate(names):
             color = GARMENT_COLORS[index % len(GARMENT_COLORS)]
@@ -50,15 +51,17 @@ def write_rig_usd(rig: Rig, path: Path) -> None:
         if body := rig.body:
             geometry = define_mesh(stage, "/Outfit/body", body.mesh, BODY_COLOR)
             rest_geometry(geometry, body.mesh)
-            bind(geometry, skeleton, *strongest(body.weights, INFLUENCES))
+            bind(geometry, skeleton, *strongest(body.weights, BODY_INFLUENCES))
 
 
 def _rig_garment(stage: Any, geometry: Any, skeleton: Any, garment: RiggedGarment, names: list[str]) -> None:
     from pxr import UsdSkel, Vt
 
     rest_geometry(geometry, garment.mesh)
-    changes = garment.normal_shapes().numpy()
     bind(geometry, skeleton, garment.joints, garment.weights)
+    if not names:
+        return
+    changes = garment.normal_shapes().numpy()
     paths = [geometry.GetPath().AppendChild(name) for name in names]
     for path, offsets, change in zip(paths, garment.shapes.numpy(), changes, strict=True):
         shape = UsdSkel.BlendShape.Define(stage, path)

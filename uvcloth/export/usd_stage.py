@@ -1,4 +1,4 @@
-"""What OpenUSD files of ours share: a stage, meshes at rest, a UsdSkel skeleton, its poses, and skins."""
+"""Parts of OpenUSD files that animations and rigs share: stage, meshes at rest, skeleton, poses, skins."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -15,7 +15,10 @@ from uvcloth.render import Color
 
 @contextmanager
 def writing(path: Path, fps: float, frames: int) -> Iterator[Any]:
-    """A new stage, saved at the end: metres, Z up, time codes are frames from 0 on; OSError if it cannot."""
+    """Open a new stage, saved at the end: metres, Z up, time codes are frames from 0 on.
+
+    Raises OSError if it cannot be written.
+    """
     from pxr import Tf, Usd, UsdGeom
 
     try:
@@ -33,7 +36,7 @@ def writing(path: Path, fps: float, frames: int) -> Iterator[Any]:
 
 
 def define_mesh(stage: Any, prim: str, mesh: Mesh, color: Color) -> Any:
-    """A polygon mesh without points: topology, texture coordinates by face corner, a display colour."""
+    """Define a polygon mesh without points: topology, texture coordinates by corner, a display colour."""
     from pxr import Gf, Sdf, UsdGeom, Vt
 
     geometry = UsdGeom.Mesh.Define(stage, prim)
@@ -52,7 +55,7 @@ def define_mesh(stage: Any, prim: str, mesh: Mesh, color: Color) -> Any:
 
 
 def rest_geometry(geometry: Any, mesh: Mesh) -> None:
-    """Points, normals and extent of a mesh that stays at rest but for its skin."""
+    """Set points, normals and extent of a mesh that only its skin moves."""
     from pxr import UsdGeom, Vt
 
     positions = mesh.vertices.numpy()
@@ -64,7 +67,7 @@ def rest_geometry(geometry: Any, mesh: Mesh) -> None:
 
 
 def add_skeleton(stage: Any, prim: str, skeleton: Skeleton) -> Any:
-    """A skeleton at rest; every joint then has the axes of the stage."""
+    """Add a skeleton at rest, where every joint has the axes of the stage."""
     from pxr import Gf, UsdSkel
 
     paths: list[str] = []
@@ -82,7 +85,7 @@ def add_skeleton(stage: Any, prim: str, skeleton: Skeleton) -> Any:
 
 
 def animate_skeleton(stage: Any, rig: Any, skeleton: Skeleton, transforms: np.ndarray) -> Any:
-    """The motion that a skeleton plays, as a prim below it: transforms (F, J, 3, 4), one per time code."""
+    """Add the motion of a skeleton as a prim below it: transforms (F, J, 3, 4), one per time code."""
     from pxr import Gf, UsdSkel, Vt
 
     motion = UsdSkel.Animation.Define(stage, rig.GetPath().AppendChild("motion"))
@@ -98,7 +101,7 @@ def animate_skeleton(stage: Any, rig: Any, skeleton: Skeleton, transforms: np.nd
 
 
 def bind(geometry: Any, rig: Any, joints: np.ndarray, weights: np.ndarray) -> None:
-    """Hang a mesh of N vertices on a skeleton: joints (N, I) and weights (N, I)."""
+    """Bind a mesh of N vertices to a skeleton: joints (N, I) and weights (N, I)."""
     from pxr import Gf, UsdSkel, Vt
 
     binding = UsdSkel.BindingAPI.Apply(geometry.GetPrim())
@@ -109,7 +112,7 @@ def bind(geometry: Any, rig: Any, joints: np.ndarray, weights: np.ndarray) -> No
 
 
 def identifiers(names: Sequence[str]) -> list[str]:
-    """An identifier for each name, numbered where names share one: my_shirt, my_shirt_2."""
+    """Identifiers for names, numbered where names share one: my_shirt, my_shirt_2."""
     found: list[str] = []
     for plain in map(_identifier, names):
         identifier, number = plain, 1

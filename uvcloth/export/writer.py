@@ -1,4 +1,4 @@
-"""Frames in, one animation file out: frames are spooled to disk, and the file appears whole or not at all."""
+"""Writing of animation files: frames are spooled to disk, and the file appears whole or not at all."""
 
 import shutil
 import tempfile
@@ -19,18 +19,18 @@ from uvcloth.export.pointcache import write_pc2
 from uvcloth.export.usd import write_usd
 from uvcloth.geometry.mesh import Mesh
 
-FORMATS: dict[str, Callable[[Animation, Path], None]] = {
+WRITERS: dict[str, Callable[[Animation, Path], None]] = {
     ".glb": write_glb,
     ".usdc": write_usd,
     ".usd": write_usd,
     ".pc2": write_pc2,
     ".npz": write_npz,
 }
-"""What writes each suffix. A writer may put several files beside the path that it is given."""
+"""Writers by suffix. A writer may put several files beside the path that it is given."""
 
 
 class FrameWriter:
-    """Collects frames of garments and of the body's joints; `close` leaves the file (see open_writer)."""
+    """Writer of frames of garments and of the body's joints; `close` leaves the file (see open_writer)."""
 
     def __init__(
         self,
@@ -42,7 +42,7 @@ class FrameWriter:
     ) -> None:
         self.path = path
         self.written: tuple[Path, ...] = ()
-        """The files that close() left."""
+        """Files that close() left."""
         self._garments, self._body, self._fps = tuple(garments), body, fps
         self._spool, self._frames = spool, 0
         self._finished = spool / "finished"
@@ -91,12 +91,15 @@ class FrameWriter:
             if not self._frames:
                 raise InputError(f"{self.path}: there is no frame to write")
             self._finished.mkdir()
-            FORMATS[self.path.suffix.lower()](self._animation(), self._finished / self.path.name)
+            WRITERS[self.path.suffix.lower()](self._animation(), self._finished / self.path.name)
         except OSError as error:
             raise _cannot_write(self.path, error) from error
 
     def close(self) -> None:
-        """Let the file appear, finished first if need be, and drop the frames; raises as `finish` does."""
+        """Move the file to its place, finished first if need be, and drop the frames.
+
+        Raises InputError as `finish` does.
+        """
         try:
             if not self._finished.exists():
                 self.finish()
@@ -159,8 +162,8 @@ def open_writer(
     Raises InputError for another suffix, for garments of the same name, or if the folder cannot be written.
     """
     path = Path(path)
-    if path.suffix.lower() not in FORMATS:
-        supported = ", ".join(FORMATS)
+    if path.suffix.lower() not in WRITERS:
+        supported = ", ".join(WRITERS)
         raise InputError(
             f"{path}: the format {path.suffix or '(none)'} is not supported, use one of {supported}"
         )

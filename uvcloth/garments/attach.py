@@ -1,4 +1,6 @@
-"""Hanging a garment on a body at rest: the blend weights that carry it."""
+"""Attachment of a garment to a body at rest: its blend weights."""
+
+from typing import Literal
 
 import torch
 from torch import Tensor
@@ -9,22 +11,30 @@ from uvcloth.geometry.mesh import Mesh, weld
 from uvcloth.geometry.skinning import diffuse_weights
 
 DIFFUSION = {"tops": 0.06, "bottoms": 0.06, "dress": 0.15, "shirt": 0.06}
-"""Metres over which blend weights spread; far enough in a skirt that left and right leg blend."""
+"""Metres over which blend weights are diffused; far enough in a skirt that left and right leg blend."""
 
 
-def make_garment(name: str, template: str, mesh: Mesh, body: Body, diffusion: float | None = None) -> Garment:
-    """A garment on a body, from its mesh (N vertices) at rest on the body's rest pose.
+def make_garment(
+    name: str,
+    mesh: Mesh,
+    body: Body,
+    diffusion: float,
+    *,
+    template: str | None = None,
+    source: Literal["template", "file"] = "file",
+) -> Garment:
+    """Make a garment on a body, from its mesh (N vertices) at rest on the body's rest pose.
 
-    diffusion: metres over which the smooth blend weights spread; None takes the template's.
+    diffusion: metres over which the smooth blend weights are diffused. template, source: as in Garment.
     """
     weights = body.weights[_closest_vertices(mesh.vertices, body.mesh.vertices)]
-    distance = DIFFUSION[template] if diffusion is None else diffusion
     return Garment(
         name=name,
         template=template,
         mesh=mesh,
         weights=weights,
-        smooth_weights=_diffused(weights, mesh, distance),
+        smooth_weights=_diffused(weights, mesh, diffusion),
+        source=source,
     )
 
 

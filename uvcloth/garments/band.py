@@ -1,4 +1,4 @@
-"""What holds a garment up: the band that its template says, or a strip along its uppermost hem."""
+"""Holding bands of garments: the strip that a template names, or one along the uppermost hem."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from uvcloth.garments.shells import joint
 from uvcloth.garments.templates import load_template
 from uvcloth.geometry.mesh import boundary_edges, face_normals, weld
 
-WIDTH = 0.03
+BAND_WIDTH = 0.03
 """Metres from the hem that the band reaches."""
 
 BELOW_TOP = 0.1
@@ -25,7 +25,7 @@ DROP = 0.2
 """Metres below its top from which a hem holds nothing: an open jacket's runs down to its bottom."""
 
 TEMPLATE_MASS = {"tops": 11.0, "bottoms": 31.0, "dress": 11.0, "shirt": 15.0}
-"""How many times heavier the templates' bands are."""
+"""Mass of the templates' bands, as a multiple of what their area weighs."""
 
 WAIST_SHARE, SHOULDER_SHARE = 0.85, 0.3
 """Mass of any other band over that of what hangs from it; shoulders carry most of what lies on them."""
@@ -33,7 +33,10 @@ WAIST_SHARE, SHOULDER_SHARE = 0.85, 0.3
 
 @dataclass(frozen=True)
 class Band:
-    """vertices: (N,) bool, those held. mass: how many times heavier they are, so that they carry the rest."""
+    """Held vertices of a garment.
+
+    vertices: (N,) bool. mass: how many times heavier they are, so that they carry the rest.
+    """
 
     vertices: Tensor
     mass: float
@@ -44,9 +47,9 @@ def holding_band(garment: Garment, body: Body) -> Band:
 
     Raises InputError for a piece without an open hem at its top.
     """
-    mesh, template = garment.mesh, load_template(garment.template)
-    if garment.name == garment.template and torch.equal(mesh.faces, template.faces):
-        return Band(template.band, TEMPLATE_MASS[garment.template])
+    if garment.source == "template" and garment.template:
+        return Band(load_template(garment.template).band, TEMPLATE_MASS[garment.template])
+    mesh = garment.mesh
     faces = weld(mesh.vertices)[mesh.faces]
     pieces = torch.from_numpy(face_components(faces.numpy(), np.zeros(0, dtype=np.int64)))
     held = torch.zeros(len(mesh.vertices), dtype=torch.bool)
@@ -54,7 +57,7 @@ def holding_band(garment: Garment, body: Body) -> Band:
         own = pieces == piece
         hem = _top_hem(garment.name, mesh.vertices, faces[own])
         used = mesh.faces[own].unique()
-        held[used] |= hem_band(mesh.vertices[used], mesh.vertices[hem], WIDTH)
+        held[used] |= hem_band(mesh.vertices[used], mesh.vertices[hem], BAND_WIDTH)
     area = face_normals(mesh.vertices, mesh.faces).norm(dim=1)
     banded = float((area * held[mesh.faces].float().mean(1)).sum())
     on_shoulders = float(mesh.vertices[held][:, 2].mean()) > joint(body, "LeftArm")[2]
@@ -63,7 +66,7 @@ def holding_band(garment: Garment, body: Body) -> Band:
 
 
 def hem_band(vertices: Tensor, hem: Tensor, width: float) -> Tensor:
-    """Which vertices (N, 3) lie within `width` metres of points (H, 3) along a hem: (N,) bool."""
+    """Mask of the vertices (N, 3) m within `width` metres of points (H, 3) along a hem: (N,) bool."""
     return torch.cdist(vertices, hem).min(dim=1).values < width
 
 

@@ -1,4 +1,4 @@
-"""What a user's garment mesh is like: units, axes, topology, and how it sits on the body."""
+"""Diagnosis of a user's garment mesh: units, axes, topology, and its place on the body."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,24 +15,24 @@ UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
 """Metres in one unit of a file."""
 
 Y_UP = torch.tensor([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""Takes Y up, facing +Z, to Z up, facing -Y."""
+"""Rotation from Y up, facing +Z, to Z up, facing -Y."""
 
 SMALLEST, LARGEST = 0.12, 1.2
 """Diagonals of what can be a garment, in body diagonals: a decade, so that only one unit fits a size."""
 
-FAR = 0.3
-"""Metres: a garment whose nearest vertex, or whose mean vertex, is farther from the body is not worn."""
+MAX_BODY_DISTANCE = 0.3
+"""Metres from the body to the nearest and to the mean vertex beyond which a garment is not worn."""
 
-ENGULFED = 0.95
-"""Share of vertices inside the body from which a garment counts as wholly inside it."""
+ENGULFED_SHARE = 0.95
+"""Share of vertices inside the body above which a garment counts as wholly inside it."""
 
-EVERYWHERE = 10.0
+REST_SEARCH_DISTANCE = 10.0
 """Metres within which the closest body point is sought at rest."""
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The state of a garment file; counts of faces that were dropped or turned are of the file's triangles.
+    """Findings about a garment file; counts of faces that were dropped or turned are of the file's triangles.
 
     unit: of the file. up: its up axis, "Y" or "Z". components: pieces, UV seams taken as joined.
     inside_share: fraction of vertices inside the body. mean_distance, max_distance: metres to the skin.
@@ -58,7 +58,7 @@ class Diagnosis:
     template: str = ""
 
     def lines(self) -> list[str]:
-        """The diagnosis in words, one finding a line, what needs no word left out."""
+        """Text of the diagnosis, one finding a line; what is as expected is left out."""
         turned = "" if (self.unit, self.up) == ("m", "Z") else ", converted to metres, Z up"
         pieces = "1 piece" if self.components == 1 else f"{self.components} separate pieces"
         found = [
@@ -91,7 +91,7 @@ def diagnose(path: Path, mesh: Mesh, body: Body) -> tuple[Mesh, Diagnosis]:
     """
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
     unit, up, vertices = _placed(path, mesh.vertices, body, surface)
-    skin = surface.closest(vertices, EVERYWHERE)
+    skin = surface.closest(vertices, REST_SEARCH_DISTANCE)
     _refuse_unworn(path, skin.signed_distance)
     owner = weld(vertices)
     degenerate, duplicate, reverse = _repeated(owner[mesh.faces])
@@ -146,14 +146,14 @@ def _placed(path: Path, points: Tensor, body: Body, surface: BodySurface) -> tup
 
 def _misfit(points: Tensor, surface: BodySurface) -> float:
     """Mean distance to the skin, metres, a vertex inside counting more: cloth is worn outside."""
-    distance = surface.closest(points, EVERYWHERE).signed_distance
+    distance = surface.closest(points, REST_SEARCH_DISTANCE).signed_distance
     return float(torch.where(distance < 0, -3 * distance, distance).mean())
 
 
 def _refuse_unworn(path: Path, distance: Tensor) -> None:
-    if float((distance < 0).float().mean()) > ENGULFED:
+    if float((distance < 0).float().mean()) > ENGULFED_SHARE:
         raise InputError(f"{path}: the garment is wholly inside the body, not worn over it")
-    if float(distance.abs().min()) > FAR or float(distance.abs().mean()) > FAR:
+    if float(distance.abs().min()) > MAX_BODY_DISTANCE or float(distance.abs().mean()) > MAX_BODY_DISTANCE:
         raise InputError(
             f"{path}: the garment is far from the body, {float(distance.abs().mean()):.2f} m on average: "
             "it has to be worn on the body's rest pose"
@@ -161,7 +161,7 @@ def _refuse_unworn(path: Path, distance: Tensor) -> None:
 
 
 def _repeated(faces: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Which faces (F, 3) of a welded mesh have two equal corners, repeat an earlier one, or are its back."""
+    """Masks (F,) of the faces (F, 3) that have two equal corners, repeat an earlier face, or are its back."""
     ordered = faces.sort(dim=1).values
     degenerate = (ordered[:, 1:] == ordered[:, :-1]).any(dim=1)
     turn = faces.argmin(dim=1)[:, None] + torch.arange(3)
@@ -173,7 +173,7 @@ def _repeated(faces: Tensor) -> tuple[Tensor, Tensor, Tensor]:
 
 
 def _orientation(path: Path, mesh: Mesh, welded: Tensor, skin: SurfacePoints) -> tuple[int, Tensor]:
-    """Number of pieces, and which faces (F,) have to be turned so that each piece faces away from the body.
+    """Number of pieces, and mask (F,) of the faces to turn so that each piece faces away from the body.
 
     Every face appears twice in a graph, as it is and turned; neighbours that agree link equal states. The
     two states of an orientable piece then fall apart into two components.

@@ -1,4 +1,4 @@
-"""Any garment mesh worn on a body's rest pose: read, examined, and hung on the body."""
+"""Garments from mesh files: read, diagnosed, and attached to a body's rest pose."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,34 +16,33 @@ from uvcloth.garments.garment import Garment
 from uvcloth.garments.meshfile import read_mesh
 from uvcloth.geometry.mesh import Mesh, vertex_normals, weld
 
-REACH = 0.3
+BODY_RAY_LENGTH = 0.3
 """Metres from the garment within which a ray has to meet the body."""
 
-COVERED = 0.15
-"""Fraction of a body part under a garment from which on the garment belongs to that part."""
+LEAST_LEG_SHARE = 0.15
+"""Share of covered body faces on the legs above which a skirt takes the dress's motion."""
 
-SLEEVED = 0.05
-"""Fraction of a garment on the forearms from which on its sleeves are long."""
+LEAST_FOREARM_SHARE = 0.05
+"""Share of covered body faces on the forearms above which sleeves are long."""
 
-WAIST = 0.3
+WAIST_HEIGHT = 0.3
 """Height of the waist, as a fraction of the trunk from crotch to neck."""
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """A user's garment on a body, with what was found out about its file."""
+    """A user's garment on a body, and the diagnosis of its file."""
 
     garment: Garment
     diagnosis: Diagnosis
 
 
 def fit(path: Path, body: Body, template: str | None = None) -> Fitted:
-    """Wear a mesh file (OBJ, PLY, GLB, STL, ...) on a body.
+    """Fit a mesh file (OBJ, PLY, GLB, STL, ...) to a body, on whose rest pose it was modelled.
 
     The file's vertex order and texture coordinates stay; unit and up axis are converted. template: "tops",
     "bottoms", "dress" or "shirt", the one whose motion it takes; None chooses by the part of the body it
-    covers, found by ray casting (PhysXNet section 4.3). The closest body vertices give it the weights that
-    carry it.
+    covers, found by ray casting (PhysXNet section 4.3). The closest body vertices give it its blend weights.
     Raises InputError naming the file and the reason if it cannot be read or cannot be worn.
     """
     if template is not None and template not in DIFFUSION:
@@ -62,29 +61,29 @@ def fit(path: Path, body: Body, template: str | None = None) -> Fitted:
     if template is None:
         template = covering_template(faces, body, skirt)
     diffusion = DIFFUSION["dress"] if skirt else DIFFUSION[template]
-    garment = make_garment(path.stem, template, mesh, body, diffusion)
+    garment = make_garment(path.stem, mesh, body, diffusion, template=template)
     found = replace(diagnosis, ray_misses=int(missed.sum()), unwrapped=unwrapped, template=template)
     return Fitted(garment, found)
 
 
 def covered_faces(mesh: Mesh, body: Body) -> tuple[Tensor, Tensor]:
-    """Faces (N,) of the body that the vertices of a garment at rest cover, and which vertices (N,) missed it.
+    """Body face (N,) under each vertex of a garment at rest, and mask (N,) of vertices whose ray missed.
 
-    A ray runs along each vertex normal, both ways, to the nearest body point within REACH (PhysXNet section
-    4.3, T^XB); a vertex whose ray misses, or that has no normal, takes the closest surface point.
+    A ray runs along each vertex normal, both ways, to the nearest body point within BODY_RAY_LENGTH (PhysXNet
+    section 4.3, T^XB); a vertex whose ray misses, or that has no normal, takes the closest surface point.
     """
     owner = weld(mesh.vertices)
     normals = vertex_normals(mesh.vertices, owner[mesh.faces])[owner]
     lonely = normals.norm(dim=1) < 0.5
     normals = torch.where(lonely[:, None], normals.new_tensor([0.0, 0.0, 1.0]), normals)
-    hits = garment_to_body(mesh.vertices, normals, body.mesh.vertices, body.mesh.faces, REACH)
+    hits = garment_to_body(mesh.vertices, normals, body.mesh.vertices, body.mesh.faces, BODY_RAY_LENGTH)
     missed = ~hits.found | lonely
     nearest = closest_points(mesh.vertices[missed], body.mesh.vertices, body.mesh.faces)
     return hits.face.masked_scatter(missed, nearest.face), missed
 
 
 def is_skirt(mesh: Mesh, body: Body) -> bool:
-    """Whether a mesh goes around both legs together, somewhere along the thighs.
+    """Test for a skirt: the mesh goes around both legs together, somewhere along the thighs.
 
     At a few heights a line runs through both thighs, from left to right: a skirt meets it on both outer
     sides and nowhere between the thighs, trousers also there.
@@ -104,13 +103,13 @@ def is_skirt(mesh: Mesh, body: Body) -> bool:
 
 
 def _axis(centres: Tensor, levels: Tensor) -> Tensor:
-    """Centres (L, 3) of one thigh at some heights (L,), each from the faces within 3 cm."""
+    """Centres (L, 3) m of one thigh at some heights (L,), each from the faces within 3 cm."""
     near = ((centres[None, :, 2] - levels[:, None]).abs() < 0.03).to(centres)
     return (near @ centres) / near.sum(1, keepdim=True).clamp(min=1)
 
 
 def covering_template(covered: Tensor, body: Body, skirt: bool) -> str:
-    """The template that serves the body faces (N,) a garment covers.
+    """Template whose motion serves a garment that covers body faces (N,).
 
     A skirt without an upper part moves like the dress; what covers trunk and both legs, like the larger.
     """
@@ -118,11 +117,11 @@ def covering_template(covered: Tensor, body: Body, skirt: bool) -> str:
     heights = body.mesh.vertices[body.mesh.faces].mean(1)[:, 2]
     trunk = body.regions == REGIONS.index("torso")
     lowest, highest = heights[trunk].aminmax()
-    hips = trunk & (heights < lowest + WAIST * (highest - lowest))
+    hips = trunk & (heights < lowest + WAIST_HEIGHT * (highest - lowest))
     below = (legs | hips)[covered]
-    if skirt and float(legs[covered].float().mean()) > COVERED:
+    if skirt and float(legs[covered].float().mean()) > LEAST_LEG_SHARE:
         return "dress"
     if float(below.float().mean()) > 0.5:
         return "bottoms"
     forearms = body.regions == REGIONS.index("forearm")
-    return "shirt" if float(forearms[covered].float().mean()) > SLEEVED else "tops"
+    return "shirt" if float(forearms[covered].float().mean()) > LEAST_FOREARM_SHARE else "tops"

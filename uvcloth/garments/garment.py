@@ -1,31 +1,31 @@
 """Garments at rest on a body, ready to be skinned with it."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.mesh import Mesh
 
-LIKE = {"shirt": "tops"}
-"""By template, the one whose motion serves it where a network was not trained on it."""
-
 
 @dataclass(frozen=True)
 class Garment:
     """One garment on one body.
 
-    template: which template's decoder serves it ("tops", "bottoms", "dress", "shirt").
+    template: the one whose motion it takes ("tops", "bottoms", "dress", "shirt"), None where none serves it.
     mesh: N vertices, at rest on the body's rest pose.
     weights: (N, J) blend weights of the closest body vertex (the LBS baseline).
     smooth_weights: (N, J) the same, diffused over the garment, so that a skirt does not split.
+    source: whether its mesh is that of its template, or came from a file.
     """
 
     name: str
-    template: str
+    template: str | None
     mesh: Mesh
     weights: Tensor
     smooth_weights: Tensor
+    source: Literal["template", "file"] = "file"
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""From a name to a garment: a template, or a mesh file that is worn on the body."""
+"""Loading of garments by name: a template, or a mesh file that is fitted to the body."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,22 +10,24 @@ from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import TEMPLATES, fit_template
 
 
-def load_garment(name: str, body: Body, say: Callable[[str], None] = lambda line: None) -> Garment:
-    """A garment at rest on a body: the template of that name, or what is in the mesh file at that path.
+def load_garment(name: str, body: Body, report: Callable[[str], None] = lambda line: None) -> Garment:
+    """Load a garment at rest on a body: the template of that name, or the mesh file at that path.
 
-    A file's garment is named by the file's stem; what was found out about the file is said line by line.
+    A file's garment is named by the file's stem. report: called with each line of the file's diagnosis.
     Raises InputError as `fit_template` and `fit` do.
     """
     if name in TEMPLATES:
         return fit_template(name, body)
     fitted = fit(Path(name), body)
     for line in fitted.diagnosis.lines():
-        say(line)
+        report(line)
     return fitted.garment
 
 
-def load_garment_for_data(name: str, body: Body, say: Callable[[str], None] = lambda line: None) -> Garment:
-    """As `load_garment`, where data files will be named CLIP_GARMENT by it.
+def load_garment_for_data(
+    name: str, body: Body, report: Callable[[str], None] = lambda line: None
+) -> Garment:
+    """Load a garment as `load_garment` does, where data files will be named CLIP_GARMENT by it.
 
     Raises InputError also for a mesh file whose data would be mistaken for a template's.
     """
@@ -35,4 +37,4 @@ def load_garment_for_data(name: str, body: Body, say: Callable[[str], None] = la
         raise InputError(
             f"{path}: its data would be mistaken for those of the template {template}, rename the file"
         )
-    return load_garment(name, body, say)
+    return load_garment(name, body, report)

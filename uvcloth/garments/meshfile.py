@@ -1,4 +1,4 @@
-"""Reading a user's mesh file with its own vertex order and its own texture coordinates."""
+"""Mesh files of users, read with their own vertex order and texture coordinates."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -14,7 +14,7 @@ EXTENSIONS = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
 
 
 def read_mesh(path: Path) -> Mesh:
-    """A mesh as its file has it: units, axes and vertex order untouched, polygons cut into triangles.
+    """Read a mesh as its file has it: units, axes and vertex order untouched, polygons cut into triangles.
 
     A file without texture coordinates gives uvs (0, 2) and face_uvs (0, 3). Raises InputError for an
     unsupported extension, an unreadable file, no faces, or a number that is not finite.
@@ -36,7 +36,7 @@ def read_mesh(path: Path) -> Mesh:
 
 
 def _read_obj(path: Path) -> Mesh:
-    """Trimesh reorders the vertices of an OBJ whose texture coordinates have indices of their own."""
+    """Read an OBJ: trimesh would reorder vertices whose texture coordinates have indices of their own."""
     vertices: list[list[float]] = []
     uvs: list[list[float]] = []
     corners: list[tuple[int, int]] = []

@@ -1,4 +1,4 @@
-"""The order in which garments are worn over one another."""
+"""Order of garments that are worn over one another."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ from rasterize.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.physics.layers import wrong_side_percent
 
-MOST_CROSSED = 1.0
+MAX_WRONG_SIDE_PERCENT = 1.0
 """Percent of the covered vertices that may be on the wrong side at rest."""
 
 
@@ -19,7 +19,7 @@ def check_order(garments: Sequence[Garment]) -> None:
             crossed = wrong_side_percent(
                 over.mesh.vertices[None], under.mesh.vertices[None], under.mesh.faces
             )
-            if crossed > MOST_CROSSED:
+            if crossed > MAX_WRONG_SIDE_PERCENT:
                 raise InputError(
                     f"garment {over.name}: cannot be worn over the garment {under.name}, at rest it is "
                     f"under it in {crossed:.0f} % of the places where they meet"

@@ -1,4 +1,4 @@
-"""Which vertices of an outfit are pinned: what holds it up, a part of that, or those that a file names."""
+"""Pinned vertices of an outfit: its holding bands, a part of them, or those that a file names."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,14 +13,14 @@ from uvcloth.garments.band import holding_band
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.shells import joint
 
-PLACES = ("band", "waist", "neck", "none")
-"""Named vertex sets: all that holds the garment up, or its part below or above the middle of the trunk."""
+PIN_SETS = ("band", "waist", "neck", "none")
+"""Named vertex sets: the holding band, or its part below or above the middle of the trunk."""
 
 
 def pinned(garments: Sequence[Garment], body: Body, names: Sequence[str]) -> Tensor:
     """The union of the named vertex sets of an outfit: (N,) bool over its garments, one after another.
 
-    names: words of PLACES, or text files of vertex numbers, counted from 0 through all garments' meshes.
+    names: words of PIN_SETS, or text files of vertex numbers, counted from 0 through all garments' meshes.
     Raises InputError for a name that is neither, a set without a vertex, and a number that no vertex has.
     """
     count = sum(len(garment.mesh.vertices) for garment in garments)
@@ -29,7 +29,7 @@ def pinned(garments: Sequence[Garment], body: Body, names: Sequence[str]) -> Ten
     for name in names:
         if name == "none":
             continue
-        if name in PLACES:
+        if name in PIN_SETS:
             found = torch.cat([_place(garment, body, name) for garment in garments])
         else:
             found = _listed(Path(name), count, outfit)
@@ -50,7 +50,7 @@ def _listed(path: Path, count: int, outfit: str) -> Tensor:
     try:
         numbers = np.array(path.read_text().split(), dtype=np.int64)
     except OSError as error:
-        places = ", ".join(PLACES)
+        places = ", ".join(PIN_SETS)
         raise InputError(
             f"--pins {path}: neither a readable file of vertex numbers nor one of {places}"
         ) from error

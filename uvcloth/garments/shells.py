@@ -1,8 +1,8 @@
 """Shells around a body from which templates are cut: the same topology on every body.
 
-The suit is the body's tight proxy, smoothed by one subdivision. The gown is the suit's upper part, cut at the
-waist, with a skirt extruded from the waist loop: as wide as the convex outline of what is inside, never
-narrower than what is above it.
+The tight shell is the body's tight proxy, smoothed by one subdivision. The dress shell is its upper part, cut
+at the waist, with a skirt extruded from the waist loop: as wide as the convex outline of hips and legs, never
+narrower than the row above.
 """
 
 from dataclasses import dataclass
@@ -20,17 +20,21 @@ from uvcloth.garments.cut import place
 Array = NDArray[np.float64]
 
 SKIRT_ROWS = 24
+"""Rows of vertices from waist to hem."""
+
 SKIRT_EASE = 0.02
+"""Metres that the skirt keeps off the outline of hips and legs."""
+
 FLARE = 0.16
 """A-line: metres that the skirt's radius grows per metre of height, at least."""
 
 
 @dataclass(frozen=True)
 class Bodice:
-    """The suit above the waist: which suit edge each of its vertices lies on, and its loop at the waist.
+    """The tight shell above the waist: the edges of the shell that its vertices lie on, and its waist loop.
 
-    edges: (P, 2) suit vertices. along: (P,) position on the edge in [0, 1]. faces: (Q, 3) into the P
-    vertices. loop: (A,) vertices around the waist, counter-clockwise seen from above.
+    edges: (P, 2) vertices of the tight shell. along: (P,) position on the edge in [0, 1]. faces: (Q, 3) into
+    the P vertices. loop: (A,) vertices around the waist, counter-clockwise seen from above.
     """
 
     edges: NDArray[np.int64]
@@ -39,8 +43,8 @@ class Bodice:
     loop: NDArray[np.int64]
 
 
-def suit(body: Body) -> tuple[Array, NDArray[np.int64]]:
-    """Vertices (P, 3) and faces (Q, 3) of the body's tight proxy after one Loop subdivision.
+def tight_shell(body: Body) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices (P, 3) m and faces (Q, 3) of the body's tight proxy after one Loop subdivision.
 
     Raises InputError if the body has no such proxy.
     """
@@ -53,9 +57,12 @@ def suit(body: Body) -> tuple[Array, NDArray[np.int64]]:
     return np.asarray(vertices), np.asarray(faces, dtype=np.int64)
 
 
-def gown(body: Body, bodice: Bodice) -> tuple[Array, NDArray[np.int64]]:
-    """Vertices and faces of bodice and skirt, welded at the waist loop."""
-    top = place(suit(body)[0], bodice.edges, bodice.along)
+def dress_shell(body: Body, bodice: Bodice) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices (P, 3) m and faces (Q, 3) of bodice and skirt, welded at the waist loop.
+
+    Raises InputError as `tight_shell` and `joint` do.
+    """
+    top = place(tight_shell(body)[0], bodice.edges, bodice.along)
     waist = top[bodice.loop]
     knee = joint(body, "LeftLeg")[2] - 0.02
     heights = np.linspace(0.0, 1.0, SKIRT_ROWS + 1)[1:]
@@ -79,7 +86,7 @@ def gown(body: Body, bodice: Bodice) -> tuple[Array, NDArray[np.int64]]:
 
 
 def joint(body: Body, name: str) -> Array:
-    """Rest position of a joint by name; raises InputError if the body's skeleton lacks it."""
+    """Rest position (3,) m of a joint by name; raises InputError if the body's skeleton lacks it."""
     if name not in body.skeleton.names:
         raise InputError(f"body {body.name}: its skeleton has no joint {name}")
     return body.skeleton.heads[body.skeleton.names.index(name)].numpy().astype(np.float64)

@@ -1,4 +1,4 @@
-"""Cut, remesh and anchor the templates on a body. Run once; the result ships as data.
+"""Making of the templates on a body: cut, remeshed, anchored. Run once; the result ships as data.
 
 `python -m uvcloth.garments.tailor --out DIR [--vertices 3600]` makes them at another density. The shirt that
 ships was made with 4,000 vertices, because it covers the most.
@@ -17,28 +17,28 @@ from rasterize.command import run_command
 from rasterize.errors import InputError
 from rasterize.layout import unwrap
 from uvcloth.bodies.body import Body, load_body
-from uvcloth.garments.band import WIDTH, hem_band
+from uvcloth.garments.band import BAND_WIDTH, hem_band
 from uvcloth.garments.cut import cut, place
-from uvcloth.garments.shells import Bodice, gown, joint, suit
-from uvcloth.garments.templates import TEMPLATES, Template, eased, outward, save_template
+from uvcloth.garments.shells import Bodice, dress_shell, joint, tight_shell
+from uvcloth.garments.templates import TEMPLATES, Template, faces_outward, offset_from_skin, save_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.physics.surface import BodySurface
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-SLEEVE = 0.55
+SHORT_SLEEVE = 0.55
 """Length of a short sleeve as a share of the upper arm."""
 
-CUFF = 1.04
-"""Where a long sleeve ends, as a share of the forearm."""
+LONG_SLEEVE = 1.04
+"""Length of a long sleeve beyond the elbow, as a share of the forearm."""
 
-THICKEST = 0.115
+ARM_RADIUS = 0.115
 """Metres from a bone of the arm within which a point is on the arm."""
 
 
 def tailor(name: str, body: Body, vertices: int) -> Template:
-    """One template cut on a body, remeshed to about `vertices` vertices and anchored on its shell.
+    """Make one template: cut on a body, remeshed to about `vertices` vertices and anchored on its shell.
 
     Raises InputError for an unknown name or if the `body` extra (the remesher) is missing.
     """
@@ -46,11 +46,11 @@ def tailor(name: str, body: Body, vertices: int) -> Template:
         raise InputError(f"garment {name}: unknown template, expected one of {', '.join(TEMPLATES)}")
     bodice = _bodice(body) if name == "dress" else None
     if bodice is None:
-        shell_vertices, shell_faces = suit(body)
+        shell_vertices, shell_faces = tight_shell(body)
         edges, along, faces = cut(shell_faces, _field(name, body, shell_vertices))
         pattern = _largest(place(shell_vertices, edges, along), faces)
     else:
-        shell_vertices, shell_faces = gown(body, bodice)
+        shell_vertices, shell_faces = dress_shell(body, bodice)
         pattern = _largest(shell_vertices, shell_faces)
     points, faces = _remesh(*pattern, count=vertices)
     anchors = _surface(shell_vertices, shell_faces).closest(torch.from_numpy(points).float())
@@ -58,11 +58,11 @@ def tailor(name: str, body: Body, vertices: int) -> Template:
     fit = _clearance(name, body, placed.numpy().astype(np.float64))
     faces_tensor = torch.from_numpy(faces)
     mesh = Mesh(placed, faces_tensor, torch.zeros(0, 2), faces_tensor)
-    if not outward(mesh, body):
+    if not faces_outward(mesh, body):
         faces_tensor = faces_tensor.flip(1)
     band = _band(name, body, placed, faces_tensor)
     clearance = torch.from_numpy(fit).float()
-    rest = eased(placed, faces_tensor, clearance, band, body)
+    rest = offset_from_skin(placed, faces_tensor, clearance, band, body)
     uvs, face_uvs = unwrap(rest, faces_tensor)
     return Template(
         name=name,
@@ -79,7 +79,7 @@ def tailor(name: str, body: Body, vertices: int) -> Template:
 
 
 def _bodice(body: Body) -> Bodice:
-    vertices, faces = suit(body)
+    vertices, faces = tight_shell(body)
     waist = _waist(body) - vertices[:, 2]
     field = np.minimum(np.minimum(-waist, _neck(body, vertices, drop=0.012)), _sleeves(body, vertices))
     edges, along, cut_faces = cut(faces, field)
@@ -95,7 +95,7 @@ def _bodice(body: Body) -> Bodice:
 
 
 def _field(name: str, body: Body, vertices: Array) -> Array:
-    """Positive where the garment is."""
+    """Scalar field (P,) m that is positive where the garment is: the least distance to its hems."""
     z = vertices[:, 2]
     if name in ("tops", "shirt"):
         hem = z - (joint(body, "LeftUpLeg")[2] - 0.005)
@@ -118,30 +118,30 @@ def _neck(body: Body, vertices: Array, drop: float) -> Array:
 
 
 def _arm_share(body: Body, vertices: Array, side: str) -> Array:
-    """How far along the upper arm a point lies (0 shoulder, 1 elbow); -1 off the arm."""
+    """Place of points along an upper arm: (P,), 0 at the shoulder, 1 at the elbow, -1 off the arm."""
     shoulder, elbow = joint(body, f"{side}Arm"), joint(body, f"{side}ForeArm")
     share, away = _along(vertices, shoulder, elbow)
-    limb = (away < THICKEST) | (share > 1.0) & (np.abs(vertices[:, 0]) > abs(elbow[0]) - 0.08)
+    limb = (away < ARM_RADIUS) | (share > 1.0) & (np.abs(vertices[:, 0]) > abs(elbow[0]) - 0.08)
     return np.where(limb & (vertices[:, 0] * shoulder[0] > 0), share, -1.0)
 
 
 def _sleeves(body: Body, vertices: Array) -> Array:
     longest = np.maximum(_arm_share(body, vertices, "Left"), _arm_share(body, vertices, "Right"))
     length = np.linalg.norm(joint(body, "LeftForeArm") - joint(body, "LeftArm"))
-    return (SLEEVE - longest) * float(length)
+    return (SHORT_SLEEVE - longest) * float(length)
 
 
 def _forearm_share(body: Body, vertices: Array) -> Array:
-    """How far along a forearm a point lies (0 elbow, 1 wrist); -1 off both."""
+    """Place of points along a forearm: (P,), 0 at the elbow, 1 at the wrist, -1 off both."""
     longest = np.full(len(vertices), -1.0)
     for side in ("Left", "Right"):
         share, away = _along(vertices, joint(body, f"{side}ForeArm"), joint(body, f"{side}Hand"))
-        longest = np.where(away < THICKEST, np.maximum(longest, share), longest)
+        longest = np.where(away < ARM_RADIUS, np.maximum(longest, share), longest)
     return longest
 
 
 def _along(vertices: Array, start: Array, end: Array) -> tuple[Array, Array]:
-    """How far along a bone points lie (0 start, 1 end), and metres from its line."""
+    """Place of points along a bone (P,), 0 at its start, 1 at its end, and metres (P,) from its line."""
     axis = end - start
     share = (vertices - start) @ axis / (axis @ axis)
     return share, np.linalg.norm(vertices - start - share[:, None] * axis, axis=1)
@@ -149,17 +149,19 @@ def _along(vertices: Array, start: Array, end: Array) -> tuple[Array, Array]:
 
 def _long_sleeves(body: Body, vertices: Array) -> Array:
     length = np.linalg.norm(joint(body, "LeftHand") - joint(body, "LeftForeArm"))
-    return (CUFF - _forearm_share(body, vertices)) * float(length)
+    return (LONG_SLEEVE - _forearm_share(body, vertices)) * float(length)
 
 
 def _clearance(name: str, body: Body, vertices: Array) -> Array:
     """Metres off the skin: snug at shoulders and waist, easier towards the hems."""
     z = vertices[:, 2]
     arm = np.maximum(_arm_share(body, vertices, "Left"), _arm_share(body, vertices, "Right"))
-    sleeve = np.interp(arm, [0.15, SLEEVE], [0.006, 0.016])
+    sleeve = np.interp(arm, [0.15, SHORT_SLEEVE], [0.006, 0.016])
     if name == "shirt":
         sleeve = np.where(
-            arm > SLEEVE, np.interp(_forearm_share(body, vertices), [0.0, CUFF], [0.018, 0.012]), sleeve
+            arm > SHORT_SLEEVE,
+            np.interp(_forearm_share(body, vertices), [0.0, LONG_SLEEVE], [0.018, 0.012]),
+            sleeve,
         )
     shoulder, chest = joint(body, "LeftArm")[2], joint(body, "Spine1")[2]
     hip = joint(body, "LeftUpLeg")[2]
@@ -176,9 +178,9 @@ def _clearance(name: str, body: Body, vertices: Array) -> Array:
 def _band(name: str, body: Body, vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
     """The strip that is held: neck and, for trousers and dress, waist."""
     top = max(boundary_loops(faces.numpy()), key=lambda run: float(vertices[run][:, 2].mean()))
-    band = hem_band(vertices, vertices[top], WIDTH)
+    band = hem_band(vertices, vertices[top], BAND_WIDTH)
     if name == "dress":
-        band |= (vertices[:, 2] - _waist(body)).abs() < WIDTH / 2
+        band |= (vertices[:, 2] - _waist(body)).abs() < BAND_WIDTH / 2
     return band
 
 
@@ -267,6 +269,7 @@ class Options:
 
 
 def main() -> None:
+    """Tailor the templates that the command line names."""
     import tyro
 
     options = tyro.cli(Options)

@@ -1,4 +1,4 @@
-"""The garment templates: one topology and one UV layout each, worn by any body that has the proxies."""
+"""Garment templates: one topology and one UV layout each, for any body that has the proxies."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -12,17 +12,19 @@ from torch import Tensor
 
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
+from rasterize.gather import gather
 from uvcloth.bodies.body import Body
-from uvcloth.garments.attach import make_garment
+from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment
-from uvcloth.garments.shells import Bodice, gown, suit
+from uvcloth.garments.shells import Bodice, dress_shell, tight_shell
 from uvcloth.geometry.mesh import Mesh, boundary_edges, neighbour_average, vertex_normals
 from uvcloth.physics.surface import BodySurface
 
 TEMPLATES = ("tops", "bottoms", "dress", "shirt")
-FORMAT = "uvcloth-template-1"
+TEMPLATE_FORMAT = "uvcloth-template-1"
 
 EASE_PASSES = 12
+"""Passes that move a template off the skin."""
 
 LEAST_CLEARANCE = 0.0035
 """Metres that every template keeps off the skin at rest."""
@@ -36,7 +38,7 @@ class Template:
     anchor_barycentrics: (N, 3). clearance: (N,) metres that a vertex keeps off the skin, at least.
     snug: (N,) bool, vertices that keep exactly that distance.
     band: (N,) bool, the strip that holds the garment up (neck or waist).
-    bodice: how the gown's upper part was cut, None where the shell is the suit.
+    bodice: the upper part of a dress shell, None where the shell is the tight one.
     """
 
     name: str
@@ -52,27 +54,31 @@ class Template:
 
 
 def fit_template(name: str, body: Body) -> Garment:
-    """A template at rest on a body. Raises InputError for an unknown name or a body without proxies."""
+    """Fit a template to a body at rest. Raises InputError for an unknown name or a body without proxies."""
     template = load_template(name)
-    return make_garment(name, name, tailored(template, body), body)
+    mesh = tailored(template, body)
+    return make_garment(name, mesh, body, DIFFUSION[name], template=name, source="template")
 
 
 def tailored(template: Template, body: Body) -> Mesh:
-    """The template's mesh on a body: anchored on its shell, then eased off the skin and evened out."""
+    """Mesh of a template on a body: anchored on its shell, then moved off the skin and evened out."""
     shell_vertices, shell_faces = shell(body, template.bodice)
-    corners = torch.from_numpy(shell_vertices).float()[torch.from_numpy(shell_faces)[template.anchor_faces]]
-    vertices = (corners * template.anchor_barycentrics[..., None]).sum(1)
-    vertices = eased(vertices, template.faces, template.clearance, template.snug, body)
+    corners = torch.from_numpy(shell_faces)[template.anchor_faces]
+    vertices = gather(torch.from_numpy(shell_vertices).float(), corners, template.anchor_barycentrics)
+    vertices = offset_from_skin(vertices, template.faces, template.clearance, template.snug, body)
     return Mesh(vertices, template.faces, template.uvs, template.face_uvs)
 
 
 def shell(body: Body, bodice: Bodice | None) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """The surface a template is anchored on: the suit, or the gown where a bodice is given."""
-    return suit(body) if bodice is None else gown(body, bodice)
+    """Surface that a template is anchored on: vertices (P, 3) m and faces (Q, 3).
+
+    Without a bodice the tight shell, with one the dress shell.
+    """
+    return tight_shell(body) if bodice is None else dress_shell(body, bodice)
 
 
-def eased(vertices: Tensor, faces: Tensor, clearance: Tensor, snug: Tensor, body: Body) -> Tensor:
-    """Move garment vertices (N, 3) off the skin to their clearance (N,), smoothing between the passes.
+def offset_from_skin(vertices: Tensor, faces: Tensor, clearance: Tensor, snug: Tensor, body: Body) -> Tensor:
+    """Move garment vertices (N, 3) m off the skin to their clearance (N,) m, smoothing between the passes.
 
     Snug vertices end at their clearance from either side, others at no less than it.
     """
@@ -94,7 +100,7 @@ def eased(vertices: Tensor, faces: Tensor, clearance: Tensor, snug: Tensor, body
 
 
 def smoothing_matrix(faces: Tensor, count: int) -> Tensor:
-    """Neighbour averages in which hem vertices only see their neighbours along the hem."""
+    """Neighbour averages, sparse (count, count), in which hem vertices have only neighbours along the hem."""
     hem = boundary_edges(faces)
     average = neighbour_average(faces, count)
     off_hem = ~torch.isin(average.indices()[0], hem)
@@ -103,8 +109,8 @@ def smoothing_matrix(faces: Tensor, count: int) -> Tensor:
     return torch.sparse_coo_tensor(places, values, (count, count), check_invariants=False).to_sparse_csr()
 
 
-def outward(mesh: Mesh, body: Body) -> bool:
-    """Whether the faces' normals point away from the skin for most vertices."""
+def faces_outward(mesh: Mesh, body: Body) -> bool:
+    """Test of orientation: the normals of most vertices point away from the skin."""
     skin = BodySurface(body.mesh.vertices, body.mesh.faces).closest(mesh.vertices)
     facing = (vertex_normals(mesh.vertices, mesh.faces) * skin.normals).sum(1)
     return bool((facing > 0).float().mean() > 0.5)
@@ -116,7 +122,7 @@ def load_template(name: str) -> Template:
     if name not in TEMPLATES:
         raise InputError(f"garment {name}: unknown template, expected one of {', '.join(TEMPLATES)}")
     path = Path(str(files("uvcloth") / "data" / "templates" / f"{name}.npz"))
-    data = load_arrays(path, FORMAT, "a garment template")
+    data = load_arrays(path, TEMPLATE_FORMAT, "a garment template")
     bodice = None
     if "bodice_faces" in data:
         bodice = Bodice(
@@ -140,9 +146,9 @@ def load_template(name: str) -> Template:
 
 
 def save_template(template: Template, path: Path) -> None:
-    """Write a template to one npz."""
+    """Write a template to one npz. Raises InputError if it cannot be written."""
     arrays: dict[str, np.ndarray] = {
-        "format": np.array(FORMAT),
+        "format": np.array(TEMPLATE_FORMAT),
         "faces": _smallest(template.faces.numpy()),
         "uvs": template.uvs.numpy().astype(np.float32),
         "face_uvs": _smallest(template.face_uvs.numpy()),

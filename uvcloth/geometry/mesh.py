@@ -1,7 +1,9 @@
 """Triangle meshes as plain tensors: normals, edges, adjacency, neighbour averages."""
 
 import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import accumulate
 
 import torch
 from torch import Tensor
@@ -22,6 +24,28 @@ class Mesh:
     faces: Tensor
     uvs: Tensor
     face_uvs: Tensor
+
+
+@dataclass(frozen=True)
+class JoinedMesh:
+    """Meshes one after another as one.
+
+    vertices: (N, 3). faces: (F, 3) into them. starts: of each mesh, its first vertex. sizes: how many it has.
+    """
+
+    vertices: Tensor
+    faces: Tensor
+    starts: tuple[int, ...]
+    sizes: tuple[int, ...]
+
+
+def join_meshes(parts: Iterable[tuple[Tensor, Tensor]]) -> JoinedMesh:
+    """Join one mesh or more: vertices (n, 3) and faces (f, 3) of each, as in an outfit."""
+    vertices, faces = zip(*parts, strict=True)
+    sizes = tuple(len(each) for each in vertices)
+    starts = tuple(accumulate(sizes[:-1], initial=0))
+    moved = [corners + start for corners, start in zip(faces, starts, strict=True)]
+    return JoinedMesh(torch.cat(vertices), torch.cat(moved), starts, sizes)
 
 
 def face_normals(vertices: Tensor, faces: Tensor) -> Tensor:
@@ -101,13 +125,13 @@ def laplacian(faces: Tensor, count: int) -> Tensor:
 
 
 def weld(vertices: Tensor) -> Tensor:
-    """For each vertex (or any row) the first at the same place, for meshes cut at UV seams: (V,) int64."""
+    """First vertex (or any row) at the place of each, for meshes cut at UV seams: (V,) int64."""
     _, place = torch.unique(vertices, dim=0, return_inverse=True)
     return first_of(place)[place]
 
 
 def first_of(groups: Tensor) -> Tensor:
-    """The first of those that share a group: groups (N,) int64, from 0 without gaps -> (G,) int64."""
+    """First index of each group: groups (N,) int64, from 0 without gaps -> (G,) int64."""
     order = torch.arange(len(groups), device=groups.device)
     first = torch.full_like(order, len(groups)).scatter_reduce(0, groups, order, "amin")
     return first[first < len(groups)]

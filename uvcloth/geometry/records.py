@@ -1,6 +1,6 @@
-"""Dataclasses of tensors as arrays for an npz, and on a device."""
+"""Dataclasses of tensors as arrays for an npz, and on another device."""
 
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar, cast, get_type_hints
 
 import numpy as np
@@ -9,6 +9,8 @@ from torch import Tensor
 
 Record = TypeVar("Record")
 """A dataclass whose fields are tensors, numbers and other such dataclasses."""
+
+Value = TypeVar("Value")
 
 
 def to_arrays(record: Any, prefix: str) -> dict[str, np.ndarray]:
@@ -32,12 +34,18 @@ def from_arrays(kind: type[Record], arrays: dict[str, np.ndarray], prefix: str) 
     return kind(**values)
 
 
-def to_device(record: Record, device: torch.device) -> Record:
-    """The record with its tensors on a device."""
-    values: dict[str, Any] = {}
-    for name in get_type_hints(type(record)):
-        value = getattr(record, name)
-        if isinstance(value, Tensor):
-            value = value.to(device)
-        values[name] = to_device(value, device) if is_dataclass(value) else value
-    return type(record)(**values)
+def to_device(value: Value, device: torch.device) -> Value:
+    """The same with all its tensors on a device: those in dataclasses, tuples, lists and dicts, at any depth.
+
+    Everything else stays the object that it is, such as a module, which moves by itself.
+    """
+    moved: Any = value
+    if isinstance(value, Tensor):
+        moved = value.to(device)
+    elif is_dataclass(value) and not isinstance(value, type):
+        moved = replace(value, **{f.name: to_device(getattr(value, f.name), device) for f in fields(value)})
+    elif isinstance(value, tuple | list):
+        moved = type(value)(to_device(each, device) for each in value)
+    elif isinstance(value, dict):
+        moved = {key: to_device(each, device) for key, each in value.items()}
+    return cast(Value, moved)

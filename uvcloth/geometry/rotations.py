@@ -1,5 +1,9 @@
-"""Rotation matrices applied to vectors."""
+"""Rotation matrices: applied to vectors, and to and from quaternions, axis-angles and Euler angles.
 
+The conversions are kornia's, imported where they are used: who only rotates vectors need not have it.
+"""
+
+import torch
 from torch import Tensor
 
 
@@ -11,3 +15,51 @@ def rotate(frames: Tensor, vectors: Tensor) -> Tensor:
 def rotate_back(frames: Tensor, vectors: Tensor) -> Tensor:
     """World vectors to local: frames (..., 3, 3), vectors (..., 3)."""
     return (frames * vectors.unsqueeze(-1)).sum(-2)
+
+
+def to_quaternions(rotations: Tensor) -> Tensor:
+    """Unit quaternions x, y, z, w of rotations (..., 3, 3): (..., 4), in float64."""
+    from kornia.geometry.conversions import rotation_matrix_to_quaternion
+
+    quaternions = rotation_matrix_to_quaternion(rotations.double()).roll(-1, dims=-1)
+    return torch.nn.functional.normalize(quaternions, dim=-1)
+
+
+def from_quaternions(quaternions: Tensor) -> Tensor:
+    """Rotations (..., 3, 3) of quaternions x, y, z, w of any length above zero, (..., 4)."""
+    from kornia.geometry.conversions import quaternion_to_rotation_matrix
+
+    return quaternion_to_rotation_matrix(quaternions.roll(1, dims=-1))
+
+
+def to_axis_angles(rotations: Tensor) -> Tensor:
+    """Axes times angles, radians, of rotations (..., 3, 3): (..., 3)."""
+    from kornia.geometry.conversions import rotation_matrix_to_axis_angle
+
+    return rotation_matrix_to_axis_angle(rotations.reshape(-1, 3, 3)).view(*rotations.shape[:-2], 3)
+
+
+def from_axis_angles(axis_angles: Tensor) -> Tensor:
+    """Rotations (..., 3, 3) of axes times angles (..., 3), radians."""
+    from kornia.geometry.conversions import axis_angle_to_rotation_matrix
+
+    return axis_angle_to_rotation_matrix(axis_angles.reshape(-1, 3)).view(*axis_angles.shape[:-1], 3, 3)
+
+
+def from_euler(axes: str, angles: Tensor) -> Tensor:
+    """Product of turns about axes ("zyx": about z, then about the turned y and x), in the listed order.
+
+    angles: (..., len(axes)) radians -> (..., 3, 3).
+    """
+    product = torch.eye(3).to(angles).expand(*angles.shape[:-1], 3, 3)
+    for axis, angle in zip(axes, angles.unbind(-1), strict=True):
+        product = product @ from_axis_angles(angle[..., None] * torch.eye(3)["xyz".index(axis)].to(angle))
+    return product
+
+
+def smallest_rotation(source: Tensor, target: Tensor) -> Tensor:
+    """Rotation (3, 3) by the smallest angle that takes one unit vector (3,) to another."""
+    axis = torch.linalg.cross(source, target)
+    x, y, z = axis.tolist()
+    cross = torch.tensor([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]).to(source)
+    return torch.eye(3).to(source) + cross + cross @ cross / (1.0 + source @ target).clamp(min=1e-6)

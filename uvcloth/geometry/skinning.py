@@ -1,5 +1,6 @@
-"""Linear blend skinning, and the smooth blend weights that carry a garment."""
+"""Linear blend skinning, and blend weights smoothed over a mesh."""
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -62,7 +63,7 @@ def diffuse_weights(weights: Tensor, vertices: Tensor, faces: Tensor, distance: 
 
 
 def skin_frames(points: Tensor, weights: Tensor, transforms: Tensor) -> tuple[Tensor, Tensor]:
-    """Skinned points (B, N, 3) and frames (B, N, 3, 3) whose columns are the rest axes turned along."""
+    """Skinned points (B, N, 3) and frames (B, N, 3, 3), columns: the rest axes turned by the blend."""
     blended = blend_transforms(weights, transforms)
     return apply_transforms(blended, points), rotation_part(blended)
 
@@ -71,3 +72,15 @@ def seen_from_root(points: Tensor, transforms: Tensor) -> Tensor:
     """Points (B, P, 3) m in the axes of the root joint, the first of transforms (B, J, 3, 4)."""
     root = transforms[:, None, 0]
     return rotate_back(root[..., :3], points - root[..., 3])
+
+
+def strongest(weights: Tensor, influences: int) -> tuple[np.ndarray, np.ndarray]:
+    """Strongest blend weights of each vertex, rescaled to sum to one: (V, J) -> joints, weights (V, I).
+
+    Influences without weight name joint 0.
+    """
+    top = weights.topk(min(influences, weights.shape[1]), dim=1)
+    values = (top.values / top.values.sum(1, keepdim=True)).numpy().astype(np.float32)
+    joints = np.where(values > 0, top.indices.numpy(), 0)
+    missing = ((0, 0), (0, influences - values.shape[1]))
+    return np.pad(joints, missing), np.pad(values, missing)

@@ -3,28 +3,28 @@
 from dataclasses import dataclass, replace
 from typing import Any
 
+import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.garments.garment import Outfit
-from uvcloth.methods.method import Method
+from uvcloth.methods.method import Method, require_supported
 
 
 @dataclass(frozen=True)
-class Ensemble:
-    """A Method: what one predicts, the next one's garment is worn over (Motion-guided, section 6.5)."""
+class Ensemble(Method):
+    """What one method predicts, the next one's garment is worn over (Motion-guided, section 6.5)."""
 
     methods: tuple[Method, ...]
+    name: str = ""
     autoregressive: bool = True
+    quasi_static: bool = False
 
-    @property
-    def name(self) -> str:
-        return "+".join(method.name for method in self.methods)
-
-    @property
-    def quasi_static(self) -> bool:
-        return all(method.quasi_static for method in self.methods)
+    @classmethod
+    def of(cls, methods: tuple[Method, ...]) -> "Ensemble":
+        """Methods in the order of the garments, the innermost first."""
+        name = "+".join(method.name for method in methods)
+        return cls(methods, name, quasi_static=all(method.quasi_static for method in methods))
 
     def unsupported_reason(self, outfit: Outfit) -> str:
         """It dresses as many garments as there are methods, each of which dresses its own."""
@@ -34,30 +34,37 @@ class Ensemble:
         parts = zip(self.methods, _layers(outfit), strict=True)
         return next(filter(None, (method.unsupported_reason(layer) for method, layer in parts)), "")
 
-    def start(self, outfit: Outfit, frames: BodyFrames) -> tuple[Any, ...]:
-        """Start each on its garment. Raises InputError for an outfit that it has an unsupported_reason to."""
-        if unsupported_reason := self.unsupported_reason(outfit):
-            raise InputError(unsupported_reason)
+    def prepare(self, outfit: Outfit, device: torch.device) -> tuple[Any, ...]:
+        """Prepare each for its garment. Raises InputError for an outfit that is not supported."""
+        require_supported(self, outfit)
         parts = zip(self.methods, _layers(outfit), strict=True)
-        return tuple(method.start(layer, frames) for method, layer in parts)
+        return tuple(method.prepare(layer, device) for method, layer in parts)
 
-    def step(self, state: tuple[Any, ...], frames: BodyFrames) -> tuple[tuple[Any, ...], tuple[Tensor, ...]]:
-        """The next garments (1, N, 3), m."""
+    def init(self, prepared: tuple[Any, ...], frames: BodyFrames) -> tuple[Any, ...]:
+        """Start each."""
+        return tuple(m.init(ready, frames) for m, ready in zip(self.methods, prepared, strict=True))
+
+    def step(
+        self, prepared: tuple[Any, ...], state: tuple[Any, ...], frames: BodyFrames
+    ) -> tuple[tuple[Any, ...], tuple[Tensor, ...]]:
+        """The next garments (B, N, 3), m."""
         following: list[Any] = []
         garments: list[Tensor] = []
-        for method, before in zip(self.methods, state, strict=True):
+        for method, ready, before in zip(self.methods, prepared, state, strict=True):
             over = replace(frames, under=garments[-1] if garments else None)
-            after, (vertices,) = method.step(before, over)
+            after, (vertices,) = method.step(ready, before, over)
             following.append(after)
             garments.append(vertices)
         return tuple(following), tuple(garments)
 
-    def observe(self, state: tuple[Any, ...], garments: tuple[Tensor, ...]) -> tuple[Any, ...]:
-        """Tell those that remember what contact left."""
-        return tuple(
-            method.observe(before, (vertices,)) if method.autoregressive else before
-            for method, before, vertices in zip(self.methods, state, garments, strict=True)
-        )
+    def feed_back(
+        self, prepared: tuple[Any, ...], state: tuple[Any, ...], garments: tuple[Tensor, ...]
+    ) -> tuple[Any, ...]:
+        """Feed each its own back; the very state where that changes none."""
+        parts = zip(self.methods, prepared, state, garments, strict=True)
+        following = tuple(m.feed_back(ready, before, (vertices,)) for m, ready, before, vertices in parts)
+        changed = any(after is not before for after, before in zip(following, state, strict=True))
+        return following if changed else state
 
 
 def _layers(outfit: Outfit) -> tuple[Outfit, ...]:

@@ -2,11 +2,14 @@
 
 from dataclasses import dataclass
 
+import torch
 from torch import Tensor
 
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.garments.garment import Outfit
+from uvcloth.geometry.records import to_device
 from uvcloth.geometry.skinning import skin
+from uvcloth.methods.method import Method, MethodEntry
 
 
 @dataclass(frozen=True)
@@ -18,37 +21,28 @@ class SkinnedGarment:
 
 
 @dataclass(frozen=True)
-class LinearBlendSkinning:
-    """A Method without memory. smooth: weights diffused over the garment, so that skirts do not split."""
+class LinearBlendSkinning(Method):
+    """A quasi-static method. smooth: weights diffused over the garment, so that skirts do not split."""
 
     name: str
     smooth: bool
-    autoregressive: bool = False
     quasi_static: bool = True
+    is_baseline: bool = True
 
-    def unsupported_reason(self, outfit: Outfit) -> str:
-        """It dresses everything."""
-        return ""
-
-    def start(self, outfit: Outfit, frames: BodyFrames) -> tuple[SkinnedGarment, ...]:
-        """Take the blend weights of every garment."""
-        return tuple(
+    def prepare(self, outfit: Outfit, device: torch.device) -> tuple[SkinnedGarment, ...]:
+        """The blend weights of every garment."""
+        skinned = (
             SkinnedGarment(garment.mesh.vertices, garment.smooth_weights if self.smooth else garment.weights)
             for garment in outfit.garments
         )
+        return tuple(to_device(garment, device) for garment in skinned)
 
     def step(
-        self, state: tuple[SkinnedGarment, ...], frames: BodyFrames
-    ) -> tuple[tuple[SkinnedGarment, ...], tuple[Tensor, ...]]:
+        self, prepared: tuple[SkinnedGarment, ...], state: tuple[()], frames: BodyFrames
+    ) -> tuple[tuple[()], tuple[Tensor, ...]]:
         """Garment vertices (B, N, 3) of each garment, m."""
         transforms = frames.transforms[:, -1]
-        return state, tuple(skin(worn.points, worn.weights, transforms) for worn in state)
-
-    def observe(
-        self, state: tuple[SkinnedGarment, ...], garments: tuple[Tensor, ...]
-    ) -> tuple[SkinnedGarment, ...]:
-        """It remembers nothing."""
-        return state
+        return state, tuple(skin(garment.points, garment.weights, transforms) for garment in prepared)
 
 
 @dataclass(frozen=True)
@@ -57,6 +51,13 @@ class LBSConfig:
 
     smooth: bool = False
 
-    def create(self) -> LinearBlendSkinning:
-        """Build the method."""
-        return LinearBlendSkinning("lbs_smooth" if self.smooth else "lbs", self.smooth)
+
+def create_lbs(config: LBSConfig) -> LinearBlendSkinning:
+    """Build the method."""
+    return LinearBlendSkinning("lbs_smooth" if config.smooth else "lbs", config.smooth)
+
+
+ENTRIES = {
+    "lbs": MethodEntry(LBSConfig(smooth=False), create_lbs),
+    "lbs_smooth": MethodEntry(LBSConfig(smooth=True), create_lbs),
+}

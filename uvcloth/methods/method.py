@@ -1,49 +1,120 @@
-"""The protocol that every garment method fits: start on an outfit, then step frame after frame."""
+"""The protocol of a garment method: prepare an outfit once, then step frame after frame."""
 
+import copy
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any, Protocol
 
-from torch import Tensor
+import torch
+from torch import Tensor, nn
 
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
-from uvcloth.garments.garment import Outfit
+from uvcloth.checkpoint import Checkpoint
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.methods.rig import PoseRig
 
 
 class Method(Protocol):
-    """What rollout and evaluation see of a method.
+    """Interface to rollout, evaluation and export; a class that derives from it inherits the defaults.
 
-    autoregressive: whether the state holds what was predicted before. A method that is not may
-    be given many frames at once as a batch; one that is gets one frame at a time (B = 1).
-
-    quasi_static: whether a frame depends on its own pose alone, however fast the body came there.
+    A method holds its settings and weights and never changes. What it works out for an outfit is `Prepared`,
+    shared by all rollouts; what it keeps from frame to frame is `State`, of its own kind, passed along.
     """
 
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def autoregressive(self) -> bool: ...
-
-    @property
-    def quasi_static(self) -> bool: ...
+    name: str
+    """The name in tables and messages."""
+    autoregressive: bool = False
+    """Whether the state holds what was predicted before. If so, the B frames of a step are those of B
+    rollouts side by side; if not, any B frames."""
+    quasi_static: bool = False
+    """Whether a frame depends on its own pose alone, however fast the body came there."""
+    is_baseline: bool = False
+    """Whether other methods are measured against it."""
 
     def unsupported_reason(self, outfit: Outfit) -> str:
         """Why it cannot dress an outfit: a sentence that names garment and model; "" where it can."""
+        return ""
+
+    def prepare(self, outfit: Outfit, device: torch.device) -> Any:
+        """Work out what depends on the outfit alone (ray casts, layouts, weights on the device): Prepared."""
         ...
 
-    def start(self, outfit: Outfit, frames: BodyFrames) -> Any:
-        """Prepare an outfit (projections, blend weights) at the first frame; returns the state.
+    def init(self, prepared: Any, frames: BodyFrames) -> Any:
+        """Start from the first frames of B rollouts: State."""
+        return ()
 
-        Raises InputError for an outfit that it has an unsupported_reason to.
+    def step(self, prepared: Any, state: Any, frames: BodyFrames) -> tuple[Any, tuple[Tensor, ...]]:
+        """Predict B frames: the next state and, per garment, vertices (B, N, 3), metres, world."""
+        ...
+
+    def feed_back(self, prepared: Any, state: Any, garments: tuple[Tensor, ...]) -> Any:
+        """Replace what was predicted last by other garments, (B, N, 3) m each: after contact, or true ones.
+
+        Returns the very state where that changes nothing.
         """
-        ...
+        return state
 
-    def step(self, state: Any, frames: BodyFrames) -> tuple[Any, tuple[Tensor, ...]]:
-        """Predict frames in order: the next state and, per garment, vertices (B, N, 3), metres, world."""
-        ...
+    def as_rig(self, body: Body) -> PoseRig | None:
+        """The method as blend weights and blend shapes on a body, for engines; None where it is none.
 
-    def observe(self, state: Any, garments: tuple[Tensor, ...]) -> Any:
-        """What the state becomes when the last garments were (N, 3) each and not as predicted.
-
-        Rollout calls it after contact for an autoregressive method; one-step errors feed it the truth.
+        Raises InputError if it is one, but for another body.
         """
+        return None
+
+    def garment_space(self, garment: Garment, body: Body) -> "GarmentSpace | None":
+        """The space of shapes from which it draws a garment; None where it has none."""
+        return None
+
+    def round_trip(
+        self, prepared: Any, frames: BodyFrames, garments: tuple[Tensor, ...]
+    ) -> tuple[Tensor, ...] | None:
+        """Simulated garments (B, N, 3) written in the method's representation and read back, the least error
+        that it can have; None where it can show any garment."""
+        return None
+
+
+class GarmentSpace(Protocol):
+    """Garments decoded from codes that are spread like a standard normal distribution."""
+
+    @property
+    def size(self) -> int:
+        """Length Z of a code."""
         ...
+
+    def encode(self, vertices: Tensor, transforms: Tensor) -> Tensor:
+        """Codes (B, Z) of garments (B, N, 3), m, on a body moved by joint transforms (B, J, 3, 4)."""
+        ...
+
+    def decode(self, codes: Tensor) -> Tensor:
+        """Garments (B, N, 3) at rest, m, of codes (B, Z)."""
+        ...
+
+
+@dataclass(frozen=True)
+class MethodEntry:
+    """A method in the registry.
+
+    config: its frozen settings. create: what makes a method of settings, untrained where it learns. presets:
+    other settings by name. load: what makes a method of a checkpoint (read from a folder), None where it
+    never learns.
+    """
+
+    config: Any
+    create: Callable[[Any], Method]
+    presets: Mapping[str, Any] = field(default_factory=dict)
+    load: Callable[[Checkpoint, Path], Method] | None = None
+
+
+def require_supported(method: Method, outfit: Outfit) -> None:
+    """Raise InputError if a method cannot dress an outfit, with its reason."""
+    if reason := method.unsupported_reason(outfit):
+        raise InputError(reason)
+
+
+def for_inference(network: nn.Module, device: torch.device) -> Any:
+    """A copy of a network on a device, as it predicts: without dropout and gradients, channels last."""
+    copied = copy.deepcopy(network).to(device=device)
+    return copied.to(memory_format=torch.channels_last).eval().requires_grad_(False)  # type: ignore[call-overload]

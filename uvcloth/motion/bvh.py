@@ -1,24 +1,28 @@
-"""Read BVH motion capture files."""
+"""BVH motion capture files: reading of hierarchy and motion."""
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.spatial.transform import Rotation
 
 from rasterize.errors import InputError
+from uvcloth.geometry.rotations import from_euler
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
 
 END_SITE = -2
-CHANNELS = frozenset(axis + kind for axis in "xyz" for kind in ("position", "rotation"))
-FRAME_SECONDS = (1e-4, 10.0)
+"""Stands for an end site on the stack of open joints."""
+
+CHANNEL_NAMES = frozenset(axis + kind for axis in "xyz" for kind in ("position", "rotation"))
+FRAME_TIME_RANGE = (1e-4, 10.0)
+"""Least and greatest time of a frame, seconds."""
 
 
 @dataclass
 class _Hierarchy:
-    """What the HIERARCHY section says; `channels` holds (joint, "xposition" and the like) per column."""
+    """Content of the HIERARCHY section; `channels` holds (joint, "xposition" and the like) per column."""
 
     names: list[str] = field(default_factory=list)
     parents: list[int] = field(default_factory=list)
@@ -85,7 +89,7 @@ def _parse_hierarchy(path: Path, lines: list[str]) -> _Hierarchy:
 
 
 def _parse_line(hierarchy: _Hierarchy, open_blocks: list[int], keyword: str, rest: list[str]) -> None:
-    """Take in one line; `open_blocks` is the stack of open joints, END_SITE for an end site."""
+    """Add one line to the hierarchy; `open_blocks` is the stack of open joints, END_SITE for an end site."""
     if keyword in ("ROOT", "JOINT"):
         hierarchy.parents.append(open_blocks[-1] if open_blocks else -1)
         open_blocks.append(len(hierarchy.names))
@@ -102,7 +106,7 @@ def _parse_line(hierarchy: _Hierarchy, open_blocks: list[int], keyword: str, res
         hierarchy.offsets[open_blocks[-1]] = offset
     elif keyword == "CHANNELS":
         channels = [word.lower() for word in rest[1:]]
-        if len(channels) != int(rest[0]) or not CHANNELS.issuperset(channels):
+        if len(channels) != int(rest[0]) or not CHANNEL_NAMES.issuperset(channels):
             raise ValueError("not the channels that were announced")
         hierarchy.channels += [(open_blocks[-1], channel) for channel in channels]
 
@@ -119,10 +123,9 @@ def _parse_motion(
         seconds = float(body[1][1].split(":")[1])
     except (IndexError, ValueError) as error:
         raise InputError(f"{path}: the MOTION section lacks a readable 'Frames:' or 'Frame Time:'") from error
-    if not FRAME_SECONDS[0] <= seconds <= FRAME_SECONDS[1]:
-        raise InputError(
-            f"{path}: the frame time is {seconds} s, expected {FRAME_SECONDS[0]} to {FRAME_SECONDS[1]} s"
-        )
+    if not FRAME_TIME_RANGE[0] <= seconds <= FRAME_TIME_RANGE[1]:
+        least, greatest = FRAME_TIME_RANGE
+        raise InputError(f"{path}: the frame time is {seconds} s, expected {least} to {greatest} s")
     if frames <= 0:
         raise InputError(f"{path}: the file has zero frames")
     rows = body[2:]
@@ -161,7 +164,7 @@ def _bad_row(path: Path, rows: list[tuple[int, str]], expected: int) -> InputErr
 
 
 def _nominal_fps(fps: float) -> float:
-    """Files round the frame time (0.0083333 s): a rate that close to a whole number means it."""
+    """Frame rate freed of the rounding of frame times in files (0.0083333 s): the whole number beside it."""
     return float(round(fps)) if abs(fps - round(fps)) < 1e-4 * fps else fps
 
 
@@ -181,13 +184,12 @@ def _world_rotations(path: Path, hierarchy: _Hierarchy, values: np.ndarray) -> n
         columns, axes = _columns(hierarchy, joint, "rotation")
         local = np.broadcast_to(np.eye(3), (len(values), 3, 3))
         if columns:
-            try:
-                local = Rotation.from_euler(axes.upper(), values[:, columns], degrees=True).as_matrix()
-            except ValueError as error:
+            if len(axes) > 3 or any(axis == following for axis, following in pairwise(axes)):
                 raise InputError(
                     f"{path}: joint {hierarchy.names[joint]} has the rotation channels {axes.upper()}, "
                     "expected up to three with no axis twice in a row"
-                ) from error
+                )
+            local = from_euler(axes, torch.from_numpy(np.radians(values[:, columns]))).numpy()
         world[:, joint] = local if parent < 0 else world[:, parent] @ local
     return world
 

@@ -1,4 +1,4 @@
-"""Faults of motion capture that no cloth can follow: joints that jump, and joints that stand still."""
+"""Faults of motion capture that cloth cannot follow: joints that jump, and joints that stand still."""
 
 import math
 
@@ -9,28 +9,28 @@ from uvcloth.geometry.skeleton import local_rotations
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.retarget import joint_roles
 
-WIDEST_TURN = 90.0
-"""Degrees that a joint may turn in the world within a frame."""
+MAX_FRAME_TURN = 90.0
+"""Degrees that a joint may turn in the world from one frame to the next."""
 
-SECONDS = 1.0
-"""How long a joint may stand still relative to its parent while others move."""
+STANDSTILL_SECONDS = 1.0
+"""Seconds that a joint may stand still relative to its parent while others move."""
 
-UNMOVED = 1e-3
-"""Degrees within which a joint stands still: far below what a captured joint trembles."""
+STANDSTILL_DEGREES = 1e-3
+"""Degrees within which a joint stands still: far below the noise of a captured joint."""
 
 WITHOUT_CLOTH = ("hand", "fingers", "toes")
 """Joints that no garment hangs on, whose captures flip most."""
 
 
-def jump(clip: Clip, first: int = 0) -> str | None:
-    """The first joint of a clip that turns by more than WIDEST_TURN in a frame, in words, if there is one.
+def find_jump(clip: Clip, first: int = 0) -> str | None:
+    """Text on the first joint that turns by more than MAX_FRAME_TURN in a frame, or None.
 
     The clip is on a body's skeleton; its first frame is number `first`. Only joints that play a known role
     count, and not WITHOUT_CLOTH.
     """
     joints = _joints(clip)
     turns = _turns(clip.rotations[:, joints])
-    wide = turns > WIDEST_TURN
+    wide = turns > MAX_FRAME_TURN
     if not bool(wide.any()):
         return None
     frame = int(wide.any(1).int().argmax())
@@ -39,18 +39,18 @@ def jump(clip: Clip, first: int = 0) -> str | None:
     return f"{name} turns by {turn:.0f} degrees in frame {first + frame + 1}"
 
 
-def standstill(clip: Clip, first: int = 0) -> str | None:
-    """The joint of a clip that stands still for SECONDS while others move, in words, if there is one.
+def find_standstill(clip: Clip, first: int = 0) -> str | None:
+    """Text on the joint that stands still for STANDSTILL_SECONDS while others move, or None.
 
-    Joints count as in `jump`; one that never moves is one that the capture does not have.
+    Joints count as in `find_jump`; one that never moves is one that the capture does not have.
     """
     joints = _joints(clip)
-    moves = _turns(local_rotations(clip.skeleton.parents, clip.rotations)[:, joints]) > UNMOVED
+    moves = _turns(local_rotations(clip.skeleton.parents, clip.rotations)[:, joints]) > STANDSTILL_DEGREES
     frozen = ~moves & moves.any(0) & moves.any(1, keepdim=True)
     for joint, still in zip(joints, frozen.T, strict=True):
         values, counts = torch.unique_consecutive(still, return_counts=True)
         lengths = torch.where(values, counts, 0)
-        if len(lengths) and int(lengths.max()) >= round(SECONDS * clip.fps):
+        if len(lengths) and int(lengths.max()) >= round(STANDSTILL_SECONDS * clip.fps):
             longest = int(lengths.argmax())
             start = first + int(counts[:longest].sum())
             end = start + int(lengths[longest])

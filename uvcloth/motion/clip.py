@@ -25,7 +25,7 @@ class Clip:
         return len(self.rotations)
 
     def transforms(self) -> Tensor:
-        """(T, J, 3, 4) rest-to-posed transforms of every joint and frame."""
+        """Rest-to-posed transforms of every joint and frame: (T, J, 3, 4)."""
         return joint_transforms(self.skeleton, self.rotations, self.translation)
 
     def window(self, start: int, frames: int) -> "Clip":

@@ -1,4 +1,4 @@
-"""Which clips there are, and which of them poses for training, validation and test come from."""
+"""Splits of clips: those that poses for training, validation and test come from."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ from uvcloth.motion.library import builtin_clips
 from uvcloth.motion.poses import SPLITS
 
 HELD_OUT = 0.15
-"""Share of the clips without an index that is for validation, and of them that is for the test."""
+"""Shares of the clips without an index that are for validation and for the test, each."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """A clip.
+    """A clip to draw poses from.
 
     file: a path or the name of a built-in clip. split: train, validation or test. subject: who moves, ""
     where it is not known.
@@ -31,7 +31,7 @@ class Source:
 def find_sources(
     clips: Sequence[str], windows: Path | None = None, clips_from: Path | None = None
 ) -> list[Source]:
-    """The clips of files, folders, built-in names and an index, sorted by name, each for one split.
+    """Find the clips of files, folders, built-in names and an index, sorted by name, each for one split.
 
     A folder gives its BVH files and those of the folders in it. If an index.csv lies in it, that decides:
     its clips are for what it says, and those that it calls unused or does not name are left out. windows: an

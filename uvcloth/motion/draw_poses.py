@@ -1,26 +1,26 @@
-"""Draw distinct, valid poses from motion capture (PBNS section 4.3)."""
+"""Drawing of distinct, valid poses from motion capture (PBNS section 4.3)."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import torch
-from kornia.geometry.conversions import rotation_matrix_to_axis_angle
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.rotations import to_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, local_rotations
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip_splits import Source
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase, rest_hash
 
-CHUNK = 256
-"""Candidates that are compared with the poses drawn before, and with one another, at once."""
+CANDIDATES_AT_ONCE = 256
+"""Candidates that are compared at once with the poses drawn before, and with one another."""
 
-SIDES = (("Left", "Right"), ("left", "right"), ("L", "R"))
-"""How names of joints begin, after a prefix like "mixamorig:", on either side."""
+SIDE_PREFIXES = (("Left", "Right"), ("left", "right"), ("L", "R"))
+"""Beginnings of joint names on either side, after a prefix like "mixamorig:"."""
 
 
 def draw_poses(
@@ -32,7 +32,7 @@ def draw_poses(
     seed: int = 0,
     every: int = 1,
 ) -> PoseDatabase:
-    """Poses of the sources, drawn in random order, training first, then validation, then test.
+    """Draw poses of the sources in random order, training first, then validation, then test.
 
     A pose is kept if it is at least `apart` radians from every one kept before, of all splits (the largest
     difference of their `local_angles`), and if it is valid; that is asked of the posed body (V, 3), last.
@@ -58,23 +58,22 @@ def draw_poses(
                 continue
             rows = rows[torch.randperm(len(rows), generator=generator)]
             bar = progress.add_task(f"drawing for {name}", total=len(rows))
-            for chunk in rows.split(CHUNK):
+            for chunk in rows.split(CANDIDATES_AT_ONCE):
                 angles = local_angles(candidates.rotations[chunk], skeleton)
                 far = (torch.cdist(angles, near, p=torch.inf) >= apart).all(1)
-                transforms = candidates.take(chunk[far]).transforms(skeleton)
+                transforms = candidates.select(chunk[far]).transforms(skeleton)
                 kept = _distinct(angles[far], apart, transforms, body, valid)
                 near = torch.cat([near, angles[far][kept]])
                 drawn.append(chunk[far][kept])
                 progress.advance(bar, len(chunk))
     if not len(near):
         raise InputError(f"{sources[0].file}: no pose of the clips is valid on the body {body.name}")
-    return candidates.take(torch.cat(drawn))
+    return candidates.select(torch.cat(drawn))
 
 
 def local_angles(rotations: Tensor, skeleton: Skeleton) -> Tensor:
     """Axis-angles of all joints but the root relative to their parents: (B, J, 3, 3) -> (B, 3 (J - 1))."""
-    local = local_rotations(skeleton.parents, rotations)[:, 1:].flatten(0, 1)
-    return rotation_matrix_to_axis_angle(local).reshape(len(rotations), -1)
+    return to_axis_angles(local_rotations(skeleton.parents, rotations)[:, 1:]).flatten(1)
 
 
 def mirror_rotations(rotations: Tensor, skeleton: Skeleton) -> Tensor:
@@ -91,7 +90,7 @@ def mirror_rotations(rotations: Tensor, skeleton: Skeleton) -> Tensor:
 def _counterpart(name: str, names: tuple[str, ...]) -> int:
     """Index of the joint on the other side, or of the joint itself if it is on neither."""
     prefix, colon, plain = name.rpartition(":")
-    for left, right in (*SIDES, *(side[::-1] for side in SIDES)):
+    for left, right in (*SIDE_PREFIXES, *(side[::-1] for side in SIDE_PREFIXES)):
         rest = plain.removeprefix(left)
         # "L" begins LowerBack as well as LThumb.
         if rest == plain or not (rest[:1].isupper() or rest.startswith("_")):
@@ -139,7 +138,7 @@ def _candidates(
 def _distinct(
     angles: Tensor, apart: float, transforms: Tensor, body: Body, valid: Callable[[Tensor], bool]
 ) -> Tensor:
-    """Of poses (B, A), (B, J, 3, 4), first come first served, those valid and apart from each other: (K,)."""
+    """Indices (K,) of the poses (B, A), (B, J, 3, 4) that are valid and apart from those before them."""
     close = torch.cdist(angles, angles, p=torch.inf) < apart
     free = torch.ones(len(angles), dtype=torch.bool)
     kept: list[int] = []

@@ -1,4 +1,4 @@
-"""The index of a benchmark: which window of which clip is for training, choosing or testing, and of whom."""
+"""Index of a benchmark: windows of clips, their person, and their split (training, validation, test)."""
 
 import csv
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ INDEX = "index.csv"
 """Name of the index in a data folder."""
 
 UNUSED = "unused"
-"""The split of what is neither trained on, nor chosen by, nor tested."""
+"""Split of clips that are neither for training, nor for validation, nor for the test."""
 
 COLUMNS = ("trial", "subject", "split", "action", "window_start", "window_frames")
 
@@ -35,7 +35,7 @@ class Entry:
 
 
 def read_index(path: Path) -> dict[str, Entry]:
-    """The windows of an index by clip.
+    """Read the windows of an index, by clip.
 
     Raises InputError if it is missing or not such a table, for a clip that it names twice, for a split that
     is none, for a person in two of SPLITS, and for a window that starts before the clip or is empty.

@@ -1,31 +1,31 @@
-"""Clips by path or by name: BVH files, clip archives, and the clips that ship with the package."""
+"""Loading of clips by path or name: BVH files, clip archives, clips that ship with the package."""
 
 from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.spatial.transform import Rotation
 
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.rotations import from_quaternions, to_quaternions
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.retarget import retarget
 
-FORMAT = "uvcloth-clip-1"
+CLIP_FORMAT = "uvcloth-clip-1"
 
 
 def builtin_clips() -> dict[str, Path]:
-    """Name -> file of every clip that ships with the package, in alphabetical order."""
+    """Files of the clips that ship with the package, by name, in alphabetical order."""
     folder = Path(str(files("uvcloth") / "data" / "clips"))
     return {path.stem: path for path in sorted(folder.glob("*.npz"))}
 
 
 def load_clip(path_or_name: str | Path, body: Body, fps: float = 30.0) -> Clip:
-    """A motion retargeted onto a body, from a BVH file, a clip archive (.npz) or a built-in clip's name.
+    """Load a motion retargeted onto a body, from a BVH file, a clip archive (.npz) or a built-in clip's name.
 
     Raises InputError naming the file for unreadable files, unknown joints and unknown names.
     """
@@ -45,17 +45,16 @@ def load_clip(path_or_name: str | Path, body: Body, fps: float = 30.0) -> Clip:
 
 def save_clip(clip: Clip, path: Path, notice: str = "") -> None:
     """Write a clip on its own skeleton to one npz; `notice` is a licence or an origin to keep with it."""
-    quaternions = Rotation.from_matrix(clip.rotations.flatten(0, 1).numpy()).as_quat()
     save_arrays(
         path,
         {
-            "format": np.array(FORMAT),
+            "format": np.array(CLIP_FORMAT),
             "name": np.array(clip.name),
             "notice": np.array(notice),
             "joint_names": np.array(clip.skeleton.names),
             "joint_parents": np.array(clip.skeleton.parents, dtype=np.int16),
             "joint_heads": clip.skeleton.heads.numpy().astype(np.float32),
-            "quaternions": quaternions.reshape(*clip.rotations.shape[:2], 4).astype(np.float32),
+            "quaternions": to_quaternions(clip.rotations).float().numpy(),
             "translation": clip.translation.numpy().astype(np.float32),
             "fps": np.array(clip.fps),
         },
@@ -68,7 +67,7 @@ def read_clip(path: Path) -> Clip:
     Raises InputError naming the file if it is missing, truncated, another format, without frames, or
     holds arrays that do not fit together or are not finite.
     """
-    data = load_arrays(path, FORMAT, "a motion clip saved by uvcloth")
+    data = load_arrays(path, CLIP_FORMAT, "a motion clip saved by uvcloth")
     try:
         names = tuple(str(name) for name in data["joint_names"])
         parents = tuple(int(parent) for parent in data["joint_parents"])
@@ -89,11 +88,10 @@ def read_clip(path: Path) -> Clip:
             raise InputError(f"{path}: a {what} of the clip is not a finite number")
     if not np.allclose(np.linalg.norm(quaternions, axis=-1), 1.0, atol=1e-3):
         raise InputError(f"{path}: a rotation of the clip is no unit quaternion")
-    rotations = Rotation.from_quat(quaternions.reshape(-1, 4)).as_matrix().astype(np.float32)
     return Clip(
         name=name,
         skeleton=Skeleton(names, parents, torch.from_numpy(heads)),
-        rotations=torch.from_numpy(rotations).view(frames, joints, 3, 3),
+        rotations=from_quaternions(torch.from_numpy(quaternions).double()).float(),
         translation=torch.from_numpy(translation),
         fps=fps,
     )

@@ -1,24 +1,24 @@
 """Pose databases: distinct, valid poses of one body, without the motion between them, in one npz."""
 
-import hashlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from rasterize.archive import load_arrays, require_finite, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.fingerprint import fingerprint
+from uvcloth.geometry.rotations import from_quaternions, to_quaternions
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 
 SPLITS = ("train", "validation", "test")
 
-FORMAT = "uvcloth-poses-2"
-ARRAYS = (
+POSES_FORMAT = "uvcloth-poses-2"
+POSE_ARRAYS = (
     "joint_names",
     "quaternions",
     "clip_names",
@@ -30,8 +30,10 @@ ARRAYS = (
     "donors",
 )
 DONORS = 4
+"""Poses that a recombined one is made of."""
+
 PER_POSE = ("rotations", "clips", "frames", "mirrored", "splits", "donors")
-SCALARS = ("apart", "body_name", "body_hash")
+POSE_SCALARS = ("apart", "body_name", "body_hash")
 
 
 @dataclass(frozen=True)
@@ -64,25 +66,25 @@ class PoseDatabase:
         return len(self.rotations)
 
     def transforms(self, skeleton: Skeleton) -> Tensor:
-        """(M, J, 3, 4) rest-to-posed transforms of every joint; the root joint stays where it is at rest."""
+        """Rest-to-posed transforms of every joint, the root joint where it is at rest: (M, J, 3, 4)."""
         return joint_transforms(skeleton, self.rotations, skeleton.heads[:1].expand(len(self), 3))
 
     def of(self, split: str) -> "PoseDatabase":
-        """Only the poses of one split, a word of SPLITS."""
-        return self.take(torch.nonzero(self.splits == SPLITS.index(split)).squeeze(1))
+        """Poses of one split, a word of SPLITS."""
+        return self.select(torch.nonzero(self.splits == SPLITS.index(split)).squeeze(1))
 
     def clips_of(self, split: str) -> dict[str, str]:
-        """The clips that the poses of a split are from, and who moves in each."""
+        """Clips of the poses of a split, and the person who moves in each."""
         clips = self.of(split).clips.unique().tolist()
         return {self.clip_names[clip]: self.subjects[clip] for clip in clips}
 
-    def take(self, rows: Tensor) -> "PoseDatabase":
-        """Only the poses at `rows` (K,), in that order."""
+    def select(self, rows: Tensor) -> "PoseDatabase":
+        """Poses at `rows` (K,), in that order."""
         taken: dict[str, Any] = {name: getattr(self, name)[rows] for name in PER_POSE}
         return replace(self, **taken)
 
     def followed_by(self, other: "PoseDatabase") -> "PoseDatabase":
-        """These poses, then those of another database of the same clips."""
+        """Poses of this database, then those of another one of the same clips."""
         joined: dict[str, Any] = {
             name: torch.cat([getattr(self, name), getattr(other, name)]) for name in PER_POSE
         }
@@ -91,18 +93,17 @@ class PoseDatabase:
 
 def rest_hash(body: Body) -> str:
     """SHA-256 of the body's vertices at rest, in hexadecimal: two bodies of one shape have the same."""
-    return hashlib.sha256(body.mesh.vertices.numpy().astype("<f4").tobytes()).hexdigest()
+    return fingerprint(body.mesh.vertices.float())
 
 
 def save_poses(poses: PoseDatabase, path: Path) -> None:
     """Write a database to one npz, rotations as quaternions. Raises InputError if it cannot be written."""
-    quaternions = Rotation.from_matrix(poses.rotations.flatten(0, 1).numpy()).as_quat()
     save_arrays(
         path,
         {
-            "format": np.array(FORMAT),
+            "format": np.array(POSES_FORMAT),
             "joint_names": np.array(poses.joints),
-            "quaternions": quaternions.reshape(*poses.rotations.shape[:2], 4).astype(np.float32),
+            "quaternions": to_quaternions(poses.rotations).float().numpy(),
             "clip_names": np.array(poses.clip_names),
             "subjects": np.array(poses.subjects),
             "clips": poses.clips.numpy().astype(np.int32),
@@ -118,13 +119,13 @@ def save_poses(poses: PoseDatabase, path: Path) -> None:
 
 
 def load_poses(path: Path, body: Body) -> PoseDatabase:
-    """Read what `save_poses` wrote, to pose a body with.
+    """Read the file that `save_poses` wrote, for a body.
 
     Raises InputError naming the file if it is missing, damaged, another format, without poses, made for
     another skeleton, or holds arrays that do not fit together or are not finite.
     """
     path = Path(path)
-    data = load_arrays(path, FORMAT, "poses drawn by `uvcloth poses`", (*ARRAYS, *SCALARS))
+    data = load_arrays(path, POSES_FORMAT, "poses drawn by `uvcloth poses`", (*POSE_ARRAYS, *POSE_SCALARS))
     require_finite(path, data)
     names = tuple(str(name) for name in data["joint_names"].reshape(-1))
     if names != body.skeleton.names:
@@ -133,11 +134,9 @@ def load_poses(path: Path, body: Body) -> PoseDatabase:
             f"({len(names)} joints {', '.join(names[:3])}, ...)"
         )
     _check(path, data, len(names))
-    quaternions = data["quaternions"]
-    rotations = Rotation.from_quat(quaternions.reshape(-1, 4)).as_matrix().astype(np.float32)
     return PoseDatabase(
         joints=names,
-        rotations=torch.from_numpy(rotations).view(*quaternions.shape[:2], 3, 3),
+        rotations=from_quaternions(torch.from_numpy(data["quaternions"]).double()).float(),
         clip_names=tuple(str(name) for name in data["clip_names"]),
         subjects=tuple(str(name) for name in data["subjects"]),
         clips=torch.from_numpy(data["clips"].astype(np.int64)),
@@ -158,7 +157,7 @@ def _check(path: Path, data: dict[str, np.ndarray], joints: int) -> None:
     if count == 0:
         raise InputError(f"{path}: holds no poses")
     flat = all(data[name].shape == (count,) for name in ("clips", "frames", "mirrored", "splits"))
-    single = all(data[name].ndim == 0 for name in SCALARS)
+    single = all(data[name].ndim == 0 for name in POSE_SCALARS)
     kinds = [data[name].dtype.kind for name in ("quaternions", "mirrored", "apart")] == ["f", "b", "f"]
     whole = all(data[name].dtype.kind in "iu" for name in ("clips", "frames", "splits"))
     named = clip_names.ndim == 1 and data["subjects"].shape == clip_names.shape

@@ -1,4 +1,4 @@
-"""New poses from those of a database: the legs of one, the trunk of another, the arms of two more.
+"""Recombination of poses: the legs of one, the trunk of another, the arms of two more.
 
 A few clips hold each arm and each leg in many positions, but only in few combinations. A method that learns
 without data can be shown the others too: all that it needs of a pose is that the body can take it.
@@ -18,25 +18,25 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.motion.poses import SPLITS, PoseDatabase
 from uvcloth.motion.retarget import joint_roles
 
-PARTS: tuple[tuple[str, ...], ...] = (
+DONOR_PARTS: tuple[tuple[str, ...], ...] = (
     (),
     ("lower_spine", "middle_spine", "upper_spine"),
     ("left_clavicle", "left_upper_arm"),
     ("right_clavicle", "right_upper_arm"),
 )
-"""What hangs on the first of these that a skeleton has: legs (all the rest), trunk, left and right arm."""
+"""Top joints of each part, the first that a skeleton has: legs (all the rest), trunk, left and right arm."""
 
 RECOMBINED = 2000
 """Poses that are made unless another number is asked for."""
 
-TRIES = 20
-"""Candidates for each pose that is wanted, at most."""
+CANDIDATES_PER_POSE = 20
+"""Most candidates for each pose that is wanted."""
 
 
 def recombine(
     poses: PoseDatabase, body: Body, valid: Callable[[Tensor], bool], count: int, seed: int = 0
 ) -> PoseDatabase:
-    """The database with `count` more training poses, each made of the parts of training poses.
+    """Add `count` training poses to a database, each made of the parts of training poses.
 
     Each arm is the trunk's own with even odds. valid: asked of the posed body (V, 3). Raises InputError
     if too few of the combinations are valid.
@@ -48,10 +48,10 @@ def recombine(
     kept: list[Tensor] = []
     with Progress(TextColumn("recombining"), BarColumn(), MofNCompleteColumn()) as progress:
         bar = progress.add_task("", total=count)
-        for _ in range(TRIES * count):
+        for _ in range(CANDIDATES_PER_POSE * count):
             if len(kept) == count:
                 break
-            donors = rows[torch.randint(len(rows), (len(PARTS),), generator=generator)]
+            donors = rows[torch.randint(len(rows), (len(DONOR_PARTS),), generator=generator)]
             own = torch.rand(2, generator=generator) < 0.5
             donors[2:] = torch.where(own, donors[1], donors[2:])
             made = _made_of(poses, local, donors[None], part, body.skeleton)
@@ -67,10 +67,11 @@ def recombine(
 
 
 def joint_parts(skeleton: Skeleton) -> Tensor:
-    """Which of PARTS each joint belongs to: (J,) int64."""
+    """Index into DONOR_PARTS of each joint: (J,) int64."""
     roles = joint_roles(skeleton.names)
     tops = {
-        next((roles[role] for role in part if role in roles), None): index for index, part in enumerate(PARTS)
+        next((roles[role] for role in part if role in roles), None): index
+        for index, part in enumerate(DONOR_PARTS)
     }
     parts: list[int] = []
     for joint, parent in enumerate(skeleton.parents):
@@ -81,7 +82,7 @@ def joint_parts(skeleton: Skeleton) -> Tensor:
 def _made_of(
     poses: PoseDatabase, local: Tensor, donors: Tensor, part: Tensor, skeleton: Skeleton
 ) -> PoseDatabase:
-    """Training poses of the rotations relative to parents, local (M, J, 3, 3), of donors (K, parts)."""
+    """Poses whose rotations relative to parents, local (M, J, 3, 3), are those of donors (K, parts)."""
     picked = local[donors[:, part], torch.arange(len(part))]
-    legs = poses.take(donors[:, 0])
+    legs = poses.select(donors[:, 0])
     return replace(legs, rotations=world_rotations(skeleton.parents, picked), donors=donors)

@@ -1,6 +1,6 @@
-"""Carry a motion over from any known skeleton to a body's own.
+"""Retargeting of a motion from any known skeleton to a body's own.
 
-Rotations are carried over, not positions: capture skeletons leave bones out or give them no length. Both rest
+Rotations are transferred, not positions: capture skeletons leave bones out or give them no length. Both rest
 poses are first brought to a common one, the T-pose of the capture skeleton.
 """
 
@@ -9,15 +9,15 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.rotations import from_axis_angles, from_euler, smallest_rotation, to_axis_angles
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
 
-MIDDLE = {
+MIDDLE_ALIASES = {
     "hips": ("hips", "hip"),
     "lower_spine": ("lowerback", "abdomen", "spine"),
     "middle_spine": ("spine", "chest", "spine1"),
@@ -26,7 +26,7 @@ MIDDLE = {
     "upper_neck": ("neck1", "neck"),
     "head": ("head",),
 }
-SIDE = {
+SIDE_ALIASES = {
     "thigh": ("{side}upleg", "{side}hip", "{s}thigh"),
     "shin": ("{side}leg", "{side}knee", "{s}shin"),
     "foot": ("{side}foot", "{side}ankle", "{s}foot"),
@@ -37,15 +37,15 @@ SIDE = {
     "hand": ("{side}hand", "{side}wrist", "{s}hand"),
     "fingers": ("{side}handindex1", "{side}handmiddle1", "{side}handfinger1", "{s}fingers", "{s}mid1"),
 }
-ALIASES = MIDDLE | {
+ALIASES = MIDDLE_ALIASES | {
     f"{side}_{joint}": tuple(name.format(side=side, s=side[0]) for name in names)
     for side in ("left", "right")
-    for joint, names in SIDE.items()
+    for joint, names in SIDE_ALIASES.items()
 }
 """Canonical joint -> its names in MotionBuilder, 3ds Max, DAZ and Mixamo files, lower case and without a
 "mixamorig:" prefix. The first name that the skeleton has, and that no joint above claimed, is meant."""
 
-LIMBS = {
+LIMB_BONES = {
     f"{side}_{bone}": f"{side}_{tip}"
     for side in ("left", "right")
     for bone, tip in {
@@ -58,16 +58,17 @@ LIMBS = {
 }
 """Bones whose rest directions are brought together, and the joint each points at."""
 
-REQUIRED = ("hips", *LIMBS, "left_foot", "right_foot")
+REQUIRED_ROLES = ("hips", *LIMB_BONES, "left_foot", "right_foot")
 
 FLOOR_PERCENTILE = 15.0
-"""Low enough for a clip with jumps; the few lowest frames are bent toes and the drift of the capture."""
+"""Percentile of the lowest vertex over frames: below jumps, above bent toes and the capture's drift."""
 
 SKINNED_AT_ONCE = 256
+"""Frames that are skinned at once."""
 
 
 def joint_roles(names: Iterable[str]) -> dict[str, int]:
-    """Canonical joint -> index of the joint that plays it, for joints with a known name."""
+    """Index of the joint that plays each canonical joint, for joints with a known name."""
     plain = {name.rpartition(":")[2].lower().removeprefix("mixamorig"): i for i, name in enumerate(names)}
     roles: dict[str, int] = {}
     for role, aliases in ALIASES.items():
@@ -78,7 +79,7 @@ def joint_roles(names: Iterable[str]) -> dict[str, int]:
 
 
 def retarget(clip: Clip, body: Body, fps: float = 30.0) -> Clip:
-    """A clip on any known skeleton -> the same motion on the body, resampled, feet on the floor z = 0.
+    """Retarget a clip on any known skeleton to a body: resampled, feet on the floor z = 0.
 
     The clip may be in any unit and any right-handed axes in which its rest pose stands along one of
     them. For a joint j that both skeletons have, the world rotation relative to the body's rest pose is
@@ -101,26 +102,26 @@ def retarget(clip: Clip, body: Body, fps: float = 30.0) -> Clip:
         align.setdefault(f"{side}_hand", align[f"{side}_forearm"])
 
     role_of = {joint: role for role, joint in target.items() if role in source}
-    carried: list[Tensor] = []
+    turned: list[Tensor] = []
     for joint, parent in enumerate(body.skeleton.parents):
         role = role_of.get(joint)
         if role is None:
-            carried.append(carried[parent] if parent >= 0 else rotations[:, source["hips"]])
+            turned.append(turned[parent] if parent >= 0 else rotations[:, source["hips"]])
         else:
             turn = rotations[:, source[role]]
-            carried.append(turn @ align[role] if role in align else turn)
+            turned.append(turn @ align[role] if role in align else turn)
     result = Clip(
         name=clip.name,
         skeleton=body.skeleton,
-        rotations=torch.stack(carried, dim=1),
-        translation=_root_path(clip, source, body.skeleton, target, carried),
+        rotations=torch.stack(turned, dim=1),
+        translation=_root_path(clip, source, body.skeleton, target, turned),
         fps=clip.fps,
     )
     return _on_floor(result, body)
 
 
 def resample(clip: Clip, fps: float) -> Clip:
-    """The clip at another frame rate: rotations by slerp, the root's path linearly."""
+    """Resample a clip to another frame rate: rotations by slerp, the root's path linearly."""
     if fps == clip.fps:
         return clip
     last = len(clip) - 1
@@ -130,9 +131,8 @@ def resample(clip: Clip, fps: float) -> Clip:
     after = (before + 1).clamp(max=last)
     share = times - before
     start = clip.rotations[before].double()
-    turn = Rotation.from_matrix((start.mT @ clip.rotations[after].double()).flatten(0, 1).numpy()).as_rotvec()
-    partial = Rotation.from_rotvec(turn * share.repeat_interleave(start.shape[1])[:, None].numpy())
-    rotations = start @ torch.from_numpy(partial.as_matrix()).view_as(start)
+    turn = to_axis_angles(start.mT @ clip.rotations[after].double())
+    rotations = start @ from_axis_angles(share[:, None, None] * turn)
     translation = torch.lerp(
         clip.translation[before].double(), clip.translation[after].double(), share[:, None]
     )
@@ -144,17 +144,9 @@ def resample(clip: Clip, fps: float) -> Clip:
     )
 
 
-def smallest_rotation(source: Tensor, target: Tensor) -> Tensor:
-    """(3, 3) rotation by the smallest angle that takes one unit vector (3,) to another."""
-    axis = torch.linalg.cross(source, target)
-    x, y, z = axis.tolist()
-    cross = torch.tensor([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]).to(source)
-    return torch.eye(3).to(source) + cross + cross @ cross / (1.0 + source @ target).clamp(min=1e-6)
-
-
 def _known_roles(skeleton: Skeleton, owner: str) -> dict[str, int]:
     roles = joint_roles(skeleton.names)
-    missing = [role for role in REQUIRED if role not in roles]
+    missing = [role for role in REQUIRED_ROLES if role not in roles]
     if missing:
         wanted = ", ".join(role.replace("_", " ") for role in missing)
         raise InputError(
@@ -165,7 +157,7 @@ def _known_roles(skeleton: Skeleton, owner: str) -> dict[str, int]:
 
 
 def _in_body_axes(clip: Clip, roles: dict[str, int]) -> Clip:
-    """The clip with Z up and its rest pose facing -Y; units stay."""
+    """Clip with Z up and its rest pose facing -Y; units stay."""
     heads = clip.skeleton.heads.double()
     legs = heads[[roles["left_thigh"], roles["right_thigh"]]]
     arms = heads[[roles["left_upper_arm"], roles["right_upper_arm"]]]
@@ -199,8 +191,7 @@ def _relative_to_t_pose(clip: Clip, roles: dict[str, int]) -> tuple[Tensor, dict
     t_pose = torch.eye(3).to(heads).repeat(len(heads), 1, 1)
     for side in ("left", "right"):
         shin = heads[roles[f"{side}_foot"]] - heads[roles[f"{side}_shin"]]
-        angle = float(torch.atan2(shin[0], -shin[2]))
-        turn = torch.from_numpy(Rotation.from_euler("y", angle).as_matrix()).to(heads)
+        turn = from_euler("y", torch.atan2(shin[0], -shin[2])[None])
         leg = {roles[f"{side}_thigh"]}
         for joint, parent in enumerate(clip.skeleton.parents):
             if parent in leg:
@@ -215,7 +206,7 @@ def _relative_to_t_pose(clip: Clip, roles: dict[str, int]) -> tuple[Tensor, dict
 def _bone_directions(heads: Tensor, roles: dict[str, int]) -> dict[str, Tensor]:
     """Unit rest directions of the limb bones; a hand without fingers continues its forearm."""
     directions: dict[str, Tensor] = {}
-    for bone, tip in LIMBS.items():
+    for bone, tip in LIMB_BONES.items():
         if tip in roles:
             directions[bone] = torch.nn.functional.normalize(heads[roles[tip]] - heads[roles[bone]], dim=0)
         else:
@@ -224,9 +215,9 @@ def _bone_directions(heads: Tensor, roles: dict[str, int]) -> dict[str, Tensor]:
 
 
 def _root_path(
-    clip: Clip, source: dict[str, int], skeleton: Skeleton, target: dict[str, int], carried: list[Tensor]
+    clip: Clip, source: dict[str, int], skeleton: Skeleton, target: dict[str, int], turned: list[Tensor]
 ) -> Tensor:
-    """World path of the body's root (T, 3): the middle of its hip joints follows the clip's, scaled."""
+    """World path of the body's root (T, 3) m: the middle of its hip joints follows the clip's, scaled."""
     heads = clip.skeleton.heads
     scale = _leg_length(skeleton.heads, target) / _leg_length(heads, source)
     transforms = clip.transforms()
@@ -234,7 +225,7 @@ def _root_path(
     posed = (transforms[:, thighs, :, :3] @ heads[thighs, :, None]).squeeze(-1) + transforms[:, thighs, :, 3]
     hips = target["hips"]
     middle = skeleton.heads[[target["left_thigh"], target["right_thigh"]]].mean(0) - skeleton.heads[hips]
-    return scale * posed.mean(1) - carried[hips] @ middle
+    return scale * posed.mean(1) - turned[hips] @ middle
 
 
 def _leg_length(heads: Tensor, roles: dict[str, int]) -> Tensor:

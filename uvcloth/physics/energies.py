@@ -1,10 +1,10 @@
-"""What cloth does not like, as potential energies, and how far it is from rest: differentiable and batched.
+"""Cloth energies: stretch, bending, gravity, collision, pins; and measures of deformation. Differentiable.
 
 The energies are those of PBNS (Bertiche et al. 2021, section 3.3) in joules; leading dimensions are poses or
-frames. The measures of reports are made of the same lengths and normals.
+frames. The measures in reports use the same lengths and normals.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -13,12 +13,12 @@ from uvcloth.bodies import frames
 from uvcloth.geometry.mesh import edge_lengths, face_normals, face_pairs, unique_edges
 
 GRAVITY = -frames.GRAVITY[2]
-"""m/s2, downwards."""
+"""Acceleration of gravity, m/s2, downwards."""
 
 
 @dataclass(frozen=True)
 class RestShape:
-    """What energies know of cloth at rest.
+    """Cloth at rest, as the energies need it.
 
     faces: (F, 3). edges: (E, 2) and lengths: (E,) m. pairs: (P, 2) faces that share an edge. masses: (N,) kg.
     """
@@ -28,10 +28,6 @@ class RestShape:
     lengths: Tensor
     pairs: Tensor
     masses: Tensor
-
-    def to(self, device: torch.device) -> "RestShape":
-        """The same on another device."""
-        return RestShape(*(getattr(self, field.name).to(device) for field in fields(self)))
 
 
 def rest_shape(vertices: Tensor, faces: Tensor, density: float) -> RestShape:
@@ -68,7 +64,7 @@ def gravity_energy(vertices: Tensor, cloth: RestShape) -> Tensor:
 def collision_energy(distance: Tensor, thickness: float, stiffness: float) -> Tensor:
     """L_collision (PBNS eq. 5): signed distances (..., N) m from a surface, stiffness N/m -> (...,) J.
 
-    stiffness times the sum of squares of what is lacking to thickness, the paper's epsilon, m.
+    stiffness times the sum of squared differences to thickness (m, the paper's epsilon) where it is not kept.
     """
     return stiffness * (thickness - distance).clamp(min=0).square().sum(-1)
 

@@ -1,4 +1,4 @@
-"""What a person sees of contact: skin that shows through the cloth, and cloth that runs through the body.
+"""Visible penetration: skin that shows through the cloth, measured at points over the surface.
 
 Vertices do not tell: the faces of a coarse garment cut through a shoulder while each of its vertices is
 outside. Both sides are asked at points spread evenly over their areas.
@@ -6,13 +6,13 @@ outside. Both sides are asked at points spread evenly over their areas.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import accumulate
 
 import torch
 from torch import Tensor
 
+from rasterize.gather import gather
 from uvcloth.bodies.body import Body
-from uvcloth.geometry.mesh import Mesh, face_normals
+from uvcloth.geometry.mesh import Mesh, face_normals, join_meshes
 from uvcloth.physics import kernels
 from uvcloth.physics.launch import array, launch
 from uvcloth.physics.surface import MovingMeshes
@@ -23,47 +23,47 @@ CLOTH_POINTS = 3000
 SKIN_POINTS = 12000
 """Points over the whole body: about one in a square of 12 mm."""
 
-COVERED = 0.3
+COVER_DISTANCE = 0.3
 """Metres in front of the skin within which a garment at rest covers it: a skirt hangs away from the legs."""
 
-BEHIND = 0.05
-"""Metres under the skin within which cloth is that which should cover it."""
+UNDER_SKIN_DISTANCE = 0.05
+"""Metres under the skin within which cloth should cover it."""
 
-BEFORE = 0.1
-"""Metres in front of the skin within which other cloth, or another limb, hides that it sticks through."""
+HIDING_DISTANCE = 0.1
+"""Metres in front of the skin within which other cloth, or another limb, hides it."""
 
-LIFT = 1.0e-5
-"""Metres above the skin from where rays start that look for the body itself."""
+RAY_START_HEIGHT = 1.0e-5
+"""Metres above the skin from where rays that may meet the body itself start."""
 
-STEPS = (0.7548776662466927, 0.5698402909980532)
-"""Of the additive sequence R2, whose points fill the unit square evenly (Roberts 2018)."""
+R2_STEPS = (0.7548776662466927, 0.5698402909980532)
+"""Steps of the additive sequence R2, whose points fill the unit square evenly (Roberts 2018)."""
 
 
 @dataclass(frozen=True)
 class SurfaceSample:
-    """P points on a mesh that move with it: corners (P, 3) int64 of their faces, and barycentrics (P, 3)."""
+    """Points on a mesh that move with it: corners (P, 3) int64 of their faces, and barycentrics (P, 3)."""
 
     corners: Tensor
     barycentrics: Tensor
 
     def points(self, vertices: Tensor) -> Tensor:
-        """Where they are on posed vertices (..., V, 3): (..., P, 3)."""
-        return (vertices[..., self.corners, :] * self.barycentrics[..., None]).sum(-2)
+        """Positions on posed vertices (..., V, 3) m: (..., P, 3) m."""
+        return gather(vertices, self.corners, self.barycentrics)
 
     def chosen(self, rows: Tensor) -> "SurfaceSample":
-        """Some of them, by mask or index."""
+        """Subset of the points, by mask or index (K,)."""
         return SurfaceSample(self.corners[rows], self.barycentrics[rows])
 
 
 def spread(vertices: Tensor, faces: Tensor, count: int) -> SurfaceSample:
-    """So many points over a mesh (V, 3), (F, 3), each for the same area, always the same ones.
+    """Sample `count` points of a mesh (V, 3) m, (F, 3), each for the same area; the same on every call.
 
     A face gets its share of them up to one; within the faces they follow a sequence of low discrepancy.
     """
     areas = face_normals(vertices, faces).norm(dim=1).double().cumsum(0)
     places = (torch.arange(count, device=vertices.device) + 0.5) * (areas[-1] / count)
     chosen = torch.searchsorted(areas, places).clamp(max=len(faces) - 1)
-    steps = torch.tensor(STEPS, dtype=torch.float64, device=vertices.device)
+    steps = torch.tensor(R2_STEPS, dtype=torch.float64, device=vertices.device)
     u, v = torch.frac(torch.arange(1, count + 1, device=vertices.device)[:, None] * steps).unbind(1)
     folded = u + v > 1
     u, v = torch.where(folded, 1 - u, u), torch.where(folded, 1 - v, v)
@@ -71,17 +71,17 @@ def spread(vertices: Tensor, faces: Tensor, count: int) -> SurfaceSample:
 
 
 class Shell(MovingMeshes):
-    """One mesh that rays look for, closed or not: vertices (V, 3) metres, faces (F, 3)."""
+    """Mesh for ray casting, closed or not: vertices (V, 3) metres, faces (F, 3)."""
 
     def __init__(self, vertices: Tensor, faces: Tensor) -> None:
         super().__init__(vertices, (faces,))
         self._id = int(self.ids.numpy()[0])
 
     def first_hit(self, points: Tensor, directions: Tensor, reach: float) -> tuple[Tensor, Tensor]:
-        """Where rays from points along unit directions, (P, 3) each, first meet it.
+        """First hits of rays from points along unit directions, (P, 3) each.
 
-        How far away, (P,) m, beyond the reach where nothing is within, and (P,) the cosine between ray and
-        normal there: negative from outside.
+        Returns distances (P,) m, beyond the reach where nothing is within, and the cosines (P,) between ray
+        and normal there: negative from outside.
         """
         distance, facing = torch.empty_like(points[:, 0]), torch.empty_like(points[:, 0])
         query = map(array, (points.contiguous(), directions.contiguous()))
@@ -91,50 +91,47 @@ class Shell(MovingMeshes):
 
 
 class Exposure:
-    """The skin that garments cover at rest, and where it sticks out of them when they move.
+    """Skin that garments cover at rest, and the share of it that sticks out of them when they move.
 
-    A point of the skin is covered if the ray along its normal first meets, within COVERED, the inner side of
-    the garments. It shows if, posed, the ray into the body first meets their outer side, within BEHIND, as if
-    they were worn under the skin, and neither they nor another part of the body are within BEFORE in front.
-    Skin that a hem has left bare does not count.
+    A point of the skin is covered if the ray along its normal first meets, within COVER_DISTANCE, the inner
+    side of the garments. It shows if, posed, the ray into the body first meets their outer side, within
+    UNDER_SKIN_DISTANCE, as if they were under the skin, and neither they nor another part of the body are
+    within HIDING_DISTANCE in front. Skin that a hem has left bare does not count.
     """
 
     def __init__(self, body: Body, garments: Sequence[Mesh]) -> None:
-        """garments: as they lie on the body at rest."""
-        offsets = accumulate((len(mesh.vertices) for mesh in garments), initial=0)
-        rest = torch.cat([mesh.vertices for mesh in garments])
-        faces = torch.cat([mesh.faces + offset for mesh, offset in zip(garments, offsets, strict=False)])
-        self._cloth = Shell(rest, faces)
+        """Find the covered points; garments: as they lie on the body at rest."""
+        outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in garments)
+        self._cloth = Shell(outfit.vertices, outfit.faces)
         self._body = Shell(body.mesh.vertices, body.mesh.faces)
         everywhere = spread(body.mesh.vertices, body.mesh.faces, SKIN_POINTS)
         points, normals = _skin(everywhere, body.mesh.vertices)
-        cloth, facing = self._cloth.first_hit(points, normals, COVERED)
-        limb, _ = self._body.first_hit(points + LIFT * normals, normals, COVERED)
-        self.covered = everywhere.chosen((cloth < COVERED) & (facing > 0) & (cloth < limb))
+        cloth, facing = self._cloth.first_hit(points, normals, COVER_DISTANCE)
+        limb, _ = self._body.first_hit(points + RAY_START_HEIGHT * normals, normals, COVER_DISTANCE)
+        self.covered = everywhere.chosen((cloth < COVER_DISTANCE) & (facing > 0) & (cloth < limb))
 
     def shows(self, garments: Sequence[Tensor], body_vertices: Tensor) -> Tensor:
-        """Which of the P covered points of a posed body (V, 3) show through garments, (N, 3) each: (P,)."""
+        """Mask of the covered points of a posed body (V, 3) m that show through garments (N, 3) m: (P,)."""
         self._cloth.update(torch.cat(list(garments)))
         points, normals = _skin(self.covered, body_vertices)
-        cloth, facing = self._cloth.first_hit(points, -normals, BEHIND)
-        shows = (cloth < BEHIND) & (facing < 0)
+        cloth, facing = self._cloth.first_hit(points, -normals, UNDER_SKIN_DISTANCE)
+        shows = (cloth < UNDER_SKIN_DISTANCE) & (facing < 0)
         rows = torch.nonzero(shows).squeeze(1)
         if len(rows):
             self._body.update(body_vertices)
             points, normals = points[rows], normals[rows]
-            folds, _ = self._cloth.first_hit(points, normals, BEFORE)
-            limbs, _ = self._body.first_hit(points + LIFT * normals, normals, BEFORE)
-            shows[rows] = (folds >= BEFORE) & (limbs >= BEFORE)
+            folds, _ = self._cloth.first_hit(points, normals, HIDING_DISTANCE)
+            limbs, _ = self._body.first_hit(points + RAY_START_HEIGHT * normals, normals, HIDING_DISTANCE)
+            shows[rows] = (folds >= HIDING_DISTANCE) & (limbs >= HIDING_DISTANCE)
         return shows
 
     def percent(self, garments: Sequence[Tensor], body_vertices: Tensor) -> float:
-        """The share of the covered points that show, 0 if nothing is covered."""
+        """Percent of the covered points that show, 0 if nothing is covered. Arguments as of `shows`."""
         shows = self.shows(garments, body_vertices)
         return 100.0 * float(shows.float().mean()) if len(shows) else 0.0
 
 
 def _skin(sample: SurfaceSample, vertices: Tensor) -> tuple[Tensor, Tensor]:
     """Points and the unit normals of their faces, (P, 3) each, on a posed body (V, 3)."""
-    a, b, c = vertices[sample.corners].unbind(1)
-    normals = torch.nn.functional.normalize(torch.linalg.cross(b - a, c - a), dim=1)
+    normals = torch.nn.functional.normalize(face_normals(vertices, sample.corners), dim=1)
     return sample.points(vertices).float(), normals.float()

@@ -5,20 +5,20 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
-ASKEW = wp.constant(wp.vec3(0.36, 0.48, 0.8))
+OBLIQUE_DIRECTION = wp.constant(wp.vec3(0.36, 0.48, 0.8))
 """A direction along no edge or axis."""
 
 ON_SURFACE = wp.constant(1.0e-5)
 """Metres within which a point lies on the surface: no ray from it tells which side."""
 
-BEHIND = wp.constant(1.0e-6)
-"""Metres behind a hit from where a ray goes on: caps and creases have sheets that close together."""
+RAY_ADVANCE = wp.constant(1.0e-6)
+"""Metres behind a hit from where a ray goes on: sheets of caps and creases are that close together."""
 
 FAR = wp.constant(10.0)
 """Metres: farther than anything."""
 
-FACING = wp.constant(0.0)
-"""Cosine between the normals of two surfaces that face each other, at most."""
+OPPOSING_COSINE = wp.constant(0.0)
+"""Greatest cosine between the normals of two surfaces that face each other."""
 
 
 @wp.func
@@ -34,7 +34,7 @@ def crossings(mesh: wp.uint64, start: wp.vec3, direction: wp.vec3):
         if hit.result:
             count += wp.where(wp.dot(hit.normal, direction) > 0.0, 1, -1)
             found += 1
-            origin = origin + direction * (hit.t + BEHIND)
+            origin = origin + direction * (hit.t + RAY_ADVANCE)
         else:
             searching = False
     return count
@@ -44,7 +44,7 @@ def crossings(mesh: wp.uint64, start: wp.vec3, direction: wp.vec3):
 def signed_closest(mesh: wp.uint64, point: wp.vec3, reach: float, side: float):
     """Signed distance, place, outward direction, face (-1 beyond the reach) and barycentrics (u, v).
 
-    side: negative inside and positive outside, where that is known; zero asks.
+    side: negative inside and positive outside, where that is known; zero where rays have to tell.
 
     Posed surfaces fold into themselves, where the nearest sheet may face either way. The ray away from it
     crosses few others and tells whether the point is inside; where sheet and ray disagree, the majority of
@@ -68,8 +68,8 @@ def signed_closest(mesh: wp.uint64, point: wp.vec3, reach: float, side: float):
             if side == 0.0:
                 inside = crossings(mesh, point, away) > 0
                 if inside != (wp.dot(direction, away) < 0.0):
-                    there = crossings(mesh, point, ASKEW) > 0
-                    back = crossings(mesh, point, -ASKEW) > 0
+                    there = crossings(mesh, point, OBLIQUE_DIRECTION) > 0
+                    back = crossings(mesh, point, -OBLIQUE_DIRECTION) > 0
                     inside = (there and back) or (inside and (there or back))
             direction = wp.where(inside, -away, away)
         distance = wp.where(wp.dot(point - place, direction) < 0.0, -length, length)
@@ -91,7 +91,7 @@ def closest_point(
     face: wp.array(dtype=int),
     barycentrics: wp.array(dtype=wp.vec3),
 ):
-    """The surface point closest to each point, negative distance inside; face -1 beyond the reach."""
+    """Find the surface point closest to each point, negative distance inside; face -1 beyond the reach."""
     i = share + wp.tid()
     found, place, direction, index, u, v = signed_closest(mesh, points[i], reach, 0.0)
     distance[i] = found
@@ -103,13 +103,13 @@ def closest_point(
 
 @wp.func
 def nearest_touched(
-    parts: wp.array(dtype=wp.uint64), touched: int, point: wp.vec3, reach: float, alert: float
+    parts: wp.array(dtype=wp.uint64), touched: int, point: wp.vec3, reach: float, exact: float
 ):
     """The closed part that a point is deepest in or nearest to, of those that it may touch (a bit each).
 
     Its signed distance, outward direction and offset (product of the closest point with that), and the room
     between it and the nearest part that faces it, negative where they overlap; FAR where there is none. Parts
-    that the point is outside of and farther from than alert count as that far away.
+    that the point is outside of and farther from than `exact` count as that far away.
     """
     least = reach
     outward = wp.vec3(0.0)
@@ -118,17 +118,17 @@ def nearest_touched(
     for part in range(parts.shape[0]):
         if (touched >> part) & 1 == 1:
             mesh = parts[part]
-            near = wp.min(reach, alert)
+            near = wp.min(reach, exact)
             found, place, direction, face, _u, _v = signed_closest(mesh, point, near, 0.0)
             if face < 0 and near < reach:
                 # Farther away, it counts only with the point inside. The ray leads away from the part, which
                 # makes it cheap, and out of the body's plane of symmetry, where it would meet edges.
-                away = wp.normalize(point - wp.mesh_get_point(mesh, 0)) + ASKEW
+                away = wp.normalize(point - wp.mesh_get_point(mesh, 0)) + OBLIQUE_DIRECTION
                 if crossings(mesh, point, wp.normalize(away)) > 0:
                     found, place, direction, face, _u, _v = signed_closest(mesh, point, reach, 0.0)
                 else:
                     least = wp.min(least, near)
-            if wp.dot(outward, direction) < FACING:
+            if wp.dot(outward, direction) < OPPOSING_COSINE:
                 room = wp.min(room, least + found)
             if face >= 0 and found < least:
                 least = found
@@ -144,18 +144,18 @@ def closest_touched(
     touches: wp.array(dtype=int),
     points: wp.array(dtype=wp.vec3),
     reach: wp.array(dtype=float),
-    alert: float,
+    exact: float,
     narrow: float,
     distance: wp.array(dtype=float),
     normal: wp.array(dtype=wp.vec3),
     offset: wp.array(dtype=float),
     gap: wp.array(dtype=float),
 ):
-    """What `nearest_touched` finds for each point; narrow: room below which it does so beyond alert too."""
+    """What `nearest_touched` finds for each point; narrow: least room that needs not be exact."""
     i = share + wp.tid()
-    least, outward, plane, room = nearest_touched(parts, touches[i], points[i], reach[i], alert)
-    if least < narrow - alert:
-        # So deep in one part, even one beyond alert may leave too little room.
+    least, outward, plane, room = nearest_touched(parts, touches[i], points[i], reach[i], exact)
+    if least < narrow - exact:
+        # So deep in one part, even one that is farther away may leave too little room.
         least, outward, plane, room = nearest_touched(parts, touches[i], points[i], reach[i], FAR)
     distance[i] = least
     normal[i] = outward
@@ -175,7 +175,7 @@ def beside_sheet(
     distance: wp.array(dtype=float),
     normal: wp.array(dtype=wp.vec3),
 ):
-    """The face of an open sheet that covers each point, -1 where none does, by the normals of its vertices.
+    """Find the face of an open sheet that covers each point, -1 if none does, by the normals of its vertices.
 
     steepest: cosine of the angle from the normal there under which the closest place still covers a point.
     distance: along that normal.
@@ -206,7 +206,7 @@ def first_hit(
     distance: wp.array(dtype=float),
     facing: wp.array(dtype=float),
 ):
-    """Where a ray from each point first meets a mesh: how far away, FAR if not within reach.
+    """Find the first hit of a ray from each point on a mesh: its distance, FAR if not within reach.
 
     facing: cosine between the unit direction and the normal of the face that is met, negative from outside.
     """
@@ -234,10 +234,10 @@ def project_edges(
     bend: float,
     momentum: float,
 ):
-    """Half of what each edge lacks moves either end, averaged; the new place replaces the one before.
+    """Move the ends of each edge by half of what its length lacks, averaged; the result replaces `before`.
 
-    The share `bend` of the curvature beyond that at rest goes. A vertex stays on the outer side of its plane,
-    which is given by a normal and the least product with it.
+    The share `bend` of the curvature beyond that at rest is removed. A vertex stays on the outer side of its
+    plane, which is given by a normal and the least product with it.
     """
     i = share + wp.tid()
     place = now[i]
@@ -266,31 +266,31 @@ def closest_in_batch(
     meshes: wp.array(dtype=wp.uint64),
     each: int,
     points: wp.array(dtype=wp.vec3),
-    visited: wp.array(dtype=wp.vec3),
+    cached: wp.array(dtype=wp.vec3),
     clearance: wp.array(dtype=float),
     near: float,
     reach: float,
     corners: wp.array(dtype=wp.vec3),
     normal: wp.array(dtype=wp.vec3),
-    bound: wp.array(dtype=float),
+    offset: wp.array(dtype=float),
 ):
-    """The plane through the closest point of the mesh that each run of points has to itself, if it is near.
+    """Find the plane through the closest point of the mesh of each run of points, if it is near.
 
     corners: normals of the vertices of all meshes; with them, the plane at the nearest corner of the closest
     face, without them, through that point across the way to it.
 
-    visited, clearance: where a point was when last looked up, and its signed distance then, within reach.
+    cached, clearance: position of a point at its last search, and its signed distance then, within reach.
     """
     i = share + wp.tid()
     point = points[i]
-    moved = wp.length(point - visited[i])
+    moved = wp.length(point - cached[i])
     if clearance[i] - moved > near:
         return
     limit = wp.min(reach, wp.abs(clearance[i]) + moved + ON_SURFACE)
     # No way shorter than the distance to the surface leads through it.
     side = wp.where(wp.abs(clearance[i]) > moved + ON_SURFACE, clearance[i], 0.0)
     mesh = meshes[i // each]
-    visited[i] = point
+    cached[i] = point
     found, place, direction, face, _u, _v = signed_closest(mesh, point, limit, side)
     clearance[i] = found
     if found < near and face >= 0:
@@ -304,12 +304,12 @@ def closest_in_batch(
                     place = corner
                     direction = corners[start + wp.mesh_get_index(mesh, 3 * face + k)]
         normal[i] = direction
-        bound[i] = wp.dot(direction, place)
+        offset[i] = wp.dot(direction, place)
 
 
 @wp.func
 def apart(corner: wp.vec3, along: wp.vec3):
-    """Whether a corner lies at neither end of the edge from the origin along a vector."""
+    """Test that a corner lies at neither end of the edge from the origin along a vector."""
     return wp.length_sq(corner) > 0.0 and wp.length_sq(corner - along) > 0.0
 
 
@@ -321,7 +321,7 @@ def crossing_edges(
     edges: wp.array(dtype=int),
     crosses: wp.array(dtype=int),
 ):
-    """Whether each edge (two points) runs through a face of the only mesh that has no corner at its ends."""
+    """Test each edge (two points) for a face of the only mesh that it crosses, no corner at its ends."""
     i = share + wp.tid()
     start = points[edges[2 * i]]
     along = points[edges[2 * i + 1]] - start

@@ -1,4 +1,4 @@
-"""Launch Warp kernels over torch tensors, on a GPU's stream or shared out over the processor's cores."""
+"""Launching of Warp kernels over torch tensors, on a GPU's stream or on the processor's cores."""
 
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
@@ -9,19 +9,19 @@ import torch
 import warp as wp
 from torch import Tensor
 
-LEAST_SHARE = 500
-"""Items that are worth a thread of their own."""
+LEAST_ITEMS_PER_THREAD = 500
+"""Fewest items that a thread of their own is worth."""
 
 wp.config.log_level = wp.LOG_WARNING
 
 
 def array(values: Tensor) -> Any:
-    """A contiguous tensor as Warp sees it, without a copy: (N, 3) as N vectors."""
+    """Warp array over a contiguous tensor, without a copy: (N, 3) as N vectors."""
     return wp.from_torch(values, dtype=wp.vec3 if values.ndim == 2 else None)
 
 
 def stream(device: torch.device) -> wp.ScopedStream:
-    """Within it, Warp works in the order of torch's own work on the device."""
+    """Context in which Warp's work is ordered with torch's own on the device."""
     return wp.ScopedStream(wp.stream_from_torch(device) if device.type == "cuda" else None)
 
 
@@ -31,10 +31,10 @@ def launch(kernel: wp.Kernel, count: int, device: torch.device, *arguments: Any)
 
 
 def record(kernel: wp.Kernel, count: int, device: torch.device, *arguments: Any) -> tuple[wp.Launch, ...]:
-    """A launch, as one share per core, that can be run again and again at little cost."""
+    """Record a launch, one share per core, that can be run again and again at little cost."""
     # Warp runs a CPU kernel on one core and without the interpreter's lock.
     cores = torch.get_num_threads() if device.type == "cpu" else 1
-    shares = max(1, min(cores, count // LEAST_SHARE))
+    shares = max(1, min(cores, count // LEAST_ITEMS_PER_THREAD))
     bounds = [count * index // shares for index in range(shares + 1)]
     return tuple(
         wp.launch(kernel, end - start, [start, *arguments], device=str(device), record_cmd=True)

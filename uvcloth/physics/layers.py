@@ -1,4 +1,4 @@
-"""Garments worn over one another: which side of an inner one an outer one is on."""
+"""Layers of garments: the side of an inner one that the vertices of an outer one are on."""
 
 from dataclasses import dataclass
 
@@ -10,18 +10,18 @@ from uvcloth.physics import kernels
 from uvcloth.physics.launch import array, launch
 from uvcloth.physics.surface import MovingMeshes
 
-NEAR = 0.03
+LAYER_SEARCH_DISTANCE = 0.03
 """Metres within which an inner garment is looked for."""
 
-STEEPEST = 0.7
-"""Cosine of the angle from its normal under which it covers a point: beside its hem it does not."""
+COVERING_COSINE = 0.7
+"""Least cosine between its normal and the way to a point that it covers: beside its hem it does not."""
 
 
 @dataclass(frozen=True)
 class Beside:
-    """Where N points are beside an inner garment.
+    """Closest points of an inner garment for N points.
 
-    faces: (N,) int64, the closest one, -1 where none covers the point. distance: (N,) m along its normals,
+    faces: (N,) int64, the closest face, -1 where none covers the point. distance: (N,) m along its normals,
     negative on its inner side, and normals: (N, 3); both count only where it covers the point.
     """
 
@@ -31,12 +31,12 @@ class Beside:
 
     @property
     def covered(self) -> Tensor:
-        """Whether the garment is near a point, and not beside its hem: (N,) bool."""
+        """Mask of the points that the garment is near, and not beside its hem: (N,) bool."""
         return self.faces >= 0
 
 
 class Layer(MovingMeshes):
-    """A garment that others are worn over, as it moves: vertices (M, 3) metres, faces (F, 3)."""
+    """A moving garment beneath others: vertices (M, 3) metres, faces (F, 3)."""
 
     def __init__(self, vertices: Tensor, faces: Tensor) -> None:
         super().__init__(vertices, (faces,))
@@ -49,12 +49,12 @@ class Layer(MovingMeshes):
         super().update(vertices)
         self._normals.copy_(vertex_normals(self.points, self.faces))
 
-    def beside(self, points: Tensor, reach: float = NEAR) -> Beside:
-        """Where points (N, 3) are beside the garment, no farther than reach, m."""
+    def beside(self, points: Tensor, reach: float = LAYER_SEARCH_DISTANCE) -> Beside:
+        """Closest places of the garment for points (N, 3) m, no farther than reach, m."""
         points = points.detach().float().contiguous()
         distance, normals = torch.zeros_like(points[:, 0]), torch.zeros_like(points)
         faces = torch.empty_like(distance, dtype=torch.int32)
-        query = (self._id, array(self._normals), array(points), reach, STEEPEST)
+        query = (self._id, array(self._normals), array(points), reach, COVERING_COSINE)
         outputs = map(array, (faces, distance, normals))
         launch(kernels.beside_sheet, len(points), self.device, *query, *outputs)
         return Beside(faces.long(), distance, normals)

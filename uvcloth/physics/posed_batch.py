@@ -1,8 +1,8 @@
-"""The same mesh in many poses at once, and where the points beside each of them meet its surface.
+"""A mesh in many poses at once, and the planes at its surface beside the points of each pose.
 
-Training asks again and again for the same poses, and what a network predicts for one moves little between two
-caches. A point that was farther away than it has moved since touches nothing, and how far away it was offsets
-the search where it may: most points need no search, the others a short one. What is found is the same.
+Training visits the same poses again and again, and a network's prediction for one moves little between two
+visits. A point that was farther away than it has moved since touches nothing, and the distance that it had
+bounds the search otherwise: most points need no search, the others a short one. The result is the same.
 """
 
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ from torch import Tensor
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.physics import kernels
 from uvcloth.physics.launch import array, launch, stream
-from uvcloth.physics.surface import FREE, REACH
+from uvcloth.physics.surface import FREE, SEARCH_DISTANCE
 
 
 @dataclass(frozen=True)
 class Planes:
-    """What keeps B x N points off a surface: a plane each, or none.
+    """Planes that keep B x N points off a surface: one each, or none.
 
     normals: (B, N, 3) the direction in which the signed distance grows, unit length. offsets: (B, N) m,
     product of the plane's points with its normal; FREE where nothing is near.
@@ -36,9 +36,9 @@ class Planes:
 
 @dataclass(frozen=True)
 class ClosestPointCache:
-    """Where the points of P poses were when they were last looked up.
+    """Points of P poses at their last search, and their distances.
 
-    points: (P, N, 3) m. clearance: (P, N) m, signed distance from the surface then; 0 before the first cache.
+    points: (P, N, 3) m. clearance: (P, N) m, signed distance from the surface then; 0 before the first.
     """
 
     points: Tensor
@@ -46,7 +46,7 @@ class ClosestPointCache:
 
 
 def empty_cache(poses: int, points: int, device: torch.device) -> ClosestPointCache:
-    """Of P poses with N points that were never looked up."""
+    """Make the cache of `poses` poses with `points` points each, before any search."""
     return ClosestPointCache(
         torch.full((poses, points, 3), torch.inf, device=device), torch.zeros(poses, points, device=device)
     )
@@ -77,7 +77,7 @@ class PosedMeshBatch:
     def planes(
         self, points: Tensor, near: float, cache: ClosestPointCache | None = None, corner: bool = False
     ) -> Planes:
-        """The plane that touches the surface at the point closest to each of (B, N, 3), if it is near, m.
+        """Planes through the surface points closest to points (B, N, 3) m, of those within `near`, m.
 
         cache: of these poses; brought up to date, in place. corner: the plane at the nearest vertex of the
         closest face instead, across that vertex's normal (PBNS eq. 5).
@@ -89,6 +89,6 @@ class PosedMeshBatch:
         normals, offsets = torch.zeros_like(points), torch.full_like(points[..., 0], FREE)
         tensors = (points.view(-1, 3), cache.points.view(-1, 3), cache.clearance.view(-1))
         found = map(array, (corners.view(-1, 3), normals.view(-1, 3), offsets.view(-1)))
-        query = (self._ids, each, *map(array, tensors), near, REACH)
+        query = (self._ids, each, *map(array, tensors), near, SEARCH_DISTANCE)
         launch(kernels.closest_in_batch, count * each, self.device, *query, *found)
         return Planes(normals, offsets)

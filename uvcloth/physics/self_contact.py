@@ -1,4 +1,4 @@
-"""Whether a posed body runs through itself."""
+"""Self-contact of a posed body: how deep its parts are inside one another."""
 
 import torch
 from torch import Tensor
@@ -8,7 +8,7 @@ from uvcloth.bodies.collider import Parts, make_collider
 from uvcloth.geometry.mesh import first_of
 from uvcloth.physics.surface import BodySurface
 
-PARTS: Parts = (
+BODY_PARTS: Parts = (
     (("head",), (0,)),
     (("torso",), (0,)),
     (("upper_arm",), (1, -1)),
@@ -16,21 +16,21 @@ PARTS: Parts = (
     (("thigh",), (1, -1)),
     (("calf", "foot"), (1, -1)),
 )
-"""The whole body."""
+"""Parts of the whole body."""
 
-NAMES = tuple(regions[0] for regions, sides in PARTS for _ in sides)
+PART_NAMES = tuple(regions[0] for regions, sides in BODY_PARTS for _ in sides)
 """The first region of each part; limbs come twice, left before right."""
 
-OUTSIDE = 0.02
-"""Metres from a part at rest from which on a vertex has no business in it: caps and creases overlap."""
+LEAST_REST_DISTANCE = 0.02
+"""Metres from a part at rest beyond which a vertex has to stay out of it: caps and creases overlap."""
 
-SPACING = 0.012
+SAMPLE_SPACING = 0.012
 """Metres, about, between the vertices that are looked up: face, hands and feet have many more."""
 
-TOLERANCE = 0.01
+DEPTH_TOLERANCE = 0.01
 """Metres that one part may be inside another."""
 
-FLESH = {
+SOFT_TOLERANCES = {
     frozenset(("upper_arm", "torso")): 0.03,
     frozenset(("forearm", "torso")): 0.02,
     frozenset(("forearm", "upper_arm")): 0.03,
@@ -38,17 +38,17 @@ FLESH = {
     frozenset(("thigh",)): 0.03,
     frozenset(("calf", "thigh")): 0.03,
 }
-"""The same in metres where flesh would give way: armpits, elbows at the waist, bellies, hips and knees."""
+"""The same, metres, where soft tissue gives way: armpits, elbows at the waist, bellies, hips and knees."""
 
 
 class SelfContact:
     """The closed parts of a body, and for each the vertices of the others that must stay out of it."""
 
     def __init__(self, body: Body) -> None:
-        self._collider = make_collider(body, PARTS)
+        self._collider = make_collider(body, BODY_PARTS)
         self._tolerances = tolerances()
         rest = self._collider.vertices(body.mesh.vertices)
-        chosen = _spread(body.mesh.vertices, SPACING)
+        chosen = _spread(body.mesh.vertices, SAMPLE_SPACING)
         owners = _owners(self._collider.parts, len(rest))
         self._parts: list[tuple[int, BodySurface, Tensor, Tensor]] = []
         for part, faces in enumerate(self._collider.parts):
@@ -56,16 +56,17 @@ class SelfContact:
                 continue
             surface = BodySurface(rest, faces)
             others = chosen[owners[chosen] != part]
-            others = others[surface.closest(rest[others]).signed_distance >= OUTSIDE]
+            others = others[surface.closest(rest[others]).signed_distance >= LEAST_REST_DISTANCE]
             self._parts.append((part, surface, others, owners[others]))
 
     def depths(self, vertices: Tensor) -> Tensor:
-        """How deep parts of the posed body (V, 3) are inside others: (P, P) metres, 0 where they are not.
+        """Depths of parts of the posed body (V, 3) m inside others: (P, P) m, 0 where they are not.
 
-        Row and column are the two parts, as in NAMES: the deepest vertex of the column's inside the row's.
+        Row and column are the two parts, as in PART_NAMES: the deepest vertex of the column's inside the
+        row's.
         """
         posed = self._collider.vertices(vertices)
-        depths = vertices.new_zeros(len(NAMES), len(NAMES))
+        depths = vertices.new_zeros(len(PART_NAMES), len(PART_NAMES))
         for part, surface, others, owners in self._parts:
             corners = posed[self._collider.parts[part]].flatten(0, 1)
             points = posed[others]
@@ -78,14 +79,17 @@ class SelfContact:
         return depths
 
     def clear(self, vertices: Tensor) -> bool:
-        """Whether no part of the posed body (V, 3) is deeper in another than `tolerances` allow."""
+        """Test that no part of the posed body (V, 3) m is deeper in another than `tolerances` allow."""
         return bool((self.depths(vertices) <= self._tolerances.to(vertices)).all())
 
 
 def tolerances() -> Tensor:
-    """(P, P) metres that the parts of NAMES may be inside one another."""
+    """Metres that the parts of PART_NAMES may be inside one another: (P, P)."""
     return torch.tensor(
-        [[FLESH.get(frozenset((row, column)), TOLERANCE) for column in NAMES] for row in NAMES]
+        [
+            [SOFT_TOLERANCES.get(frozenset((row, column)), DEPTH_TOLERANCE) for column in PART_NAMES]
+            for row in PART_NAMES
+        ]
     )
 
 
@@ -96,7 +100,7 @@ def _spread(vertices: Tensor, spacing: float) -> Tensor:
 
 
 def _owners(parts: tuple[Tensor, ...], count: int) -> Tensor:
-    """A part that each of `count` vertices belongs to: (count,) int64."""
+    """Index of a part that each of `count` vertices belongs to: (count,) int64."""
     owners = torch.zeros(count, dtype=torch.int64)
     for part, faces in enumerate(parts):
         owners[faces.flatten()] = part

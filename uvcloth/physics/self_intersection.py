@@ -1,4 +1,4 @@
-"""Cloth that runs through itself: the share of its edges that cross one of its faces."""
+"""Self-intersection of cloth: the share of its edges that cross one of its faces."""
 
 import torch
 from torch import Tensor

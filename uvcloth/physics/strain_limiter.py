@@ -1,4 +1,4 @@
-"""Cloth that hardly stretches: moves vertices until edges have their rest length again, and unbends them."""
+"""Strain limiting: moves vertices until edges have their rest length again, and reduces bending."""
 
 import torch
 from torch import Tensor
@@ -7,24 +7,24 @@ from uvcloth.geometry.mesh import unique_edges, weld
 from uvcloth.physics import kernels
 from uvcloth.physics.launch import array, record, run
 
-STEP = 1.8
-"""Of the mean correction that its edges ask of a vertex; 2 oscillates where all neighbours move alike."""
+CORRECTION_STEP = 1.8
+"""Factor on the mean correction by a vertex's edges; 2 oscillates where all neighbours move alike."""
 
-MOMENTUM = 0.995
-"""Spectral radius that the Chebyshev weights are made for: near 1, long waves settle fast."""
+SPECTRAL_RADIUS = 0.995
+"""Spectral radius that the Chebyshev weights are made for: near 1, long waves converge fast."""
 
-BEND = 0.02
+BENDING_CORRECTION = 0.02
 """Share of the curvature beyond that at rest which a pass undoes: without it folds are as small as edges."""
 
-PLAIN = 2
-"""Passes without momentum at first, while the largest errors go."""
+PLAIN_PASSES = 2
+"""First passes, without momentum, while the largest errors go."""
 
 
 class StrainLimiter:
     """A garment's edges and its shape at rest; vertices at one place there (UV seams) are one.
 
-    Shape is the length of each edge and, as the curvature at a vertex, of the mean of the vectors to its
-    neighbours. vertices: (N, 3) at rest, m. faces: (M, 3). It runs on the device of `vertices`.
+    The shape is the length of each edge and, as the curvature at a vertex, that of the mean of the vectors to
+    its neighbours. vertices: (N, 3) at rest, m. faces: (M, 3). It runs on the device of `vertices`.
     """
 
     def __init__(self, vertices: Tensor, faces: Tensor) -> None:
@@ -46,12 +46,13 @@ class StrainLimiter:
         """Even out the edges of a garment (N, 3), m, and keep it on the outer side of planes.
 
         Jacobi iterations with Chebyshev weights (Wang 2015): short waves go first, so that the shape stays.
-        passes: of them. normals: (N, 3) and offsets: (N,) m, the least product of a vertex with its normal.
+        passes: how many iterations. normals: (N, 3) and offsets: (N,) m, the least product of a vertex with
+        its normal.
         """
         now = vertices[self.owner].float()
         before = now.clone()
         planes = (array(normals.float().contiguous()), array(offsets.float().contiguous()))
-        amounts = (STEP, BEND, 1.0)
+        amounts = (CORRECTION_STEP, BENDING_CORRECTION, 1.0)
         places, device = (array(now), array(before)), vertices.device
         there, back = (
             record(kernels.project_edges, len(now), device, *ends, *self._shape, *planes, *amounts)
@@ -69,7 +70,7 @@ class StrainLimiter:
 
 def _weight(turn: int, passes: int, before: float) -> float:
     """The Chebyshev weight of a pass; the first ones and the last are plain."""
-    if turn < PLAIN or turn == passes - 1:
+    if turn < PLAIN_PASSES or turn == passes - 1:
         return 1.0
-    square = MOMENTUM**2
-    return 2.0 / (2.0 - square) if turn == PLAIN else 4.0 / (4.0 - square * before)
+    square = SPECTRAL_RADIUS**2
+    return 2.0 / (2.0 - square) if turn == PLAIN_PASSES else 4.0 / (4.0 - square * before)

@@ -1,4 +1,4 @@
-"""Triangle meshes that move, and the points of them that are closest to others."""
+"""Moving triangle meshes, and their points that are closest to others."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ from uvcloth.physics import kernels
 from uvcloth.physics.launch import array, launch, stream
 
 FREE = -1.0e6
-"""The bound of a point without a plane, metres: the least product that it has with the plane's normal."""
+"""Plane offset of a point without a plane, metres: no product with a normal is less."""
 
-REACH = 0.2
+SEARCH_DISTANCE = 0.2
 """Metres within which the closest surface point is sought; deeper than any body part is thick."""
 
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """Closest points on a body surface for N points.
+    """Closest points on a body's surface for N points.
 
     signed_distance: (N,) metres, negative inside; the reach where nothing is closer.
     points, normals: (N, 3) the closest point and the direction in which the signed distance grows.
@@ -71,7 +71,7 @@ class BodySurface(MovingMeshes):
         super().__init__(vertices, (faces,))
         self._id = int(self.ids.numpy()[0])
 
-    def closest(self, points: Tensor, max_distance: float = REACH) -> SurfacePoints:
+    def closest(self, points: Tensor, max_distance: float = SEARCH_DISTANCE) -> SurfacePoints:
         """The closest surface point of each of N points (N, 3), signed by the side that it is on."""
         points = self._input(points)
         count = len(points)

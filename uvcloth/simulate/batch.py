@@ -1,9 +1,9 @@
-"""Simulate many sequences in parallel processes, on this machine or on a dask cluster."""
+"""Batch simulation: many sequences in parallel processes, on this machine or on a dask cluster."""
 
 import os
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -29,43 +29,53 @@ from uvcloth.simulate.folder import (
     stored_sequences,
 )
 from uvcloth.simulate.lead_in import LeadIn
-from uvcloth.simulate.plan import Job, batch_sources, plan
+from uvcloth.simulate.plan import ClipSelection, Job, batch_sources, plan
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
 from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
-AHEAD = 2
-"""Simulations that are handed out per core: one runs, one waits."""
+JOBS_PER_CORE = 2
+"""Simulations that are submitted per core: one runs, one waits."""
 
 SPEED_SECONDS = 3600.0
-"""How far back the speed is measured by which the end is foreseen."""
+"""Seconds of the past over which the speed is measured that predicts the end."""
 
-TOPIC = "uvcloth-frames"
-PARTS = LeadIn()
+FRAMES_TOPIC = "uvcloth-frames"
+"""Topic under which workers report frames."""
+
+LEAD_IN = LeadIn()
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Processes that simulate: `jobs` on this machine, None for one per core, or those of a dask scheduler.
+
+    scheduler: its address.
+    """
+
+    jobs: int | None = None
+    scheduler: str | None = None
+
+
+ONE_PER_CORE = Workers()
 
 
 def simulate_batch(
-    clips: Sequence[str],
-    garments: Sequence[str],
+    selection: ClipSelection,
+    outfits: Sequence[Sequence[str]],
     out: Path,
     body: Body,
-    windows: Path | None = None,
-    clips_from: Path | None = None,
-    splits: Sequence[str] | None = None,
-    jobs: int | None = None,
-    scheduler: str | None = None,
-    repeat: bool = False,
-    layered: bool = False,
     engine: str = "newton",
+    repeat: bool = False,
+    workers: Workers = ONE_PER_CORE,
 ) -> None:
-    """Simulate every clip with every garment into OUT/<clip>_<garment>.npz; what is there already is kept.
+    """Simulate every clip with every outfit into OUT/<clip>_<garment>.npz; what is there already is kept.
 
-    garments: template names or mesh files, whose garment is named by the file's stem. layered: they are worn
-    over one another, the first innermost, and simulated together; otherwise each alone.
-    windows: an index of clips and windows, copied to OUT/index.csv. clips_from, splits: without clips, the
-    folder and the splits of those that it names (`batch_sources`).
-    engine: one of ENGINES.
-    repeat: start each window REPEAT_EARLIER frames earlier and write to OUT/repeat instead.
+    selection: its index, if any, is copied to OUT/index.csv. outfits: garments that are simulated together,
+    each outfit by itself, the innermost garment first: template names or mesh files, whose garment is named
+    by the file's stem. engine: one of ENGINES. repeat: start each window REPEAT_LEAD_FRAMES frames earlier
+    and write to OUT/repeat instead.
+
     Sequences that `examine` refuses go to OUT/rejected with the reason in their metadata, all layers of an
     outfit together; captures that are faulty are not simulated and named in OUT/refused.csv.
     Raises InputError for unreadable clips, garments or windows, for garments that cannot be simulated or
@@ -75,93 +85,89 @@ def simulate_batch(
     """
     if engine not in ENGINES:
         raise InputError(f"--engine {engine}: expected one of {', '.join(ENGINES)}")
-    if jobs is not None and jobs < 1:
-        raise InputError(f"--jobs {jobs}: expected at least 1")
-    cloths = _cloths(garments, body)
-    outfits = [tuple(cloths)] if layered else [(cloth,) for cloth in cloths]
-    for outfit in outfits:
+    if workers.jobs is not None and workers.jobs < 1:
+        raise InputError(f"--jobs {workers.jobs}: expected at least 1")
+    cloths = _cloths(outfits, body)
+    for outfit in cloths:
         check_order([cloth.garment for cloth in outfit])
-    sources = batch_sources(clips, windows, clips_from, splits)
-    named = [tuple(cloth.garment.name for cloth in outfit) for outfit in outfits]
+    sources = batch_sources(selection)
     made_by = ENGINES[engine]()
-    require_same(stored_sequences(out), body, made_by, named)
-    todo, refused = plan(sources, outfits, out / REPEAT if repeat else out, body, repeat)
+    names = [tuple(cloth.garment.name for cloth in outfit) for outfit in cloths]
+    require_same(stored_sequences(out), body, made_by, names)
+    todo, refused = plan(sources, cloths, out / REPEAT if repeat else out, body, repeat)
     make_folder(out)
-    if windows is not None:
-        keep_index(windows, out / INDEX)
+    if selection.windows is not None:
+        keep_index(selection.windows, out / INDEX)
     if refused:
         keep_refused(refused, out)
         print("\n".join(f"{clip}: refused, {reason}" for clip, reason in refused.items()))
     if not todo:
         print(f"{out}: every sequence is there already")
         return
-    _simulate_all(todo, body, made_by, jobs, scheduler)
+    _simulate_all(todo, body, made_by, workers)
 
 
-def _simulate_all(
-    todo: Sequence[Job],
-    body: Body,
-    engine: Engine,
-    jobs: int | None,
-    scheduler: str | None,
-) -> None:
+def _simulate_all(todo: Sequence[Job], body: Body, engine: Engine, workers: Workers) -> None:
     """Simulate in order, as many at a time as there are cores, and keep each sequence as it is done."""
     try:
         from dask.distributed import LocalCluster, as_completed
     except ModuleNotFoundError as error:
         raise InputError("simulating needs dask and Newton: install uvcloth[simulate]") from error
     with ExitStack() as stack:
-        cluster: Any = scheduler
-        if scheduler is None:
-            workers = min(jobs or os.cpu_count() or 1, len(todo))
+        cluster: Any = workers.scheduler
+        if cluster is None:
+            count = min(workers.jobs or os.cpu_count() or 1, len(todo))
             cluster = LocalCluster(
-                n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=50
+                n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=50
             )
             stack.callback(_close, cluster)
         client = stack.enter_context(_connect(cluster))
         progress = stack.enter_context(_progress())
         bar = progress.add_task(f"{len(todo)} sequences", total=sum(map(_frames, todo)))
-        client.subscribe_topic(TOPIC, lambda event: progress.advance(bar, event[1]))
+        client.subscribe_topic(FRAMES_TOPIC, lambda event: progress.advance(bar, event[1]))
         shared = client.scatter(body, broadcast=True)
         queue, running = iter(todo), as_completed()
         waiting: dict[Any, Job] = {}
 
-        def hand_out() -> None:
-            """A few at a time: all at once would fill the scheduler's memory with motion and cloth."""
-            while len(waiting) < AHEAD * max(sum(client.nthreads().values()), 1):
+        def submit() -> None:
+            """Submit a few jobs: all at once would fill the scheduler's memory with motion and cloth."""
+            while len(waiting) < JOBS_PER_CORE * max(sum(client.nthreads().values()), 1):
                 job = next(queue, None)
                 if job is None:
                     return
-                future = client.submit(_work, job, shared, engine, pure=False)
+                future = client.submit(_simulate_job, job, shared, engine, pure=False)
                 waiting[future] = job
                 running.add(future)
 
-        hand_out()
+        submit()
         for future in running:
             job = waiting.pop(future)
             sequences, reason = future.result()
             progress.advance(bar, _frames(job) - len(sequences[0].vertices))
             for sequence, target in zip(sequences, job.targets, strict=True):
-                progress.console.print(_keep(sequence, reason, target), soft_wrap=True)
+                progress.console.print(_store(sequence, reason, target), soft_wrap=True)
             future.release()
-            hand_out()
+            submit()
             if not progress.console.is_terminal:
-                print(foreseen(progress.tasks[0], datetime.now()), flush=True)
+                print(progress_text(progress.tasks[0], datetime.now()), flush=True)
 
 
-def _cloths(names: Sequence[str], body: Body) -> list[Cloth]:
-    """The garments, ready to simulate. Raises InputError also if two of them have one name."""
-    cloths: dict[str, Cloth] = {}
-    for name in names:
+def _cloths(outfits: Sequence[Sequence[str]], body: Body) -> list[tuple[Cloth, ...]]:
+    """Load the garments, ready to simulate. Raises InputError also if two of them have one name."""
+    taken: set[str] = set()
+
+    def load(name: str) -> Cloth:
         cloth = join(load_garment_for_data(name, body, print), body)
-        if cloth.garment.name in cloths:
+        if cloth.garment.name in taken:
             raise InputError(f"garment {name}: another one is also named {cloth.garment.name}")
-        cloths[cloth.garment.name] = cloth
-    return list(cloths.values())
+        taken.add(cloth.garment.name)
+        return cloth
+
+    return [tuple(load(name) for name in outfit) for outfit in outfits]
 
 
 def _connect(cluster: Any) -> Any:
-    """A client of a local cluster, or of the scheduler at an address."""
+    """Connect a client to a local cluster, or to the scheduler at an address."""
     from dask.distributed import Client
 
     try:
@@ -170,14 +176,17 @@ def _connect(cluster: Any) -> Any:
         raise InputError(f"--scheduler {cluster}: no dask scheduler answers there ({error})") from error
 
 
-def _work(job: Job, body: Body, engine: Engine) -> tuple[list[SimulatedSequence], str | None]:
-    """Runs in a worker process: one core, frames reported as they are made."""
+def _simulate_job(job: Job, body: Body, engine: Engine) -> tuple[list[SimulatedSequence], str | None]:
+    """Simulate and examine a job in a worker process, on one core, and report frames as they are made.
+
+    Returns the sequences, and the reasons why they are refused, None if they are not.
+    """
     import torch
     from dask.distributed import get_worker
 
     torch.set_num_threads(1)
-    report: Callable[[int], None] = lambda made: get_worker().log_event(TOPIC, made)  # noqa: E731
-    made = simulate(job.motion, job.warm_up, job.cloths, body, engine, PARTS, report)
+    report: Callable[[int], None] = lambda made: get_worker().log_event(FRAMES_TOPIC, made)  # noqa: E731
+    made = simulate(job.motion, job.warm_up, job.cloths, body, engine, LEAD_IN, report)
     examined = [
         examine(sequence, cloth.garment, body) for sequence, cloth in zip(made, job.cloths, strict=True)
     ]
@@ -189,18 +198,18 @@ def _work(job: Job, body: Body, engine: Engine) -> tuple[list[SimulatedSequence]
     return [sequence for sequence, _ in examined], "; ".join(reasons) or None
 
 
-def _keep(sequence: SimulatedSequence, reason: str | None, target: Path) -> str:
-    """Write a finished sequence where it belongs and say so."""
+def _store(sequence: SimulatedSequence, reason: str | None, target: Path) -> str:
+    """Write a finished sequence, a refused one to the folder of those, and return a line of text on it."""
     if reason is not None:
-        apart = rejected(target)
-        save_sequence(replace(sequence, metadata={**sequence.metadata, "rejected": reason}), apart)
-        return f"{apart}: kept apart, {reason}"
+        elsewhere = rejected(target)
+        save_sequence(replace(sequence, metadata={**sequence.metadata, "rejected": reason}), elsewhere)
+        return f"{elsewhere}: kept apart, {reason}"
     save_sequence(sequence, target)
     seconds = sequence.metadata["wall_seconds"] / len(sequence.vertices)
-    said = [f"{seconds:.2f} s per frame", f"{sequence.metadata['inside_percent']:.2f} % inside"]
+    figures = [f"{seconds:.2f} s per frame", f"{sequence.metadata['inside_percent']:.2f} % inside"]
     for name, share in sequence.metadata.get("wrong_side_percent", {}).items():
-        said.append(f"{share:.2f} % on the wrong side of {name}")
-    return f"{target}: {', '.join(said)}"
+        figures.append(f"{share:.2f} % on the wrong side of {name}")
+    return f"{target}: {', '.join(figures)}"
 
 
 def _close(cluster: Any) -> None:
@@ -210,11 +219,11 @@ def _close(cluster: Any) -> None:
 
 
 def _frames(job: Job) -> int:
-    return len(job.motion) + len(PARTS)
+    return len(job.motion) + len(LEAD_IN)
 
 
-def foreseen(task: Task, now: datetime) -> str:
-    """How fast all workers together are, and when they will be done: what was there before does not count."""
+def progress_text(task: Task, now: datetime) -> str:
+    """Text on the speed of all workers together and the end; what was there before does not count."""
     if not task.speed or task.remaining is None:
         return "measuring"
     end = now + timedelta(seconds=task.remaining / task.speed)
@@ -222,14 +231,17 @@ def foreseen(task: Task, now: datetime) -> str:
     return f"{done}, {task.speed:.2f} per second, done {end:%a %d %b %H:%M}"
 
 
-class _Foreseen(ProgressColumn):
+class _ProgressText(ProgressColumn):
+    """Column of `progress_text`, once a second."""
+
     max_refresh = 1.0
 
     def render(self, task: Task) -> Text:
-        return Text(foreseen(task, datetime.now()))
+        """Text for a task."""
+        return Text(progress_text(task, datetime.now()))
 
 
 def _progress() -> Progress:
     return Progress(
-        TextColumn("{task.description}"), BarColumn(), _Foreseen(), speed_estimate_period=SPEED_SECONDS
+        TextColumn("{task.description}"), BarColumn(), _ProgressText(), speed_estimate_period=SPEED_SECONDS
     )

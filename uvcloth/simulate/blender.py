@@ -3,10 +3,10 @@
 The environment variable UVCLOTH_BLENDER_PYTHON names a Python in which `import bpy` works. A scene goes there
 as a file, frames come back through a pipe (`blender_worker.py`); bpy, which is GPL, is never imported here.
 
-What Blender cannot be told: which vertex may touch which part of the collider (`_reachable` comes near it by
-leaving out faces), how heavy a single vertex is (`heavier` only makes the attachment stiffer), how much room
-a vertex needs (`room`; layers still keep apart, by self-collision), a Poisson ratio other than the third that
-a net of springs has, and air that acts along the normals of faces only.
+Blender has no setting for these: which vertex may touch which part of the collider (`_reachable` comes near
+it by leaving out faces), how heavy a single vertex is (`mass_factor` only makes the attachment stiffer), what
+other cloth is under a vertex (`inner_thickness`; layers still keep apart, by self-collision), a Poisson ratio
+other than the third that a net of springs has, and air that acts along the normals of faces only.
 """
 
 import json
@@ -28,37 +28,40 @@ from uvcloth.geometry.mesh import face_normals, unique_edges
 from uvcloth.simulate.engine import GRAVITY, Scene
 from uvcloth.simulate.fabric import AIR_DENSITY, Fabric
 
-VARIABLE = "UVCLOTH_BLENDER_PYTHON"
-SERIES = "4.5"
-"""The Blender whose cloth was measured (docs/simulation.md); others may step and scale it differently."""
+PYTHON_VARIABLE = "UVCLOTH_BLENDER_PYTHON"
+"""Environment variable that names the Python with bpy."""
+
+BLENDER_SERIES = "4.5"
+"""Series of Blender whose cloth was measured (docs/simulation.md); others may step differently."""
 
 WORKER = Path(__file__).with_name("blender_worker.py")
 
-HINGE = 17.0
+BENDING_FACTOR = 17.0
 """Blender's bending stiffness per bending rigidity and area of a triangle, by the cantilever test."""
 
-THICKNESS, NEARER = 0.001, 8.0 / 9.0
+COLLIDER_THICKNESS, KEPT_DISTANCE_SHARE = 0.001, 8.0 / 9.0
 """Blender adds at least this thickness, m, of the collider to the distance to keep, and keeps that share."""
 
-PRESSED = 0.05
+PRESSED_DISTANCE = 0.05
 """Metres from a part at rest within which cloth that may not touch it may come between it and another."""
 
-MOST_FRICTION = 0.8
+MAX_FRICTION = 0.8
+"""Greatest coefficient of friction that Blender's cloth can have."""
 
-NEIGHBOURS = 0.25
-"""Mean lengths of an edge that cloth may be kept from itself: farther, neighbours push each other away."""
+MAX_SELF_DISTANCE = 0.25
+"""Most mean edge lengths that cloth keeps from itself: farther, neighbours push each other away."""
 
-MARGIN = 0.01
+FACE_MARGIN = 0.01
 """Metres by which cloth that may touch a face has to be nearer to it at rest than cloth that may not."""
 
 
 @dataclass(frozen=True)
 class Blender:
-    """Settings in SI units; python runs it, version is what it says of itself.
+    """Blender's cloth. Settings in SI units; python: the interpreter that runs it; version: as it reports.
 
     quality: steps per frame, a power of two: Blender adds up 1 / quality until it has a whole frame, and
     other numbers may round to a step too many. collision_quality: passes over contacts in a step.
-    radius: m kept between cloth and body. self_radius: m between cloth and cloth, at most NEIGHBOURS.
+    radius: m kept between cloth and body. self_radius: m between cloth and cloth, at most MAX_SELF_DISTANCE.
     hold: 1/s, the frequency of the soft attachment of the band; without one it moves as the skinned garment.
     """
 
@@ -73,11 +76,15 @@ class Blender:
     hold: float | None = None
 
     def describe(self) -> dict[str, Any]:
+        """Describe engine, versions and settings, as `Engine` says."""
         settings = {key: value for key, value in asdict(self).items() if key not in ("python", "version")}
         return {"engine": "blender.cloth", "versions": {"blender": self.version}, "settings": settings}
 
     def simulate(self, scene: Scene) -> Iterator[Tensor]:
-        """Raises InputError if Blender ends before the last frame; ends Blender when nobody asks for more."""
+        """Yield the frames as `Engine` says; Blender ends when the iterator does.
+
+        Raises InputError if Blender ends before the last frame.
+        """
         arrays = _arrays(scene)
         settings = json.dumps(self._settings(scene))
         with tempfile.TemporaryDirectory(prefix="uvcloth-blender-") as folder:
@@ -86,10 +93,13 @@ class Blender:
             yield from _frames(self.python, path, len(scene.skinned), len(scene.rest))
 
     def _settings(self, scene: Scene) -> dict[str, Any]:
-        """Blender's numbers. Its unit of time is a frame, its springs' stiffness is given per mean length."""
+        """Blender's settings.
+
+        Its unit of time is a frame, its springs' stiffness is given per mean length.
+        """
         fabric, step = self.fabric, 1.0 / scene.fps
-        if fabric.friction > MOST_FRICTION:
-            raise InputError(f"Blender's cloth has friction up to {MOST_FRICTION}, not {fabric.friction}")
+        if fabric.friction > MAX_FRICTION:
+            raise InputError(f"Blender's cloth has friction up to {MAX_FRICTION}, not {fabric.friction}")
         edges = unique_edges(scene.faces)
         lengths = (scene.rest[edges[:, 0]] - scene.rest[edges[:, 1]]).norm(dim=1)
         area = float(face_normals(scene.rest, scene.faces).norm(dim=1).sum()) / 2.0
@@ -99,11 +109,11 @@ class Blender:
         tension = spring * float(lengths.mean()) * step**2
         # Blender's air slows any motion: by a third of what slows that along the normal, at 1 m/s.
         drag = fabric.drag * AIR_DENSITY / (2.0 * fabric.density) / 3.0
-        held = mass * float(scene.heavier[scene.band].mean()) if scene.band.any() else 0.0
+        held = mass * float(scene.mass_factor[scene.band].mean()) if scene.band.any() else 0.0
         hold = (self.hold or 0.0) * step
         return {
             "gravity": GRAVITY * step**2,
-            "thickness": THICKNESS,
+            "thickness": COLLIDER_THICKNESS,
             "pinned": self.hold is None,
             "friction": 100.0 * fabric.friction,
             "cloth": {
@@ -113,7 +123,7 @@ class Blender:
                 "tension_stiffness": tension,
                 "compression_stiffness": tension,
                 "bending_model": "ANGULAR",
-                "bending_stiffness": HINGE * fabric.bend * len(scene.faces) / area * step**2,
+                "bending_stiffness": BENDING_FACTOR * fabric.bend * len(scene.faces) / area * step**2,
                 "tension_damping": 0.0,
                 "compression_damping": 0.0,
                 "bending_damping": 0.0,
@@ -122,9 +132,9 @@ class Blender:
             },
             "contact": {
                 "collision_quality": self.collision_quality,
-                "distance_min": self.radius / NEARER - THICKNESS,
+                "distance_min": self.radius / KEPT_DISTANCE_SHARE - COLLIDER_THICKNESS,
                 "use_self_collision": self.self_collision,
-                "self_distance_min": min(self.self_radius, NEIGHBOURS * float(lengths.mean())),
+                "self_distance_min": min(self.self_radius, MAX_SELF_DISTANCE * float(lengths.mean())),
                 "self_friction": 100.0 * fabric.friction,
             },
         }
@@ -132,32 +142,34 @@ class Blender:
 
 @cache
 def find_blender() -> Blender:
-    """The Blender that the environment names, with settings that were measured.
+    """Find the Blender that the environment names, with settings that were measured.
 
     Raises InputError if the variable is not set or names nothing that runs, a Python without bpy, or another
-    Blender than SERIES.
+    Blender than BLENDER_SERIES.
     """
-    python = os.environ.get(VARIABLE, "")
-    wanted = f"a Python in which `import bpy` works (bpy {SERIES})"
+    python = os.environ.get(PYTHON_VARIABLE, "")
+    wanted = f"a Python in which `import bpy` works (bpy {BLENDER_SERIES})"
     if not python:
-        raise InputError(f"simulating with Blender needs the environment variable {VARIABLE}: {wanted}")
+        raise InputError(
+            f"simulating with Blender needs the environment variable {PYTHON_VARIABLE}: {wanted}"
+        )
     command = [python, "-c", "import bpy; print(bpy.app.version_string)"]
     try:
-        asked = subprocess.run(command, capture_output=True, text=True, env=_environment(), check=False)
+        answer = subprocess.run(command, capture_output=True, text=True, env=_environment(), check=False)
     except OSError as error:
         raise InputError(
-            f"{VARIABLE}={python}: cannot be run ({error.strerror}), expected {wanted}"
+            f"{PYTHON_VARIABLE}={python}: cannot be run ({error.strerror}), expected {wanted}"
         ) from error
-    if asked.returncode:
-        raise InputError(f"{VARIABLE}={python}: {_last_line(asked.stderr)}, expected {wanted}")
-    version = _last_line(asked.stdout).removesuffix(" LTS")
-    if not version.startswith(f"{SERIES}."):
-        raise InputError(f"{VARIABLE}={python}: has Blender {version}, expected {SERIES}")
+    if answer.returncode:
+        raise InputError(f"{PYTHON_VARIABLE}={python}: {_last_line(answer.stderr)}, expected {wanted}")
+    version = _last_line(answer.stdout).removesuffix(" LTS")
+    if not version.startswith(f"{BLENDER_SERIES}."):
+        raise InputError(f"{PYTHON_VARIABLE}={python}: has Blender {version}, expected {BLENDER_SERIES}")
     return Blender(python, version)
 
 
 def _arrays(scene: Scene) -> dict[str, np.ndarray]:
-    """What the worker reads. free: (N,) bool, touches no part. pressed: (N,) bool, not kept off cloth."""
+    """Arrays for the worker. free: (N,) bool, touches no part. pressed: (N,) bool, not kept off cloth."""
     arrays = {
         "skinned": scene.skinned.numpy(),
         "faces": scene.faces.numpy(),
@@ -173,7 +185,7 @@ def _arrays(scene: Scene) -> dict[str, np.ndarray]:
 
 
 def _reachable(scene: Scene) -> list[Tensor]:
-    """Of each part the faces (F, 3) that cloth which may touch the part is nearest to at rest.
+    """Faces (F, 3) of each part that cloth which may touch the part is nearest to at rest.
 
     Without them arm and torso both push what is between them: caps reach out of the part next to them, and in
     the armpit each has faces beside the other's cloth.
@@ -190,12 +202,12 @@ def _reachable(scene: Scene) -> list[Tensor]:
         middles = scene.collider[0, faces].mean(1).numpy()
         near = KDTree(scene.rest[touches].numpy()).query(middles)[0]
         other = KDTree(scene.rest[~touches].numpy()).query(middles)[0]
-        reachable.append(faces[torch.from_numpy(near + MARGIN < other)])
+        reachable.append(faces[torch.from_numpy(near + FACE_MARGIN < other)])
     return [faces for faces in reachable if len(faces)]
 
 
 def _pressed(scene: Scene) -> Tensor:
-    """Which vertices (N,) are beside a part that they may not touch: arm and torso press cloth on cloth.
+    """Mask (N,) of vertices beside a part that they may not touch: arm and torso press cloth on cloth.
 
     Kept apart by self-collision, the two layers would be pushed into the body.
     """
@@ -205,20 +217,20 @@ def _pressed(scene: Scene) -> Tensor:
     for faces, touches in zip(scene.collider_parts, scene.touches, strict=True):
         if len(faces) and touches.any():
             part = KDTree(scene.collider[0, faces.unique()].numpy())
-            pressed |= torch.from_numpy(part.query(scene.rest.numpy())[0] < PRESSED) & ~touches
+            pressed |= torch.from_numpy(part.query(scene.rest.numpy())[0] < PRESSED_DISTANCE) & ~touches
     return pressed
 
 
 def _frames(python: str, scene: Path, frames: int, count: int) -> Iterator[Tensor]:
-    """The frames (N, 3) of a scene file as Blender makes them."""
+    """Yield the frames (N, 3) m of a scene file as Blender makes them."""
     size = 12 * count
     with (
-        scene.with_name("said").open("w+", encoding="utf-8", errors="replace") as said,
+        scene.with_name("stderr.txt").open("w+", encoding="utf-8", errors="replace") as log,
         subprocess.Popen(
             [python, str(WORKER), str(scene)],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
-            stderr=said,
+            stderr=log,
             env=_environment(),
         ) as process,
     ):
@@ -227,8 +239,8 @@ def _frames(python: str, scene: Path, frames: int, count: int) -> Iterator[Tenso
             for frame in range(frames):
                 data = process.stdout.read(size)
                 if len(data) < size:
-                    said.seek(0)
-                    reason = _last_line(said.read())
+                    log.seek(0)
+                    reason = _last_line(log.read())
                     raise InputError(f"{python}: Blender ended at frame {frame} of {frames} ({reason})")
                 yield torch.from_numpy(np.frombuffer(data, "<f4").reshape(count, 3).copy())
         finally:
@@ -236,7 +248,7 @@ def _frames(python: str, scene: Path, frames: int, count: int) -> Iterator[Tenso
 
 
 def _environment() -> dict[str, str]:
-    """Ours without what would make Blender's Python find our packages."""
+    """Environment of this process without the variables that lead Blender's Python to our packages."""
     return {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
 
 

@@ -15,17 +15,18 @@ from pathlib import Path
 from typing import Any
 
 # What Blender prints goes to standard error: standard output is for frames.
-FRAMES = os.fdopen(os.dup(1), "wb")
+FRAME_STREAM = os.fdopen(os.dup(1), "wb")
 os.dup2(2, 1)
 
 import bpy  # noqa: E402
 import numpy as np  # noqa: E402
 
-PULLED = 0.9997
-"""Weight of a vertex that a spring pulls to its place; one of 1 is moved there whatever stands in its way."""
+SPRING_WEIGHT = 0.9997
+"""Weight of a vertex that a spring pulls to its place; one of 1 is moved there without regard to contact."""
 
 
 def main(path: Path) -> None:
+    """Simulate the scene of a file and write its frames."""
     with np.load(path) as data:
         arrays = {name: data[name] for name in data.files}
     settings = json.loads(str(arrays["settings"]))
@@ -36,18 +37,18 @@ def main(path: Path) -> None:
     parts = bpy.data.collections.new("parts")
     scene.collection.children.link(parts)
     for name in sorted(name for name in arrays if name.startswith("part") and "_" not in name):
-        part = moving(path.parent / f"{name}.pc2", arrays[name], arrays[f"{name}_faces"], parts)
-        collide(part, settings)
-    cloth = moving(path.parent / "cloth.pc2", arrays["skinned"], arrays["faces"], scene.collection)
-    become_cloth(cloth, arrays, settings, parts)
+        part = add_animated_mesh(path.parent / f"{name}.pc2", arrays[name], arrays[f"{name}_faces"], parts)
+        add_collision(part, settings)
+    cloth = add_animated_mesh(path.parent / "cloth.pc2", arrays["skinned"], arrays["faces"], scene.collection)
+    add_cloth(cloth, arrays, settings, parts)
     for frame in range(scene.frame_start, scene.frame_end + 1):
         scene.frame_set(frame)
-        FRAMES.write(points_of(cloth).tobytes())
-        FRAMES.flush()
+        FRAME_STREAM.write(vertex_positions(cloth).tobytes())
+        FRAME_STREAM.flush()
 
 
-def moving(cache: Path, frames: np.ndarray, faces: np.ndarray, collection: Any) -> Any:
-    """An object whose mesh goes through frames (F, V, 3), by a point cache in the file `cache`."""
+def add_animated_mesh(cache: Path, frames: np.ndarray, faces: np.ndarray, collection: Any) -> Any:
+    """Add an object whose mesh goes through frames (F, V, 3) m, by a point cache in the file `cache`."""
     with cache.open("wb") as stream:
         count = frames.shape[1]
         stream.write(struct.pack("<12siiffi", b"POINTCACHE2\0", 1, count, 0.0, 1.0, len(frames)))
@@ -62,29 +63,33 @@ def moving(cache: Path, frames: np.ndarray, faces: np.ndarray, collection: Any) 
     return made
 
 
-def collide(part: Any, settings: dict[str, Any]) -> None:
+def add_collision(part: Any, settings: dict[str, Any]) -> None:
+    """Let cloth collide with an object."""
     part.modifiers.new("collision", "COLLISION")
     part.collision.thickness_outer = settings["thickness"]
     part.collision.damping = 0.0
     part.collision.cloth_friction = settings["friction"]
 
 
-def become_cloth(cloth: Any, arrays: dict[str, np.ndarray], settings: dict[str, Any], parts: Any) -> None:
+def add_cloth(cloth: Any, arrays: dict[str, np.ndarray], settings: dict[str, Any], parts: Any) -> None:
+    """Make an object cloth that collides with the collection `parts`."""
     modifier = cloth.modifiers.new("cloth", "CLOTH")
     modifier.point_cache.frame_start, modifier.point_cache.frame_end = 1, len(arrays["skinned"])
-    moved, met = modifier.settings, modifier.collision_settings
+    motion, contact = modifier.settings, modifier.collision_settings
     for name, value in settings["cloth"].items():
-        setattr(moved, name, value)
+        setattr(motion, name, value)
     for name, value in settings["contact"].items():
-        setattr(met, name, value)
-    met.collection, met.use_collision = parts, len(parts.objects) > 0
-    moved.vertex_group_mass = group(cloth, "band", arrays, 1.0 if settings["pinned"] else PULLED)
-    met.vertex_group_object_collisions = group(cloth, "free", arrays)
-    met.vertex_group_self_collisions = group(cloth, "pressed", arrays)
+        setattr(contact, name, value)
+    contact.collection, contact.use_collision = parts, len(parts.objects) > 0
+    motion.vertex_group_mass = add_vertex_group(
+        cloth, "band", arrays, 1.0 if settings["pinned"] else SPRING_WEIGHT
+    )
+    contact.vertex_group_object_collisions = add_vertex_group(cloth, "free", arrays)
+    contact.vertex_group_self_collisions = add_vertex_group(cloth, "pressed", arrays)
 
 
-def group(cloth: Any, name: str, arrays: dict[str, np.ndarray], weight: float = 1.0) -> str:
-    """The name of a group of the vertices that the array of that name says, or "" where there are none."""
+def add_vertex_group(cloth: Any, name: str, arrays: dict[str, np.ndarray], weight: float = 1.0) -> str:
+    """Group the vertices that the array of that name marks; returns the name, or "" where there are none."""
     members = np.flatnonzero(arrays[name]).tolist()
     if not members:
         return ""
@@ -93,8 +98,8 @@ def group(cloth: Any, name: str, arrays: dict[str, np.ndarray], weight: float = 
     return str(made.name)
 
 
-def points_of(cloth: Any) -> np.ndarray:
-    """(3 V,) float32, as the modifiers leave them."""
+def vertex_positions(cloth: Any) -> np.ndarray:
+    """Positions of an object's vertices as the modifiers leave them: (3 V,) float32, m."""
     evaluated = cloth.evaluated_get(bpy.context.evaluated_depsgraph_get())
     mesh = evaluated.to_mesh()
     points = np.empty(3 * len(mesh.vertices), "<f4")

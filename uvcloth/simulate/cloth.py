@@ -1,4 +1,4 @@
-"""A garment as engines simulate it: joined where its mesh is cut at UV seams, and with what holds it up."""
+"""Garments as engines simulate them: joined where the mesh is cut at UV seams, with their holding band."""
 
 from dataclasses import dataclass
 
@@ -17,9 +17,10 @@ LEAST_AREA = 1e-9
 
 @dataclass(frozen=True)
 class Cloth:
-    """kept: (n,) the vertices of the garment's mesh that are simulated, one where several are at one place.
+    """A garment for an engine.
 
-    places: (N,) which of those each vertex of the mesh goes with, -1 for one that no face uses.
+    kept: (n,) the vertices of the garment's mesh that are simulated, one where several are at one place.
+    places: (N,) index of the one that each vertex of the mesh goes with, -1 for one that no face uses.
     faces: (M, 3) into the n.
     """
 
@@ -30,12 +31,15 @@ class Cloth:
     faces: Tensor
 
     def whole(self, simulated: Tensor, skinned: Tensor) -> Tensor:
-        """Simulated vertices (n, 3) for the whole mesh (N, 3); what no face uses is skinned (N, 3)."""
+        """Whole mesh (N, 3) m from simulated vertices (n, 3) m; what no face uses is skinned (N, 3) m."""
         return torch.where((self.places < 0)[:, None], skinned, simulated[self.places])
 
 
 def join(garment: Garment, body: Body) -> Cloth:
-    """Prepare a garment. Raises InputError if it has no hem to hang by or a face without an area."""
+    """Join a garment for simulation.
+
+    Raises InputError if it has no hem to hang by or a face without an area.
+    """
     mesh = garment.mesh
     flat = face_normals(mesh.vertices, mesh.faces).norm(dim=1) < 2.0 * LEAST_AREA
     if bool(flat.any()):

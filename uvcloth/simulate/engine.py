@@ -1,4 +1,4 @@
-"""What a cloth engine is given and gives back; each engine is one file beside this one."""
+"""Protocol of the cloth engines, and their scene; each engine is one file beside this one."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from torch import Tensor
 from uvcloth.bodies import frames
 
 GRAVITY = -frames.GRAVITY[2]
-"""m/s2, downwards."""
+"""Acceleration of gravity, m/s2, downwards."""
 
 
 @dataclass(frozen=True)
@@ -17,18 +17,18 @@ class Scene:
     """Cloth on a moving collider: one garment, or several that keep apart.
 
     rest: (N, 3) cloth at rest, also where it starts. faces: (M, 3). band: (N,) bool, held up by a soft
-    attachment. heavier: (N,) how many times heavier each vertex is; the band's are, so that they can carry
-    the rest. room: (N,) m that other cloth takes between a vertex and the collider.
+    attachment. mass_factor: (N,) on the mass of each vertex; the band's are heavier, so that they can carry
+    the rest. inner_thickness: (N,) m of other cloth between a vertex and the collider.
     skinned: (F, N, 3) the skinned garment, which attachment and drag follow.
     collider: (F, C, 3) collider vertices. collider_parts: (K, 3) faces of each of its closed parts.
-    touches: (parts, N) bool, which part may touch which vertex. fps: frames per second.
+    touches: (parts, N) bool, the parts that may touch each vertex. fps: frames per second.
     """
 
     rest: Tensor
     faces: Tensor
     band: Tensor
-    heavier: Tensor
-    room: Tensor
+    mass_factor: Tensor
+    inner_thickness: Tensor
     skinned: Tensor
     collider: Tensor
     collider_parts: tuple[Tensor, ...]
@@ -37,7 +37,7 @@ class Scene:
 
 
 class Engine(Protocol):
-    """A cloth engine: what the metadata say of it, and the simulation itself."""
+    """A cloth engine: its description for the metadata, and the simulation."""
 
     def describe(self) -> dict[str, Any]:
         """Engine, exact versions and settings, as JSON values."""

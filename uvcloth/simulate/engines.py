@@ -1,4 +1,4 @@
-"""The cloth engines by name."""
+"""Registry of the cloth engines by name."""
 
 from collections.abc import Callable
 
@@ -7,4 +7,4 @@ from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.newton import Newton
 
 ENGINES: dict[str, Callable[[], Engine]] = {"newton": Newton, "blender": find_blender}
-"""What makes each; it raises InputError if the engine is not installed."""
+"""Functions that make each; they raise InputError if the engine is not installed."""

@@ -1,14 +1,14 @@
-"""What cloth is made of, in SI units, whatever engine simulates it."""
+"""Fabrics: the material of cloth in SI units, for every engine."""
 
 from dataclasses import dataclass
 
 AIR_DENSITY = 1.2
-"""kg/m3 of air at 20 degrees."""
+"""Density of air at 20 degrees, kg/m3."""
 
 
 @dataclass(frozen=True)
 class Fabric:
-    """A cotton jersey: it bends as cotton does and stretches as a knit.
+    """Material of cloth; the default is a cotton jersey: it bends as cotton does and stretches as a knit.
 
     density: kg/m2. stretch: N/m, membrane stiffness (Young's modulus times thickness). poisson: its Poisson
     ratio. bend: N m, bending rigidity (force times distance per width; Peirce's bending length is the cube

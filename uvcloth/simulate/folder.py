@@ -1,4 +1,4 @@
-"""A data folder: which sequences are in it, and that all of them are of one body, engine and outfit."""
+"""Data folders: their sequences, all of one body, engine and outfit, and what was refused."""
 
 import csv
 import json
@@ -33,26 +33,29 @@ class Stored:
 
     @property
     def reason(self) -> str | None:
-        """Why it was refused; None if it was not."""
+        """Reason why it was refused; None if it was not."""
         if self.path.parent.name != REJECTED:
             return None
         return str(self.metadata.get("rejected", "kept apart"))
 
 
 def rejected(target: Path) -> Path:
-    """Where a sequence that is refused is kept instead."""
+    """Path at which a sequence is kept if it is refused."""
     return target.parent / REJECTED / target.name
 
 
 def sequence_files(folder: Path) -> Iterator[tuple[Path, bool]]:
-    """Every sequence file in a data folder, and whether it is a second simulation."""
+    """Yield every sequence file in a data folder, and whether it is a second simulation."""
     for part in (folder, folder / REPEAT):
         for path in (*sorted(part.glob("*.npz")), *sorted((part / REJECTED).glob("*.npz"))):
             yield path, part != folder
 
 
 def stored_sequences(folder: Path) -> list[Stored]:
-    """What is in a data folder, by its metadata. Raises InputError for a file that is no sequence."""
+    """Read the metadata of all sequences in a data folder.
+
+    Raises InputError for a file that is no sequence.
+    """
     return [Stored(path, read_metadata(path), repeat) for path, repeat in sequence_files(folder)]
 
 
@@ -61,22 +64,22 @@ def require_same(
 ) -> None:
     """Raise InputError if a sequence is of another body, engine or outfit than what would be made.
 
-    engine: what makes sequences now. outfits: names of the garments that are simulated together.
+    engine: the one that makes sequences now. outfits: names of the garments that are simulated together.
     """
     shape = rest_hash(body)
     layers = {name: outfit for outfit in outfits for name in outfit}
     made = json.loads(json.dumps(engine.describe()))
     for each in stored:
-        said = each.metadata
-        if said.get("body_hash", shape) != shape:
+        metadata = each.metadata
+        if metadata.get("body_hash", shape) != shape:
             raise InputError(
-                f"{each.path}: was simulated on another body ({said['body']}) than {body.name}, "
+                f"{each.path}: was simulated on another body ({metadata['body']}) than {body.name}, "
                 "simulate into another folder"
             )
-        if "engine" in said:
-            _require_engine(each.path, said, made)
-        found = tuple(said.get("layers", (said["garment"],)))
-        expected = layers.get(said["garment"], found)
+        if "engine" in metadata:
+            _require_engine(each.path, metadata, made)
+        found = tuple(metadata.get("layers", (metadata["garment"],)))
+        expected = layers.get(metadata["garment"], found)
         if found != expected:
             raise InputError(
                 f"{each.path}: was simulated as {' under '.join(found)}, not as {' under '.join(expected)}, "
@@ -84,14 +87,14 @@ def require_same(
             )
 
 
-def _require_engine(path: Path, said: Mapping[str, Any], made: Mapping[str, Any]) -> None:
+def _require_engine(path: Path, metadata: Mapping[str, Any], made: Mapping[str, Any]) -> None:
     """Raise InputError if another engine made it, or other settings, which are then named."""
-    if said["engine"] != made["engine"]:
+    if metadata["engine"] != made["engine"]:
         raise InputError(
-            f"{path}: was simulated by {said['engine']}, not by {made['engine']}, "
+            f"{path}: was simulated by {metadata['engine']}, not by {made['engine']}, "
             "simulate into another folder"
         )
-    differences = _differences(said.get("settings", {}), made["settings"])
+    differences = _differences(metadata.get("settings", {}), made["settings"])
     if differences:
         raise InputError(
             f"{path}: was simulated with other settings ({', '.join(differences)}), "
@@ -100,19 +103,22 @@ def _require_engine(path: Path, said: Mapping[str, Any], made: Mapping[str, Any]
 
 
 def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """What differs between settings, by name; fabrics by what they are made of."""
-    said = []
+    """Differences between settings as text, by name; of a fabric its own fields."""
+    found = []
     for name in {**now, **before}:
         old, new = before.get(name), now.get(name)
         if isinstance(old, dict) and isinstance(new, dict):
-            said += _differences(old, new)
+            found += _differences(old, new)
         elif old != new:
-            said.append(f"{name} {old} instead of {new}")
-    return said
+            found.append(f"{name} {old} instead of {new}")
+    return found
 
 
 def keep_index(windows: Path, kept: Path) -> None:
-    """Copy the windows, by which training and evaluation will go. Raises InputError if others are kept."""
+    """Copy the index of windows, by which training and evaluation go.
+
+    Raises InputError if others are kept.
+    """
     if not kept.exists():
         with atomic_write(kept) as partial:
             shutil.copyfile(windows, partial)
@@ -121,7 +127,10 @@ def keep_index(windows: Path, kept: Path) -> None:
 
 
 def refused_captures(folder: Path) -> dict[str, str]:
-    """Why captures were refused, by clip. Raises InputError if the folder's table cannot be read."""
+    """Read the reasons why captures were refused, by clip.
+
+    Raises InputError if the folder's table cannot be read.
+    """
     path = folder / REFUSED
     if not path.exists():
         return {}
@@ -133,7 +142,10 @@ def refused_captures(folder: Path) -> dict[str, str]:
 
 
 def keep_refused(refused: Mapping[str, str], folder: Path) -> None:
-    """Add captures that were refused, and why, to the folder's table."""
+    """Add refused captures, with the reason by clip, to the folder's table.
+
+    Raises InputError if it cannot be read or written.
+    """
     with (
         atomic_write(folder / REFUSED) as partial,
         partial.open("w", newline="", encoding="utf-8") as stream,

@@ -1,74 +1,68 @@
-"""Hems that hang in the air: cloth that an engine lets move as in honey stays up after a squat."""
+"""Unsupported hems: an overdamped simulation leaves cloth up in the air after a squat."""
+
+from collections.abc import Callable
 
 import torch
 from torch import Tensor
 
 from uvcloth.garments.band import hems
 from uvcloth.geometry.mesh import boundary_edges, weld
-from uvcloth.physics.contact import ContactGarment, Obstacle
+from uvcloth.physics.contact import Skin
 
-RISE = 0.1
-"""Metres above the skinned hem, on average, from which on a hem has to be held up by something."""
+LEAST_RISE = 0.1
+"""Metres above the skinned hem, on average, above which something has to support a hem."""
 
-STILL = 1.0
-"""m/s among the garment, on average, under which a hem does not swing: at this speed it swings 5 cm up."""
+STILL_SPEED = 1.0
+"""Mean speed relative to the garment, m/s, below which a hem does not swing: with it, it swings 5 cm up."""
 
-SECONDS = 1.0
-"""How long a hem may hang in the air, until it comes down: cloth falls 10 cm in 0.15 s."""
+HANGING_SECONDS = 1.0
+"""Seconds that a hem may be unsupported: cloth falls 10 cm in 0.15 s."""
 
-NEAR = 0.02
+LYING_DISTANCE = 0.02
 """Metres from the skin within which cloth lies on it."""
 
-BESIDE = 0.3
-"""Metres at rest from a hem within which cloth that lies on the body holds it."""
+HEM_NEIGHBOURHOOD = 0.3
+"""Metres at rest from a hem within which cloth that lies on the body supports it."""
 
-FLAT = 0.5
+SUPPORT_COSINE = 0.5
 """Least upward part of a surface's normal on which cloth rests."""
 
-RESTING = 0.02
-"""Share of the cloth beside a hem that holds it, if it is raised and rests on the body."""
+RESTING_SHARE = 0.02
+"""Share of the cloth beside a hem that supports it, if it is raised and rests on the body."""
 
-CLINGING = 0.5
-"""Share of a hem that holds it, if it lies on the skin, as that of a sleeve does."""
+CLINGING_SHARE = 0.5
+"""Share of a hem that supports it, if it lies on the skin, as that of a sleeve does."""
 
 
-def hanging_in_the_air(
-    vertices: Tensor,
-    skinned: Tensor,
-    rest: Tensor,
-    faces: Tensor,
-    fps: float,
-    obstacle: Obstacle,
-    garment: ContactGarment,
-    body_frames: Tensor,
+def unsupported_hem(
+    vertices: Tensor, skinned: Tensor, rest: Tensor, faces: Tensor, fps: float, skin_at: Callable[[int], Skin]
 ) -> tuple[int, float] | None:
-    """The first frame in which a hem is up that for a second in all nothing supports, and by how many metres.
+    """First frame in which a hem is up that nothing supports for a second in all, and its mean rise, m.
 
-    vertices, skinned: (F, N, 3) m, simulated and skinned. rest: (N, 3). faces: (M, 3).
-    body_frames: (F, V, 3) m.
+    vertices, skinned: (F, N, 3) m, simulated and skinned. rest: (N, 3) m. faces: (M, 3). skin_at: the skin
+    nearest to the garment's vertices in a frame.
 
-    A hem is up if it is RISE above the skinned one and still. The body supports it if raised cloth beside it
-    rests on it, as a skirt does on the thighs in a squat, or if the hem clings to it. The second is counted
-    over as long as the hem does not come down: legs that rise again do not excuse that it never fell.
+    A hem is up if it is LEAST_RISE above the skinned one and still. The body supports it if raised cloth
+    beside it rests on it, as a skirt does on the thighs in a squat, or if the hem clings to it. The second is
+    counted over as long as the hem does not come down: legs that rise again do not excuse that it never fell.
     """
     for hem in hems(boundary_edges(weld(rest)[faces])):
         rise = (vertices - skinned)[..., 2]
         rising = rise[:, hem].mean(1)
-        up = (rising > RISE) & (_speed(vertices, hem, fps) < STILL)
-        beside = torch.cdist(rest, rest[hem]).amin(1) < BESIDE
-        long = round(SECONDS * fps)
+        up = (rising > LEAST_RISE) & (_speed(vertices, hem, fps) < STILL_SPEED)
+        beside = torch.cdist(rest, rest[hem]).amin(1) < HEM_NEIGHBOURHOOD
+        long = round(HANGING_SECONDS * fps)
         for first, last in _runs(up):
-            loose = []
+            unsupported = []
             for frame in range(first, last if last - first >= long else first):
-                obstacle.update(body_frames[frame])
-                skin = obstacle.skin(vertices[frame], garment)
-                near = skin.distance < NEAR
-                resting = near & (skin.normals[:, 2] > FLAT) & (rise[frame] > RISE / 2)
-                clings = near[hem].float().mean() > CLINGING
-                if not clings and resting[beside].float().mean() <= RESTING:
-                    loose.append(frame)
-            if len(loose) >= long:
-                return loose[0], float(rising[loose].mean())
+                skin = skin_at(frame)
+                near = skin.distance < LYING_DISTANCE
+                resting = near & (skin.normals[:, 2] > SUPPORT_COSINE) & (rise[frame] > LEAST_RISE / 2)
+                clings = near[hem].float().mean() > CLINGING_SHARE
+                if not clings and resting[beside].float().mean() <= RESTING_SHARE:
+                    unsupported.append(frame)
+            if len(unsupported) >= long:
+                return unsupported[0], float(rising[unsupported].mean())
     return None
 
 

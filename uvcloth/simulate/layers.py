@@ -1,4 +1,4 @@
-"""Garments simulated over one another: the room that inner ones take."""
+"""Layers in a simulation: the thickness of the garments beneath a cloth."""
 
 from collections.abc import Sequence
 
@@ -8,15 +8,15 @@ from torch import Tensor
 from uvcloth.physics.layers import Layer
 from uvcloth.simulate.cloth import Cloth
 
-THICKNESS = 0.006
+LAYER_THICKNESS = 0.006
 """Metres that layers keep apart."""
 
 
-def room_below(cloth: Cloth, inner: Sequence[Cloth]) -> Tensor:
-    """Metres (n,) that the garments under a cloth's vertices take, at rest."""
+def inner_thickness(cloth: Cloth, inner: Sequence[Cloth]) -> Tensor:
+    """Thickness (n,) m of the garments beneath a cloth's n vertices, at rest."""
     points = cloth.garment.mesh.vertices[cloth.kept]
     room = torch.zeros(len(points))
     for other in inner:
         mesh = other.garment.mesh
-        room += THICKNESS * Layer(mesh.vertices, mesh.faces).beside(points).covered
+        room += LAYER_THICKNESS * Layer(mesh.vertices, mesh.faces).beside(points).covered
     return room

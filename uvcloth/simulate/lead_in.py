@@ -1,19 +1,19 @@
-"""From rest into motion: what the body does before the first frame that counts."""
+"""Lead-in: motion of the body from its rest pose into the clip, in front of the scored frames."""
 
 import math
 from dataclasses import dataclass
 
 import torch
-from kornia.geometry import conversions
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.rotations import from_axis_angles, to_axis_angles
 from uvcloth.motion.clip import Clip
 
 
 @dataclass(frozen=True)
 class LeadIn:
-    """Frames of each part: at rest, blending into the first pose, and coming up to speed."""
+    """Numbers of frames: at rest, blending into the first pose, and accelerating to its velocity."""
 
     rest: int = 4
     blend: int = 24
@@ -24,26 +24,26 @@ class LeadIn:
 
 
 def lead_in(clip: Clip, body: Body, parts: LeadIn) -> Clip:
-    """The clip with a start from rest in front: len(parts) more frames.
+    """Put a start from rest in front of a clip: len(parts) more frames.
 
     The body stands at rest under its first position, facing its first heading, turns smoothly into the first
     pose moved back along the first frame's velocity, and reaches that velocity just as the clip begins.
     """
     first, second = clip.rotations[0], clip.rotations[min(1, len(clip) - 1)]
-    spin = _log(second @ first.transpose(-1, -2))
+    spin = to_axis_angles(second @ first.transpose(-1, -2))
     drift = clip.translation[min(1, len(clip) - 1)] - clip.translation[0]
     u = torch.arange(parts.ramp, 0, -1).float() / parts.ramp
     back = parts.ramp * (u - u**3 + 0.5 * u**4)
-    ramp_rotations = _exp(-back[:, None, None] * spin) @ first
+    ramp_rotations = from_axis_angles(-back[:, None, None] * spin) @ first
     ramp_translation = clip.translation[0] - back[:, None] * drift
 
     heading = _heading(clip.rotations[0, 0])
     height = float(clip.skeleton.heads[0, 2] - body.mesh.vertices[:, 2].min())
     start = torch.cat([ramp_translation[0, :2], torch.tensor([height])])
-    turn = _log(heading.transpose(-1, -2) @ ramp_rotations[0])
+    turn = to_axis_angles(heading.transpose(-1, -2) @ ramp_rotations[0])
     t = torch.arange(1, parts.blend + 1).float() / (parts.blend + 1)
     share = t**3 * (10 - 15 * t + 6 * t**2)
-    blend_rotations = heading @ _exp(share[:, None, None] * turn)
+    blend_rotations = heading @ from_axis_angles(share[:, None, None] * turn)
     blend_translation = start + share[:, None] * (ramp_translation[0] - start)
 
     joints = len(clip.skeleton.names)
@@ -59,17 +59,7 @@ def lead_in(clip: Clip, body: Body, parts: LeadIn) -> Clip:
 
 
 def _heading(rotation: Tensor) -> Tensor:
-    """The turn about the vertical (3, 3) that is nearest to a rotation (3, 3)."""
+    """Rotation about the vertical (3, 3) that is nearest to a rotation (3, 3)."""
     angle = math.atan2(float(rotation[1, 0] - rotation[0, 1]), float(rotation[0, 0] + rotation[1, 1]))
     c, s = math.cos(angle), math.sin(angle)
     return torch.tensor([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _log(rotations: Tensor) -> Tensor:
-    flat = conversions.rotation_matrix_to_axis_angle(rotations.reshape(-1, 3, 3))
-    return flat.reshape(*rotations.shape[:-2], 3)
-
-
-def _exp(axis_angles: Tensor) -> Tensor:
-    flat = conversions.axis_angle_to_rotation_matrix(axis_angles.reshape(-1, 3))
-    return flat.reshape(*axis_angles.shape[:-1], 3, 3)

@@ -14,24 +14,23 @@ from rasterize.errors import InputError
 from uvcloth.simulate.engine import GRAVITY, Scene
 from uvcloth.simulate.fabric import AIR_DENSITY, Fabric
 
-BOUND = 0.85
-"""Share of the room between cloth and cloth that a vertex may use up before it is looked for anew."""
+STRIDE_SHARE = 0.85
+"""Share of the distance to other cloth that a vertex may move before self-contact is detected anew."""
 
-
-MOST_SUBSTEPS = 200
-"""Of a frame: enough for 25 m/s on the body; cloth that flies apart is not followed."""
+MAX_SUBSTEPS = 200
+"""Most substeps of a frame: enough for 25 m/s on the body; cloth that flies apart is not followed."""
 
 
 @dataclass(frozen=True)
 class Newton:
-    """Settings in SI units.
+    """Newton's SolverVBD. Settings in SI units.
 
     substeps: per frame at least. iterations: of the solver in each; few in many substeps converge best.
     radius: m, kept between cloth and body. self_radius: m, kept between cloth and cloth; self_reach: m more
     within which cloth is watched. contact_reach: m, how deep in a part of the body cloth may be and still
     find its way out. creep: m/s of sliding below which friction fades.
-    hold: 1/s, the frequency of the soft attachment of the band. bend_gain: of the fabric's bending rigidity,
-    what the solver is told: stopped after so few iterations it lets bending carry little of the weight, and
+    hold: 1/s, the frequency of the soft attachment of the band. bend_gain: factor on the fabric's bending
+    rigidity for the solver: stopped after so few iterations it lets bending carry little of the weight, and
     a disc of the fabric drapes as it should with this (tests/simulate/physics).
     """
 
@@ -51,10 +50,11 @@ class Newton:
 
     @property
     def stride(self) -> float:
-        """Metres that the solver lets a vertex move between two detections of cloth that touches itself."""
-        return 0.5 * BOUND * (self.self_radius + self.self_reach)
+        """Metres that the solver lets a vertex move between two detections of self-contact."""
+        return 0.5 * STRIDE_SHARE * (self.self_radius + self.self_reach)
 
     def describe(self) -> dict[str, Any]:
+        """Describe engine, versions and settings, as `Engine` says."""
         return {
             "engine": self.name,
             "versions": {name: version(name) for name in ("newton", "warp-lang")},
@@ -62,7 +62,7 @@ class Newton:
         }
 
     def simulate(self, scene: Scene) -> Iterator[Tensor]:
-        """Raises InputError if the `simulate` extra is not installed.
+        """Yield the frames as `Engine` says. Raises InputError if the `simulate` extra is not installed.
 
         Positions and velocities are relative to the mean of the skinned garment, which moves evenly between
         two frames, so that strides bound how cloth moves on the body and not how the body walks.
@@ -84,7 +84,7 @@ class Newton:
             model,
             iterations=self.iterations,
             friction_epsilon=self.creep,
-            dat_conservative_bound_relaxation=BOUND,
+            dat_conservative_bound_relaxation=STRIDE_SHARE,
             particle_enable_self_contact=True,
             particle_self_contact_margin=self.self_radius,
             particle_self_contact_gap=self.self_reach,
@@ -117,13 +117,13 @@ class Newton:
             yield wp.to_torch(now.particle_q) + path[frame]
 
     def substeps_for(self, *moves: Tensor) -> int:
-        """How many substeps a frame takes in which cloth or skinned garment moves so far, (N, 3) m."""
+        """Number of substeps of a frame in which cloth and skinned garment move by `moves`, (N, 3) m each."""
         farthest = max(float(move.norm(dim=1).max()) for move in moves)
-        return max(self.substeps, min(math.ceil(1.2 * farthest / self.stride), MOST_SUBSTEPS))
+        return max(self.substeps, min(math.ceil(1.2 * farthest / self.stride), MAX_SUBSTEPS))
 
 
 def _model(settings: Newton, scene: Scene) -> tuple[Any, list[Any]]:
-    """The finalized model, and the meshes of the collider's parts, whose live points the collider moves."""
+    """Build the model, and the meshes of the collider's parts, whose points the collider moves."""
     import newton
 
     fabric = settings.fabric
@@ -144,8 +144,8 @@ def _model(settings: Newton, scene: Scene) -> tuple[Any, list[Any]]:
         edge_kd=0.0,
         particle_radius=settings.radius,
     )
-    builder.particle_mass = (torch.tensor(builder.particle_mass) * scene.heavier).tolist()
-    builder.particle_radius = (settings.radius + scene.room).tolist()
+    builder.particle_mass = (torch.tensor(builder.particle_mass) * scene.mass_factor).tolist()
+    builder.particle_radius = (settings.radius + scene.inner_thickness).tolist()
     shape = newton.ModelBuilder.ShapeConfig(
         density=0.0, ke=settings.contact_stiffness, kd=settings.contact_damping, mu=fabric.friction
     )
@@ -187,7 +187,7 @@ def _set_bending(model: Any, rigidity: float) -> None:
 
 
 def _keep_apart(pipeline: Any, touches: Tensor) -> None:
-    """Let vertices and parts that may not touch be pairs with the last shape, which touches nothing."""
+    """Pair vertices with the last shape, which touches nothing, instead of parts that they may not touch."""
     pairs = pipeline.soft_rigid_contact_pairs.numpy()
     allowed = torch.cat([touches, touches.new_zeros(1, touches.shape[1])]).numpy()
     pairs[~allowed[pairs[:, 1], pairs[:, 0]], 1] = len(touches)
@@ -204,6 +204,7 @@ class _Collider:
         self.low, self.high = model.shape_collision_aabb_lower, model.shape_collision_aabb_upper
 
     def begin(self, frame: int) -> None:
+        """Set the two ends of the motion into a frame."""
         self.ends = [(frames[frame - 1], frames[frame]) for frames in self.frames]
         if not self.ends:
             return
@@ -217,6 +218,7 @@ class _Collider:
             wp.copy(bounds, _vectors(torch.stack(corners)), count=len(corners))
 
     def move(self, share: float) -> None:
+        """Move to a share, 0 to 1, of the way into the frame."""
         for mesh, (start, end) in zip(self.meshes, self.ends, strict=True):
             wp.copy(mesh.points, _vectors(torch.lerp(start, end, share)))
             mesh.refit()
@@ -230,15 +232,16 @@ class _Forces:
         self.pressure = 0.5 * AIR_DENSITY * settings.fabric.drag
         self.skinned, self.faces = scene.skinned, scene.faces
         self.mass = torch.from_numpy(model.particle_mass.numpy().copy())[:, None]
-        self.light = self.mass / scene.heavier[:, None]
+        self.light = self.mass / scene.mass_factor[:, None]
         self.band = scene.band[:, None].float()
 
     def begin(self, frame: int) -> None:
+        """Set the two ends of the skinned garment's motion into a frame."""
         self.start, self.end = self.skinned[frame - 1], self.skinned[frame]
         self.velocity = (self.end - self.start) * self.fps
 
     def apply(self, state: Any, share: float, wind: Tensor) -> None:
-        """wind: (1, 3) m/s of the frame of reference against the air."""
+        """Apply the forces at a share of the frame; wind: (1, 3) m/s, of the reference frame in the air."""
         position = wp.to_torch(state.particle_q)
         velocity = wp.to_torch(state.particle_qd)
         target = torch.lerp(self.start, self.end, share)

@@ -1,4 +1,4 @@
-"""What a data folder holds, in words and a table: `uvcloth data`."""
+"""Overview of a data folder as text and a table: `uvcloth data`."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -14,12 +14,12 @@ from uvcloth.motion.poses import SPLITS
 from uvcloth.simulate.folder import REPEAT, Stored, refused_captures, sequence_files
 from uvcloth.simulate.sequence import read_metadata
 
-NAMED = 12
-"""Clips that are missing and named, at most, of each split."""
+MAX_NAMED = 12
+"""Most missing clips of each split that are named."""
 
 
 def overview(folder: Path) -> RenderableType:
-    """A table of frames by split and garment, and lines on bodies, engines, refusals and what is missing.
+    """Make a table of frames by split and garment, and lines on bodies, engines, refusals and missing clips.
 
     Only metadata are read. Raises InputError if the folder does not exist or holds nothing, and for an index
     that is none; files that are no sequences of this version are listed.
@@ -53,7 +53,7 @@ def overview(folder: Path) -> RenderableType:
 
 
 def _table(index: Mapping[str, Entry], kept: list[Stored]) -> Table:
-    """A row per split (and for what is simulated a second time): people, clips, frames of each garment."""
+    """Table of a row per split (and its repeats): people, clips, frames of each garment."""
     garments = sorted({each.metadata["garment"] for each in kept})
     rows: dict[str, list[Stored]] = {split: [] for split in SPLITS if index}
     for each in kept:
@@ -92,11 +92,11 @@ def _body(each: Stored) -> str:
 
 
 def _engine(each: Stored) -> str:
-    """Engine, versions and settings, one after another."""
-    said = each.metadata
-    versions = " ".join(f"{name} {number}" for name, number in said.get("versions", {}).items())
-    settings = ", ".join(f"{name} {value}" for name, value in said.get("settings", {}).items())
-    return f"{said.get('engine', 'unknown')} ({versions}; {settings})"
+    """Engine, versions and settings of a sequence as text."""
+    metadata = each.metadata
+    versions = " ".join(f"{name} {number}" for name, number in metadata.get("versions", {}).items())
+    settings = ", ".join(f"{name} {value}" for name, value in metadata.get("settings", {}).items())
+    return f"{metadata.get('engine', 'unknown')} ({versions}; {settings})"
 
 
 def _counted(what: str, names: Iterable[str]) -> list[str]:
@@ -104,7 +104,7 @@ def _counted(what: str, names: Iterable[str]) -> list[str]:
 
 
 def _missing(index: Mapping[str, Entry], stored: list[Stored], captures: Mapping[str, str]) -> list[str]:
-    """By split, clips of which one of the folder's garments is neither there nor refused."""
+    """Lines, by split, on clips of which one of the folder's garments is neither there nor refused."""
     garments = {each.metadata["garment"] for each in stored}
     found = {(each.metadata["clip"], each.metadata["garment"]) for each in stored if not each.repeat}
     missing: dict[str, Counter[str]] = {split: Counter() for split in SPLITS}
@@ -113,7 +113,7 @@ def _missing(index: Mapping[str, Entry], stored: list[Stored], captures: Mapping
             missing[entry.split].update(clip for garment in garments if (clip, garment) not in found)
     return [
         f"missing of {split}: {clips.total()} sequences of {len(clips)} clips "
-        f"({', '.join(list(clips)[:NAMED])}{', ...' * (len(clips) > NAMED)})"
+        f"({', '.join(list(clips)[:MAX_NAMED])}{', ...' * (len(clips) > MAX_NAMED)})"
         for split, clips in missing.items()
         if clips
     ]

@@ -1,4 +1,4 @@
-"""Which simulations a batch is: windows of clips, in an order of which any beginning is a good mixture."""
+"""Plan of a batch: windows of clips, in an order of which any beginning is a good mixture."""
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ from rich.progress import track
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.motion.capture import jump, standstill
+from uvcloth.motion.capture import find_jump, find_standstill
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.index import Entry, clip_file, read_index
 from uvcloth.motion.library import load_clip
@@ -17,15 +17,15 @@ from uvcloth.simulate.cloth import Cloth
 from uvcloth.simulate.folder import rejected
 from uvcloth.simulate.run import run_up
 
-REPEAT_EARLIER = 20
+REPEAT_LEAD_FRAMES = 20
 """Frames by which the second start of a window is earlier, for the repeatability floor."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """One simulation: a motion (run-up included), how many of its leading frames do not count, and garments.
+    """One simulation: a motion (run-up included), the number of its warm-up frames, and garments.
 
-    Several cloths meet each other, the first is innermost; each has a target, the file of its sequence.
+    Several cloths touch each other, the first is innermost; each has a target, the file of its sequence.
     """
 
     motion: Clip
@@ -36,22 +36,34 @@ class Job:
 
 @dataclass(frozen=True)
 class Source:
-    """What a clip is taken from: a file or a built-in clip's name, and the window of it, None for all."""
+    """Source of a clip: a file or a built-in clip's name, and a window of it, None for all of it."""
 
     name: str
     clip: str
     window: Entry | None
 
 
-def batch_sources(
-    clips: Sequence[str], windows: Path | None, clips_from: Path | None, splits: Sequence[str] | None
-) -> list[Source]:
-    """The clips of a batch, in order: those that are named, or all that an index has in some splits.
+@dataclass(frozen=True)
+class ClipSelection:
+    """Clips of a batch: those that are named, or all that an index has in some splits.
 
-    windows: an index of clips and windows. clips_from: the folder of its clips, by default its own. splits:
-    by default all of SPLITS. Raises InputError for an index that is none or lacks a named clip, and for a
-    clip without a file.
+    clips: files or names of built-in clips. windows: an index of clips and windows. clips_from: the folder of
+    its clips, by default its own. splits: by default all of SPLITS; both only where no clip is named.
     """
+
+    clips: Sequence[str] = ()
+    windows: Path | None = None
+    clips_from: Path | None = None
+    splits: Sequence[str] | None = None
+
+
+def batch_sources(selection: ClipSelection) -> list[Source]:
+    """Find the clips of a batch, in order.
+
+    Raises InputError for an index that is none or lacks a named clip, and for a clip without a file.
+    """
+    clips, windows = selection.clips, selection.windows
+    clips_from, splits = selection.clips_from, selection.splits
     if windows is None:
         if clips_from is not None or splits is not None:
             raise InputError("--clips-from and --split go with --windows, the index of the clips")
@@ -72,11 +84,11 @@ def batch_sources(
     entries = [entry for entry in table.values() if entry.split in chosen]
     if not entries:
         raise InputError(f"{windows}: has no clip of the split {', '.join(chosen)}")
-    return [Source(str(clip_file(entry, folder)), entry.clip, entry) for entry in mixed(entries)]
+    return [Source(str(clip_file(entry, folder)), entry.clip, entry) for entry in interleaved(entries)]
 
 
-def mixed(entries: Iterable[Entry]) -> list[Entry]:
-    """Validation, test, training: any beginning of each has its share of every person and action."""
+def interleaved(entries: Iterable[Entry]) -> list[Entry]:
+    """Order entries: validation, test, training; each begins with its share of all people and actions."""
     rows = sorted(entries, key=lambda entry: entry.clip)
     parts = [[row for row in rows if row.split == split] for split in ("validation", "test", "train")]
     return [
@@ -85,7 +97,7 @@ def mixed(entries: Iterable[Entry]) -> list[Entry]:
 
 
 def _spread(entries: Sequence[Entry], group: Callable[[Entry], Hashable]) -> list[Entry]:
-    """The entries of each group, in their order, evenly over the whole."""
+    """Entries of each group, in their order, evenly over the whole."""
     places: list[tuple[float, int]] = []
     seen: dict[Hashable, int] = {}
     sizes: dict[Hashable, int] = {}
@@ -105,7 +117,7 @@ def plan(
     body: Body,
     earlier: bool = False,
 ) -> tuple[list[Job], dict[str, str]]:
-    """The simulations that are still to make, all outfits of a clip together, and why clips are refused.
+    """Plan the simulations still to make, all outfits of a clip together, and the reasons of refused clips.
 
     Clips are read only if a sequence of theirs is missing. Raises InputError for unreadable clips, windows
     that do not fit and sequences that would share a file.
@@ -125,7 +137,7 @@ def plan(
             if not all(target.exists() or rejected(target).exists() for target in each)
         ]
         if missing:
-            motion, warm_up, fault = _take(source, body, REPEAT_EARLIER if earlier else 0)
+            motion, warm_up, fault = _load_motion(source, body, REPEAT_LEAD_FRAMES if earlier else 0)
             if fault is not None:
                 refused[source.clip] = fault
             else:
@@ -133,8 +145,8 @@ def plan(
     return todo, refused
 
 
-def _take(source: Source, body: Body, earlier: int) -> tuple[Clip, int, str | None]:
-    """The motion of a source with its run-up, how long that is, and what is wrong with the capture."""
+def _load_motion(source: Source, body: Body, earlier: int) -> tuple[Clip, int, str | None]:
+    """Load the motion of a source with its run-up, the frames of that, and the capture's fault, if any."""
     clip = replace(load_clip(source.name, body), name=source.clip)
     start, frames = 0, len(clip)
     if source.window is not None:
@@ -142,5 +154,5 @@ def _take(source: Source, body: Body, earlier: int) -> tuple[Clip, int, str | No
     if start + frames > len(clip):
         raise InputError(f"{source.name}: has {len(clip)} frames, the window ends at {start + frames}")
     motion, before = run_up(clip, start, frames, earlier)
-    fault = jump(motion, start - before) or standstill(motion.window(before, frames), start)
+    fault = find_jump(motion, start - before) or find_standstill(motion.window(before, frames), start)
     return motion, before, fault

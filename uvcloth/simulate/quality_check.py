@@ -1,4 +1,4 @@
-"""Whether a simulated sequence may be trained on."""
+"""Quality check: measures of a simulated sequence, and the limits within which it may be trained on."""
 
 from dataclasses import replace
 
@@ -6,29 +6,29 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.collider import ARMS, FOREARMS, LEGS, make_collider
+from uvcloth.bodies.collider import ARM_PARTS, FOREARM_PARTS, LEG_PARTS, make_collider
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import unique_edges, weld
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.geometry.skinning import skin
-from uvcloth.physics.contact import Obstacle
+from uvcloth.physics.contact import Obstacle, Skin
 from uvcloth.physics.self_intersection import crossing_edges_percent
-from uvcloth.simulate.hems import hanging_in_the_air
+from uvcloth.simulate.hems import unsupported_hem
 from uvcloth.simulate.sequence import SimulatedSequence
 
-MOST_INSIDE = 0.5
+MAX_INSIDE_PERCENT = 0.5
 """Percent of vertices that may be inside the collider, averaged over the scored frames."""
 
-MOST_STRETCH = 20.0
-"""Times its rest length that no edge may reach."""
+MAX_STRETCH = 20.0
+"""Multiple of its rest length that no edge may exceed."""
 
-MOST_PIERCED = 5.0
-"""Percent of the frames in which a bone may stick through the cloth that it belongs in."""
+MAX_PIERCED_PERCENT = 5.0
+"""Percent of the frames in which a bone may stick through the cloth around it."""
 
-MOST_CROSSING = 5.0
+MAX_CROSSING_PERCENT = 5.0
 """Percent of the edges that may run through the garment itself, averaged over the scored frames."""
 
-BONES = (
+COLLIDER_BONES = (
     ("LeftArm", "LeftForeArm"),
     ("RightArm", "RightForeArm"),
     ("LeftUpLeg", "LeftLeg"),
@@ -38,21 +38,21 @@ BONES = (
     ("LeftForeArm", "LeftHand"),
     ("RightForeArm", "RightHand"),
 )
-"""The joints at which the bones of the collider's arms and legs start and end."""
+"""Joints at which the bones of the collider's arms and legs start and end."""
 
 
 def examine(
     sequence: SimulatedSequence, garment: Garment, body: Body
 ) -> tuple[SimulatedSequence, str | None]:
-    """The sequence of a garment with what was measured in its metadata, and why it is refused, if so.
+    """Examine the sequence of a garment: it, with the measures in its metadata, and the reason of a refusal.
 
     inside_percent: of the vertices inside a part of the collider that they may touch, but for those squeezed
     between two such parts.
     pierced_percent: of the frames in which a bone sticks through the cloth around it. Cloth that has come off
-    its limb lies outside of everything: nothing else notices.
+    its limb lies outside of everything, which no other measure shows.
     crossing_percent: of the edges that run through a face of the garment.
 
-    A hem that hangs in the air is refused too (`hanging_in_the_air`).
+    An unsupported hem is refused too (`unsupported_hem`).
     """
     frames, vertices = len(sequence.vertices), sequence.vertices
     if not torch.isfinite(vertices).all():
@@ -60,20 +60,23 @@ def examine(
     edges = unique_edges(sequence.faces)
     rest = (sequence.rest[edges[:, 0]] - sequence.rest[edges[:, 1]]).norm(dim=-1)
     ratio = ((vertices[:, edges[:, 0]] - vertices[:, edges[:, 1]]).norm(dim=-1) / rest).amax(1)
-    if float(ratio.max()) > MOST_STRETCH:
+    if float(ratio.max()) > MAX_STRETCH:
         return sequence, f"frame {int(ratio.argmax())}: an edge is {float(ratio.max()):.1f} times its length"
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
-    worn = obstacle.dress(sequence.rest, sequence.faces)
-    pierced = _pierced_percent(sequence, body.skeleton, worn.touches)
-    counting = slice(sequence.warm_up, None)
-    vertices, transforms = vertices[counting], sequence.transforms[counting]
+    contact = obstacle.dress(sequence.rest, sequence.faces)
+    pierced = _pierced_percent(sequence, body.skeleton, contact.touches)
+    scored = slice(sequence.warm_up, None)
+    vertices, transforms = vertices[scored], sequence.transforms[scored]
     posed = skin(body.mesh.vertices, body.weights, transforms)
-    inside = _mean(obstacle.inside_percent(vertices, worn, posed))
+    inside = _mean(obstacle.inside_percent(vertices, contact, posed))
     crossing = _mean(crossing_edges_percent(vertices, weld(sequence.rest)[sequence.faces]))
     skinned = skin(sequence.rest, garment.smooth_weights, transforms)
-    hanging = hanging_in_the_air(
-        vertices, skinned, sequence.rest, sequence.faces, sequence.fps, obstacle, worn, posed
-    )
+
+    def skin_at(frame: int) -> Skin:
+        obstacle.update(posed[frame])
+        return obstacle.skin(vertices[frame], contact)
+
+    raised = unsupported_hem(vertices, skinned, sequence.rest, sequence.faces, sequence.fps, skin_at)
     metadata = {
         **sequence.metadata,
         "inside_percent": round(inside, 4),
@@ -81,14 +84,14 @@ def examine(
         "crossing_percent": round(crossing, 4),
     }
     reason = None
-    if pierced > MOST_PIERCED:
+    if pierced > MAX_PIERCED_PERCENT:
         reason = f"a limb has left its cloth in {pierced:.0f} % of the frames"
-    elif inside > MOST_INSIDE:
+    elif inside > MAX_INSIDE_PERCENT:
         reason = f"{inside:.2f} % of the vertices are inside the body"
-    elif crossing > MOST_CROSSING:
+    elif crossing > MAX_CROSSING_PERCENT:
         reason = f"{crossing:.1f} % of the edges run through the garment itself"
-    elif hanging is not None:
-        frame, rise = hanging
+    elif raised is not None:
+        frame, rise = raised
         reason = (
             f"frame {sequence.warm_up + frame}: a hem stays up, for a second {100 * rise:.0f} cm above the "
             "skinned one while nothing supports it"
@@ -108,7 +111,7 @@ def _pierced_percent(sequence: SimulatedSequence, skeleton: Skeleton, touches: T
     transforms = sequence.transforms[sequence.warm_up :]
     vertices = sequence.vertices[sequence.warm_up :]
     pierced = torch.zeros(len(vertices), dtype=torch.bool)
-    for part, (start, end) in zip((*ARMS, *LEGS, *FOREARMS), BONES, strict=True):
+    for part, (start, end) in zip((*ARM_PARTS, *LEG_PARTS, *FOREARM_PARTS), COLLIDER_BONES, strict=True):
         joint, child = skeleton.names.index(start), skeleton.names.index(end)
         moved = transforms[:, joint]
         heads, tails = (moved[..., :3] @ skeleton.heads[i] + moved[..., 3] for i in (joint, child))
@@ -118,7 +121,7 @@ def _pierced_percent(sequence: SimulatedSequence, skeleton: Skeleton, touches: T
 
 
 def _crosses(heads: Tensor, tails: Tensor, corners: Tensor) -> Tensor:
-    """Whether segments from heads to tails (T, 3) cross triangles (T, F, 3 corners, 3): (T, F) bool."""
+    """Mask (T, F) of the triangles (T, F, 3 corners, 3) m that segments from heads to tails (T, 3) cross."""
     along = (tails - heads)[:, None]
     a, b, c = (corners - heads[:, None, None]).unbind(2)
     turns = torch.stack(

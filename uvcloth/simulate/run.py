@@ -1,4 +1,4 @@
-"""Simulate garments over one motion, each alone or several together."""
+"""Simulation of garments over one motion, one alone or several together."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -10,22 +10,23 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
+from uvcloth.geometry.mesh import join_meshes
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.poses import rest_hash
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.simulate.cloth import Cloth
 from uvcloth.simulate.engine import Engine, Scene
-from uvcloth.simulate.layers import room_below
+from uvcloth.simulate.layers import inner_thickness
 from uvcloth.simulate.lead_in import LeadIn, lead_in
 from uvcloth.simulate.sequence import SimulatedSequence
 
 RUN_UP = 15
-"""Frames of the clip before a window that are played, not counted: how long cloth remembers its start."""
+"""Frames of the clip before a window that are simulated and not scored, while cloth forgets its start."""
 
 
 def run_up(clip: Clip, start: int, frames: int, earlier: int = 0) -> tuple[Clip, int]:
-    """A window of a clip with up to RUN_UP + earlier of the frames before it; returns how many those are."""
+    """Cut a window from a clip with up to RUN_UP + earlier frames before it; returns their number too."""
     before = min(start, RUN_UP + earlier)
     return clip.window(start - before, frames + before), before
 
@@ -39,10 +40,10 @@ def simulate(
     parts: LeadIn,
     progress: Callable[[int], None] = lambda frames: None,
 ) -> tuple[SimulatedSequence, ...]:
-    """Play a clip (already on the body's skeleton) under one garment or more, innermost first, from rest.
+    """Simulate one garment or more, innermost first, from rest over a clip on the body's skeleton.
 
-    warm_up: leading frames of the clip that do not count (its run-up). The lead-in is added here. Several
-    garments meet each other; the metadata then name the layers, and the percentage of each outer one's
+    warm_up: leading frames of the clip that are not scored (its run-up). The lead-in is added here. Several
+    garments touch each other; the metadata then name the layers, and the percentage of each outer one's
     vertices that are on the wrong side of an inner one.
     """
     started = time.perf_counter()
@@ -82,6 +83,7 @@ def simulate(
                 **shared,
                 "garment": cloth.garment.name,
                 "template": cloth.garment.template,
+                "source": cloth.garment.source,
                 **_sides(cloths[:index], [other[scored] for other in moved], vertices[scored]),
             },
         )
@@ -90,7 +92,7 @@ def simulate(
 
 
 def _sides(inner: Sequence[Cloth], moved: Sequence[Tensor], outer: Tensor) -> dict[str, Any]:
-    """What the metadata say of a garment's vertices (F, N, 3) over inner ones; nothing of the innermost."""
+    """Metadata on a garment's vertices (F, N, 3) m over inner ones; none for the innermost."""
     if not inner:
         return {}
     sides = {
@@ -103,23 +105,23 @@ def _sides(inner: Sequence[Cloth], moved: Sequence[Tensor], outer: Tensor) -> di
 def _scene(
     cloths: Sequence[Cloth], references: Sequence[Tensor], transforms: Tensor, body: Body, fps: float
 ) -> Scene:
-    """The cloths one after another in one scene, with the parts of the body that one of them may touch."""
+    """Make one scene of the cloths, one after another, with the body parts that one of them may touch."""
     collider = make_collider(body)
-    counts = [len(cloth.kept) for cloth in cloths]
-    starts = [sum(counts[:index]) for index in range(len(counts))]
     skinned = torch.cat([c[:, cloth.kept] for c, cloth in zip(references, cloths, strict=True)], dim=1)
     bands = [cloth.band.vertices[cloth.kept] for cloth in cloths]
-    rests = torch.cat([cloth.garment.mesh.vertices[cloth.kept] for cloth in cloths])
-    touches = collider.touches(rests, body.mesh.vertices)
+    outfit = join_meshes((cloth.garment.mesh.vertices[cloth.kept], cloth.faces) for cloth in cloths)
+    touches = collider.touches(outfit.vertices, body.mesh.vertices)
     met = touches.any(1)
     return Scene(
         rest=skinned[0],
-        faces=torch.cat([cloth.faces + start for cloth, start in zip(cloths, starts, strict=True)]),
+        faces=outfit.faces,
         band=torch.cat(bands),
-        heavier=torch.cat(
+        mass_factor=torch.cat(
             [torch.where(band, cloth.band.mass, 1.0) for band, cloth in zip(bands, cloths, strict=True)]
         ),
-        room=torch.cat([room_below(cloth, cloths[:index]) for index, cloth in enumerate(cloths)]),
+        inner_thickness=torch.cat(
+            [inner_thickness(cloth, cloths[:index]) for index, cloth in enumerate(cloths)]
+        ),
         skinned=skinned,
         collider=collider.vertices(skin(body.mesh.vertices, body.weights, transforms)),
         collider_parts=tuple(compress(collider.parts, met)),

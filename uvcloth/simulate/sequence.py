@@ -1,6 +1,5 @@
-"""One simulated garment over one clip: the training data's file format."""
+"""Simulated sequences: one garment over one clip, and its file, the training data."""
 
-import hashlib
 import json
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,26 +12,28 @@ from torch import Tensor
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from rasterize.moving import load_moving, pack, unpack
+from uvcloth.geometry.fingerprint import fingerprint
 
-FORMAT = "uvcloth-sequence-3"
-EXPECTED = (
+SEQUENCE_FORMAT = "uvcloth-sequence-3"
+EXPECTED_FILE = (
     "a sequence that this version's `uvcloth simulate` made, simulate older ones again into a new folder"
 )
-ARRAYS = ("faces", "rest", "transforms", "fps", "warm_up", "metadata")
+SEQUENCE_ARRAYS = ("faces", "rest", "transforms", "fps", "warm_up", "metadata")
 
 
 @dataclass(frozen=True)
 class SimulatedSequence:
-    """vertices: (F, N, 3) metres, world. faces: (M, 3). rest: (N, 3) at rest on the body's rest pose.
+    """One simulated garment over one clip.
 
-    A file holds the vertices to within 0.05 mm (`rasterize.moving`), all else exactly.
-
+    vertices: (F, N, 3) metres, world. faces: (M, 3). rest: (N, 3) m at rest on the body's rest pose. A file
+    holds the vertices to within 0.05 mm (`rasterize.moving`), all else exactly.
     transforms: (F, J, 3, 4) joint transforms of the body, so that its vertices can be recomputed.
-    warm_up: how many leading frames only let the cloth settle and never count.
-    metadata: JSON values: clip, garment (its name), template (whose motion it takes), body, body_hash,
-    engine, versions, settings, seed, wall_seconds, and what `examine` measured; of garments that were
-    simulated together also layers (their names, innermost first) and wrong_side_percent (by the name of each
-    inner one). A file adds hash, that of what is read from it, and scored_frames, how many frames are scored.
+    warm_up: number of leading frames that only let the cloth settle and are never scored.
+    metadata: JSON values: clip, garment (its name), template (whose motion it takes, or null), source
+    ("template" or "file"), body, body_hash, engine, versions, settings, seed, wall_seconds, and what
+    `examine` measured; of garments that were simulated together also layers (their names, innermost first)
+    and wrong_side_percent (by the name of each inner one). A file adds hash, that of what is read from it,
+    and scored_frames, how many frames are scored.
     """
 
     vertices: Tensor
@@ -45,33 +46,33 @@ class SimulatedSequence:
 
     @property
     def garment(self) -> str:
+        """Name of the garment."""
         return str(self.metadata["garment"])
 
     @property
-    def template(self) -> str:
-        """Whose motion the garment takes; files from before garments other than templates do not say."""
-        return str(self.metadata.get("template", self.garment))
+    def template(self) -> str | None:
+        """Template whose motion the garment takes; files from before other garments do not say."""
+        template = self.metadata.get("template", self.garment)
+        return None if template is None else str(template)
 
     @property
     def layers(self) -> tuple[str, ...]:
-        """The garments that were simulated together, innermost first."""
+        """Names of the garments that were simulated together, innermost first."""
         return tuple(self.metadata.get("layers", (self.garment,)))
 
     @property
     def clip(self) -> str:
+        """Name of the clip."""
         return str(self.metadata["clip"])
 
 
 def content_hash(sequence: SimulatedSequence) -> str:
     """SHA-256 over the simulated vertices and the motion: equal input and machine give an equal hash."""
-    digest = hashlib.sha256()
-    for tensor in (sequence.vertices, sequence.rest, sequence.transforms):
-        digest.update(np.ascontiguousarray(tensor.numpy().astype(np.float32)).tobytes())
-    return digest.hexdigest()
+    return fingerprint(sequence.vertices.float(), sequence.rest.float(), sequence.transforms.float())
 
 
 def save_sequence(sequence: SimulatedSequence, path: Path) -> None:
-    """Write one compressed npz, whole or not at all."""
+    """Write a sequence to one compressed npz. Raises InputError if it cannot be written."""
     packed = pack(sequence.vertices.numpy(), sequence.faces.numpy())
     kept = replace(sequence, vertices=torch.from_numpy(unpack(**packed)))
     metadata = {
@@ -82,7 +83,7 @@ def save_sequence(sequence: SimulatedSequence, path: Path) -> None:
     save_arrays(
         path,
         {
-            "format": np.array(FORMAT),
+            "format": np.array(SEQUENCE_FORMAT),
             **packed,
             "faces": sequence.faces.numpy().astype(np.int32),
             "rest": sequence.rest.numpy().astype(np.float32),
@@ -99,7 +100,7 @@ def load_sequence(path: Path) -> SimulatedSequence:
 
     Raises InputError if it is not one, holds a value that is not finite, or does not name clip and garment.
     """
-    data = load_moving(path, FORMAT, EXPECTED, ARRAYS)
+    data = load_moving(path, SEQUENCE_FORMAT, EXPECTED_FILE, SEQUENCE_ARRAYS)
     return SimulatedSequence(
         vertices=torch.from_numpy(data["vertices"]),
         faces=torch.from_numpy(data["faces"].astype(np.int64)),
@@ -112,8 +113,13 @@ def load_sequence(path: Path) -> SimulatedSequence:
 
 
 def read_metadata(path: Path) -> dict[str, Any]:
-    """The metadata of a sequence npz without its motion: quick. Raises InputError as `load_sequence` does."""
-    return _metadata(path, str(load_arrays(path, FORMAT, EXPECTED, ("metadata",), only=True)["metadata"]))
+    """Read the metadata of a sequence npz without its motion: quick.
+
+    Raises InputError as `load_sequence` does.
+    """
+    return _metadata(
+        path, str(load_arrays(path, SEQUENCE_FORMAT, EXPECTED_FILE, ("metadata",), only=True)["metadata"])
+    )
 
 
 def _metadata(path: Path, text: str) -> dict[str, Any]:

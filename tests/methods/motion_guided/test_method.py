@@ -12,10 +12,11 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh, edge_lengths, unique_edges
 from uvcloth.geometry.skinning import apply_transforms
 from uvcloth.methods.ensemble import Ensemble
-from uvcloth.methods.lbs import LBSConfig
+from uvcloth.methods.lbs import LBSConfig, create_lbs
+from uvcloth.methods.motion_guided.config import PRESETS, MotionGuidedConfig
 from uvcloth.methods.motion_guided.dynamics_input import Pose, local_offsets, posed_shape, rest_shape
 from uvcloth.methods.motion_guided.garment_maps import local_axes
-from uvcloth.methods.motion_guided.method import PRESETS, Both, MotionGuidedConfig, motion_guided_checkpoint
+from uvcloth.methods.motion_guided.method import Both, MotionGuided, motion_guided_checkpoint
 from uvcloth.methods.motion_guided.seeds import (
     PARTS,
     kernel_transforms,
@@ -131,7 +132,7 @@ def checkpoint_of(method, folder, body, tensors=None):
 
 def test_a_saved_model_rolls_out_as_before(body, dress, tmp_path):
     torch.manual_seed(1)
-    method = TINY.create()
+    method = MotionGuided.untrained(TINY)
     both = Both(method)
     both.half().float()  # as it is saved
     checkpoint_of(method, tmp_path / "run", body)
@@ -146,7 +147,7 @@ def test_a_saved_model_rolls_out_as_before(body, dress, tmp_path):
 
 
 def test_the_first_stage_alone_is_no_model(body, tmp_path):
-    method = TINY.create()
+    method = MotionGuided.untrained(TINY)
     tensors = {n: t for n, t in Both(method).state_dict().items() if n.startswith("space.")}
     checkpoint_of(method, tmp_path / "shape", body, tensors)
     with pytest.raises(InputError, match="first stage alone"):
@@ -156,22 +157,22 @@ def test_the_first_stage_alone_is_no_model(body, tmp_path):
 def test_another_garment_is_refused(body):
     outfit = Outfit(body, (fit_template("tops", body),))
     with pytest.raises(InputError, match="garment tops: model motion_guided is for the garment dress"):
-        next(iter(rollout(TINY.create(), outfit, swaying(2, seed=0).transforms(), 30.0)))
+        next(iter(rollout(MotionGuided.untrained(TINY), outfit, swaying(2, seed=0).transforms(), 30.0)))
 
 
 def test_it_says_what_it_is_for(body, dress):
-    tops, layered = fit_template("tops", body), replace(TINY, under="tops").create()
-    assert TINY.create().unsupported_reason(Outfit(body, (dress,))) == ""
+    tops, layered = fit_template("tops", body), MotionGuided.untrained(replace(TINY, under="tops"))
+    assert MotionGuided.untrained(TINY).unsupported_reason(Outfit(body, (dress,))) == ""
     assert "over tops, here it is over nothing" in layered.unsupported_reason(Outfit(body, (dress,)))
     assert layered.unsupported_reason(Outfit(body, (dress,), under=tops)) == ""
-    other = replace(TINY.create(), topology="another")
+    other = replace(MotionGuided.untrained(TINY), topology="another")
     assert "another mesh of that name" in other.unsupported_reason(Outfit(body, (dress,)))
     both = Outfit(body, (tops, dress))
-    assert Ensemble((LBSConfig().create(), layered)).unsupported_reason(both) == ""
-    assert "over nothing" in Ensemble((layered, LBSConfig().create())).unsupported_reason(
+    assert Ensemble.of((create_lbs(LBSConfig()), layered)).unsupported_reason(both) == ""
+    assert "over nothing" in Ensemble.of((layered, create_lbs(LBSConfig()))).unsupported_reason(
         Outfit(body, (dress, tops))
     )
-    assert "models given: 1, garments: 2" in Ensemble((layered,)).unsupported_reason(both)
+    assert "models given: 1, garments: 2" in Ensemble.of((layered,)).unsupported_reason(both)
 
 
 def test_maps_that_cannot_be_halved_are_refused():
@@ -181,8 +182,11 @@ def test_maps_that_cannot_be_halved_are_refused():
 
 def test_a_method_decodes_codes_at_rest(body, dress, maps):
     torch.manual_seed(0)
-    method, codes = TINY.create(), torch.randn(2, TINY.latent)
-    torch.testing.assert_close(method.decode(dress, body, codes), rest_shape(method.space, maps, codes))
+    method, codes = MotionGuided.untrained(TINY), torch.randn(2, TINY.latent)
+    space = method.garment_space(dress, body)
+    assert space is not None
+    assert space.size == TINY.latent
+    torch.testing.assert_close(space.decode(codes), rest_shape(method.space.eval(), maps, codes))
 
 
 def test_codes_become_garments_of_the_right_shape(maps):

@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
+from tests.methods.stepping import predicted
 from tests.small_body import small_body
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body
@@ -20,15 +21,10 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.pbns.method import (
-    PBNS,
-    PBNSConfig,
-    new_network,
-    pbns_checkpoint,
-    pose_vectors,
-    rest_outfit,
-)
+from uvcloth.methods.pbns.method import PBNS, new_network, pbns_checkpoint, rest_outfit
+from uvcloth.methods.pbns.network import PBNSConfig
 from uvcloth.methods.registry import load_method
+from uvcloth.methods.rig import pose_vectors
 from uvcloth.rollout import rollout
 
 CONFIG_HERE = PBNSConfig(width=8, layers=2)
@@ -163,7 +159,7 @@ def test_vertices_at_a_texture_seam_move_as_one() -> None:
     assert method.network.shapes.shape == (8, 3 * 12)
     assert torch.equal(method.network.owner, torch.tensor([0, 1, 2, 3, 2, 3, 4, 5, 6, 7, 8, 9, 8, 9, 10, 11]))
     frames = body_frames(outfit.body, with_lead(some_motion(outfit.body)), 30.0)
-    _, posed = method.step(method.start(outfit, frames), frames)
+    posed = predicted(method, outfit, frames)
     for vertices, garment in zip(posed, outfit.garments, strict=True):
         assert torch.equal(vertices[:, [2, 3]], vertices[:, [4, 5]])
         still = skin(garment.mesh.vertices, garment.weights, frames.transforms[:, -1])
@@ -175,7 +171,7 @@ def test_a_step_is_the_skinned_sum_of_rest_and_blend_shapes() -> None:
     outfit = outfit_of("shirt")
     method = untrained(outfit)
     frames = body_frames(outfit.body, with_lead(some_motion(outfit.body)), 30.0)
-    _, (posed,) = method.step(method.start(outfit, frames), frames)
+    (posed,) = predicted(method, outfit, frames)
     transforms, network = frames.transforms[:, -1], method.network
     with torch.no_grad():
         embedded = network.embed(pose_vectors((-1, 0), transforms))
@@ -197,7 +193,7 @@ def test_without_shapes_the_rest_pose_gives_the_rest_garment_and_a_rigid_motion_
     rigid = torch.cat([turn((1, 1, 0), 0.7), torch.tensor([[1.0], [2.0], [3.0]])], dim=1)
     for motion in (rest, rigid.expand(1, 2, 3, 4)):
         frames = body_frames(outfit.body, with_lead(motion), 30.0)
-        _, posed = method.step(method.start(outfit, frames), frames)
+        posed = predicted(method, outfit, frames)
         for vertices, garment in zip(posed, outfit.garments, strict=True):
             expected = garment.mesh.vertices @ motion[0, 0, :, :3].T + motion[0, 0, :, 3]
             torch.testing.assert_close(vertices[0], expected, atol=1e-6, rtol=1e-6)
@@ -252,9 +248,8 @@ def test_what_it_was_not_trained_for_is_refused(outfit: Outfit, words: str) -> N
     assert method.unsupported_reason(SHIRT) == ""
     assert method.unsupported_reason(with_mesh(SHIRT, vertices=MESH.vertices + 0.001)) == ""
     assert words in method.unsupported_reason(outfit)
-    frames = body_frames(SHIRT.body, with_lead(some_motion(SHIRT.body)), 30.0)
     with pytest.raises(InputError, match=words):
-        method.start(outfit, frames)
+        method.prepare(outfit, torch.device("cpu"))
 
 
 def test_another_order_is_refused() -> None:
@@ -263,7 +258,7 @@ def test_another_order_is_refused() -> None:
     assert method.unsupported_reason(both) == ""
     turned = replace(both, garments=both.garments[::-1])
     assert method.unsupported_reason(turned) == "model pbns is for coat over shirt, not for shirt over coat"
-    assert "is for no garment yet" in PBNSConfig().create().unsupported_reason(both)
+    assert "is for no garment yet" in PBNS.untrained(PBNSConfig()).unsupported_reason(both)
 
 
 @pytest.mark.parametrize("index", [0, 1])
@@ -272,7 +267,7 @@ def test_a_part_of_the_outfit_moves_as_in_it(index: int) -> None:
     part = replace(both, garments=both.garments[index : index + 1])
     method = untrained(both)
     frames = body_frames(both.body, with_lead(some_motion(both.body)), 30.0)
-    (_, together), (_, alone) = (method.step(method.start(worn, frames), frames) for worn in (both, part))
+    together, alone = (predicted(method, worn, frames) for worn in (both, part))
     assert len(alone) == 1
     assert torch.equal(alone[0], together[index])
 

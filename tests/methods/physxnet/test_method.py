@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from rasterize.errors import InputError
+from tests.methods.stepping import predicted
 from tests.train.simulated import swaying
 from train.physxnet.prepare import make
 from uvcloth.bodies.body import load_body
@@ -13,15 +14,10 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.rotations import rotate
 from uvcloth.geometry.skinning import skin, skin_frames
-from uvcloth.methods.physxnet.method import (
-    PRESETS,
-    garment_vertices,
-    load_physxnet,
-    mirror,
-    motion_values,
-    physxnet_checkpoint,
-    template_offsets,
-)
+from uvcloth.methods.physxnet.config import PRESETS
+from uvcloth.methods.physxnet.maps import garment_vertices, motion_values, template_offsets
+from uvcloth.methods.physxnet.method import PhysXNet, load_physxnet, physxnet_checkpoint
+from uvcloth.methods.physxnet.network import mirror
 from uvcloth.methods.registry import load_method
 from uvcloth.rollout import rollout
 
@@ -48,7 +44,7 @@ def outfit(body):
 @pytest.mark.parametrize("history", [0, 2])
 def test_maps_in_and_maps_out_have_the_published_shapes(preset, history):
     config = replace(PRESETS[preset], size=32, width=8, history=history)
-    method = config.create()
+    method = PhysXNet.untrained(config)
     if preset == "paper" and not history:
         assert config.inputs == 18
     maps = method.net(torch.randn(2, config.inputs, 32, 32))
@@ -142,7 +138,7 @@ def test_mirroring_a_motion_mirrors_its_maps(body, prepared):
 
 def test_an_untrained_change_of_zero_is_the_carrier(body, outfit):
     """With a network that predicts nothing, the garment is the smoothly skinned one: rest in, rest out."""
-    method = TINY.create()
+    method = PhysXNet.untrained(TINY)
     for parameter in method.net.parameters():
         parameter.data.zero_()
     transforms = swaying(3, seed=4).transforms()
@@ -160,7 +156,7 @@ def test_an_untrained_change_of_zero_is_the_carrier(body, outfit):
 @pytest.mark.parametrize("history", [0, 2])
 def test_a_saved_model_predicts_the_same(history, body, outfit, tmp_path):
     torch.manual_seed(0)
-    method = replace(TINY, history=history).create()
+    method = PhysXNet.untrained(replace(TINY, history=history))
     method.net.output_scale.fill_(0.01)
     save_checkpoint(physxnet_checkpoint(method, body, TrainingData(), {}), tmp_path / "walker")
     loaded = load_method(tmp_path / "walker", body)
@@ -177,7 +173,7 @@ def test_a_saved_model_predicts_the_same(history, body, outfit, tmp_path):
 
 def test_history_changes_the_second_frame_only(body, outfit):
     torch.manual_seed(0)
-    method = replace(TINY, history=1).create()
+    method = PhysXNet.untrained(replace(TINY, history=1))
     method.net.output_scale.fill_(0.01)
     still = torch.eye(3, 4).repeat(2, len(body.skeleton.names), 1, 1)
     first, second = rollout(method, outfit, still, 30.0, contact=False)
@@ -187,12 +183,12 @@ def test_history_changes_the_second_frame_only(body, outfit):
 def test_refuses_a_template_without_decoder(body):
     trousers = Outfit(body, (fit_template("bottoms", body),))
     with pytest.raises(InputError, match="no decoder for template 'bottoms'"):
-        next(iter(rollout(TINY.create(), trousers, swaying(1, seed=0).transforms(), 30.0)))
+        next(iter(rollout(PhysXNet.untrained(TINY), trousers, swaying(1, seed=0).transforms(), 30.0)))
 
 
 def test_a_network_that_knows_no_shirt_dresses_it_from_the_tops(body):
     outfit = Outfit(body, (fit_template("shirt", body),))
-    method = TINY.create()
+    method = PhysXNet.untrained(TINY)
     assert method.unsupported_reason(outfit) == ""
     torch.nn.init.zeros_(method.net.output_scale)
     walk = swaying(2, seed=0).transforms()
@@ -200,12 +196,12 @@ def test_a_network_that_knows_no_shirt_dresses_it_from_the_tops(body):
     for frame, expected in zip(rollout(method, outfit, walk, 30.0, contact=False), carried, strict=True):
         torch.testing.assert_close(frame.vertices[0], expected, atol=1e-5, rtol=0)
     assert replace(TINY, templates=("tops", "shirt")).decoder("shirt") == "shirt"
-    skirts = replace(TINY, templates=("dress",)).create()
+    skirts = PhysXNet.untrained(replace(TINY, templates=("dress",)))
     assert "no decoder for template 'shirt', it has dress" in skirts.unsupported_reason(outfit)
 
 
 def test_refuses_weights_of_another_width(body, tmp_path):
-    checkpoint = physxnet_checkpoint(TINY.create(), body, TrainingData(), {})
+    checkpoint = physxnet_checkpoint(PhysXNet.untrained(TINY), body, TrainingData(), {})
     save_checkpoint(replace(checkpoint, config={**checkpoint.config, "width": 16}), tmp_path)
     with pytest.raises(InputError, match="do not fit"):
         load_physxnet(load_checkpoint(tmp_path), tmp_path)
@@ -218,19 +214,10 @@ def test_a_name_almost_right_gets_a_hint(body):
 
 def test_a_batch_predicts_what_single_frames_predict(body, outfit):
     torch.manual_seed(0)
-    method = TINY.create()
+    method = PhysXNet.untrained(TINY)
     frames = body_frames(body, with_lead(swaying(5, seed=6).transforms()), 30.0)
-    state = method.start(outfit, frames)
-    _, together = method.step(state, frames)
+    together = predicted(method, outfit, frames)
     for index in range(len(frames)):
-        now = slice(index, index + 1)
-        single = replace(
-            frames,
-            transforms=frames.transforms[now],
-            vertices=frames.vertices[now],
-            velocity=frames.velocity[now],
-            acceleration=frames.acceleration[now],
-        )
-        _, alone = method.step(state, single)
+        alone = predicted(method, outfit, frames[index : index + 1])
         for a, b in zip(alone, together, strict=True):
             torch.testing.assert_close(a[0], b[index], atol=1e-5, rtol=0.0)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from uvcloth.simulate.blender import VARIABLE
+from uvcloth.simulate.blender import PYTHON_VARIABLE
 from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.engines import ENGINES
 
@@ -15,8 +15,8 @@ def engine(request: pytest.FixtureRequest) -> Engine:
     """Every engine in turn; a test says by `@cannot(...)` what one of them cannot do, and why."""
     if request.param == "newton":
         pytest.importorskip("newton", reason="the `simulate` extra is not installed")
-    elif not os.environ.get(VARIABLE):
-        pytest.skip(f"needs {VARIABLE}, a Python that has the package bpy")
+    elif not os.environ.get(PYTHON_VARIABLE):
+        pytest.skip(f"needs {PYTHON_VARIABLE}, a Python that has the package bpy")
     for mark in request.node.iter_markers("cannot"):
         if mark.args[0] == request.param:
             request.applymarker(pytest.mark.xfail(reason=mark.args[1], strict=True))

@@ -14,24 +14,24 @@ from train.__main__ import main
 from train.loop import STATE, fit
 from train.motion_guided.dataset import GarmentDataset
 from train.motion_guided.objective import (
-    LOOPS,
-    LOSSES,
     DynamicsObjective,
     MotionGuidedLosses,
     ShapeObjective,
     load_shape_space,
 )
+from train.motion_guided.run import LOOPS, LOSSES
 from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import load_checkpoint, load_tensors
+from uvcloth.methods.motion_guided.config import PRESETS
 from uvcloth.methods.motion_guided.dynamics_input import (
     MEMORY,
     DynamicsInput,
+    GarmentHistory,
     dynamics_features,
     posed_shape,
     rest_shape,
 )
 from uvcloth.methods.motion_guided.latent import Space
-from uvcloth.methods.motion_guided.method import PRESETS
 from uvcloth.methods.registry import load_method
 
 pytest.importorskip("lightning")
@@ -166,12 +166,14 @@ def test_the_virtual_sample_is_of_a_clip_that_stands_still(past: str, data: Path
     clips, maps, before = objective.dataset.rows, objective.dataset.maps, rows - 1
     pose = clips.pose[before]
     standing = DynamicsInput(
-        before=maps.positions(clips.vertices[before])[:, None].repeat(1, MEMORY, 1, 1),
-        offsets=clips.offsets[before][:, None].repeat(1, MEMORY, 1, 1),
+        past=GarmentHistory(
+            maps.positions(clips.vertices[before])[:, None].repeat(1, MEMORY, 1, 1),
+            clips.offsets[before][:, None].repeat(1, MEMORY, 1, 1),
+        ),
         transforms=pose.transforms[:, None].repeat(1, MEMORY, 1, 1, 1),
         seeds_before=pose.seeds,
         seeds=pose.seeds,
-        fps=objective.dataset.fps,
+        fps=clips.fps[before],
     )
     expected, _ = dynamics_features(space, net, maps, standing, objective.dataset.config.sigma)
     torch.testing.assert_close(net.features[2:], expected)

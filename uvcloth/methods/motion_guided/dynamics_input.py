@@ -31,20 +31,45 @@ class Pose:
 
 
 @dataclass(frozen=True)
+class GarmentHistory:
+    """The last MEMORY garments of B rollouts, newest first.
+
+    texels: (B, MEMORY, P, 3) m, world. offsets: the same, from the smooth LBS reference, see `local_offsets`.
+    """
+
+    texels: Tensor
+    offsets: Tensor
+
+    def followed_by(self, maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> "GarmentHistory":
+        """What comes before the frame after: garments (B, N, 3) m on the body at transforms (B, J, 3, 4)."""
+        return self._with(maps, vertices, transforms, slice(0, MEMORY - 1))
+
+    def corrected(self, maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> "GarmentHistory":
+        """Other garments (B, N, 3) m in place of the newest."""
+        return self._with(maps, vertices, transforms, slice(1, MEMORY))
+
+    def _with(self, maps: GarmentMaps, vertices: Tensor, transforms: Tensor, kept: slice) -> "GarmentHistory":
+        texels = maps.positions(vertices)
+        offsets = local_offsets(maps, texels, transforms)
+        return GarmentHistory(
+            torch.cat([texels[:, None], self.texels[:, kept]], dim=1),
+            torch.cat([offsets[:, None], self.offsets[:, kept]], dim=1),
+        )
+
+
+@dataclass(frozen=True)
 class DynamicsInput:
     """What comes before the next garment, of B frames.
 
-    before: (B, MEMORY, P, 3) m, world, the texels of the garments before, newest first; offsets: the same, as
-    offsets from the smooth LBS reference. transforms: (B, MEMORY, J, 3, 4) of the body, now first.
-    seeds_before, seeds: the body then and now. fps: frames per second.
+    past: the garments before. transforms: (B, MEMORY, J, 3, 4) of the body, now first. seeds_before, seeds:
+    the body then and now. fps: (B,) frames per second.
     """
 
-    before: Tensor
-    offsets: Tensor
+    past: GarmentHistory
     transforms: Tensor
     seeds_before: PosedSeeds
     seeds: PosedSeeds
-    fps: float
+    fps: Tensor
 
     @property
     def pose(self) -> Pose:
@@ -72,15 +97,16 @@ def motion_of(local_offsets: bool, maps: GarmentMaps, seen: DynamicsInput) -> Te
     C = 6 as published, the garment's own motion. With local offsets, C = 12: the changes of its offsets, and
     the reference's velocity and specific force, in the axes that turn with it.
     """
-    past = seen.offsets if local_offsets else seen.before
-    velocity = (past[:, :-1] - past[:, 1:]) * seen.fps
-    own = [velocity[:, 0], (velocity[:, 0] - velocity[:, 1]) * seen.fps]
+    past = seen.past.offsets if local_offsets else seen.past.texels
+    fps = seen.fps[:, None, None]
+    velocity = (past[:, 0] - past[:, 1]) * fps
+    own = [velocity, (velocity - (past[:, 1] - past[:, 2]) * fps) * fps]
     if not local_offsets:
         return torch.cat(own, dim=2)
     now, frames = skin_frames(maps.texel_points, maps.texel_weights, seen.transforms[:, 0])
     before, earlier = (skin(maps.texel_points, maps.texel_weights, seen.transforms[:, k]) for k in (1, 2))
-    velocity = (now - before) * seen.fps
-    force = (velocity - (before - earlier) * seen.fps) * seen.fps - now.new_tensor(GRAVITY)
+    velocity = (now - before) * fps
+    force = (velocity - (before - earlier) * fps) * fps - now.new_tensor(GRAVITY)
     return torch.cat([*own, rotate_back(frames, velocity), rotate_back(frames, force)], dim=2)
 
 
@@ -104,8 +130,8 @@ def dynamics_features(
     space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: DynamicsInput, sigma: float
 ) -> tuple[Tensor, Tensor]:
     """S(M^P_{t-1}) and E_t; the pose of t goes with the former, since it is no change."""
-    last, before = seen.before[:, 0], seen.seeds_before.points
-    features = state_features(space, maps, last, seen.offsets[:, 0], before, seen.transforms[:, 0])
+    last, before = seen.past.texels[:, 0], seen.seeds_before.points
+    features = state_features(space, maps, last, seen.past.offsets[:, 0], before, seen.transforms[:, 0])
     motion = motion_of(space.local_offsets, maps, seen)
     forces = contact_forces(last, before, seen.seeds.points, seen.seeds.normals, sigma)
     return features, dynamics.change(maps.map(motion), forces, seen.seeds.normals, maps.sheet.pixels)

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from rasterize.bake import scatter_map, valid_mask
 from rasterize.decode import sample_points
-from rasterize.gather import gather, weighted_rows
+from rasterize.gather import gather
 from rasterize.texels import Texels, rasterize_layout
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.layout import own_layout
@@ -53,7 +53,7 @@ class GarmentMaps:
 
     def sample(self, decoded: Tensor) -> Tensor:
         """Values of decoded maps (B, 4 H W, C) at the vertices: (B, N, C)."""
-        return weighted_rows(decoded, self.pixels, self.shares)
+        return gather(decoded, self.pixels, self.shares)
 
     def map(self, values: Tensor) -> Tensor:
         """Texel values (B, P, C) as maps (B, C, H, W), zero off the charts."""

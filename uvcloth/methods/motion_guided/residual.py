@@ -33,13 +33,19 @@ class Resolver:
     laplacian: Tensor
 
     def resolve(
-        self, vertices: Tensor, turns: Tensor, sample: Callable[[Tensor], Tensor], residual: Tensor
+        self,
+        vertices: Tensor,
+        turns: Tensor,
+        sample: Callable[[Tensor], Tensor],
+        residual: Tensor,
+        body_vertices: Tensor,
     ) -> tuple[Tensor, Tensor]:
-        """Move a garment (N, 3) m out of the body; returns it and the residual map for the next frame.
+        """Move a garment (N, 3) m out of the body (V, 3); returns it and the residual map (H W, 3) after it.
 
         turns: (N, 3, 3), how displacements in the local frames at rest move the posed vertices. sample: reads
         maps (1, H W, 3) at the vertices. residual: (1, H W, 3) m, of the frame before.
         """
+        self.obstacle.update(body_vertices)
         with torch.enable_grad():
             residual = residual.clone().requires_grad_()
             optimizer = torch.optim.Adam([residual], lr=RATE)
@@ -56,4 +62,4 @@ class Resolver:
                 loss.backward()
                 optimizer.step()
             move = (turns @ sample(residual)[0][..., None]).squeeze(-1)
-        return (vertices + move).detach(), residual.detach()
+        return (vertices + move).detach(), residual.detach()[0]

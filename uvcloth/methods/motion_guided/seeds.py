@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from rasterize.gather import gather, weighted_rows
+from rasterize.gather import gather
 from rasterize.texels import rasterize_layout
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.bodies.layout import layout_of
@@ -122,4 +122,4 @@ def kernel_transforms(
     weights = torch.softmax(-apart * (kernels.parts @ (0.5 / radii.square())), dim=-1)
     moves = posed.points - (posed.rotations @ seeds.points[..., None]).squeeze(-1)
     transforms = torch.cat([posed.rotations, moves[..., None]], dim=3).flatten(2)
-    return weighted_rows(transforms, kernels.seeds, weights).unflatten(-1, (3, 4))
+    return gather(transforms, kernels.seeds, weights).unflatten(-1, (3, 4))

@@ -12,9 +12,9 @@ from torch import Tensor
 from rasterize.bake import bake
 from rasterize.decode import nearest_sampler
 from rasterize.errors import InputError
-from rasterize.gather import gather, weighted_rows
+from rasterize.gather import gather
 from rasterize.raycast import body_to_garment
-from rasterize.sheet import REACH
+from rasterize.sheet import GARMENT_RAY_LENGTH
 from rasterize.texels import Texels, rasterize_layout
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.joined_legs import joined_rays, leg_faces, leg_slices
@@ -23,7 +23,7 @@ from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import Mesh, vertex_normals
 
 SKIRT_REACH = 0.6
-"""Metres within which the rays that leave the joined legs look for cloth; the others have REACH."""
+"""Metres within which rays from the joined legs may meet cloth; for others GARMENT_RAY_LENGTH."""
 
 SKIRTS = ("dress",)
 """Templates whose lower part is seen from the joined legs."""
@@ -84,8 +84,8 @@ class GarmentDecoder:
     smooth_weights: Tensor
 
     def sample(self, values: Tensor) -> Tensor:
-        """Values at the template's texels (B, Q, C) -> at the garment's vertices (B, N, C)."""
-        return weighted_rows(values, self.samples, self.shares)
+        """Values at the template's texels (..., Q, C) -> at the garment's vertices (..., N, C)."""
+        return gather(values, self.samples, self.shares)
 
 
 def body_texels(body: Body, size: int) -> BodyTexels:
@@ -99,16 +99,16 @@ def body_texels(body: Body, size: int) -> BodyTexels:
     )
 
 
-def template_texels(template: str, mesh: Mesh, body: Body, texels: BodyTexels) -> TemplateTexels:
+def template_texels(template: str | None, mesh: Mesh, body: Body, texels: BodyTexels) -> TemplateTexels:
     """Cast a ray from every texel along the body's normal, or out of the joined legs under a skirt.
 
     A texel whose ray misses, or meets the cloth from outside (it then covers another limb), sees no template.
-    Raises InputError if no texel sees it.
+    template: whose rays serve the mesh, None where none does. Raises InputError if no texel sees it.
     """
     face = texels.sheet.face
     origins = texels.points
     directions = texels.gather(vertex_normals(body.mesh.vertices, body.mesh.faces))
-    reach = torch.full((len(origins),), REACH)
+    reach = torch.full((len(origins),), GARMENT_RAY_LENGTH)
     if template in SKIRTS:
         legs = leg_faces(body)[face]
         around = texels.sheet.uvs[legs, 0]

@@ -1,4 +1,4 @@
-"""`python -m rasterize` from a sequence file to EXR maps whose numbers are known."""
+"""`uvcloth maps` from a sequence file to EXR maps whose numbers are known."""
 
 import subprocess
 import sys
@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from rasterize.exr import read_exr
-from uvcloth.bodies.body import Body
+from tests.small_body import small_body
+from uvcloth.bodies.body import Body, save_body
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
@@ -33,7 +34,7 @@ def sequence(body: Body, tmp_path: Path) -> Path:
 
 def run(*arguments: str) -> subprocess.CompletedProcess:
     return subprocess.run(
-        [sys.executable, "-m", "rasterize", *arguments], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "uvcloth", "maps", *arguments], capture_output=True, text=True, check=False
     )
 
 
@@ -64,6 +65,8 @@ def test_maps_hold_the_motion_and_the_offset(sequence: Path, tmp_path: Path) -> 
         (["{file}", "--out", "{out}", "--frames", "90:99"], "names none of the 6 frames"),
         (["{file}", "--out", "{out}", "--frames", "x"], "expected FIRST:END:STEP"),
         (["{folder}/none.npz", "--out", "{out}"], "none.npz: no such file"),
+        (["{file}", "--out", "{out}", "--size", "0"], "expected at least one texel"),
+        (["{file}", "--out", "{out}", "--body", "{folder}/box.npz"], "was not simulated on the body box"),
         (
             ["{file}", "--out", "{out}", "--body", "{file}"],
             "(format uvcloth-body-1), found format uvcloth-sequence-3",
@@ -73,6 +76,7 @@ def test_maps_hold_the_motion_and_the_offset(sequence: Path, tmp_path: Path) -> 
 def test_bad_input_is_one_sentence(
     sequence: Path, tmp_path: Path, arguments: list[str], sentence: str
 ) -> None:
+    save_body(small_body(), tmp_path / "box.npz")
     places = {"file": str(sequence), "out": str(tmp_path / "maps"), "folder": str(tmp_path)}
     done = run(*(argument.format(**places) for argument in arguments))
     assert done.returncode == 2

@@ -1,0 +1,112 @@
+"""The methods in a comparison, and what their checkpoints say of them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.checkpoint import CONFIG, WEIGHTS, load_checkpoint
+from uvcloth.garments.garment import Outfit
+from uvcloth.geometry.fingerprint import fingerprint
+from uvcloth.methods.ensemble import Ensemble
+from uvcloth.methods.method import Method
+from uvcloth.methods.registry import load_method, model_folder
+
+SIMULATION = "simulation"
+"""The name under which the simulation itself is scored: the yardstick of the physics."""
+
+IN_ORDER = "+"
+"""Between models that are one candidate, one for each garment, the innermost first."""
+
+TRAINING = ("step", "epochs", "minutes", "samples")
+"""What a checkpoint's notes say of how long it was trained."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A method in the comparison.
+
+    name: in every table. weights_mb: size of its weights file, 0 without one. fingerprint: hash of what
+    decides its predictions besides the code. seen: content hashes of the sequences that it was trained
+    on or chosen by. training_frames: how many frames the former have, and training: how long it learned
+    from them (steps, epochs, minutes, samples), where its checkpoint says so. clips: the clips of both
+    and who moves in them, see `TrainingData`.
+    """
+
+    name: str
+    method: Method
+    weights_mb: float
+    fingerprint: str
+    seen: frozenset[str]
+    training_frames: int | None = None
+    clips: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    training: Mapping[str, float] = field(default_factory=dict)
+
+
+def load_candidates(models: Sequence[str], body: Body) -> tuple[Candidate, ...]:
+    """Load what ships by name, trained models by folder, and several in order with "+" between them.
+
+    Raises InputError for unknown or equal names.
+    """
+    candidates = tuple(_load(model, body) for model in models)
+    names = [candidate.name for candidate in candidates]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"--model: two models are called {name!r}, rename one of the folders")
+        if name == SIMULATION:
+            raise InputError(f"--model: no model can be called {SIMULATION!r}, rename the folder")
+    return candidates
+
+
+def assigned(
+    candidates: Sequence[Candidate], outfits: Mapping[str, Outfit], data: Path
+) -> dict[str, tuple[Candidate, ...]]:
+    """By outfit, those that dress it. Raises InputError naming one that dresses none, and why not."""
+    unsupported = {
+        c.name: {name: c.method.unsupported_reason(outfit) for name, outfit in outfits.items()}
+        for c in candidates
+    }
+    for name, reasons in unsupported.items():
+        if all(reasons.values()):
+            why = "; ".join(dict.fromkeys(reasons.values()))
+            raise InputError(f"{data}: nothing to judge {name} on: {why}")
+    return {name: tuple(c for c in candidates if not unsupported[c.name][name]) for name in outfits}
+
+
+def _load(model: str, body: Body) -> Candidate:
+    """One model, or several in order; a folder may have the sign in its name."""
+    if IN_ORDER not in model or (Path(model) / CONFIG).exists():
+        return _load_one(model, body)
+    return _in_order([_load_one(part, body) for part in model.split(IN_ORDER)])
+
+
+def _load_one(model: str, body: Body) -> Candidate:
+    folder, method = model_folder(model), load_method(model, body)
+    if folder is None:
+        return Candidate(method.name, method, 0.0, fingerprint(model), frozenset())
+    checkpoint = load_checkpoint(folder)
+    return Candidate(
+        name=method.name,
+        method=method,
+        weights_mb=(folder / WEIGHTS).stat().st_size / 1e6,
+        fingerprint=fingerprint((folder / WEIGHTS).read_bytes(), (folder / CONFIG).read_bytes()),
+        seen=frozenset(checkpoint.data.files.values()),
+        training_frames=checkpoint.notes.get("training_frames"),
+        clips=checkpoint.data.clips,
+        training={key: checkpoint.notes[key] for key in TRAINING if key in checkpoint.notes},
+    )
+
+
+def _in_order(parts: Sequence[Candidate]) -> Candidate:
+    """Several as one: it has met what any of them has, and each of them was trained by itself."""
+    method = Ensemble.of(tuple(part.method for part in parts))
+    splits = dict.fromkeys(split for part in parts for split in part.clips)
+    return Candidate(
+        name=method.name,
+        method=method,
+        weights_mb=sum(part.weights_mb for part in parts),
+        fingerprint=fingerprint("/".join(part.fingerprint for part in parts)),
+        seen=frozenset().union(*(part.seen for part in parts)),
+        clips={s: {clip: who for p in parts for clip, who in p.clips.get(s, {}).items()} for s in splits},
+    )

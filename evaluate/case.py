@@ -1,0 +1,194 @@
+"""An outfit over a clip, ready to be judged: garments that were simulated together, and what is measured."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import torch
+from torch import Tensor
+
+from evaluate.actions import Window
+from evaluate.maps import Texels
+from evaluate.metrics import Reference
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.geometry.mesh import Mesh, join_meshes
+from uvcloth.geometry.skinning import skin
+from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, read_metadata
+
+SHOWN = 50
+"""Frames of a case that are kept to be looked at, at most."""
+
+SAME_REST = 0.002
+"""Metres between a sequence's rest mesh and the garment on the body that still count as the same garment."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """What is scored by itself: a garment of an outfit, or the whole outfit as one mesh.
+
+    rows: its vertices among those of the outfit. meshes: of its garments at rest. reference: the scored
+    frames.
+    """
+
+    name: str
+    rows: slice
+    meshes: tuple[Mesh, ...]
+    reference: Reference
+
+
+@dataclass(frozen=True)
+class Case:
+    """An outfit over a clip; a garment that was simulated alone is an outfit of one.
+
+    windows, sequences: of its garments, the innermost first. parts: what is scored, each garment and last, if
+    there are several, the whole outfit. start: number of warm-up frames. transforms: (F, J, 3, 4) and
+    body_vertices: (F, V, 3) of the body in the scored frames.
+    """
+
+    windows: tuple[Window, ...]
+    sequences: tuple[SimulatedSequence, ...]
+    outfit: Outfit
+    parts: tuple[Part, ...]
+    start: int
+    transforms: Tensor
+    body_vertices: Tensor
+
+    @property
+    def name(self) -> str:
+        """Clip and garments: what its file is named after."""
+        return "_".join([self.windows[0].clip, *(window.garment for window in self.windows)])
+
+    @property
+    def action(self) -> str:
+        return self.windows[0].action
+
+    @property
+    def fps(self) -> float:
+        return self.sequences[0].fps
+
+    @property
+    def motion(self) -> Tensor:
+        """Joint transforms (T, J, 3, 4) of all frames, warm-up included."""
+        return self.sequences[0].transforms[: self.end]
+
+    @property
+    def truth(self) -> Tensor:
+        """All vertices of the simulated outfit in the scored frames (F, N, 3), m."""
+        return self.parts[-1].reference.vertices
+
+    @property
+    def end(self) -> int:
+        """Where in the sequences the scored frames end."""
+        return self.start + len(self.transforms)
+
+    @property
+    def stride(self) -> int:
+        return -(-len(self.transforms) // SHOWN)
+
+
+def outfit_name(garments: Sequence[str]) -> str:
+    """What an outfit is called in every table, by its garments, the innermost first: "tops over bottoms"."""
+    return " over ".join(reversed(garments))
+
+
+def simulated_together(windows: Sequence[Window]) -> tuple[tuple[Window, ...], ...]:
+    """Windows by outfit, the garments that were simulated together, the innermost first, in their own order.
+
+    Raises InputError for one without another garment that it was simulated with.
+    """
+    known = {(window.clip, window.garment): window for window in windows}
+    outfits: dict[tuple[Window, ...], None] = {}
+    for window in windows:
+        layers = read_metadata(window.path).get("layers", [window.garment])
+        for name in layers:
+            if (window.clip, name) not in known:
+                raise InputError(
+                    f"{window.path}: was simulated with the garment {name}, of which no sequence is "
+                    "there; a garment from a file is named with --garment"
+                )
+        outfits[tuple(known[window.clip, name] for name in layers)] = None
+    return tuple(outfits)
+
+
+def open_case(
+    windows: tuple[Window, ...], outfit: Outfit, texels: Mapping[str, Texels | None], frames: int | None
+) -> Case:
+    """Load what was simulated together and check that it was with these garments on this body.
+
+    texels: of each garment's map by its name, None without one. frames: judge at most so many, None for all.
+    Raises InputError naming the file if a mesh, a rest shape or the skeleton differs, garments do not move
+    with the same body, or no frame counts.
+    """
+    sequences = tuple(
+        _load(window, garment, outfit.body) for window, garment in zip(windows, outfit.garments, strict=True)
+    )
+    for window, (first, other) in zip(windows[1:], pairwise(sequences), strict=True):
+        if first.warm_up != other.warm_up or not torch.equal(first.transforms, other.transforms):
+            raise InputError(f"{window.path}: was not simulated together with {windows[0].path}")
+    if sequences[0].warm_up >= len(sequences[0].vertices):
+        raise InputError(f"{windows[0].path}: has no frame after its {sequences[0].warm_up} warm-up frames")
+    return make_case(windows, sequences, outfit, texels, frames)
+
+
+def make_case(
+    windows: tuple[Window, ...],
+    sequences: tuple[SimulatedSequence, ...],
+    outfit: Outfit,
+    texels: Mapping[str, Texels | None],
+    frames: int | None = None,
+) -> Case:
+    """What is scored of sequences that fit together; see `open_case`."""
+    first, body = sequences[0], outfit.body
+    scored = slice(first.warm_up, None if frames is None else first.warm_up + frames)
+    parts: list[Part] = []
+    row = 0
+    for garment, sequence in zip(outfit.garments, sequences, strict=True):
+        seen = texels.get(garment.name)
+        reference = Reference(
+            sequence.vertices[scored], sequence.rest, sequence.faces, first.fps, *(seen or (None, None))
+        )
+        rows = slice(row, row + len(sequence.rest))
+        parts.append(Part(garment.name, rows, (garment.mesh,), reference))
+        row = rows.stop
+    if len(parts) > 1:
+        parts.append(_whole(parts, row))
+    transforms = first.transforms[scored]
+    posed = skin(body.mesh.vertices, body.weights, transforms)
+    return Case(windows, sequences, outfit, tuple(parts), first.warm_up, transforms, posed)
+
+
+def _whole(parts: Sequence[Part], vertices: int) -> Part:
+    """The garments of an outfit as one mesh; no map shows it all."""
+    joined = join_meshes((part.reference.rest, part.reference.faces) for part in parts)
+    reference = Reference(
+        vertices=torch.cat([part.reference.vertices for part in parts], dim=1),
+        rest=joined.vertices,
+        faces=joined.faces,
+        fps=parts[0].reference.fps,
+        texel_corners=None,
+        texel_barycentrics=None,
+    )
+    meshes = tuple(mesh for part in parts for mesh in part.meshes)
+    return Part(outfit_name([part.name for part in parts]), slice(0, vertices), meshes, reference)
+
+
+def _load(window: Window, garment: Garment, body: Body) -> SimulatedSequence:
+    """The sequence of a window. Raises InputError if it was not simulated with this garment on this body."""
+    sequence = load_sequence(window.path)
+    mesh, joints = garment.mesh, len(body.skeleton.names)
+    if not torch.equal(sequence.faces, mesh.faces):
+        raise InputError(f"{window.path}: its mesh is not that of the garment {garment.name}")
+    if sequence.transforms.shape[1] != joints:
+        raise InputError(
+            f"{window.path}: simulated on a body of {sequence.transforms.shape[1]} joints, "
+            f"body {body.name!r} has {joints}"
+        )
+    apart = float((sequence.rest - mesh.vertices).norm(dim=1).max())
+    if apart > SAME_REST:
+        raise InputError(
+            f"{window.path}: at rest it is up to {1000 * apart:.0f} mm from the garment {garment.name} "
+            f"on body {body.name!r}; it was simulated in another shape or on another body"
+        )
+    return sequence

@@ -1,0 +1,183 @@
+"""Who stands where: methods over all actions, on each garment and outfit, beside the baselines."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from evaluate.candidates import SIMULATION
+
+Results = Mapping[str, Any]
+"""The content of metrics.json, as docs/metrics.md describes it."""
+
+STAGES = {"before": "_raw", "after": ""}
+"""Before and after contact: the suffixes of the fields."""
+
+OUTFIT = {
+    "vertex_mean_mm": "Mean (mm)",
+    "vertex_rmse_mm": "RMSE (mm)",
+    "skin_percent": "Skin that shows (%)",
+    "crossing_edges_percent": "Edges through cloth (%)",
+}
+"""Of an outfit as a whole: titles by field."""
+
+
+@dataclass(frozen=True)
+class OutfitRow:
+    """An outfit of several garments as one, over all actions, by one method or the simulation.
+
+    figures: by field of metrics.json. sides: by "OUTER over INNER", vertices on the wrong side, percent,
+    before and after contact.
+    """
+
+    outfit: str
+    method: str
+    figures: Mapping[str, float | None]
+    sides: Mapping[str, tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Rank:
+    """How far from the simulation, before or after contact, over all actions.
+
+    against: mean distance divided by that of the better baseline (LBS), None for a baseline or without one.
+    won, of: actions on which it is nearer to the simulation than the better baseline of that action.
+    """
+
+    mean_mm: float
+    rmse_mm: float | None
+    against: float | None
+    won: int
+    of: int
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How one method did on one garment, or one outfit of several, over all actions."""
+
+    method: str
+    garment: str
+    frames: int
+    before: Rank
+    after: Rank
+
+
+def garments_in(results: Results) -> list[str]:
+    """The garments that any method was judged on, in the order in which they first appear."""
+    found = [t for m in results["methods"].values() for a in m["actions"].values() for t in a]
+    return list(dict.fromkeys(found))
+
+
+def methods_on(results: Results, garment: str) -> list[str]:
+    """The methods that were judged on a garment or an outfit: those that dress it."""
+    return [name for name, method in results["methods"].items() if cells(method, garment)]
+
+
+def cells(method: Results, garment: str) -> dict[str, Mapping[str, Any]]:
+    """What a method, or the simulation, scored on a garment or an outfit of several, by action."""
+    if garment in method["outfits"]:
+        return dict(method["outfits"][garment]["actions"])
+    return {action: by[garment] for action, by in method["actions"].items() if garment in by}
+
+
+def actions_in(results: Results, garment: str) -> list[str]:
+    """The actions on which any method was judged with a garment."""
+    found = [
+        action
+        for method in results["methods"].values()
+        for action, by_garment in method["actions"].items()
+        if garment in by_garment
+    ]
+    return list(dict.fromkeys(found))
+
+
+def overall(actions: Mapping[str, Mapping[str, Mapping[str, float]]], garment: str, key: str) -> float | None:
+    """The mean of one measure over all actions of a garment; None if there is none, see `mean_of`."""
+    return mean_of([by[garment] for by in actions.values() if garment in by], key)
+
+
+def mean_of(found: Iterable[Mapping[str, float]], key: str) -> float | None:
+    """The mean of one measure over some actions, weighted by frames; None if there is none.
+
+    A root mean square averages as its square.
+    """
+    having = [cell for cell in found if cell.get(key) is not None]
+    frames = sum(cell["frames"] for cell in having)
+    if not frames:
+        return None
+    power = 2 if "rmse" in key else 1
+    mean = sum(cell["frames"] * cell[key] ** power for cell in having) / frames
+    return float(mean ** (1 / power))
+
+
+def standings(results: Results) -> list[Standing]:
+    """Every method on every garment, then on every outfit of several, beside the better baseline."""
+    return [
+        Standing(
+            method=name,
+            garment=garment,
+            frames=sum(cell["frames"] for cell in cells(results["methods"][name], garment).values()),
+            **{when: _rank(results, name, garment, suffix) for when, suffix in STAGES.items()},
+        )
+        for garment in (*garments_in(results), *results["outfits"])
+        for name in methods_on(results, garment)
+    ]
+
+
+def outfit_rows(results: Results) -> list[OutfitRow]:
+    """For every outfit of several garments the simulation, then every method that dresses it."""
+    everyone = {SIMULATION: results[SIMULATION], **results["methods"]}
+    return [
+        OutfitRow(
+            outfit=outfit,
+            method=name,
+            figures={
+                key + suffix: mean_of(found, key + suffix) for suffix in STAGES.values() for key in OUTFIT
+            }
+            | {"ms_per_frame": mean_of(found, "ms_per_frame")},
+            sides=_sides(found),
+        )
+        for outfit in results["outfits"]
+        for name, judged in everyone.items()
+        if (found := list(cells(judged, outfit).values()))
+    ]
+
+
+def _sides(found: Sequence[Mapping[str, Any]]) -> dict[str, tuple[float, float]]:
+    """The shares on the wrong side over some actions, weighted by frames, before and after contact."""
+
+    def mean(key: str, outer: str, inner: str) -> float:
+        total = sum(cell["frames"] * cell[key][outer][inner] for cell in found)
+        return float(total / sum(cell["frames"] for cell in found))
+
+    return {
+        f"{outer} over {inner}": (
+            mean("wrong_side_percent_raw", outer, inner),
+            mean("wrong_side_percent", outer, inner),
+        )
+        for outer, beneath in found[0]["wrong_side_percent"].items()
+        for inner in beneath
+    }
+
+
+def _rank(results: Results, name: str, garment: str, suffix: str) -> Rank:
+    methods = results["methods"]
+    baselines = [other for other, method in methods.items() if method["baseline"]]
+    mean_key, rmse_key = f"vertex_mean_mm{suffix}", f"vertex_rmse_mm{suffix}"
+    scored = {other: cells(methods[other], garment) for other in (*baselines, name)}
+    means = {
+        other: mean for other, by in scored.items() if (mean := mean_of(by.values(), mean_key)) is not None
+    }
+    best = min((means[other] for other in baselines if other in means), default=0.0)
+    judged = name not in baselines and best > 0
+    duels = [
+        (cell[mean_key], min(others))
+        for action, cell in scored[name].items()
+        if (others := [scored[b][action][mean_key] for b in baselines if action in scored[b]])
+    ]
+    return Rank(
+        mean_mm=means[name],
+        rmse_mm=mean_of(scored[name].values(), rmse_key),
+        against=means[name] / best if judged else None,
+        won=sum(own < other for own, other in duels) if judged else 0,
+        of=len(duels) if judged else 0,
+    )

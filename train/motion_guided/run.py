@@ -1,0 +1,97 @@
+"""`python -m train motion_guided`: its settings, presets and losses."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tyro.conf import OmitArgPrefixes
+
+from rasterize.errors import InputError
+from train.loop import LoopConfig, check_run, fit, has_begun, training_device
+from train.motion_guided.dataset import GarmentDataset
+from train.motion_guided.objective import (
+    SHAPE,
+    DynamicsObjective,
+    MotionGuidedLosses,
+    ShapeObjective,
+    load_shape_space,
+)
+from train.trainer import TrainerEntry
+from uvcloth.bodies.body import load_body
+from uvcloth.methods.motion_guided import config
+from uvcloth.methods.motion_guided.config import MotionGuidedConfig
+
+LOOPS: dict[str, LoopConfig] = {
+    "fast": LoopConfig(steps=300, average=0.99, validate_every=25, keep="last"),
+    "paper": LoopConfig(steps=30000, batch=4, learning_rate=1e-4, weight_decay=0.0, average=0.0),
+    "tiny": LoopConfig(steps=8, batch=2, validate_every=4, average=0.9),
+}
+"""How long the dynamics are trained."""
+
+SHAPE_LOOPS: dict[str, LoopConfig] = {
+    "fast": LoopConfig(steps=200, learning_rate=1e-4, weight_decay=0.0, validate_every=50),
+    "paper": LOOPS["paper"],
+    "tiny": LOOPS["tiny"],
+}
+"""How long the space of shapes is trained; a linear one is fitted before."""
+
+LOSSES: dict[str, MotionGuidedLosses] = {
+    "fast": MotionGuidedLosses(),
+    "paper": MotionGuidedLosses(steady=0.0, past="true", unroll=1),
+    "tiny": MotionGuidedLosses(),
+}
+
+
+@dataclass(frozen=True)
+class MotionGuidedRun:
+    """Train Motion-guided on one garment: a space of its shapes, then the dynamics in it."""
+
+    data: Path
+    """Folder of sequences made by `uvcloth simulate`."""
+    out: Path
+    """Folder of the run: checkpoint, training state, TensorBoard; in its folder shape, the first stage."""
+    preset: str = "fast"
+    """fast, paper or tiny: where every setting below starts from."""
+    resume: bool = False
+    """Continue the run in `out` where it stopped, at either stage."""
+    body: Path | None = None
+    """The body that the sequences were simulated on; default: the one in the package."""
+    frames: int | None = None
+    """Train on the first so many frames only, clip after clip."""
+    network: OmitArgPrefixes[MotionGuidedConfig] = field(default_factory=MotionGuidedConfig)
+    losses: OmitArgPrefixes[MotionGuidedLosses] = field(default_factory=MotionGuidedLosses)
+    loop: OmitArgPrefixes[LoopConfig] = field(default_factory=LoopConfig)
+    """How long and how fast to train the dynamics."""
+    shape: LoopConfig = field(default_factory=LoopConfig)
+    """The same for the space of shapes."""
+
+    def train(self) -> dict[str, float]:
+        """Train what is missing of both stages; returns the validation errors of the second."""
+        if self.losses.past == "own" and self.loop.devices > 1:
+            raise InputError(
+                "--past own: what a network remembers is trained on one device, leave out --devices"
+            )
+        first = self.out / SHAPE
+        second_began = self.resume and has_begun(self.out)
+        check_run(first, resume=self.resume)
+        if not self.resume:
+            check_run(self.out, resume=False)
+        body = load_body(self.body) if self.body else None
+        dataset = GarmentDataset(self.network, self.losses, self.data, body, self.frames, training_device())
+        if not second_began:
+            fit(ShapeObjective(dataset, self.losses), first, self.shape, resume=self.resume)
+        objective = DynamicsObjective(dataset, self.losses, load_shape_space(first, dataset.config))
+        return fit(objective, self.out, self.loop, resume=second_began)
+
+
+ENTRY = TrainerEntry(
+    MotionGuidedRun,
+    {
+        name: {
+            "network": network,
+            "losses": LOSSES[name],
+            "loop": LOOPS[name],
+            "shape": SHAPE_LOOPS[name],
+        }
+        for name, network in config.PRESETS.items()
+    },
+)

@@ -1,0 +1,101 @@
+"""`python -m train pbns`: its settings and presets."""
+
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from tyro.conf import OmitArgPrefixes
+
+from rasterize.errors import InputError
+from train.cloth_energy import ClothMaterial
+from train.loop import LoopConfig, check_run, fit
+from train.pbns.objective import AttachmentConfig, PBNSObjective, held_vertices
+from train.pbns.poses import poses_for
+from train.trainer import TrainerEntry
+from uvcloth.bodies.body import load_body
+from uvcloth.garments.garment import Outfit
+from uvcloth.garments.loading import load_garment
+from uvcloth.methods.pbns.network import PBNSConfig
+
+LOOPS: dict[str, LoopConfig] = {
+    "default": LoopConfig(steps=2500, batch=16, weight_decay=0.0, validate_every=500, keep="last"),
+    "paper": LoopConfig(
+        steps=6000,
+        batch=16,
+        schedule="constant",
+        weight_decay=0.0,
+        average=0.0,
+        validate_every=500,
+        keep="last",
+    ),
+    "tiny": LoopConfig(steps=8, batch=4, weight_decay=0.0, validate_every=4, average=0.9),
+}
+
+
+@dataclass(frozen=True)
+class PBNSRun:
+    """Train PBNS on a garment or an outfit: physics alone teaches, no sequence is needed."""
+
+    garment: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")]
+    """Templates (tops, bottoms, dress) or garment files, the innermost first."""
+    out: Path
+    """Folder of the run: checkpoint, training state, TensorBoard, and the poses if they are drawn here."""
+    poses: Annotated[
+        tuple[str, ...],
+        tyro.conf.arg(metavar="NPZ|DIR|CLIP ...", help_behavior_hint="(default: the built-in clips)"),
+    ] = ()
+    """Poses drawn by `uvcloth poses`, or the motion to draw them from."""
+    preset: str = "default"
+    """default, paper or tiny: where every setting below starts from."""
+    resume: bool = False
+    """Continue the run in `out` where it stopped."""
+    body: Path | None = None
+    """A body made by `uvcloth body`; default: the one in the package."""
+    network: OmitArgPrefixes[PBNSConfig] = field(default_factory=PBNSConfig)
+    material: OmitArgPrefixes[ClothMaterial] = field(default_factory=ClothMaterial)
+    attachment: OmitArgPrefixes[AttachmentConfig] = field(default_factory=AttachmentConfig)
+    loop: OmitArgPrefixes[LoopConfig] = field(default_factory=lambda: LOOPS["default"])
+
+    def train(self) -> dict[str, float]:
+        """Train; returns the validation scores of the network kept."""
+        check_run(self.out, resume=self.resume)
+        if not self.garment:
+            raise InputError("--garment: name at least one garment")
+        body = load_body(self.body)
+        say = partial(Console(stderr=True).print, highlight=False, markup=False)
+        outfit = Outfit(body, tuple(load_garment(name, body, say) for name in self.garment))
+        # To draw poses takes minutes: what cannot hang is refused before.
+        held_vertices(outfit, self.attachment)
+        poses = poses_for(self.poses, body, self.out)
+        objective = PBNSObjective(
+            self.network, self.material, self.attachment, outfit, poses, self.loop.batch
+        )
+        return fit(objective, self.out, self.loop, resume=self.resume)
+
+
+ENTRY = TrainerEntry(
+    PBNSRun,
+    {
+        "default": {
+            "network": PBNSConfig(),
+            "material": ClothMaterial(),
+            "attachment": AttachmentConfig(),
+            "loop": LOOPS["default"],
+        },
+        "paper": {
+            "network": PBNSConfig(influences=99),
+            "material": ClothMaterial(collision=25.0, thickness=0.004, pin=1000.0, plane="vertex"),
+            "attachment": AttachmentConfig(weights="closest"),
+            "loop": LOOPS["paper"],
+        },
+        "tiny": {
+            "network": PBNSConfig(width=16, layers=2),
+            "material": ClothMaterial(),
+            "attachment": AttachmentConfig(),
+            "loop": LOOPS["tiny"],
+        },
+    },
+)

@@ -1,0 +1,65 @@
+"""`python -m train physxnet`: its settings, presets and losses."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from tyro.conf import OmitArgPrefixes
+
+from rasterize.errors import InputError
+from train.loop import LoopConfig, check_run, fit, training_device
+from train.physxnet.objective import Losses, PhysXNetObjective
+from train.trainer import TrainerEntry
+from uvcloth.bodies.body import load_body
+from uvcloth.methods.physxnet import config
+from uvcloth.methods.physxnet.config import PhysXNetConfig
+
+LOSSES: dict[str, Losses] = {
+    "default": Losses(),
+    "paper": Losses(l1=100.0, edge=0.0, bend=0.0, adversarial=True, mirror=False),
+    "tiny": Losses(),
+}
+
+LOOPS: dict[str, LoopConfig] = {
+    "default": LoopConfig(),
+    "paper": LoopConfig(steps=20000, learning_rate=2e-4, schedule="constant", weight_decay=0.0, average=0.0),
+    "tiny": LoopConfig(steps=30, validate_every=15, average=0.9),
+}
+
+
+@dataclass(frozen=True)
+class PhysXNetRun:
+    """Train PhysXNet: body motion maps in, garment offset maps out."""
+
+    data: Path
+    """Folder of sequences made by `uvcloth simulate`."""
+    out: Path
+    """Folder of the run: checkpoint, training state, TensorBoard."""
+    preset: str = "default"
+    """default, paper or tiny: where every setting below starts from."""
+    resume: bool = False
+    """Continue the run in `out` where it stopped."""
+    body: Path | None = None
+    """The body that the sequences were simulated on; default: the one in the package."""
+    network: OmitArgPrefixes[PhysXNetConfig] = field(default_factory=PhysXNetConfig)
+    losses: OmitArgPrefixes[Losses] = field(default_factory=Losses)
+    loop: OmitArgPrefixes[LoopConfig] = field(default_factory=LoopConfig)
+
+    def train(self) -> dict[str, float]:
+        """Train; returns the validation errors of the network kept."""
+        check_run(self.out, resume=self.resume)
+        if self.network.history and self.loop.devices > 1:
+            raise InputError(
+                "--history: what a network remembers is trained on one device, leave out --devices"
+            )
+        body = load_body(self.body) if self.body else None
+        objective = PhysXNetObjective(self.network, self.losses, self.data, self.out, body, training_device())
+        return fit(objective, self.out, self.loop, resume=self.resume)
+
+
+ENTRY = TrainerEntry(
+    PhysXNetRun,
+    {
+        name: {"network": network, "losses": LOSSES[name], "loop": LOOPS[name]}
+        for name, network in config.PRESETS.items()
+    },
+)

@@ -1,0 +1,12 @@
+"""The methods that can be trained, by name."""
+
+from train.motion_guided import run as motion_guided
+from train.pbns import run as pbns
+from train.physxnet import run as physxnet
+from train.trainer import TrainerEntry
+
+TRAINERS: dict[str, TrainerEntry] = {
+    "physxnet": physxnet.ENTRY,
+    "motion_guided": motion_guided.ENTRY,
+    "pbns": pbns.ENTRY,
+}

@@ -1,0 +1,89 @@
+"""Settings of PhysXNet; every idea beyond the paper is one field, so that an ablation is one line."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from rasterize.errors import InputError
+from uvcloth.bodies.frames import HISTORY
+
+LIKE = {"shirt": "tops"}
+"""By template, the one whose motion serves it where a network was not trained on it."""
+
+
+@dataclass(frozen=True)
+class PhysXNetConfig:
+    """What the network sees, predicts and is made of; `PRESETS["paper"]` is the method as published."""
+
+    size: int = 64
+    """Height and width of every map, a multiple of 2 to the number of levels."""
+    width: int = 32
+    """Channels of the first encoder level; every next level doubles them, up to eight times."""
+    levels: int = 3
+    """Encoder and decoder levels (paper: 4); with fewer, less of the body is seen at once."""
+    norm: Literal["batch", "group", "instance"] = "group"
+    """Normalization layers."""
+    upsample: Literal["transposed", "resize"] = "resize"
+    """How decoders enlarge: transposed convolutions (paper) or convolution and bilinear enlargement."""
+    dropout: float = 0.4
+    """Share of the deepest level's channels dropped in training; 0 in the paper."""
+    frame: Literal["world", "body"] = "body"
+    """Axes of motion and offsets: the world's (paper) or the rest axes that turn with the body."""
+    acceleration: Literal["plain", "specific_force"] = "specific_force"
+    """Acceleration (paper) or acceleration minus gravity, which also says where down is."""
+    pose: bool = True
+    """Three more channels: where the body point is, seen from the root joint, against its place at rest."""
+    anchor: Literal["body", "smooth_lbs"] = "smooth_lbs"
+    """What offsets are measured from: the texel's body point (paper) or the smoothly skinned garment."""
+    history: int = 2
+    """How many of its own last offset maps the network sees; 0 remembers nothing (paper)."""
+    scaling: Literal["min_max", "mean_std"] = "mean_std"
+    """Each channel to [-1, 1] by its extremes (paper), or to zero mean and unit deviation."""
+    reach: float = 4.0
+    """Scaled inputs beyond this count as this: no motion is far from those seen. 0 sets no limit (paper)."""
+    centre: Literal["channel", "texel"] = "texel"
+    """Predicted offsets are measured from the middle of their channel (paper) or the mean of each texel."""
+    templates: tuple[str, ...] = ("tops", "bottoms", "dress")
+    """The templates with a decoder each."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError if the levels do not halve the size evenly."""
+        if self.size <= 0 or self.size % 2**self.levels:
+            raise InputError(
+                f"--size {self.size}: has to be a multiple of {2**self.levels} for --levels {self.levels}"
+            )
+
+    @property
+    def inputs(self) -> int:
+        """Channels of the network's input."""
+        motion = HISTORY * 6 + (3 if self.pose else 0)
+        return motion + self.history * 3 * len(self.templates)
+
+    def decoder(self, template: str | None) -> str | None:
+        """The template whose decoder serves a garment of this one: its own, else that of the one LIKE it.
+
+        None where there is no such decoder.
+        """
+        candidates = (template, LIKE.get(template or ""))
+        return next((each for each in candidates if each in self.templates), None)
+
+
+PRESETS: dict[str, PhysXNetConfig] = {
+    "default": PhysXNetConfig(),
+    "paper": PhysXNetConfig(
+        size=256,
+        width=64,
+        levels=4,
+        norm="batch",
+        upsample="transposed",
+        dropout=0.0,
+        frame="world",
+        acceleration="plain",
+        pose=False,
+        anchor="body",
+        history=0,
+        scaling="min_max",
+        reach=0.0,
+        centre="channel",
+    ),
+    "tiny": PhysXNetConfig(size=32, width=8),
+}
