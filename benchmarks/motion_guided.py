@@ -31,7 +31,7 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.tailor import tailor
 from uvcloth.garments.templates import fit_template, tailored
 from uvcloth.methods.motion_guided.config import PRESETS
-from uvcloth.methods.motion_guided.descriptor import TAPS, RelativePositions, SeedForces
+from uvcloth.methods.motion_guided.descriptor import TAPS, Forces, RelativePositions, SeedForces
 from uvcloth.methods.motion_guided.method import MotionGuided
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
@@ -78,9 +78,9 @@ class PlainForces(nn.Module):
         super().__init__()
         self.layer = layer
 
-    def forward(self, forces: Tensor, normals: Tensor, pixels: Tensor, size: int) -> Tensor:
-        pushes = forces[..., None] * normals[:, None]
-        maps = forces.new_zeros(len(forces), size * size, *pushes.shape[2:]).index_copy(1, pixels, pushes)
+    def forward(self, forces: Forces, normals: Tensor, pixels: Tensor, size: int) -> Tensor:
+        pushes = forces.dense()[..., None] * normals[:, None]
+        maps = pushes.new_zeros(len(pushes), size * size, *pushes.shape[2:]).index_copy(1, pixels, pushes)
         channels = maps.flatten(2).transpose(1, 2).unflatten(-1, (size, size))
         kernel = self.layer.weight.flatten(1, 2).unflatten(-1, (TAPS, TAPS))
         return functional.conv2d(channels, kernel, padding=TAPS // 2)

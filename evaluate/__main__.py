@@ -41,6 +41,8 @@ class Evaluate:
     """Height and width of the maps on which the map MSE is measured."""
     pictures: bool = True
     """Draw pictures: of every action, of spaces of garments, and of training and test motion."""
+    threads: Annotated[int, tyro.conf.arg(metavar="N")] = 1
+    """Of the processor, for what is timed; on a loaded machine several are slower than one."""
 
     def run(self) -> None:
         """Judge, and write metrics.json and the report. Raises InputError for what cannot be judged."""
@@ -54,19 +56,21 @@ class Evaluate:
         from evaluate.report import write_metrics, write_report
         from evaluate.show import pictured, pictures, viewer_clips
         from uvcloth.bodies.body import load_body
+        from uvcloth.commands.threads import limited_threads
 
         if self.frames is not None and self.frames < 1:
             raise InputError(f"--frames: {self.frames} is not a number of frames")
         body = load_body(self.body)
         candidates = load_candidates(self.model, body)
-        results, shown = compare(
-            candidates,
-            Selection(self.data, self.actions, self.garment, self.frames, self.split),
-            self.out,
-            body=body,
-            map_size=self.map_size,
-            machine=machine(),
-        )
+        with limited_threads(self.threads):
+            results, shown = compare(
+                candidates,
+                Selection(self.data, self.actions, self.garment, self.frames, self.split),
+                self.out,
+                body=body,
+                map_size=self.map_size,
+                machine=f"{machine()}, threads used: {self.threads}",
+            )
         metrics = write_metrics(self.out, results)
         images, spaces, motion = [], [], []
         if self.pictures:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import pytest
 import torch
 import trimesh
 from torch import Tensor
@@ -10,16 +11,21 @@ from uvcloth.bodies.body import load_body
 from uvcloth.bodies.collider import Collider, make_collider
 from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.geometry.mesh import unique_edges
+from uvcloth.geometry.skinning import skin
+from uvcloth.motion.library import load_clip
 from uvcloth.physics.contact import (
     FINAL_CLEARANCE,
     LAYER_CLEARANCE,
+    PLANE_DISTANCE,
     SKIN_CLEARANCE,
+    SKIN_SEARCH_DISTANCE,
     ContactGarment,
     InnerLayerContact,
     Obstacle,
 )
 from uvcloth.physics.layers import Layer
 from uvcloth.physics.strain_limiter import StrainLimiter
+from uvcloth.physics.surface import BodySurface
 
 
 def tensors(mesh: trimesh.Trimesh) -> tuple[Tensor, Tensor]:
@@ -226,3 +232,33 @@ def test_percent_inside_follows_the_body() -> None:
     percent = worn.inside_percent(frames, worn.contact_garment(mesh.vertices, mesh.faces), apart)
     assert percent[0] == 0
     assert percent[1] > 20
+
+
+@pytest.mark.parametrize("name", ["walk", "jump"])
+def test_a_search_near_the_skin_finds_what_a_full_one_of_each_part_finds(name: str) -> None:
+    """The dress, smoothly skinned and carried 3 cm into the body, beside one closest point query per part."""
+    body = load_body()
+    dress = fit_template("dress", body)
+    collider = make_collider(body)
+    parts = [BodySurface(collider.vertices(body.mesh.vertices), faces) for faces in collider.parts]
+    worn = Obstacle(collider, body.mesh.vertices)
+    garment = worn.dress(dress.mesh.vertices, dress.mesh.faces)
+    touched = [torch.nonzero((garment.touches >> part) & 1).squeeze(1) for part in range(len(parts))]
+    for transforms in load_clip(name, body).transforms()[::9]:
+        posed = skin(body.mesh.vertices, body.weights, transforms[None])[0]
+        vertices = skin(dress.mesh.vertices, dress.smooth_weights, transforms[None])[0]
+        vertices += torch.tensor([0.0, 0.03, 0.0])
+        nearest = torch.full((len(vertices),), SKIN_SEARCH_DISTANCE)
+        for part, rows in zip(parts, touched, strict=True):
+            if len(rows):
+                part.update(collider.vertices(posed))
+                found = part.closest(vertices[rows], SKIN_SEARCH_DISTANCE).signed_distance
+                nearest[rows] = torch.minimum(nearest[rows], found)
+        worn.update(posed)
+        for exact in (PLANE_DISTANCE, SKIN_SEARCH_DISTANCE):
+            distance = worn.skin(vertices, garment, exact=exact).distance
+            known = nearest < exact
+            assert torch.equal(distance < exact, known)
+            torch.testing.assert_close(distance[known], nearest[known], atol=1e-6, rtol=0)
+            assert (distance[~known] <= nearest[~known] + 1e-6).all()
+        assert 100 < int((nearest < 0).sum()) < int((nearest < PLANE_DISTANCE).sum()) < len(vertices) - 100

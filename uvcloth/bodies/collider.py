@@ -9,6 +9,7 @@ the sleeves around them do.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -65,9 +66,27 @@ class Collider:
     parts: tuple[Tensor, ...]
     rims: tuple[Tensor, ...]
 
+    @cached_property
+    def _rim_edges(self) -> tuple[Tensor, Tensor, Tensor]:
+        """The edges of all rims (E, 2), their caps (E,), and which edges each cap has, as ones: (caps, E)."""
+        edges = torch.cat(self.rims)
+        caps = torch.arange(len(self.rims), device=edges.device)
+        owner = caps.repeat_interleave(torch.tensor([len(rim) for rim in self.rims], device=edges.device))
+        return edges, owner, (caps[:, None] == owner).float()
+
     def vertices(self, body_vertices: Tensor) -> Tensor:
         """Posed body vertices (..., V, 3) with the tips of the caps appended: (..., V + caps, 3)."""
-        return torch.cat([body_vertices, *(_tip(body_vertices, rim) for rim in self.rims)], dim=-2)
+        if not self.rims:
+            return body_vertices
+        edges, owner, members = self._rim_edges
+        members = members.to(body_vertices)
+        ends = body_vertices.index_select(-2, edges.flatten()).unflatten(-2, (-1, 2))
+        centre = (members @ ends[..., 1, :]) / members.sum(1, keepdim=True)
+        start, end = (ends - centre.index_select(-2, owner)[..., None, :]).flip(-2).unbind(-2)
+        area = 0.5 * members @ torch.linalg.cross(start, end)
+        size = area.norm(dim=-1, keepdim=True)
+        tips = centre + CAP_HEIGHT * (size / math.pi).sqrt() * area / size.clamp(min=1e-9)
+        return torch.cat([body_vertices, tips], dim=-2)
 
     def touches(self, points: Tensor, body_vertices: Tensor) -> Tensor:
         """Mask of the parts that each point of a garment (N, 3) m at rest may touch: (parts, N) bool.
@@ -142,15 +161,6 @@ def _closed(parts: list[Tensor], count: int) -> Collider:
         return torch.cat(fans)
 
     return Collider(tuple(closed(faces) for faces in parts), tuple(rims))
-
-
-def _tip(vertices: Tensor, rim: Tensor) -> Tensor:
-    """The tip of the cap over a rim: (..., 1, 3)."""
-    start, end = vertices[..., rim[:, 1], :], vertices[..., rim[:, 0], :]
-    centre = start.mean(-2, keepdim=True)
-    area = 0.5 * torch.linalg.cross(start - centre, end - centre).sum(-2, keepdim=True)
-    size = area.norm(dim=-1, keepdim=True)
-    return centre + CAP_HEIGHT * (size / math.pi).sqrt() * area / size.clamp(min=1e-9)
 
 
 def _nearest(points: Tensor, others: Tensor) -> tuple[Tensor, Tensor]:

@@ -7,6 +7,9 @@ from torch import Tensor
 from uvcloth.geometry.mesh import neighbour_average, unique_edges
 from uvcloth.geometry.rotations import rotate_back
 
+FEW = 8
+"""Joints for each frame from which on blending transforms costs less than spreading points over joints."""
+
 
 def blend_transforms(weights: Tensor, transforms: Tensor) -> Tensor:
     """Blend joint transforms per vertex: weights (V, J), transforms (B, J, 3, 4) -> (B, V, 3, 4)."""
@@ -23,9 +26,11 @@ def apply_transforms(blended: Tensor, points: Tensor) -> Tensor:
 def skin(points: Tensor, weights: Tensor, transforms: Tensor) -> Tensor:
     """Linear blend skinning: points (V, 3) at rest, weights (V, J), transforms (B, J, 3, 4) -> (B, V, 3).
 
-    One matrix product: the blended transform of every vertex is never formed.
+    For many frames one matrix product: the blended transform of every vertex is never formed.
     """
     batch, joints = transforms.shape[:2]
+    if FEW * batch <= joints:
+        return apply_transforms(blend_transforms(weights, transforms), points)
     homogeneous = torch.cat([points, torch.ones_like(points[:, :1])], dim=1)
     weighted = (weights[:, :, None] * homogeneous[:, None, :]).flatten(1)
     columns = transforms.permute(1, 3, 0, 2).reshape(4 * joints, 3 * batch)

@@ -10,6 +10,7 @@ A garment over others stays on their outer side wherever they cover it. Vertices
 as those of a shirt that is tucked in, and these garments do not act on each other.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -146,9 +147,18 @@ class Obstacle:
         """Move to the posed body (V, 3)."""
         self._parts.update(self.collider.vertices(body_vertices))
 
-    def skin(self, vertices: Tensor, garment: ContactGarment, reach: float = SKIN_SEARCH_DISTANCE) -> Skin:
-        """Nearest skin within reach, m, of the parts that each of a garment's vertices (N, 3) m may touch."""
-        return self._search(vertices, garment.touches, vertices.new_full((len(vertices),), reach))
+    def skin(
+        self,
+        vertices: Tensor,
+        garment: ContactGarment,
+        reach: float = SKIN_SEARCH_DISTANCE,
+        exact: float = math.inf,
+    ) -> Skin:
+        """Nearest skin within reach, m, of the parts that each of a garment's vertices (N, 3) m may touch.
+
+        exact: metres outside the body beyond which a distance is a lower bound, not below these.
+        """
+        return self._search(vertices, garment.touches, vertices.new_full((len(vertices),), reach), exact)
 
     def resolve(
         self, vertices: Tensor, garment: ContactGarment, before: Tensor | None = None
@@ -162,7 +172,7 @@ class Obstacle:
         The layers beneath have to be where they end in this frame.
         """
         start = vertices if before is None else vertices + _warm_start(before)
-        skin = self.skin(start, garment)
+        skin = self.skin(start, garment, exact=PLANE_DISTANCE)
         inside_before = int(skin.inside.sum())
         held = (skin.distance < PLANE_DISTANCE) & ~skin.squeezed
         offsets = torch.where(held, skin.offsets + SKIN_CLEARANCE, FREE)
@@ -229,12 +239,13 @@ class Obstacle:
         skin.normals[rows[near]], skin.offsets[rows[near]] = found.normals[near], found.offsets[near]
         skin.squeezed[rows] = found.squeezed
 
-    def _search(self, vertices: Tensor, touches: Tensor, reach: Tensor) -> Skin:
-        """The nearest skin of N vertices within their reach (N,), m."""
+    def _search(self, vertices: Tensor, touches: Tensor, reach: Tensor, exact: float = math.inf) -> Skin:
+        """The nearest skin of N vertices within their reach (N,), m; exact as in `skin`."""
         distance, offsets, gap = (torch.empty_like(reach) for _ in range(3))
         normals = torch.empty_like(vertices)
-        query = map(array, (touches, vertices, reach, distance, normals, offsets, gap))
-        launch(kernels.closest_touched, len(vertices), vertices.device, self._parts.ids, *query)
+        query = (*map(array, (touches, vertices, reach)), exact, SQUEEZE_GAP)
+        results = map(array, (distance, normals, offsets, gap))
+        launch(kernels.closest_touched, len(vertices), vertices.device, self._parts.ids, *query, *results)
         return Skin(distance, normals, offsets, gap < SQUEEZE_GAP)
 
 

@@ -101,6 +101,42 @@ def closest_point(
     barycentrics[i] = wp.vec3(u, v, 1.0 - u - v)
 
 
+@wp.func
+def nearest_touched(
+    parts: wp.array(dtype=wp.uint64), touched: int, point: wp.vec3, reach: float, exact: float
+):
+    """The closed part that a point is deepest in or nearest to, of those that it may touch (a bit each).
+
+    Its signed distance, outward direction and offset (product of the closest point with that), and the room
+    between it and the nearest part that faces it, negative where they overlap; FAR where there is none. Parts
+    that the point is outside of and farther from than `exact` count as that far away.
+    """
+    least = reach
+    outward = wp.vec3(0.0)
+    offset = float(0.0)  # noqa: UP018
+    room = float(FAR)
+    for part in range(parts.shape[0]):
+        if (touched >> part) & 1 == 1:
+            mesh = parts[part]
+            near = wp.min(reach, exact)
+            found, place, direction, face, _u, _v = signed_closest(mesh, point, near, 0.0)
+            if face < 0 and near < reach:
+                # Farther away, it counts only with the point inside. The ray leads away from the part, which
+                # makes it cheap, and out of the body's plane of symmetry, where it would meet edges.
+                away = wp.normalize(point - wp.mesh_get_point(mesh, 0)) + OBLIQUE_DIRECTION
+                if crossings(mesh, point, wp.normalize(away)) > 0:
+                    found, place, direction, face, _u, _v = signed_closest(mesh, point, reach, 0.0)
+                else:
+                    least = wp.min(least, near)
+            if wp.dot(outward, direction) < OPPOSING_COSINE:
+                room = wp.min(room, least + found)
+            if face >= 0 and found < least:
+                least = found
+                outward = direction
+                offset = wp.dot(direction, place)
+    return least, outward, offset, room
+
+
 @wp.kernel
 def closest_touched(
     share: int,
@@ -108,31 +144,19 @@ def closest_touched(
     touches: wp.array(dtype=int),
     points: wp.array(dtype=wp.vec3),
     reach: wp.array(dtype=float),
+    exact: float,
+    narrow: float,
     distance: wp.array(dtype=float),
     normal: wp.array(dtype=wp.vec3),
     offset: wp.array(dtype=float),
     gap: wp.array(dtype=float),
 ):
-    """Find the closed part that a point is deepest in or nearest to, of those that it may touch (a bit each).
-
-    offset: product of the closest point with its normal. gap: distance between that part and the nearest one
-    that faces it, negative where they overlap; FAR where there is none.
-    """
+    """What `nearest_touched` finds for each point; narrow: least room that needs not be exact."""
     i = share + wp.tid()
-    point = points[i]
-    least = reach[i]
-    outward = wp.vec3(0.0)
-    plane = float(0.0)  # noqa: UP018
-    room = float(FAR)
-    for part in range(parts.shape[0]):
-        if (touches[i] >> part) & 1 == 1:
-            found, place, direction, face, _u, _v = signed_closest(parts[part], point, reach[i], 0.0)
-            if wp.dot(outward, direction) < OPPOSING_COSINE:
-                room = wp.min(room, least + found)
-            if face >= 0 and found < least:
-                least = found
-                outward = direction
-                plane = wp.dot(direction, place)
+    least, outward, plane, room = nearest_touched(parts, touches[i], points[i], reach[i], exact)
+    if least < narrow - exact:
+        # So deep in one part, even one that is farther away may leave too little room.
+        least, outward, plane, room = nearest_touched(parts, touches[i], points[i], reach[i], FAR)
     distance[i] = least
     normal[i] = outward
     offset[i] = plane

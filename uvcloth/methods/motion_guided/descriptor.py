@@ -6,6 +6,7 @@ sections 4.2 and 5).
 """
 
 import math
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
@@ -39,31 +40,61 @@ class RelativePositions(SeedKernel):
         return seen - (shift @ patches).view_as(seen)
 
 
+@dataclass(frozen=True)
+class Forces:
+    """Forces of S seeds on P texels, (B, P, S) m, of which few are not zero: all others are left out.
+
+    pairs: (K,) int64 ascending, places in the flattened shape. values: (K,) m.
+    """
+
+    pairs: Tensor
+    values: Tensor
+    shape: torch.Size
+
+    def dense(self) -> Tensor:
+        """All of them (B, P, S), m."""
+        return (
+            self.values.new_zeros(self.shape.numel()).index_copy(0, self.pairs, self.values).view(self.shape)
+        )
+
+
 class SeedForces(SeedKernel):
     """Convolves [f_j n_j]_j, zero off the garment's charts."""
 
-    def forward(self, forces: Tensor, normals: Tensor, pixels: Tensor, size: int) -> Tensor:
+    def forward(self, forces: Forces, normals: Tensor, pixels: Tensor, size: int) -> Tensor:
         """Forces (B, P, S) on the texels at pixels (P,); normals (B, S, 3) -> (B, C, size, size)."""
-        batch, outputs = len(forces), len(self.weight)
-        pushed = torch.nonzero(forces.detach().amax((0, 2))).squeeze(1)
-        forces, pixels = forces[:, pushed], pixels[pushed]
+        batch, texels, seeds = forces.shape
         # A tap reads its neighbour: seen from that texel, it writes to the other side.
-        taps = torch.einsum("osat,bsa->bsot", self.weight.flip(-1), normals).flatten(2)
-        written = forces.new_zeros(batch, outputs * TAPS**2, size * size)
-        written = written.index_copy(2, pixels, (forces @ taps).transpose(1, 2))
-        return functional.fold(written, (size, size), TAPS, padding=TAPS // 2)
+        axes = zip(self.weight.unbind(2), normals.unbind(2), strict=True)
+        x, y, z = (kernel * along[:, None, :, None] for kernel, along in axes)
+        taps = (x + y + z).flip(-1)
+        rows = taps.transpose(1, 2).reshape(batch * seeds, -1)
+        pairs, first = forces.pairs, torch.arange(0, forces.shape.numel(), seeds, device=pixels.device)
+        written = functional.embedding_bag(
+            pairs % seeds + pairs // (texels * seeds) * seeds,
+            rows,
+            torch.searchsorted(pairs, first),
+            per_sample_weights=forces.values.to(rows),
+            mode="sum",
+        )
+        maps = written.new_zeros(batch, size * size, written.shape[1])
+        maps = maps.index_copy(1, pixels, written.view(batch, texels, -1)).transpose(1, 2)
+        return functional.fold(maps, (size, size), TAPS, padding=TAPS // 2)
 
 
 def contact_forces(
     before: Tensor, seeds_before: Tensor, seeds: Tensor, normals: Tensor, sigma: float
-) -> Tensor:
+) -> Forces:
     """Depth of the previous garment behind the planes of seeds, less of far ones (section 5): (B, P, S).
 
     before: (B, P, 3) m, points of the previous garment. seeds_before, seeds, normals: (B, S, 3).
     """
-    depth = (seeds * normals).sum(-1)[:, None] - before @ normals.transpose(1, 2)
-    apart = torch.baddbmm(seeds_before.square().sum(-1)[:, None], before, seeds_before.mT, alpha=-2.0)
-    apart += before.square().sum(-1, keepdim=True)
+    # Both are products of the points with a row per seed, the constants with a one.
+    points = torch.cat([before, torch.ones_like(before[..., :1])], dim=-1)
+    depth = points @ torch.cat([-normals, (seeds * normals).sum(-1, keepdim=True)], dim=-1).mT
+    seen = torch.cat([-2.0 * seeds_before, seeds_before.square().sum(-1, keepdim=True)], dim=-1)
+    apart = torch.baddbmm(before.square().sum(-1, keepdim=True), points, seen.mT)
     behind = (depth > 0.0) & (apart < (FARTHEST * sigma) ** 2)
-    pushes = torch.exp(-apart[behind].clamp(min=0.0) / (2.0 * sigma**2)) * depth[behind]
-    return torch.zeros_like(depth).masked_scatter_(behind, pushes)
+    pairs = torch.nonzero(behind.flatten()).squeeze(1)
+    near, deep = (values.flatten().index_select(0, pairs) for values in (apart, depth))
+    return Forces(pairs, torch.exp(near.clamp(min=0.0) / (-2.0 * sigma**2)) * deep, depth.shape)

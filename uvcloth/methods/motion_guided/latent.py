@@ -7,7 +7,7 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 
-from uvcloth.methods.motion_guided.descriptor import RelativePositions, SeedForces
+from uvcloth.methods.motion_guided.descriptor import Forces, RelativePositions, SeedForces
 from uvcloth.methods.motion_guided.seeds import PARTS
 from uvcloth.methods.physxnet.unet import KERNEL, normalization, upsampling
 
@@ -219,7 +219,7 @@ class Dynamics(nn.Module):
         self.encoder = Encoder(width + features, widths, latent, norm, dropout)
         self.register_buffer("motion_scale", torch.ones(motion, 1, 1))
 
-    def change(self, motion: Tensor, forces: Tensor, normals: Tensor, pixels: Tensor) -> Tensor:
+    def change(self, motion: Tensor, forces: Forces, normals: Tensor, pixels: Tensor) -> Tensor:
         """E_t of velocities and accelerations (B, C, H, W), forces (B, P, S) and normals (B, S, 3)."""
         pushed = self.forces(forces, normals, pixels, motion.shape[-1])
         return self.stem(self.motion(motion / self.motion_scale) + pushed)
