@@ -289,7 +289,7 @@ class Poses:
 
 @dataclass(frozen=True)
 class Export:
-    """Write a trained PBNS as a rig that engines play: skeleton, skin, blend shapes and their motion."""
+    """Write a method that is a rig (PBNS) for engines: skeleton, skin, blend shapes and their motion."""
 
     model: Annotated[str, arg(metavar="pbns|RUN")]
     """pbns as it ships (a shirt over trousers), or a folder written by `python -m train pbns`."""
