@@ -395,18 +395,7 @@ def _load_state(training: Training) -> None:
     try:
         for name, network in training.networks.items():
             network.module.load_state_dict(part(f"network/{name}/"))
-            state: dict[int, dict[str, Tensor]] = {}
-            for key, value in part(f"optimizer/{name}/").items():
-                index, _, entry = key.partition("/")
-                state.setdefault(int(index), {})[entry] = value
-            optimizer = training.optimizers[name]
-            groups = optimizer.state_dict()["param_groups"]
-            optimizer.load_state_dict({"state": state, "param_groups": groups})
-            # The fused optimizer walks weights and moments by their place in memory.
-            for weight, moments in optimizer.state.items():
-                for key, value in moments.items():
-                    if value.shape == weight.shape:
-                        moments[key] = torch.empty_like(weight).copy_(value)
+            _load_optimizer(training.optimizers[name], part(f"optimizer/{name}/"))
         if training.config.average:
             training.average.load_state_dict(part("average/"))
     except (RuntimeError, ValueError, KeyError) as error:
@@ -416,3 +405,18 @@ def _load_state(training: Training) -> None:
     done, saved = training.done, meta["done"]
     done.step, done.seconds, done.errors = saved["step"], saved["seconds"], saved["errors"]
     done.best = math.inf if saved["best"] is None else saved["best"]
+
+
+def _load_optimizer(optimizer: Any, saved: Mapping[str, Tensor]) -> None:
+    """Restore an optimizer from tensors named INDEX/ENTRY; its parameter groups stay."""
+    state: dict[int, dict[str, Tensor]] = {}
+    for key, value in saved.items():
+        index, _, entry = key.partition("/")
+        state.setdefault(int(index), {})[entry] = value
+    groups = optimizer.state_dict()["param_groups"]
+    optimizer.load_state_dict({"state": state, "param_groups": groups})
+    # The fused optimizer walks weights and moments by their place in memory.
+    for weight, moments in optimizer.state.items():
+        for key, value in moments.items():
+            if value.shape == weight.shape:
+                moments[key] = torch.empty_like(weight).copy_(value)

@@ -242,7 +242,7 @@ def test_a_search_near_the_skin_finds_what_a_full_one_of_each_part_finds(name: s
     collider = make_collider(body)
     parts = [BodySurface(collider.vertices(body.mesh.vertices), faces) for faces in collider.parts]
     worn = Obstacle(collider, body.mesh.vertices)
-    garment = worn.dress(dress.mesh.vertices, dress.mesh.faces)
+    garment = worn.contact_garment(dress.mesh.vertices, dress.mesh.faces)
     touched = [torch.nonzero((garment.touches >> part) & 1).squeeze(1) for part in range(len(parts))]
     for transforms in load_clip(name, body).transforms()[::9]:
         posed = skin(body.mesh.vertices, body.weights, transforms[None])[0]

@@ -7,7 +7,7 @@ import torch
 
 from tests.small_body import small_body
 from train.clips import TrainingClip
-from train.validation import ROLLED, rollout_errors
+from train.validation import ROLLOUT_FRAMES, rollout_errors
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 
@@ -67,5 +67,5 @@ def test_each_frame_rate_is_rolled_out_by_itself() -> None:
 
 
 def test_long_clips_are_scored_over_their_beginning() -> None:
-    found = errors(clip_of("a", ROLLED + 9, ("coat",)))
-    assert found["coat_mm"] == pytest.approx(2 + (ROLLED - 1) / 2, rel=1e-4)
+    found = errors(clip_of("a", ROLLOUT_FRAMES + 9, ("coat",)))
+    assert found["coat_mm"] == pytest.approx(2 + (ROLLOUT_FRAMES - 1) / 2, rel=1e-4)

@@ -151,7 +151,7 @@ def closest_touched(
     offset: wp.array(dtype=float),
     gap: wp.array(dtype=float),
 ):
-    """What `nearest_touched` finds for each point; narrow: least room that needs not be exact."""
+    """The result of `nearest_touched` for each point. narrow: least room that needs not be exact."""
     i = share + wp.tid()
     least, outward, plane, room = nearest_touched(parts, touches[i], points[i], reach[i], exact)
     if least < narrow - exact:

@@ -29,7 +29,7 @@ class SeedKernel(nn.Module):
 
 
 class RelativePositions(SeedKernel):
-    """Convolves [g - b_j]_j, zero off the garment's charts."""
+    """Convolution of [g - b_j]_j, zero off the garment's charts."""
 
     def forward(self, positions: Tensor, mask: Tensor, seeds: Tensor) -> Tensor:
         """Positions (B, 3, H, W) m, zero off the charts, mask (1, 1, H, W), seeds (B, S, 3): (B, C, H, W)."""
@@ -52,14 +52,14 @@ class Forces:
     shape: torch.Size
 
     def dense(self) -> Tensor:
-        """All of them (B, P, S), m."""
+        """The forces of all pairs (B, P, S), m."""
         return (
             self.values.new_zeros(self.shape.numel()).index_copy(0, self.pairs, self.values).view(self.shape)
         )
 
 
 class SeedForces(SeedKernel):
-    """Convolves [f_j n_j]_j, zero off the garment's charts."""
+    """Convolution of [f_j n_j]_j, zero off the garment's charts."""
 
     def forward(self, forces: Forces, normals: Tensor, pixels: Tensor, size: int) -> Tensor:
         """Forces (B, P, S) on the texels at pixels (P,); normals (B, S, 3) -> (B, C, size, size)."""
