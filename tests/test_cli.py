@@ -1,14 +1,18 @@
 """The command line: what it parses, what it calls, and how it fails."""
 
+import json
+import shutil
 import subprocess
 import sys
-from pathlib import Path
+from dataclasses import replace
 from types import ModuleType, SimpleNamespace
 
 import pytest
 
 from rasterize.errors import InputError
+from tests.export.glb_reader import GlbReader
 from uvcloth import cli
+from uvcloth.motion.library import load_clip
 
 HEAVY = ("torch", "warp", "newton", "lightning", "scipy", "trimesh", "pxr", "kornia", "anny")
 
@@ -46,28 +50,68 @@ def test_help_imports_nothing_heavy():
         assert subcommand in done.stdout
 
 
-def test_simulate_hands_everything_on(monkeypatch, stand_in):
-    from uvcloth.simulate import batch
-    from uvcloth.simulate.plan import ClipSelection
+@pytest.fixture
+def simulated(body, tmp_path):
+    """A folder in which Newton's sequence of the tops over the built-in walk is there already."""
+    pytest.importorskip("newton", reason="the `simulate` extra is not installed")
+    from tests.simulate.skinned import skinned_sequence
+    from uvcloth.garments.templates import fit_template
+    from uvcloth.motion.poses import rest_hash
+    from uvcloth.simulate.newton import Newton
+    from uvcloth.simulate.sequence import save_sequence
 
-    calls = []
-    monkeypatch.setattr(batch, "simulate_batch", lambda *given, **options: calls.append((given, options)))
-    stand_in("uvcloth.bodies.body", load_body=lambda path: f"body from {path}")
-    arguments = ("a.bvh", "walk", "--garment", "tops", "dress", "--out", "data", "--jobs", "2")
-    assert run(monkeypatch, "simulate", *arguments, "--windows", "index.csv", "--body", "b.npz") == 0
-    assert run(monkeypatch, "simulate", *arguments, "--layered", "--engine", "blender", "--repeat") == 0
-    (alone, first), (_, second) = calls
-    assert alone == (ClipSelection(("a.bvh", "walk"), Path("index.csv")),)
-    assert (first["out"], first["body"]) == (Path("data"), "body from b.npz")
-    assert first["workers"] == batch.Workers(jobs=2)
-    assert (first["engine"], first["repeat"], second["engine"], second["repeat"]) == (
-        "newton",
-        False,
-        "blender",
-        True,
-    )
-    assert [list(outfit) for outfit in first["outfits"]] == [["tops"], ["dress"]]
-    assert [list(outfit) for outfit in second["outfits"]] == [["tops", "dress"]]
+    made = skinned_sequence(fit_template("tops", body), body)
+    made_by = {"body_hash": rest_hash(body), **json.loads(json.dumps(Newton().describe()))}
+    save_sequence(replace(made, metadata={**made.metadata, **made_by}), tmp_path / "out" / "walk_tops.npz")
+    return tmp_path / "out"
+
+
+def test_simulate_leaves_what_is_there_and_keeps_its_windows(monkeypatch, capsys, simulated, tmp_path):
+    windows = tmp_path / "mine.csv"
+    windows.write_text("trial,subject,split,action,window_start,window_frames\nwalk,a,test,walking,40,30\n")
+    before = (simulated / "walk_tops.npz").read_bytes()
+    words = ("simulate", "walk", "--garment", "tops", "--out", str(simulated), "--windows", str(windows))
+    assert run(monkeypatch, *words) == 0
+    assert f"{simulated}: every sequence is there already\n" in capsys.readouterr().out
+    assert (simulated / "index.csv").read_text() == windows.read_text()
+    assert (simulated / "walk_tops.npz").read_bytes() == before
+
+
+def test_simulate_says_which_option_does_not_go_with_what_is_there(
+    monkeypatch, capsys, simulated, body, tmp_path
+):
+    from uvcloth.bodies.body import save_body
+    from uvcloth.simulate.engines import ENGINES
+
+    other = SimpleNamespace(describe=lambda: {"engine": "blender.cloth", "settings": {}})
+    monkeypatch.setitem(ENGINES, "blender", lambda: other)
+    taller = replace(body, name="tall", mesh=replace(body.mesh, vertices=1.02 * body.mesh.vertices))
+    save_body(taller, tmp_path / "tall.npz")
+    for words, sentence in (
+        (("--garment", "tops", "--engine", "blender"), "was simulated by newton."),
+        (("--garment", "bottoms", "tops", "--layered"), "was simulated as tops, not as bottoms under tops"),
+        (("--garment", "tops", "--body", str(tmp_path / "tall.npz")), "was simulated on another body"),
+        (("--garment", "tops", "--jobs", "0"), "--jobs 0: expected at least 1"),
+    ):
+        assert run(monkeypatch, "simulate", "walk", *words, "--out", str(simulated)) == 2
+        assert sentence in capsys.readouterr().err
+    assert [path.name for path in simulated.iterdir()] == ["walk_tops.npz"]
+
+
+def test_simulate_repeats_into_a_folder_of_its_own(monkeypatch, capsys, simulated):
+    """What is there once is not there twice, and what is there twice is not made again."""
+    from uvcloth.simulate import batch
+
+    asked = []
+    monkeypatch.setattr(batch, "_simulate_all", lambda todo, *_: asked.extend(todo))
+    words = ("simulate", "walk", "--garment", "tops", "--out", str(simulated), "--repeat")
+    assert run(monkeypatch, *words) == 0
+    assert [job.targets for job in asked] == [(simulated / "repeat" / "walk_tops.npz",)]
+    (simulated / "repeat").mkdir()
+    shutil.copy(simulated / "walk_tops.npz", simulated / "repeat")
+    assert run(monkeypatch, *words) == 0
+    assert len(asked) == 1
+    assert "every sequence is there already" in capsys.readouterr().out
 
 
 def test_body_hands_on_only_the_given_phenotypes(monkeypatch, stand_in, tmp_path):
@@ -149,21 +193,21 @@ def test_an_interrupted_drawing_leaves_nothing(monkeypatch, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_export_hands_everything_on(monkeypatch, stand_in, capsys):
-    calls = []
+def test_export_writes_the_rig_that_its_options_ask_for(monkeypatch, capsys, tmp_path):
+    """Of the shipped model: a motion, six blend shapes, and no body, though one is named."""
+    from uvcloth.bodies.body import load_body, save_body
 
-    def export(*given, **options):
-        calls.append((given, options))
-        return SimpleNamespace(lines=lambda: ["out.glb: 1.0 MB"])
-
-    stand_in("uvcloth.commands.export_rig", export=export)
-    assert run(monkeypatch, "export", "--model", "runs/a", "--out", "out.glb") == 0
-    more = ("--motion", "walk", "--shapes", "40", "--body", "b.npz", "--no-with-body")
-    assert run(monkeypatch, "export", "--model", "runs/a", "--out", "out.glb", *more) == 0
-    plain = {"motion": None, "shapes": None, "body_file": None, "with_body": True}
-    named = {"motion": "walk", "shapes": 40, "body_file": Path("b.npz"), "with_body": False}
-    assert calls == [(("runs/a", Path("out.glb")), options) for options in (plain, named)]
-    assert capsys.readouterr().out == "out.glb: 1.0 MB\n" * 2
+    save_body(load_body(), tmp_path / "b.npz")
+    out = tmp_path / "rig.glb"
+    words = ("export", "--model", "pbns", "--out", str(out), "--motion", "jump", "--shapes", "6")
+    assert run(monkeypatch, *words, "--body", str(tmp_path / "b.npz"), "--no-with-body") == 0
+    assert capsys.readouterr().out.startswith(f"{out}: ")
+    glb = GlbReader.load(out)
+    assert {node.name for node in glb.gltf.nodes if node.mesh is not None} == {"bottoms", "tops"}
+    assert len(glb.mesh("tops").primitives[0].targets) == 6
+    assert len(glb.times()) == len(load_clip("jump", load_body()))
+    assert run(monkeypatch, *words, "--body", str(tmp_path / "nobody.npz")) == 2
+    assert "nobody.npz: no such file" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

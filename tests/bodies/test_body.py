@@ -111,14 +111,20 @@ def test_each_part_of_the_collider_is_closed_and_together_they_are_the_body(body
 
 def test_caps_bulge_out_of_what_they_close_wherever_the_body_goes(body: Body) -> None:
     collider = make_collider(body)
-    turned = body.mesh.vertices @ torch.tensor([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]).T
-    tips = collider.vertices(turned)[len(turned) :]
-    knee = body.skeleton.heads[body.skeleton.names.index("LeftLeg")]
+    count = len(body.mesh.vertices)
+    tips = collider.vertices(body.mesh.vertices)[count:]
+    turn, shift = random_rotations(1, seed=3)[0], torch.tensor([0.3, -1.2, 0.7])
+    moved = collider.vertices(body.mesh.vertices @ turn.T + shift)[count:]
+    torch.testing.assert_close(moved, tips @ turn.T + shift, atol=1e-5, rtol=0)
+    knee, hip = (body.skeleton.heads[body.skeleton.names.index(name)] for name in ("LeftLeg", "LeftUpLeg"))
     thigh = collider.parts[4]
-    own = torch.unique(thigh[thigh >= len(turned)]) - len(turned)
+    own = tips[torch.unique(thigh[thigh >= count]) - count]
     assert len(own) == 2
-    below = tips[own][tips[own][:, 2].argmin()]
-    assert float(below[2]) < float(knee[2])
+    # Along the thigh, its tips lie beyond the hip and beyond the knee, within a hand's width of each.
+    along = (own - hip) @ (knee - hip) / (knee - hip).norm()
+    length = float((knee - hip).norm())
+    assert -0.1 < float(along.min()) < 0.0
+    assert length < float(along.max()) < length + 0.1
 
 
 def test_cloth_touches_what_it_lies_beside_and_skirts_touch_both_legs(body: Body) -> None:

@@ -4,10 +4,12 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
 from rasterize.errors import InputError
+from tests.export.glb_reader import GlbReader
 from uvcloth.bodies.body import Body, save_body
 from uvcloth.checkpoint import TrainingData, save_checkpoint
 from uvcloth.commands.export_rig import RIG_WRITERS, export
@@ -32,11 +34,31 @@ def run(body: Body, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def opened(path: Path) -> tuple[set[str], int, int]:
+    """Names of a file's meshes, the blend shapes of the shirt and the frames of the motion."""
+    if path.suffix == ".glb":
+        glb = GlbReader.load(path)
+        meshes = {node.name for node in glb.gltf.nodes if node.mesh is not None}
+        frames = len(glb.times()) if glb.gltf.animations else 0
+        return meshes, len(glb.mesh("tops").primitives[0].targets), frames
+    pxr = pytest.importorskip("pxr")
+    from pxr import UsdGeom, UsdSkel
+
+    stage = pxr.Usd.Stage.Open(str(path))
+    meshes = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
+    names = {prim.GetName() if prim.GetName() != "mesh" else prim.GetParent().GetName() for prim in meshes}
+    shirt = next(prim for prim in meshes if "tops" in str(prim.GetPath()))
+    shapes = UsdSkel.BindingAPI(shirt).GetBlendShapesAttr().Get()
+    still = stage.GetEndTimeCode() == stage.GetStartTimeCode()
+    return names, len(shapes), 0 if still else int(stage.GetEndTimeCode() - stage.GetStartTimeCode()) + 1
+
+
 @pytest.mark.parametrize("suffix", RIG_WRITERS)
 def test_a_motion_gives_one_file(run: Path, tmp_path: Path, suffix: str) -> None:
     out = tmp_path / "new" / f"spin{suffix}"
     exported = export(str(run), out, motion="spin", shapes=2, with_body=False)
     assert list(out.parent.iterdir()) == [out] == list(exported.written)
+    assert opened(out) == ({"tops"}, 2, 133)
     lines = exported.lines()
     assert lines[0] == f"{out}: {out.stat().st_size / 1e6:.1f} MB"
     assert lines[1] == "tops; 31 joints, 2 blend shapes, 133 frames at 30 per second"
@@ -49,11 +71,17 @@ def test_a_motion_gives_one_file(run: Path, tmp_path: Path, suffix: str) -> None
 @pytest.mark.parametrize("suffix", [".glb", ".usdc"])
 def test_without_a_motion_the_embedding_lies_beside(run: Path, tmp_path: Path, suffix: str) -> None:
     pytest.importorskip("onnx")
+    onnxruntime = pytest.importorskip("onnxruntime")
     exported = export(str(run), tmp_path / f"rig{suffix}")
     assert sorted(tmp_path.iterdir()) == sorted(exported.written)
     assert {path.name for path in exported.written} == {f"rig{suffix}", "rig.onnx"}
     assert exported.lines()[2].startswith("tops, body; 31 joints")
     assert exported.lines()[2].endswith("no motion")
+    meshes, shapes, frames = opened(tmp_path / f"rig{suffix}")
+    assert (meshes, frames) == ({"tops", "body"}, 0)
+    session = onnxruntime.InferenceSession(tmp_path / "rig.onnx")
+    (weights,) = session.run(["weights"], {"pose": np.zeros((2, 3 * 31), np.float32)})
+    assert weights.shape == (2, shapes)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from uvcloth.geometry.skinning import skin, skin_frames
 from uvcloth.methods.physxnet.config import PRESETS
 from uvcloth.methods.physxnet.maps import garment_vertices, motion_values, template_offsets
 from uvcloth.methods.physxnet.method import PhysXNet, load_physxnet, physxnet_checkpoint
-from uvcloth.methods.physxnet.network import mirror
+from uvcloth.methods.physxnet.network import GarmentNet, mirror
 from uvcloth.methods.registry import load_method
 from uvcloth.rollout import rollout
 
@@ -40,16 +40,37 @@ def outfit(body):
     return Outfit(body, tuple(fit_template(name, body) for name in TEMPLATES))
 
 
+def test_the_paper_s_network_has_the_published_shapes():
+    """Three frames of velocity and acceleration, 256 x 256, through 64 to 512 channels to three offset maps.
+
+    Every strided convolution halves the map (section 3.2, figure 2). Nothing is computed: no device holds
+    the values.
+    """
+    with torch.device("meta"):
+        net = GarmentNet(PRESETS["paper"])
+        maps = torch.empty(1, 18, 256, 256)
+    seen = []
+    for layer in net.unet.encoder:
+        layer.register_forward_hook(lambda _, given, made: seen.append(tuple(made.shape[1:])))
+    assert net(maps).shape == (1, 9, 256, 256)
+    assert seen == [(64, 128, 128), (128, 64, 64), (256, 32, 32), (512, 16, 16)]
+    assert len(net.unet.decoders) == 3
+    assert not any(isinstance(each, torch.nn.Upsample) for each in net.modules())
+
+
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("history", [0, 2])
-def test_maps_in_and_maps_out_have_the_published_shapes(preset, history):
+def test_every_channel_that_goes_in_changes_the_maps_that_come_out(preset, history):
+    torch.manual_seed(0)
     config = replace(PRESETS[preset], size=32, width=8, history=history)
     method = PhysXNet.untrained(config)
-    if preset == "paper" and not history:
-        assert config.inputs == 18
-    maps = method.net(torch.randn(2, config.inputs, 32, 32))
-    assert maps.shape == (2, 9, 32, 32)
     assert method.autoregressive == bool(history)
+    maps = torch.randn(2, config.inputs, 32, 32, requires_grad=True)
+    made = method.net.eval()(maps)
+    assert made.shape == (2, 9, 32, 32)
+    for decoder in made.split(3, dim=1):
+        (slope,) = torch.autograd.grad(decoder.square().sum(), maps, retain_graph=True)
+        assert (slope.abs().amax((0, 2, 3)) > 0).all()
 
 
 @pytest.mark.parametrize("frame", ["world", "body"])
@@ -169,6 +190,17 @@ def test_a_saved_model_predicts_the_same(history, body, outfit, tmp_path):
     ):
         for a, b in zip(before.vertices, after.vertices, strict=True):
             assert torch.equal(a, b)
+
+
+def test_a_loaded_model_that_is_saved_again_loads(body, tmp_path):
+    method = PhysXNet.untrained(TINY)
+    save_checkpoint(physxnet_checkpoint(method, body, TrainingData(), {}), tmp_path / "walker")
+    loaded = load_method(tmp_path / "walker", body)
+    save_checkpoint(physxnet_checkpoint(loaded, body, TrainingData(), {}), tmp_path / "again")
+    again = load_method(tmp_path / "again", body)
+    assert (again.name, again.config) == ("again", TINY)
+    for name, tensor in method.net.state_dict().items():
+        assert torch.equal(again.net.state_dict()[name], tensor)
 
 
 def test_history_changes_the_second_frame_only(body, outfit):
