@@ -16,7 +16,7 @@ from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.motion_guided.config import PRESETS, MotionGuidedConfig
 from uvcloth.methods.motion_guided.dynamics_input import Pose, local_offsets, posed_shape, rest_shape
 from uvcloth.methods.motion_guided.garment_maps import local_axes
-from uvcloth.methods.motion_guided.latent import REACH
+from uvcloth.methods.motion_guided.latent import DISPLACEMENT_SCALE
 from uvcloth.methods.motion_guided.method import Both, MotionGuided, motion_guided_checkpoint
 from uvcloth.methods.motion_guided.seeds import (
     PARTS,
@@ -188,8 +188,8 @@ def test_codes_decode_to_displacements_in_the_local_frames_at_rest(body, dress):
     for parameter in space.decoder.parameters():
         torch.nn.init.zeros_(parameter)
     with torch.no_grad():
-        space.decoder.weight.view(count, 3, -1)[:, 2, 0] = 0.01 / REACH
-        space.decoder.weight.view(count, 3, -1)[7, 0, 1] = 0.02 / REACH
+        space.decoder.weight.view(count, 3, -1)[:, 2, 0] = 0.01 / DISPLACEMENT_SCALE
+        space.decoder.weight.view(count, 3, -1)[7, 0, 1] = 0.02 / DISPLACEMENT_SCALE
     method = replace(MotionGuided.untrained(TINY), space=space)
     decoded = method.garment_space(dress, body)
     assert decoded.size == TINY.latent

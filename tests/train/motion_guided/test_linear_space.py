@@ -16,7 +16,7 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.rotations import rotate
 from uvcloth.methods.motion_guided.config import PRESETS
 from uvcloth.methods.motion_guided.dynamics_input import Pose, posed_shape
-from uvcloth.methods.motion_guided.latent import REACH, LinearSpace
+from uvcloth.methods.motion_guided.latent import DISPLACEMENT_SCALE, LinearSpace
 from uvcloth.methods.motion_guided.seeds import pose_seeds
 
 FRAMES = 9
@@ -65,8 +65,8 @@ def test_two_components_hold_what_two_shapes_made() -> None:
     space, dataset, displaced, shapes = combined("smooth_lbs")
     fit_linear(space, dataset)
     mean = displaced.mean(0)
-    torch.testing.assert_close(REACH * space.decoder.bias, mean, atol=1e-5, rtol=0)
-    directions = REACH * space.decoder.weight.detach().T
+    torch.testing.assert_close(DISPLACEMENT_SCALE * space.decoder.bias, mean, atol=1e-5, rtol=0)
+    directions = DISPLACEMENT_SCALE * space.decoder.weight.detach().T
     assert directions[2:].norm(dim=1).max() < 1e-2 * directions[1].norm()
     basis = torch.linalg.qr(directions[:2].T).Q
     inside = (shapes @ basis) @ basis.T
