@@ -68,7 +68,8 @@ class SeedForces(SeedKernel):
         axes = zip(self.weight.unbind(2), normals.unbind(2), strict=True)
         x, y, z = (kernel * along[:, None, :, None] for kernel, along in axes)
         taps = (x + y + z).flip(-1)
-        rows = taps.transpose(1, 2).reshape(batch * seeds, -1)
+        # Laid out channels last, they are not in one piece yet, which costs the sums most of their speed.
+        rows = taps.transpose(1, 2).reshape(batch * seeds, -1).contiguous()
         pairs, first = forces.pairs, torch.arange(0, forces.shape.numel(), seeds, device=pixels.device)
         written = functional.embedding_bag(
             pairs % seeds + pairs // (texels * seeds) * seeds,
