@@ -1,8 +1,8 @@
 """Pictures of bodies and clothes by ray casting with Embree: no display and no graphics driver needed.
 
 A studio: a soft key light over the camera's left shoulder, a bright dome, a floor that fades into the
-backdrop. How much of either light reaches a point is measured with rays at the vertices (and on a grid of the
-floor) and interpolated, so the pictures are free of noise and the same on every run.
+backdrop. How much of either light reaches a point is measured with rays at the vertices that are seen (and on
+a grid of the floor) and interpolated, so the pictures are free of noise and the same on every run.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,6 +15,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.geometry.mesh import join_meshes, vertex_normals
+from uvcloth.lighting import DOME, FINE, FLOOR_REACH, KEY, Quality, VertexLight, floor_light, normalize
 
 Color = tuple[float, float, float]
 
@@ -31,29 +32,14 @@ FLOOR_COLOR = np.array([0.74, 0.74, 0.75], np.float32)
 KEY_DIRECTION = np.array([-0.55, 0.65, 1.0], np.float32)
 """Towards the key light: left of, behind and above the camera."""
 
-KEY_SPREAD = 0.22
-"""Radius of the key light over its distance: how soft its shadows are."""
-
-KEY, DOME, BOUNCE, RIM = 0.72, 0.50, 0.35, 0.10
-"""Strengths of the key light, of the dome, of the dome from below as a share of it, and of the rim light."""
+RIM = 0.10
+"""Strength of the rim light."""
 
 INNER_SIDE_SHADE = 0.45
 """Share of the light on the inner side of cloth."""
 
-DOME_RAYS, KEY_RAYS = 24, 8
-"""Shadow rays per point."""
-
-FLOOR_GRID, FLOOR_REACH = 80, 2.2
-"""Points along a side of the floor's grid, and metres from its centre to a side."""
-
-SHADOW_RAY_START = 1e-3
-"""Metres above the surface from where shadow rays start."""
-
 EDGE_CONTRAST = 0.03
 """Difference of neighbouring pixels, of [0, 1], above which they are drawn with more rays."""
-
-EDGE_SAMPLES = 4
-"""Rays along each side of such a pixel."""
 
 FRAMING = 1.22
 """Half the picture over what has to be in it."""
@@ -107,20 +93,25 @@ def three_quarter(points: Tensor, turn: float = 30.0, rise: float = 8.0, aspect:
 
 
 def render(
-    surfaces: Sequence[Surface], camera: Camera, size: tuple[int, int] = (480, 640), floor: float = 0.0
+    surfaces: Sequence[Surface],
+    camera: Camera,
+    size: tuple[int, int] = (480, 640),
+    floor: float = 0.0,
+    quality: Quality = FINE,
 ) -> np.ndarray:
     """Draw one picture, (height, width, 3) uint8 sRGB, of surfaces over a floor at height `floor`.
 
     size: (width, height) in pixels. Raises InputError if a vertex is not a finite number.
     """
-    scene = _build(surfaces, camera, floor)
+    scene = _build(surfaces, camera, floor, quality)
     width, height = size
-    image = _shade(scene, *_rays(camera, size, *_pixel_centres(width, height))).reshape(height, width, 3)
+    image = _shade(scene, camera, size, *_pixel_centres(width, height)).reshape(height, width, 3)
     rows, columns = np.nonzero(_edges(image))
-    steps = (np.arange(EDGE_SAMPLES) + 0.5) / EDGE_SAMPLES
+    samples = quality.edge_samples
+    steps = (np.arange(samples) + 0.5) / samples
     dy, dx = (offset.ravel() for offset in np.meshgrid(steps, steps, indexing="ij"))
-    fine = _shade(scene, *_rays(camera, size, columns[:, None] + dx, rows[:, None] + dy))
-    image[rows, columns] = fine.reshape(len(rows), EDGE_SAMPLES**2, 3).mean(1)
+    fine = _shade(scene, camera, size, columns[:, None] + dx, rows[:, None] + dy)
+    image[rows, columns] = fine.reshape(len(rows), samples**2, 3).mean(1)
     return (_encode(image) * 255.0 + 0.5).astype(np.uint8)
 
 
@@ -160,24 +151,23 @@ def contact_sheet(images: Sequence[np.ndarray], columns: int, gap: int = 6) -> n
 class _Scene:
     """Scene for ray casting, in linear light.
 
-    normals, colors: (V, 3). dome, key: share of each light that reaches a vertex (V,).
-    key_direction: unit, towards the light. floor_light: (G, G), 1 where the
-    floor is open, around centre (2,).
+    points, normals, colors: (V, 3). light: of each kind that reaches a vertex. key_direction: unit, towards
+    the light. floor_light: (G, G), 1 where the floor is open, around centre (2,).
     """
 
     embree: Any
     faces: np.ndarray
+    points: np.ndarray
     normals: np.ndarray
     colors: np.ndarray
-    dome: np.ndarray
-    key: np.ndarray
+    light: VertexLight
     key_direction: np.ndarray
     floor: float
     centre: np.ndarray
     floor_light: np.ndarray
 
 
-def _build(surfaces: Sequence[Surface], camera: Camera, floor: float) -> _Scene:
+def _build(surfaces: Sequence[Surface], camera: Camera, floor: float, quality: Quality) -> _Scene:
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 
@@ -191,72 +181,45 @@ def _build(surfaces: Sequence[Surface], camera: Camera, floor: float) -> _Scene:
     points, normals = vertices.numpy(), vertex_normals(vertices, faces).numpy()
     embree = EmbreeScene()
     TriangleMesh(embree, points, faces.numpy().astype(np.int32))
-    to_key = _normalize(KEY_DIRECTION @ _camera_ground(camera))
-    dome, key = _received(embree, points, normals, to_key)
+    to_key = normalize(KEY_DIRECTION @ _camera_ground(camera))
     centre = (points[:, :2].min(0) + points[:, :2].max(0)) / 2
     return _Scene(
         embree=embree,
         faces=faces.numpy(),
+        points=points,
         normals=normals,
         colors=_decode(colors),
-        dome=dome,
-        key=key,
+        light=VertexLight(embree, points, normals, to_key, quality),
         key_direction=to_key,
         floor=floor,
         centre=centre,
-        floor_light=_floor_light(embree, centre, floor, to_key),
+        floor_light=floor_light(embree, centre, floor, to_key, quality),
     )
 
 
 def _camera_ground(camera: Camera) -> np.ndarray:
     """Axes of the camera on the floor: its right, its back along the floor, and up, as rows (3, 3)."""
     back = np.array(camera.eye) - np.array(camera.target)
-    back = _normalize(np.array([back[0], back[1], 0.0]))
+    back = normalize(np.array([back[0], back[1], 0.0]))
     return np.stack([np.array([-back[1], back[0], 0.0]), back, [0.0, 0.0, 1.0]]).astype(np.float32)
 
 
-def _floor_light(embree: Any, centre: np.ndarray, floor: float, to_key: np.ndarray) -> np.ndarray:
-    """Light on a grid of the floor, 1 where nothing shades it: (FLOOR_GRID, FLOOR_GRID)."""
-    from scipy.ndimage import gaussian_filter
-
-    steps = np.linspace(-FLOOR_REACH, FLOOR_REACH, FLOOR_GRID, dtype=np.float32)
-    x, y = np.meshgrid(steps, steps)
-    tiles = np.stack([x + centre[0], y + centre[1], np.full_like(x, floor)], -1).reshape(-1, 3)
-    up = np.tile(np.array([0, 0, 1], np.float32), (len(tiles), 1))
-    dome, key = _received(embree, tiles, up, to_key)
-    light = (KEY * to_key[2] * key + DOME * dome) / (KEY * to_key[2] + DOME)
-    return gaussian_filter(light.reshape(FLOOR_GRID, FLOOR_GRID), 1.2)
-
-
-def _received(
-    embree: Any, points: np.ndarray, normals: np.ndarray, to_key: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Shares (P,) of the dome's light (cosine-weighted, dimmer from below) and of the key light."""
-    # A normal plus points on the unit sphere is a cosine-weighted hemisphere.
-    domewards = _normalize(normals[:, None] + 0.999 * _sphere(DOME_RAYS))
-    keywards = _normalize(to_key + KEY_SPREAD * _sphere(KEY_RAYS))
-    directions = np.concatenate(
-        [domewards, np.broadcast_to(keywards, (len(points), KEY_RAYS, 3))], axis=1, dtype=np.float32
-    )
-    origins = np.repeat(points + SHADOW_RAY_START * normals, DOME_RAYS + KEY_RAYS, axis=0)
-    arrives = embree.run(origins, directions.reshape(-1, 3), query="OCCLUDED") < 0
-    arrives = arrives.reshape(len(points), -1)
-    brightness = np.where(domewards[..., 2] > 0, np.float32(1), np.float32(BOUNCE))
-    dome = (arrives[:, :DOME_RAYS] * brightness).mean(1)
-    return dome, arrives[:, DOME_RAYS:].mean(1, dtype=np.float32)
-
-
-def _shade(scene: _Scene, origins: np.ndarray, directions: np.ndarray) -> np.ndarray:
-    """Linear colours (R, 3) along rays (R, 3)."""
-    hits = scene.embree.run(origins, directions, output=True)
+def _shade(scene: _Scene, camera: Camera, size: tuple[int, int], x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Linear colours (R, 3) at pixel positions x, y (any shape, R values)."""
+    origins, directions = _rays(camera, size, x, y)
+    left, right, top, bottom = _extent(scene.points, camera, size)
+    # The floor needs no rays, and most of a picture is floor.
+    aimed = np.nonzero(((x > left) & (x < right) & (y > top) & (y < bottom)).ravel())[0]
+    hits = scene.embree.run(origins[aimed], directions[aimed], output=True)
+    nearest = np.full(len(origins), np.inf, np.float32)
+    nearest[aimed] = np.where(hits["primID"] >= 0, hits["tfar"], np.inf)
     with np.errstate(divide="ignore"):
         to_floor = (scene.floor - origins[:, 2]) / directions[:, 2]
-    hit = hits["primID"] >= 0
-    on_floor = (to_floor > 0) & (~hit | (to_floor < hits["tfar"]))
-    on_mesh = hit & ~on_floor
+    on_floor = (to_floor > 0) & (to_floor < nearest)
+    seen = np.isfinite(nearest[aimed]) & ~on_floor[aimed]
     colors = np.tile(_decode(BACKDROP_COLOR), (len(origins), 1))
-    u, v = hits["u"][on_mesh], hits["v"][on_mesh]
-    colors[on_mesh] = _shade_mesh(scene, hits["primID"][on_mesh], u, v, directions[on_mesh])
+    u, v = hits["u"][seen], hits["v"][seen]
+    colors[aimed[seen]] = _shade_mesh(scene, hits["primID"][seen], u, v, directions[aimed[seen]])
     reached = origins[on_floor, :2] + to_floor[on_floor, None] * directions[on_floor, :2]
     colors[on_floor] = _shade_floor(scene, reached)
     return colors
@@ -269,25 +232,26 @@ def _shade_mesh(
     weights = np.stack([1 - u - v, u, v], axis=1)
 
     def interpolated(values: np.ndarray) -> np.ndarray:
-        return np.einsum("rc,rc...->r...", weights, values[corners])
+        return np.einsum("rc,rc...->r...", weights, values)
 
-    normals = _normalize(interpolated(scene.normals))
+    dome, key = (interpolated(share) for share in scene.light.at(corners))
+    normals = normalize(interpolated(scene.normals[corners]))
     facing = -(normals * directions).sum(1)
     # Shading normals of grazing triangles may point slightly away; only clearly turned ones show the inside.
     inside = facing < -0.15
     normals = np.where(inside[:, None], -normals, normals)
     lambert = np.clip(normals @ scene.key_direction, 0, 1)
-    light = KEY * lambert * interpolated(scene.key) * ~inside + DOME * interpolated(scene.dome)
+    light = KEY * lambert * key * ~inside + DOME * dome
     light = light * np.where(inside, INNER_SIDE_SHADE, 1.0)
-    rim = RIM * (1 - np.abs(facing)).clip(0, 1) ** 3 * interpolated(scene.dome)
-    return interpolated(scene.colors) * light[:, None] + rim[:, None]
+    rim = RIM * (1 - np.abs(facing)).clip(0, 1) ** 3 * dome
+    return interpolated(scene.colors[corners]) * light[:, None] + rim[:, None]
 
 
 def _shade_floor(scene: _Scene, points: np.ndarray) -> np.ndarray:
     from scipy.ndimage import map_coordinates
 
     away = points - scene.centre
-    grid = ((away + FLOOR_REACH) / (2 * FLOOR_REACH) * (FLOOR_GRID - 1)).T[::-1]
+    grid = ((away + FLOOR_REACH) / (2 * FLOOR_REACH) * (len(scene.floor_light) - 1)).T[::-1]
     light = map_coordinates(scene.floor_light, grid, order=1, mode="nearest")
     far = np.clip((np.linalg.norm(away, axis=1) - 0.6) / (FLOOR_REACH - 0.6), 0, 1)[:, None]
     far = far * far * (3 - 2 * far)
@@ -299,19 +263,40 @@ def _pixel_centres(width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
     return columns + 0.5, rows + 0.5
 
 
+def _axes(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Place of the eye (3,), and the picture's right, up and forward as rows (3, 3)."""
+    eye, target = np.array(camera.eye, np.float32), np.array(camera.target, np.float32)
+    forward = normalize(target - eye)
+    right = normalize(np.array([forward[1], -forward[0], 0.0], np.float32))
+    return eye, np.stack([right, np.cross(right, forward), forward])
+
+
+def _pixel_width(camera: Camera, height: int) -> np.float32:
+    """Width of a pixel of a picture, at the distance one."""
+    return np.float32(2 * np.tan(np.radians(camera.view / 2)) / height)
+
+
 def _rays(
     camera: Camera, size: tuple[int, int], x: np.ndarray, y: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Origins and unit directions (R, 3) through pixel positions x, y (any shape, R values)."""
-    eye, target = np.array(camera.eye, np.float32), np.array(camera.target, np.float32)
-    forward = _normalize(target - eye)
-    right = _normalize(np.array([forward[1], -forward[0], 0.0], np.float32))
-    up = np.cross(right, forward)
-    scale = np.float32(2 * np.tan(np.radians(camera.view / 2)) / size[1])
+    eye, (right, up, forward) = _axes(camera)
+    scale = _pixel_width(camera, size[1])
     across = ((x - size[0] / 2) * scale).astype(np.float32).ravel()
     down = ((y - size[1] / 2) * scale).astype(np.float32).ravel()
-    directions = _normalize(forward + across[:, None] * right - down[:, None] * up)
+    directions = normalize(forward + across[:, None] * right - down[:, None] * up)
     return np.tile(eye, (len(directions), 1)), directions
+
+
+def _extent(points: np.ndarray, camera: Camera, size: tuple[int, int]) -> tuple[float, float, float, float]:
+    """Pixel positions left, right, top, bottom between which points (V, 3) are seen."""
+    eye, axes = _axes(camera)
+    right, up, forward = ((points - eye) @ axes.T).T
+    if forward.min() <= 1e-3:
+        return (-np.inf, np.inf, -np.inf, np.inf)
+    scale = forward * _pixel_width(camera, size[1])
+    x, y = size[0] / 2 + right / scale, size[1] / 2 - up / scale
+    return (x.min() - 1, x.max() + 1, y.min() - 1, y.max() + 1)
 
 
 def _edges(image: np.ndarray) -> np.ndarray:
@@ -326,20 +311,6 @@ def _edges(image: np.ndarray) -> np.ndarray:
         edges[:, 1:] |= across
         edges[:, :-1] |= across
     return edges
-
-
-def _sphere(count: int) -> np.ndarray:
-    """Points spread evenly over the unit sphere (a Fibonacci lattice): (count, 3)."""
-    index = np.arange(count) + 0.5
-    z = 1 - 2 * index / count
-    angle = index * np.pi * (1 + np.sqrt(5))
-    radius = np.sqrt(1 - z * z)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1).astype(np.float32)
-
-
-def _normalize(vectors: np.ndarray) -> np.ndarray:
-    length = np.sqrt(np.einsum("...c,...c->...", vectors, vectors))
-    return vectors / np.maximum(length, 1e-12)[..., None]
 
 
 def _decode(srgb: np.ndarray) -> np.ndarray:
