@@ -13,6 +13,7 @@ from uvcloth.bodies.frames import LEAD, BodyFrames, body_frames, side_by_side
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
 from uvcloth.geometry.records import CPU, to_device
+from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 
 if TYPE_CHECKING:
@@ -32,7 +33,8 @@ class RolloutFrame:
 
     raw, vertices: per garment (N, 3) m, world, as predicted and after contact. transforms: (J, 3, 4) and
     body_vertices: (V, 3) of the body. milliseconds: "body", "network" and "contact". contacts: what contact
-    did to each garment.
+    did to each garment. replaced: the garments whose prediction was no garment, in words; they are those of
+    linear blend skinning.
     """
 
     index: int
@@ -42,6 +44,7 @@ class RolloutFrame:
     body_vertices: Tensor
     milliseconds: Mapping[str, float]
     contacts: "tuple[Contacts, ...]" = ()
+    replaced: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -60,20 +63,24 @@ class PreparedRollout:
     device: torch.device = CPU
 
     def frames(
-        self, transforms: Iterable[Tensor], fps: float, truth: Sequence[tuple[Tensor, ...]] = ()
+        self,
+        transforms: Iterable[Tensor],
+        fps: float,
+        truth: Sequence[tuple[Tensor, ...]] = (),
+        every: int = 1,
+        keep_going: bool = False,
     ) -> Iterator[RolloutFrame]:
         """Predict the outfit over a motion, frame after frame; see `rollout`. One rollout at a time."""
-        method, state, index = self.method, None, 0
+        method, state, start = self.method, None, 0
         moves: tuple[Tensor | None, ...] = (None,) * len(self.outfit.garments)
         for frames, body_ms in _posed(self.outfit, transforms, fps, self.device):
-            state = method.init(self.prepared, frames[:1]) if index == 0 else state
-            for part in _single(frames) if method.autoregressive else [frames]:
+            state = method.init(self.prepared, frames[:1]) if start == 0 else state
+            for indices, part in _parts(frames, start, method.autoregressive, every):
                 begun = time.perf_counter()
                 state, garments = method.step(self.prepared, state, part)
                 network_ms = 1000.0 * (time.perf_counter() - begun) / len(part)
-                for offset in range(len(part)):
+                for offset, index in enumerate(indices):
                     raw = tuple(vertices[offset].contiguous() for vertices in garments)
-                    self.limits.require_finite(raw, index)
                     frame = RolloutFrame(
                         index=index,
                         raw=raw,
@@ -82,15 +89,56 @@ class PreparedRollout:
                         body_vertices=part.vertices[offset, -1],
                         milliseconds={"body": body_ms, "network": network_ms, "contact": 0.0},
                     )
-                    if self.contact:
-                        frame, moves = _resolved(frame, self.contact, moves)
-                    if method.autoregressive and (index < len(truth) or self.contact):
+                    frame = self._without(frame, self.limits.not_finite(raw), keep_going)
+                    resolved, moved = self._resolved(frame, moves)
+                    if torn := self.limits.torn(resolved.vertices):
+                        frame = self._without(frame, torn, keep_going)
+                        fresh = tuple(None if place in torn else move for place, move in enumerate(moves))
+                        resolved, moved = self._resolved(frame, fresh)
+                    frame, moves = resolved, moved
+                    if method.autoregressive and frame.replaced:
+                        # What it remembers may be as broken as what it predicted.
+                        state = method.init(self.prepared, part)
+                    if method.autoregressive and (index < len(truth) or self.contact or frame.replaced):
                         seen = truth[index] if index < len(truth) else frame.vertices
                         batched = tuple(vertices[None].to(self.device) for vertices in seen)
                         state = method.feed_back(self.prepared, state, batched)
-                    self.limits.require_whole(frame.vertices, index)
-                    yield frame
-                    index += 1
+                    if index % every == 0:
+                        yield frame
+            start += len(frames)
+
+    def _without(self, frame: RolloutFrame, broken: Mapping[int, str], keep_going: bool) -> RolloutFrame:
+        """The frame with its broken garments (by place, with the reason) as linear blend skinning moves them.
+
+        Raises BrokenRolloutError naming frame and garment unless the rollout is to keep going.
+        """
+        reasons = tuple(
+            f"frame {frame.index}: garment {self.outfit.garments[place].name} {reason}"
+            for place, reason in broken.items()
+        )
+        if reasons and not keep_going:
+            raise BrokenRolloutError(reasons[0])
+        raw = list(frame.raw)
+        for place in broken:
+            garment = self.outfit.garments[place]
+            raw[place] = skin(garment.mesh.vertices, garment.smooth_weights, frame.transforms[None])[0]
+        return replace(frame, raw=tuple(raw), vertices=tuple(raw), replaced=frame.replaced + reasons)
+
+    def _resolved(
+        self, frame: RolloutFrame, moves: tuple[Tensor | None, ...]
+    ) -> tuple[RolloutFrame, tuple[Tensor | None, ...]]:
+        """The frame with its garments resolved against its body, and what that moved."""
+        if self.contact is None:
+            return frame, moves
+        begun = time.perf_counter()
+        resolved = self.contact.resolve(frame.raw, frame.body_vertices, moves)
+        spent = 1000.0 * (time.perf_counter() - begun)
+        return replace(
+            frame,
+            vertices=resolved.vertices,
+            milliseconds={**frame.milliseconds, "contact": spent},
+            contacts=resolved.contacts,
+        ), resolved.moves
 
 
 def prepare_rollout(
@@ -119,6 +167,8 @@ def rollout(
     contact: bool = True,
     truth: Sequence[tuple[Tensor, ...]] = (),
     device: torch.device = CPU,
+    every: int = 1,
+    keep_going: bool = False,
 ) -> Iterator[RolloutFrame]:
     """Predict the outfit over a motion, frame after frame.
 
@@ -131,10 +181,16 @@ def rollout(
     frames instead of its own. Contact goes on from what it moved itself, as always. Any other method takes no
     notice. device: everything runs on it.
 
+    every: yield only every so-many-th frame; only these are predicted, unless the method is autoregressive.
+    keep_going: a garment that is torn or not finite is that of linear blend skinning in its frame, which says
+    so, and is fed back.
+
     Raises InputError naming the frame where a transform is not a finite number, and BrokenRolloutError where
-    a prediction is not, or is torn.
+    a prediction is not, or is torn, and the rollout is not to keep going.
     """
-    yield from prepare_rollout(method, outfit, contact, device).frames(transforms, fps, truth)
+    yield from prepare_rollout(method, outfit, contact, device).frames(
+        transforms, fps, truth, every, keep_going
+    )
 
 
 def roll_out_together(
@@ -162,21 +218,6 @@ def roll_out_together(
             state, garments = method.step(prepared, state, frames)
             yield garments
             index += 1
-
-
-def _resolved(
-    frame: RolloutFrame, contact: "OutfitContact", moves: tuple[Tensor | None, ...]
-) -> tuple[RolloutFrame, tuple[Tensor | None, ...]]:
-    """The frame with its garments resolved against its body, and what that moved."""
-    begun = time.perf_counter()
-    resolved = contact.resolve(frame.raw, frame.body_vertices, moves)
-    spent = 1000.0 * (time.perf_counter() - begun)
-    return replace(
-        frame,
-        vertices=resolved.vertices,
-        milliseconds={**frame.milliseconds, "contact": spent},
-        contacts=resolved.contacts,
-    ), resolved.moves
 
 
 def _posed(
@@ -211,6 +252,18 @@ def _single(frames: BodyFrames) -> Iterator[BodyFrames]:
         yield frames[index : index + 1]
 
 
+def _parts(
+    frames: BodyFrames, start: int, autoregressive: bool, every: int
+) -> Iterator[tuple[Sequence[int], BodyFrames]]:
+    """Frames that are predicted at once, each with its index; start: the index of the first of `frames`."""
+    if autoregressive:
+        yield from (([start + offset], part) for offset, part in enumerate(_single(frames)))
+        return
+    first = -start % every
+    if first < len(frames):
+        yield range(start + first, start + len(frames), every), frames[first::every]
+
+
 class BrokenRolloutError(InputError):
     """A prediction that nothing can go on from; the frames before it are good."""
 
@@ -219,25 +272,26 @@ class EdgeLimits:
     """Limits of every prediction: finite numbers, and edges that are not far longer than at rest."""
 
     def __init__(self, outfit: Outfit) -> None:
-        self.names = [garment.name for garment in outfit.garments]
         meshes = [garment.mesh for garment in outfit.garments]
         self.edges = [unique_edges(mesh.faces) for mesh in meshes]
         self.lengths = [edge_lengths(m.vertices, edges) for m, edges in zip(meshes, self.edges, strict=True)]
 
-    def require_finite(self, garments: tuple[Tensor, ...], index: int) -> None:
-        """Raise BrokenRolloutError naming frame and garment."""
-        for name, vertices in zip(self.names, garments, strict=True):
-            if not torch.isfinite(vertices).all():
-                raise BrokenRolloutError(f"frame {index}: garment {name} left the finite numbers")
+    def not_finite(self, garments: tuple[Tensor, ...]) -> dict[int, str]:
+        """Places of the garments that are no finite numbers, and what happened to each in words."""
+        return {
+            place: "left the finite numbers"
+            for place, vertices in enumerate(garments)
+            if not torch.isfinite(vertices).all()
+        }
 
-    def require_whole(self, garments: tuple[Tensor, ...], index: int) -> None:
-        """Raise BrokenRolloutError naming frame and garment."""
-        for name, vertices, edges, lengths in zip(
-            self.names, garments, self.edges, self.lengths, strict=True
+    def torn(self, garments: tuple[Tensor, ...]) -> dict[int, str]:
+        """Places of the garments that are torn, and what happened to each in words."""
+        reasons = {}
+        for place, (vertices, edges, lengths) in enumerate(
+            zip(garments, self.edges, self.lengths, strict=True)
         ):
             long = float((edge_lengths(vertices, edges) > LONGEST * lengths).float().mean())
             if long > TORN:
-                raise BrokenRolloutError(
-                    f"frame {index}: garment {name} is torn, {100 * long:.0f} % of its "
-                    f"edges have more than {LONGEST:.0f} times their length"
-                )
+                share = f"{100 * long:.0f} % of its edges have"
+                reasons[place] = f"is torn, {share} more than {LONGEST:.0f} times their length"
+        return reasons

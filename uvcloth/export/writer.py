@@ -1,11 +1,11 @@
-"""Writing of animation files: frames are spooled to disk, and the file appears whole or not at all."""
+"""Writing of animation files and pictures: a file appears whole or not at all."""
 
 import shutil
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import IO
+from typing import Protocol
 
 import numpy as np
 from torch import Tensor
@@ -15,7 +15,9 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.export.animation import Animation, write_npz
 from uvcloth.export.gltf import write_glb
+from uvcloth.export.pictures import SHEETS, VIDEOS, Pictures
 from uvcloth.export.pointcache import write_pc2
+from uvcloth.export.spool import Spool
 from uvcloth.export.usd import write_usd
 from uvcloth.geometry.mesh import Mesh
 
@@ -28,30 +30,38 @@ WRITERS: dict[str, Callable[[Animation, Path], None]] = {
 }
 """Writers by suffix. A writer may put several files beside the path that it is given."""
 
+PICTURES = (*VIDEOS, *SHEETS)
+"""Suffixes of what is drawn while the frames come."""
+
+
+class Sink(Protocol):
+    """Keeper of the frames of one file."""
+
+    def add(self, vertices: Sequence[np.ndarray], transforms: np.ndarray) -> None:
+        """Append B frames: per garment (B, N, 3) m, and (B, J, 3, 4). Raises OSError if the disk is full."""
+        ...
+
+    def finish(self, path: Path) -> None:
+        """Write the file. Raises OSError if the disk is full."""
+        ...
+
+    def discard(self) -> None:
+        """Close what is open."""
+        ...
+
 
 class FrameWriter:
     """Writer of frames of garments and of the body's joints; `close` leaves the file (see open_writer)."""
 
     def __init__(
-        self,
-        path: Path,
-        garments: Sequence[tuple[str, Mesh]],
-        body: Body | None,
-        fps: float,
-        spool: Path,
+        self, path: Path, garments: Sequence[tuple[str, Mesh]], joints: int, folder: Path, sink: Sink
     ) -> None:
         self.path = path
         self.written: tuple[Path, ...] = ()
         """Files that close() left."""
-        self._garments, self._body, self._fps = tuple(garments), body, fps
-        self._spool, self._frames = spool, 0
-        self._finished = spool / "finished"
-        joints = 0 if body is None else len(body.skeleton.names)
-        self._shapes: list[tuple[int, ...]] = [(len(mesh.vertices), 3) for _, mesh in garments]
-        self._shapes.append((joints, 3, 4))
-        self._streams: list[IO[bytes]] = [
-            (spool / f"{index}.frames").open("wb") for index in range(len(self._shapes))
-        ]
+        self._garments, self._joints = tuple(garments), joints
+        self._folder, self._sink, self._frames = folder, sink, 0
+        self._finished = folder / "finished"
 
     def add(self, vertices: Sequence[Tensor], transforms: Tensor | None = None) -> None:
         """Append one frame, or a batch of frames in order.
@@ -60,25 +70,25 @@ class FrameWriter:
         optional without a body. Raises InputError if the disk is full or a vertex is not a finite number.
         """
         rows = [
-            values.detach().cpu().numpy().astype(np.float32, copy=False).reshape(-1, *shape)
-            for values, shape in zip(vertices, self._shapes[:-1], strict=True)
+            values.detach().cpu().numpy().astype(np.float32, copy=False).reshape(-1, len(mesh.vertices), 3)
+            for values, (_, mesh) in zip(vertices, self._garments, strict=True)
         ]
-        if self._body is not None:
+        joints = np.zeros((len(rows[0]), 0, 3, 4), np.float32)
+        if self._joints:
             if transforms is None:
                 raise ValueError("a writer with a body needs the joint transforms of every frame")
             joints = transforms.detach().cpu().numpy().astype(np.float32, copy=False)
-            rows.append(joints.reshape(-1, *self._shapes[-1]))
-        for (name, _), values in zip(self._garments, rows, strict=False):
+            joints = joints.reshape(-1, self._joints, 3, 4)
+        for (name, _), values in zip(self._garments, rows, strict=True):
             if not np.isfinite(values).all():
                 raise InputError(
                     f"{self.path}: a vertex of {name} is not a finite number at frame {self._frames} or later"
                 )
         try:
-            for stream, values in zip(self._streams, rows, strict=False):
-                stream.write(np.ascontiguousarray(values).data)
+            self._sink.add(rows, joints)
         except OSError as error:
             raise _cannot_write(self.path, error) from error
-        self._frames += len(rows[0])
+        self._frames += len(joints)
 
     def finish(self) -> None:
         """Write the file, which appears with `close`. Raises InputError if the disk is full or no frame came.
@@ -86,12 +96,10 @@ class FrameWriter:
         Several writers that finish before any of them closes leave all of their files or none.
         """
         try:
-            for stream in self._streams:
-                stream.close()
             if not self._frames:
                 raise InputError(f"{self.path}: there is no frame to write")
             self._finished.mkdir()
-            WRITERS[self.path.suffix.lower()](self._animation(), self._finished / self.path.name)
+            self._sink.finish(self._finished / self.path.name)
         except OSError as error:
             raise _cannot_write(self.path, error) from error
 
@@ -112,29 +120,9 @@ class FrameWriter:
             self.discard()
 
     def discard(self) -> None:
-        """Drop the spooled frames and leave nothing."""
-        for stream in self._streams:
-            try:
-                stream.close()
-            except OSError:
-                continue
-        shutil.rmtree(self._spool, ignore_errors=True)
-
-    def _animation(self) -> Animation:
-        frames = [
-            np.memmap(self._spool / f"{index}.frames", np.float32, "r", shape=(self._frames, *shape))
-            if np.prod(shape)
-            else np.zeros((self._frames, *shape), np.float32)
-            for index, shape in enumerate(self._shapes)
-        ]
-        return Animation(
-            names=tuple(name for name, _ in self._garments),
-            meshes=tuple(mesh for _, mesh in self._garments),
-            vertices=tuple(frames[:-1]),
-            body=self._body,
-            transforms=frames[-1],
-            fps=self._fps,
-        )
+        """Drop the frames and leave nothing."""
+        self._sink.discard()
+        shutil.rmtree(self._folder, ignore_errors=True)
 
     def __enter__(self) -> "FrameWriter":
         return self
@@ -152,18 +140,27 @@ class FrameWriter:
 
 
 def open_writer(
-    path: Path, garments: Sequence[tuple[str, Mesh]], body: Body | None, fps: float
+    path: Path,
+    garments: Sequence[tuple[str, Mesh]],
+    body: Body | None,
+    fps: float,
+    motion: Tensor | None = None,
+    coarse: bool = False,
 ) -> FrameWriter:
     """Start a file of moving garments (name, mesh at rest), and of the body unless it is None.
 
     The suffix decides: .glb (glTF: morph targets, a skinned body), .usdc or .usd, .pc2 (one point cache and
-    one OBJ per mesh, named after the path), .npz (arrays, see load_animation). Use it as a context manager:
-    leaving it by an exception writes nothing. Memory does not grow with the number of frames.
-    Raises InputError for another suffix, for garments of the same name, or if the folder cannot be written.
+    one OBJ per mesh, named after the path), .npz (arrays, see load_animation), .mp4 and .gif (a video), .png
+    (a contact sheet). Pictures need the body and its motion (F, J, 3, 4), which the camera follows; coarse
+    ones are small and quickly drawn. Use it as a context manager: leaving it by an exception writes nothing.
+    Memory does not grow with the number of frames.
+    Raises InputError for another suffix, for garments of the same name, where a package is missing, or if the
+    folder cannot be written.
     """
     path = Path(path)
-    if path.suffix.lower() not in WRITERS:
-        supported = ", ".join(WRITERS)
+    suffix = path.suffix.lower()
+    if suffix not in (*WRITERS, *PICTURES):
+        supported = ", ".join((*WRITERS, *PICTURES))
         raise InputError(
             f"{path}: the format {path.suffix or '(none)'} is not supported, use one of {supported}"
         )
@@ -173,10 +170,21 @@ def open_writer(
         raise InputError(f"{path}: two meshes are called {twice[0]}, each needs its own name")
     make_folder(path.parent)
     try:
-        spool = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent))
+        folder = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent))
     except OSError as error:
         raise _cannot_write(path, error) from error
-    return FrameWriter(path, garments, body, fps, spool)
+    sink: Sink
+    try:
+        if suffix in WRITERS:
+            sink = Spool(folder, garments, body, fps, WRITERS[suffix])
+        elif body is None or motion is None:
+            raise ValueError("pictures need the body and its motion")
+        else:
+            sink = Pictures(folder / path.name, garments, body, fps, motion, coarse)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return FrameWriter(path, garments, 0 if body is None else len(body.skeleton.names), folder, sink)
 
 
 def _cannot_write(path: Path, error: OSError) -> InputError:

@@ -1,0 +1,148 @@
+"""Videos and contact sheets of garments on a moving body, drawn frame after frame while they come."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rasterize.exr import write_png
+from uvcloth.bodies.body import Body
+from uvcloth.export.video import open_video
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.skinning import skin
+from uvcloth.lighting import COARSE, FINE, Quality
+from uvcloth.render import (
+    BODY_COLOR,
+    GARMENT_COLORS,
+    Camera,
+    Surface,
+    contact_sheet,
+    render,
+    three_quarter,
+)
+
+VIDEOS, SHEETS = (".mp4", ".gif"), (".png",)
+
+SHEET_COLUMNS = 6
+
+REACH = 0.2
+"""Metres around the joints in which body and clothes are."""
+
+FITTED_FRAMES = 500
+"""Frames, about, that the camera is fitted to."""
+
+FOLLOWING_SECONDS = 0.3
+"""Standard deviation of the time over which the camera's path is that of the body: it does not shake."""
+
+
+@dataclass(frozen=True)
+class PictureSettings:
+    """Size (width, height) of each picture in pixels, quality, and how many a contact sheet has."""
+
+    size: tuple[int, int]
+    quality: Quality
+    on_sheet: int
+
+
+VIDEO = PictureSettings((480, 640), FINE, 0)
+SHEET = PictureSettings((300, 400), FINE, 2 * SHEET_COLUMNS)
+COARSE_VIDEO = PictureSettings((240, 320), COARSE, 0)
+COARSE_SHEET = PictureSettings((240, 320), COARSE, SHEET_COLUMNS)
+
+
+def picture_settings(suffix: str, coarse: bool) -> PictureSettings:
+    """Settings of the pictures in a file of that suffix."""
+    if suffix in VIDEOS:
+        return COARSE_VIDEO if coarse else VIDEO
+    return COARSE_SHEET if coarse else SHEET
+
+
+def camera_path(body: Body, motion: Tensor, fps: float, aspect: float) -> list[Camera]:
+    """A camera for each frame of a motion (F, J, 3, 4): it goes along with the body and holds all of it.
+
+    aspect: width of the picture over its height.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    joints = torch.einsum("fjab,jb->fja", motion[..., :3], body.skeleton.heads) + motion[..., 3]
+    middle = (joints.amin(1) + joints.amax(1)) / 2
+    middle[:, 2] = (joints[..., 2].min() + joints[..., 2].max()) / 2
+    path = torch.from_numpy(gaussian_filter1d(middle.numpy(), FOLLOWING_SECONDS * fps, 0, mode="nearest"))
+    around = (joints - path[:, None])[:: max(1, len(motion) // FITTED_FRAMES)].reshape(-1, 1, 3)
+    corners = torch.cartesian_prod(*[torch.tensor([-REACH, REACH])] * 3)
+    camera = three_quarter(around + corners, aspect=aspect)
+    offset = torch.tensor(camera.target, dtype=path.dtype)
+    return [camera.following(point + offset) for point in path]
+
+
+def sheet_moments(frames: int, count: int) -> list[int]:
+    """Frames on a contact sheet of `count` pictures, spread evenly over so many frames."""
+    return sorted(set(np.linspace(0, frames - 1, count).round().astype(int).tolist()))
+
+
+class Pictures:
+    """Drawing of frames as they come: all of them into a video, or some onto a contact sheet.
+
+    motion: (F, J, 3, 4), the joint transforms of the frames that are to come, from which the camera's path is
+    made. Raises InputError for a video where PyAV is not installed.
+    """
+
+    def __init__(
+        self,
+        partial: Path,
+        garments: Sequence[tuple[str, Mesh]],
+        body: Body,
+        fps: float,
+        motion: Tensor,
+        coarse: bool,
+    ) -> None:
+        suffix = partial.suffix.lower()
+        self._settings = picture_settings(suffix, coarse)
+        self._faces, self._body = [mesh.faces for _, mesh in garments], body
+        width, height = self._settings.size
+        self._cameras = camera_path(body, motion.cpu(), fps, width / height)
+        self._moments = None if suffix in VIDEOS else set(sheet_moments(len(motion), self._settings.on_sheet))
+        self._video = open_video(partial, self._settings.size, fps) if suffix in VIDEOS else None
+        self._partial, self._frame = partial, 0
+        self._sheet: list[np.ndarray] = []
+
+    def add(self, vertices: Sequence[np.ndarray], transforms: np.ndarray) -> None:
+        """Draw B frames: per garment (B, N, 3) m, and (B, J, 3, 4)."""
+        for offset, joints in enumerate(torch.from_numpy(transforms)):
+            if self._moments is None or self._frame in self._moments:
+                picture = self._draw([values[offset] for values in vertices], joints)
+                if self._video is not None:
+                    self._video.add(picture)
+                else:
+                    self._sheet.append(picture)
+            self._frame += 1
+
+    def finish(self, path: Path) -> None:
+        """Write what was drawn. Raises OSError if the disk is full."""
+        if self._video is not None:
+            self._video.close()
+            self._partial.replace(path)
+        else:
+            write_png(path, contact_sheet(self._sheet, min(SHEET_COLUMNS, len(self._sheet))))
+
+    def discard(self) -> None:
+        """Close what is open."""
+        if self._video is not None:
+            self._video.discard()
+
+    def _draw(self, vertices: Sequence[np.ndarray], joints: Tensor) -> np.ndarray:
+        return render(
+            list(self._surfaces(vertices, joints)),
+            self._cameras[self._frame],
+            self._settings.size,
+            quality=self._settings.quality,
+        )
+
+    def _surfaces(self, vertices: Sequence[np.ndarray], joints: Tensor) -> Iterator[Surface]:
+        body = self._body
+        yield Surface(skin(body.mesh.vertices, body.weights, joints[None])[0], body.mesh.faces, BODY_COLOR)
+        for index, (values, faces) in enumerate(zip(vertices, self._faces, strict=True)):
+            yield Surface(torch.from_numpy(values), faces, GARMENT_COLORS[index % len(GARMENT_COLORS)])
