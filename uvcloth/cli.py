@@ -203,7 +203,8 @@ class Rollout:
     """Templates (tops, bottoms, dress, shirt) or garment files, the innermost first; contact keeps each out
     of the body and off what is beneath."""
     out: tuple[Path, ...]
-    """What to write, one file or several; the suffix says how: .glb, .usdc, .pc2 or .npz."""
+    """What to write, one file or several; the suffix says how: .glb, .usdc, .abc, .pc2 or .npz for other
+    programs, .mp4 or .gif for a video, .png for a contact sheet."""
     model: Annotated[
         tuple[str, ...],
         arg(metavar="NAME|RUN ...", help_behavior_hint="(default: physxnet)"),
@@ -215,6 +216,10 @@ class Rollout:
     """A body made by `uvcloth body`."""
     contact: bool = True
     """Move vertices out of the body and give edges their rest length back."""
+    preview: bool = False
+    """Look first: every third frame, in coarse pictures; quickest with one .png."""
+    keep_going: bool = False
+    """Where a garment is torn, write it as linear blend skinning moves it in that frame, and go on."""
     device: Annotated[str, arg(metavar="cpu|cuda")] = "cpu"
     """What everything runs on."""
     threads: Annotated[int, arg(metavar="N")] = 1
@@ -236,6 +241,8 @@ class Rollout:
                 body_file=self.body,
                 contact=self.contact,
                 device=self.device,
+                preview=self.preview,
+                keep_going=self.keep_going,
             )
         print("\n".join(summary.lines()))
 

@@ -32,7 +32,7 @@ def scene(monkeypatch, body):
     faces = torch.tensor([[0, 1, 2]])
     mesh = Mesh(raw, faces, torch.zeros(0, 2), torch.zeros(0, 3, dtype=torch.int64))
 
-    def rollout(method, outfit, transforms, fps, contact, device):
+    def rollout(method, outfit, transforms, fps, contact, device, every, keep_going):
         for joints in still:
             yield SimpleNamespace(
                 raw=(raw,),
@@ -41,6 +41,8 @@ def scene(monkeypatch, body):
                 body_vertices=body.mesh.vertices,
                 milliseconds={"network": 2.0},
                 contacts=(Contacts(1, 0, 2, 0.0),) if contact else (),
+                index=0,
+                replaced=(),
             )
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
@@ -93,7 +95,7 @@ def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
     clip = load_clip("walk", body).window(0, FRAMES)
     shirt = fit_template("tops", body)
 
-    def rollout(method, outfit, transforms, fps, contact, device):
+    def rollout(method, outfit, transforms, fps, contact, device, every, keep_going):
         aside = torch.tensor([0.0, 0.0 if contact else 0.02, 0.0])
         for joints in transforms:
             worn = skin(shirt.mesh.vertices, shirt.smooth_weights, joints[None])[0] + aside
@@ -103,6 +105,8 @@ def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
                 body_vertices=skin(body.mesh.vertices, body.weights, joints[None])[0],
                 milliseconds={},
                 contacts=(),
+                index=0,
+                replaced=(),
             )
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)

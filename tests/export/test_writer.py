@@ -26,7 +26,9 @@ def write(animation: Animation, path: Path, batch: int = 7) -> FrameWriter:
 
 
 def test_unsupported_format_is_refused_before_any_work(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"walk\.fbx.*\.glb, \.usdc, \.usd, \.pc2, \.npz"):
+    with pytest.raises(
+        InputError, match=r"walk\.fbx.*\.glb, \.usdc, \.usd, \.pc2, \.abc, \.npz, \.mp4, \.gif, \.png"
+    ):
         open_writer(tmp_path / "new" / "walk.fbx", [], None, 30.0)
     assert not list(tmp_path.iterdir())
 

@@ -1,19 +1,20 @@
 """`uvcloth rollout`: a motion and garments to an animation file."""
 
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from time import perf_counter
 
 import torch
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import load_body
+from uvcloth.commands.summary import Summary, Totals
+from uvcloth.export.pictures import SHEETS, sheet_interval
+from uvcloth.export.size import announce
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
@@ -22,73 +23,10 @@ from uvcloth.methods.method import Method
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.exposure import Exposure
-from uvcloth.rollout import BrokenRolloutError, RolloutFrame, rollout
+from uvcloth.rollout import BrokenRolloutError, rollout
 
-
-@dataclass(frozen=True)
-class Summary:
-    """Summary of a rollout.
-
-    written: the files. seconds: wall time of all frames. milliseconds: per frame, by stage. skin: percent of
-    the skin that the garments cover at rest that shows through them in what was written. inside_before,
-    inside_after: percent of the garment vertices inside the body before contact (and after what it carries
-    over from frame to frame) and after it, but for those squeezed between parts of the body; squeezed:
-    percent of those. None without contact.
-    """
-
-    written: tuple[Path, ...]
-    frames: int
-    seconds: float
-    milliseconds: dict[str, float]
-    skin: float
-    inside_before: float | None
-    inside_after: float | None
-    squeezed: float | None
-
-    def lines(self) -> list[str]:
-        """The summary as text for a terminal."""
-        stages = ", ".join(f"{stage} {spent:.1f}" for stage, spent in self.milliseconds.items())
-        rate = self.frames / self.seconds
-        lines = [
-            *(str(path) for path in self.written),
-            f"{self.frames} frames in {self.seconds:.1f} s, {rate:.1f} frames per second",
-            f"ms per frame: {stages}",
-        ]
-        if self.inside_before is not None:
-            inside = f"{self.inside_before:.2f} %, after contact {self.inside_after:.2f} %"
-            squeezed = f"squeezed between its parts {self.squeezed:.2f} %"
-            lines.append(f"vertices inside the body: {inside}; {squeezed}")
-        lines.append(f"skin shows through {self.skin:.2f} % of the cloth that covers it")
-        return lines
-
-
-@dataclass
-class _Totals:
-    """Sums over the frames of a rollout so far; counts are of vertices."""
-
-    frames: int = 0
-    inside_before: int = 0
-    inside_after: int = 0
-    squeezed: int = 0
-    skin: float = 0.0
-    milliseconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
-
-    def add(self, frame: RolloutFrame) -> None:
-        """Add what the rollout measured in a frame."""
-        self.frames += 1
-        for stage, milliseconds in frame.milliseconds.items():
-            self.milliseconds[stage] += milliseconds
-        for contacts in frame.contacts:
-            self.inside_before += contacts.inside_before
-            self.inside_after += contacts.inside_after
-            self.squeezed += contacts.squeezed
-
-    @contextmanager
-    def timed(self, stage: str) -> Iterator[None]:
-        """Add the time that the block takes to a stage."""
-        begun = perf_counter()
-        yield
-        self.milliseconds[stage] += 1e3 * (perf_counter() - begun)
+EVERY_IN_PREVIEW = 3
+"""A preview shows every so-many-th frame."""
 
 
 def animate(
@@ -100,37 +38,59 @@ def animate(
     body_file: Path | None = None,
     contact: bool = True,
     device: str = "cpu",
+    preview: bool = False,
+    keep_going: bool = False,
 ) -> Summary:
     """Roll a method out on a motion once and write every file of `out`, each as its suffix says.
 
     models: a checkpoint folder or a baseline's name for all garments, or one for each in order; none for the
     model in the package. garments: template names or mesh files, the innermost first; contact keeps each out
-    of the body and off what is beneath. device: as torch names it. Raises InputError for bad input or a full
-    disk; then, as after Ctrl-C, writes nothing. Of a rollout that breaks the frames before it are kept, and
-    an InputError says so.
+    of the body and off what is beneath. device: as torch names it. preview: every third frame, in coarse
+    pictures; a contact sheet alone needs fewer. keep_going: a garment that is torn is replaced in that frame.
+
+    Raises InputError for bad input or a full disk; then, as after Ctrl-C, writes nothing. Of a rollout that
+    breaks the frames before it are kept, and an InputError says so.
     """
     console = Console(stderr=True)
     body = load_body(body_file)
     report = partial(console.print, highlight=False, markup=False)
-    outfit = Outfit(body, tuple(load_garment(name, body, report) for name in garments))
-    clip = load_clip(motion, body)
-    place = _device(device)
-    method = _load(models, outfit)
-    meshes = [(garment.name, garment.mesh) for garment in outfit.garments]
-    exposure = Exposure(body, [mesh for _, mesh in meshes])
-    totals = _Totals()
+    with console.status("preparing"):
+        outfit = Outfit(body, tuple(load_garment(name, body, report) for name in garments))
+        clip = load_clip(motion, body)
+        place = _device(device)
+        method = _load(models, outfit)
+        meshes = [(garment.name, garment.mesh) for garment in outfit.garments]
+        exposure = Exposure(body, [mesh for _, mesh in meshes])
+    every = _interval(out, len(clip)) if preview else 1
+    transforms, fps = clip.transforms(), clip.fps / every
+    for path in out:
+        if large := announce(path, len(transforms[::every]), [mesh for _, mesh in meshes], body):
+            report(large)
+    totals = Totals()
     start = perf_counter()
     with ExitStack() as stack:
-        writers = [stack.enter_context(open_writer(path, meshes, body, clip.fps)) for path in out]
+        writers = [
+            stack.enter_context(open_writer(path, meshes, body, fps, transforms[::every], preview))
+            for path in out
+        ]
         progress = stack.enter_context(_progress(console))
-        task = progress.add_task(clip.name, total=len(clip), rate="")
+        task = progress.add_task(clip.name, total=len(transforms[::every]), rate="")
         broken: BrokenRolloutError | None = None
         try:
-            for predicted in rollout(method, outfit, clip.transforms(), clip.fps, contact, device=place):
+            for predicted in rollout(
+                method,
+                outfit,
+                transforms,
+                clip.fps,
+                contact,
+                device=place,
+                every=every,
+                keep_going=keep_going,
+            ):
                 frame = to_device(predicted, CPU)
                 totals.add(frame)
                 with totals.timed("measuring"):
-                    totals.skin += exposure.percent(frame.vertices, frame.body_vertices)
+                    totals.add_skin(exposure.percent(frame.vertices, frame.body_vertices), frame.index)
                 with totals.timed("writing"):
                     for writer in writers:
                         writer.add(frame.vertices, frame.transforms)
@@ -138,7 +98,7 @@ def animate(
                 progress.update(task, advance=1, rate=f"{rate:.1f} frames per second")
         except BrokenRolloutError as error:
             if not totals.frames:
-                raise
+                raise InputError(f"{error}; nothing is written; --keep-going goes on") from error
             broken = error
         # Only when every file is whole may the first of them appear.
         with totals.timed("writing"):
@@ -147,9 +107,17 @@ def animate(
     written = tuple(path for writer in writers for path in writer.written)
     if broken:
         names = ", ".join(map(str, written))
-        raise InputError(f"{broken}; the {totals.frames} frames before it are in {names}")
-    vertices = totals.frames * sum(len(mesh.vertices) for _, mesh in meshes)
-    return _summary(totals, written, perf_counter() - start, vertices if contact else None)
+        way_on = "--keep-going writes all, with linear blend skinning where a garment is torn"
+        raise InputError(f"{broken}; the {totals.frames} frames before it are in {names}; {way_on}")
+    vertices = sum(len(mesh.vertices) for _, mesh in meshes)
+    return totals.summary(written, perf_counter() - start, vertices if contact else None, every)
+
+
+def _interval(out: Sequence[Path], frames: int) -> int:
+    """Frames from one that a preview needs to the next."""
+    if all(path.suffix.lower() in SHEETS for path in out):
+        return max(EVERY_IN_PREVIEW, sheet_interval(frames, coarse=True))
+    return EVERY_IN_PREVIEW
 
 
 def _device(name: str) -> torch.device:
@@ -173,26 +141,8 @@ def _load(models: Sequence[str], outfit: Outfit) -> Method:
     return method
 
 
-def _summary(totals: _Totals, written: tuple[Path, ...], seconds: float, vertices: int | None) -> Summary:
-    """Summary of a whole rollout; vertices: of all frames together, None without contact."""
-
-    def percent(count: int) -> float | None:
-        return None if vertices is None else 100.0 * count / vertices
-
-    return Summary(
-        written=written,
-        frames=totals.frames,
-        seconds=seconds,
-        milliseconds={stage: total / totals.frames for stage, total in totals.milliseconds.items()},
-        skin=totals.skin / totals.frames,
-        inside_before=percent(totals.inside_before),
-        inside_after=percent(totals.inside_after),
-        squeezed=percent(totals.squeezed),
-    )
-
-
 def _progress(console: Console) -> Progress:
-    rate = TextColumn("{task.fields[rate]}")
+    rate, left = TextColumn("{task.fields[rate]}"), TimeRemainingColumn()
     return Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), rate, console=console
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), rate, left, console=console
     )

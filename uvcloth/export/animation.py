@@ -13,6 +13,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import to_quaternions
 from uvcloth.geometry.skeleton import Skeleton
+from uvcloth.geometry.skinning import skin
 
 ANIMATION_FORMAT = "uvcloth-animation-1"
 FRAMES_AT_ONCE = 32
@@ -44,6 +45,15 @@ class Animation:
             slice(start, min(start + FRAMES_AT_ONCE, len(self)))
             for start in range(0, len(self), FRAMES_AT_ONCE)
         )
+
+
+def posed_body(animation: Animation) -> Iterator[np.ndarray]:
+    """The body's vertices in chunks of frames (B, V, 3), m; the animation has to have one."""
+    body = animation.body
+    assert body is not None
+    for frames in animation.chunks():
+        transforms = torch.from_numpy(np.array(animation.transforms[frames]))
+        yield skin(body.mesh.vertices, body.weights, transforms).numpy()
 
 
 def write_npz(animation: Animation, path: Path) -> None:

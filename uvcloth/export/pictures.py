@@ -83,6 +83,11 @@ def sheet_moments(frames: int, count: int) -> list[int]:
     return sorted(set(np.linspace(0, frames - 1, count).round().astype(int).tolist()))
 
 
+def sheet_interval(frames: int, coarse: bool) -> int:
+    """Frames from one picture to the next, at least, on a contact sheet of so many frames."""
+    return max(1, (frames - 1) // picture_settings(SHEETS[0], coarse).on_sheet)
+
+
 class Pictures:
     """Drawing of frames as they come: all of them into a video, or some onto a contact sheet.
 

@@ -5,11 +5,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-import torch
 
-from uvcloth.export.animation import Animation
+from uvcloth.export.animation import Animation, posed_body
 from uvcloth.export.obj import save_obj
-from uvcloth.geometry.skinning import skin
 
 
 def write_pc2(animation: Animation, path: Path) -> None:
@@ -24,16 +22,8 @@ def write_pc2(animation: Animation, path: Path) -> None:
         save_obj(mesh, target.with_suffix(".obj"))
     if animation.body is not None:
         target = path.with_name(f"{path.stem}-body{path.suffix}")
-        _write_cache(target, len(animation), _posed_body(animation))
+        _write_cache(target, len(animation), posed_body(animation))
         save_obj(animation.body.mesh, target.with_suffix(".obj"))
-
-
-def _posed_body(animation: Animation) -> Iterator[np.ndarray]:
-    body = animation.body
-    assert body is not None
-    for frames in animation.chunks():
-        transforms = torch.from_numpy(np.array(animation.transforms[frames]))
-        yield skin(body.mesh.vertices, body.weights, transforms).numpy()
 
 
 def _write_cache(path: Path, frames: int, chunks: Iterator[np.ndarray]) -> None:

@@ -13,6 +13,7 @@ from torch import Tensor
 from rasterize.atomic import make_folder
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.export.alembic import write_abc
 from uvcloth.export.animation import Animation, write_npz
 from uvcloth.export.gltf import write_glb
 from uvcloth.export.pictures import SHEETS, VIDEOS, Pictures
@@ -26,6 +27,7 @@ WRITERS: dict[str, Callable[[Animation, Path], None]] = {
     ".usdc": write_usd,
     ".usd": write_usd,
     ".pc2": write_pc2,
+    ".abc": write_abc,
     ".npz": write_npz,
 }
 """Writers by suffix. A writer may put several files beside the path that it is given."""
@@ -150,9 +152,10 @@ def open_writer(
     """Start a file of moving garments (name, mesh at rest), and of the body unless it is None.
 
     The suffix decides: .glb (glTF: morph targets, a skinned body), .usdc or .usd, .pc2 (one point cache and
-    one OBJ per mesh, named after the path), .npz (arrays, see load_animation), .mp4 and .gif (a video), .png
-    (a contact sheet). Pictures need the body and its motion (F, J, 3, 4), which the camera follows; coarse
-    ones are small and quickly drawn. Use it as a context manager: leaving it by an exception writes nothing.
+    one OBJ per mesh, named after the path), .abc (Alembic), .npz (arrays, see load_animation), .mp4 and .gif
+    (a video), .png (a contact sheet). Pictures need the body and its motion (F, J, 3, 4), which the camera
+    follows; coarse ones are small and quickly drawn.
+    Use it as a context manager: leaving it by an exception writes nothing.
     Memory does not grow with the number of frames.
     Raises InputError for another suffix, for garments of the same name, where a package is missing, or if the
     folder cannot be written.

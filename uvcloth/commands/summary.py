@@ -1,0 +1,131 @@
+"""Summary of a rollout: files, times, and what a person will see."""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+
+from uvcloth.rollout import RolloutFrame
+
+INVISIBLE = 0.05
+"""Percent of the covered skin below which nobody sees that it shows."""
+
+MOST_LISTED = 5
+"""Broken frames that a summary lists one by one."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Summary of a rollout.
+
+    written: the files. frames: how many were predicted, every so-many-th of the clip. seconds: wall time of
+    all frames. milliseconds: per frame, by stage. skin: percent of the skin that the garments cover at rest
+    that shows through them in what was written; worst: the same in the frame where most shows, and which that
+    is. replaced: garments that were no garments in a frame, in words. inside_before,
+    inside_after: percent of the garment vertices inside the body before contact (and after what it carries
+    over from frame to frame) and after it, but for those squeezed between parts of the body; squeezed:
+    percent of those. None without contact.
+    """
+
+    written: tuple[Path, ...]
+    frames: int
+    seconds: float
+    milliseconds: dict[str, float]
+    skin: float
+    worst: tuple[float, int]
+    inside_before: float | None
+    inside_after: float | None
+    squeezed: float | None
+    every: int = 1
+    replaced: tuple[str, ...] = ()
+
+    def lines(self) -> list[str]:
+        """The summary as text for a terminal."""
+        stages = ", ".join(f"{stage} {spent:.1f}" for stage, spent in self.milliseconds.items())
+        rate = self.frames / self.seconds
+        thinned = f"; every {self.every}th frame of the clip" if self.every > 1 else ""
+        lines = [
+            *(str(path) for path in self.written),
+            f"{self.frames} frames in {self.seconds:.1f} s, {rate:.1f} frames per second{thinned}",
+            f"ms per frame: {stages}",
+            *self.replaced[:MOST_LISTED],
+        ]
+        if len(self.replaced) > MOST_LISTED:
+            lines.append(f"... and {len(self.replaced) - MOST_LISTED} more")
+        if self.replaced:
+            lines.append("these were replaced by linear blend skinning")
+        if self.inside_before is not None:
+            inside = f"{self.inside_before:.2f} % before contact, {self.inside_after:.2f} % after"
+            squeezed = f"squeezed between parts of the body {self.squeezed:.2f} %"
+            lines.append(f"cloth vertices inside the body: {inside}; {squeezed}")
+        return [*lines, self._seen()]
+
+    def _seen(self) -> str:
+        """A sentence that says what a person will see of the skin beneath the cloth."""
+        worst, frame = self.worst
+        if worst < INVISIBLE:
+            return "no skin shows through the cloth"
+        least = f"below {INVISIBLE} %" if self.skin < INVISIBLE else f"{self.skin:.2f} %"
+        return (
+            f"skin will show through the cloth: on {least} of what it covers on average, on {worst:.1f} % at "
+            f"frame {frame}, where to look"
+        )
+
+
+@dataclass
+class Totals:
+    """Sums over the frames of a rollout so far; counts are of vertices."""
+
+    frames: int = 0
+    inside_before: int = 0
+    inside_after: int = 0
+    squeezed: int = 0
+    skin: float = 0.0
+    worst: tuple[float, int] = (0.0, 0)
+    replaced: list[str] = field(default_factory=list)
+    milliseconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+
+    def add(self, frame: RolloutFrame) -> None:
+        """Add what the rollout measured in a frame."""
+        self.frames += 1
+        for stage, milliseconds in frame.milliseconds.items():
+            self.milliseconds[stage] += milliseconds
+        for contacts in frame.contacts:
+            self.inside_before += contacts.inside_before
+            self.inside_after += contacts.inside_after
+            self.squeezed += contacts.squeezed
+        self.replaced.extend(frame.replaced)
+
+    def add_skin(self, percent: float, frame: int) -> None:
+        """Add the share of the skin that shows in a frame."""
+        self.skin += percent
+        self.worst = max(self.worst, (percent, -frame))
+
+    @contextmanager
+    def timed(self, stage: str) -> Iterator[None]:
+        """Add the time that the block takes to a stage."""
+        begun = perf_counter()
+        yield
+        self.milliseconds[stage] += 1e3 * (perf_counter() - begun)
+
+    def summary(self, written: tuple[Path, ...], seconds: float, vertices: int | None, every: int) -> Summary:
+        """Summary of a whole rollout; vertices: of a frame, None without contact. every: see Summary."""
+
+        def percent(count: int) -> float | None:
+            return None if vertices is None else 100.0 * count / (self.frames * vertices)
+
+        return Summary(
+            written=written,
+            frames=self.frames,
+            seconds=seconds,
+            milliseconds={stage: total / self.frames for stage, total in self.milliseconds.items()},
+            skin=self.skin / self.frames,
+            worst=(self.worst[0], -self.worst[1]),
+            inside_before=percent(self.inside_before),
+            inside_after=percent(self.inside_after),
+            squeezed=percent(self.squeezed),
+            every=every,
+            replaced=tuple(self.replaced),
+        )

@@ -1,0 +1,58 @@
+"""Alembic: garments and body as polygon meshes over time, for DCCs and for engines that train on caches."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rasterize.errors import InputError
+from uvcloth.export.animation import Animation, posed_body
+from uvcloth.export.gltf_scene import TO_Y_UP
+from uvcloth.geometry.mesh import Mesh
+
+
+def write_abc(animation: Animation, path: Path) -> None:
+    """Write one .abc: metres, Y up, the first frame at time zero; vertices in the order of the mesh.
+
+    Raises InputError if alembic3d is not installed.
+    """
+    try:
+        from alembic3d import Abc, AbcCoreAbstract
+    except ModuleNotFoundError as error:
+        raise InputError(f"{path.name}: writing Alembic needs alembic3d: install uvcloth[alembic]") from error
+    archive = Abc.CreateArchiveWithInfo(str(path), float(animation.fps), "uvcloth", path.stem)
+    sampling = archive.addTimeSampling(AbcCoreAbstract.TimeSampling(1.0 / animation.fps, 0.0))
+    for name, mesh, vertices in zip(animation.names, animation.meshes, animation.vertices, strict=True):
+        frames = (np.array(vertices[chunk]) for chunk in animation.chunks())
+        _write_mesh(archive, name, mesh, frames, sampling)
+    if animation.body is not None:
+        _write_mesh(archive, "body", animation.body.mesh, posed_body(animation), sampling)
+
+
+def _write_mesh(archive: Any, name: str, mesh: Mesh, chunks: Iterator[np.ndarray], sampling: int) -> None:
+    """Write one mesh with frames in chunks (B, N, 3) m, Z up; the schema closes with its last reference."""
+    import imath
+    from alembic3d import AbcGeom
+
+    schema = AbcGeom.OPolyMesh(archive.getTop(), name).getSchema()
+    schema.setTimeSampling(sampling)
+    # Alembic's faces are clockwise seen from outside.
+    corners = np.ascontiguousarray(mesh.faces.numpy()[:, ::-1], np.int32)
+    topology = [
+        imath.IntArrayFromBuffer(corners.reshape(-1)),
+        imath.IntArrayFromBuffer(np.full(len(corners), 3, np.int32)),
+    ]
+    if len(mesh.uvs):
+        uvs = mesh.uvs.numpy()[mesh.face_uvs.numpy()[:, ::-1].reshape(-1)].astype(np.float32)
+        scope = AbcGeom.GeometryScope.kFacevaryingScope
+        topology.append(AbcGeom.OV2fGeomParamSample(imath.V2fArrayFromBuffer(uvs), scope))
+    for chunk in chunks:
+        for vertices in np.ascontiguousarray(chunk @ TO_Y_UP.T, np.float32):
+            points = imath.V3fArrayFromBuffer(vertices)
+            if not schema.getNumSamples():
+                schema.set(AbcGeom.OPolyMeshSchemaSample(points, *topology))
+                continue
+            sample = AbcGeom.OPolyMeshSchemaSample()
+            sample.setPositions(points)
+            schema.set(sample)
