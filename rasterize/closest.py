@@ -6,7 +6,9 @@ import numpy as np
 import warp as wp
 from torch import Tensor
 
-wp.config.log_level = wp.LOG_WARNING
+from rasterize.warp_start import start_warp
+
+start_warp()
 
 UNBOUNDED_DISTANCE = 1e3
 """Metres: farther than any input that was not refused before."""

@@ -193,6 +193,40 @@ def test_a_method_that_tears_its_garment_is_stopped():
         list(rollout(Tearing(True), outfit(), falling(9), FPS, contact=False))
 
 
+def test_a_torn_frame_is_skinned_instead_where_the_rollout_keeps_going():
+    """The frame is the garment as its weights move it, says so, and is fed back; others are as predicted."""
+    method, worn, motion = Tearing(True), outfit(), falling(9)
+    frames = list(rollout(method, worn, motion, FPS, contact=False, keep_going=True))
+    assert [frame.index for frame in frames if frame.replaced] == [3]
+    assert "garment shell is torn" in frames[3].replaced[0]
+    garment = worn.garments[0]
+    expected = skin(garment.mesh.vertices, garment.smooth_weights, motion[:, :])
+    for frame in frames:
+        torch.testing.assert_close(frame.vertices[0], expected[frame.index])
+    torch.testing.assert_close(method.fed_back[0][0], expected[3])
+
+
+def test_an_explosion_is_skinned_away_too():
+    frames = list(rollout(Exploding(True), outfit(), falling(9), FPS, contact=False, keep_going=True))
+    assert [frame.index for frame in frames if frame.replaced] == [5, 6, 7, 8]
+    assert all(torch.isfinite(frame.vertices[0]).all() for frame in frames)
+
+
+@pytest.mark.parametrize("autoregressive", [False, True])
+@pytest.mark.parametrize("every", [3, 2 * BATCH + 1])
+def test_thinned_frames_are_those_of_the_whole_rollout(autoregressive, every):
+    worn, motion = outfit(), falling(3 * BATCH + 5)
+    whole, thinned = Recorder(autoregressive), Recorder(autoregressive)
+    frames = list(rollout(whole, worn, motion, FPS, contact=False))[::every]
+    fewer = list(rollout(thinned, worn, motion, FPS, contact=False, every=every))
+    assert [frame.index for frame in fewer] == [frame.index for frame in frames]
+    for one, other in zip(fewer, frames, strict=True):
+        assert torch.equal(one.vertices[0], other.vertices[0])
+        assert torch.equal(one.transforms, other.transforms)
+    predicted = sum(len(part) for part in thinned.seen)
+    assert predicted == (len(motion) if autoregressive else len(frames))
+
+
 def test_a_method_that_explodes_is_stopped_at_its_frame():
     with pytest.raises(InputError, match=r"frame 5: garment shell"):
         list(rollout(Exploding(True), outfit(), falling(9), FPS, contact=False))

@@ -1,11 +1,12 @@
-"""The `uvcloth` command: body, simulate, data, maps, fit, rollout, poses, export, demo.
+"""The `uvcloth` command: body, simulate, data, maps, fit, rollout, view, poses, export, demo.
 
 Heavy modules are imported by the subcommand that needs them, so that `uvcloth --help` answers at once.
 """
 
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 from tyro.conf import OmitArgPrefixes, Positional, arg, subcommand
@@ -14,10 +15,25 @@ from rasterize.atomic import make_folder
 from rasterize.command import run_command
 from rasterize.errors import InputError
 
+if TYPE_CHECKING:
+    from uvcloth.commands.view import LiveAudience
+
+DESCRIPTION = """Motion capture in, moving clothes out.
+
+The first hour:
+
+uvcloth view
+
+uvcloth fit shirt.obj
+
+uvcloth rollout --motion walk.bvh --garment shirt.obj --out walk.mp4 walk.glb"""
+
 TemplateName = Literal["tops", "bottoms", "dress", "shirt"]
 EngineName = Literal["newton", "blender"]
 Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ...")]
 BodyFile = Annotated[Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the one in the package)")]
+Port = Annotated[int, arg(metavar="N")]
+Host = Annotated[str, arg(metavar="ADDRESS")]
 Share = Annotated[float | None, arg(metavar="0..1", help_behavior_hint="")]
 
 
@@ -202,7 +218,7 @@ class Rollout:
     garment: Garments
     """Templates (tops, bottoms, dress, shirt) or garment files, the innermost first; contact keeps each out
     of the body and off what is beneath."""
-    out: tuple[Path, ...]
+    out: Annotated[tuple[Path, ...], arg(metavar="FILE ...", help_behavior_hint="")] = ()
     """What to write, one file or several; the suffix says how: .glb, .usdc, .abc, .pc2 or .npz for other
     programs, .mp4 or .gif for a video, .png for a contact sheet."""
     model: Annotated[
@@ -220,6 +236,12 @@ class Rollout:
     """Look first: every third frame, in coarse pictures; quickest with one .png."""
     keep_going: bool = False
     """Where a garment is torn, write it as linear blend skinning moves it in that frame, and go on."""
+    view: bool = False
+    """Show in the browser what is being computed; then Ctrl-C ends."""
+    port: Port = 8080
+    """Port of the live view."""
+    host: Host = "localhost"
+    """Address that the live view listens on; 0.0.0.0 lets other machines in."""
     device: Annotated[str, arg(metavar="cpu|cuda")] = "cpu"
     """What everything runs on."""
     threads: Annotated[int, arg(metavar="N")] = 1
@@ -227,12 +249,12 @@ class Rollout:
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
-        if not self.garment or not self.out:
-            raise InputError("rollout: name at least one garment and one file to write")
+        if not self.garment or not (self.out or self.view):
+            raise InputError("rollout: name at least one garment and one file to write, or --view")
         from uvcloth.commands.rollout import animate
         from uvcloth.commands.threads import limited_threads
 
-        with limited_threads(self.threads):
+        with limited_threads(self.threads), self._audience() as audience:
             summary = animate(
                 self.model,
                 self.motion,
@@ -243,8 +265,57 @@ class Rollout:
                 device=self.device,
                 preview=self.preview,
                 keep_going=self.keep_going,
+                audience=audience,
             )
-        print("\n".join(summary.lines()))
+            print("\n".join(summary.lines()), flush=True)
+
+    def _audience(self) -> "AbstractContextManager[LiveAudience | None]":
+        """The live view, if one is asked for."""
+        if not self.view:
+            return nullcontext()
+        from uvcloth.commands.view import live_audience
+
+        return live_audience(self.host, self.port)
+
+
+@dataclass(frozen=True)
+class View:
+    """Choose, play and orbit rollouts in the browser, computed while they play."""
+
+    motion: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]] = ()
+    """Motion files (BVH) or names of built-in clips to choose from, besides all built-in ones."""
+    garment: Garments = ("tops",)
+    """Templates or garment files to begin with, the innermost first."""
+    model: Annotated[
+        tuple[str, ...], arg(metavar="NAME|RUN ...", help_behavior_hint="(default: physxnet)")
+    ] = ()
+    """Models to choose from besides those that ship; the first is shown first."""
+    body: BodyFile = None
+    """A body made by `uvcloth body`."""
+    data: Annotated[tuple[Path, ...], arg(metavar="SEQUENCE ...", help_behavior_hint="")] = ()
+    """Sequences made by `uvcloth simulate`, shown beside the prediction, with its error as a heat map."""
+    port: Port = 8080
+    """Port of the page."""
+    host: Host = "localhost"
+    """Address to listen on; 0.0.0.0 lets other machines in."""
+    threads: Annotated[int, arg(metavar="N")] = 1
+    """Of the processor."""
+
+    def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
+        from uvcloth.commands.threads import limited_threads
+        from uvcloth.commands.view import view
+
+        with limited_threads(self.threads):
+            view(
+                self.motion,
+                self.garment,
+                self.model,
+                body_file=self.body,
+                data=self.data,
+                host=self.host,
+                port=self.port,
+            )
 
 
 @dataclass(frozen=True)
@@ -344,12 +415,13 @@ class Demo:
 
 
 Command = (
-    Annotated[MakeBody, subcommand("body")]
+    Annotated[View, subcommand("view")]
+    | Annotated[Fit, subcommand("fit")]
+    | Annotated[Rollout, subcommand("rollout")]
+    | Annotated[MakeBody, subcommand("body")]
     | Annotated[Simulate, subcommand("simulate")]
     | Annotated[Data, subcommand("data")]
     | Annotated[Maps, subcommand("maps")]
-    | Annotated[Fit, subcommand("fit")]
-    | Annotated[Rollout, subcommand("rollout")]
     | Annotated[Poses, subcommand("poses")]
     | Annotated[Export, subcommand("export")]
     | Annotated[Demo, subcommand("demo")]
@@ -362,9 +434,9 @@ def main() -> int:
 
 
 def _run() -> None:
-    command: MakeBody | Simulate | Data | Maps | Fit | Rollout | Poses | Export | Demo = tyro.cli(
+    command: MakeBody | Simulate | Data | Maps | Fit | Rollout | View | Poses | Export | Demo = tyro.cli(
         Command,
         prog="uvcloth",
-        description="Motion capture in, moving clothes out.",
+        description=DESCRIPTION,
     )
     command.run()

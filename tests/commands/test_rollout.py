@@ -1,5 +1,6 @@
 """What the rollout command writes and counts, and that Ctrl-C leaves nothing."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,9 @@ import torch
 from rasterize.errors import InputError
 from tests.export.glb_reader import GlbReader, to_z_up
 from uvcloth.commands import rollout as animation
+from uvcloth.commands.summary import Totals
 from uvcloth.export.animation import load_animation
+from uvcloth.export.pictures import COARSE_SHEET
 from uvcloth.export.writer import WRITERS
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
@@ -87,7 +90,7 @@ def test_the_summary_counts_what_is_inside_the_body(scene, tmp_path):
     assert set(summary.milliseconds) == {"network", "measuring", "writing"}
     without = animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "raw.npz"], contact=False)
     assert without.inside_before is None
-    assert [line.partition(" ")[0] for line in without.lines()[-2:]] == ["ms", "skin"]
+    assert [line.partition(" ")[0] for line in without.lines()[-2:]] == ["ms", "no"]
 
 
 def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
@@ -117,7 +120,28 @@ def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
     ]
     assert shown[0].skin < 1.0
     assert shown[1].skin > 10.0
-    assert shown[1].lines()[-1] == f"skin shows through {shown[1].skin:.2f} % of the cloth that covers it"
+    assert shown[1].worst[0] >= shown[1].skin
+    assert (
+        f"skin will show through the cloth: on {shown[1].skin:.2f} % of what it covers"
+        in shown[1].lines()[-1]
+    )
+
+
+def test_the_summary_names_the_frame_to_look_at_and_what_was_replaced():
+    totals = Totals()
+    for index, percent in enumerate((0.0, 2.5, 1.0)):
+        totals.frames += 1
+        totals.add_skin(percent, index)
+    totals.replaced.append("frame 1: garment tops is torn")
+    lines = totals.summary((), 1.0, None, 1).lines()
+    assert "2.5 % at frame 1" in lines[-1]
+    assert "frame 1: garment tops is torn" in lines
+
+
+def test_a_preview_shows_every_third_frame_and_a_sheet_needs_fewer():
+    assert animation._interval([Path("walk.mp4"), Path("walk.png")], 600) == 3
+    assert animation._interval([Path("walk.png")], 600) == 599 // COARSE_SHEET.on_sheet
+    assert animation._interval([Path("walk.png")], 5) == 3
 
 
 def test_a_file_that_cannot_be_written_keeps_the_others_away(scene, tmp_path, monkeypatch):
@@ -139,7 +163,9 @@ def test_a_rollout_that_stops_keeps_the_frames_before(scene, tmp_path, monkeypat
         raise BrokenRolloutError("frame 2: garment tops is torn")
 
     monkeypatch.setattr(animation, "rollout", stops)
-    with pytest.raises(InputError, match=r"frame 2: .* is torn; the 2 frames before it are in .*walk\.npz"):
+    with pytest.raises(
+        InputError, match=r"frame 2: .* is torn; the 2 frames before it are in .*walk\.npz; --keep-going"
+    ):
         animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"])
     assert len(load_animation(tmp_path / "walk.npz")) == 2
 

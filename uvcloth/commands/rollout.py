@@ -5,25 +5,40 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from time import perf_counter
+from typing import Protocol
 
 import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from rasterize.errors import InputError
-from uvcloth.bodies.body import load_body
+from uvcloth.bodies.body import Body, load_body
 from uvcloth.commands.summary import Summary, Totals
 from uvcloth.export.pictures import SHEETS, sheet_interval
 from uvcloth.export.size import announce
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
+from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.records import CPU, to_device
 from uvcloth.methods.method import Method
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.exposure import Exposure
-from uvcloth.rollout import BrokenRolloutError, rollout
+from uvcloth.rollout import BrokenRolloutError, RolloutFrame, rollout
+
+
+class Audience(Protocol):
+    """Watcher of a rollout while it is computed."""
+
+    def begin(self, title: str, body: Body, meshes: Sequence[Mesh], count: int, fps: float) -> None:
+        """Learn what comes: garments at rest on a body, over so many frames."""
+        ...
+
+    def add(self, frame: RolloutFrame) -> None:
+        """See the next frame."""
+        ...
+
 
 EVERY_IN_PREVIEW = 3
 """A preview shows every so-many-th frame."""
@@ -40,6 +55,7 @@ def animate(
     device: str = "cpu",
     preview: bool = False,
     keep_going: bool = False,
+    audience: Audience | None = None,
 ) -> Summary:
     """Roll a method out on a motion once and write every file of `out`, each as its suffix says.
 
@@ -47,6 +63,7 @@ def animate(
     model in the package. garments: template names or mesh files, the innermost first; contact keeps each out
     of the body and off what is beneath. device: as torch names it. preview: every third frame, in coarse
     pictures; a contact sheet alone needs fewer. keep_going: a garment that is torn is replaced in that frame.
+    audience: is shown each frame.
 
     Raises InputError for bad input or a full disk; then, as after Ctrl-C, writes nothing. Of a rollout that
     breaks the frames before it are kept, and an InputError says so.
@@ -66,6 +83,8 @@ def animate(
     for path in out:
         if large := announce(path, len(transforms[::every]), [mesh for _, mesh in meshes], body):
             report(large)
+    if audience:
+        audience.begin(clip.name, body, [mesh for _, mesh in meshes], len(transforms[::every]), fps)
     totals = Totals()
     start = perf_counter()
     with ExitStack() as stack:
@@ -88,6 +107,8 @@ def animate(
                 keep_going=keep_going,
             ):
                 frame = to_device(predicted, CPU)
+                if audience:
+                    audience.add(frame)
                 totals.add(frame)
                 with totals.timed("measuring"):
                     totals.add_skin(exposure.percent(frame.vertices, frame.body_vertices), frame.index)

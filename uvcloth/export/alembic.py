@@ -1,5 +1,6 @@
 """Alembic: garments and body as polygon meshes over time, for DCCs and for engines that train on caches."""
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,8 @@ from uvcloth.export.animation import Animation, posed_body
 from uvcloth.export.gltf_scene import TO_Y_UP
 from uvcloth.geometry.mesh import Mesh
 
+BYTES_PER_POINT, BYTES_PER_FACE = 12, 40
+
 
 def write_abc(animation: Animation, path: Path) -> None:
     """Write one .abc: metres, Y up, the first frame at time zero; vertices in the order of the mesh.
@@ -21,6 +24,7 @@ def write_abc(animation: Animation, path: Path) -> None:
         from alembic3d import Abc, AbcCoreAbstract
     except ModuleNotFoundError as error:
         raise InputError(f"{path.name}: writing Alembic needs alembic3d: install uvcloth[alembic]") from error
+    _reserve(path, animation)
     archive = Abc.CreateArchiveWithInfo(str(path), float(animation.fps), "uvcloth", path.stem)
     sampling = archive.addTimeSampling(AbcCoreAbstract.TimeSampling(1.0 / animation.fps, 0.0))
     for name, mesh, vertices in zip(animation.names, animation.meshes, animation.vertices, strict=True):
@@ -28,6 +32,19 @@ def write_abc(animation: Animation, path: Path) -> None:
         _write_mesh(archive, name, mesh, frames, sampling)
     if animation.body is not None:
         _write_mesh(archive, "body", animation.body.mesh, posed_body(animation), sampling)
+
+
+def _reserve(path: Path, animation: Animation) -> None:
+    """Raise OSError if the disk has no room for the file: the library aborts where a write fails."""
+    meshes = [*animation.meshes, *([animation.body.mesh] if animation.body else [])]
+    size = sum(
+        len(animation) * len(mesh.vertices) * BYTES_PER_POINT + len(mesh.faces) * BYTES_PER_FACE
+        for mesh in meshes
+    )
+    with path.open("wb") as stream:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(stream.fileno(), 0, size)
+    path.unlink()
 
 
 def _write_mesh(archive: Any, name: str, mesh: Mesh, chunks: Iterator[np.ndarray], sampling: int) -> None:

@@ -81,6 +81,8 @@ def _add_garment(document: Document, animation: Animation, index: int, time: int
         }
     )
     output = len(document.accessors) - 1
-    extras = {"source_vertices": source.tolist()}
+    # Blender and others name their shape keys so.
+    names = [f"frame_{frame:05d}" for frame in range(len(animation))]
+    extras = {"source_vertices": source.tolist(), "targetNames": names}
     node = document.mesh(name, primitive, weights=[0.0] * len(animation), extras=extras)
     document.animate(node, "weights", time, output)

@@ -9,10 +9,12 @@ import torch
 import warp as wp
 from torch import Tensor
 
+from rasterize.warp_start import start_warp
+
 LEAST_ITEMS_PER_THREAD = 500
 """Fewest items that a thread of their own is worth."""
 
-wp.config.log_level = wp.LOG_WARNING
+start_warp()
 
 
 def array(values: Tensor) -> Any:

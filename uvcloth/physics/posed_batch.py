@@ -56,7 +56,6 @@ class PosedMeshBatch:
     """B copies of a closed mesh, each in its own pose: vertices (V, 3) m, faces (F, 3)."""
 
     def __init__(self, vertices: Tensor, faces: Tensor, count: int) -> None:
-        wp.init()
         self.device = vertices.device
         wp.load_module(kernels, device=str(self.device))
         self._points = vertices.detach().float().repeat(count, 1, 1).contiguous()

@@ -42,7 +42,6 @@ class MovingMeshes:
     """
 
     def __init__(self, vertices: Tensor, faces: Sequence[Tensor]) -> None:
-        wp.init()
         self.device = vertices.device
         wp.load_module(kernels, device=str(self.device))
         self.points = vertices.detach().to(torch.float32).contiguous().clone()

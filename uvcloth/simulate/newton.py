@@ -11,6 +11,7 @@ import warp as wp
 from torch import Tensor
 
 from rasterize.errors import InputError
+from rasterize.warp_start import start_warp
 from uvcloth.simulate.engine import GRAVITY, Scene
 from uvcloth.simulate.fabric import AIR_DENSITY, Fabric
 
@@ -67,6 +68,7 @@ class Newton:
         Positions and velocities are relative to the mean of the skinned garment, which moves evenly between
         two frames, so that strides bound how cloth moves on the body and not how the body walks.
         """
+        start_warp()
         try:
             import newton
         except ModuleNotFoundError as error:

@@ -1,0 +1,35 @@
+"""Start of Warp without its line about the driver on machines that have no GPU."""
+
+import os
+import sys
+from functools import cache
+from tempfile import TemporaryFile
+
+import warp as wp
+
+NO_DRIVER = b"Could not find or load the NVIDIA CUDA driver"
+
+
+@cache
+def start_warp() -> None:
+    """Initialize Warp once for this process.
+
+    Its native part writes to the file descriptor of standard error whatever its log level is; what it says is
+    passed on, but for the line that there is no CUDA driver, which on most machines is no news.
+    """
+    wp.config.log_level = wp.LOG_WARNING
+    sys.stderr.flush()
+    kept = os.dup(2)
+    try:
+        with TemporaryFile() as heard:
+            os.dup2(heard.fileno(), 2)
+            try:
+                wp.init()
+            finally:
+                os.dup2(kept, 2)
+            heard.seek(0)
+            for line in heard:
+                if NO_DRIVER not in line:
+                    os.write(2, line)
+    finally:
+        os.close(kept)

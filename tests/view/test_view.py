@@ -1,0 +1,193 @@
+"""The live view without a browser: the scene that one would be sent, and how it follows the controls."""
+
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+from urllib.request import urlopen
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from tests.small_body import small_body
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.rollout import RolloutFrame
+from uvcloth.view.choices import Choices, Chosen
+from uvcloth.view.computation import Computation, Performance
+from uvcloth.view.heat import COLORS, CONTACT, ERROR, STRETCH, Stretch, bands
+from uvcloth.view.viewer import Viewer
+
+pytest.importorskip("viser", reason="viser is not installed")
+
+COUNT = 5
+
+
+@pytest.fixture
+def viewer() -> Iterator[Viewer]:
+    with socket.socket() as free:
+        free.bind(("localhost", 0))
+        port = free.getsockname()[1]
+    viewer = Viewer(port=port)
+    yield viewer
+    viewer.close()
+
+
+def shell() -> Mesh:
+    mesh = small_body().mesh
+    return Mesh(1.2 * mesh.vertices, mesh.faces, mesh.uvs, mesh.face_uvs)
+
+
+def rising(title: str, speed: float, truth: Tensor | None = None) -> Performance:
+    """A shell around the small body that rises by `speed` metres per frame, a centimetre of it by contact."""
+    body, mesh = small_body(), shell()
+
+    def frames() -> Iterator[RolloutFrame]:
+        for index in range(COUNT):
+            up = torch.tensor([0.0, 0.0, speed * index])
+            transforms = torch.eye(3, 4).repeat(len(body.skeleton.names), 1, 1)
+            transforms[:, :, 3] = up
+            vertices = mesh.vertices + up
+            yield RolloutFrame(
+                index, (vertices - 0.01,), (vertices,), transforms, body.mesh.vertices + up, {}
+            )
+
+    return Performance(title, body, [mesh], COUNT, 30.0, frames(), truth)
+
+
+def tick_until(viewer: Viewer, reached: Callable[[], bool]) -> None:
+    """Tick until something is so, ten seconds at most."""
+    for _ in range(1000):
+        viewer.tick()
+        if reached():
+            return
+        time.sleep(0.01)
+    raise AssertionError("the view never came there")
+
+
+def node(viewer: Viewer, name: str) -> Any:
+    return viewer.server.scene._handle_from_node_name[name]
+
+
+def names(viewer: Viewer) -> set[str]:
+    return {name for name in viewer.server.scene._handle_from_node_name if "/" in name[1:]}
+
+
+def test_the_page_is_served_and_the_scene_has_the_meshes(viewer: Viewer) -> None:
+    assert urlopen(viewer.address, timeout=10).status == 200
+    viewer.show(Computation(lambda: rising("walk", 0.1)).start())
+    tick_until(viewer, lambda: viewer.shown == COUNT - 1)
+    assert names(viewer) >= {"/predicted/body", "/predicted/garment_0/0"}
+    shown = node(viewer, "/predicted/garment_0/0")
+    expected = shell().vertices.numpy() + np.array([0.0, 0.0, 0.1 * (COUNT - 1)])
+    np.testing.assert_allclose(shown.vertices, expected, atol=1e-6)
+    heads = small_body().skeleton.heads.numpy() + np.array([0.0, 0.0, 0.1 * (COUNT - 1)])
+    bones = node(viewer, "/predicted/body").bones
+    np.testing.assert_allclose([bone.position for bone in bones], heads, atol=1e-6)
+
+
+def test_it_plays_in_a_circle_and_goes_where_the_slider_is_moved(viewer: Viewer) -> None:
+    computation = Computation(lambda: rising("walk", 0.1)).start()
+    viewer.show(computation)
+    computation.wait(10)
+    order = []
+    for _ in range(COUNT + 2):
+        viewer.tick()
+        order.append(viewer.shown)
+    assert order == [0, 1, 2, 3, 4, 0, 1]
+    viewer._playing.value = False
+    viewer._frame.value = 3
+    viewer.tick()
+    viewer.tick()
+    assert viewer.shown == 3
+
+
+def test_a_slow_computation_is_shown_as_far_as_it_is(viewer: Viewer) -> None:
+    go_on = threading.Event()
+
+    def slowly() -> Performance:
+        performance = rising("walk", 0.1)
+
+        def waiting() -> Iterator[RolloutFrame]:
+            yield next(performance.frames)
+            go_on.wait(10)
+            yield from performance.frames
+
+        return Performance("walk", performance.body, performance.meshes, COUNT, 30.0, waiting())
+
+    viewer.show(Computation(slowly).start())
+    tick_until(viewer, lambda: viewer.shown == 0)
+    for _ in range(3):
+        viewer.tick()
+    assert viewer.shown == 0
+    assert viewer._state.content == f"walk: 1 of {COUNT} frames computed"
+    go_on.set()
+    tick_until(viewer, lambda: viewer.shown == COUNT - 1)
+
+
+def test_heat_maps_color_every_face_once(viewer: Viewer) -> None:
+    truth = torch.stack([shell().vertices + torch.tensor([0.0, 0.03, 0.1 * k]) for k in range(COUNT)])
+    computation = Computation(lambda: rising("walk", 0.1, truth)).start()
+    viewer.show(computation)
+    computation.wait(10)
+    viewer._playing.value = False
+    faces = len(shell().faces)
+    # Rigid; 17 mm of 20; 30 mm of 50.
+    for quantity, band in ((STRETCH, 0), (CONTACT, 7), (ERROR, 5)):
+        viewer._heat.value = quantity.label
+        viewer.tick()
+        visible = {
+            index: len(node(viewer, f"/predicted/garment_0/{index + 1}").faces)
+            for index in range(len(COLORS))
+            if f"/predicted/garment_0/{index + 1}" in names(viewer)
+            and node(viewer, f"/predicted/garment_0/{index + 1}").visible
+        }
+        assert visible == {band: faces}
+    assert "/simulated/body" in names(viewer)
+
+
+def test_stretch_is_the_mean_of_the_edges_and_bands_share_the_faces() -> None:
+    mesh = shell()
+    torch.testing.assert_close(Stretch(mesh)(1.1 * mesh.vertices), torch.full((8,), 0.1))
+    values = torch.linspace(0, 1, 8)
+    parts = list(bands(values, mesh.faces, 1.0))
+    assert len(parts) == len(COLORS)
+    together = torch.cat(parts)
+    assert sorted(together.tolist()) == sorted(mesh.faces.tolist())
+
+
+def test_changing_the_clip_changes_the_meshes(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:
+    speeds = {"walk": 0.1, "run": 0.3}
+    monkeypatch.setattr(Choices, "perform", lambda self, chosen: rising(chosen.motion, speeds[chosen.motion]))
+    choices = Choices(("walk", "run"), ("tops",), ("lbs",), ("default",))
+    viewer.offer(choices, Chosen("walk", ("tops",), "lbs", "default"))
+    tick_until(viewer, lambda: viewer.shown == COUNT - 1)
+    viewer.controls["motion"].value = "run"
+    highest = shell().vertices[:, 2].max() + 0.3 * (COUNT - 1)
+    tick_until(
+        viewer,
+        lambda: (
+            abs(float(np.max(node(viewer, "/predicted/garment_0/0").vertices[:, 2])) - float(highest)) < 1e-5
+        ),
+    )
+    assert viewer._state.content == f"run: {COUNT} frames"
+
+
+def test_what_cannot_be_is_said_on_the_page(viewer: Viewer) -> None:
+    choices = Choices.of(motions=["absent.bvh"], models=["lbs"])
+    viewer.offer(choices, Chosen("absent.bvh", ("tops",), "lbs", "default"))
+    tick_until(viewer, lambda: "absent.bvh" in viewer._state.content)
+    assert "Traceback" not in viewer._state.content
+
+
+def test_a_choice_is_rolled_out_as_the_command_would() -> None:
+    choices = Choices.of(models=["lbs"])
+    performance = choices.perform(Chosen("walk", ("tops",), "lbs", "default", contact=False))
+    first = next(performance.frames)
+    assert performance.count == 115
+    assert first.vertices[0].shape == performance.meshes[0].vertices.shape
+    with pytest.raises(InputError, match="choose a garment"):
+        choices.perform(Chosen("walk", (), "lbs", "default"))

@@ -1,0 +1,99 @@
+"""`uvcloth view`: a live view of rollouts in the browser."""
+
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from queue import SimpleQueue
+
+from rich.console import Console
+
+from uvcloth.bodies.body import Body
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.rollout import RolloutFrame
+from uvcloth.view.choices import DEFAULT_BODY, Choices, Chosen
+from uvcloth.view.computation import Computation, Performance
+from uvcloth.view.viewer import Viewer
+
+
+def view(
+    motions: Sequence[str] = (),
+    garments: Sequence[str] = (),
+    models: Sequence[str] = (),
+    *,
+    body_file: Path | None = None,
+    data: Sequence[Path] = (),
+    host: str = "localhost",
+    port: int = 8080,
+) -> None:
+    """Serve a page on which clips, garments, models and bodies are chosen and played, until Ctrl-C.
+
+    motions, garments, models: the first to be shown, and others to choose from. data: sequences that were
+    simulated, to be shown beside the prediction. Raises InputError if the port is taken or viser is missing.
+    """
+    choices = Choices.of(
+        motions,
+        garments,
+        models,
+        [] if body_file is None else [str(body_file)],
+        [str(path) for path in data],
+    )
+    first = Chosen(
+        motion=choices.motions[0] if motions or data else "walk",
+        garments=tuple(garments) or ("tops",),
+        model=choices.models[0],
+        body=str(body_file) if body_file else DEFAULT_BODY,
+    )
+    viewer = Viewer(host, port)
+    Console(stderr=True).print(f"{viewer.address} shows it; Ctrl-C ends", highlight=False)
+    viewer.offer(choices, first)
+    try:
+        viewer.run()
+    finally:
+        viewer.close()
+
+
+class LiveAudience:
+    """Live view of a rollout that another thread computes; see `Audience`."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        self._viewer = viewer
+        self._frames: SimpleQueue[RolloutFrame | None] = SimpleQueue()
+
+    def begin(self, title: str, body: Body, meshes: Sequence[Mesh], count: int, fps: float) -> None:
+        """Stage the garments at rest on the body."""
+        frames = iter(self._frames.get, None)
+        performance = Performance(title, body, meshes, count, fps, frames)
+        self._viewer.show(Computation(lambda: performance).start())
+
+    def add(self, frame: RolloutFrame) -> None:
+        """Take the next frame, to be shown when its time comes."""
+        self._frames.put(frame)
+
+    def end(self) -> None:
+        """Learn that no more frames come."""
+        self._frames.put(None)
+
+
+@contextmanager
+def live_audience(host: str, port: int) -> Iterator[LiveAudience]:
+    """Show what the block computes; after it, go on showing that until Ctrl-C.
+
+    Raises InputError as `view` does.
+    """
+    viewer = Viewer(host, port)
+    console = Console(stderr=True)
+    console.print(f"{viewer.address} shows it", highlight=False)
+    audience = LiveAudience(viewer)
+    ticking = threading.Thread(target=viewer.run, name="page", daemon=True)
+    ticking.start()
+    try:
+        yield audience
+        audience.end()
+        console.print(f"{viewer.address} goes on showing it; Ctrl-C ends", highlight=False)
+        ticking.join()
+    except KeyboardInterrupt:
+        audience.end()
+        raise
+    finally:
+        viewer.close()

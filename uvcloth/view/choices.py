@@ -1,0 +1,119 @@
+"""Motions, garments, models and bodies that the live view offers, and the rollout of what was chosen."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import load_body
+from uvcloth.garments.garment import Outfit
+from uvcloth.garments.loading import load_garment
+from uvcloth.methods.registry import DEFAULT, METHODS, load_methods
+from uvcloth.motion.library import builtin_clips, load_clip
+from uvcloth.rollout import rollout
+from uvcloth.simulate.sequence import REST_TOLERANCE, SimulatedSequence, load_sequence
+from uvcloth.view.computation import Performance
+
+TEMPLATES = ("bottoms", "tops", "shirt", "dress")
+"""The templates in the order in which people put them on."""
+
+DEFAULT_BODY = "default"
+"""Name of the body in the package."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A choice: garments are in the order in which they are worn, the innermost first."""
+
+    motion: str
+    garments: tuple[str, ...]
+    model: str
+    body: str
+    contact: bool = True
+
+
+@dataclass(frozen=True)
+class Choices:
+    """Names and files to choose from; sequences are motions whose garment was also simulated."""
+
+    motions: tuple[str, ...]
+    garments: tuple[str, ...]
+    models: tuple[str, ...]
+    bodies: tuple[str, ...]
+    sequences: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        motions: Sequence[str] = (),
+        garments: Sequence[str] = (),
+        models: Sequence[str] = (),
+        bodies: Sequence[str] = (),
+        sequences: Sequence[str] = (),
+    ) -> "Choices":
+        """What is given, in front of all that ships."""
+
+        def first(given: Sequence[str], shipped: Sequence[str]) -> tuple[str, ...]:
+            return (*given, *(name for name in shipped if name not in given))
+
+        return cls(
+            motions=first([*sequences, *motions], list(builtin_clips())),
+            garments=first(garments, TEMPLATES),
+            models=first(models, [DEFAULT, *(name for name in METHODS if name != DEFAULT)]),
+            bodies=first(bodies, [DEFAULT_BODY]),
+            sequences=tuple(sequences),
+        )
+
+    def perform(self, chosen: Chosen) -> Performance:
+        """Load what was chosen, and begin its rollout. Raises InputError where it does not go together."""
+        body = load_body(None if chosen.body == DEFAULT_BODY else Path(chosen.body))
+        if chosen.motion in self.sequences:
+            sequence = load_sequence(Path(chosen.motion))
+            garments: tuple[str, ...] = (self._simulated_garment(chosen.motion, sequence),)
+            transforms, fps = sequence.transforms, sequence.fps
+        else:
+            sequence, garments = None, chosen.garments
+            clip = load_clip(chosen.motion, body)
+            transforms, fps = clip.transforms(), clip.fps
+        if not garments:
+            raise InputError("choose a garment")
+        outfit = Outfit(body, tuple(load_garment(name, body) for name in garments))
+        if sequence is not None:
+            _require_same(chosen.motion, sequence, outfit)
+        method = load_methods([chosen.model], body)
+        if reason := method.unsupported_reason(outfit):
+            raise InputError(reason)
+        truth: Tensor | None = None if sequence is None else sequence.vertices
+        return Performance(
+            title=Path(chosen.motion).stem,
+            body=body,
+            meshes=[garment.mesh for garment in outfit.garments],
+            count=len(transforms),
+            fps=fps,
+            frames=rollout(method, outfit, transforms, fps, chosen.contact, keep_going=True),
+            truth=truth,
+        )
+
+    def _simulated_garment(self, path: str, sequence: SimulatedSequence) -> str:
+        """The template or file of a sequence's garment. Raises InputError if it is none of the choices."""
+        for name in self.garments:
+            if sequence.garment in (name, Path(name).stem):
+                return name
+        raise InputError(
+            f"{path}: its garment {sequence.garment} is none that is known, give its file with --garment"
+        )
+
+
+def _require_same(path: str, sequence: SimulatedSequence, outfit: Outfit) -> None:
+    """Raise InputError if a sequence is not of the outfit's garment on its body."""
+    body, (garment,) = outfit.body, outfit.garments
+    rest = garment.mesh.vertices
+    if sequence.transforms.shape[1] != len(body.skeleton.names):
+        raise InputError(f"{path}: was simulated on a body of another skeleton, give it with --body")
+    if rest.shape != sequence.rest.shape or float((rest - sequence.rest).abs().max()) > REST_TOLERANCE:
+        raise InputError(
+            f"{path}: its garment {garment.name} is not the one that this body has, give the body that it "
+            "was simulated on with --body"
+        )

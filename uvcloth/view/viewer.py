@@ -1,0 +1,205 @@
+"""The live view: a page in the browser, its controls, and the clock that plays what is computed."""
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.view.choices import Choices, Chosen
+from uvcloth.view.computation import Computation, Performance, ShownFrame
+from uvcloth.view.heat import CONTACT, ERROR, QUANTITIES, STRETCH, Quantity, Stretch, legend
+from uvcloth.view.stage import Actor
+
+NO_HEAT = "none"
+
+ASIDE = 1.2
+"""Metres from the predicted body to the simulated one."""
+
+IDLE_SECONDS = 0.1
+"""Time between two looks at the controls while nothing plays."""
+
+
+class Viewer:
+    """A page at a port of this machine. `tick` looks at the controls once and shows what they ask for.
+
+    Everything but the computation happens in the thread that ticks, so that nothing needs a lock.
+    """
+
+    def __init__(self, host: str = "localhost", port: int = 8080) -> None:
+        try:
+            import viser
+        except ModuleNotFoundError as error:
+            raise InputError("the live view needs viser: install uvcloth[view]") from error
+        try:
+            self.server: Any = viser.ViserServer(host, port, label="uvcloth", verbose=False)
+        except OSError as error:
+            raise InputError(f"--port {port}: cannot be opened on {host} ({error.strerror})") from error
+        self.server.scene.set_up_direction("+z")
+        self.server.scene.add_grid("/floor", width=6.0, height=6.0, cell_size=0.25, section_size=1.0)
+        self.server.initial_camera.position = (1.6, -3.2, 1.5)
+        self.server.initial_camera.look_at = (0.0, 0.0, 0.9)
+        self.shown = -1
+        """Index of the frame that is shown, -1 before the first."""
+        self._computation: Computation | None = None
+        self._performance: Performance | None = None
+        self._actors: list[Actor] = []
+        self._stretches: list[Stretch] = []
+        self._drawn: tuple[int, str] = (-1, NO_HEAT)
+        self._closed = threading.Event()
+        gui = self.server.gui
+        self._state = gui.add_markdown("")
+        self._playing = gui.add_checkbox("Play", True)
+        self._frame = gui.add_slider("Frame", min=0, max=1, step=1, initial_value=0)
+        self._speed = gui.add_slider("Speed", min=0.1, max=2.0, step=0.1, initial_value=1.0)
+        self._heat = gui.add_dropdown("Heat map", (NO_HEAT, *(quantity.label for quantity in QUANTITIES)))
+        self._legend = gui.add_html("")
+        self._selection: Callable[[], Chosen] | None = None
+        self._choices: Choices | None = None
+        self._chosen: Chosen | None = None
+        self.controls: dict[str, Any] = {}
+        """What was offered, by name: motion, model, body, contact, and a checkbox for each garment."""
+
+    @property
+    def address(self) -> str:
+        """Address of the page for a browser on this machine."""
+        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+
+    def offer(self, choices: Choices, first: Chosen) -> None:
+        """Add controls that choose what is computed, `first` to begin with."""
+        gui = self.server.gui
+        with gui.add_folder("Roll out"):
+            motion = gui.add_dropdown("Motion", choices.motions, initial_value=first.motion)
+            garments = {name: gui.add_checkbox(name, name in first.garments) for name in choices.garments}
+            model = gui.add_dropdown("Model", choices.models, initial_value=first.model)
+            body = gui.add_dropdown("Body", choices.bodies, initial_value=first.body)
+            contact = gui.add_checkbox("Contact", first.contact)
+        self.controls = {"motion": motion, "model": model, "body": body, "contact": contact, **garments}
+        self._choices = choices
+        self._selection = lambda: Chosen(
+            motion=motion.value,
+            garments=tuple(name for name in choices.garments if garments[name].value),
+            model=model.value,
+            body=body.value,
+            contact=contact.value,
+        )
+
+    def show(self, computation: Computation) -> None:
+        """Show a computation instead of what is shown now, which is stopped."""
+        if self._computation is not None:
+            self._computation.stop()
+        self._computation, self._performance = computation, None
+
+    def run(self) -> None:
+        """Tick until `close` is called or Ctrl-C is pressed."""
+        while not self._closed.wait(self._pause()):
+            self.tick()
+
+    def close(self) -> None:
+        """Stop the computation and the server."""
+        self._closed.set()
+        if self._computation is not None:
+            self._computation.stop()
+        self.server.stop()
+
+    def tick(self) -> None:
+        """Look at the controls once and show what they ask for."""
+        if self._selection is not None and self._choices is not None:
+            chosen, choices = self._selection(), self._choices
+            if chosen != self._chosen:
+                self._chosen = chosen
+                self.show(Computation(lambda: choices.perform(chosen)).start())
+        computation = self._computation
+        if computation is None:
+            return
+        performance = computation.performance
+        if performance is not None and performance is not self._performance and computation.frames:
+            self._stage(performance)
+        self._tell(computation)
+        if performance is not None and performance is self._performance:
+            self._play(computation)
+
+    def _pause(self) -> float:
+        """Seconds until the next tick."""
+        if self._performance is None or not self._playing.value:
+            return IDLE_SECONDS
+        return 1.0 / (self._performance.fps * self._speed.value)
+
+    def _stage(self, performance: Performance) -> None:
+        """Put the meshes of a performance into the scene, in the place of others."""
+        for actor in self._actors:
+            actor.remove()
+        scene, body, meshes = self.server.scene, performance.body, performance.meshes
+        self._actors = [Actor(scene, "predicted", body, meshes)]
+        if performance.truth is not None:
+            self._actors.append(Actor(scene, "simulated", body, meshes, ASIDE))
+        self._stretches = [Stretch(mesh) for mesh in meshes]
+        self._performance, self.shown, self._drawn = performance, -1, (-1, NO_HEAT)
+        self._frame.max = max(performance.count - 1, 1)
+        self._frame.value = 0
+
+    def _tell(self, computation: Computation) -> None:
+        """Say how far the computation is."""
+        performance, done = computation.performance, len(computation.frames)
+        if computation.failure:
+            text = f"**{computation.failure}**"
+        elif performance is None:
+            text = "preparing ..."
+        elif computation.complete:
+            text = f"{performance.title}: {done} frames"
+        else:
+            text = f"{performance.title}: {done} of {performance.count} frames computed"
+        if self._state.content != text:
+            self._state.content = text
+
+    def _play(self, computation: Computation) -> None:
+        """Show the frame that is due, or the one that the slider was moved to."""
+        last = len(computation.frames) - 1
+        index = int(self._frame.value)
+        if self._playing.value and index == self.shown:
+            ended = computation.complete and index >= last
+            index = 0 if ended else index + 1
+        index = min(index, last)
+        if self._drawn != (index, self._heat.value):
+            self._draw(index, computation.frames[index])
+        if self._frame.value != index:
+            self._frame.value = index
+        self.shown = index
+
+    def _draw(self, index: int, frame: ShownFrame) -> None:
+        """Move all meshes to a frame, with the heat map that is chosen."""
+        label = self._heat.value
+        truth = None if self._performance is None else self._performance.truth
+        quantity = next((each for each in QUANTITIES if each.label == label), None)
+        if quantity is ERROR and truth is None:
+            quantity = None
+            self._legend.content = "<small>an error needs a simulated sequence (--data)</small>"
+        elif self._drawn[1] != label:
+            self._legend.content = "" if quantity is None else legend(quantity)
+        with self.server.atomic():
+            largest = 1.0 if quantity is None else quantity.largest
+            simulated = None if truth is None else (truth[index],)
+            self._actors[0].move(
+                frame.transforms, frame.garments, self._values(quantity, frame, simulated), largest
+            )
+            if simulated is not None:
+                stretched = [measure(simulated[0]) for measure in self._stretches]
+                values = stretched if quantity is STRETCH else None
+                self._actors[1].move(frame.transforms, simulated, values, largest)
+        self._drawn = (index, label)
+
+    def _values(
+        self, quantity: Quantity | None, frame: ShownFrame, simulated: tuple[Tensor, ...] | None
+    ) -> list[Tensor] | None:
+        """Values (N,) of the predicted garments; None without a heat map."""
+        if quantity is STRETCH:
+            pairs = zip(self._stretches, frame.garments, strict=True)
+            return [measure(vertices) for measure, vertices in pairs]
+        if quantity is CONTACT:
+            return list(frame.moved)
+        if quantity is ERROR and simulated is not None:
+            pairs_of = zip(frame.garments, simulated, strict=True)
+            return [torch.linalg.vector_norm(one - other, dim=1) for one, other in pairs_of]
+        return None
