@@ -28,7 +28,7 @@ def test_every_mesh_is_read_back_at_every_frame(animation: Animation, tmp_path: 
         for frame in (0, 17, len(animation) - 1):
             time = schema.getTimeSampling().getSampleTime(frame)
             assert time == pytest.approx(frame / animation.fps)
-            sample = schema.getValue(alembic3d.Abc.ISampleSelector(frame))
+            sample = schema.getValue(alembic3d.Abc.ISampleSelector(time))
             x, y, z = np.asarray(sample.getPositions()).T
             # Y up to Z up: (x, -z, y).
             np.testing.assert_allclose(np.stack([x, -z, y], 1), vertices[frame], atol=1e-6)
@@ -37,7 +37,7 @@ def test_every_mesh_is_read_back_at_every_frame(animation: Animation, tmp_path: 
 
 def _require_topology(schema: object, mesh: Mesh) -> None:
     """Corners and texture coordinates are those of the mesh, each face the other way round."""
-    sample = schema.getValue(alembic3d.Abc.ISampleSelector(0))  # type: ignore[attr-defined]
+    sample = schema.getValue(alembic3d.Abc.ISampleSelector(0.0))  # type: ignore[attr-defined]
     corners = np.array(list(sample.getFaceIndices())).reshape(-1, 3)
     assert (corners[:, ::-1] == mesh.faces.numpy()).all()
     uvs = schema.getUVsParam().getExpandedValue().getVals()  # type: ignore[attr-defined]

@@ -2,6 +2,8 @@
 
 import threading
 from collections.abc import Callable
+from contextlib import redirect_stdout
+from io import StringIO
 from typing import Any
 
 import torch
@@ -15,8 +17,8 @@ from uvcloth.view.stage import Actor
 
 NO_HEAT = "none"
 
-ASIDE = 1.2
-"""Metres from the predicted body to the simulated one."""
+ASIDE = -1.2
+"""Metres along x from the predicted body to the simulated one."""
 
 IDLE_SECONDS = 0.1
 """Time between two looks at the controls while nothing plays."""
@@ -34,13 +36,16 @@ class Viewer:
         except ModuleNotFoundError as error:
             raise InputError("the live view needs viser: install uvcloth[view]") from error
         try:
-            self.server: Any = viser.ViserServer(host, port, label="uvcloth", verbose=False)
+            # It prints a banner of its own, whatever `verbose` is.
+            with redirect_stdout(StringIO()):
+                self.server: Any = viser.ViserServer(host, port, label="uvcloth", verbose=False)
         except OSError as error:
             raise InputError(f"--port {port}: cannot be opened on {host} ({error.strerror})") from error
         self.server.scene.set_up_direction("+z")
         self.server.scene.add_grid("/floor", width=6.0, height=6.0, cell_size=0.25, section_size=1.0)
-        self.server.initial_camera.position = (1.6, -3.2, 1.5)
-        self.server.initial_camera.look_at = (0.0, 0.0, 0.9)
+        self.server.initial_camera.position = (1.9, -4.6, 1.7)
+        self.server.initial_camera.look_at = (0.2, 0.0, 0.9)
+        self.server.initial_camera.fov = 0.7
         self.shown = -1
         """Index of the frame that is shown, -1 before the first."""
         self._computation: Computation | None = None
@@ -102,7 +107,8 @@ class Viewer:
         self._closed.set()
         if self._computation is not None:
             self._computation.stop()
-        self.server.stop()
+        with redirect_stdout(StringIO()):
+            self.server.stop()
 
     def tick(self) -> None:
         """Look at the controls once and show what they ask for."""
