@@ -14,6 +14,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from tests.small_body import small_body
+from uvcloth.commands.view import LiveAudience
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.rollout import RolloutFrame
 from uvcloth.view.choices import Choices, Chosen
@@ -157,6 +158,18 @@ def test_stretch_is_the_mean_of_the_edges_and_bands_share_the_faces() -> None:
     assert len(parts) == len(COLORS)
     together = torch.cat(parts)
     assert sorted(together.tolist()) == sorted(mesh.faces.tolist())
+
+
+def test_a_rollout_is_shown_while_it_is_computed(viewer: Viewer) -> None:
+    performance, audience = rising("walk", 0.1), LiveAudience(viewer)
+    audience.begin("walk", performance.body, performance.meshes, COUNT, 30.0)
+    audience.add(next(performance.frames))
+    tick_until(viewer, lambda: viewer.shown == 0)
+    assert viewer._state.content == f"walk: 1 of {COUNT} frames computed"
+    for frame in performance.frames:
+        audience.add(frame)
+    audience.end()
+    tick_until(viewer, lambda: viewer.shown == COUNT - 1)
 
 
 def test_changing_the_clip_changes_the_meshes(viewer: Viewer, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,7 @@
 
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from queue import SimpleQueue
 
@@ -48,7 +48,8 @@ def view(
     Console(stderr=True).print(f"{viewer.address} shows it; Ctrl-C ends", highlight=False)
     viewer.offer(choices, first)
     try:
-        viewer.run()
+        with suppress(KeyboardInterrupt):
+            viewer.run()
     finally:
         viewer.close()
 
@@ -91,9 +92,8 @@ def live_audience(host: str, port: int) -> Iterator[LiveAudience]:
         yield audience
         audience.end()
         console.print(f"{viewer.address} goes on showing it; Ctrl-C ends", highlight=False)
-        ticking.join()
-    except KeyboardInterrupt:
-        audience.end()
-        raise
+        with suppress(KeyboardInterrupt):
+            ticking.join()
     finally:
+        audience.end()
         viewer.close()
