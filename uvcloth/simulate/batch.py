@@ -34,6 +34,14 @@ from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
 from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
+UNWATCHED = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.admin.system-monitor.gil.enabled": False,
+}
+"""Settings of dask that keep it from watching its workers many times a second, on the cores that simulate."""
+
 JOBS_PER_CORE = 2
 """Simulations that are submitted per core: one runs, one waits."""
 
@@ -110,10 +118,12 @@ def simulate_batch(
 def _simulate_all(todo: Sequence[Job], body: Body, engine: Engine, workers: Workers) -> None:
     """Simulate in order, as many at a time as there are cores, and keep each sequence as it is done."""
     try:
+        import dask
         from dask.distributed import LocalCluster, as_completed
     except ModuleNotFoundError as error:
         raise InputError("simulating needs dask and Newton: install uvcloth[simulate]") from error
     with ExitStack() as stack:
+        stack.enter_context(dask.config.set(UNWATCHED))
         cluster: Any = workers.scheduler
         if cluster is None:
             count = min(workers.jobs or os.cpu_count() or 1, len(todo))
