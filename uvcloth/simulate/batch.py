@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
@@ -116,10 +117,13 @@ def simulate_batch(
 
 
 def _simulate_all(todo: Sequence[Job], body: Body, engine: Engine, workers: Workers) -> None:
-    """Simulate in order, as many at a time as there are cores, and keep each sequence as it is done."""
+    """Simulate in order, as many at a time as there are cores, and keep each sequence as it is done.
+
+    Raises InputError without dask, and if a worker is lost.
+    """
     try:
         import dask
-        from dask.distributed import LocalCluster, as_completed
+        from dask.distributed import KilledWorker, LocalCluster, as_completed
     except ModuleNotFoundError as error:
         raise InputError("simulating needs dask and Newton: install uvcloth[simulate]") from error
     with ExitStack() as stack:
@@ -128,7 +132,7 @@ def _simulate_all(todo: Sequence[Job], body: Body, engine: Engine, workers: Work
         if cluster is None:
             count = min(workers.jobs or os.cpu_count() or 1, len(todo))
             cluster = LocalCluster(
-                n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=50
+                n_workers=count, threads_per_worker=1, dashboard_address="localhost:0", silence_logs=50
             )
             stack.callback(_close, cluster)
         client = stack.enter_context(_connect(cluster))
@@ -152,7 +156,13 @@ def _simulate_all(todo: Sequence[Job], body: Body, engine: Engine, workers: Work
         submit()
         for future in running:
             job = waiting.pop(future)
-            sequences, reason = future.result()
+            try:
+                sequences, reason = future.result()
+            except (CancelledError, KilledWorker) as error:
+                raise InputError(
+                    f"{job.motion.name}: the process that simulated it has ended or was not heard of for too "
+                    "long; what is finished is kept, run the command again to go on"
+                ) from error
             progress.advance(bar, _frames(job) - len(sequences[0].vertices))
             for sequence, target in zip(sequences, job.targets, strict=True):
                 progress.console.print(_store(sequence, reason, target), soft_wrap=True)
