@@ -94,7 +94,7 @@ def _palette_graph(size: tuple[int, int], rate: Fraction) -> Any:
     """A graph of filters that gives every picture the 256 colours that serve it best."""
     import av
 
-    graph = av.filter.Graph()
+    graph: Any = av.filter.Graph()
     source = graph.add_buffer(width=size[0], height=size[1], format="rgb24", time_base=1 / rate)
     split, palette = graph.add("split"), graph.add("palettegen", "stats_mode=single")
     use, sink = graph.add("paletteuse", "new=1:dither=bayer:bayer_scale=4"), graph.add("buffersink")

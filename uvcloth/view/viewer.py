@@ -54,7 +54,7 @@ class Viewer:
         self._stretches: list[Stretch] = []
         self._drawn: tuple[int, str] = (-1, NO_HEAT)
         self._closed = threading.Event()
-        gui = self.server.gui
+        gui: Any = self.server.gui
         self._state = gui.add_markdown("")
         self._playing = gui.add_checkbox("Play", True)
         self._frame = gui.add_slider("Frame", min=0, max=1, step=1, initial_value=0)
@@ -74,7 +74,7 @@ class Viewer:
 
     def offer(self, choices: Choices, first: Chosen) -> None:
         """Add controls that choose what is computed, `first` to begin with."""
-        gui = self.server.gui
+        gui: Any = self.server.gui
         with gui.add_folder("Roll out"):
             motion = gui.add_dropdown("Motion", choices.motions, initial_value=first.motion)
             garments = {name: gui.add_checkbox(name, name in first.garments) for name in choices.garments}
