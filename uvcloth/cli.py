@@ -165,10 +165,11 @@ class Maps:
 
 @dataclass(frozen=True)
 class Fit:
-    """Say what a garment file is, and attach it to a body."""
+    """Say what a garment file is, and whether it lies on the body as clothes lie."""
 
     file: Positional[Path]
-    """A garment mesh worn on the body's rest pose: OBJ, PLY, GLB or STL."""
+    """A garment mesh modelled on the body's rest pose (OBJ, PLY, GLB or STL), in any unit, Y or Z up, around
+    the body's origin or standing on the floor."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     template: Annotated[
@@ -179,18 +180,17 @@ class Fit:
     out: Annotated[Path | None, arg(metavar="OBJ", help_behavior_hint="")] = None
     """Also write the garment as it is worn: metres, Z up, as OBJ."""
 
+    picture: Annotated[Path | None, arg(metavar="PNG")] = Path("fit.png")
+    """Picture of the garment on the body, also of one that is refused for how it lies; None for none."""
+
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
-        from uvcloth.bodies.body import load_body
-        from uvcloth.garments.fit import fit
+        from uvcloth.commands.fit import examine
 
-        fitted = fit(self.file, load_body(self.body), self.template)
-        print("\n".join(fitted.diagnosis.lines()))
-        if self.out is not None:
-            from uvcloth.export.obj import save_obj
-
-            save_obj(fitted.garment.mesh, self.out)
-            print(self.out)
+        found = examine(
+            self.file, body_file=self.body, template=self.template, out=self.out, picture=self.picture
+        )
+        print("\n".join(found))
 
 
 @dataclass(frozen=True)

@@ -40,10 +40,11 @@ class Fitted:
 def fit(path: Path, body: Body, template: str | None = None) -> Fitted:
     """Fit a mesh file (OBJ, PLY, GLB, STL, ...) to a body, on whose rest pose it was modelled.
 
-    The file's vertex order and texture coordinates stay; unit and up axis are converted. template: "tops",
-    "bottoms", "dress" or "shirt", the one whose motion it takes; None chooses by the part of the body it
-    covers, found by ray casting (PhysXNet section 4.3). The closest body vertices give it its blend weights.
-    Raises InputError naming the file and the reason if it cannot be read or cannot be worn.
+    The file's vertex order and texture coordinates stay; unit, axes and origin are found by where it lies
+    best (`find_placing`). template: "tops", "bottoms", "dress" or "shirt", the one whose motion it takes;
+    None chooses by the part of the body it covers, found by ray casting (PhysXNet section 4.3). The closest
+    body vertices give it its blend weights. Raises InputError naming the file and the reason if it cannot be
+    read or cannot be worn, an UnwearableError if it does not lie as clothes lie.
     """
     if template is not None and template not in DIFFUSION:
         raise InputError(f"{template}: no such template, expected one of {', '.join(DIFFUSION)}")
