@@ -41,21 +41,20 @@ class Phenotype:
 
 @dataclass(frozen=True)
 class MakeBody:
-    """Make a body from phenotypes and save it as one small npz."""
+    """Make a body from phenotypes, or write the one in the package as a mesh to model on."""
 
     out: Path
-    """The npz to write."""
+    """What to write: .npz for --body of the other commands, .obj or .glb to model on (rest pose, UVs)."""
+    body: BodyFile = None
+    """A body made before, to write as another kind of file; without phenotypes."""
     phenotype: OmitArgPrefixes[Phenotype] = field(default_factory=Phenotype)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
-        from uvcloth.bodies.anny import make_body
-        from uvcloth.bodies.body import save_body
+        from uvcloth.commands.body import make
 
         chosen = {key: value for key, value in asdict(self.phenotype).items() if value is not None}
-        print("Making the body (the first time takes a minute or two) ...", flush=True)
-        body = make_body(self.out.stem, chosen)
-        save_body(body, self.out)
+        body = make(self.out, chosen, self.body)
         print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
 
 
@@ -211,10 +210,17 @@ class Rollout:
     """What moves the garments: physxnet (any garment), motion_guided (the dress) or pbns (bottoms tops) as
     they ship, lbs, lbs_smooth, or a folder written by `python -m train`; one for all, or one for each garment
     in order."""
+    template: Annotated[
+        tuple[Literal["tops", "bottoms", "dress", "shirt", "auto"], ...],
+        arg(metavar="NAME|auto ...", help_behavior_hint="(default: the one each covers best)"),
+    ] = ()
+    """The template whose motion a garment takes: one for all, or one for each in order."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     contact: bool = True
     """Move vertices out of the body and give edges their rest length back."""
+    hide_skin: bool = False
+    """Leave out the faces of the body that garments cover closely in every frame."""
     device: Annotated[str, arg(metavar="cpu|cuda")] = "cpu"
     """What everything runs on."""
     threads: Annotated[int, arg(metavar="N")] = 1
@@ -233,8 +239,10 @@ class Rollout:
                 self.motion,
                 self.garment,
                 self.out,
+                templates=self.template,
                 body_file=self.body,
                 contact=self.contact,
+                hide_skin=self.hide_skin,
                 device=self.device,
             )
         print("\n".join(summary.lines()))

@@ -18,16 +18,17 @@ from uvcloth.physics.surface import BodySurface, SurfacePoints
 class Diagnosis:
     """Findings about a garment file; counts of faces that were dropped or turned are of the file's triangles.
 
-    placing: of the file's frame in the body's. components: pieces, UV seams taken as joined.
+    placing: of the file's frame in the body's, None where it is bound to the body.
+    components: pieces, UV seams taken as joined.
     inside_share: fraction of vertices inside the body. mean_distance, max_distance: metres to the skin.
     ray_misses: vertices whose ray misses the body, so that the closest point says what part they cover.
-    unwrapped: whether texture coordinates were made.
+    unwrapped: whether texture coordinates were made. depth: layer that the file names, larger is farther out.
     """
 
     path: Path
     vertices: int
     faces: int
-    placing: Placing
+    placing: Placing | None
     components: int
     duplicate_faces: int
     degenerate_faces: int
@@ -39,13 +40,14 @@ class Diagnosis:
     ray_misses: int = 0
     unwrapped: bool = False
     template: str = ""
+    depth: int = 0
 
     def lines(self) -> list[str]:
         """Text of the diagnosis, one finding a line; what is as expected is left out."""
         pieces = "1 piece" if self.components == 1 else f"{self.components} separate pieces"
         found = [
             f"{self.path}: {self.vertices} vertices, {self.faces} triangles, {pieces}",
-            f"  {self.placing.text()}",
+            f"  {self.placing.text() if self.placing else 'bound to the body, whatever its shape'}",
             f"  {1000 * self.mean_distance:.1f} mm from the skin on average, at most "
             f"{1000 * self.max_distance:.0f} mm; {100 * self.inside_share:.1f} % of the vertices inside it",
         ]
@@ -65,16 +67,17 @@ class Diagnosis:
         return found
 
 
-def diagnose(path: Path, mesh: Mesh, body: Body) -> tuple[Mesh, Diagnosis]:
+def diagnose(path: Path, mesh: Mesh, body: Body, bound: bool = False) -> tuple[Mesh, Diagnosis]:
     """Examine a mesh as read from a file; returns it in metres and Z up, every face once and facing outward.
 
-    Raises InputError naming the path and the reason if it cannot be worn: its size fits in no unit, an edge
-    has more than two faces, or it does not lie on the body as clothes lie (then an UnwearableError).
+    bound: the mesh is in the body's frame already, and stays there. Raises InputError naming the path and the
+    reason if it cannot be worn: its size fits in no unit, an edge has more than two faces, or it does not lie
+    on the body as clothes lie (then an UnwearableError).
     """
     kept, repeated = _without_repeats(path, mesh)
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
-    placing = find_placing(path, kept.vertices, kept.faces, body, surface)
-    vertices = placing.apply(kept.vertices, body)
+    placing = None if bound else find_placing(path, kept.vertices, kept.faces, body, surface)
+    vertices = placing.apply(kept.vertices, body) if placing else kept.vertices
     kept = replace(kept, vertices=vertices)
     skin = surface.closest(vertices, SEARCH_DISTANCE)
     welded = weld(vertices)[kept.faces]
