@@ -168,7 +168,7 @@ class Fit:
 
     file: Positional[Path]
     """A garment mesh modelled on the body's rest pose (OBJ, PLY, GLB or STL), in any unit, Y or Z up, around
-    the body's origin or standing on the floor."""
+    the body's origin or standing on the floor; or clothes of MakeHuman (MHCLO with its OBJ)."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     template: Annotated[

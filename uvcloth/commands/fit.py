@@ -10,6 +10,7 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.fit import fit
 from uvcloth.garments.judge import UnwearableError
+from uvcloth.garments.pieces import split
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 
@@ -36,12 +37,17 @@ def examine(
             raise
         draw_worn([error.mesh], body, picture)
         raise InputError(f"{error} ({picture} shows it)") from error
-    lines = fitted.diagnosis.lines()
+    lines, garments = fitted.diagnosis.lines(), (fitted.garment,)
+    if fitted.diagnosis.components > 1:
+        garments = split(fitted.garment.name, fitted.garment.mesh, body, template)
+    if len(garments) > 1:
+        lines[-1] = f"  {len(garments)} garments, the innermost first (rollout moves each by itself):"
+        lines += [f"    {garment.name}, worn as {garment.template}" for garment in garments]
     if out is not None:
         save_obj(fitted.garment.mesh, out)
         lines.append(str(out))
     if picture is not None:
-        draw_worn([fitted.garment.mesh], body, picture)
+        draw_worn([garment.mesh for garment in garments], body, picture)
         lines.append(str(picture))
     return lines
 

@@ -13,6 +13,7 @@ from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.diagnose import Diagnosis, diagnose
 from uvcloth.garments.garment import Garment
+from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.meshfile import read_mesh
 from uvcloth.garments.mhclo import SUFFIX, fit_clothes
 from uvcloth.geometry.mesh import Mesh, vertex_normals, weld
@@ -64,7 +65,13 @@ def read_on_body(path: Path, body: Body) -> tuple[Mesh, Diagnosis]:
         mesh, found = diagnose(path, mesh, body, bound=True)
         found = replace(found, depth=binding.depth)
     else:
-        mesh, found = diagnose(path, read_mesh(path), body)
+        try:
+            mesh, found = diagnose(path, read_mesh(path), body)
+        except UnwearableError as error:
+            clothes = path.with_suffix(SUFFIX)
+            if not clothes.is_file():
+                raise
+            raise UnwearableError(f"{error}; {clothes} beside it fits it to any body", error.mesh) from error
     if len(mesh.uvs):
         return mesh, found
     try:
