@@ -154,11 +154,6 @@ def training_data(training: list[TrainingClip], held: list[TrainingClip]) -> Tra
     )
 
 
-def scored_frames(clip: TrainingClip) -> range:
-    """The scored frames: those after the warm-up."""
-    return range(clip.warm_up, len(clip.transforms))
-
-
 def frames_of(clips: list[TrainingClip]) -> int:
     """The number of scored frames of all clips."""
-    return sum(len(scored_frames(clip)) for clip in clips)
+    return sum(max(len(clip.transforms) - clip.warm_up, 0) for clip in clips)
