@@ -57,21 +57,20 @@ class Phenotype:
 
 @dataclass(frozen=True)
 class MakeBody:
-    """Make a body from phenotypes and save it as one small npz."""
+    """Make a body from phenotypes, or write the one in the package as a mesh to model on."""
 
     out: Path
-    """The npz to write."""
+    """What to write: .npz for --body of the other commands, .obj or .glb to model on (rest pose, UVs)."""
+    body: BodyFile = None
+    """A body made before, to write as another kind of file; without phenotypes."""
     phenotype: OmitArgPrefixes[Phenotype] = field(default_factory=Phenotype)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
-        from uvcloth.bodies.anny import make_body
-        from uvcloth.bodies.body import save_body
+        from uvcloth.commands.body import make
 
         chosen = {key: value for key, value in asdict(self.phenotype).items() if value is not None}
-        print("Making the body (the first time takes a minute or two) ...", flush=True)
-        body = make_body(self.out.stem, chosen)
-        save_body(body, self.out)
+        body = make(self.out, chosen, self.body)
         print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
 
 
@@ -181,10 +180,11 @@ class Maps:
 
 @dataclass(frozen=True)
 class Fit:
-    """Say what a garment file is, and attach it to a body."""
+    """Say what a garment file is, and whether it lies on the body as clothes lie."""
 
     file: Positional[Path]
-    """A garment mesh worn on the body's rest pose: OBJ, PLY, GLB or STL."""
+    """A garment mesh modelled on the body's rest pose (OBJ, PLY, GLB or STL), in any unit, Y or Z up, around
+    the body's origin or standing on the floor; or clothes of MakeHuman (MHCLO with its OBJ)."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     template: Annotated[
@@ -195,18 +195,17 @@ class Fit:
     out: Annotated[Path | None, arg(metavar="OBJ", help_behavior_hint="")] = None
     """Also write the garment as it is worn: metres, Z up, as OBJ."""
 
+    picture: Annotated[Path | None, arg(metavar="PNG")] = Path("fit.png")
+    """Picture of the garment on the body, also of one that is refused for how it lies; None for none."""
+
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
-        from uvcloth.bodies.body import load_body
-        from uvcloth.garments.fit import fit
+        from uvcloth.commands.fit import examine
 
-        fitted = fit(self.file, load_body(self.body), self.template)
-        print("\n".join(fitted.diagnosis.lines()))
-        if self.out is not None:
-            from uvcloth.export.obj import save_obj
-
-            save_obj(fitted.garment.mesh, self.out)
-            print(self.out)
+        found = examine(
+            self.file, body_file=self.body, template=self.template, out=self.out, picture=self.picture
+        )
+        print("\n".join(found))
 
 
 @dataclass(frozen=True)
@@ -228,6 +227,11 @@ class Rollout:
     """What moves the garments: physxnet (any garment), motion_guided (the dress) or pbns (bottoms tops) as
     they ship, lbs, lbs_smooth, or a folder written by `python -m train`; one for all, or one for each garment
     in order."""
+    template: Annotated[
+        tuple[Literal["tops", "bottoms", "dress", "shirt", "auto"], ...],
+        arg(metavar="NAME|auto ...", help_behavior_hint="(default: the one each covers best)"),
+    ] = ()
+    """The template whose motion a garment takes: one for all, or one for each in order."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     contact: bool = True
@@ -242,6 +246,8 @@ class Rollout:
     """Port of the live view."""
     host: Host = "localhost"
     """Address that the live view listens on; 0.0.0.0 lets other machines in."""
+    hide_skin: bool = False
+    """Leave out the faces of the body that garments cover closely in every frame."""
     device: Annotated[str, arg(metavar="cpu|cuda")] = "cpu"
     """What everything runs on."""
     threads: Annotated[int, arg(metavar="N")] = 1
@@ -260,8 +266,10 @@ class Rollout:
                 self.motion,
                 self.garment,
                 self.out,
+                templates=self.template,
                 body_file=self.body,
                 contact=self.contact,
+                hide_skin=self.hide_skin,
                 device=self.device,
                 preview=self.preview,
                 keep_going=self.keep_going,
