@@ -1,4 +1,4 @@
-"""The `uvcloth` command: body, simulate, data, maps, fit, rollout, poses, export, demo.
+"""The `uvcloth` command: body, motion, simulate, data, maps, fit, rollout, poses, export, demo.
 
 Heavy modules are imported by the subcommand that needs them, so that `uvcloth --help` answers at once.
 """
@@ -13,6 +13,7 @@ from tyro.conf import OmitArgPrefixes, Positional, arg, subcommand
 from rasterize.atomic import make_folder
 from rasterize.command import run_command
 from rasterize.errors import InputError
+from uvcloth.motion.options import MotionOptions
 
 TemplateName = Literal["tops", "bottoms", "dress", "shirt"]
 EngineName = Literal["newton", "blender"]
@@ -60,11 +61,30 @@ class MakeBody:
 
 
 @dataclass(frozen=True)
+class Motion:
+    """Say what a motion file is and how it is understood, and draw stick figures of it."""
+
+    file: Positional[Annotated[str, arg(metavar="FILE|NAME")]]
+    """A motion file (BVH, glTF) or the name of a built-in clip."""
+    out: Path = Path("motion.png")
+    """The picture to write."""
+    body: BodyFile = None
+    """A body made by `uvcloth body`."""
+    options: OmitArgPrefixes[MotionOptions] = field(default_factory=MotionOptions)
+
+    def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
+        from uvcloth.commands.motion import describe
+
+        describe(self.file, self.out, self.options, self.body)
+
+
+@dataclass(frozen=True)
 class Simulate:
     """Simulate garments over clips with a cloth engine; a rerun continues with what is missing."""
 
     clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]]
-    """Motion files (BVH) or names of built-in clips."""
+    """Motion files (BVH, glTF) or names of built-in clips."""
     out: Path
     """Folder for the sequences, one npz per clip and garment."""
     garment: Garments = ("tops", "bottoms", "dress")
@@ -94,6 +114,7 @@ class Simulate:
     repeat: bool = False
     """Simulate each window from a start 20 frames earlier, into OUT/repeat: how far two simulations of
     the same motion differ, which evaluation prints as the repeatability floor."""
+    options: OmitArgPrefixes[MotionOptions] = field(default_factory=MotionOptions)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
@@ -104,7 +125,7 @@ class Simulate:
         from uvcloth.simulate.plan import ClipSelection
 
         simulate_batch(
-            ClipSelection(self.clips, self.windows, self.clips_from, self.split),
+            ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options),
             outfits=[self.garment] if self.layered else [(name,) for name in self.garment],
             out=self.out,
             body=load_body(self.body),
@@ -198,7 +219,7 @@ class Rollout:
     """Move garments over a motion and write a file that engines and DCCs open."""
 
     motion: str
-    """A motion file (BVH) or the name of a built-in clip."""
+    """A motion file (BVH, glTF) or the name of a built-in clip."""
     garment: Garments
     """Templates (tops, bottoms, dress, shirt) or garment files, the innermost first; contact keeps each out
     of the body and off what is beneath."""
@@ -219,6 +240,7 @@ class Rollout:
     """What everything runs on."""
     threads: Annotated[int, arg(metavar="N")] = 1
     """Of the processor; on a loaded machine several are slower than one."""
+    options: OmitArgPrefixes[MotionOptions] = field(default_factory=MotionOptions)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
@@ -236,6 +258,7 @@ class Rollout:
                 body_file=self.body,
                 contact=self.contact,
                 device=self.device,
+                options=self.options,
             )
         print("\n".join(summary.lines()))
 
@@ -295,7 +318,7 @@ class Export:
     """pbns as it ships (a shirt over trousers), or a folder written by `python -m train pbns`."""
     out: Path
     """What to write: .glb, .usdc or .usd."""
-    motion: Annotated[str | None, arg(metavar="BVH|NAME", help_behavior_hint="(default: the rig alone)")] = (
+    motion: Annotated[str | None, arg(metavar="FILE|NAME", help_behavior_hint="(default: the rig alone)")] = (
         None
     )
     """A motion file or the name of a built-in clip. Without one, the pose embedding is written beside the rig
@@ -306,6 +329,7 @@ class Export:
     """The body that the model was trained on."""
     with_body: bool = True
     """Write the body too."""
+    options: OmitArgPrefixes[MotionOptions] = field(default_factory=MotionOptions)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
@@ -318,6 +342,7 @@ class Export:
             shapes=self.shapes,
             body_file=self.body,
             with_body=self.with_body,
+            options=self.options,
         )
         print("\n".join(exported.lines()))
 
@@ -338,6 +363,7 @@ class Demo:
 
 Command = (
     Annotated[MakeBody, subcommand("body")]
+    | Annotated[Motion, subcommand("motion")]
     | Annotated[Simulate, subcommand("simulate")]
     | Annotated[Data, subcommand("data")]
     | Annotated[Maps, subcommand("maps")]
@@ -355,7 +381,7 @@ def main() -> int:
 
 
 def _run() -> None:
-    command: MakeBody | Simulate | Data | Maps | Fit | Rollout | Poses | Export | Demo = tyro.cli(
+    command: MakeBody | Motion | Simulate | Data | Maps | Fit | Rollout | Poses | Export | Demo = tyro.cli(
         Command,
         prog="uvcloth",
         description="Motion capture in, moving clothes out.",

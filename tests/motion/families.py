@@ -83,7 +83,8 @@ FAMILIES: dict[str, Layout] = {
         unit=1.0, order="ZXY",
     ),
     "Unreal": Layout(
-        "pelvis,spine_01,spine_02,spine_03,neck_01,-,head", UNREAL_SIDES, zero="body", up="z", above=("root",),
+        "pelvis,spine_01,spine_02,spine_03,neck_01,-,head", UNREAL_SIDES, zero="body", up="z",
+        above=("root",),
     ),
     "SMPL": Layout(
         "Pelvis,Spine1,Spine2,Spine3,Neck,-,Head",

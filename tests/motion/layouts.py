@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from tests.motion.bvh_text import Joint, bvh_text
+from tests.motion.bvh_text import ROOT_CHANNELS, Joint, bvh_text
 from uvcloth.motion.clip import Clip
 
 ROLES = {
@@ -33,8 +33,8 @@ class Layout:
     """Conventions of a file.
 
     middle, sides: names of the joints of MIDDLE and of PARTS, "-" for one that the file lacks; {S} is Left or
-    Right, {s} l or r, {L} L or R. zero: the all-zero pose, see `zero_pose`. up: of the motion. unit: of a metre.
-    order: of the rotation channels. above: joints above the hips. channels: "root" or "all" that move.
+    Right, {s} l or r, {L} L or R. zero: the all-zero pose, see `zero_pose`. up: of the motion. unit: of a
+    metre. order: of the rotation channels. above: joints above the hips. channels: "root" or "all" that move.
     """
 
     middle: str
@@ -64,7 +64,9 @@ def write_layout(clip: Clip, layout: Layout, path: Path) -> None:
     parents = [_nearest(clip, j, joints) for j in joints]
     heads = clip.skeleton.heads[joints].double().numpy()
     at = {
-        ROLES[n]: h.double().numpy() for n, h in zip(clip.skeleton.names, clip.skeleton.heads) if n in ROLES
+        ROLES[n]: h.double().numpy()
+        for n, h in zip(clip.skeleton.names, clip.skeleton.heads, strict=True)
+        if n in ROLES
     }
     zero = zero_pose(layout.zero, roles, at, parents)
     axes = TO_Y_UP if layout.up == "y" else np.eye(3)
@@ -85,8 +87,7 @@ def write_layout(clip: Clip, layout: Layout, path: Path) -> None:
         rows.append(Rotation.from_matrix(local).as_euler(layout.order, degrees=True))
         written.append((names[roles[index]], parent, tuple(np.round(offset, 6)), moves + turns))
     for name in reversed(layout.above):
-        shift = tuple(axis + "position" for axis in "XYZ") + ("Zrotation", "Yrotation", "Xrotation")
-        written = [(name, -1, (0.0, 0.0, 0.0), shift), *((n, p + 1, o, c) for n, p, o, c in written)]
+        written = [(name, -1, (0.0, 0.0, 0.0), ROOT_CHANNELS), *((n, p + 1, o, c) for n, p, o, c in written)]
         rows = [np.zeros((len(world), 6)), *rows]
     path.write_text(bvh_text(written, np.concatenate(rows, axis=1), 1.0 / clip.fps), encoding="latin-1")
 
@@ -95,7 +96,7 @@ def zero_pose(kind: str, roles: list[str], at: dict[str, np.ndarray], parents: l
     """World rotations (J, 3, 3) from the body's rest pose to a file's all-zero pose, in the body's axes.
 
     body: none. t_pose: arms to the sides, legs straight down. lying: that, turned from Z up to Y up. along_x:
-    every bone along +X and the axes of knees, elbows and hips along Z. along_y: bones along +Y, those along X.
+    bones along +X and the axes of knees, elbows and hips along Z. along_y: bones along +Y, axes along X.
     random: any rotation of every joint.
     """
     if kind == "random":
@@ -156,7 +157,7 @@ def smallest(source: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Difference:
-    """Worst joint of a clip against the true one, means over frames, but for the direction of both as a whole."""
+    """Worst joint of a clip against the true one, means over frames, whatever the heading of either."""
 
     joint: str
     degrees: float
@@ -165,7 +166,7 @@ class Difference:
 
 
 def difference(found: Clip, true: Clip, names: dict[str, str]) -> Difference:
-    """Compare two clips on our body, joints that a layout has but the fingers, which no rest pose brings along."""
+    """Compare two clips on our body: the joints that a layout has, but the fingers."""
     compared = set(names) - {"left_fingers", "right_fingers"}
     joints = [j for j, name in enumerate(true.skeleton.names) if ROLES.get(name) in compared]
     turn = _heading(found.rotations[0, 0] @ true.rotations[0, 0].T)

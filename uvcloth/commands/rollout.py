@@ -20,7 +20,9 @@ from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.records import CPU, to_device
 from uvcloth.methods.method import Method
 from uvcloth.methods.registry import DEFAULT, load_methods
-from uvcloth.motion.library import load_clip
+from uvcloth.motion.lead_in import pose_from_rest
+from uvcloth.motion.library import DEFAULTS, load_clip
+from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.exposure import Exposure
 from uvcloth.rollout import BrokenRolloutError, RolloutFrame, rollout
 
@@ -100,20 +102,22 @@ def animate(
     body_file: Path | None = None,
     contact: bool = True,
     device: str = "cpu",
+    options: MotionOptions = DEFAULTS,
 ) -> Summary:
     """Roll a method out on a motion once and write every file of `out`, each as its suffix says.
 
     models: a checkpoint folder or a baseline's name for all garments, or one for each in order; none for the
     model in the package. garments: template names or mesh files, the innermost first; contact keeps each out
-    of the body and off what is beneath. device: as torch names it. Raises InputError for bad input or a full
-    disk; then, as after Ctrl-C, writes nothing. Of a rollout that breaks the frames before it are kept, and
-    an InputError says so.
+    of the body and off what is beneath. device: as torch names it. options: how the motion is read; of one
+    frame, a pose, the body moves into it from rest. Raises InputError for bad input or a full disk; then, as
+    after Ctrl-C, writes nothing. Of a rollout that breaks the frames before it are kept, and an InputError
+    says so.
     """
     console = Console(stderr=True)
     body = load_body(body_file)
     report = partial(console.print, highlight=False, markup=False)
     outfit = Outfit(body, tuple(load_garment(name, body, report) for name in garments))
-    clip = load_clip(motion, body)
+    clip = pose_from_rest(load_clip(motion, body, options), body)
     place = _device(device)
     method = _load(models, outfit)
     meshes = [(garment.name, garment.mesh) for garment in outfit.garments]

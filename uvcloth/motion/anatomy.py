@@ -64,7 +64,7 @@ def joint_frames(positions: Tensor, roles: Mapping[str, int]) -> dict[str, Joint
             if f"{side}_{bone}" in roles and f"{side}_{tip}" in roles:
                 along = unit(joint(f"{side}_{tip}") - joint(f"{side}_{bone}"))
                 frames[f"{side}_{bone}"] = _limb(along, hinge, bone in UNTWISTED)
-        # Joints at the ends have no bone: on average they continue the one above, a foot points as the pelvis.
+        # Ends have no bone: on average they continue the one above, and a foot points as the pelvis does.
         frames.setdefault(f"{side}_foot", frames["hips"])
         frames.setdefault(f"{side}_hand", replace(frames[f"{side}_forearm"], is_limb=False))
         for end, above in (("toes", "foot"), ("fingers", "hand")):

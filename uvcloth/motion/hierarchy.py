@@ -21,8 +21,8 @@ class Hierarchy:
     """Motion of joints relative to their parents, in a file's own units and axes.
 
     names: J joint names, parents before children. parents: J indices, -1 for the root. offsets: (J, 3) from
-    the parent in the rest pose. rotations: (T, J, 3, 3) and positions: (T, J, 3), relative to the parent. fps:
-    frames per second.
+    the parent in the rest pose. rotations: (T, J, 3, 3) and positions: (T, J, 3), relative to the parent.
+    fps: frames per second.
     """
 
     names: tuple[str, ...]

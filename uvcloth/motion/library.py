@@ -15,6 +15,7 @@ from uvcloth.geometry.rotations import from_quaternions, to_quaternions
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import Clip
+from uvcloth.motion.gltf import read_gltf_motion
 from uvcloth.motion.options import MotionOptions
 from uvcloth.motion.posture import check_posture
 from uvcloth.motion.rest import Rest, find_rest
@@ -32,12 +33,17 @@ def builtin_clips() -> dict[str, Path]:
 
 DEFAULTS = MotionOptions()
 
-READERS: dict[str, Callable[[Path], Clip]] = {".bvh": read_bvh}
+READERS: dict[str, Callable[[Path], Clip]] = {
+    ".bvh": read_bvh,
+    ".glb": read_gltf_motion,
+    ".gltf": read_gltf_motion,
+    ".vrm": read_gltf_motion,
+}
 """Readers of motion files by suffix, besides that of clip archives."""
 
 
 @dataclass(frozen=True)
-class Source:
+class MotionSource:
     """A motion before it is retargeted: the clip as read, the roles of its joints, its standing rest pose."""
 
     clip: Clip
@@ -63,15 +69,20 @@ def load_clip(path_or_name: str | Path, body: Body, options: MotionOptions = DEF
     return clip
 
 
-def load_source(path_or_name: str | Path, body: Body, options: MotionOptions = DEFAULTS) -> Source:
+def load_source(path_or_name: str | Path, body: Body, options: MotionOptions = DEFAULTS) -> MotionSource:
     """Load a motion and find the roles of its joints and its rest pose; raises InputError as `load_clip`."""
     clip = read_motion(path_or_name)
     try:
-        chosen = {} if options.joints is None else read_role_map(options.joints)
-        roles = required_roles(clip.skeleton, f"clip {clip.name}", assign_roles(clip.skeleton.names, chosen))
-        return Source(clip, roles, find_rest(clip, roles, body, options.up, options.rest_frame))
+        roles = required_roles(clip.skeleton, f"clip {clip.name}", clip_roles(clip, options))
+        return MotionSource(clip, roles, find_rest(clip, roles, body, options.up, options.rest_frame))
     except InputError as error:
         raise InputError(f"{path_or_name}: {error}") from error
+
+
+def clip_roles(clip: Clip, options: MotionOptions = DEFAULTS) -> dict[str, int]:
+    """Joint of each role that a clip's joints play by name or by the options."""
+    chosen = {} if options.joints is None else read_role_map(options.joints)
+    return assign_roles(clip.skeleton.names, chosen)
 
 
 def read_motion(path_or_name: str | Path) -> Clip:

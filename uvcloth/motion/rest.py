@@ -1,8 +1,9 @@
 """Rest poses: the motion of any file relative to a pose in which the person stands.
 
 A file's zero pose may be that pose. Where it is not (in LAFAN1 all bones point along one axis), the frame of
-each joint in the standing pose is estimated from the motion: posed joints are where the file says, whatever its
-zero pose is, and give the directions of bones, the lines of hips and shoulders, the axes of knees and elbows.
+each joint in the standing pose is estimated from the motion: posed joints are where the file says, whatever
+its zero pose is, and give the directions of bones, the lines of hips and shoulders, the axes of knees and
+elbows.
 """
 
 from collections.abc import Mapping
@@ -57,7 +58,7 @@ class Rest:
 def find_rest(
     clip: Clip, roles: Roles, body: Body, up: str | None = None, rest_frame: int | None = None
 ) -> Rest:
-    """Find the rest pose in which the person stands, and the clip relative to it in the file's axes and units.
+    """Find the rest pose in which the person stands, and the clip relative to it, in the file's axes.
 
     The pose is that of a named frame; else the zero pose, if it stands; else estimated from the motion, with
     bones that point like the body's. up: "y" or "z", the axis that the motion stands along, by default that
@@ -208,8 +209,8 @@ def _estimate(clip: Clip, positions: Tensor, roles: Roles, body: Body, up: Tenso
 def _rest_of(rotations: Tensor, posed: JointFrames, target: JointFrames, above: Tensor) -> Tensor:
     """Rotation (3, 3) of a joint in the standing pose, given that of the joint above it there.
 
-    rotations: (T, 3, 3) of the joint in the motion. Nothing tells the twist of a limb that hardly bends: it is
-    that of the joint above.
+    rotations: (T, 3, 3) of the joint in the motion. Nothing tells the twist of a limb that hardly bends: it
+    is that of the joint above.
     """
     bone = unit((rotations.mT @ posed.bones[:, :, None]).mean(0).squeeze(-1))
     untwisted = smallest_rotation(unit(above @ bone), target.bones[0]) @ above

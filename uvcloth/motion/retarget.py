@@ -57,7 +57,7 @@ def retarget(clip: Clip, body: Body, fps: float = 30.0, roles: Mapping[str, int]
     """
     source = required_roles(clip.skeleton, f"clip {clip.name}", roles)
     target = required_roles(body.skeleton, f"body {body.name}")
-    clip = resample(_in_body_axes(clip, source), fps)
+    clip = resample(in_body_axes(clip, source), fps)
 
     rotations, bones = _relative_to_t_pose(clip, source)
     rest_bones = _bone_directions(body.skeleton.heads, target)
@@ -123,7 +123,7 @@ def required_roles(
     return roles
 
 
-def _in_body_axes(clip: Clip, roles: Mapping[str, int]) -> Clip:
+def in_body_axes(clip: Clip, roles: Mapping[str, int]) -> Clip:
     """Clip with Z up and its rest pose facing -Y; units stay."""
     heads = clip.skeleton.heads.double()
     legs = heads[[roles["left_thigh"], roles["right_thigh"]]]
@@ -179,15 +179,15 @@ def _root_path(
 ) -> Tensor:
     """World path of the body's root (T, 3) m: the middle of its hip joints follows the clip's, scaled."""
     heads = clip.skeleton.heads
-    scale = _leg_length(skeleton.heads, target) / _leg_length(heads, source)
+    scale = leg_length(skeleton.heads, target) / leg_length(heads, source)
     posed = clip.positions()[:, [source["left_thigh"], source["right_thigh"]]]
     hips = target["hips"]
     middle = skeleton.heads[[target["left_thigh"], target["right_thigh"]]].mean(0) - skeleton.heads[hips]
     return scale * posed.mean(1) - turned[hips] @ middle
 
 
-def _leg_length(heads: Tensor, roles: Mapping[str, int]) -> Tensor:
-    """Thigh plus shin, mean of both legs."""
+def leg_length(heads: Tensor, roles: Mapping[str, int]) -> Tensor:
+    """Length of thigh plus shin, mean of both legs, in the unit of heads (J, 3)."""
     chain = [[roles[f"{side}_{bone}"] for side in ("left", "right")] for bone in ("thigh", "shin", "foot")]
     thigh, shin, foot = (heads[joints] for joints in chain)
     return ((shin - thigh).norm(dim=1) + (foot - shin).norm(dim=1)).mean()

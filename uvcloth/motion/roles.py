@@ -96,7 +96,7 @@ def joint_roles(names: Iterable[str]) -> dict[str, int]:
 
 
 def naming_family(names: Iterable[str]) -> str:
-    """Name of the family that the joints are named after, "unknown" for none."""
+    """Name of the family that the joints are named after, "unknown" if it is none of these."""
     lower = [name.lower() for name in names]
     found = (
         family
