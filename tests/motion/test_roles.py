@@ -22,7 +22,15 @@ def test_joints_of_every_family_play_their_roles(family: str) -> None:
 
 
 def test_twist_and_helper_joints_play_none() -> None:
-    names = "thigh_l thigh_twist_01_l calf_l ik_foot_l foot_l upperarm_twist_01_l lowerarm_l".split()
+    names = [
+        "thigh_l",
+        "thigh_twist_01_l",
+        "calf_l",
+        "ik_foot_l",
+        "foot_l",
+        "upperarm_twist_01_l",
+        "lowerarm_l",
+    ]
     assert joint_roles(names) == {"left_thigh": 0, "left_shin": 2, "left_foot": 4, "left_forearm": 6}
 
 

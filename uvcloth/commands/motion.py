@@ -32,7 +32,9 @@ def describe(motion: str, out: Path, options: MotionOptions, body_file: Path | N
     console = Console()
     clip = read_motion(motion)
     roles = clip_roles(clip, options)
-    _print(console, [f"{clip.name}: {len(clip)} frames at {clip.fps:g} per second, {len(clip) / clip.fps:.2f} s"])
+    _print(
+        console, [f"{clip.name}: {len(clip)} frames at {clip.fps:g} per second, {len(clip) / clip.fps:.2f} s"]
+    )
     _print(console, _joint_lines(clip, roles))
     console.print(_table(clip, roles))
     source = load_source(motion, body, options)

@@ -64,7 +64,7 @@ FAMILIES = {
     "3ds Max Biped": r"bip\d+.*",
     "VRoid": r"j_bip_.*",
     "Blender Rigify": r"(def-)?spine\.?00\d",
-    "Bandai-Namco": r"joint_root",
+    "Bandai-Namco": r"lowerleg_l",
     "Xsens MVN": r"chest4|t12",
     "Rokoko": r"leftthigh",
     "Unreal": r"thigh_l",

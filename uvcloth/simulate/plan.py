@@ -37,7 +37,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Source:
-    """Source of a clip: a file or a built-in clip's name, how it is read, and a window, None for all of it."""
+    """Source of a clip: a file or a built-in clip's name, a window (None for all), and how it is read."""
 
     name: str
     clip: str
@@ -50,8 +50,8 @@ class ClipSelection:
     """Clips of a batch: those that are named, or all that an index has in some splits.
 
     clips: files or names of built-in clips. windows: an index of clips and windows. clips_from: the folder of
-    its clips, by default its own. splits: by default all of SPLITS; both only where no clip is named. options:
-    how every clip is read.
+    its clips, by default its own. splits: by default all of SPLITS; both only where no clip is named.
+    options: how every clip is read.
     """
 
     clips: Sequence[str] = ()
