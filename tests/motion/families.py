@@ -88,7 +88,7 @@ FAMILIES: dict[str, Layout] = {
     ),
     "SMPL": Layout(
         "Pelvis,Spine1,Spine2,Spine3,Neck,-,Head",
-        "{L}_Hip,{L}_Knee,{L}_Ankle,{L}_Foot,{L}_Collar,{L}_Shoulder,{L}_Elbow,{L}_Wrist,{L}_Hand", unit=1.0,
+        "{L}_Hip,{L}_Knee,{L}_Ankle,{L}_Foot,{L}_Collar,{L}_Shoulder,{L}_Elbow,{L}_Wrist,-", unit=1.0,
     ),
 }  # fmt: skip
 """Layout of each family: names and rest poses as its files have them, on our body."""

@@ -10,7 +10,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
 
-ANY_ZERO_POSE_DEGREES = 20.0
+ANY_ZERO_POSE_DEGREES = 30.0
 """Of joints whose twist nothing but the motion tells: the mean over a short walk is not the rest pose."""
 
 

@@ -1,6 +1,7 @@
 """Animation in glTF files: what the exporter writes comes back, and the walk of a foreign character too."""
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,8 @@ from uvcloth.motion.gltf import read_gltf_motion
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.options import MotionOptions
 
-CESIUM_MAN = Path(__file__).parents[3] / "shared" / "characters" / "CesiumMan.glb"
+MOCAP = Path(os.environ.get("UVCLOTH_MOCAP", Path(__file__).parents[3] / "shared" / "mocap"))
+CESIUM_MAN = MOCAP.parent / "characters" / "CesiumMan.glb"
 CESIUM_ROLES = {
     "hips": "Skeleton_torso_joint_1", "middle_spine": "Skeleton_torso_joint_2",
     "upper_spine": "torso_joint_3", "head": "Skeleton_neck_joint_2",
@@ -37,7 +39,11 @@ def write_motion(clip: Clip, path: Path) -> None:
     _, first = add_skeleton(document, clip.skeleton)
     times = np.arange(len(clip), dtype=np.float32) / np.float32(clip.fps)
     animate_skeleton(
-        document, clip.skeleton, first, clip.transforms(), document.array(times, "SCALAR", bounds=True)
+        document,
+        clip.skeleton,
+        first,
+        clip.transforms().numpy(),
+        document.array(times, "SCALAR", bounds=True),
     )
     document.write(path)
 

@@ -47,7 +47,8 @@ class Gltf:
             raise InputError(f"{self.path}: accessor {accessor} reaches beyond the end of its buffer")
         values = np.ndarray((count, width), kind, buffer, start, (step, kind.itemsize))
         if entry.get("normalized"):
-            return np.maximum(values / np.iinfo(kind).max, -1.0)
+            largest = 2 ** (8 * kind.itemsize - (kind.kind == "i")) - 1
+            return np.maximum(values / largest, -1.0)
         return values.astype(kind.newbyteorder("="))
 
     def _buffer(self, index: int) -> bytes:

@@ -131,7 +131,7 @@ def _chain(node: int, above: dict[int, int]) -> list[int]:
 
 
 def _parents_first(nodes: list[int], above: dict[int, int]) -> list[int]:
-    return sorted(nodes, key=lambda node: len(_chain(node, above)))
+    return sorted(nodes, key=lambda node: [*reversed(_chain(node, above)), node])
 
 
 def _joint_above(node: int, above: dict[int, int], number: dict[int, int]) -> int:

@@ -80,7 +80,7 @@ def load_source(path_or_name: str | Path, body: Body, options: MotionOptions = D
 
 
 def clip_roles(clip: Clip, options: MotionOptions = DEFAULTS) -> dict[str, int]:
-    """Joint of each role that a clip's joints play by name or by the options."""
+    """Joint of each role that a clip's joints play, by name or as the options say."""
     chosen = {} if options.joints is None else read_role_map(options.joints)
     return assign_roles(clip.skeleton.names, chosen)
 

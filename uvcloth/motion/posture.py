@@ -13,6 +13,9 @@ from uvcloth.motion.roles import joint_roles
 MOST = 0.5
 """Share of the frames in which a motion has to be as it should."""
 
+HEAD_HEIGHT = 0.6
+"""Height of the head over the feet, in lengths of a thigh, below which a person lies."""
+
 BENT = 0.25
 """Sine of the bend from which a knee is bent."""
 
@@ -48,10 +51,12 @@ def check_posture(clip: Clip, lying: bool = False) -> None:
 
 
 def _upright(positions: Tensor, roles: Mapping[str, int]) -> float:
-    hips = positions[:, [roles["left_thigh"], roles["right_thigh"]], 2].mean(1)
-    feet = positions[:, [roles["left_foot"], roles["right_foot"]], 2].mean(1)
-    head = positions[:, roles.get("head", roles["left_upper_arm"]), 2]
-    return float(((feet < hips) & (hips < head)).float().mean())
+    hips = positions[:, [roles["left_thigh"], roles["right_thigh"]]].mean(1)
+    feet = positions[:, [roles["left_foot"], roles["right_foot"]]].mean(1)
+    head = positions[:, roles.get("head", roles["left_upper_arm"])]
+    thigh = (positions[:, roles["left_shin"]] - positions[:, roles["left_thigh"]]).norm(dim=-1)
+    in_order = (feet[:, 2] < hips[:, 2]) & (hips[:, 2] < head[:, 2])
+    return float((in_order & (head[:, 2] - feet[:, 2] > HEAD_HEIGHT * thigh)).float().mean())
 
 
 def _one_side(positions: Tensor, roles: Mapping[str, int]) -> float:

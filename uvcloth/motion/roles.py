@@ -97,15 +97,16 @@ def joint_roles(names: Iterable[str]) -> dict[str, int]:
 
 def naming_family(names: Iterable[str]) -> str:
     """Name of the family that the joints are named after, "unknown" if it is none of these."""
-    lower = [name.lower() for name in names]
-    found = (
-        family
-        for family, pattern in FAMILIES.items()
-        if any(
-            re.fullmatch(pattern, name) or re.fullmatch(pattern, name.rpartition(":")[2]) for name in lower
-        )
+    names = list(names)
+    spelled = {name.lower() for name in names} | {"".join(parts) for parts in _plain_words(names)}
+    return next(
+        (
+            family
+            for family, pattern in FAMILIES.items()
+            if any(re.fullmatch(pattern, name) for name in spelled)
+        ),
+        "unknown",
     )
-    return next(found, "unknown")
 
 
 def read_role_map(path: Path) -> dict[str, str]:
