@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from collections.abc import Sequence as List
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.progress import track
@@ -108,21 +108,26 @@ def check_rests(rests: Mapping[str, Tensor], clips: list[TrainingClip], body: Bo
 
 @dataclass(frozen=True)
 class Holdout:
-    """The choice of validation clips where the data has no index."""
+    """The choice of validation clips where the data has no index, and of the frames that teach."""
 
     holdout: int = 8
     """Every n-th clip validates and is not trained on, if the data has no index.csv."""
+    settling: int = 15
+    """First frames of a training clip that do not teach, in which cloth comes down from the rest shape; the
+    warm-up after them does. In validation none of it counts."""
 
     def __post_init__(self) -> None:
         """Raises InputError if nothing would be left to train on."""
         if self.holdout < 2:
             raise InputError(f"--holdout {self.holdout}: has to be 2 or more")
+        if self.settling < 0:
+            raise InputError(f"--settling {self.settling}: has to be 0 or more")
 
 
 def hold_out(
     clips: list[TrainingClip], chosen: Holdout, folder: Path
 ) -> tuple[list[TrainingClip], list[TrainingClip]]:
-    """Training and validation clips of a folder: as its index has it.
+    """Training and validation clips of a folder, as its index has it; the former's warm-up is cut short.
 
     Without an index every n-th validates, at least one where there are two or more. Raises InputError if the
     index leaves none of either.
@@ -140,7 +145,7 @@ def hold_out(
     training, held = (
         [r for r, own in zip(clips, splits, strict=True) if own == split] for split in TRAINING_SPLITS
     )
-    return training, held
+    return [replace(r, warm_up=min(r.warm_up, chosen.settling)) for r in training], held
 
 
 def training_data(training: list[TrainingClip], held: list[TrainingClip]) -> TrainingData:
@@ -154,11 +159,6 @@ def training_data(training: list[TrainingClip], held: list[TrainingClip]) -> Tra
     )
 
 
-def scored_frames(clip: TrainingClip) -> range:
-    """The scored frames: those after the warm-up."""
-    return range(clip.warm_up, len(clip.transforms))
-
-
 def frames_of(clips: list[TrainingClip]) -> int:
     """The number of scored frames of all clips."""
-    return sum(len(scored_frames(clip)) for clip in clips)
+    return sum(max(len(clip.transforms) - clip.warm_up, 0) for clip in clips)

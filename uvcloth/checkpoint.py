@@ -15,7 +15,7 @@ from typing import Any
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
-from torch import Tensor
+from torch import Tensor, nn
 
 from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
@@ -123,6 +123,26 @@ def load_checkpoint(folder: Path, body: Body | None = None) -> Checkpoint:
             f"body {body.name!r} has another"
         )
     return checkpoint
+
+
+def restored(
+    checkpoint: Checkpoint,
+    folder: Path,
+    config: Callable[..., Any],
+    create: Callable[[Any], Any],
+    networks: Callable[[Any], nn.Module],
+) -> Any:
+    """The method that is created of a checkpoint's config, with its weights.
+
+    config: the method's config dataclass. networks: what of the method takes the weights. Raises InputError
+    if weights and config do not fit each other.
+    """
+    try:
+        method = create(stored_config(checkpoint, config))
+        networks(method).load_state_dict(checkpoint.tensors)
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
+        raise misfit(folder, error) from error
+    return method
 
 
 def stored_config(checkpoint: Checkpoint, config: Callable[..., Any]) -> Any:

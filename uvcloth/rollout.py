@@ -57,7 +57,6 @@ class PreparedRollout:
     prepared: Any
     limits: "EdgeLimits"
     contact: "OutfitContact | None"
-    device: torch.device = CPU
 
     def frames(
         self, transforms: Iterable[Tensor], fps: float, truth: Sequence[tuple[Tensor, ...]] = ()
@@ -65,7 +64,7 @@ class PreparedRollout:
         """Predict the outfit over a motion, frame after frame; see `rollout`. One rollout at a time."""
         method, state, index = self.method, None, 0
         moves: tuple[Tensor | None, ...] = (None,) * len(self.outfit.garments)
-        for frames, body_ms in _posed(self.outfit, transforms, fps, self.device):
+        for frames, body_ms in _posed(self.outfit, transforms, fps):
             state = method.init(self.prepared, frames[:1]) if index == 0 else state
             for part in _single(frames) if method.autoregressive else [frames]:
                 begun = time.perf_counter()
@@ -86,7 +85,7 @@ class PreparedRollout:
                         frame, moves = _resolved(frame, self.contact, moves)
                     if method.autoregressive and (index < len(truth) or self.contact):
                         seen = truth[index] if index < len(truth) else frame.vertices
-                        batched = tuple(vertices[None].to(self.device) for vertices in seen)
+                        batched = tuple(vertices[None].to(raw[0].device) for vertices in seen)
                         state = method.feed_back(self.prepared, state, batched)
                     self.limits.require_whole(frame.vertices, index)
                     yield frame
@@ -103,12 +102,12 @@ def prepare_rollout(
     prepared = method.prepare(outfit, device)
     outfit = to_device(outfit, device)
     if not contact:
-        return PreparedRollout(method, outfit, prepared, EdgeLimits(outfit), None, device)
+        return PreparedRollout(method, outfit, prepared, EdgeLimits(outfit), None)
     # Training validates without contact on machines that have nothing to resolve it with.
     from uvcloth.physics.outfit_contact import OutfitContact
 
     resolver = OutfitContact(outfit.body, [garment.mesh for garment in outfit.garments])
-    return PreparedRollout(method, outfit, prepared, EdgeLimits(outfit), resolver, device)
+    return PreparedRollout(method, outfit, prepared, EdgeLimits(outfit), resolver)
 
 
 def rollout(
@@ -150,7 +149,7 @@ def roll_out_together(
     Yields, frame after frame until the first of them ends, the garments (B, N, 3) m of all. outfit: on that
     device. under: (T, N, 3) m of each motion, what is worn beneath, for a method that needs it.
     """
-    streams = [_posed(outfit, motion, fps, motion.device) for motion in motions]
+    streams = [_posed(outfit, motion, fps) for motion in motions]
     state: Any = None
     index = 0
     for batches in zip(*streams, strict=False):
@@ -179,9 +178,7 @@ def _resolved(
     ), resolved.moves
 
 
-def _posed(
-    outfit: Outfit, transforms: Iterable[Tensor], fps: float, device: torch.device
-) -> Iterator[tuple[BodyFrames, float]]:
+def _posed(outfit: Outfit, transforms: Iterable[Tensor], fps: float) -> Iterator[tuple[BodyFrames, float]]:
     """The body in batches of frames, and how long posing took per frame, ms; keeps LEAD frames behind."""
     led: list[Tensor] = []
     fresh: list[Tensor] = []
@@ -195,7 +192,7 @@ def _posed(
     for index, transform in enumerate(transforms):
         if not torch.isfinite(transform).all():
             raise InputError(f"frame {index} of the motion: a joint's transform is not a finite number")
-        fresh.append(transform.to(device))
+        fresh.append(transform.to(outfit.body.mesh.vertices.device))
         led = led or fresh * LEAD
         if len(fresh) == BATCH:
             frames, spent = pose()

@@ -9,10 +9,11 @@ from torch import Tensor
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.layout import mirrored_vertices
+from uvcloth.geometry.mirror import mirror_transforms
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip_splits import Source
-from uvcloth.motion.draw_poses import draw_poses, local_angles, mirror_rotations
+from uvcloth.motion.draw_poses import draw_poses, local_angles
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.poses import PoseDatabase
 
@@ -71,7 +72,7 @@ def test_each_pose_is_the_frame_that_it_says(drawn: PoseDatabase, body: Body) ->
     assert len(flipped) > 0
     assert (flipped.clips == 0).all()
     motion = load_clip("jump", body).rotations[flipped.frames]
-    torch.testing.assert_close(flipped.rotations, mirror_rotations(motion, body.skeleton))
+    torch.testing.assert_close(flipped.rotations, mirror_transforms(motion, body.skeleton))
 
 
 def test_the_seed_decides(drawn: PoseDatabase, body: Body) -> None:
@@ -116,8 +117,8 @@ def test_fewer_frames_are_looked_at_when_asked(body: Body) -> None:
 
 def test_mirroring_twice_is_the_identity_and_keeps_distances(body: Body) -> None:
     motion = load_clip("dance", body).rotations[::10]
-    once = mirror_rotations(motion, body.skeleton)
-    torch.testing.assert_close(mirror_rotations(once, body.skeleton), motion, atol=0, rtol=0)
+    once = mirror_transforms(motion, body.skeleton)
+    torch.testing.assert_close(mirror_transforms(once, body.skeleton), motion, atol=0, rtol=0)
     assert float((once - motion).abs().max()) > 0.5
     plain, flipped = (local_angles(turns, body.skeleton) for turns in (motion, once))
     torch.testing.assert_close(
@@ -153,7 +154,7 @@ def partner_names(names: tuple[str, ...]) -> tuple[str, ...]:
 def test_the_mirrored_pose_is_the_mirrored_body(body: Body) -> None:
     even, partners = symmetric(body)
     poses = draw_poses(SOURCES[:1], body, always, mirror=False)
-    flipped = replace(poses, rotations=mirror_rotations(poses.rotations, body.skeleton))
+    flipped = replace(poses, rotations=mirror_transforms(poses.rotations, body.skeleton))
     plain, mirrored = (
         skin(even.mesh.vertices, even.weights, some.transforms(even.skeleton)) for some in (poses, flipped)
     )
@@ -175,7 +176,7 @@ def test_the_mirrored_pose_is_the_mirrored_body(body: Body) -> None:
 def test_sides_are_known_by_the_names_of_joints(names: tuple[str, ...]) -> None:
     rotations = torch.eye(3).repeat(1, 6, 1, 1) * torch.arange(1.0, 7.0)[:, None, None]
     skeleton = Skeleton(names, (-1, 0, 0, 0, 0, 0), torch.zeros(6, 3))
-    order = mirror_rotations(rotations, skeleton)[0, :, 0, 0].tolist()
+    order = mirror_transforms(rotations, skeleton)[0, :, 0, 0].tolist()
     swapped = [1.0, 2.0, 3.0, 5.0, 4.0, 6.0] if "root" in names else [1.0, 2.0, 4.0, 3.0, 6.0, 5.0]
     assert order == swapped
 
@@ -189,4 +190,4 @@ def test_what_is_wrong_is_named(body: Body) -> None:
         draw_poses(SOURCES, body, lambda vertices: False)
     lonely = Skeleton(("Hips", "LeftArm"), (-1, 0), torch.zeros(2, 3))
     with pytest.raises(InputError, match="joint LeftArm: the skeleton has no RightArm"):
-        mirror_rotations(torch.eye(3).repeat(1, 2, 1, 1), lonely)
+        mirror_transforms(torch.eye(3).repeat(1, 2, 1, 1), lonely)

@@ -1,5 +1,6 @@
 """Planning, keeping apart, and the sequence file."""
 
+from concurrent.futures import CancelledError
 from dataclasses import asdict, replace
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from dask.distributed import LocalCluster
 from rich.progress import Progress
 
 from rasterize.archive import load_arrays, save_arrays
@@ -240,3 +242,20 @@ def test_places_and_numbers_that_cannot_be_are_refused(body: Body, tmp_path: Pat
     nowhere = Workers(scheduler="nowhere")
     with pytest.raises(InputError, match="--scheduler nowhere: no dask scheduler answers there"):
         simulate_batch(ClipSelection(["walk"]), [["tops"]], tmp_path / "out", body, workers=nowhere)
+
+
+def lost(*_: object) -> None:
+    raise CancelledError
+
+
+def test_a_worker_that_is_lost_is_reported(
+    body: Body, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(batch, "_simulate_job", lost)
+    cluster = LocalCluster(
+        processes=False, n_workers=1, threads_per_worker=1, dashboard_address="localhost:0"
+    )
+    with cluster:
+        workers = Workers(scheduler=cluster.scheduler_address)
+        with pytest.raises(InputError, match=r"walk: the process that simulated it has ended .* run the com"):
+            simulate_batch(ClipSelection(["walk"]), [["tops"]], tmp_path, body, workers=workers)

@@ -65,3 +65,11 @@ def test_without_an_index_every_nth_clip_chooses(data: Path, body: Body) -> None
     assert training_data(clips[:1], []).clips == {"train": {"clip0": ""}, "validation": {}}
     with pytest.raises(InputError, match="--holdout 1: has to be 2 or more"):
         Holdout(1)
+
+
+def test_the_warm_up_teaches_but_for_its_beginning_and_validates_never(data: Path, body: Body) -> None:
+    clips = load_training_clips(data, ("tops", "bottoms"), body)
+    for settling, left_out in ((0, 0), (1, 1), (15, 3)):
+        training, held = hold_out(clips, Holdout(settling=settling), data)
+        assert {r.warm_up for r in training} == {left_out}
+        assert {r.warm_up for r in held} == {3}

@@ -17,6 +17,7 @@ from train.clips import (
     load_training_clips,
     training_data,
 )
+from train.mirror import mirror_clips
 from train.operators import Operator, differences, sampling
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.loading import load_garment_for_data
@@ -121,10 +122,12 @@ class GarmentDataset:
         body: Body | None = None,
         frames: int | None = None,
         device: torch.device = CPU,
+        mirror: bool = False,
     ) -> None:
         """Read the data and put it on the device.
 
-        frames: train on the first so many only, clip after clip, None for all.
+        frames: train on the first so many only, clip after clip, None for all. mirror: and on their mirror
+        images.
 
         Raises InputError if it lacks the garment or what is worn under it, or is of another garment or body.
         """
@@ -146,8 +149,10 @@ class GarmentDataset:
         self.data = training_data(training, held)
         self.device, self.clips = device, held
         maps = config.maps(garment, self.body, under)
-        rows = load_rows(training, garment.name, config.under, maps)
-        rows = replace(rows, samples=rows.samples[:frames])
+        images = mirror_clips(training, self.body, [g for g in (garment, under) if g]) if mirror else []
+        rows = load_rows([*training, *images], garment.name, config.under, maps)
+        counted = rows.samples.view(2 if images else 1, -1)[:, :frames]
+        rows = replace(rows, samples=counted.flatten())
         self.rows: Rows = to_device(rows, device)
         self.held: Rows = to_device(load_rows(held, garment.name, config.under, maps), device)
         self.maps: GarmentMaps = to_device(maps, device)
@@ -161,9 +166,12 @@ class GarmentDataset:
         )
         self.sample: Operator = to_device(sampling(maps.pixels, maps.shares, 4 * config.size**2), device)
         self.skin = BodySurface(self.body.mesh.vertices.to(device), self.body.mesh.faces.to(device))
-        self.frames = len(self.rows.samples)
+        self.frames = counted.shape[1]
+        also = ", and their mirror images" if images else ""
+        if mirror and not images:
+            also = f"; {garment.name} is not symmetric, without their mirror images"
         Console().print(
-            f"{self.frames} training frames of {len(training)} clips, "
+            f"{self.frames} training frames of {len(training)} clips{also}; "
             f"{frames_of(held)} validation frames ({', '.join(r.clip for r in held)})"
         )
 

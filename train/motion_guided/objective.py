@@ -55,6 +55,8 @@ class MotionGuidedLosses(Holdout):
     """Error of the predicted codes (paper: 1, with errors of vertices summed)."""
     steady: float = 1.0
     """Error of the change since the frame before, beside that of the vertices: less jitter (paper: 0)."""
+    mirror: bool = True
+    """Train on the mirror images of the clips too, if the garment is symmetric (paper: no)."""
     still: bool = True
     """Train on the virtual sample too of which nothing changes: E_t = 0."""
     past: Literal["own", "true"] = "own"

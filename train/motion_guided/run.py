@@ -17,8 +17,8 @@ from train.motion_guided.objective import (
 )
 from train.trainer import TrainerEntry
 from uvcloth.bodies.body import load_body
-from uvcloth.methods.motion_guided import config
 from uvcloth.methods.motion_guided.config import MotionGuidedConfig
+from uvcloth.methods.motion_guided.method import ENTRY as METHOD
 
 LOOPS: dict[str, LoopConfig] = {
     "fast": LoopConfig(steps=300, average=0.99, validate_every=25, keep="last"),
@@ -36,7 +36,7 @@ SHAPE_LOOPS: dict[str, LoopConfig] = {
 
 LOSSES: dict[str, MotionGuidedLosses] = {
     "fast": MotionGuidedLosses(),
-    "paper": MotionGuidedLosses(steady=0.0, past="true", unroll=1),
+    "paper": MotionGuidedLosses(steady=0.0, mirror=False, past="true", unroll=1),
     "tiny": MotionGuidedLosses(),
 }
 
@@ -76,7 +76,15 @@ class MotionGuidedRun:
         if not self.resume:
             check_run(self.out, resume=False)
         body = load_body(self.body) if self.body else None
-        dataset = GarmentDataset(self.network, self.losses, self.data, body, self.frames, training_device())
+        dataset = GarmentDataset(
+            self.network,
+            self.losses,
+            self.data,
+            body,
+            self.frames,
+            training_device(),
+            mirror=self.losses.mirror,
+        )
         if not second_began:
             fit(ShapeObjective(dataset, self.losses), first, self.shape, resume=self.resume)
         objective = DynamicsObjective(dataset, self.losses, load_shape_space(first, dataset.config))
@@ -92,6 +100,6 @@ ENTRY = TrainerEntry(
             "loop": LOOPS[name],
             "shape": SHAPE_LOOPS[name],
         }
-        for name, network in config.PRESETS.items()
+        for name, network in METHOD.presets.items()
     },
 )

@@ -18,6 +18,7 @@ from train.trainer import TrainerEntry
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
+from uvcloth.methods.pbns.method import ENTRY as METHOD
 from uvcloth.methods.pbns.network import PBNSConfig
 
 LOOPS: dict[str, LoopConfig] = {
@@ -80,19 +81,19 @@ ENTRY = TrainerEntry(
     PBNSRun,
     {
         "default": {
-            "network": PBNSConfig(),
+            "network": METHOD.presets["default"],
             "material": ClothMaterial(),
             "attachment": AttachmentConfig(),
             "loop": LOOPS["default"],
         },
         "paper": {
-            "network": PBNSConfig(influences=99),
+            "network": METHOD.presets["paper"],
             "material": ClothMaterial(collision=25.0, thickness=0.004, pin=1000.0, plane="vertex"),
             "attachment": AttachmentConfig(weights="closest"),
             "loop": LOOPS["paper"],
         },
         "tiny": {
-            "network": PBNSConfig(width=16, layers=2),
+            "network": METHOD.presets["tiny"],
             "material": ClothMaterial(),
             "attachment": AttachmentConfig(),
             "loop": LOOPS["tiny"],

@@ -10,8 +10,8 @@ from train.loop import LoopConfig, check_run, fit, training_device
 from train.physxnet.objective import Losses, PhysXNetObjective
 from train.trainer import TrainerEntry
 from uvcloth.bodies.body import load_body
-from uvcloth.methods.physxnet import config
 from uvcloth.methods.physxnet.config import PhysXNetConfig
+from uvcloth.methods.physxnet.method import ENTRY as METHOD
 
 LOSSES: dict[str, Losses] = {
     "default": Losses(),
@@ -60,6 +60,6 @@ ENTRY = TrainerEntry(
     PhysXNetRun,
     {
         name: {"network": network, "losses": LOSSES[name], "loop": LOOPS[name]}
-        for name, network in config.PRESETS.items()
+        for name, network in METHOD.presets.items()
     },
 )

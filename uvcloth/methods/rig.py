@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.rotations import to_axis_angles
 from uvcloth.geometry.skeleton import local_rotations
 
 
@@ -49,11 +50,8 @@ def pose_vectors(parents: Sequence[int], transforms: Tensor) -> Tensor:
     Three numbers per joint: the axis-angle of its rotation relative to its parent, radians, and in place of
     the root's, which would tell north from south, the direction of gravity in the root's axes.
     """
-    from kornia.geometry.conversions import rotation_matrix_to_axis_angle
-
     turns = transforms[..., :3]
-    local = local_rotations(parents, turns)
-    vectors = rotation_matrix_to_axis_angle(local.reshape(-1, 3, 3)).view(*turns.shape[:2], 3)
+    vectors = to_axis_angles(local_rotations(parents, turns))
     down = turns.new_tensor([0.0, 0.0, -1.0])
     root = torch.tensor([parent < 0 for parent in parents], device=turns.device)
     return torch.where(root[:, None], turns.mT @ down, vectors).flatten(1)

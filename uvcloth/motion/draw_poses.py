@@ -9,6 +9,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.geometry.mirror import mirror_transforms
 from uvcloth.geometry.rotations import to_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, local_rotations
 from uvcloth.geometry.skinning import skin
@@ -18,9 +19,6 @@ from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase, rest_hash
 
 CANDIDATES_AT_ONCE = 256
 """Candidates that are compared at once with the poses drawn before, and with one another."""
-
-SIDE_PREFIXES = (("Left", "Right"), ("left", "right"), ("L", "R"))
-"""Beginnings of joint names on either side, after a prefix like "mixamorig:"."""
 
 
 def draw_poses(
@@ -76,32 +74,6 @@ def local_angles(rotations: Tensor, skeleton: Skeleton) -> Tensor:
     return to_axis_angles(local_rotations(skeleton.parents, rotations)[:, 1:]).flatten(1)
 
 
-def mirror_rotations(rotations: Tensor, skeleton: Skeleton) -> Tensor:
-    """World rotations (B, J, 3, 3) of the pose mirrored across x = 0: left and right joints change places.
-
-    Raises InputError naming a joint whose counterpart the skeleton lacks.
-    """
-    names = skeleton.names
-    counterparts = [_counterpart(name, names) for name in names]
-    flip = torch.tensor([-1.0, 1.0, 1.0]).to(rotations)
-    return rotations[:, counterparts] * flip[:, None] * flip
-
-
-def _counterpart(name: str, names: tuple[str, ...]) -> int:
-    """Index of the joint on the other side, or of the joint itself if it is on neither."""
-    prefix, colon, plain = name.rpartition(":")
-    for left, right in (*SIDE_PREFIXES, *(side[::-1] for side in SIDE_PREFIXES)):
-        rest = plain.removeprefix(left)
-        # "L" begins LowerBack as well as LThumb.
-        if rest == plain or not (rest[:1].isupper() or rest.startswith("_")):
-            continue
-        other = f"{prefix}{colon}{right}{rest}"
-        if other not in names:
-            raise InputError(f"joint {name}: the skeleton has no {other} to mirror it to (use --no-mirror)")
-        return names.index(other)
-    return names.index(name)
-
-
 def _candidates(
     sources: Sequence[Source], body: Body, mirror: bool, every: int, progress: Progress
 ) -> PoseDatabase:
@@ -114,7 +86,7 @@ def _candidates(
         motion = load_clip(source.file, body).rotations[::every]
         frames = every * torch.arange(len(motion))
         for mirrored in (False, True) if mirror and source.split == "train" else (False,):
-            rotations.append(mirror_rotations(motion, body.skeleton) if mirrored else motion)
+            rotations.append(mirror_transforms(motion, body.skeleton) if mirrored else motion)
             same = torch.tensor([index, mirrored, split]).expand(len(motion), 3)
             labels.append(torch.cat([frames[:, None], same], dim=1))
         progress.advance(bar)

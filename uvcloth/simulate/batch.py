@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
@@ -33,6 +34,14 @@ from uvcloth.simulate.plan import ClipSelection, Job, batch_sources, plan
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
 from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
+
+UNWATCHED = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "1s",
+    "distributed.admin.system-monitor.interval": "10s",
+    "distributed.admin.system-monitor.gil.enabled": False,
+}
+"""Settings of dask that keep it from watching its workers many times a second, on the cores that simulate."""
 
 JOBS_PER_CORE = 2
 """Simulations that are submitted per core: one runs, one waits."""
@@ -108,17 +117,22 @@ def simulate_batch(
 
 
 def _simulate_all(todo: Sequence[Job], body: Body, engine: Engine, workers: Workers) -> None:
-    """Simulate in order, as many at a time as there are cores, and keep each sequence as it is done."""
+    """Simulate in order, as many at a time as there are cores, and keep each sequence as it is done.
+
+    Raises InputError without dask, and if a worker is lost.
+    """
     try:
-        from dask.distributed import LocalCluster, as_completed
+        import dask
+        from dask.distributed import KilledWorker, LocalCluster, as_completed
     except ModuleNotFoundError as error:
         raise InputError("simulating needs dask and Newton: install uvcloth[simulate]") from error
     with ExitStack() as stack:
+        stack.enter_context(dask.config.set(UNWATCHED))
         cluster: Any = workers.scheduler
         if cluster is None:
             count = min(workers.jobs or os.cpu_count() or 1, len(todo))
             cluster = LocalCluster(
-                n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=50
+                n_workers=count, threads_per_worker=1, dashboard_address="localhost:0", silence_logs=50
             )
             stack.callback(_close, cluster)
         client = stack.enter_context(_connect(cluster))
@@ -142,7 +156,13 @@ def _simulate_all(todo: Sequence[Job], body: Body, engine: Engine, workers: Work
         submit()
         for future in running:
             job = waiting.pop(future)
-            sequences, reason = future.result()
+            try:
+                sequences, reason = future.result()
+            except (CancelledError, KilledWorker) as error:
+                raise InputError(
+                    f"{job.motion.name}: the process that simulated it has ended or was not heard of for too "
+                    "long; what is finished is kept, run the command again to go on"
+                ) from error
             progress.advance(bar, _frames(job) - len(sequences[0].vertices))
             for sequence, target in zip(sequences, job.targets, strict=True):
                 progress.console.print(_store(sequence, reason, target), soft_wrap=True)

@@ -11,7 +11,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.frames import BodyFrames
-from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, misfit, stored_config
+from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, restored
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.mesh import laplacian
@@ -260,11 +260,7 @@ def load_motion_guided(checkpoint: Checkpoint, folder: Path) -> MotionGuided:
             f"{folder}: holds the first stage alone, the shape space; "
             "train on with `python -m train motion_guided --resume`"
         )
-    try:
-        method = MotionGuided.untrained(stored_config(checkpoint, MotionGuidedConfig))
-        Both(method).load_state_dict(checkpoint.tensors)
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise misfit(folder, error) from error
+    method: MotionGuided = restored(checkpoint, folder, MotionGuidedConfig, MotionGuided.untrained, Both)
     return replace(method, topology=str(checkpoint.notes.get("garment_topology", "")))
 
 

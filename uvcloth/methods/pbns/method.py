@@ -222,4 +222,10 @@ def _require_fit(network: PBNSNetwork, garments: RestOutfit) -> None:
     network.blend_weights()
 
 
-ENTRY = MethodEntry(PBNSConfig(), PBNS.untrained, load=load_pbns)
+PRESETS: dict[str, PBNSConfig] = {
+    "default": PBNSConfig(),
+    "paper": PBNSConfig(influences=99),
+    "tiny": PBNSConfig(width=16, layers=2),
+}
+
+ENTRY = MethodEntry(PBNSConfig(), PBNS.untrained, PRESETS, load_pbns)

@@ -97,10 +97,6 @@ class PBNSNetwork(nn.Module):
         """Deformation dT of the rest shape, f_X(theta) D (paper eq. 2): (B, 3 J) -> (B, U, 3), m."""
         return (self.embed(poses) @ self.shapes).view(len(poses), -1, 3)
 
-    def blend_shapes(self) -> Tensor:
-        """The PSD matrix D: (width, N, 3), m."""
-        return self.shapes.view(len(self.shapes), -1, 3)[:, self.owner]
-
     def blend_weights(self) -> Tensor:
         """(N, J), rows sum to one; no row has more than the config's influences."""
         return self.unique_weights()[self.owner]

@@ -10,7 +10,7 @@ from torch import Tensor
 from rasterize.bake import scatter_map
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import HISTORY, BodyFrames
-from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, misfit, stored_config
+from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, restored
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.records import to_device
@@ -206,12 +206,7 @@ def template_mesh(name: str, outfit: Outfit) -> Mesh:
 
 def load_physxnet(checkpoint: Checkpoint, folder: Path) -> PhysXNet:
     """The trained method of a checkpoint. Raises InputError if weights and config do not fit each other."""
-    try:
-        method = PhysXNet.untrained(stored_config(checkpoint, PhysXNetConfig))
-        method.net.load_state_dict(checkpoint.tensors)
-    except (KeyError, TypeError, ValueError, RuntimeError) as error:
-        raise misfit(folder, error) from error
-    return method
+    return restored(checkpoint, folder, PhysXNetConfig, PhysXNet.untrained, lambda method: method.net)
 
 
 def physxnet_checkpoint(
