@@ -1,4 +1,4 @@
-"""The `uvcloth` command: body, simulate, data, maps, fit, rollout, view, poses, export, demo.
+"""The `uvcloth` command: body, motion, simulate, data, maps, fit, rollout, view, poses, export, demo.
 
 Heavy modules are imported by the subcommand that needs them, so that `uvcloth --help` answers at once.
 """
@@ -14,6 +14,7 @@ from tyro.conf import OmitArgPrefixes, Positional, arg, subcommand
 from rasterize.atomic import make_folder
 from rasterize.command import run_command
 from rasterize.errors import InputError
+from uvcloth.motion.options import MotionOptions
 
 if TYPE_CHECKING:
     from uvcloth.commands.view import LiveAudience
@@ -75,11 +76,30 @@ class MakeBody:
 
 
 @dataclass(frozen=True)
+class Motion:
+    """Say what a motion file is and how it is understood, and draw stick figures of it."""
+
+    file: Positional[Annotated[str, arg(metavar="FILE|NAME")]]
+    """A motion file (BVH, glTF) or the name of a built-in clip."""
+    out: Path = Path("motion.png")
+    """The picture to write."""
+    body: BodyFile = None
+    """A body made by `uvcloth body`."""
+    options: OmitArgPrefixes[MotionOptions] = field(default_factory=MotionOptions)
+
+    def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
+        from uvcloth.commands.motion import describe
+
+        describe(self.file, self.out, self.options, self.body)
+
+
+@dataclass(frozen=True)
 class Simulate:
     """Simulate garments over clips with a cloth engine; a rerun continues with what is missing."""
 
     clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]]
-    """Motion files (BVH) or names of built-in clips."""
+    """Motion files (BVH, glTF) or names of built-in clips."""
     out: Path
     """Folder for the sequences, one npz per clip and garment."""
     garment: Garments = ("tops", "bottoms", "dress")
@@ -109,6 +129,7 @@ class Simulate:
     repeat: bool = False
     """Simulate each window from a start 20 frames earlier, into OUT/repeat: how far two simulations of
     the same motion differ, which evaluation prints as the repeatability floor."""
+    options: OmitArgPrefixes[MotionOptions] = field(default_factory=MotionOptions)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
@@ -119,7 +140,7 @@ class Simulate:
         from uvcloth.simulate.plan import ClipSelection
 
         simulate_batch(
-            ClipSelection(self.clips, self.windows, self.clips_from, self.split),
+            ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options),
             outfits=[self.garment] if self.layered else [(name,) for name in self.garment],
             out=self.out,
             body=load_body(self.body),
@@ -213,7 +234,7 @@ class Rollout:
     """Move garments over a motion and write a file that engines and DCCs open."""
 
     motion: str
-    """A motion file (BVH) or the name of a built-in clip."""
+    """A motion file (BVH, glTF) or the name of a built-in clip."""
     garment: Garments
     """Templates (tops, bottoms, dress, shirt) or garment files, the innermost first; contact keeps each out
     of the body and off what is beneath."""
@@ -252,6 +273,7 @@ class Rollout:
     """What everything runs on."""
     threads: Annotated[int, arg(metavar="N")] = 1
     """Of the processor; on a loaded machine several are slower than one."""
+    options: OmitArgPrefixes[MotionOptions] = field(default_factory=MotionOptions)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
@@ -274,6 +296,7 @@ class Rollout:
                 preview=self.preview,
                 keep_going=self.keep_going,
                 audience=audience,
+                options=self.options,
             )
             print("\n".join(summary.lines()), flush=True)
 
@@ -381,7 +404,7 @@ class Export:
     """pbns as it ships (a shirt over trousers), or a folder written by `python -m train pbns`."""
     out: Path
     """What to write: .glb, .usdc or .usd."""
-    motion: Annotated[str | None, arg(metavar="BVH|NAME", help_behavior_hint="(default: the rig alone)")] = (
+    motion: Annotated[str | None, arg(metavar="FILE|NAME", help_behavior_hint="(default: the rig alone)")] = (
         None
     )
     """A motion file or the name of a built-in clip. Without one, the pose embedding is written beside the rig
@@ -392,6 +415,7 @@ class Export:
     """The body that the model was trained on."""
     with_body: bool = True
     """Write the body too."""
+    options: OmitArgPrefixes[MotionOptions] = field(default_factory=MotionOptions)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
@@ -404,6 +428,7 @@ class Export:
             shapes=self.shapes,
             body_file=self.body,
             with_body=self.with_body,
+            options=self.options,
         )
         print("\n".join(exported.lines()))
 
@@ -424,6 +449,7 @@ class Demo:
 
 Command = (
     Annotated[View, subcommand("view")]
+    | Annotated[Motion, subcommand("motion")]
     | Annotated[Fit, subcommand("fit")]
     | Annotated[Rollout, subcommand("rollout")]
     | Annotated[MakeBody, subcommand("body")]
@@ -442,9 +468,11 @@ def main() -> int:
 
 
 def _run() -> None:
-    command: MakeBody | Simulate | Data | Maps | Fit | Rollout | View | Poses | Export | Demo = tyro.cli(
-        Command,
-        prog="uvcloth",
-        description=DESCRIPTION,
+    command: MakeBody | Motion | Simulate | Data | Maps | Fit | Rollout | View | Poses | Export | Demo = (
+        tyro.cli(
+            Command,
+            prog="uvcloth",
+            description=DESCRIPTION,
+        )
     )
     command.run()
