@@ -9,6 +9,7 @@ from rasterize.exr import write_png
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.fit import fit
+from uvcloth.garments.garment import Garment
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.pieces import split
 from uvcloth.geometry.mesh import Mesh
@@ -37,7 +38,8 @@ def examine(
             raise
         draw_worn([error.mesh], body, picture)
         raise InputError(f"{error} ({picture} shows it)") from error
-    lines, garments = fitted.diagnosis.lines(), (fitted.garment,)
+    lines = fitted.diagnosis.lines()
+    garments: tuple[Garment, ...] = (fitted.garment,)
     if fitted.diagnosis.components > 1:
         garments = split(fitted.garment.name, fitted.garment.mesh, body, template)
     if len(garments) > 1:

@@ -125,6 +125,9 @@ class Pictures:
                     self._sheet.append(picture)
             self._frame += 1
 
+    def hide(self, faces: Tensor) -> None:
+        """Do nothing: the frames are drawn already."""
+
     def finish(self, path: Path) -> None:
         """Write what was drawn. Raises OSError if the disk is full."""
         if self._video is not None:

@@ -1,10 +1,12 @@
 """Frames of an animation on disk, until all of them are there and a file can be made of them."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import IO
 
 import numpy as np
+from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.export.animation import Animation
@@ -36,6 +38,14 @@ class Spool:
         for stream, values in zip(self._streams, (*vertices, transforms), strict=True):
             stream.write(np.ascontiguousarray(values).data)
         self._frames += len(transforms)
+
+    def hide(self, faces: Tensor) -> None:
+        """Leave faces of the body out: mask (F,) bool. Its vertices all stay."""
+        if self._body is not None:
+            seen, mesh = ~faces, self._body.mesh
+            shown = replace(mesh, faces=mesh.faces[seen], face_uvs=mesh.face_uvs[seen])
+            regions, sides = self._body.regions[seen], self._body.sides[seen]
+            self._body = replace(self._body, mesh=shown, regions=regions, sides=sides)
 
     def finish(self, path: Path) -> None:
         """Write the file. Raises OSError if the disk is full, and what the writer raises."""

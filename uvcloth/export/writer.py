@@ -3,7 +3,6 @@
 import shutil
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol
@@ -42,6 +41,10 @@ class Sink(Protocol):
 
     def add(self, vertices: Sequence[np.ndarray], transforms: np.ndarray) -> None:
         """Append B frames: per garment (B, N, 3) m, and (B, J, 3, 4). Raises OSError if the disk is full."""
+        ...
+
+    def hide(self, faces: Tensor) -> None:
+        """Leave out faces of the body in what is not made yet: mask (F,) bool."""
         ...
 
     def finish(self, path: Path) -> None:
@@ -94,12 +97,8 @@ class FrameWriter:
         self._frames += len(joints)
 
     def hide(self, faces: Tensor) -> None:
-        """Leave faces of the body out of the file: mask (F,) bool. Its vertices all stay."""
-        if self._body is not None:
-            seen, mesh = ~faces, self._body.mesh
-            shown = replace(mesh, faces=mesh.faces[seen], face_uvs=mesh.face_uvs[seen])
-            regions, sides = self._body.regions[seen], self._body.sides[seen]
-            self._body = replace(self._body, mesh=shown, regions=regions, sides=sides)
+        """Leave faces of the body out of the file: mask (F,) bool. Pictures are drawn before and keep them."""
+        self._sink.hide(faces)
 
     def finish(self) -> None:
         """Write the file, which appears with `close`. Raises InputError if the disk is full or no frame came.

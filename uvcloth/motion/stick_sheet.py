@@ -67,7 +67,8 @@ def _draw(picture: np.ndarray, points: Tensor, skeleton: Skeleton, roles: Mappin
     for joint, parent in enumerate(skeleton.parents):
         if parent >= 0:
             color = {"left": LEFT, "right": RIGHT}.get(side_of.get(joint, ""), MIDDLE) if roles else GREY
-            rows, columns, opacity = line_aa(down[parent], across[parent], down[joint], across[joint])
+            ends = down[parent], across[parent], down[joint], across[joint]
+            rows, columns, opacity = line_aa(*ends)  # type: ignore[no-untyped-call]
             inside = (rows >= 0) & (rows < HEIGHT) & (columns >= 0) & (columns < WIDTH)
             rows, columns, share = rows[inside], columns[inside], opacity[inside, None]
             picture[rows, columns] = (1 - share) * picture[rows, columns] + share * np.array(color)
