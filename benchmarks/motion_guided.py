@@ -34,10 +34,10 @@ from uvcloth.methods.motion_guided.config import PRESETS
 from uvcloth.methods.motion_guided.descriptor import TAPS, Forces, RelativePositions, SeedForces
 from uvcloth.methods.motion_guided.method import MotionGuided
 from uvcloth.motion.clip import Clip
+from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
 from uvcloth.rollout import rollout
 from uvcloth.simulate.cloth import join
-from uvcloth.simulate.lead_in import LeadIn
 from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.run import simulate
 

@@ -46,7 +46,18 @@ def test_help_imports_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "[]"
-    for subcommand in ("body", "simulate", "data", "maps", "fit", "rollout", "poses", "export", "demo"):
+    for subcommand in (
+        "body",
+        "motion",
+        "simulate",
+        "data",
+        "maps",
+        "fit",
+        "rollout",
+        "poses",
+        "export",
+        "demo",
+    ):
         assert subcommand in done.stdout
 
 

@@ -1,4 +1,4 @@
-"""The `uvcloth` command: body, simulate, data, maps, fit, rollout, view, poses, export, demo.
+"""The `uvcloth` command: body, motion, simulate, data, maps, fit, rollout, view, poses, export, demo.
 
 Heavy modules are imported by the subcommand that needs them, so that `uvcloth --help` answers at once.
 """
@@ -14,6 +14,7 @@ from tyro.conf import OmitArgPrefixes, Positional, arg, subcommand
 from rasterize.atomic import make_folder
 from rasterize.command import run_command
 from rasterize.errors import InputError
+from uvcloth.motion.options import MotionOptions
 
 if TYPE_CHECKING:
     from uvcloth.commands.view import LiveAudience
@@ -57,22 +58,40 @@ class Phenotype:
 
 @dataclass(frozen=True)
 class MakeBody:
-    """Make a body from phenotypes and save it as one small npz."""
+    """Make a body from phenotypes, or write the one in the package as a mesh to model on."""
 
     out: Path
-    """The npz to write."""
+    """What to write: .npz for --body of the other commands, .obj or .glb to model on (rest pose, UVs)."""
+    body: BodyFile = None
+    """A body made before, to write as another kind of file; without phenotypes."""
     phenotype: OmitArgPrefixes[Phenotype] = field(default_factory=Phenotype)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
-        from uvcloth.bodies.anny import make_body
-        from uvcloth.bodies.body import save_body
+        from uvcloth.commands.body import make
 
         chosen = {key: value for key, value in asdict(self.phenotype).items() if value is not None}
-        print("Making the body (the first time takes a minute or two) ...", flush=True)
-        body = make_body(self.out.stem, chosen)
-        save_body(body, self.out)
+        body = make(self.out, chosen, self.body)
         print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Say what a motion file is and how it is understood, and draw stick figures of it."""
+
+    file: Positional[Annotated[str, arg(metavar="FILE|NAME")]]
+    """A motion file (BVH, glTF) or the name of a built-in clip."""
+    out: Path = Path("motion.png")
+    """The picture to write."""
+    body: BodyFile = None
+    """A body made by `uvcloth body`."""
+    options: OmitArgPrefixes[MotionOptions] = field(default_factory=MotionOptions)
+
+    def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
+        from uvcloth.commands.motion import describe
+
+        describe(self.file, self.out, self.options, self.body)
 
 
 @dataclass(frozen=True)
@@ -80,7 +99,7 @@ class Simulate:
     """Simulate garments over clips with a cloth engine; a rerun continues with what is missing."""
 
     clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]]
-    """Motion files (BVH) or names of built-in clips."""
+    """Motion files (BVH, glTF) or names of built-in clips."""
     out: Path
     """Folder for the sequences, one npz per clip and garment."""
     garment: Garments = ("tops", "bottoms", "dress")
@@ -110,6 +129,7 @@ class Simulate:
     repeat: bool = False
     """Simulate each window from a start 20 frames earlier, into OUT/repeat: how far two simulations of
     the same motion differ, which evaluation prints as the repeatability floor."""
+    options: OmitArgPrefixes[MotionOptions] = field(default_factory=MotionOptions)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
@@ -120,7 +140,7 @@ class Simulate:
         from uvcloth.simulate.plan import ClipSelection
 
         simulate_batch(
-            ClipSelection(self.clips, self.windows, self.clips_from, self.split),
+            ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options),
             outfits=[self.garment] if self.layered else [(name,) for name in self.garment],
             out=self.out,
             body=load_body(self.body),
@@ -181,10 +201,11 @@ class Maps:
 
 @dataclass(frozen=True)
 class Fit:
-    """Say what a garment file is, and attach it to a body."""
+    """Say what a garment file is, and whether it lies on the body as clothes lie."""
 
     file: Positional[Path]
-    """A garment mesh worn on the body's rest pose: OBJ, PLY, GLB or STL."""
+    """A garment mesh modelled on the body's rest pose (OBJ, PLY, GLB or STL), in any unit, Y or Z up, around
+    the body's origin or standing on the floor; or clothes of MakeHuman (MHCLO with its OBJ)."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     template: Annotated[
@@ -195,18 +216,17 @@ class Fit:
     out: Annotated[Path | None, arg(metavar="OBJ", help_behavior_hint="")] = None
     """Also write the garment as it is worn: metres, Z up, as OBJ."""
 
+    picture: Annotated[Path | None, arg(metavar="PNG")] = Path("fit.png")
+    """Picture of the garment on the body, also of one that is refused for how it lies; None for none."""
+
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
-        from uvcloth.bodies.body import load_body
-        from uvcloth.garments.fit import fit
+        from uvcloth.commands.fit import examine
 
-        fitted = fit(self.file, load_body(self.body), self.template)
-        print("\n".join(fitted.diagnosis.lines()))
-        if self.out is not None:
-            from uvcloth.export.obj import save_obj
-
-            save_obj(fitted.garment.mesh, self.out)
-            print(self.out)
+        found = examine(
+            self.file, body_file=self.body, template=self.template, out=self.out, picture=self.picture
+        )
+        print("\n".join(found))
 
 
 @dataclass(frozen=True)
@@ -214,7 +234,7 @@ class Rollout:
     """Move garments over a motion and write a file that engines and DCCs open."""
 
     motion: str
-    """A motion file (BVH) or the name of a built-in clip."""
+    """A motion file (BVH, glTF) or the name of a built-in clip."""
     garment: Garments
     """Templates (tops, bottoms, dress, shirt) or garment files, the innermost first; contact keeps each out
     of the body and off what is beneath."""
@@ -228,6 +248,11 @@ class Rollout:
     """What moves the garments: physxnet (any garment), motion_guided (the dress) or pbns (bottoms tops) as
     they ship, lbs, lbs_smooth, or a folder written by `python -m train`; one for all, or one for each garment
     in order."""
+    template: Annotated[
+        tuple[Literal["tops", "bottoms", "dress", "shirt", "auto"], ...],
+        arg(metavar="NAME|auto ...", help_behavior_hint="(default: the one each covers best)"),
+    ] = ()
+    """The template whose motion a garment takes: one for all, or one for each in order."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     contact: bool = True
@@ -242,10 +267,13 @@ class Rollout:
     """Port of the live view."""
     host: Host = "localhost"
     """Address that the live view listens on; 0.0.0.0 lets other machines in."""
+    hide_skin: bool = False
+    """Leave out the faces of the body that garments cover closely in every frame."""
     device: Annotated[str, arg(metavar="cpu|cuda")] = "cpu"
     """What everything runs on."""
     threads: Annotated[int, arg(metavar="N")] = 1
     """Of the processor; on a loaded machine several are slower than one."""
+    options: OmitArgPrefixes[MotionOptions] = field(default_factory=MotionOptions)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
@@ -260,12 +288,15 @@ class Rollout:
                 self.motion,
                 self.garment,
                 self.out,
+                templates=self.template,
                 body_file=self.body,
                 contact=self.contact,
+                hide_skin=self.hide_skin,
                 device=self.device,
                 preview=self.preview,
                 keep_going=self.keep_going,
                 audience=audience,
+                options=self.options,
             )
             print("\n".join(summary.lines()), flush=True)
 
@@ -373,7 +404,7 @@ class Export:
     """pbns as it ships (a shirt over trousers), or a folder written by `python -m train pbns`."""
     out: Path
     """What to write: .glb, .usdc or .usd."""
-    motion: Annotated[str | None, arg(metavar="BVH|NAME", help_behavior_hint="(default: the rig alone)")] = (
+    motion: Annotated[str | None, arg(metavar="FILE|NAME", help_behavior_hint="(default: the rig alone)")] = (
         None
     )
     """A motion file or the name of a built-in clip. Without one, the pose embedding is written beside the rig
@@ -384,6 +415,7 @@ class Export:
     """The body that the model was trained on."""
     with_body: bool = True
     """Write the body too."""
+    options: OmitArgPrefixes[MotionOptions] = field(default_factory=MotionOptions)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
@@ -396,6 +428,7 @@ class Export:
             shapes=self.shapes,
             body_file=self.body,
             with_body=self.with_body,
+            options=self.options,
         )
         print("\n".join(exported.lines()))
 
@@ -416,6 +449,7 @@ class Demo:
 
 Command = (
     Annotated[View, subcommand("view")]
+    | Annotated[Motion, subcommand("motion")]
     | Annotated[Fit, subcommand("fit")]
     | Annotated[Rollout, subcommand("rollout")]
     | Annotated[MakeBody, subcommand("body")]
@@ -434,9 +468,11 @@ def main() -> int:
 
 
 def _run() -> None:
-    command: MakeBody | Simulate | Data | Maps | Fit | Rollout | View | Poses | Export | Demo = tyro.cli(
-        Command,
-        prog="uvcloth",
-        description=DESCRIPTION,
+    command: MakeBody | Motion | Simulate | Data | Maps | Fit | Rollout | View | Poses | Export | Demo = (
+        tyro.cli(
+            Command,
+            prog="uvcloth",
+            description=DESCRIPTION,
+        )
     )
     command.run()

@@ -49,7 +49,9 @@ def scene(monkeypatch, body):
             )
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
-    monkeypatch.setattr(animation, "load_garment", lambda name, *_: SimpleNamespace(name=name, mesh=mesh))
+    monkeypatch.setattr(
+        animation, "load_outfit", lambda names, *_: tuple(SimpleNamespace(name=n, mesh=mesh) for n in names)
+    )
     method = SimpleNamespace(
         unsupported_reason=lambda outfit: "it itches" if len(outfit.garments) > 1 else ""
     )

@@ -75,8 +75,8 @@ def test_vertices_come_back_in_the_file_s_order(suffix, tank_top, body, tmp_path
     assert torch.equal(fitted.garment.mesh.faces, torch.tensor(tank_top.faces))
     assert fitted.garment.name == "vest"
     assert fitted.garment.template == "tops"
-    assert fitted.diagnosis.unit == "m"
-    assert fitted.diagnosis.up == "Z"
+    assert fitted.diagnosis.placing.unit == "m"
+    assert fitted.diagnosis.placing.up == "Z"
     assert fitted.diagnosis.inside_share == 0
     assert fitted.diagnosis.mean_distance == pytest.approx(EASE, abs=1e-3)
     assert fitted.diagnosis.unwrapped
@@ -107,8 +107,8 @@ def test_units_and_axes_are_recognised(scale, up, shorts, skirt, tank_top, body,
             points = np.stack([points[:, 0], points[:, 2], -points[:, 1]], axis=1)
         path = written(trimesh.Trimesh(points, garment.faces, process=False), tmp_path / "garment.ply")
         fitted = fit(path, body)
-        assert {"m": 1, "dm": 10, "cm": 100, "mm": 1000}[fitted.diagnosis.unit] == scale
-        assert fitted.diagnosis.up == up
+        assert {"m": 1, "dm": 10, "cm": 100, "mm": 1000}[fitted.diagnosis.placing.unit] == scale
+        assert fitted.diagnosis.placing.up == up
         assert fitted.garment.template == template
         torch.testing.assert_close(
             fitted.garment.mesh.vertices, torch.tensor(garment.vertices).float(), atol=1e-5, rtol=0

@@ -14,7 +14,8 @@ from uvcloth.bodies.body import Body
 from uvcloth.geometry.rotations import smallest_rotation
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.retarget import joint_roles, lowest_vertex, resample, retarget
+from uvcloth.motion.retarget import lowest_vertex, resample, retarget
+from uvcloth.motion.roles import joint_roles
 
 MOCAP = Path(os.environ.get("UVCLOTH_MOCAP", Path(__file__).parents[3] / "shared" / "mocap"))
 CAPTURES = sorted((MOCAP / "cmu").glob("*.bvh"))

@@ -14,11 +14,11 @@ from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
+from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
 from uvcloth.simulate.cloth import join
 from uvcloth.simulate.engine import Scene
 from uvcloth.simulate.layers import LAYER_THICKNESS, inner_thickness
-from uvcloth.simulate.lead_in import LeadIn
 from uvcloth.simulate.run import simulate
 
 PARTS = LeadIn(rest=1, blend=2, ramp=1)

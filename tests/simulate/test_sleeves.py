@@ -14,10 +14,10 @@ from uvcloth.bodies.collider import COLLIDER_PARTS, FOREARM_PARTS, make_collider
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
+from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
 from uvcloth.simulate.cloth import join
 from uvcloth.simulate.engine import Scene
-from uvcloth.simulate.lead_in import LeadIn
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
 from uvcloth.simulate.sequence import SimulatedSequence

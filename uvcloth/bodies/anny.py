@@ -78,7 +78,7 @@ def make_body(name: str, phenotype: dict[str, float] | None = None) -> Body:
         shell_used, shell = _compact(_group_faces(group))
         proxies[proxy] = Proxy(full_vertices[shell_used], shell, full_weights[shell_used])
     mesh = Mesh(vertices, faces, skin.texture_coordinates[used_uvs].float(), face_uvs)
-    return Body(name, mesh, skeleton, weights, regions, sides, proxies)
+    return Body(name, mesh, skeleton, weights, regions, sides, proxies, base=full_vertices)
 
 
 def rig(topology: str) -> Any:

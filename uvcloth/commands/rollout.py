@@ -16,15 +16,18 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.commands.summary import Summary, Totals
 from uvcloth.export.pictures import SHEETS, sheet_interval
 from uvcloth.export.size import announce
-from uvcloth.export.writer import open_writer
+from uvcloth.export.writer import FrameWriter, open_writer
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.loading import load_garment
+from uvcloth.garments.loading import load_outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.records import CPU, to_device
 from uvcloth.methods.method import Method
 from uvcloth.methods.registry import DEFAULT, load_methods
-from uvcloth.motion.library import load_clip
+from uvcloth.motion.lead_in import pose_from_rest
+from uvcloth.motion.library import DEFAULTS, load_clip
+from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.exposure import Exposure
+from uvcloth.physics.hidden_skin import HiddenSkin
 from uvcloth.rollout import BrokenRolloutError, RolloutFrame, rollout
 
 
@@ -50,20 +53,25 @@ def animate(
     garments: Sequence[str],
     out: Sequence[Path],
     *,
+    templates: Sequence[str] = (),
     body_file: Path | None = None,
     contact: bool = True,
+    hide_skin: bool = False,
     device: str = "cpu",
     preview: bool = False,
     keep_going: bool = False,
     audience: Audience | None = None,
+    options: MotionOptions = DEFAULTS,
 ) -> Summary:
     """Roll a method out on a motion once and write every file of `out`, each as its suffix says.
 
     models: a checkpoint folder or a baseline's name for all garments, or one for each in order; none for the
     model in the package. garments: template names or mesh files, the innermost first; contact keeps each out
-    of the body and off what is beneath. device: as torch names it. preview: every third frame, in coarse
-    pictures; a contact sheet alone needs fewer. keep_going: a garment that is torn is replaced in that frame.
-    audience: is shown each frame.
+    of the body and off what is beneath. templates: whose motion they take, as `load_outfit` has it.
+    hide_skin: leave out the faces of the body that garments cover closely in every frame. device: as torch
+    names it. preview: every third frame, in coarse pictures; a contact sheet alone needs fewer. keep_going: a
+    garment that is torn is replaced in that frame. audience: is shown each frame. options: how the motion is
+    read; of one frame, a pose, the body moves into it from rest.
 
     Raises InputError for bad input or a full disk; then, as after Ctrl-C, writes nothing. Of a rollout that
     breaks the frames before it are kept, and an InputError says so.
@@ -72,12 +80,13 @@ def animate(
     body = load_body(body_file)
     report = partial(console.print, highlight=False, markup=False)
     with console.status("preparing"):
-        outfit = Outfit(body, tuple(load_garment(name, body, report) for name in garments))
-        clip = load_clip(motion, body)
+        outfit = Outfit(body, load_outfit(garments, body, report, templates))
+        clip = pose_from_rest(load_clip(motion, body, options), body)
         place = _device(device)
         method = _load(models, outfit)
         meshes = [(garment.name, garment.mesh) for garment in outfit.garments]
         exposure = Exposure(body, [mesh for _, mesh in meshes])
+        hidden = HiddenSkin(body, [mesh for _, mesh in meshes]) if hide_skin else None
     every = _interval(out, len(clip)) if preview else 1
     transforms, fps = clip.transforms(), clip.fps / every
     for path in out:
@@ -112,6 +121,8 @@ def animate(
                 totals.add(frame)
                 with totals.timed("measuring"):
                     totals.add_skin(exposure.percent(frame.vertices, frame.body_vertices), frame.index)
+                    if hidden:
+                        hidden.add(frame.vertices, frame.body_vertices)
                 with totals.timed("writing"):
                     for writer in writers:
                         writer.add(frame.vertices, frame.transforms)
@@ -123,15 +134,22 @@ def animate(
             broken = error
         # Only when every file is whole may the first of them appear.
         with totals.timed("writing"):
-            for writer in writers:
-                writer.finish()
-    written = tuple(path for writer in writers for path in writer.written)
+            written = _finish(writers, hidden)
     if broken:
         names = ", ".join(map(str, written))
         way_on = "--keep-going writes all, with linear blend skinning where a garment is torn"
         raise InputError(f"{broken}; the {totals.frames} frames before it are in {names}; {way_on}")
     vertices = sum(len(mesh.vertices) for _, mesh in meshes)
     return totals.summary(written, perf_counter() - start, vertices if contact else None, every)
+
+
+def _finish(writers: Sequence[FrameWriter], hidden: HiddenSkin | None) -> tuple[Path, ...]:
+    """Finish the files, without the hidden skin, and return their paths."""
+    for writer in writers:
+        if hidden:
+            writer.hide(hidden.faces())
+        writer.finish()
+    return tuple(path for writer in writers for path in writer.written)
 
 
 def _interval(out: Sequence[Path], frames: int) -> int:

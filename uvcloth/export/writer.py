@@ -3,6 +3,7 @@
 import shutil
 import tempfile
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol
@@ -91,6 +92,14 @@ class FrameWriter:
         except OSError as error:
             raise _cannot_write(self.path, error) from error
         self._frames += len(joints)
+
+    def hide(self, faces: Tensor) -> None:
+        """Leave faces of the body out of the file: mask (F,) bool. Its vertices all stay."""
+        if self._body is not None:
+            seen, mesh = ~faces, self._body.mesh
+            shown = replace(mesh, faces=mesh.faces[seen], face_uvs=mesh.face_uvs[seen])
+            regions, sides = self._body.regions[seen], self._body.sides[seen]
+            self._body = replace(self._body, mesh=shown, regions=regions, sides=sides)
 
     def finish(self) -> None:
         """Write the file, which appears with `close`. Raises InputError if the disk is full or no frame came.

@@ -8,43 +8,27 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.garments.judge import refuse_unworn
+from uvcloth.garments.placing import SEARCH_DISTANCE, Placing, find_placing
 from uvcloth.geometry.mesh import Mesh, face_normals, weld
 from uvcloth.physics.surface import BodySurface, SurfacePoints
-
-UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
-"""Metres in one unit of a file."""
-
-Y_UP = torch.tensor([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""Rotation from Y up, facing +Z, to Z up, facing -Y."""
-
-SMALLEST, LARGEST = 0.12, 1.2
-"""Diagonals of what can be a garment, in body diagonals: a decade, so that only one unit fits a size."""
-
-MAX_BODY_DISTANCE = 0.3
-"""Metres from the body to the nearest and to the mean vertex beyond which a garment is not worn."""
-
-ENGULFED_SHARE = 0.95
-"""Share of vertices inside the body above which a garment counts as wholly inside it."""
-
-REST_SEARCH_DISTANCE = 10.0
-"""Metres within which the closest body point is sought at rest."""
 
 
 @dataclass(frozen=True)
 class Diagnosis:
     """Findings about a garment file; counts of faces that were dropped or turned are of the file's triangles.
 
-    unit: of the file. up: its up axis, "Y" or "Z". components: pieces, UV seams taken as joined.
+    placing: of the file's frame in the body's, None where it is bound to the body.
+    components: pieces, UV seams taken as joined.
     inside_share: fraction of vertices inside the body. mean_distance, max_distance: metres to the skin.
     ray_misses: vertices whose ray misses the body, so that the closest point says what part they cover.
-    unwrapped: whether texture coordinates were made.
+    unwrapped: whether texture coordinates were made. depth: layer that the file names, larger is farther out.
     """
 
     path: Path
     vertices: int
     faces: int
-    unit: str
-    up: str
+    placing: Placing | None
     components: int
     duplicate_faces: int
     degenerate_faces: int
@@ -56,14 +40,14 @@ class Diagnosis:
     ray_misses: int = 0
     unwrapped: bool = False
     template: str = ""
+    depth: int = 0
 
     def lines(self) -> list[str]:
         """Text of the diagnosis, one finding a line; what is as expected is left out."""
-        turned = "" if (self.unit, self.up) == ("m", "Z") else ", converted to metres, Z up"
         pieces = "1 piece" if self.components == 1 else f"{self.components} separate pieces"
         found = [
             f"{self.path}: {self.vertices} vertices, {self.faces} triangles, {pieces}",
-            f"  unit {self.unit}, {self.up} up{turned}",
+            f"  {self.placing.text() if self.placing else 'bound to the body, whatever its shape'}",
             f"  {1000 * self.mean_distance:.1f} mm from the skin on average, at most "
             f"{1000 * self.max_distance:.0f} mm; {100 * self.inside_share:.1f} % of the vertices inside it",
         ]
@@ -83,81 +67,52 @@ class Diagnosis:
         return found
 
 
-def diagnose(path: Path, mesh: Mesh, body: Body) -> tuple[Mesh, Diagnosis]:
+def diagnose(path: Path, mesh: Mesh, body: Body, bound: bool = False) -> tuple[Mesh, Diagnosis]:
     """Examine a mesh as read from a file; returns it in metres and Z up, every face once and facing outward.
 
-    Raises InputError naming the path and the reason if it cannot be worn: its size fits in no unit, it is
-    far from the body or wholly inside it, or an edge has more than two faces.
+    bound: the mesh is in the body's frame already, and stays there. Raises InputError naming the path and the
+    reason if it cannot be worn: its size fits in no unit, an edge has more than two faces, or it does not lie
+    on the body as clothes lie (then an UnwearableError).
     """
+    kept, repeated = _without_repeats(path, mesh)
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
-    unit, up, vertices = _placed(path, mesh.vertices, body, surface)
-    skin = surface.closest(vertices, REST_SEARCH_DISTANCE)
-    _refuse_unworn(path, skin.signed_distance)
-    owner = weld(vertices)
-    degenerate, duplicate, reverse = _repeated(owner[mesh.faces])
-    keep = ~(degenerate | duplicate | reverse)
-    if not bool(keep.any()):
-        raise InputError(f"{path}: the garment is empty, none of its {len(mesh.faces)} faces has an area")
-    textured = len(mesh.uvs) > 0
-    kept = Mesh(vertices, mesh.faces[keep], mesh.uvs, mesh.face_uvs[keep] if textured else mesh.face_uvs)
-    components, flipped = _orientation(path, kept, owner[kept.faces], skin)
+    placing = None if bound else find_placing(path, kept.vertices, kept.faces, body, surface)
+    vertices = placing.apply(kept.vertices, body) if placing else kept.vertices
+    kept = replace(kept, vertices=vertices)
+    skin = surface.closest(vertices, SEARCH_DISTANCE)
+    welded = weld(vertices)[kept.faces]
+    components, flipped = _orientation(path, kept, welded, skin)
     faces = torch.where(flipped[:, None], kept.faces.flip(1), kept.faces)
-    face_uvs = (
-        torch.where(flipped[:, None], kept.face_uvs.flip(1), kept.face_uvs) if textured else kept.face_uvs
-    )
+    face_uvs = torch.where(flipped[: len(kept.face_uvs), None], kept.face_uvs.flip(1), kept.face_uvs)
+    turned = replace(kept, faces=faces, face_uvs=face_uvs)
+    refuse_unworn(path, turned, welded, body, surface)
+    degenerate, duplicate, reverse = repeated
     diagnosis = Diagnosis(
         path=path,
         vertices=len(vertices),
         faces=len(mesh.faces),
-        unit=unit,
-        up=up,
+        placing=placing,
         components=components,
-        duplicate_faces=int(duplicate.sum()),
-        degenerate_faces=int(degenerate.sum()),
-        double_sided_faces=int(reverse.sum()),
+        duplicate_faces=duplicate,
+        degenerate_faces=degenerate,
+        double_sided_faces=reverse,
         flipped_faces=int(flipped.sum()),
         inside_share=float((skin.signed_distance < 0).float().mean()),
         mean_distance=float(skin.signed_distance.abs().mean()),
         max_distance=float(skin.signed_distance.abs().max()),
     )
-    return replace(kept, faces=faces, face_uvs=face_uvs), diagnosis
+    return turned, diagnosis
 
 
-def _placed(path: Path, points: Tensor, body: Body, surface: BodySurface) -> tuple[str, str, Tensor]:
-    """Unit, up axis and vertices (N, 3) in metres, Z up: by size and by nearness to the skin."""
-    diagonal = float((points.amax(0) - points.amin(0)).norm())
-    tallest = float((body.mesh.vertices.amax(0) - body.mesh.vertices.amin(0)).norm())
-    sizes = {unit: diagonal * metres / tallest for unit, metres in UNITS.items()}
-    unit = next((unit for unit, size in sizes.items() if SMALLEST <= size < LARGEST), None)
-    if unit is None:
-        wrong = "large" if sizes["mm"] >= LARGEST else "small"
-        raise InputError(
-            f"{path}: the garment is {diagonal:.3g} units across, too {wrong} for a body of {tallest:.1f} m "
-            "whether a unit is a metre, decimetre, centimetre or millimetre"
-        )
-    placed = {
-        up: (points * UNITS[unit] @ axes.to(points).T).float()
-        for up, axes in (("Z", torch.eye(3)), ("Y", Y_UP))
-    }
-    sample = torch.linspace(0, len(points) - 1, min(len(points), 1000)).long()
-    up = min(placed, key=lambda axis: _misfit(placed[axis][sample], surface))
-    return unit, up, placed[up]
-
-
-def _misfit(points: Tensor, surface: BodySurface) -> float:
-    """Mean distance to the skin, metres, a vertex inside counting more: cloth is worn outside."""
-    distance = surface.closest(points, REST_SEARCH_DISTANCE).signed_distance
-    return float(torch.where(distance < 0, -3 * distance, distance).mean())
-
-
-def _refuse_unworn(path: Path, distance: Tensor) -> None:
-    if float((distance < 0).float().mean()) > ENGULFED_SHARE:
-        raise InputError(f"{path}: the garment is wholly inside the body, not worn over it")
-    if float(distance.abs().min()) > MAX_BODY_DISTANCE or float(distance.abs().mean()) > MAX_BODY_DISTANCE:
-        raise InputError(
-            f"{path}: the garment is far from the body, {float(distance.abs().mean()):.2f} m on average: "
-            "it has to be worn on the body's rest pose"
-        )
+def _without_repeats(path: Path, mesh: Mesh) -> tuple[Mesh, tuple[int, int, int]]:
+    """Drop the faces that `_repeated` finds; returns also how many of each kind there were."""
+    repeated = _repeated(weld(mesh.vertices)[mesh.faces])
+    keep = ~torch.stack(repeated).any(dim=0)
+    if not bool(face_normals(mesh.vertices, mesh.faces[keep]).any()):
+        raise InputError(f"{path}: the garment is empty, none of its {len(mesh.faces)} faces has an area")
+    face_uvs = mesh.face_uvs[keep] if len(mesh.uvs) else mesh.face_uvs
+    degenerate, duplicate, reverse = (int(each.sum()) for each in repeated)
+    return replace(mesh, faces=mesh.faces[keep], face_uvs=face_uvs), (degenerate, duplicate, reverse)
 
 
 def _repeated(faces: Tensor) -> tuple[Tensor, Tensor, Tensor]:

@@ -13,7 +13,9 @@ from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.diagnose import Diagnosis, diagnose
 from uvcloth.garments.garment import Garment
+from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.meshfile import read_mesh
+from uvcloth.garments.mhclo import SUFFIX, fit_clothes
 from uvcloth.geometry.mesh import Mesh, vertex_normals, weld
 
 BODY_RAY_LENGTH = 0.3
@@ -38,32 +40,60 @@ class Fitted:
 
 
 def fit(path: Path, body: Body, template: str | None = None) -> Fitted:
-    """Fit a mesh file (OBJ, PLY, GLB, STL, ...) to a body, on whose rest pose it was modelled.
+    """Fit a file (OBJ, PLY, GLB, STL, MHCLO, ...) to a body, on whose rest pose it was modelled.
 
-    The file's vertex order and texture coordinates stay; unit and up axis are converted. template: "tops",
-    "bottoms", "dress" or "shirt", the one whose motion it takes; None chooses by the part of the body it
-    covers, found by ray casting (PhysXNet section 4.3). The closest body vertices give it its blend weights.
-    Raises InputError naming the file and the reason if it cannot be read or cannot be worn.
+    The file's vertex order and texture coordinates stay; unit, axes and origin are found by where it lies
+    best (`find_placing`). template: "tops", "bottoms", "dress" or "shirt", the one whose motion it takes;
+    None chooses by the part of the body it covers, found by ray casting (PhysXNet section 4.3). The closest
+    body vertices give it its blend weights. Raises InputError naming the file and the reason if it cannot be
+    read or cannot be worn, an UnwearableError if it does not lie as clothes lie.
+    """
+    mesh, found = read_on_body(path, body)
+    garment, missed = make_fitted(Path(path).stem, mesh, body, template)
+    return Fitted(garment, replace(found, ray_misses=missed, template=garment.template or ""))
+
+
+def read_on_body(path: Path, body: Body) -> tuple[Mesh, Diagnosis]:
+    """Read a garment file and place it on a body's rest pose; unwrap it where it has no texture coordinates.
+
+    A mesh file is placed where it lies best, MakeHuman's clothes (.mhclo) where they are bound to.
+    Raises InputError as `fit` does.
+    """
+    path = Path(path)
+    if path.suffix.lower() == SUFFIX:
+        mesh, binding = fit_clothes(path, body)
+        mesh, found = diagnose(path, mesh, body, bound=True)
+        found = replace(found, depth=binding.depth)
+    else:
+        try:
+            mesh, found = diagnose(path, read_mesh(path), body)
+        except UnwearableError as error:
+            clothes = path.with_suffix(SUFFIX)
+            if not clothes.is_file():
+                raise
+            raise UnwearableError(f"{error}; {clothes} beside it fits it to any body", error.mesh) from error
+    if len(mesh.uvs):
+        return mesh, found
+    try:
+        uvs, face_uvs = unwrap(mesh.vertices, mesh.faces)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    return replace(mesh, uvs=uvs, face_uvs=face_uvs), replace(found, unwrapped=True)
+
+
+def make_fitted(name: str, mesh: Mesh, body: Body, template: str | None) -> tuple[Garment, int]:
+    """Make a garment of a mesh that lies on a body; returns also how many of its rays missed the body.
+
+    template: as `fit` takes it. Raises InputError for an unknown template.
     """
     if template is not None and template not in DIFFUSION:
         raise InputError(f"{template}: no such template, expected one of {', '.join(DIFFUSION)}")
-    path = Path(path)
-    mesh, diagnosis = diagnose(path, read_mesh(path), body)
-    unwrapped = len(mesh.uvs) == 0
-    if unwrapped:
-        try:
-            uvs, face_uvs = unwrap(mesh.vertices, mesh.faces)
-        except InputError as error:
-            raise InputError(f"{path}: {error}") from error
-        mesh = replace(mesh, uvs=uvs, face_uvs=face_uvs)
     skirt = is_skirt(mesh, body)
     faces, missed = covered_faces(mesh, body)
     if template is None:
         template = covering_template(faces, body, skirt)
     diffusion = DIFFUSION["dress"] if skirt else DIFFUSION[template]
-    garment = make_garment(path.stem, mesh, body, diffusion, template=template)
-    found = replace(diagnosis, ray_misses=int(missed.sum()), unwrapped=unwrapped, template=template)
-    return Fitted(garment, found)
+    return make_garment(name, mesh, body, diffusion, template=template), int(missed.sum())
 
 
 def covered_faces(mesh: Mesh, body: Body) -> tuple[Tensor, Tensor]:

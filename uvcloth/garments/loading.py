@@ -1,27 +1,80 @@
 """Loading of garments by name: a template, or a mesh file that is fitted to the body."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.garments.fit import fit
+from uvcloth.garments.fit import fit, read_on_body
 from uvcloth.garments.garment import Garment
+from uvcloth.garments.mhclo import SUFFIX
+from uvcloth.garments.pieces import split
 from uvcloth.garments.templates import TEMPLATES, fit_template
+
+AUTO = "auto"
+"""In the place of a template: the one that a garment covers best."""
 
 
 def load_garment(name: str, body: Body, report: Callable[[str], None] = lambda line: None) -> Garment:
-    """Load a garment at rest on a body: the template of that name, or the mesh file at that path.
+    """Load a garment at rest on a body: the template of that name, or the file at that path as one garment.
 
     A file's garment is named by the file's stem. report: called with each line of the file's diagnosis.
     Raises InputError as `fit_template` and `fit` do.
     """
     if name in TEMPLATES:
         return fit_template(name, body)
-    fitted = fit(Path(name), body)
+    fitted = fit(_file(name), body)
     for line in fitted.diagnosis.lines():
         report(line)
     return fitted.garment
+
+
+def load_outfit(
+    names: Sequence[str],
+    body: Body,
+    report: Callable[[str], None] = lambda line: None,
+    templates: Sequence[str] = (),
+) -> tuple[Garment, ...]:
+    """Load garments worn together, the innermost first; a file that holds several gives all of them.
+
+    Where all are MakeHuman's clothes, the layers that they name decide the order. templates: whose motion the
+    garments take, one for all names or one for each, none or "auto" for the one that each covers best.
+    report: as `load_garment` has it. Raises InputError as `fit_template` and `fit` do, and where templates
+    are neither one nor as many as names.
+    """
+    if len(templates) not in (0, 1, len(names)):
+        raise InputError(
+            f"--template: {len(templates)} for {len(names)} garments, expected one, or one for each"
+        )
+    chosen = [templates[min(index, len(templates) - 1)] if templates else AUTO for index in range(len(names))]
+    loaded: list[tuple[int, tuple[Garment, ...]]] = []
+    for name, template in zip(names, chosen, strict=True):
+        if name in TEMPLATES:
+            garment = fit_template(name, body)
+            loaded.append((0, (garment if template == AUTO else replace(garment, template=template),)))
+            continue
+        path = _file(name)
+        mesh, found = read_on_body(path, body)
+        pieces = split(path.stem, mesh, body, None if template == AUTO else template)
+        for line in found.lines():
+            report(line)
+        for piece in pieces:
+            report(f"  {piece.name}: {len(piece.mesh.vertices)} vertices, worn as {piece.template}")
+        loaded.append((found.depth, pieces))
+    if all(name.lower().endswith(SUFFIX) for name in names):
+        loaded.sort(key=lambda layer: layer[0])
+    return tuple(garment for _, pieces in loaded for garment in pieces)
+
+
+def _file(name: str) -> Path:
+    """The garment file of a name. Raises InputError for a name that is neither a file's nor a template's."""
+    path = Path(name)
+    if not path.suffix and not path.exists():
+        raise InputError(
+            f"garment {name}: no such template, expected one of {', '.join(TEMPLATES)}, or a garment file"
+        )
+    return path
 
 
 def load_garment_for_data(

@@ -21,7 +21,9 @@ def read_mesh(path: Path) -> Mesh:
     """
     path = Path(path)
     if path.suffix.lower() not in EXTENSIONS:
-        raise InputError(f"{path}: a garment file ends in {', '.join(EXTENSIONS)}, not in '{path.suffix}'")
+        raise InputError(
+            f"{path}: a garment file ends in {', '.join(EXTENSIONS)} or .mhclo, not in '{path.suffix}'"
+        )
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     mesh = _read_obj(path) if path.suffix.lower() == ".obj" else _read_with_trimesh(path)
@@ -40,7 +42,7 @@ def _read_obj(path: Path) -> Mesh:
     vertices: list[list[float]] = []
     uvs: list[list[float]] = []
     corners: list[tuple[int, int]] = []
-    for number, line in enumerate(_obj_lines(path), start=1):
+    for number, line in enumerate(read_text(path), start=1):
         try:
             match line.split():
                 case ["v", x, y, z, *_]:
@@ -62,7 +64,13 @@ def _read_obj(path: Path) -> Mesh:
     return _mesh(points.reshape(-1, 3), faces[..., 0], texture if textured else None, faces[..., 1])
 
 
-def _obj_lines(path: Path) -> list[str]:
+def read_text(path: Path) -> list[str]:
+    """Read the lines of a text file, those that end in a backslash joined with the next.
+
+    Raises InputError if there is no such file or it cannot be read.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
     try:
         text = path.read_text(encoding="utf-8", errors="replace")
     except OSError as error:

@@ -9,8 +9,8 @@ import torch
 
 from rasterize.errors import InputError
 from uvcloth.geometry.rotations import from_euler
-from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
+from uvcloth.motion.hierarchy import Hierarchy, to_clip
 
 END_SITE = -2
 """Stands for an end site on the stack of open joints."""
@@ -35,8 +35,9 @@ def read_bvh(path: Path) -> Clip:
 
     The clip's rest pose is the file's all-zero pose: heads (J, 3) are the summed OFFSETs, rotations
     (T, J, 3, 3) the world rotations relative to it, each joint's own rotation being the product of its
-    channels in the listed order. translation (T, 3) is the root's path. End sites are left out, and so
-    are the position channels of joints other than the root.
+    channels in the listed order. translation (T, 3) is the root's path. Position channels stand in the place
+    of the OFFSET: those of the root and of hips below it move the person, others give a bone its mean offset.
+    End sites are left out.
 
     Raises InputError naming the file and the line, frame or joint if the file is missing, truncated,
     without frames, or holds a value that is not a finite number.
@@ -48,24 +49,33 @@ def read_bvh(path: Path) -> Clip:
         raise InputError(f"{path}: not a whole BVH file, it has no MOTION section")
     hierarchy = _parse_hierarchy(path, lines[:motion])
     values, fps = _parse_motion(path, lines, motion, hierarchy)
-    return Clip(
-        name=path.stem,
-        skeleton=_skeleton(hierarchy),
-        rotations=torch.from_numpy(_world_rotations(path, hierarchy, values).astype(np.float32)),
-        translation=torch.from_numpy(_root_path(hierarchy, values).astype(np.float32)),
-        fps=fps,
+    positions = _positions(hierarchy, values)
+    return to_clip(
+        path.stem,
+        Hierarchy(
+            names=tuple(hierarchy.names),
+            parents=tuple(hierarchy.parents),
+            offsets=_offsets(hierarchy, positions),
+            rotations=_rotations(path, hierarchy, values),
+            positions=positions,
+            fps=fps,
+        ),
     )
 
 
 def _lines(path: Path) -> list[str]:
     try:
-        return path.read_text(encoding="utf-8").splitlines()
+        content = path.read_bytes()
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a BVH file, it is not text") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    if b"\0" in content:
+        raise InputError(f"{path}: not a BVH file, it is not text")
+    try:
+        return content.decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError:
+        return content.decode("latin-1").splitlines()
 
 
 def _parse_hierarchy(path: Path, lines: list[str]) -> _Hierarchy:
@@ -168,37 +178,36 @@ def _nominal_fps(fps: float) -> float:
     return float(round(fps)) if abs(fps - round(fps)) < 1e-4 * fps else fps
 
 
-def _skeleton(hierarchy: _Hierarchy) -> Skeleton:
-    heads = np.array(hierarchy.offsets)
-    for joint, parent in enumerate(hierarchy.parents):
-        if parent >= 0:
-            heads[joint] += heads[parent]
-    return Skeleton(
-        tuple(hierarchy.names), tuple(hierarchy.parents), torch.from_numpy(heads.astype(np.float32))
-    )
-
-
-def _world_rotations(path: Path, hierarchy: _Hierarchy, values: np.ndarray) -> np.ndarray:
-    world = np.empty((len(values), len(hierarchy.names), 3, 3))
-    for joint, parent in enumerate(hierarchy.parents):
+def _rotations(path: Path, hierarchy: _Hierarchy, values: np.ndarray) -> np.ndarray:
+    """Rotations (T, J, 3, 3) relative to the parent."""
+    local = np.tile(np.eye(3), (len(values), len(hierarchy.names), 1, 1))
+    for joint, name in enumerate(hierarchy.names):
         columns, axes = _columns(hierarchy, joint, "rotation")
-        local = np.broadcast_to(np.eye(3), (len(values), 3, 3))
         if columns:
             if len(axes) > 3 or any(axis == following for axis, following in pairwise(axes)):
                 raise InputError(
-                    f"{path}: joint {hierarchy.names[joint]} has the rotation channels {axes.upper()}, "
+                    f"{path}: joint {name} has the rotation channels {axes.upper()}, "
                     "expected up to three with no axis twice in a row"
                 )
-            local = from_euler(axes, torch.from_numpy(np.radians(values[:, columns]))).numpy()
-        world[:, joint] = local if parent < 0 else world[:, parent] @ local
-    return world
+            local[:, joint] = from_euler(axes, torch.from_numpy(np.radians(values[:, columns]))).numpy()
+    return local
 
 
-def _root_path(hierarchy: _Hierarchy, values: np.ndarray) -> np.ndarray:
-    columns, axes = _columns(hierarchy, 0, "position")
-    translation = np.tile(np.array(hierarchy.offsets[0]), (len(values), 1))
-    translation[:, ["xyz".index(axis) for axis in axes]] = values[:, columns]
-    return translation
+def _positions(hierarchy: _Hierarchy, values: np.ndarray) -> np.ndarray:
+    """Positions (T, J, 3) relative to the parent; channels of a bone that are all zero say nothing."""
+    positions = np.tile(np.array(hierarchy.offsets), (len(values), 1, 1))
+    for joint, parent in enumerate(hierarchy.parents):
+        columns, axes = _columns(hierarchy, joint, "position")
+        if parent < 0 or values[:, columns].any():
+            positions[:, joint, ["xyz".index(axis) for axis in axes]] = values[:, columns]
+    return positions
+
+
+def _offsets(hierarchy: _Hierarchy, positions: np.ndarray) -> np.ndarray:
+    """Offsets (J, 3) of the rest pose: the root's as written, a bone's as it is on average."""
+    offsets = positions.mean(0)
+    offsets[0] = hierarchy.offsets[0]
+    return offsets
 
 
 def _columns(hierarchy: _Hierarchy, joint: int, kind: str) -> tuple[list[int], str]:

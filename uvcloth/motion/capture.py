@@ -7,7 +7,7 @@ from torch import Tensor
 
 from uvcloth.geometry.skeleton import local_rotations
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.retarget import joint_roles
+from uvcloth.motion.roles import joint_roles
 
 MAX_FRAME_TURN = 90.0
 """Degrees that a joint may turn in the world from one frame to the next."""

@@ -28,6 +28,11 @@ class Clip:
         """Rest-to-posed transforms of every joint and frame: (T, J, 3, 4)."""
         return joint_transforms(self.skeleton, self.rotations, self.translation)
 
+    def positions(self) -> Tensor:
+        """Posed joints: (T, J, 3)."""
+        transforms = self.transforms()
+        return (transforms[..., :3] @ self.skeleton.heads[:, :, None]).squeeze(-1) + transforms[..., 3]
+
     def window(self, start: int, frames: int) -> "Clip":
         """Frames start .. start + frames as a clip of its own."""
         end = start + frames

@@ -1,5 +1,7 @@
 """Loading of clips by path or name: BVH files, clip archives, clips that ship with the package."""
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -13,7 +15,12 @@ from uvcloth.geometry.rotations import from_quaternions, to_quaternions
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.retarget import retarget
+from uvcloth.motion.gltf import read_gltf_motion
+from uvcloth.motion.options import MotionOptions
+from uvcloth.motion.posture import check_posture
+from uvcloth.motion.rest import Rest, find_rest
+from uvcloth.motion.retarget import required_roles, retarget
+from uvcloth.motion.roles import assign_roles, read_role_map
 
 CLIP_FORMAT = "uvcloth-clip-1"
 
@@ -24,23 +31,70 @@ def builtin_clips() -> dict[str, Path]:
     return {path.stem: path for path in sorted(folder.glob("*.npz"))}
 
 
-def load_clip(path_or_name: str | Path, body: Body, fps: float = 30.0) -> Clip:
-    """Load a motion retargeted onto a body, from a BVH file, a clip archive (.npz) or a built-in clip's name.
+DEFAULTS = MotionOptions()
 
-    Raises InputError naming the file for unreadable files, unknown joints and unknown names.
+READERS: dict[str, Callable[[Path], Clip]] = {
+    ".bvh": read_bvh,
+    ".glb": read_gltf_motion,
+    ".gltf": read_gltf_motion,
+    ".vrm": read_gltf_motion,
+}
+"""Readers of motion files by suffix, besides that of clip archives."""
+
+
+@dataclass(frozen=True)
+class MotionSource:
+    """A motion before it is retargeted: the clip as read, the roles of its joints, its standing rest pose."""
+
+    clip: Clip
+    roles: Mapping[str, int]
+    rest: Rest
+
+
+def load_clip(path_or_name: str | Path, body: Body, options: MotionOptions = DEFAULTS) -> Clip:
+    """Load a motion retargeted onto a body, from a motion file or a built-in clip's name.
+
+    Raises InputError naming the file for unreadable files, unknown joints, unknown names, a rest pose that
+    cannot be told, and a motion that no person can have made.
     """
+    source = load_source(path_or_name, body, options)
+    try:
+        clip = retarget(source.rest.clip, body, options.fps, source.roles)
+        check_posture(clip, lying=options.up is not None)
+        clip = clip.window(*options.window(len(clip)))
+    except InputError as error:
+        raise InputError(f"{path_or_name}: {error}") from error
+    if options.in_place:
+        clip = replace(clip, translation=clip.translation * torch.tensor([0.0, 0.0, 1.0]))
+    return clip
+
+
+def load_source(path_or_name: str | Path, body: Body, options: MotionOptions = DEFAULTS) -> MotionSource:
+    """Load a motion and find the roles of its joints and its rest pose; raises InputError as `load_clip`."""
+    clip = read_motion(path_or_name)
+    try:
+        roles = required_roles(clip.skeleton, f"clip {clip.name}", clip_roles(clip, options))
+        return MotionSource(clip, roles, find_rest(clip, roles, body, options.up, options.rest_frame))
+    except InputError as error:
+        raise InputError(f"{path_or_name}: {error}") from error
+
+
+def clip_roles(clip: Clip, options: MotionOptions = DEFAULTS) -> dict[str, int]:
+    """Joint of each role that a clip's joints play, by name or as the options say."""
+    chosen = {} if options.joints is None else read_role_map(options.joints)
+    return assign_roles(clip.skeleton.names, chosen)
+
+
+def read_motion(path_or_name: str | Path) -> Clip:
+    """Read a motion file or a built-in clip on its own skeleton, in its own units and axes."""
     path = builtin_clips().get(str(path_or_name), Path(path_or_name))
-    suffix = path.suffix.lower()
-    if suffix not in (".bvh", ".npz"):
+    reader = (READERS | {".npz": read_clip}).get(path.suffix.lower())
+    if reader is None:
         raise InputError(
-            f"{path_or_name}: expected a .bvh or .npz file or one of the built-in clips "
+            f"{path_or_name}: expected a {', '.join(READERS)} or .npz file or one of the built-in clips "
             f"({', '.join(builtin_clips())})"
         )
-    clip = read_bvh(path) if suffix == ".bvh" else read_clip(path)
-    try:
-        return retarget(clip, body, fps)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+    return reader(path)
 
 
 def save_clip(clip: Clip, path: Path, notice: str = "") -> None:

@@ -16,7 +16,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.geometry.skeleton import Skeleton, local_rotations, world_rotations
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.poses import SPLITS, PoseDatabase
-from uvcloth.motion.retarget import joint_roles
+from uvcloth.motion.roles import joint_roles
 
 DONOR_PARTS: tuple[tuple[str, ...], ...] = (
     (),

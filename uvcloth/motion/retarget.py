@@ -4,7 +4,7 @@ Rotations are transferred, not positions: capture skeletons leave bones out or g
 poses are first brought to a common one, the T-pose of the capture skeleton.
 """
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -16,34 +16,8 @@ from uvcloth.bodies.body import Body
 from uvcloth.geometry.rotations import from_axis_angles, from_euler, smallest_rotation, to_axis_angles
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
-
-MIDDLE_ALIASES = {
-    "hips": ("hips", "hip"),
-    "lower_spine": ("lowerback", "abdomen", "spine"),
-    "middle_spine": ("spine", "chest", "spine1"),
-    "upper_spine": ("spine1", "chest2", "spine2"),
-    "lower_neck": ("lowerneck", "neck"),
-    "upper_neck": ("neck1", "neck"),
-    "head": ("head",),
-}
-SIDE_ALIASES = {
-    "thigh": ("{side}upleg", "{side}hip", "{s}thigh"),
-    "shin": ("{side}leg", "{side}knee", "{s}shin"),
-    "foot": ("{side}foot", "{side}ankle", "{s}foot"),
-    "toes": ("{side}toebase", "{side}toe"),
-    "upper_arm": ("{side}arm", "{s}shldr", "{side}shoulder"),
-    "clavicle": ("{side}collar", "{s}collar", "{side}shoulder"),
-    "forearm": ("{side}forearm", "{side}elbow", "{s}forearm"),
-    "hand": ("{side}hand", "{side}wrist", "{s}hand"),
-    "fingers": ("{side}handindex1", "{side}handmiddle1", "{side}handfinger1", "{s}fingers", "{s}mid1"),
-}
-ALIASES = MIDDLE_ALIASES | {
-    f"{side}_{joint}": tuple(name.format(side=side, s=side[0]) for name in names)
-    for side in ("left", "right")
-    for joint, names in SIDE_ALIASES.items()
-}
-"""Canonical joint -> its names in MotionBuilder, 3ds Max, DAZ and Mixamo files, lower case and without a
-"mixamorig:" prefix. The first name that the skeleton has, and that no joint above claimed, is meant."""
+from uvcloth.motion.rest import nearest_axis
+from uvcloth.motion.roles import joint_roles
 
 LIMB_BONES = {
     f"{side}_{bone}": f"{side}_{tip}"
@@ -67,18 +41,7 @@ SKINNED_AT_ONCE = 256
 """Frames that are skinned at once."""
 
 
-def joint_roles(names: Iterable[str]) -> dict[str, int]:
-    """Index of the joint that plays each canonical joint, for joints with a known name."""
-    plain = {name.rpartition(":")[2].lower().removeprefix("mixamorig"): i for i, name in enumerate(names)}
-    roles: dict[str, int] = {}
-    for role, aliases in ALIASES.items():
-        index = next((plain[a] for a in aliases if a in plain and plain[a] not in roles.values()), None)
-        if index is not None:
-            roles[role] = index
-    return roles
-
-
-def retarget(clip: Clip, body: Body, fps: float = 30.0) -> Clip:
+def retarget(clip: Clip, body: Body, fps: float = 30.0, roles: Mapping[str, int] | None = None) -> Clip:
     """Retarget a clip on any known skeleton to a body: resampled, feet on the floor z = 0.
 
     The clip may be in any unit and any right-handed axes in which its rest pose stands along one of
@@ -88,12 +51,13 @@ def retarget(clip: Clip, body: Body, fps: float = 30.0) -> Clip:
     their parents. The root's path is scaled by the leg lengths, and the floor is the 15th percentile
     over frames of the body's lowest vertex.
 
+    roles: joint of each role in the clip, by default as their names say.
     Returns Clip(skeleton=body.skeleton, rotations (T, J, 3, 3), translation (T, 3) m, fps).
     Raises InputError naming the clip and the joint if either skeleton lacks a joint that is needed.
     """
-    source = _known_roles(clip.skeleton, f"clip {clip.name}")
-    target = _known_roles(body.skeleton, f"body {body.name}")
-    clip = resample(_in_body_axes(clip, source), fps)
+    source = required_roles(clip.skeleton, f"clip {clip.name}", roles)
+    target = required_roles(body.skeleton, f"body {body.name}")
+    clip = resample(in_body_axes(clip, source), fps)
 
     rotations, bones = _relative_to_t_pose(clip, source)
     rest_bones = _bone_directions(body.skeleton.heads, target)
@@ -144,26 +108,29 @@ def resample(clip: Clip, fps: float) -> Clip:
     )
 
 
-def _known_roles(skeleton: Skeleton, owner: str) -> dict[str, int]:
-    roles = joint_roles(skeleton.names)
+def required_roles(
+    skeleton: Skeleton, owner: str, roles: Mapping[str, int] | None = None
+) -> Mapping[str, int]:
+    """Joint of each role, by default as the names say. Raises InputError naming roles that are needed."""
+    roles = joint_roles(skeleton.names) if roles is None else roles
     missing = [role for role in REQUIRED_ROLES if role not in roles]
     if missing:
         wanted = ", ".join(role.replace("_", " ") for role in missing)
         raise InputError(
             f"{owner}: unknown joint set ({', '.join(skeleton.names[:6])}, ...), no joint is the {wanted}; "
-            "expected the names of MotionBuilder, 3ds Max, DAZ or Mixamo"
+            "name them with --joints (`uvcloth motion FILE` shows which are known)"
         )
     return roles
 
 
-def _in_body_axes(clip: Clip, roles: dict[str, int]) -> Clip:
+def in_body_axes(clip: Clip, roles: Mapping[str, int]) -> Clip:
     """Clip with Z up and its rest pose facing -Y; units stay."""
     heads = clip.skeleton.heads.double()
     legs = heads[[roles["left_thigh"], roles["right_thigh"]]]
     arms = heads[[roles["left_upper_arm"], roles["right_upper_arm"]]]
-    up = _nearest_axis(arms.mean(0) - legs.mean(0))
+    up = nearest_axis(arms.mean(0) - legs.mean(0))
     across = legs[0] - legs[1]
-    left = _nearest_axis(across - (across @ up) * up)
+    left = nearest_axis(across - (across @ up) * up)
     axes = torch.stack([left, torch.linalg.cross(up, left), up])
     turned = axes.to(clip.rotations)
     return replace(
@@ -174,14 +141,7 @@ def _in_body_axes(clip: Clip, roles: dict[str, int]) -> Clip:
     )
 
 
-def _nearest_axis(vector: Tensor) -> Tensor:
-    axis = torch.zeros_like(vector)
-    largest = vector.abs().argmax()
-    axis[largest] = vector[largest].sign()
-    return axis
-
-
-def _relative_to_t_pose(clip: Clip, roles: dict[str, int]) -> tuple[Tensor, dict[str, Tensor]]:
+def _relative_to_t_pose(clip: Clip, roles: Mapping[str, int]) -> tuple[Tensor, dict[str, Tensor]]:
     """Rotations (T, J, 3, 3) relative to the T-pose, and the T-pose directions of the limb bones.
 
     The all-zero pose of many capture skeletons splays the legs: the T-pose turns each thigh, and what hangs
@@ -203,7 +163,7 @@ def _relative_to_t_pose(clip: Clip, roles: dict[str, int]) -> tuple[Tensor, dict
     return clip.rotations @ t_pose.mT, bones
 
 
-def _bone_directions(heads: Tensor, roles: dict[str, int]) -> dict[str, Tensor]:
+def _bone_directions(heads: Tensor, roles: Mapping[str, int]) -> dict[str, Tensor]:
     """Unit rest directions of the limb bones; a hand without fingers continues its forearm."""
     directions: dict[str, Tensor] = {}
     for bone, tip in LIMB_BONES.items():
@@ -215,21 +175,19 @@ def _bone_directions(heads: Tensor, roles: dict[str, int]) -> dict[str, Tensor]:
 
 
 def _root_path(
-    clip: Clip, source: dict[str, int], skeleton: Skeleton, target: dict[str, int], turned: list[Tensor]
+    clip: Clip, source: Mapping[str, int], skeleton: Skeleton, target: Mapping[str, int], turned: list[Tensor]
 ) -> Tensor:
     """World path of the body's root (T, 3) m: the middle of its hip joints follows the clip's, scaled."""
     heads = clip.skeleton.heads
-    scale = _leg_length(skeleton.heads, target) / _leg_length(heads, source)
-    transforms = clip.transforms()
-    thighs = [source["left_thigh"], source["right_thigh"]]
-    posed = (transforms[:, thighs, :, :3] @ heads[thighs, :, None]).squeeze(-1) + transforms[:, thighs, :, 3]
+    scale = leg_length(skeleton.heads, target) / leg_length(heads, source)
+    posed = clip.positions()[:, [source["left_thigh"], source["right_thigh"]]]
     hips = target["hips"]
     middle = skeleton.heads[[target["left_thigh"], target["right_thigh"]]].mean(0) - skeleton.heads[hips]
     return scale * posed.mean(1) - turned[hips] @ middle
 
 
-def _leg_length(heads: Tensor, roles: dict[str, int]) -> Tensor:
-    """Thigh plus shin, mean of both legs."""
+def leg_length(heads: Tensor, roles: Mapping[str, int]) -> Tensor:
+    """Length of thigh plus shin, mean of both legs, in the unit of heads (J, 3)."""
     chain = [[roles[f"{side}_{bone}"] for side in ("left", "right")] for bone in ("thigh", "shin", "foot")]
     thigh, shin, foot = (heads[joints] for joints in chain)
     return ((shin - thigh).norm(dim=1) + (foot - shin).norm(dim=1)).mean()

@@ -18,6 +18,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.order import check_order
 from uvcloth.motion.index import INDEX
+from uvcloth.motion.lead_in import LeadIn
 from uvcloth.simulate.cloth import Cloth, join
 from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.engines import ENGINES
@@ -29,7 +30,6 @@ from uvcloth.simulate.folder import (
     require_same,
     stored_sequences,
 )
-from uvcloth.simulate.lead_in import LeadIn
 from uvcloth.simulate.plan import ClipSelection, Job, batch_sources, plan
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate

@@ -11,7 +11,8 @@ from uvcloth.bodies.body import Body
 from uvcloth.motion.capture import find_jump, find_standstill
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.index import Entry, clip_file, read_index
-from uvcloth.motion.library import load_clip
+from uvcloth.motion.library import DEFAULTS, load_clip
+from uvcloth.motion.options import MotionOptions
 from uvcloth.motion.poses import SPLITS
 from uvcloth.simulate.cloth import Cloth
 from uvcloth.simulate.folder import rejected
@@ -36,11 +37,12 @@ class Job:
 
 @dataclass(frozen=True)
 class Source:
-    """Source of a clip: a file or a built-in clip's name, and a window of it, None for all of it."""
+    """Source of a clip: a file or a built-in clip's name, a window (None for all), and how it is read."""
 
     name: str
     clip: str
     window: Entry | None
+    options: MotionOptions = DEFAULTS
 
 
 @dataclass(frozen=True)
@@ -49,12 +51,14 @@ class ClipSelection:
 
     clips: files or names of built-in clips. windows: an index of clips and windows. clips_from: the folder of
     its clips, by default its own. splits: by default all of SPLITS; both only where no clip is named.
+    options: how every clip is read.
     """
 
     clips: Sequence[str] = ()
     windows: Path | None = None
     clips_from: Path | None = None
     splits: Sequence[str] | None = None
+    options: MotionOptions = DEFAULTS
 
 
 def batch_sources(selection: ClipSelection) -> list[Source]:
@@ -63,11 +67,13 @@ def batch_sources(selection: ClipSelection) -> list[Source]:
     Raises InputError for an index that is none or lacks a named clip, and for a clip without a file.
     """
     clips, windows = selection.clips, selection.windows
-    clips_from, splits = selection.clips_from, selection.splits
+    clips_from, splits, options = selection.clips_from, selection.splits, selection.options
     if windows is None:
         if clips_from is not None or splits is not None:
             raise InputError("--clips-from and --split go with --windows, the index of the clips")
-        return [Source(name, Path(name).stem, None) for name in clips]
+        return [Source(name, Path(name).stem, None, options) for name in clips]
+    if options.frames is not None:
+        raise InputError("--frames and --windows both choose frames: give one of them")
     table = read_index(windows)
     if clips:
         if clips_from is not None or splits is not None:
@@ -75,7 +81,7 @@ def batch_sources(selection: ClipSelection) -> list[Source]:
         for name in clips:
             if Path(name).stem not in table:
                 raise InputError(f"{windows}: has no row for the clip {Path(name).stem}")
-        return [Source(name, Path(name).stem, table[Path(name).stem]) for name in clips]
+        return [Source(name, Path(name).stem, table[Path(name).stem], options) for name in clips]
     chosen = tuple(splits or SPLITS)
     for split in chosen:
         if split not in SPLITS:
@@ -84,7 +90,7 @@ def batch_sources(selection: ClipSelection) -> list[Source]:
     entries = [entry for entry in table.values() if entry.split in chosen]
     if not entries:
         raise InputError(f"{windows}: has no clip of the split {', '.join(chosen)}")
-    return [Source(str(clip_file(entry, folder)), entry.clip, entry) for entry in interleaved(entries)]
+    return [Source(str(clip_file(e, folder)), e.clip, e, options) for e in interleaved(entries)]
 
 
 def interleaved(entries: Iterable[Entry]) -> list[Entry]:
@@ -147,7 +153,7 @@ def plan(
 
 def _load_motion(source: Source, body: Body, earlier: int) -> tuple[Clip, int, str | None]:
     """Load the motion of a source with its run-up, the frames of that, and the capture's fault, if any."""
-    clip = replace(load_clip(source.name, body), name=source.clip)
+    clip = replace(load_clip(source.name, body, source.options), name=source.clip)
     start, frames = 0, len(clip)
     if source.window is not None:
         start, frames = source.window.start, source.window.frames

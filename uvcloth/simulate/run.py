@@ -13,12 +13,12 @@ from uvcloth.bodies.collider import make_collider
 from uvcloth.geometry.mesh import join_meshes
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
+from uvcloth.motion.lead_in import LeadIn, lead_in
 from uvcloth.motion.poses import rest_hash
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.simulate.cloth import Cloth
 from uvcloth.simulate.engine import Engine, Scene
 from uvcloth.simulate.layers import inner_thickness
-from uvcloth.simulate.lead_in import LeadIn, lead_in
 from uvcloth.simulate.sequence import SimulatedSequence
 
 RUN_UP = 15

@@ -4,8 +4,8 @@ import torch
 
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.skinning import skin
+from uvcloth.motion.lead_in import LeadIn, lead_in
 from uvcloth.motion.library import load_clip
-from uvcloth.simulate.lead_in import LeadIn, lead_in
 
 PARTS = LeadIn(rest=4, blend=24, ramp=12)
 

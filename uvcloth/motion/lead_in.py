@@ -1,7 +1,7 @@
 """Lead-in: motion of the body from its rest pose into the clip, in front of the scored frames."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -9,6 +9,9 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.rotations import from_axis_angles, to_axis_angles
 from uvcloth.motion.clip import Clip
+
+HELD_FRAMES = 18
+"""Frames that a pose is held for, after those of the ramp, in which it stands as well."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,15 @@ def lead_in(clip: Clip, body: Body, parts: LeadIn) -> Clip:
         torch.cat([rest_translation, blend_translation, ramp_translation, clip.translation]),
         clip.fps,
     )
+
+
+def pose_from_rest(clip: Clip, body: Body) -> Clip:
+    """Make a clip of one frame, a pose, the way into it from rest, held at the end; other clips stay."""
+    if len(clip) > 1:
+        return clip
+    posed = lead_in(clip, body, LeadIn())
+    held = torch.tensor([*range(len(posed)), *[-1] * HELD_FRAMES])
+    return replace(posed, rotations=posed.rotations[held], translation=posed.translation[held])
 
 
 def _heading(rotation: Tensor) -> Tensor:

@@ -1,0 +1,98 @@
+"""Animation in glTF files: what the exporter writes comes back, and the walk of a foreign character too."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from rasterize.errors import InputError
+from tests.motion.layouts import ROLES, difference
+from uvcloth.bodies.body import Body
+from uvcloth.export.glb import Document
+from uvcloth.export.gltf_scene import add_skeleton, animate_skeleton
+from uvcloth.motion.clip import Clip
+from uvcloth.motion.gltf import read_gltf_motion
+from uvcloth.motion.library import load_clip
+from uvcloth.motion.options import MotionOptions
+
+MOCAP = Path(os.environ.get("UVCLOTH_MOCAP", Path(__file__).parents[3] / "shared" / "mocap"))
+CESIUM_MAN = MOCAP.parent / "characters" / "CesiumMan.glb"
+CESIUM_ROLES = {
+    "hips": "Skeleton_torso_joint_1", "middle_spine": "Skeleton_torso_joint_2",
+    "upper_spine": "torso_joint_3", "head": "Skeleton_neck_joint_2",
+} | {
+    f"{side}_{part}": f"leg_joint_{side[0].upper()}_{number}"
+    for side in ("left", "right")
+    for part, number in (("thigh", 1), ("shin", 2), ("foot", 3), ("toes", 5))
+} | {
+    "left_upper_arm": "Skeleton_arm_joint_L__4_", "left_forearm": "Skeleton_arm_joint_L__3_",
+    "left_hand": "Skeleton_arm_joint_L__2_", "right_upper_arm": "Skeleton_arm_joint_R",
+    "right_forearm": "Skeleton_arm_joint_R__2_", "right_hand": "Skeleton_arm_joint_R__3_",
+}  # fmt: skip
+
+
+def write_motion(clip: Clip, path: Path) -> None:
+    document = Document()
+    _, first = add_skeleton(document, clip.skeleton)
+    times = np.arange(len(clip), dtype=np.float32) / np.float32(clip.fps)
+    animate_skeleton(
+        document,
+        clip.skeleton,
+        first,
+        clip.transforms().numpy(),
+        document.array(times, "SCALAR", bounds=True),
+    )
+    document.write(path)
+
+
+def test_a_motion_that_was_exported_comes_back(tmp_path: Path, body: Body) -> None:
+    walk = load_clip("walk", body).window(20, 30)
+    write_motion(walk, tmp_path / "walk.glb")
+    clip = read_gltf_motion(tmp_path / "walk.glb")
+    assert (clip.fps, len(clip), clip.skeleton.names) == (30.0, 30, walk.skeleton.names)
+    y_up = torch.tensor([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    torch.testing.assert_close(clip.positions(), walk.positions() @ y_up.T, atol=1e-5, rtol=0)
+    torch.testing.assert_close(clip.rotations, y_up @ walk.rotations @ y_up.T, atol=1e-5, rtol=0)
+    gap = difference(load_clip(tmp_path / "walk.glb", body), walk, dict.fromkeys(ROLES.values(), ""))
+    assert gap.degrees < 6.0, gap
+    assert gap.centimetres < 1.0, gap
+
+
+@pytest.mark.skipif(not CESIUM_MAN.is_file(), reason=f"no {CESIUM_MAN}")
+def test_a_character_in_other_axes_with_odd_names_walks(tmp_path: Path, body: Body) -> None:
+    (tmp_path / "map.json").write_text(json.dumps(CESIUM_ROLES))
+    clip = load_clip(CESIUM_MAN, body, MotionOptions(joints=tmp_path / "map.json"))
+    raw = read_gltf_motion(CESIUM_MAN)
+    feet = [raw.skeleton.names.index(CESIUM_ROLES[f"{side}_foot"]) for side in ("left", "right")]
+    own = [clip.skeleton.names.index(f"{side}Foot") for side in ("Left", "Right")]
+    apart, apart_on_body = raw.positions()[:, feet], clip.positions()[:, own]
+    # Feet swing to and fro together with those of the file, as far as the legs are longer.
+    swing = (apart[:, 0] - apart[:, 1]).norm(dim=-1)
+    swing_on_body = (apart_on_body[:, 0] - apart_on_body[:, 1]).norm(dim=-1)
+    correlation = torch.corrcoef(torch.stack([swing, swing_on_body]))[0, 1]
+    assert correlation > 0.99
+    with pytest.raises(InputError, match=r"no joint is the hips, left thigh.*--joints"):
+        load_clip(CESIUM_MAN, body)
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"glTF\2\0\0\0\xff\xff\0\0", "not a whole glTF file"),
+        (b"{}", "has no asset"),
+        (b'{"asset": {}}', "has no skin"),
+        (b'{"asset": {}, "nodes": [{}], "skins": [{"joints": [0]}]}', "has no animation"),
+        (
+            b'{"asset": {}, "nodes": [{}], "skins": [{"joints": [4]}], "animations": [3]}',
+            "cannot be understood",
+        ),
+    ],
+)
+def test_files_without_a_motion_are_refused(tmp_path: Path, content: bytes, sentence: str) -> None:
+    path = tmp_path / "none.glb"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=rf"none\.glb: .*{sentence}"):
+        read_gltf_motion(path)

@@ -1,0 +1,76 @@
+"""`uvcloth fit`: what a garment file is and how it lies on the body, in words and as a picture."""
+
+from pathlib import Path
+
+import torch
+
+from rasterize.errors import InputError
+from rasterize.exr import write_png
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.export.obj import save_obj
+from uvcloth.garments.fit import fit
+from uvcloth.garments.judge import UnwearableError
+from uvcloth.garments.pieces import split
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+
+TURNS = (20.0, 110.0, 200.0)
+"""Degrees around the body of the three views: front, side and back."""
+
+SIZE = (300, 440)
+"""Width and height of a view in pixels."""
+
+
+def examine(
+    file: Path, *, body_file: Path | None, template: str | None, out: Path | None, picture: Path | None
+) -> list[str]:
+    """Fit a garment file to a body and describe it, a finding a line.
+
+    template: as `fit` takes it. out: OBJ of the garment as it is worn. picture: PNG of it on the body, also
+    where it is refused for how it lies. Raises InputError as `fit` does.
+    """
+    body = load_body(body_file)
+    try:
+        fitted = fit(file, body, template)
+    except UnwearableError as error:
+        if picture is None:
+            raise
+        draw_worn([error.mesh], body, picture)
+        raise InputError(f"{error} ({picture} shows it)") from error
+    lines, garments = fitted.diagnosis.lines(), (fitted.garment,)
+    if fitted.diagnosis.components > 1:
+        garments = split(fitted.garment.name, fitted.garment.mesh, body, template)
+    if len(garments) > 1:
+        lines[-1] = f"  {len(garments)} garments, the innermost first (rollout moves each by itself):"
+        lines += [f"    {garment.name}, worn as {garment.template}" for garment in garments]
+    if out is not None:
+        save_obj(fitted.garment.mesh, out)
+        lines.append(str(out))
+    if picture is not None:
+        draw_worn([garment.mesh for garment in garments], body, picture)
+        lines.append(str(picture))
+    return lines
+
+
+def draw_worn(garments: list[Mesh], body: Body, path: Path) -> None:
+    """Write a PNG of garments on a body at rest from the front, the side and the back.
+
+    Raises InputError for another suffix than .png, or if the file cannot be written.
+    """
+    if path.suffix.lower() != ".png":
+        raise InputError(f"{path}: a picture is written as .png, not {path.suffix or 'without a suffix'}")
+    skin = Surface(body.mesh.vertices, body.mesh.faces, BODY_COLOR)
+    surfaces = [
+        skin,
+        *(
+            Surface(mesh.vertices, mesh.faces, GARMENT_COLORS[index % len(GARMENT_COLORS)])
+            for index, mesh in enumerate(garments)
+        ),
+    ]
+    everything = torch.cat([surface.vertices for surface in surfaces])
+    floor = float(everything[:, 2].min())
+    views = [
+        render(surfaces, three_quarter(everything, turn, aspect=SIZE[0] / SIZE[1]), SIZE, floor)
+        for turn in TURNS
+    ]
+    write_png(path, contact_sheet(views, len(views)))

@@ -1,0 +1,138 @@
+"""Clothes of MakeHuman (.mhclo with an OBJ): every vertex is bound to three vertices of the base mesh hm08.
+
+A vertex lies at the weighted mean of the three, plus an offset. Offsets are in decimetres of the body that
+the clothes were made on; along each axis they grow with the distance between two of its vertices.
+"""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import BASE_MESH, Body
+from uvcloth.garments.meshfile import read_mesh, read_text
+from uvcloth.geometry.mesh import Mesh
+
+SUFFIX = ".mhclo"
+
+BODY_AXES = {"x": 0, "y": 2, "z": 1}
+"""Axis of the body (Z up) along each axis of MakeHuman (Y up, facing +Z)."""
+
+
+@dataclass(frozen=True)
+class Binding:
+    """Binding of N garment vertices to the base mesh.
+
+    obj: file of the faces. corners: (N, 3) base-mesh vertices. weights: (N, 3). offsets: (N, 3) decimetres, Y
+    up, facing +Z. scales: by axis "x", "y", "z" two base-mesh vertices and their distance there, decimetres.
+    depth: layer, larger is farther out.
+    """
+
+    obj: Path
+    corners: Tensor
+    weights: Tensor
+    offsets: Tensor
+    scales: dict[str, tuple[int, int, float]]
+    depth: int
+
+    def place(self, base: Tensor) -> Tensor:
+        """Garment vertices (N, 3) m on base-mesh vertices (B, 3) m, Z up, facing -Y."""
+        scale = torch.ones(3)
+        for axis, (one, other, decimetres) in self.scales.items():
+            along = BODY_AXES[axis]
+            scale["xyz".index(axis)] = (base[one, along] - base[other, along]).abs() / decimetres
+        x, y, z = (self.offsets * scale).unbind(1)
+        centres = (self.weights[..., None] * base[self.corners]).sum(1)
+        return centres + torch.stack([x, -z, y], dim=1)
+
+
+def fit_clothes(path: Path, body: Body) -> tuple[Mesh, Binding]:
+    """Read clothes and place them on a body: their mesh as the OBJ has it, in metres, Z up, and the binding.
+
+    Raises InputError naming the file if it cannot be read, is bound to another base mesh or to vertices that
+    there are not, or if the body does not know its base mesh.
+    """
+    if body.base is None:
+        raise InputError(
+            f"{path}: body {body.name} does not hold the base mesh that these clothes are bound to, make it "
+            "again with `uvcloth body`"
+        )
+    binding = read_binding(path)
+    mesh = read_mesh(binding.obj)
+    if len(mesh.vertices) != len(binding.corners):
+        raise InputError(
+            f"{path}: binds {len(binding.corners)} vertices, but {binding.obj.name} has {len(mesh.vertices)}"
+        )
+    last = max(int(binding.corners.max()), *(max(one, other) for one, other, _ in binding.scales.values()), 0)
+    if last >= len(body.base):
+        raise InputError(f"{path}: is bound to vertex {last}, the base mesh has {len(body.base)} vertices")
+    return Mesh(binding.place(body.base), mesh.faces, mesh.uvs, mesh.face_uvs), binding
+
+
+def read_binding(path: Path) -> Binding:
+    """Read an .mhclo. Raises InputError naming the file if it is none, or for another base mesh."""
+    path = Path(path)
+    bound: list[list[float]] = []
+    scales: dict[str, tuple[int, int, float]] = {}
+    obj, depth, section = "", 0, ""
+    for number, line in enumerate(read_text(path), start=1):
+        try:
+            match line.split():
+                case [] | ["#", *_]:
+                    continue
+                case ["verts" | "delete_verts" as section, *_]:
+                    continue
+                case ["basemesh", name] if name != BASE_MESH:
+                    raise InputError(f"{path}: made for the base mesh {name}, expected {BASE_MESH}")
+                case ["obj_file", *words]:
+                    obj = " ".join(words)
+                case ["x_scale" | "y_scale" | "z_scale" as key, one, other, distance]:
+                    scales[key[0]] = (_index(one), _index(other), _positive(distance))
+                case ["z_depth", layer]:
+                    depth = int(layer)
+                case [_, *_] as words if section == "verts" and words[0].isdigit():
+                    bound.append(_vertex(words))
+        except ValueError as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(f"{path}, line {number}: not a readable MHCLO file ({error})") from error
+    if not obj or not bound:
+        raise InputError(f"{path}: not a readable MHCLO file, it names no obj_file or binds no vertices")
+    rows = torch.tensor(bound, dtype=torch.float64)
+    return Binding(
+        obj=path.parent / obj,
+        corners=rows[:, :3].long(),
+        weights=rows[:, 3:6].float(),
+        offsets=rows[:, 6:].float(),
+        scales=scales,
+        depth=depth,
+    )
+
+
+def _vertex(words: list[str]) -> list[float]:
+    """Corners, weights and offsets of one vertex; one base-mesh vertex alone is that vertex itself."""
+    if len(words) == 1:
+        return [*[float(_index(words[0]))] * 3, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    if len(words) < 6:
+        raise ValueError("expected three vertices, three weights and three offsets")
+    numbers = [float(word) for word in (*words, "0", "0", "0")[:9]]
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError("a number is not finite")
+    return [*(float(_index(word)) for word in words[:3]), *numbers[3:]]
+
+
+def _index(word: str) -> int:
+    index = int(word)
+    if not 0 <= index < 1_000_000:
+        raise ValueError(f"vertex {index}")
+    return index
+
+
+def _positive(word: str) -> float:
+    value = float(word)
+    if not (math.isfinite(value) and value > 0):
+        raise ValueError(f"distance {word}")
+    return value

@@ -1,0 +1,42 @@
+"""Options of commands that take a motion: how its file is read, and what of it is wanted."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import arg
+
+from rasterize.errors import InputError
+
+
+@dataclass(frozen=True)
+class MotionOptions:
+    """How a motion file is read, and what of it is wanted."""
+
+    up: Annotated[
+        Literal["y", "z"] | None, arg(metavar="y|z", help_behavior_hint="(default: as the person stands)")
+    ] = None
+    """The axis of the file that points up; who lies all the time is taken at its word."""
+    joints: Annotated[Path | None, arg(metavar="JSON", help_behavior_hint="(default: by their names)")] = None
+    """Which joint plays which role, {"hips": "Pelvis", ...}; `uvcloth motion FILE` lists the roles."""
+    rest_frame: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: found)")] = None
+    """The frame of the file, from 0, in which the person stands straight, arms anywhere to the sides."""
+    fps: Annotated[float, arg(metavar="N")] = 30.0
+    """Frames per second that the motion is brought to."""
+    frames: Annotated[str | None, arg(metavar="A:B", help_behavior_hint="(default: all)")] = None
+    """Frames A to B - 1 of the motion at that rate."""
+    in_place: bool = False
+    """The hips stay over one spot."""
+
+    def window(self, length: int) -> tuple[int, int]:
+        """First frame and number of frames that are wanted of `length`. Raises InputError for others."""
+        if self.frames is None:
+            return 0, length
+        first, colon, end = self.frames.partition(":")
+        try:
+            span = range(length)[slice(int(first) if first else None, int(end) if end else None)]
+        except ValueError:
+            span = range(0)
+        if not colon or not span:
+            raise InputError(f"--frames {self.frames}: expected A:B within the motion's {length} frames")
+        return span.start, len(span)

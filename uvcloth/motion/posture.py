@@ -1,0 +1,80 @@
+"""Check of a motion on the body: the person stands, knees bend forwards, left is on the left."""
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.motion.anatomy import unit
+from uvcloth.motion.clip import Clip
+from uvcloth.motion.roles import joint_roles
+
+MOST = 0.5
+"""Share of the frames in which a motion has to be as it should."""
+
+HEAD_HEIGHT = 0.6
+"""Height of the head over the feet, in lengths of a thigh, below which a person lies."""
+
+BENT = 0.25
+"""Sine of the bend from which a knee is bent."""
+
+ADVICE = "name a frame in which the person stands with --rest-frame, or the joints with --joints"
+
+
+def check_posture(clip: Clip, lying: bool = False) -> None:
+    """Raise InputError if a clip on a body's skeleton cannot be how a person moved.
+
+    Over most of the frames the feet have to be below the hips and these below the head (not asked where
+    `lying`), the knees to bend forwards where they bend, and left arm and left leg to be on one side.
+    """
+    positions = clip.positions()
+    roles = joint_roles(clip.skeleton.names)
+    upright = _upright(positions, roles)
+    if upright <= MOST and not lying:
+        raise InputError(
+            f"feet are below hips and hips below the head in only {upright:.0%} of the frames: which axis is "
+            f"up? Say it with --up y or --up z, also where the person really lies; or {ADVICE}"
+        )
+    one_side = _one_side(positions, roles)
+    if one_side <= MOST:
+        raise InputError(
+            f"left arm and left leg are on one side in only {one_side:.0%} of the frames: left and right "
+            f"joints are exchanged, or the rest pose is another: {ADVICE}"
+        )
+    forwards = _bending_forwards(positions, roles)
+    if forwards <= MOST:
+        raise InputError(
+            f"knees bend backwards in {1 - forwards:.0%} of the frames in which they bend: left and right "
+            f"joints are exchanged, or the rest pose is another: {ADVICE}"
+        )
+
+
+def _upright(positions: Tensor, roles: Mapping[str, int]) -> float:
+    hips = positions[:, [roles["left_thigh"], roles["right_thigh"]]].mean(1)
+    feet = positions[:, [roles["left_foot"], roles["right_foot"]]].mean(1)
+    head = positions[:, roles.get("head", roles["left_upper_arm"])]
+    thigh = (positions[:, roles["left_shin"]] - positions[:, roles["left_thigh"]]).norm(dim=-1)
+    in_order = (feet[:, 2] < hips[:, 2]) & (hips[:, 2] < head[:, 2])
+    return float((in_order & (head[:, 2] - feet[:, 2] > HEAD_HEIGHT * thigh)).float().mean())
+
+
+def _one_side(positions: Tensor, roles: Mapping[str, int]) -> float:
+    hips, shoulders = (
+        positions[:, roles[f"left_{part}"]] - positions[:, roles[f"right_{part}"]]
+        for part in ("thigh", "upper_arm")
+    )
+    return float(((hips * shoulders).sum(-1) > 0).float().mean())
+
+
+def _bending_forwards(positions: Tensor, roles: Mapping[str, int]) -> float:
+    """Share of the bent knees that bend forwards, 1 where none is bent."""
+    left = unit(positions[:, roles["left_thigh"]] - positions[:, roles["right_thigh"]])
+    forwards: list[Tensor] = []
+    for side in ("left", "right"):
+        thigh, shin, foot = (positions[:, roles[f"{side}_{part}"]] for part in ("thigh", "shin", "foot"))
+        hinge = torch.linalg.cross(unit(shin - thigh), unit(foot - shin))
+        bent = hinge.norm(dim=-1) > BENT
+        forwards.append((hinge * left).sum(-1)[bent] > 0)
+    bends = torch.cat(forwards)
+    return float(bends.float().mean()) if len(bends) else 1.0

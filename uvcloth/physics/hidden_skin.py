@@ -1,0 +1,47 @@
+"""Skin that is never seen: faces of the body that garments cover closely in every frame."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+from uvcloth.geometry.mesh import Mesh, face_normals, join_meshes
+from uvcloth.physics.exposure import Shell
+
+CLOSE = 0.06
+"""Metres in front of the skin within which cloth hides it; under a skirt legs can be seen."""
+
+UNDER = 0.02
+"""Metres under the skin within which cloth should have covered it: skin that pokes out is best left out."""
+
+MARGIN = 2
+"""Rings of faces beside uncovered ones that are kept: between two frames a hem may move."""
+
+
+class HiddenSkin:
+    """Faces of a body that were covered in all frames so far."""
+
+    def __init__(self, body: Body, garments: Sequence[Mesh]) -> None:
+        outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in garments)
+        self._cloth = Shell(outfit.vertices, outfit.faces)
+        self._faces = body.mesh.faces
+        self._count = len(body.mesh.vertices)
+        self._covered = torch.ones(len(body.mesh.faces), dtype=torch.bool)
+
+    def add(self, garments: Sequence[Tensor], body_vertices: Tensor) -> None:
+        """Add a frame: garments (N, 3) m and the posed body (V, 3) m."""
+        self._cloth.update(torch.cat(list(garments)))
+        normals = torch.nn.functional.normalize(face_normals(body_vertices, self._faces), dim=1)
+        starts = body_vertices[self._faces].mean(1) - UNDER * normals
+        distance, facing = self._cloth.first_hit(starts, normals, UNDER + CLOSE)
+        self._covered &= (distance < UNDER + CLOSE) & (facing > 0)
+
+    def faces(self) -> Tensor:
+        """Mask (F,) of the faces that no one sees, a margin kept."""
+        hidden = self._covered
+        for _ in range(MARGIN):
+            seen = torch.zeros(self._count, dtype=torch.bool)
+            seen[self._faces[~hidden]] = True
+            hidden = hidden & ~seen[self._faces].any(1)
+        return hidden
