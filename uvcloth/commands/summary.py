@@ -45,7 +45,7 @@ class Summary:
         """The summary as text for a terminal."""
         stages = ", ".join(f"{stage} {spent:.1f}" for stage, spent in self.milliseconds.items())
         rate = self.frames / self.seconds
-        thinned = f"; every {self.every}th frame of the clip" if self.every > 1 else ""
+        thinned = f"; one frame of {self.every}" if self.every > 1 else ""
         lines = [
             *(str(path) for path in self.written),
             f"{self.frames} frames in {self.seconds:.1f} s, {rate:.1f} frames per second{thinned}",
