@@ -97,7 +97,7 @@ class FrameWriter:
         self._frames += len(joints)
 
     def hide(self, faces: Tensor) -> None:
-        """Leave faces of the body out of the file: mask (F,) bool. Pictures are drawn before and keep them."""
+        """Leave faces of the body out of the file: mask (F,) bool. Pictures, drawn before, keep them."""
         self._sink.hide(faces)
 
     def finish(self) -> None:
