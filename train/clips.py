@@ -112,7 +112,7 @@ class Holdout:
 
     holdout: int = 8
     """Every n-th clip validates and is not trained on, if the data has no index.csv."""
-    settling: int = 15
+    rest_frames: int = 15
     """First frames of a training clip that do not teach, in which cloth comes down from the rest shape; the
     warm-up after them does. In validation none of it counts."""
 
@@ -120,8 +120,8 @@ class Holdout:
         """Raises InputError if nothing would be left to train on."""
         if self.holdout < 2:
             raise InputError(f"--holdout {self.holdout}: has to be 2 or more")
-        if self.settling < 0:
-            raise InputError(f"--settling {self.settling}: has to be 0 or more")
+        if self.rest_frames < 0:
+            raise InputError(f"--rest-frames {self.rest_frames}: has to be 0 or more")
 
 
 def hold_out(
@@ -145,7 +145,7 @@ def hold_out(
     training, held = (
         [r for r, own in zip(clips, splits, strict=True) if own == split] for split in TRAINING_SPLITS
     )
-    return [replace(r, warm_up=min(r.warm_up, chosen.settling)) for r in training], held
+    return [replace(r, warm_up=min(r.warm_up, chosen.rest_frames)) for r in training], held
 
 
 def training_data(training: list[TrainingClip], held: list[TrainingClip]) -> TrainingData:

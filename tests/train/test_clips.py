@@ -69,7 +69,7 @@ def test_without_an_index_every_nth_clip_chooses(data: Path, body: Body) -> None
 
 def test_the_warm_up_teaches_but_for_its_beginning_and_validates_never(data: Path, body: Body) -> None:
     clips = load_training_clips(data, ("tops", "bottoms"), body)
-    for settling, left_out in ((0, 0), (1, 1), (15, 3)):
-        training, held = hold_out(clips, Holdout(settling=settling), data)
+    for rest_frames, left_out in ((0, 0), (1, 1), (15, 3)):
+        training, held = hold_out(clips, Holdout(rest_frames=rest_frames), data)
         assert {r.warm_up for r in training} == {left_out}
         assert {r.warm_up for r in held} == {3}

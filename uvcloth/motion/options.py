@@ -11,7 +11,7 @@ from rasterize.errors import InputError
 
 @dataclass(frozen=True)
 class MotionOptions:
-    """How a motion file is read, and what of it is wanted."""
+    """Reading of a motion file, and the part of it that is wanted."""
 
     up: Annotated[
         Literal["y", "z"] | None, arg(metavar="y|z", help_behavior_hint="(default: as the person stands)")

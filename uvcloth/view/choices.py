@@ -53,7 +53,7 @@ class Choices:
         bodies: Sequence[str] = (),
         sequences: Sequence[str] = (),
     ) -> "Choices":
-        """What is given, in front of all that ships."""
+        """Choices that are given, in front of all that ships."""
 
         def first(given: Sequence[str], shipped: Sequence[str]) -> tuple[str, ...]:
             return (*given, *(name for name in shipped if name not in given))

@@ -39,7 +39,7 @@ QUANTITIES = (STRETCH, CONTACT, ERROR)
 
 
 class Stretch:
-    """How much longer or shorter the edges at each vertex of a garment are than at rest."""
+    """Relative change of length since rest of the edges at each vertex of a garment."""
 
     def __init__(self, mesh: Mesh) -> None:
         self._edges = unique_edges(mesh.faces)
