@@ -1,0 +1,72 @@
+"""Coarse garments, as games have them: a finer proxy takes their place in a rollout and carries them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+from uvcloth.garments.fit import make_fitted
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.geometry.mesh import Mesh, edge_lengths, unique_edges
+from uvcloth.geometry.subdivide import subdivide
+from uvcloth.physics.face_contact import FaceContact
+
+COARSE = 0.022
+"""Mean edge, m, from which on a garment is coarse; the coarsest template, the dress, has 20.5 mm."""
+
+PROXY_EDGE = 0.025
+"""Longest edge of a proxy, m."""
+
+
+@dataclass(frozen=True)
+class CarriedOutfit:
+    """An outfit in which proxies stand for the coarse garments.
+
+    outfit: what is rolled out. meshes: what is shown, at rest, the faces off the skin; the vertices of each
+    are the first of the garment that carries it. lines: which garments are carried, in words.
+    """
+
+    outfit: Outfit
+    meshes: tuple[Mesh, ...]
+    lines: tuple[str, ...]
+    contact: FaceContact | None
+
+    @classmethod
+    def of(cls, outfit: Outfit) -> "CarriedOutfit":
+        """The same outfit where none of its garments is coarse."""
+        body, meshes = outfit.body, [garment.mesh for garment in outfit.garments]
+        coarse = [garment.source == "file" and mean_edge(garment.mesh) > COARSE for garment in outfit.garments]
+        if not any(coarse):
+            return cls(outfit, tuple(meshes), (), None)
+        contact = FaceContact(body, meshes, coarse)
+        places = contact.resolve([mesh.vertices for mesh in meshes], body.mesh.vertices)
+        shown = tuple(replace(mesh, vertices=place) for mesh, place in zip(meshes, places, strict=True))
+        garments = tuple(
+            proxy(garment, mesh, body) if chosen else garment
+            for garment, mesh, chosen in zip(outfit.garments, shown, coarse, strict=True)
+        )
+        lines = tuple(
+            f"  {garment.name}: coarse, {1000 * mean_edge(mesh):.0f} mm from vertex to vertex; carried by a "
+            f"proxy of {len(garment.mesh.vertices)} vertices, its faces kept off the skin"
+            for garment, mesh, chosen in zip(garments, shown, coarse, strict=True)
+            if chosen
+        )
+        return cls(replace(outfit, garments=garments), shown, lines, contact)
+
+    def shown(self, garments: Sequence[Tensor], body_vertices: Tensor) -> tuple[Tensor, ...]:
+        """Vertices (N, 3) m of the meshes that are shown, of what was rolled out and the posed body (V, 3)."""
+        own = tuple(
+            vertices[: len(mesh.vertices)] for vertices, mesh in zip(garments, self.meshes, strict=True)
+        )
+        return own if self.contact is None else self.contact.resolve(own, body_vertices)
+
+
+def mean_edge(mesh: Mesh) -> float:
+    """Mean length of a mesh's edges, m."""
+    return float(edge_lengths(mesh.vertices, unique_edges(mesh.faces)).mean())
+
+
+def proxy(garment: Garment, mesh: Mesh, body: Body) -> Garment:
+    """Make a garment that moves as another, of its mesh with no long edges."""
+    return make_fitted(garment.name, subdivide(mesh, PROXY_EDGE), body, garment.template)[0]
