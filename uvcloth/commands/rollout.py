@@ -1,7 +1,8 @@
 """`uvcloth rollout`: a motion and garments to an animation file."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -19,6 +20,7 @@ from uvcloth.export.size import announce
 from uvcloth.export.writer import FrameWriter, open_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
+from uvcloth.garments.proxy import CarriedOutfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.records import CPU, to_device
 from uvcloth.methods.method import Method
@@ -84,7 +86,8 @@ def animate(
         clip = pose_from_rest(load_clip(motion, body, options), body)
         place = _device(device)
         method = _load(models, outfit)
-        meshes = [(garment.name, garment.mesh) for garment in outfit.garments]
+        carried = _carried(outfit, method, contact, report)
+        meshes = carried.named()
         exposure = Exposure(body, [mesh for _, mesh in meshes])
         hidden = HiddenSkin(body, [mesh for _, mesh in meshes]) if hide_skin else None
     every = _interval(out, len(clip)) if preview else 1
@@ -94,8 +97,7 @@ def animate(
             report(large)
     if audience:
         audience.begin(clip.name, body, [mesh for _, mesh in meshes], len(transforms[::every]), fps)
-    totals = Totals()
-    start = perf_counter()
+    totals, start = Totals(), perf_counter()
     with ExitStack() as stack:
         writers = [
             stack.enter_context(open_writer(path, meshes, body, fps, transforms[::every], preview))
@@ -107,7 +109,7 @@ def animate(
         try:
             for predicted in rollout(
                 method,
-                outfit,
+                carried.outfit,
                 transforms,
                 clip.fps,
                 contact,
@@ -115,7 +117,8 @@ def animate(
                 every=every,
                 keep_going=keep_going,
             ):
-                frame = to_device(predicted, CPU)
+                with totals.timed("contact"):
+                    frame = _shown(to_device(predicted, CPU), carried)
                 if audience:
                     audience.add(frame)
                 totals.add(frame)
@@ -139,8 +142,29 @@ def animate(
         names = ", ".join(map(str, written))
         way_on = "--keep-going writes all, with linear blend skinning where a garment is torn"
         raise InputError(f"{broken}; the {totals.frames} frames before it are in {names}; {way_on}")
-    vertices = sum(len(mesh.vertices) for _, mesh in meshes)
+    vertices = sum(len(garment.mesh.vertices) for garment in carried.outfit.garments)
     return totals.summary(written, perf_counter() - start, vertices if contact else None, every)
+
+
+def _carried(outfit: Outfit, method: Method, contact: bool, report: Callable[[str], None]) -> CarriedOutfit:
+    """The outfit with proxies for its coarse garments, which are reported.
+
+    As it is without contact, and for a method that knows these very meshes.
+    """
+    carried = CarriedOutfit.of(outfit) if contact else CarriedOutfit.as_is(outfit)
+    if method.unsupported_reason(carried.outfit):
+        return CarriedOutfit.as_is(outfit)
+    for line in carried.lines:
+        report(line)
+    return carried
+
+
+def _shown(frame: RolloutFrame, carried: CarriedOutfit) -> RolloutFrame:
+    """The frame with the meshes that are shown in the place of those that carry them."""
+    if carried.contact is None:
+        return frame
+    vertices = carried.shown(frame.vertices, frame.body_vertices)
+    return replace(frame, raw=carried.own(frame.raw), vertices=vertices)
 
 
 def _finish(writers: Sequence[FrameWriter], hidden: HiddenSkin | None) -> tuple[Path, ...]:

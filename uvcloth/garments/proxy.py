@@ -33,12 +33,19 @@ class CarriedOutfit:
     contact: FaceContact | None
 
     @classmethod
+    def as_is(cls, outfit: Outfit) -> "CarriedOutfit":
+        """An outfit that carries itself."""
+        return cls(outfit, tuple(garment.mesh for garment in outfit.garments), (), None)
+
+    @classmethod
     def of(cls, outfit: Outfit) -> "CarriedOutfit":
         """The same outfit where none of its garments is coarse."""
         body, meshes = outfit.body, [garment.mesh for garment in outfit.garments]
-        coarse = [garment.source == "file" and mean_edge(garment.mesh) > COARSE for garment in outfit.garments]
+        coarse = [
+            garment.source == "file" and mean_edge(garment.mesh) > COARSE for garment in outfit.garments
+        ]
         if not any(coarse):
-            return cls(outfit, tuple(meshes), (), None)
+            return cls.as_is(outfit)
         contact = FaceContact(body, meshes, coarse)
         places = contact.resolve([mesh.vertices for mesh in meshes], body.mesh.vertices)
         shown = tuple(replace(mesh, vertices=place) for mesh, place in zip(meshes, places, strict=True))
@@ -54,11 +61,19 @@ class CarriedOutfit:
         )
         return cls(replace(outfit, garments=garments), shown, lines, contact)
 
-    def shown(self, garments: Sequence[Tensor], body_vertices: Tensor) -> tuple[Tensor, ...]:
-        """Vertices (N, 3) m of the meshes that are shown, of what was rolled out and the posed body (V, 3)."""
-        own = tuple(
+    def named(self) -> list[tuple[str, Mesh]]:
+        """Name and mesh of all that is shown."""
+        return [(garment.name, mesh) for garment, mesh in zip(self.outfit.garments, self.meshes, strict=True)]
+
+    def own(self, garments: Sequence[Tensor]) -> tuple[Tensor, ...]:
+        """The vertices that the meshes have themselves, (N, 3) m, of what was rolled out."""
+        return tuple(
             vertices[: len(mesh.vertices)] for vertices, mesh in zip(garments, self.meshes, strict=True)
         )
+
+    def shown(self, garments: Sequence[Tensor], body_vertices: Tensor) -> tuple[Tensor, ...]:
+        """Vertices (N, 3) m of the meshes that are shown, of what was rolled out on a posed body (V, 3) m."""
+        own = self.own(garments)
         return own if self.contact is None else self.contact.resolve(own, body_vertices)
 
 
