@@ -16,6 +16,7 @@ from uvcloth.garments.garment import Garment
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.meshfile import read_mesh
 from uvcloth.garments.mhclo import SUFFIX, fit_clothes
+from uvcloth.geometry.authored import follow_triangles
 from uvcloth.geometry.mesh import Mesh, vertex_normals, weld
 
 BODY_RAY_LENGTH = 0.3
@@ -72,6 +73,7 @@ def read_on_body(path: Path, body: Body) -> tuple[Mesh, Diagnosis]:
             if not clothes.is_file():
                 raise
             raise UnwearableError(f"{error}; {clothes} beside it fits it to any body", error.mesh) from error
+    mesh = follow_triangles(mesh)
     if len(mesh.uvs):
         return mesh, found
     try:

@@ -5,7 +5,7 @@ the clothes were made on; along each axis they grow with the distance between tw
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
@@ -13,7 +13,8 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import BASE_MESH, Body
-from uvcloth.garments.meshfile import read_mesh, read_text
+from uvcloth.garments.materials import read_text
+from uvcloth.garments.meshfile import read_mesh
 from uvcloth.geometry.mesh import Mesh
 
 SUFFIX = ".mhclo"
@@ -69,7 +70,7 @@ def fit_clothes(path: Path, body: Body) -> tuple[Mesh, Binding]:
     last = max(int(binding.corners.max()), *(max(one, other) for one, other, _ in binding.scales.values()), 0)
     if last >= len(body.base):
         raise InputError(f"{path}: is bound to vertex {last}, the base mesh has {len(body.base)} vertices")
-    return Mesh(binding.place(body.base), mesh.faces, mesh.uvs, mesh.face_uvs), binding
+    return replace(mesh, vertices=binding.place(body.base)), binding
 
 
 def read_binding(path: Path) -> Binding:
