@@ -268,7 +268,8 @@ class Rollout:
     host: Host = "localhost"
     """Address that the live view listens on; 0.0.0.0 lets other machines in."""
     hide_skin: bool = False
-    """Leave out the faces of the body that garments cover closely in every frame."""
+    """Leave out the faces of the body that garments cover closely in every frame, and those that clothes of
+    MakeHuman say they hide (delete_verts)."""
     device: Annotated[str, arg(metavar="cpu|cuda")] = "cpu"
     """What everything runs on."""
     threads: Annotated[int, arg(metavar="N")] = 1

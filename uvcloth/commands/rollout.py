@@ -70,7 +70,8 @@ def animate(
     models: a checkpoint folder or a baseline's name for all garments, or one for each in order; none for the
     model in the package. garments: template names or mesh files, the innermost first; contact keeps each out
     of the body and off what is beneath. templates: whose motion they take, as `load_outfit` has it.
-    hide_skin: leave out the faces of the body that garments cover closely in every frame. device: as torch
+    hide_skin: leave out the faces of the body that garments cover closely in every frame, or whose files say
+    that they hide them. device: as torch
     names it. preview: every third frame, in coarse pictures; a contact sheet alone needs fewer. keep_going: a
     garment that is torn is replaced in that frame. audience: is shown each frame. options: how the motion is
     read; of one frame, a pose, the body moves into it from rest.
@@ -89,7 +90,7 @@ def animate(
         carried = _carried(outfit, method, contact, report)
         meshes = carried.named()
         exposure = Exposure(body, [mesh for _, mesh in meshes])
-        hidden = HiddenSkin(body, [mesh for _, mesh in meshes]) if hide_skin else None
+        hidden = HiddenSkin(body, carried.meshes, carried.hides()) if hide_skin else None
     every = _interval(out, len(clip)) if preview else 1
     transforms, fps = clip.transforms(), clip.fps / every
     for path in out:

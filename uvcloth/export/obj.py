@@ -72,7 +72,10 @@ def _states(polygons: Polygons) -> Iterator[list[str]]:
 
 
 def save_materials(materials: Sequence[Material], path: Path) -> None:
-    """Write an .mtl, and the textures beside it as NAME_TEXTURE. Raises InputError if one cannot be written."""
+    """Write an .mtl, and the textures beside it as NAME_TEXTURE.
+
+    Raises InputError if one cannot be written.
+    """
     lines = []
     for material in materials:
         red, green, blue, opacity = material.color

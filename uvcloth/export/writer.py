@@ -162,9 +162,10 @@ def open_writer(
     """Start a file of moving garments (name, mesh at rest), and of the body unless it is None.
 
     The suffix decides: .glb (glTF: morph targets, a skinned body), .usdc or .usd, .pc2 (one point cache and
-    one OBJ per mesh, named after the path), .abc (Alembic), .obj (a file per frame), .npz (arrays, see load_animation), .mp4 and .gif
-    (a video), .png (a contact sheet). Pictures need the body and its motion (F, J, 3, 4), which the camera
-    follows; coarse ones are small and quickly drawn.
+    one OBJ per mesh, named after the path), .abc (Alembic), .obj (a file per frame), .npz (arrays, see
+    load_animation), .mp4 and .gif (a video), .png (a contact sheet). Pictures need the body and its motion
+    (F, J, 3, 4), which the camera follows; coarse ones are small and quickly drawn. Materials of garments
+    that were read from a file go along, with their textures, as files beside it where the format wants that.
     Use it as a context manager: leaving it by an exception writes nothing.
     Memory does not grow with the number of frames.
     Raises InputError for another suffix, for garments of the same name, where a package is missing, or if the

@@ -55,13 +55,15 @@ def load_outfit(
             loaded.append((0, (garment if template == AUTO else replace(garment, template=template),)))
             continue
         path = _file(name)
-        mesh, found = read_on_body(path, body)
-        pieces = split(path.stem, mesh, body, None if template == AUTO else template)
-        for line in found.lines():
+        placed = read_on_body(path, body)
+        pieces = split(path.stem, placed.mesh, body, None if template == AUTO else template)
+        for line in placed.diagnosis.lines():
             report(line)
         for piece in pieces:
             report(f"  {piece.name}: {len(piece.mesh.vertices)} vertices, worn as {piece.template}")
-        loaded.append((found.depth, pieces))
+        # What a file hides, all of its pieces hide together.
+        pieces = (replace(pieces[0], hides=placed.hides), *pieces[1:])
+        loaded.append((placed.diagnosis.depth, pieces))
     if all(name.lower().endswith(SUFFIX) for name in names):
         loaded.sort(key=lambda layer: layer[0])
     return tuple(garment for _, pieces in loaded for garment in pieces)

@@ -65,6 +65,10 @@ class CarriedOutfit:
         """Name and mesh of all that is shown."""
         return [(garment.name, mesh) for garment, mesh in zip(self.outfit.garments, self.meshes, strict=True)]
 
+    def hides(self) -> list[Tensor]:
+        """Vertices (K,) of the body that the files of garments say they hide."""
+        return [garment.hides for garment in self.outfit.garments if garment.hides is not None]
+
     def own(self, garments: Sequence[Tensor]) -> tuple[Tensor, ...]:
         """The vertices that the meshes have themselves, (N, 3) m, of what was rolled out."""
         return tuple(
@@ -84,4 +88,5 @@ def mean_edge(mesh: Mesh) -> float:
 
 def proxy(garment: Garment, mesh: Mesh, body: Body) -> Garment:
     """Make a garment that moves as another, of its mesh with no long edges."""
-    return make_fitted(garment.name, subdivide(mesh, PROXY_EDGE), body, garment.template)[0]
+    made, _ = make_fitted(garment.name, subdivide(mesh, PROXY_EDGE), body, garment.template)
+    return replace(made, hides=garment.hides)
