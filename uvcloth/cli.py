@@ -214,7 +214,7 @@ class Fit:
     ] = None
     """The template whose motion it takes."""
     out: Annotated[Path | None, arg(metavar="OBJ", help_behavior_hint="")] = None
-    """Also write the garment as it is worn: metres, Z up, as OBJ."""
+    """Also write the garment as it is worn: metres, Z up, as OBJ; each of several into a file of its own."""
 
     picture: Annotated[Path | None, arg(metavar="PNG")] = Path("fit.png")
     """Picture of the garment on the body, also of one that is refused for how it lies; None for none."""

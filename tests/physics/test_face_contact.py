@@ -14,7 +14,7 @@ SIDES, RINGS = 6, 3
 
 
 def tube(body: Body, loose: float) -> Mesh:
-    """A tube of 36 triangles around the left thigh; its vertices are outside of the skin, its faces cut it."""
+    """A tube of 24 triangles around the left thigh: vertices outside of the skin, faces that cut it."""
     thigh = (body.regions == REGIONS.index("thigh")) & (body.sides > 0)
     points = body.mesh.vertices[body.mesh.faces[thigh]].reshape(-1, 3)
     low, high = torch.quantile(points[:, 2], torch.tensor([0.25, 0.6])).tolist()

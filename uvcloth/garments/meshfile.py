@@ -23,9 +23,8 @@ def read_mesh(path: Path) -> Mesh:
     """
     path = Path(path)
     if path.suffix.lower() not in EXTENSIONS:
-        raise InputError(
-            f"{path}: a garment file ends in {', '.join(EXTENSIONS)} or .mhclo, not in '{path.suffix}'"
-        )
+        found = f"not in '{path.suffix}'" if path.suffix else "this name has no ending"
+        raise InputError(f"{path}: a garment file ends in {', '.join(EXTENSIONS)} or .mhclo, {found}")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     mesh = _read(path)
