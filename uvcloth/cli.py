@@ -239,8 +239,8 @@ class Rollout:
     """Templates (tops, bottoms, dress, shirt) or garment files, the innermost first; contact keeps each out
     of the body and off what is beneath."""
     out: Annotated[tuple[Path, ...], arg(metavar="FILE ...", help_behavior_hint="")] = ()
-    """What to write, one file or several; the suffix says how: .glb, .usdc, .abc, .pc2 or .npz for other
-    programs, .mp4 or .gif for a video, .png for a contact sheet."""
+    """What to write, one file or several; the suffix says how: .glb, .usdc, .abc, .pc2, .obj or .npz for
+    other programs, .mp4 or .gif for a video, .png for a contact sheet."""
     model: Annotated[
         tuple[str, ...],
         arg(metavar="NAME|RUN ...", help_behavior_hint="(default: physxnet)"),
