@@ -17,6 +17,7 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 
 if TYPE_CHECKING:
+    from uvcloth.garments.proxy import CarriedOutfit
     from uvcloth.physics.contact import Contacts
     from uvcloth.physics.outfit_contact import OutfitContact
 
@@ -190,6 +191,47 @@ def rollout(
     yield from prepare_rollout(method, outfit, contact, device).frames(
         transforms, fps, truth, every, keep_going
     )
+
+
+def carry(outfit: Outfit, method: Method) -> "CarriedOutfit":
+    """Put proxies in the place of coarse garments, but for a method that knows these very meshes."""
+    from uvcloth.garments.proxy import CarriedOutfit
+
+    carried = CarriedOutfit.of(outfit)
+    return CarriedOutfit.as_is(outfit) if method.unsupported_reason(carried.outfit) else carried
+
+
+def rollout_carried(
+    method: Method,
+    carried: "CarriedOutfit",
+    transforms: Iterable[Tensor],
+    fps: float,
+    contact: bool = True,
+    *,
+    device: torch.device = CPU,
+    every: int = 1,
+    keep_going: bool = False,
+) -> Iterator[RolloutFrame]:
+    """Predict an outfit as `rollout` does, and yield frames of the meshes that are shown, on the CPU."""
+    for predicted in rollout(
+        method,
+        carried.outfit,
+        transforms,
+        fps,
+        contact,
+        device=device,
+        every=every,
+        keep_going=keep_going,
+    ):
+        frame = to_device(predicted, CPU)
+        if carried.contact is None:
+            yield frame
+            continue
+        begun = time.perf_counter()
+        vertices = carried.shown(frame.vertices, frame.body_vertices)
+        spent = frame.milliseconds["contact"] + 1000.0 * (time.perf_counter() - begun)
+        milliseconds = {**frame.milliseconds, "contact": spent}
+        yield replace(frame, raw=carried.own(frame.raw), vertices=vertices, milliseconds=milliseconds)
 
 
 def roll_out_together(

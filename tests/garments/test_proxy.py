@@ -8,7 +8,7 @@ from tests.physics.test_face_contact import tube
 from uvcloth.bodies.body import Body
 from uvcloth.garments.attach import make_garment
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.proxy import COARSE, PROXY_EDGE, CarriedOutfit, mean_edge
+from uvcloth.garments.proxy import COARSE, PROXY_EDGE, CarriedOutfit, spacing
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
 
@@ -27,7 +27,7 @@ def test_a_proxy_stands_for_a_coarse_garment(body: Body) -> None:
         ("tops", len(fine.mesh.faces)),
     ]
     assert len(carried.lines) == 1
-    assert carried.lines[0].startswith(f"  game: coarse, {1000 * mean_edge(mesh):.0f} mm")
+    assert carried.lines[0].startswith(f"  game: coarse, {1000 * spacing(mesh):.0f} mm")
     torch.testing.assert_close(carried.hides()[0], torch.tensor([5, 6]))
     # Moved as a whole, the garment that is shown is the proxy's first vertices.
     shift = torch.tensor([0.3, -0.2, 0.1])
@@ -42,5 +42,5 @@ def test_templates_and_fine_files_carry_themselves(body: Body) -> None:
     outfit = Outfit(body, tuple(fit_template(name, body) for name in ("bottoms", "dress")))
     assert CarriedOutfit.of(outfit).outfit is outfit
     from_files = Outfit(body, tuple(replace(garment, source="file") for garment in outfit.garments))
-    assert max(mean_edge(garment.mesh) for garment in from_files.garments) < COARSE
+    assert max(spacing(garment.mesh) for garment in from_files.garments) < COARSE
     assert CarriedOutfit.of(from_files).outfit is from_files

@@ -1,8 +1,7 @@
 """`uvcloth rollout`: a motion and garments to an animation file."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -22,7 +21,6 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.proxy import CarriedOutfit
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.geometry.records import CPU, to_device
 from uvcloth.methods.method import Method
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.lead_in import pose_from_rest
@@ -30,7 +28,7 @@ from uvcloth.motion.library import DEFAULTS, load_clip
 from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.exposure import Exposure
 from uvcloth.physics.hidden_skin import HiddenSkin
-from uvcloth.rollout import BrokenRolloutError, RolloutFrame, rollout
+from uvcloth.rollout import BrokenRolloutError, RolloutFrame, carry, rollout_carried
 
 
 class Audience(Protocol):
@@ -87,7 +85,9 @@ def animate(
         clip = pose_from_rest(load_clip(motion, body, options), body)
         place = _device(device)
         method = _load(models, outfit)
-        carried = _carried(outfit, method, contact, report)
+        carried = carry(outfit, method) if contact else CarriedOutfit.as_is(outfit)
+        for line in carried.lines:
+            report(line)
         meshes = carried.named()
         exposure = Exposure(body, [mesh for _, mesh in meshes])
         hidden = HiddenSkin(body, carried.meshes, carried.hides()) if hide_skin else None
@@ -108,9 +108,9 @@ def animate(
         task = progress.add_task(clip.name, total=len(transforms[::every]), rate="")
         broken: BrokenRolloutError | None = None
         try:
-            for predicted in rollout(
+            for frame in rollout_carried(
                 method,
-                carried.outfit,
+                carried,
                 transforms,
                 clip.fps,
                 contact,
@@ -118,8 +118,6 @@ def animate(
                 every=every,
                 keep_going=keep_going,
             ):
-                with totals.timed("contact"):
-                    frame = _shown(to_device(predicted, CPU), carried)
                 if audience:
                     audience.add(frame)
                 totals.add(frame)
@@ -145,27 +143,6 @@ def animate(
         raise InputError(f"{broken}; the {totals.frames} frames before it are in {names}; {way_on}")
     vertices = sum(len(garment.mesh.vertices) for garment in carried.outfit.garments)
     return totals.summary(written, perf_counter() - start, vertices if contact else None, every)
-
-
-def _carried(outfit: Outfit, method: Method, contact: bool, report: Callable[[str], None]) -> CarriedOutfit:
-    """The outfit with proxies for its coarse garments, which are reported.
-
-    As it is without contact, and for a method that knows these very meshes.
-    """
-    carried = CarriedOutfit.of(outfit) if contact else CarriedOutfit.as_is(outfit)
-    if method.unsupported_reason(carried.outfit):
-        return CarriedOutfit.as_is(outfit)
-    for line in carried.lines:
-        report(line)
-    return carried
-
-
-def _shown(frame: RolloutFrame, carried: CarriedOutfit) -> RolloutFrame:
-    """The frame with the meshes that are shown in the place of those that carry them."""
-    if carried.contact is None:
-        return frame
-    vertices = carried.shown(frame.vertices, frame.body_vertices)
-    return replace(frame, raw=carried.own(frame.raw), vertices=vertices)
 
 
 def _finish(writers: Sequence[FrameWriter], hidden: HiddenSkin | None) -> tuple[Path, ...]:

@@ -8,12 +8,12 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.garments.fit import make_fitted
 from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.geometry.mesh import Mesh, edge_lengths, unique_edges
+from uvcloth.geometry.mesh import Mesh, face_normals
 from uvcloth.geometry.subdivide import subdivide
 from uvcloth.physics.face_contact import FaceContact
 
 COARSE = 0.022
-"""Mean edge, m, from which on a garment is coarse; the coarsest template, the dress, has 20.5 mm."""
+"""Spacing of vertices, m, from which on a garment is coarse; the coarsest template, the dress, has 21 mm."""
 
 PROXY_EDGE = 0.025
 """Longest edge of a proxy, m."""
@@ -41,9 +41,7 @@ class CarriedOutfit:
     def of(cls, outfit: Outfit) -> "CarriedOutfit":
         """The same outfit where none of its garments is coarse."""
         body, meshes = outfit.body, [garment.mesh for garment in outfit.garments]
-        coarse = [
-            garment.source == "file" and mean_edge(garment.mesh) > COARSE for garment in outfit.garments
-        ]
+        coarse = [garment.source == "file" and spacing(garment.mesh) > COARSE for garment in outfit.garments]
         if not any(coarse):
             return cls.as_is(outfit)
         contact = FaceContact(body, meshes, coarse)
@@ -54,9 +52,9 @@ class CarriedOutfit:
             for garment, mesh, chosen in zip(outfit.garments, shown, coarse, strict=True)
         )
         lines = tuple(
-            f"  {garment.name}: coarse, {1000 * mean_edge(mesh):.0f} mm from vertex to vertex; carried by a "
+            f"  {garment.name}: coarse, {1000 * spacing(mesh):.0f} mm from vertex to vertex; carried by a "
             f"proxy of {len(garment.mesh.vertices)} vertices, its faces kept off the skin"
-            for garment, mesh, chosen in zip(garments, shown, coarse, strict=True)
+            for garment, mesh, chosen in zip(garments, meshes, coarse, strict=True)
             if chosen
         )
         return cls(replace(outfit, garments=garments), shown, lines, contact)
@@ -81,9 +79,12 @@ class CarriedOutfit:
         return own if self.contact is None else self.contact.resolve(own, body_vertices)
 
 
-def mean_edge(mesh: Mesh) -> float:
-    """Mean length of a mesh's edges, m."""
-    return float(edge_lengths(mesh.vertices, unique_edges(mesh.faces)).mean())
+def spacing(mesh: Mesh) -> float:
+    """Mean length of the edges of a mesh over its area, m: dense collars and buttons hardly count."""
+    corners = mesh.vertices[mesh.faces]
+    lengths = (corners - corners.roll(1, 1)).norm(dim=2).mean(1)
+    areas = face_normals(mesh.vertices, mesh.faces).norm(dim=1)
+    return float((lengths * areas).sum() / areas.sum())
 
 
 def proxy(garment: Garment, mesh: Mesh, body: Body) -> Garment:

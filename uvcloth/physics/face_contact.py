@@ -7,7 +7,7 @@ the three corners around it.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -15,7 +15,7 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.geometry.mesh import Mesh, face_normals, weld
-from uvcloth.physics.contact import ContactGarment, Obstacle
+from uvcloth.physics.contact import ContactGarment, InnerLayerContact, Obstacle
 from uvcloth.physics.exposure import SurfaceSample, spread
 from uvcloth.physics.layers import Layer
 from uvcloth.physics.surface import FREE
@@ -81,8 +81,13 @@ class FaceContact:
     def _garment(self, mesh: Mesh, layers: Sequence[Layer]) -> CoarseGarment:
         area = 0.5 * float(face_normals(mesh.vertices, mesh.faces).norm(dim=1).sum())
         points = spread(mesh.vertices, mesh.faces, math.ceil(area / POINT_SPACING**2))
+        own = self._obstacle.contact_garment(mesh.vertices, mesh.faces[:0], layers)
         loose = self._obstacle.contact_garment(points.points(mesh.vertices), mesh.faces[:0], layers)
-        return CoarseGarment(points, loose, weld(mesh.vertices))
+        over = tuple(
+            _where_corners_are(points, loose.touches, beneath, vertices.rows)
+            for beneath, vertices in zip(loose.over, own.over, strict=True)
+        )
+        return CoarseGarment(points, replace(loose, over=over), weld(mesh.vertices))
 
     def _cleared(self, vertices: Tensor, garment: CoarseGarment) -> Tensor:
         for _ in range(SEARCHES):
@@ -97,3 +102,14 @@ class FaceContact:
                 offsets[rows] = (directions * points[rows]).sum(1) - distance + FACE_CLEARANCE
             vertices = garment.push(vertices, normals, offsets)
         return vertices
+
+
+def _where_corners_are(
+    points: SurfaceSample, touches: Tensor, beneath: InnerLayerContact, vertices: Tensor
+) -> InnerLayerContact:
+    """The contact with a layer of all points whose three corners (rows of vertices) are kept off it.
+
+    A point between them may be on its inner side at rest: where the layer comes through a face.
+    """
+    rows = torch.nonzero(torch.isin(points.corners, vertices).all(1)).squeeze(1)
+    return replace(beneath, rows=rows, touches=touches[rows])
