@@ -16,7 +16,7 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.commands.summary import Summary, Totals
 from uvcloth.export.pictures import SHEETS, sheet_interval
 from uvcloth.export.size import announce
-from uvcloth.export.writer import FrameWriter, open_writer
+from uvcloth.export.writer import open_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.geometry.mesh import Mesh
@@ -134,22 +134,18 @@ def animate(
             broken = error
         # Only when every file is whole may the first of them appear.
         with totals.timed("writing"):
-            written = _finish(writers, hidden)
+            for writer in writers:
+                if hidden:
+                    writer.hide(hidden.faces())
+                writer.finish()
+    # Only now, when the writers are closed, do they know their files.
+    written = tuple(path for writer in writers for path in writer.written)
     if broken:
         names = ", ".join(map(str, written))
         way_on = "--keep-going writes all, with linear blend skinning where a garment is torn"
         raise InputError(f"{broken}; the {totals.frames} frames before it are in {names}; {way_on}")
     vertices = sum(len(mesh.vertices) for _, mesh in meshes)
     return totals.summary(written, perf_counter() - start, vertices if contact else None, every)
-
-
-def _finish(writers: Sequence[FrameWriter], hidden: HiddenSkin | None) -> tuple[Path, ...]:
-    """Finish the files, without the hidden skin, and return their paths."""
-    for writer in writers:
-        if hidden:
-            writer.hide(hidden.faces())
-        writer.finish()
-    return tuple(path for writer in writers for path in writer.written)
 
 
 def _interval(out: Sequence[Path], frames: int) -> int:
