@@ -141,11 +141,16 @@ def animate(
     # Only now, when the writers are closed, do they know their files.
     written = tuple(path for writer in writers for path in writer.written)
     if broken:
-        names = ", ".join(map(str, written))
-        way_on = "--keep-going writes all, with linear blend skinning where a garment is torn"
-        raise InputError(f"{broken}; the {totals.frames} frames before it are in {names}; {way_on}")
+        raise _kept_so_far(broken, totals.frames, written)
     vertices = sum(len(mesh.vertices) for _, mesh in meshes)
     return totals.summary(written, perf_counter() - start, vertices if contact else None, every)
+
+
+def _kept_so_far(broken: BrokenRolloutError, frames: int, written: Sequence[Path]) -> InputError:
+    """Where the frames before the one that broke are, and how to have all."""
+    names = ", ".join(map(str, written))
+    way_on = "--keep-going writes all, with linear blend skinning where a garment is torn"
+    return InputError(f"{broken}; the {frames} frames before it are in {names}; {way_on}")
 
 
 def _interval(out: Sequence[Path], frames: int) -> int:
