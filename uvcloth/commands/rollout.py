@@ -147,7 +147,7 @@ def animate(
 
 
 def _kept_so_far(broken: BrokenRolloutError, frames: int, written: Sequence[Path]) -> InputError:
-    """Where the frames before the one that broke are, and how to have all."""
+    """The error that says where the frames before the broken one are, and how to have all."""
     names = ", ".join(map(str, written))
     way_on = "--keep-going writes all, with linear blend skinning where a garment is torn"
     return InputError(f"{broken}; the {frames} frames before it are in {names}; {way_on}")
