@@ -16,7 +16,7 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.commands.summary import Summary, Totals
 from uvcloth.export.pictures import SHEETS, sheet_interval
 from uvcloth.export.size import announce
-from uvcloth.export.writer import FrameWriter, open_writer
+from uvcloth.export.writer import open_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.proxy import CarriedOutfit
@@ -136,22 +136,23 @@ def animate(
             broken = error
         # Only when every file is whole may the first of them appear.
         with totals.timed("writing"):
-            written = _finish(writers, hidden)
+            for writer in writers:
+                if hidden:
+                    writer.hide(hidden.faces())
+                writer.finish()
+    # Only now, when the writers are closed, do they know their files.
+    written = tuple(path for writer in writers for path in writer.written)
     if broken:
-        names = ", ".join(map(str, written))
-        way_on = "--keep-going writes all, with linear blend skinning where a garment is torn"
-        raise InputError(f"{broken}; the {totals.frames} frames before it are in {names}; {way_on}")
+        raise _kept_so_far(broken, totals.frames, written)
     vertices = sum(len(garment.mesh.vertices) for garment in carried.outfit.garments)
     return totals.summary(written, perf_counter() - start, vertices if contact else None, every)
 
 
-def _finish(writers: Sequence[FrameWriter], hidden: HiddenSkin | None) -> tuple[Path, ...]:
-    """Finish the files, without the hidden skin, and return their paths."""
-    for writer in writers:
-        if hidden:
-            writer.hide(hidden.faces())
-        writer.finish()
-    return tuple(path for writer in writers for path in writer.written)
+def _kept_so_far(broken: BrokenRolloutError, frames: int, written: Sequence[Path]) -> InputError:
+    """The error that says where the frames before the broken one are, and how to have all."""
+    names = ", ".join(map(str, written))
+    way_on = "--keep-going writes all, with linear blend skinning where a garment is torn"
+    return InputError(f"{broken}; the {frames} frames before it are in {names}; {way_on}")
 
 
 def _interval(out: Sequence[Path], frames: int) -> int:
