@@ -86,16 +86,14 @@ def animate(
         place = _device(device)
         method = _load(models, outfit)
         carried = carry(outfit, method) if contact else CarriedOutfit.as_is(outfit)
-        for line in carried.lines:
-            report(line)
         meshes = carried.named()
         exposure = Exposure(body, [mesh for _, mesh in meshes])
         hidden = HiddenSkin(body, carried.meshes, carried.hides()) if hide_skin else None
     every = _interval(out, len(clip)) if preview else 1
     transforms, fps = clip.transforms(), clip.fps / every
-    for path in out:
-        if large := announce(path, len(transforms[::every]), [mesh for _, mesh in meshes], body):
-            report(large)
+    sizes = [announce(path, len(transforms[::every]), carried.meshes, body) for path in out]
+    for line in filter(None, (*carried.lines, *sizes)):
+        report(line)
     if audience:
         audience.begin(clip.name, body, [mesh for _, mesh in meshes], len(transforms[::every]), fps)
     totals, start = Totals(), perf_counter()
