@@ -10,11 +10,13 @@ from uvcloth.garments.attach import make_garment
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.proxy import COARSE, PROXY_EDGE, CarriedOutfit, spacing
 from uvcloth.garments.templates import fit_template
+from uvcloth.geometry.authored import AuthoredMesh, polygons_of
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
 
 
 def test_a_proxy_stands_for_a_coarse_garment(body: Body) -> None:
-    mesh = tube(body, 0.002)
+    plain = tube(body, 0.002)
+    mesh = AuthoredMesh.of(plain.vertices, polygons_of(plain))
     coarse = replace(make_garment("game", mesh, body, 0.06, template="bottoms"), hides=torch.tensor([5, 6]))
     fine = fit_template("tops", body)
     carried = CarriedOutfit.of(Outfit(body, (coarse, fine)))
@@ -26,6 +28,7 @@ def test_a_proxy_stands_for_a_coarse_garment(body: Body) -> None:
         ("game", len(mesh.faces)),
         ("tops", len(fine.mesh.faces)),
     ]
+    assert isinstance(carried.meshes[0], AuthoredMesh)
     assert len(carried.lines) == 1
     assert carried.lines[0].startswith(f"  game: coarse, {1000 * spacing(mesh):.0f} mm")
     torch.testing.assert_close(carried.hides()[0], torch.tensor([5, 6]))

@@ -69,11 +69,11 @@ def animate(
     model in the package. garments: template names or mesh files, the innermost first; contact keeps each out
     of the body and off what is beneath. templates: whose motion they take, as `load_outfit` has it.
     hide_skin: leave out the faces of the body that garments cover closely in every frame, or whose files say
-    that they hide them. device: as torch
-    names it. preview: every third frame, in coarse pictures; a contact sheet alone needs fewer. keep_going: a
-    garment that is torn is replaced in that frame. audience: is shown each frame. options: how the motion is
-    read; of one frame, a pose, the body moves into it from rest.
+    that they hide them. device: as torch names it. preview: every third frame, in coarse pictures; a contact
+    sheet alone needs fewer. keep_going: a garment that is torn is replaced in that frame. audience: is shown
+    each frame. options: how the motion is read; of one frame, a pose, the body moves into it from rest.
 
+    Coarse garments are carried by proxies, unless there is no contact.
     Raises InputError for bad input or a full disk; then, as after Ctrl-C, writes nothing. Of a rollout that
     breaks the frames before it are kept, and an InputError says so.
     """
