@@ -17,7 +17,7 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 
 if TYPE_CHECKING:
-    from uvcloth.garments.proxy import CarriedOutfit
+    from uvcloth.garments.proxy import ProxiedOutfit
     from uvcloth.physics.contact import Contacts
     from uvcloth.physics.outfit_contact import OutfitContact
 
@@ -193,17 +193,17 @@ def rollout(
     )
 
 
-def carry(outfit: Outfit, method: Method) -> "CarriedOutfit":
+def with_proxies(outfit: Outfit, method: Method) -> "ProxiedOutfit":
     """Put proxies in the place of coarse garments, but for a method that knows these very meshes."""
-    from uvcloth.garments.proxy import CarriedOutfit
+    from uvcloth.garments.proxy import ProxiedOutfit
 
-    carried = CarriedOutfit.of(outfit)
-    return CarriedOutfit.as_is(outfit) if method.unsupported_reason(carried.outfit) else carried
+    proxied = ProxiedOutfit.of(outfit)
+    return ProxiedOutfit.as_is(outfit) if method.unsupported_reason(proxied.outfit) else proxied
 
 
-def rollout_carried(
+def rollout_proxied(
     method: Method,
-    carried: "CarriedOutfit",
+    proxied: "ProxiedOutfit",
     transforms: Iterable[Tensor],
     fps: float,
     contact: bool = True,
@@ -215,7 +215,7 @@ def rollout_carried(
     """Predict an outfit as `rollout` does, and yield frames of the meshes that are shown, on the CPU."""
     for predicted in rollout(
         method,
-        carried.outfit,
+        proxied.outfit,
         transforms,
         fps,
         contact,
@@ -224,14 +224,14 @@ def rollout_carried(
         keep_going=keep_going,
     ):
         frame = to_device(predicted, CPU)
-        if carried.contact is None:
+        if proxied.contact is None:
             yield frame
             continue
         begun = time.perf_counter()
-        vertices = carried.shown(frame.vertices, frame.body_vertices)
+        vertices = proxied.shown(frame.vertices, frame.body_vertices)
         spent = frame.milliseconds["contact"] + 1000.0 * (time.perf_counter() - begun)
         milliseconds = {**frame.milliseconds, "contact": spent}
-        yield replace(frame, raw=carried.own(frame.raw), vertices=vertices, milliseconds=milliseconds)
+        yield replace(frame, raw=proxied.own(frame.raw), vertices=vertices, milliseconds=milliseconds)
 
 
 def roll_out_together(

@@ -62,7 +62,7 @@ def test_skin_comes_out_of_no_face_though_every_vertex_was_outside(body: Body, s
 
 
 def test_what_is_clear_of_the_skin_and_what_is_not_coarse_stay(body: Body) -> None:
-    wide, tight = tube(body, 0.03, "calf"), tube(body, 0.002)
+    wide, tight = tube(body, 0.06, "calf"), tube(body, 0.002)
     (after,) = FaceContact(body, [wide], [True]).resolve([wide.vertices], body.mesh.vertices)
     assert torch.equal(after, wide.vertices)
     (after,) = FaceContact(body, [tight], [False]).resolve([tight.vertices], body.mesh.vertices)

@@ -19,7 +19,7 @@ from uvcloth.export.size import announce
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
-from uvcloth.garments.proxy import CarriedOutfit
+from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.method import Method
 from uvcloth.methods.registry import DEFAULT, load_methods
@@ -28,7 +28,7 @@ from uvcloth.motion.library import DEFAULTS, load_clip
 from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.exposure import Exposure
 from uvcloth.physics.hidden_skin import HiddenSkin
-from uvcloth.rollout import BrokenRolloutError, RolloutFrame, carry, rollout_carried
+from uvcloth.rollout import BrokenRolloutError, RolloutFrame, rollout_proxied, with_proxies
 
 
 class Audience(Protocol):
@@ -85,14 +85,14 @@ def animate(
         clip = pose_from_rest(load_clip(motion, body, options), body)
         place = _device(device)
         method = _load(models, outfit)
-        carried = carry(outfit, method) if contact else CarriedOutfit.as_is(outfit)
-        meshes = carried.named()
+        proxied = with_proxies(outfit, method) if contact else ProxiedOutfit.as_is(outfit)
+        meshes = proxied.named()
         exposure = Exposure(body, [mesh for _, mesh in meshes])
-        hidden = HiddenSkin(body, carried.meshes, carried.hides()) if hide_skin else None
+        hidden = HiddenSkin(body, proxied.meshes, proxied.hides()) if hide_skin else None
     every = _interval(out, len(clip)) if preview else 1
     transforms, fps = clip.transforms(), clip.fps / every
-    sizes = [announce(path, len(transforms[::every]), carried.meshes, body) for path in out]
-    for line in filter(None, (*carried.lines, *sizes)):
+    sizes = [announce(path, len(transforms[::every]), proxied.meshes, body) for path in out]
+    for line in filter(None, (*proxied.lines, *sizes)):
         report(line)
     if audience:
         audience.begin(clip.name, body, [mesh for _, mesh in meshes], len(transforms[::every]), fps)
@@ -106,9 +106,9 @@ def animate(
         task = progress.add_task(clip.name, total=len(transforms[::every]), rate="")
         broken: BrokenRolloutError | None = None
         try:
-            for frame in rollout_carried(
+            for frame in rollout_proxied(
                 method,
-                carried,
+                proxied,
                 transforms,
                 clip.fps,
                 contact,
@@ -142,7 +142,7 @@ def animate(
     written = tuple(path for writer in writers for path in writer.written)
     if broken:
         raise _kept_so_far(broken, totals.frames, written)
-    vertices = sum(len(garment.mesh.vertices) for garment in carried.outfit.garments)
+    vertices = sum(len(garment.mesh.vertices) for garment in proxied.outfit.garments)
     return totals.summary(written, perf_counter() - start, vertices if contact else None, every)
 
 

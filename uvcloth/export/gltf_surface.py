@@ -6,7 +6,7 @@ import numpy as np
 
 from uvcloth.export.glb import FLOAT, INDICES, INT, VERTICES, Document
 from uvcloth.export.gltf_scene import TO_Y_UP, split_corners, unit_normals
-from uvcloth.geometry.authored import Material, polygons_of
+from uvcloth.geometry.authored import SurfaceMaterial, polygons_of
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.render import Color
 
@@ -56,7 +56,7 @@ def add_surface(
     return source, primitives
 
 
-def _add_material(document: Document, material: Material) -> int:
+def _add_material(document: Document, material: SurfaceMaterial) -> int:
     red, green, blue, opacity = material.color
     picture, texture = material.texture, None
     if picture and picture.suffix in MIME_TYPES:

@@ -8,7 +8,7 @@ import numpy as np
 from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
 from uvcloth.export.textures import save_texture
-from uvcloth.geometry.authored import Material, Polygons, polygons_of
+from uvcloth.geometry.authored import Polygons, SurfaceMaterial, polygons_of
 from uvcloth.geometry.mesh import Mesh
 
 
@@ -71,7 +71,7 @@ def _states(polygons: Polygons) -> Iterator[list[str]]:
         yield lines
 
 
-def save_materials(materials: Sequence[Material], path: Path) -> None:
+def save_materials(materials: Sequence[SurfaceMaterial], path: Path) -> None:
     """Write an .mtl, and the textures beside it as NAME_TEXTURE.
 
     Raises InputError if one cannot be written.

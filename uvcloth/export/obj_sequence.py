@@ -8,7 +8,7 @@ import numpy as np
 
 from uvcloth.export.animation import Animation, posed_body
 from uvcloth.export.obj import faces_text, save_materials
-from uvcloth.geometry.authored import Material, Polygons, polygons_of
+from uvcloth.geometry.authored import Polygons, SurfaceMaterial, polygons_of
 
 
 def write_obj_sequence(animation: Animation, path: Path) -> None:
@@ -41,7 +41,7 @@ def write_obj_sequence(animation: Animation, path: Path) -> None:
 def _named(polygons: Polygons, name: str) -> Polygons:
     """The polygons with material names that no other garment of the file has."""
 
-    def own(material: Material) -> Material:
+    def own(material: SurfaceMaterial) -> SurfaceMaterial:
         return replace(material, name=f"{name}_{material.name}")
 
     return replace(polygons, materials=tuple(map(own, polygons.materials)))

@@ -8,7 +8,7 @@ import numpy as np
 
 from uvcloth.export.textures import save_texture
 from uvcloth.export.usd_stage import identifiers, uv_name
-from uvcloth.geometry.authored import Material, polygons_of
+from uvcloth.geometry.authored import SurfaceMaterial, polygons_of
 from uvcloth.geometry.mesh import Mesh
 
 
@@ -43,7 +43,7 @@ def _subsets(geometry: Any, family: str, names: Sequence[str], of: np.ndarray) -
     ]
 
 
-def _material(stage: Any, prim: Any, material: Material, path: Path) -> Any:
+def _material(stage: Any, prim: Any, material: SurfaceMaterial, path: Path) -> Any:
     """A preview surface of one colour, or of the texture times it."""
     from pxr import Gf, Sdf, UsdShade
 

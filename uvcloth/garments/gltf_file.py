@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from uvcloth.garments.materials import read_texture
-from uvcloth.geometry.authored import AuthoredMesh, Labels, Material, Polygons, Texture, UvSet
+from uvcloth.geometry.authored import AuthoredMesh, Labels, Polygons, SurfaceMaterial, Texture, UvSet
 from uvcloth.geometry.gltf import Gltf, read_gltf
 
 SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
@@ -150,7 +150,7 @@ def _colors(values: np.ndarray) -> np.ndarray:
     return rgba.astype(np.float32)
 
 
-def _materials(gltf: Gltf) -> tuple[tuple[Material, ...], tuple[str, ...]]:
+def _materials(gltf: Gltf) -> tuple[tuple[SurfaceMaterial, ...], tuple[str, ...]]:
     """Materials of a file, and the pictures that are missing."""
     found, missing = [], []
     for index, entry in enumerate(gltf.entries("materials")):
@@ -164,7 +164,7 @@ def _materials(gltf: Gltf) -> tuple[tuple[Material, ...], tuple[str, ...]]:
             if texture is None:
                 missing.append(f"the picture of material {entry.get('name', index)}")
         color = (red ** (1 / 2.2), green ** (1 / 2.2), blue ** (1 / 2.2), alpha)
-        found.append(Material(str(entry.get("name", f"material_{index}")), color, texture, uv_set))
+        found.append(SurfaceMaterial(str(entry.get("name", f"material_{index}")), color, texture, uv_set))
     return tuple(found), tuple(missing)
 
 

@@ -1,11 +1,11 @@
-"""Material files of users: Wavefront .mtl and MakeHuman's .mhmat, and the pictures that they name."""
+"""SurfaceMaterial files of users: Wavefront .mtl and MakeHuman's .mhmat, and the pictures that they name."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from rasterize.errors import InputError
-from uvcloth.geometry.authored import Material, Texture
+from uvcloth.geometry.authored import SurfaceMaterial, Texture
 
 OPTIONS = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2}
 """Numbers that follow an option of map_Kd; after any other there is one."""
@@ -25,25 +25,25 @@ def read_text(path: Path) -> list[str]:
     return text.replace("\\\n", " ").splitlines()
 
 
-def read_library(path: Path) -> tuple[dict[str, Material], tuple[str, ...]]:
+def read_library(path: Path) -> tuple[dict[str, SurfaceMaterial], tuple[str, ...]]:
     """Read the materials of an .mtl by name, and which files are not there, the .mtl itself among them."""
     if not path.is_file():
         return {}, (path.name,)
-    materials: dict[str, Material] = {}
+    materials: dict[str, SurfaceMaterial] = {}
     missing: list[str] = []
     name = ""
     for words in _words(path):
         if words[0] == "newmtl":
             name = " ".join(words[1:])
-            materials[name] = Material(name)
+            materials[name] = SurfaceMaterial(name)
         elif name in materials:
             materials[name] = _with(materials[name], words, path.parent, missing)
     return materials, tuple(missing)
 
 
-def read_mhmat(path: Path) -> tuple[Material, tuple[str, ...]]:
+def read_mhmat(path: Path) -> tuple[SurfaceMaterial, tuple[str, ...]]:
     """Read a material of MakeHuman, and which files are not there; a plain one if it is not itself."""
-    material = Material(path.stem)
+    material = SurfaceMaterial(path.stem)
     if not path.is_file():
         return material, (path.name,)
     missing: list[str] = []
@@ -64,7 +64,7 @@ def _words(path: Path) -> Iterator[list[str]]:
             yield words
 
 
-def _with(material: Material, words: list[str], folder: Path, missing: list[str]) -> Material:
+def _with(material: SurfaceMaterial, words: list[str], folder: Path, missing: list[str]) -> SurfaceMaterial:
     """The material with what a line says; a picture that is not there is added to `missing`."""
     try:
         match words:

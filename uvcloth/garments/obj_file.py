@@ -11,7 +11,7 @@ import torch
 
 from rasterize.errors import InputError
 from uvcloth.garments.materials import read_library, read_text
-from uvcloth.geometry.authored import AuthoredMesh, Labels, Material, Polygons, UvSet
+from uvcloth.geometry.authored import AuthoredMesh, Labels, Polygons, SurfaceMaterial, UvSet
 
 
 @dataclass
@@ -22,7 +22,7 @@ class _Names:
     current: int = -1
     of: list[int] = field(default_factory=list)
 
-    def take(self, words: list[str]) -> None:
+    def switch(self, words: list[str]) -> None:
         name = " ".join(words)
         self.current = self.index.setdefault(name, len(self.index)) if name else -1
 
@@ -51,11 +51,11 @@ def read_obj(path: Path) -> AuthoredMesh:
                     for names in (objects, groups, used):
                         names.of.append(names.current)
                 case ["o", *words]:
-                    objects.take(words)
+                    objects.switch(words)
                 case ["g", *words]:
-                    groups.take(words)
+                    groups.switch(words)
                 case ["usemtl", *words]:
-                    used.take(words)
+                    used.switch(words)
                 case ["mtllib", *words]:
                     libraries.append(" ".join(words))
         except ValueError as error:
@@ -84,15 +84,15 @@ def read_obj(path: Path) -> AuthoredMesh:
 
 def _materials(
     path: Path, libraries: list[str], names: tuple[str, ...]
-) -> tuple[tuple[Material, ...], tuple[str, ...]]:
+) -> tuple[tuple[SurfaceMaterial, ...], tuple[str, ...]]:
     """The materials of some names, plain where no library has them, and the files that are missing."""
-    found: dict[str, Material] = {}
+    found: dict[str, SurfaceMaterial] = {}
     missing: tuple[str, ...] = ()
     for library in libraries:
         materials, lost = read_library(path.parent / library)
         found |= materials
         missing += lost
-    return tuple(found.get(name, Material(name)) for name in names), missing
+    return tuple(found.get(name, SurfaceMaterial(name)) for name in names), missing
 
 
 def _colors(vertices: list[list[float]]) -> np.ndarray | None:

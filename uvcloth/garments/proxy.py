@@ -20,7 +20,7 @@ PROXY_EDGE = 0.025
 
 
 @dataclass(frozen=True)
-class CarriedOutfit:
+class ProxiedOutfit:
     """An outfit in which proxies stand for the coarse garments.
 
     outfit: what is rolled out. meshes: what is shown, at rest, the faces off the skin; the vertices of each
@@ -33,12 +33,12 @@ class CarriedOutfit:
     contact: FaceContact | None
 
     @classmethod
-    def as_is(cls, outfit: Outfit) -> "CarriedOutfit":
+    def as_is(cls, outfit: Outfit) -> "ProxiedOutfit":
         """An outfit that carries itself."""
         return cls(outfit, tuple(garment.mesh for garment in outfit.garments), (), None)
 
     @classmethod
-    def of(cls, outfit: Outfit) -> "CarriedOutfit":
+    def of(cls, outfit: Outfit) -> "ProxiedOutfit":
         """The same outfit where none of its garments is coarse."""
         body, meshes = outfit.body, [garment.mesh for garment in outfit.garments]
         coarse = [garment.source == "file" and spacing(garment.mesh) > COARSE for garment in outfit.garments]

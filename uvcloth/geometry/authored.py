@@ -25,7 +25,7 @@ class Texture:
 
 
 @dataclass(frozen=True)
-class Material:
+class SurfaceMaterial:
     """Surface of polygons: colour (sRGB and opacity, 0 to 1), and a texture on one of the UV sets."""
 
     name: str
@@ -70,7 +70,7 @@ class Polygons:
     uv_sets: tuple[UvSet, ...]
     objects: Labels
     groups: Labels
-    materials: tuple[Material, ...]
+    materials: tuple[SurfaceMaterial, ...]
     material: Indices
     colors: NDArray[np.float32] | None = None
     missing: tuple[str, ...] = ()

@@ -32,7 +32,7 @@ class HiddenSkin:
         vertices = torch.zeros(len(body.mesh.vertices), dtype=torch.bool)
         for each in hides:
             vertices[each] = True
-        self._said = vertices[body.mesh.faces].all(1)
+        self._declared = vertices[body.mesh.faces].all(1)
 
     def add(self, garments: Sequence[Tensor], body_vertices: Tensor) -> None:
         """Add a frame: garments (N, 3) m and the posed body (V, 3) m."""
@@ -49,4 +49,4 @@ class HiddenSkin:
             seen = torch.zeros(self._count, dtype=torch.bool)
             seen[self._faces[~hidden]] = True
             hidden = hidden & ~seen[self._faces].any(1)
-        return hidden | self._said
+        return hidden | self._declared

@@ -10,10 +10,10 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
-from uvcloth.garments.proxy import CarriedOutfit
+from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.methods.registry import DEFAULT, METHODS, load_methods
 from uvcloth.motion.library import builtin_clips, load_clip
-from uvcloth.rollout import carry, rollout_carried
+from uvcloth.rollout import rollout_proxied, with_proxies
 from uvcloth.simulate.sequence import REST_TOLERANCE, SimulatedSequence, load_sequence
 from uvcloth.view.computation import Performance
 
@@ -89,14 +89,14 @@ class Choices:
         truth: Tensor | None = None if sequence is None else sequence.vertices
         # What was simulated is compared vertex by vertex.
         as_is = sequence is not None or not chosen.contact
-        carried = CarriedOutfit.as_is(outfit) if as_is else carry(outfit, method)
+        proxied = ProxiedOutfit.as_is(outfit) if as_is else with_proxies(outfit, method)
         return Performance(
             title=Path(chosen.motion).stem,
             body=body,
-            meshes=carried.meshes,
+            meshes=proxied.meshes,
             count=len(transforms),
             fps=fps,
-            frames=rollout_carried(method, carried, transforms, fps, chosen.contact, keep_going=True),
+            frames=rollout_proxied(method, proxied, transforms, fps, chosen.contact, keep_going=True),
             truth=truth,
         )
 
