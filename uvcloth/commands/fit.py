@@ -12,6 +12,7 @@ from uvcloth.garments.fit import fit
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.pieces import split
+from uvcloth.garments.templates import TEMPLATES
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 
@@ -30,6 +31,8 @@ def examine(
     template: as `fit` takes it. out: OBJ of the garment as it is worn, one for each of several. picture: PNG
     of it on the body, also where it is refused for how it lies. Raises InputError as `fit` does.
     """
+    if str(file) in TEMPLATES:
+        raise InputError(f"{file}: is a template, which fits every body; expected a garment file")
     body = load_body(body_file)
     try:
         fitted = fit(file, body, template)

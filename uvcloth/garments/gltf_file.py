@@ -61,7 +61,7 @@ def read_gltf_mesh(path: Path) -> AuthoredMesh:
         groups=Labels((), np.full(len(faces), -1)),
         materials=materials,
         material=np.concatenate([part.material for part in parts]),
-        colors=np.concatenate([part.colors for part in parts]) if colored else None,  # type: ignore[misc]
+        colors=np.concatenate([part.colors for part in parts]) if colored else None,
         missing=missing,
     )
     return AuthoredMesh.of(torch.from_numpy(np.concatenate([part.vertices for part in parts])), polygons)
@@ -117,7 +117,7 @@ def _parts(gltf: Gltf, node: dict[str, Any], place: np.ndarray) -> list[_Part]:
         of = dict(attributes)
         positions = gltf.array(of["POSITION"]).astype(np.float64)
         faces = [_faces(gltf, primitive, len(positions)) for primitive in primitives]
-        uvs = []
+        uvs: list[np.ndarray] = []
         while (key := f"TEXCOORD_{len(uvs)}") in of:
             # glTF measures the second coordinate from the top of the picture.
             uvs.append(gltf.array(of[key]) * [1, -1] + [0, 1])
