@@ -79,7 +79,7 @@ def animate(
     """
     console = Console(stderr=True)
     body = load_body(body_file)
-    report = partial(console.print, highlight=False, markup=False)
+    report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
     with console.status("preparing"):
         outfit = Outfit(body, load_outfit(garments, body, report, templates))
         clip = pose_from_rest(load_clip(motion, body, options), body)
