@@ -40,7 +40,7 @@ LEAST_SHARE = 0.35
 
 @dataclass(frozen=True)
 class Sorted:
-    """Parts of a character by what becomes of them: the surface cloth lies on, the rest that is seen, and what goes."""
+    """Parts of a character: the surface that cloth lies on, what is only seen, and what goes."""
 
     surface: tuple[Part, ...]
     seen: tuple[Part, ...]
@@ -76,8 +76,8 @@ def sort_parts(
     skin = [part for place, part in enumerate(parts) if fate[place] == "surface"]
     clothes = [part for place, part in enumerate(parts) if fate[place] == "clothes"]
     worn_over_skin = bool(skin) and _covers(skin, [*skin, *clothes], joints)
-    for place in fate:
-        if fate[place] == "clothes":
+    for place, kind in fate.items():
+        if kind == "clothes":
             fate[place] = "left out" if worn_over_skin else "surface"
     chosen = {
         kind: tuple(part for place, part in enumerate(parts) if fate[place] == kind)

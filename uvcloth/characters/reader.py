@@ -55,7 +55,8 @@ def read_character(path: Path) -> Character:
     """
     if Path(path).suffix.lower() not in SUFFIXES:
         raise InputError(
-            f"{path}: expected a character as {', '.join(SUFFIXES)}; docs/characters.md says how to convert others"
+            f"{path}: expected a character as {', '.join(SUFFIXES)}; docs/characters.md says how to convert "
+            "others"
         )
     file = read_gltf(path)
     try:

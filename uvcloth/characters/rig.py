@@ -1,8 +1,8 @@
 """A character on the skeleton of our bodies: its joints by role, its blend weights, its rest pose.
 
-Every body has the joints of the one in the package. A joint of the character with a role gives the place of ours;
-where it has none, ours lies as in the package's body, between its neighbours. The rest pose is brought to that of
-the package's body, limb by limb, so that garments and methods meet what they know.
+Every body has the joints of the one in the package. A joint of the character with a role gives the place of
+ours; where it has none, ours lies between its neighbours as in the package's body. The rest pose is brought
+to that of the package's body, limb by limb, so that garments and methods meet what they know.
 """
 
 from collections.abc import Mapping
@@ -18,8 +18,8 @@ from uvcloth.geometry.rotations import smallest_rotation
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.anatomy import unit
-from uvcloth.motion.retarget import LIMB_BONES, REQUIRED_ROLES, body_axes, bone_directions
 from uvcloth.motion.rest import standing_axis
+from uvcloth.motion.retarget import LIMB_BONES, REQUIRED_ROLES, body_axes, bone_directions
 from uvcloth.motion.roles import assign_roles, joint_roles
 
 TRUNK = ("Hips", "LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head")
@@ -69,7 +69,8 @@ def rig_character(character: Character, chosen: Mapping[str, str], pattern: Body
     unit_name = next((name for name, size in UNITS.items() if HEIGHTS[0] <= tall * size <= HEIGHTS[1]), None)
     if unit_name is None:
         raise InputError(
-            f"the character is {tall:.3g} units tall, no human height whether a unit is one of {', '.join(UNITS)}"
+            f"the character is {tall:.3g} units tall, no human height whether a unit is one of "
+            f"{', '.join(UNITS)}"
         )
     known_at = character.heads @ turn.T * UNITS[unit_name]
     ours = joint_roles(pattern.skeleton.names)
@@ -166,7 +167,7 @@ def _trunk(known: Mapping[int, Tensor], trunk: list[int], usual: Tensor) -> dict
 
 
 def _to_rest(bind: Skeleton, pattern: Body, ours: Mapping[str, int]) -> tuple[Tensor, float]:
-    """Rotations (J, 3, 3) of our joints from the bind pose to the pattern's rest pose, and the largest, degrees."""
+    """Rotations (J, 3, 3) from the bind pose to the pattern's rest pose, and the largest in degrees."""
     source, target = (bone_directions(heads, ours) for heads in (bind.heads, pattern.skeleton.heads))
     role_of = {joint: role for role, joint in ours.items()}
     turns: list[Tensor] = []

@@ -10,9 +10,11 @@ from typing import Protocol
 import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.bodies.seen import seen
 from uvcloth.commands.summary import Summary, Totals
 from uvcloth.export.pictures import SHEETS, sheet_interval
 from uvcloth.export.size import announce
@@ -21,6 +23,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.records import CPU, to_device
+from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.lead_in import pose_from_rest
@@ -86,11 +89,12 @@ def animate(
         method = _load(models, outfit)
         meshes = [(garment.name, garment.mesh) for garment in outfit.garments]
         exposure = Exposure(body, [mesh for _, mesh in meshes])
-        hidden = HiddenSkin(body, [mesh for _, mesh in meshes]) if hide_skin else None
+        shown = seen(body)
+        hidden = HiddenSkin(shown, [mesh for _, mesh in meshes]) if hide_skin else None
     every = _interval(out, len(clip)) if preview else 1
     transforms, fps = clip.transforms(), clip.fps / every
     for path in out:
-        if large := announce(path, len(transforms[::every]), [mesh for _, mesh in meshes], body):
+        if large := announce(path, len(transforms[::every]), [mesh for _, mesh in meshes], shown):
             report(large)
     if audience:
         audience.begin(clip.name, body, [mesh for _, mesh in meshes], len(transforms[::every]), fps)
@@ -122,7 +126,7 @@ def animate(
                 with totals.timed("measuring"):
                     totals.add_skin(exposure.percent(frame.vertices, frame.body_vertices), frame.index)
                     if hidden:
-                        hidden.add(frame.vertices, frame.body_vertices)
+                        hidden.add(frame.vertices, _posed(shown, frame))
                 with totals.timed("writing"):
                     for writer in writers:
                         writer.add(frame.vertices, frame.transforms)
@@ -150,6 +154,11 @@ def _finish(writers: Sequence[FrameWriter], hidden: HiddenSkin | None) -> tuple[
             writer.hide(hidden.faces())
         writer.finish()
     return tuple(path for writer in writers for path in writer.written)
+
+
+def _posed(body: Body, frame: RolloutFrame) -> Tensor:
+    """Vertices (V, 3) m of a body in a frame."""
+    return skin(body.mesh.vertices, body.weights, frame.transforms[None])[0]
 
 
 def _interval(out: Sequence[Path], frames: int) -> int:
