@@ -159,8 +159,8 @@ def _refuse_unfit(body: Body, off: Tensor) -> None:
         if placed < LEAST_PLACED:
             raise InputError(
                 f"{100 * (1 - placed):.0f} % of the {region.replace('_', ' ')} finds no place on the "
-                "character's surface: its proportions are too far from a person's, or a mesh is missing there "
-                "(--keep)"
+                "character's surface: its proportions are too far from a person's, or a mesh is missing "
+                "there (--keep)"
             )
 
 
