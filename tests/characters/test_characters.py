@@ -21,6 +21,7 @@ from uvcloth.commands.body import CharacterFile, make
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.templates import load_template, tailored
 from uvcloth.motion.library import load_clip
+from uvcloth.motion.roles import joint_roles
 from uvcloth.physics.surface import BodySurface
 
 STRETCH = torch.tensor([0.9, 1.05, 1.12])
@@ -57,11 +58,15 @@ def test_names_axes_unit_and_pose_of_a_file_do_not_matter(body: Body, tmp_path: 
     rigged = rig_character(character, {}, body)
     assert rigged.unit == "m"
     assert 35 < rigged.turned < 45
-    torch.testing.assert_close(rigged.skeleton.heads, body.skeleton.heads, atol=2e-3, rtol=0)
+    off = (rigged.skeleton.heads - body.skeleton.heads).norm(dim=1)
+    known = {joint_roles(body.skeleton.names)[role] for role in rigged.roles}
+    assert float(off[list(known)].max()) < 2e-3
+    # Joints that the file's names do not tell lie as in our body.
+    assert float(off.max()) < 0.02
     trunk = body.mesh.faces[body.regions != REGIONS.index("head")].unique()
     gap = (rigged.parts[1].mesh.vertices - body.mesh.vertices[trunk]).norm(dim=1)
-    # Skinning to the T-pose and back is exact but where a vertex follows several joints.
-    assert float(gap.median()) < 1e-4
+    # Skinning to the T-pose and back is exact only where a vertex follows one joint.
+    assert float(gap.median()) < 2e-3
     assert float(gap.quantile(0.95)) < 0.02
     legs = body.weights[trunk][:, body.skeleton.names.index("LeftLeg")]
     own = rigged.parts[1].weights[:, body.skeleton.names.index("LeftLeg")]
