@@ -38,7 +38,7 @@ class Proxy:
 
 @dataclass(frozen=True)
 class Appearance:
-    """What is seen of a character in the place of the surface that cloth meets.
+    """Meshes of a character that are seen in the place of the surface that cloth meets, as one.
 
     mesh: U vertices at rest, metres. weights: (U, J) blend weights.
     """

@@ -1,7 +1,7 @@
 """Bodies from characters: our body's surface on the character's shape, and what is seen of it.
 
 Cloth, maps and methods meet a closed surface of the mesh that all our bodies have; it fits the character,
-moves as it does, and carries along what garments are bound to. The character's own meshes are what is seen.
+moves as it does, and takes along what garments are bound to. The character's own meshes are what is seen.
 """
 
 from collections.abc import Iterable, Mapping
@@ -59,7 +59,7 @@ class CharacterBody:
     off: Tensor
 
     def lines(self) -> list[str]:
-        """What was read and how well the surface fits, a finding a line."""
+        """Report of what was read and how well the surface fits, a finding a line."""
         own = self.body.appearance
         near = 1000.0 * self.off[region_vertices(self.body, CLOTHED)]
         return [
@@ -102,9 +102,11 @@ def body_from_character(
         _refuse_unfit(body, off)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    carried = _Carried(pattern, rough, body)
-    proxies = {name: replace(proxy, vertices=carried.shell(proxy)) for name, proxy in pattern.proxies.items()}
-    base = None if pattern.base is None else carried.points(pattern.base, _nearest_weights(pattern))
+    deformation = _Deformation(pattern, rough, body)
+    proxies = {
+        name: replace(proxy, vertices=deformation.shell(proxy)) for name, proxy in pattern.proxies.items()
+    }
+    base = None if pattern.base is None else deformation.points(pattern.base, _nearest_weights(pattern))
     appearance = _appearance((*parts.surface, *parts.seen))
     return CharacterBody(replace(body, proxies=proxies, base=base, appearance=appearance), rigged, parts, off)
 
@@ -164,8 +166,8 @@ def _refuse_unfit(body: Body, off: Tensor) -> None:
             )
 
 
-class _Carried:
-    """What lies around the pattern's body, carried along to the character's."""
+class _Deformation:
+    """Deformation of what lies around the body of the pattern, along with its surface."""
 
     def __init__(self, pattern: Body, rough: Tensor, body: Body) -> None:
         from scipy.spatial import KDTree

@@ -47,7 +47,7 @@ class Sorted:
     left_out: tuple[Part, ...]
 
     def lines(self) -> list[str]:
-        """What became of each part, a line each."""
+        """Report of what became of each part, a line each."""
         return [
             f"  {label(part)}: {len(part.mesh.faces)} faces, {fate}"
             for parts, fate in (

@@ -20,7 +20,7 @@ TRIANGLES = 4
 
 @dataclass(frozen=True)
 class Part:
-    """What has one material in one mesh of a character.
+    """All faces of one material in one mesh of a character.
 
     name: of the mesh. material: its name, "" without one. mesh: V vertices in the bind pose, in the file's
     scene. weights: (V, J) blend weights, rows sum to one.
