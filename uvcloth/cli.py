@@ -58,20 +58,31 @@ class Phenotype:
 
 @dataclass(frozen=True)
 class MakeBody:
-    """Make a body from phenotypes, or write the one in the package as a mesh to model on."""
+    """Make a body from phenotypes or a character, or write the one in the package as a mesh to model on."""
 
     out: Path
     """What to write: .npz for --body of the other commands, .obj or .glb to model on (rest pose, UVs)."""
     body: BodyFile = None
     """A body made before, to write as another kind of file; without phenotypes."""
+    character: Annotated[Path | None, arg(metavar="GLB", help_behavior_hint="")] = None
+    """A rigged character (.glb, .gltf, .vrm) to make the body of; docs/characters.md says what is read."""
+    joints: Annotated[Path | None, arg(metavar="JSON", help_behavior_hint="(default: by their names)")] = None
+    """Which joint of the character plays which role, as for motions: {"hips": "Pelvis_02", ...}."""
+    keep: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint="")] = ()
+    """Meshes or materials of the character that cloth lies on, whatever their names say."""
+    drop: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint="")] = ()
+    """Meshes or materials of the character to leave out."""
     phenotype: OmitArgPrefixes[Phenotype] = field(default_factory=Phenotype)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
-        from uvcloth.commands.body import make
+        from uvcloth.commands.body import CharacterFile, make
 
         chosen = {key: value for key, value in asdict(self.phenotype).items() if value is not None}
-        body = make(self.out, chosen, self.body)
+        if self.character is None and (self.joints or self.keep or self.drop):
+            raise InputError("body: --joints, --keep and --drop are about a --character")
+        character = self.character and CharacterFile(self.character, self.joints, self.keep, self.drop)
+        body = make(self.out, chosen, self.body, character or None)
         print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
 
 

@@ -7,6 +7,7 @@ import torch
 from rasterize.errors import InputError
 from rasterize.exr import write_png
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.bodies.seen import seen
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.fit import fit
 from uvcloth.garments.garment import Garment
@@ -76,7 +77,8 @@ def draw_worn(garments: list[Mesh], body: Body, path: Path) -> None:
     """
     if path.suffix.lower() != ".png":
         raise InputError(f"{path}: a picture is written as .png, not {path.suffix or 'without a suffix'}")
-    skin = Surface(body.mesh.vertices, body.mesh.faces, BODY_COLOR)
+    shown = seen(body).mesh
+    skin = Surface(shown.vertices, shown.faces, BODY_COLOR)
     surfaces = [
         skin,
         *(

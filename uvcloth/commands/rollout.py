@@ -10,9 +10,11 @@ from typing import Protocol
 import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.bodies.seen import seen
 from uvcloth.commands.summary import Summary, Totals
 from uvcloth.export.pictures import SHEETS, sheet_interval
 from uvcloth.export.size import announce
@@ -21,6 +23,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.lead_in import pose_from_rest
@@ -79,7 +82,7 @@ def animate(
     """
     console = Console(stderr=True)
     body = load_body(body_file)
-    report = partial(console.print, highlight=False, markup=False)
+    report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
     with console.status("preparing"):
         outfit = Outfit(body, load_outfit(garments, body, report, templates))
         clip = pose_from_rest(load_clip(motion, body, options), body)
@@ -88,10 +91,11 @@ def animate(
         proxied = with_proxies(outfit, method) if contact else ProxiedOutfit.as_is(outfit)
         meshes = proxied.named()
         exposure = Exposure(body, [mesh for _, mesh in meshes])
-        hidden = HiddenSkin(body, proxied.meshes, proxied.hides()) if hide_skin else None
+        shown = seen(body)
+        hidden = HiddenSkin(shown, proxied.meshes, proxied.hides()) if hide_skin else None
     every = _interval(out, len(clip)) if preview else 1
     transforms, fps = clip.transforms(), clip.fps / every
-    sizes = [announce(path, len(transforms[::every]), proxied.meshes, body) for path in out]
+    sizes = [announce(path, len(transforms[::every]), proxied.meshes, shown) for path in out]
     for line in filter(None, (*proxied.lines, *sizes)):
         report(line)
     if audience:
@@ -122,7 +126,7 @@ def animate(
                 with totals.timed("measuring"):
                     totals.add_skin(exposure.percent(frame.vertices, frame.body_vertices), frame.index)
                     if hidden:
-                        hidden.add(frame.vertices, frame.body_vertices)
+                        hidden.add(frame.vertices, _posed(shown, frame))
                 with totals.timed("writing"):
                     for writer in writers:
                         writer.add(frame.vertices, frame.transforms)
@@ -151,6 +155,11 @@ def _kept_so_far(broken: BrokenRolloutError, frames: int, written: Sequence[Path
     names = ", ".join(map(str, written))
     way_on = "--keep-going writes all, with linear blend skinning where a garment is torn"
     return InputError(f"{broken}; the {frames} frames before it are in {names}; {way_on}")
+
+
+def _posed(body: Body, frame: RolloutFrame) -> Tensor:
+    """Vertices (V, 3) m of a body in a frame."""
+    return skin(body.mesh.vertices, body.weights, frame.transforms[None])[0]
 
 
 def _interval(out: Sequence[Path], frames: int) -> int:

@@ -13,6 +13,7 @@ from torch import Tensor
 from rasterize.atomic import make_folder
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.seen import seen
 from uvcloth.export.alembic import write_abc
 from uvcloth.export.animation import Animation, write_npz
 from uvcloth.export.gltf import write_glb
@@ -159,7 +160,7 @@ def open_writer(
     motion: Tensor | None = None,
     coarse: bool = False,
 ) -> FrameWriter:
-    """Start a file of moving garments (name, mesh at rest), and of the body unless it is None.
+    """Start a file of moving garments (name, mesh at rest), and of the body as it is seen unless it is None.
 
     The suffix decides: .glb (glTF: morph targets, a skinned body), .usdc or .usd, .pc2 (one point cache and
     one OBJ per mesh, named after the path), .abc (Alembic), .obj (a file per frame), .npz (arrays, see
@@ -188,6 +189,7 @@ def open_writer(
     except OSError as error:
         raise _cannot_write(path, error) from error
     sink: Sink
+    body = body and seen(body)
     try:
         if suffix in WRITERS:
             sink = Spool(folder, garments, body, fps, WRITERS[suffix])
