@@ -72,7 +72,7 @@ class PreparedRollout:
     ) -> Iterator[RolloutFrame]:
         """Predict the outfit over a motion, frame after frame; see `rollout`. One rollout at a time."""
         method, state, start = self.method, None, 0
-        heeds_contact = True
+        needs_contact = True
         moves: tuple[Tensor | None, ...] = (None,) * len(self.outfit.garments)
         for frames, body_ms in _posed(self.outfit, transforms, fps):
             state = method.init(self.prepared, frames[:1]) if start == 0 else state
@@ -92,7 +92,7 @@ class PreparedRollout:
                     )
                     frame = self._without(frame, self.limits.not_finite(raw), keep_going)
                     wanted = index % every == 0
-                    if wanted or heeds_contact:
+                    if wanted or needs_contact:
                         resolved, moved = self._resolved(frame, moves)
                         if torn := self.limits.torn(resolved.vertices):
                             frame = self._without(frame, torn, keep_going)
@@ -106,7 +106,7 @@ class PreparedRollout:
                         seen = truth[index] if index < len(truth) else frame.vertices
                         batched = tuple(vertices[None].to(raw[0].device) for vertices in seen)
                         following = method.feed_back(self.prepared, state, batched)
-                        heeds_contact, state = following is not state, following
+                        needs_contact, state = following is not state, following
                     if wanted:
                         yield frame
             start += len(frames)

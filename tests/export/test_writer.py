@@ -27,7 +27,7 @@ def write(animation: Animation, path: Path, batch: int = 7) -> FrameWriter:
 
 def test_unsupported_format_is_refused_before_any_work(tmp_path: Path) -> None:
     with pytest.raises(
-        InputError, match=r"walk\.fbx.*\.glb, \.usdc, \.usd, \.pc2, \.abc, \.npz, \.mp4, \.gif, \.png"
+        InputError, match=r"walk\.fbx.*\.glb, \.usdc, \.usd, \.pc2, \.abc, \.obj, \.npz, \.mp4, \.gif, \.png"
     ):
         open_writer(tmp_path / "new" / "walk.fbx", [], None, 30.0)
     assert not list(tmp_path.iterdir())
@@ -66,7 +66,7 @@ def test_a_full_disk_is_one_sentence_and_leaves_nothing(
     # A limit on the size of files fails the same way as a full disk: write() reports an error.
     spooled = max(values.nbytes for values in animation.vertices)
     limit = spooled // 2 if room == "spool" else spooled + 1000
-    if room == "file" and suffix in (".npz", ".pc2"):
+    if room == "file" and suffix in (".npz", ".pc2", ".obj"):
         pytest.skip("these files are not larger than the spooled frames")
     kept = resource.getrlimit(resource.RLIMIT_FSIZE)
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

@@ -31,7 +31,8 @@ def test_a_proxy_stands_for_a_coarse_garment(body: Body) -> None:
     assert isinstance(proxied.meshes[0], AuthoredMesh)
     assert len(proxied.lines) == 1
     assert proxied.lines[0].startswith(f"  game: coarse, {1000 * spacing(mesh):.0f} mm")
-    torch.testing.assert_close(proxied.hides()[0], torch.tensor([5, 6]))
+    torch.testing.assert_close(proxied.hides(body)[0], torch.tensor([5, 6]))
+    assert not proxied.hides(replace(body, name="a character's own meshes"))
     # Moved as a whole, the garment that is shown is the proxy's first vertices.
     shift = torch.tensor([0.3, -0.2, 0.1])
     shown = proxied.shown(

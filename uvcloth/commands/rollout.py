@@ -92,7 +92,7 @@ def animate(
         meshes = proxied.named()
         exposure = Exposure(body, [mesh for _, mesh in meshes])
         shown = seen(body)
-        hidden = HiddenSkin(shown, proxied.meshes, proxied.hides()) if hide_skin else None
+        hidden = HiddenSkin(shown, proxied.meshes, proxied.hides(shown)) if hide_skin else None
     every = _interval(out, len(clip)) if preview else 1
     transforms, fps = clip.transforms(), clip.fps / every
     sizes = [announce(path, len(transforms[::every]), proxied.meshes, shown) for path in out]

@@ -12,6 +12,9 @@ from uvcloth.rollout import RolloutFrame
 INVISIBLE = 0.05
 """Percent of the covered skin below which nobody sees that it shows."""
 
+MOST_FILES = 12
+"""Files that a summary lists one by one: an OBJ sequence is one for each frame."""
+
 MOST_LISTED = 5
 """Broken frames that a summary lists one by one."""
 
@@ -46,8 +49,10 @@ class Summary:
         stages = ", ".join(f"{stage} {spent:.1f}" for stage, spent in self.milliseconds.items())
         rate = self.frames / self.seconds
         thinned = f"; one frame of {self.every}" if self.every > 1 else ""
+        more = len(self.written) - MOST_FILES
         lines = [
-            *(str(path) for path in self.written),
+            *(str(path) for path in self.written[:MOST_FILES]),
+            *([f"... and {more} more files, the last {self.written[-1]}"] if more > 0 else []),
             f"{self.frames} frames in {self.seconds:.1f} s, {rate:.1f} frames per second{thinned}",
             f"ms per frame: {stages}",
             *self.replaced[:MOST_LISTED],

@@ -30,11 +30,11 @@ def write_obj_sequence(animation: Animation, path: Path) -> None:
         with path.with_name(f"{path.stem}_{frame:05d}.obj").open("w", encoding="utf-8") as stream:
             stream.write(head)
             for part, points in zip(parts, places, strict=True):
-                if part.colors is None:
-                    np.savetxt(stream, points, "v %.6f %.6f %.6f")
-                else:
-                    colored = np.concatenate([points, part.colors[:, :3]], axis=1)
-                    np.savetxt(stream, colored, "v" + 6 * " %.6f")
+                colors = () if part.colors is None else (part.colors[:, :3],)
+                rows = np.concatenate([points, *colors], axis=1)
+                # One format for all lines is several times as fast as numpy.savetxt.
+                lines = ("v" + " %.6f" * rows.shape[1] + "\n") * len(rows)
+                stream.write(lines % tuple(rows.reshape(-1).tolist()))
             stream.write(faces)
 
 

@@ -63,8 +63,13 @@ class ProxiedOutfit:
         """Name and mesh of all that is shown."""
         return [(garment.name, mesh) for garment, mesh in zip(self.outfit.garments, self.meshes, strict=True)]
 
-    def hides(self) -> list[Tensor]:
-        """Vertices (K,) of the body that the files of garments say they hide."""
+    def hides(self, shown: Body) -> list[Tensor]:
+        """Vertices (K,) of the body that the files of garments say they hide.
+
+        None of a character's own meshes, which are shown in the place of the body that they were fitted to.
+        """
+        if shown is not self.outfit.body:
+            return []
         return [garment.hides for garment in self.outfit.garments if garment.hides is not None]
 
     def own(self, garments: Sequence[Tensor]) -> tuple[Tensor, ...]:
