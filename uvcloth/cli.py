@@ -58,20 +58,31 @@ class Phenotype:
 
 @dataclass(frozen=True)
 class MakeBody:
-    """Make a body from phenotypes, or write the one in the package as a mesh to model on."""
+    """Make a body from phenotypes or a character, or write the one in the package as a mesh to model on."""
 
     out: Path
     """What to write: .npz for --body of the other commands, .obj or .glb to model on (rest pose, UVs)."""
     body: BodyFile = None
     """A body made before, to write as another kind of file; without phenotypes."""
+    character: Annotated[Path | None, arg(metavar="GLB", help_behavior_hint="")] = None
+    """A rigged character (.glb, .gltf, .vrm) to make the body of; docs/characters.md says what is read."""
+    joints: Annotated[Path | None, arg(metavar="JSON", help_behavior_hint="(default: by their names)")] = None
+    """Which joint of the character plays which role, as for motions: {"hips": "Pelvis_02", ...}."""
+    keep: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint="")] = ()
+    """Meshes or materials of the character that cloth lies on, whatever their names say."""
+    drop: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint="")] = ()
+    """Meshes or materials of the character to leave out."""
     phenotype: OmitArgPrefixes[Phenotype] = field(default_factory=Phenotype)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
-        from uvcloth.commands.body import make
+        from uvcloth.commands.body import CharacterFile, make
 
         chosen = {key: value for key, value in asdict(self.phenotype).items() if value is not None}
-        body = make(self.out, chosen, self.body)
+        if self.character is None and (self.joints or self.keep or self.drop):
+            raise InputError("body: --joints, --keep and --drop are about a --character")
+        character = self.character and CharacterFile(self.character, self.joints, self.keep, self.drop)
+        body = make(self.out, chosen, self.body, character or None)
         print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
 
 
@@ -214,7 +225,7 @@ class Fit:
     ] = None
     """The template whose motion it takes."""
     out: Annotated[Path | None, arg(metavar="OBJ", help_behavior_hint="")] = None
-    """Also write the garment as it is worn: metres, Z up, as OBJ."""
+    """Also write the garment as it is worn: metres, Z up, as OBJ; each of several into a file of its own."""
 
     picture: Annotated[Path | None, arg(metavar="PNG")] = Path("fit.png")
     """Picture of the garment on the body, also of one that is refused for how it lies; None for none."""
@@ -239,8 +250,8 @@ class Rollout:
     """Templates (tops, bottoms, dress, shirt) or garment files, the innermost first; contact keeps each out
     of the body and off what is beneath."""
     out: Annotated[tuple[Path, ...], arg(metavar="FILE ...", help_behavior_hint="")] = ()
-    """What to write, one file or several; the suffix says how: .glb, .usdc, .abc, .pc2 or .npz for other
-    programs, .mp4 or .gif for a video, .png for a contact sheet."""
+    """What to write, one file or several; the suffix says how: .glb, .usdc, .abc, .pc2, .obj or .npz for
+    other programs, .mp4 or .gif for a video, .png for a contact sheet."""
     model: Annotated[
         tuple[str, ...],
         arg(metavar="NAME|RUN ...", help_behavior_hint="(default: physxnet)"),
@@ -268,7 +279,8 @@ class Rollout:
     host: Host = "localhost"
     """Address that the live view listens on; 0.0.0.0 lets other machines in."""
     hide_skin: bool = False
-    """Leave out the faces of the body that garments cover closely in every frame."""
+    """Leave out the faces of the body that garments cover closely in every frame, and those that clothes of
+    MakeHuman say they hide (delete_verts)."""
     device: Annotated[str, arg(metavar="cpu|cuda")] = "cpu"
     """What everything runs on."""
     threads: Annotated[int, arg(metavar="N")] = 1

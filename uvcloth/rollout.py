@@ -17,6 +17,7 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 
 if TYPE_CHECKING:
+    from uvcloth.garments.proxy import ProxiedOutfit
     from uvcloth.physics.contact import Contacts
     from uvcloth.physics.outfit_contact import OutfitContact
 
@@ -195,6 +196,47 @@ def rollout(
     yield from prepare_rollout(method, outfit, contact, device).frames(
         transforms, fps, truth, every, keep_going
     )
+
+
+def with_proxies(outfit: Outfit, method: Method) -> "ProxiedOutfit":
+    """Put proxies in the place of coarse garments, but for a method that knows these very meshes."""
+    from uvcloth.garments.proxy import ProxiedOutfit
+
+    proxied = ProxiedOutfit.of(outfit)
+    return ProxiedOutfit.as_is(outfit) if method.unsupported_reason(proxied.outfit) else proxied
+
+
+def rollout_proxied(
+    method: Method,
+    proxied: "ProxiedOutfit",
+    transforms: Iterable[Tensor],
+    fps: float,
+    contact: bool = True,
+    *,
+    device: torch.device = CPU,
+    every: int = 1,
+    keep_going: bool = False,
+) -> Iterator[RolloutFrame]:
+    """Predict an outfit as `rollout` does, and yield frames of the meshes that are shown, on the CPU."""
+    for predicted in rollout(
+        method,
+        proxied.outfit,
+        transforms,
+        fps,
+        contact,
+        device=device,
+        every=every,
+        keep_going=keep_going,
+    ):
+        frame = to_device(predicted, CPU)
+        if proxied.contact is None:
+            yield frame
+            continue
+        begun = time.perf_counter()
+        vertices = proxied.shown(frame.vertices, frame.body_vertices)
+        spent = frame.milliseconds["contact"] + 1000.0 * (time.perf_counter() - begun)
+        milliseconds = {**frame.milliseconds, "contact": spent}
+        yield replace(frame, raw=proxied.own(frame.raw), vertices=vertices, milliseconds=milliseconds)
 
 
 def roll_out_together(

@@ -8,7 +8,8 @@ from torch import Tensor
 
 from rasterize.charts import largest_piece
 from rasterize.errors import InputError
-from uvcloth.bodies.body import REGIONS, Body, Proxy
+from uvcloth.bodies.body import Body, Proxy
+from uvcloth.bodies.regions import face_regions
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
 
@@ -26,21 +27,6 @@ DEFAULT_PHENOTYPE = {
 """Each in [0, 1]: gender 0 male to 1 female, age 0 baby, 1/3 child, 2/3 young, 1 old."""
 
 PROXY_GROUPS = {"tights": "helper-tights", "skirt": "helper-skirt"}
-
-REGION_SUFFIXES = {
-    "UpLeg": "thigh",
-    "Leg": "calf",
-    "Foot": "foot",
-    "ToeBase": "foot",
-    "ForeArm": "forearm",
-    "Arm": "upper_arm",
-    "Hand": "hand",
-    "Thumb": "hand",
-    "FingerBase": "hand",
-    "HandFinger1": "hand",
-    "Neck1": "head",
-    "Head": "head",
-}
 
 
 def make_body(name: str, phenotype: dict[str, float] | None = None) -> Body:
@@ -69,7 +55,7 @@ def make_body(name: str, phenotype: dict[str, float] | None = None) -> Body:
     used, faces = _compact(faces)
     used_uvs, face_uvs = _compact(face_uvs)
     vertices, weights = vertices[used], weights[used]
-    regions, sides = _regions(skeleton, weights, faces)
+    regions, sides = face_regions(skeleton, weights, faces)
 
     full_vertices = full(phenotype_kwargs=values)["rest_vertices"][0].float()
     full_weights = _dense_weights(full)
@@ -107,18 +93,6 @@ def _compact(faces: Tensor) -> tuple[Tensor, Tensor]:
     """The indices in use and the faces renumbered to them."""
     used, renumbered = torch.unique(faces, return_inverse=True)
     return used, renumbered
-
-
-def _regions(skeleton: Skeleton, weights: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
-    """Region and side of every face, from the joint that moves it most."""
-    region_of_joint, side_of_joint = [], []
-    for joint in skeleton.names:
-        ending = next((s for s in REGION_SUFFIXES if joint.endswith(s)), "")
-        region_of_joint.append(REGIONS.index(REGION_SUFFIXES.get(ending, "torso")))
-        limb = REGION_SUFFIXES.get(ending, "torso") not in ("torso", "head")
-        side_of_joint.append((1 if joint.startswith("L") else -1) if limb else 0)
-    strongest = weights[faces].sum(1).argmax(1)
-    return torch.tensor(region_of_joint)[strongest], torch.tensor(side_of_joint)[strongest]
 
 
 def _group_faces(group: str) -> Tensor:

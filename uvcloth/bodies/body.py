@@ -37,6 +37,17 @@ class Proxy:
 
 
 @dataclass(frozen=True)
+class Appearance:
+    """Meshes of a character that are seen in the place of the surface that cloth meets, as one.
+
+    mesh: U vertices at rest, metres. weights: (U, J) blend weights.
+    """
+
+    mesh: Mesh
+    weights: Tensor
+
+
+@dataclass(frozen=True)
 class Body:
     """A rigged body at its rest pose, Z up, facing -Y, metres.
 
@@ -44,7 +55,7 @@ class Body:
     weights: (V, J) blend weights, rows sum to one. regions: (F,) int64 indices into REGIONS.
     sides: (F,) int64, +1 left, -1 right, 0 for the torso and head. proxies: by name, may be empty.
     base: (B, 3) m, all vertices of BASE_MESH at rest in its own order, to which MakeHuman's clothes are
-    bound; None for a body of another mesh.
+    bound; None for a body of another mesh. appearance: None where the mesh itself is seen.
     """
 
     name: str
@@ -55,6 +66,7 @@ class Body:
     sides: Tensor
     proxies: dict[str, Proxy]
     base: Tensor | None = None
+    appearance: Appearance | None = None
 
 
 def save_body(body: Body, path: Path) -> None:
@@ -83,6 +95,13 @@ def save_body(body: Body, path: Path) -> None:
         arrays |= _pack_weights(f"{name}_", proxy.weights)
     if body.base is not None:
         arrays["base"] = body.base.numpy().astype(np.float32)
+    if body.appearance is not None:
+        seen = body.appearance.mesh
+        arrays["seen_vertices"] = seen.vertices.numpy().astype(np.float32)
+        arrays["seen_faces"] = seen.faces.numpy().astype(np.uint32)
+        arrays["seen_uvs"] = seen.uvs.numpy().astype(np.float32)
+        arrays["seen_face_uvs"] = seen.face_uvs.numpy().astype(np.uint32)
+        arrays |= _pack_weights("seen_", body.appearance.weights)
     save_arrays(path, arrays)
 
 
@@ -100,12 +119,6 @@ def load_body(path: Path | None = None) -> Body:
         skeleton = Skeleton(
             names, tuple(int(p) for p in data["joint_parents"]), torch.from_numpy(data["joint_heads"])
         )
-        mesh = Mesh(
-            torch.from_numpy(data["vertices"]),
-            torch.from_numpy(data["faces"].astype(np.int64)),
-            torch.from_numpy(data["uvs"]),
-            torch.from_numpy(data["face_uvs"].astype(np.int64)),
-        )
         proxies = {
             str(name): Proxy(
                 torch.from_numpy(data[f"{name}_vertices"]),
@@ -116,13 +129,18 @@ def load_body(path: Path | None = None) -> Body:
         }
         return Body(
             name=str(data["name"]),
-            mesh=mesh,
+            mesh=_unpack_mesh(data, ""),
             skeleton=skeleton,
             weights=_unpack_weights(data, "", len(names)),
             regions=torch.from_numpy(data["regions"].astype(np.int64)),
             sides=torch.from_numpy(data["sides"].astype(np.int64)),
             proxies=proxies,
             base=torch.from_numpy(data["base"]) if "base" in data else None,
+            appearance=(
+                Appearance(_unpack_mesh(data, "seen_"), _unpack_weights(data, "seen_", len(names)))
+                if "seen_vertices" in data
+                else None
+            ),
         )
     except KeyError as error:
         raise InputError(f"{path}: the body file lacks the array {error}") from error
@@ -135,6 +153,15 @@ def _pack_weights(prefix: str, weights: Tensor) -> dict[str, np.ndarray]:
         f"{prefix}weight_joints": strongest.indices.numpy().astype(np.uint8),
         f"{prefix}weights": strongest.values.numpy().astype(np.float32),
     }
+
+
+def _unpack_mesh(data: dict[str, np.ndarray], prefix: str) -> Mesh:
+    return Mesh(
+        torch.from_numpy(data[f"{prefix}vertices"]),
+        torch.from_numpy(data[f"{prefix}faces"].astype(np.int64)),
+        torch.from_numpy(data[f"{prefix}uvs"]),
+        torch.from_numpy(data[f"{prefix}face_uvs"].astype(np.int64)),
+    )
 
 
 def _unpack_weights(data: dict[str, np.ndarray], prefix: str, joints: int) -> Tensor:

@@ -1,23 +1,47 @@
-"""`uvcloth body`: a body as an npz for the other commands, or as a mesh to model on."""
+"""`uvcloth body`: a body of phenotypes or of a character, as an npz for the other commands or as a mesh."""
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+from rich.console import Console
 
 from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body, save_body
+from uvcloth.bodies.seen import seen
+from uvcloth.characters.body import body_from_character
 from uvcloth.export.glb import Document
 from uvcloth.export.gltf_scene import add_body, add_skeleton
 from uvcloth.export.obj import save_obj
+from uvcloth.motion.roles import read_role_map
 
 SUFFIXES = (".npz", ".obj", ".glb")
 
 
-def make(out: Path, phenotype: Mapping[str, float], body_file: Path | None = None) -> Body:
+@dataclass(frozen=True)
+class CharacterFile:
+    """A rigged character in a glTF file, and how to read it.
+
+    joints: JSON of roles and joint names. keep, drop: meshes that cloth lies on, and such as are left out.
+    """
+
+    path: Path
+    joints: Path | None = None
+    keep: Sequence[str] = ()
+    drop: Sequence[str] = ()
+
+
+def make(
+    out: Path,
+    phenotype: Mapping[str, float],
+    body_file: Path | None = None,
+    character: CharacterFile | None = None,
+) -> Body:
     """Make a body and write it to one file, as its suffix says.
 
-    phenotype: as `make_body` takes it; without any, the body of the file, or the one in the package. An OBJ
+    phenotype: as `make_body` takes it; without any, the body of the file or of the character, which is then
+    described, or the one in the package. An OBJ
     or GLB holds the rest pose with its texture coordinates, in metres: Z up, facing -Y, or Y up, facing +Z;
     the GLB also skeleton and skin. Raises InputError for another suffix or phenotype, for a file and
     phenotypes both, or if the file cannot be written.
@@ -26,7 +50,13 @@ def make(out: Path, phenotype: Mapping[str, float], body_file: Path | None = Non
         raise InputError(f"{out}: a body is written as {', '.join(SUFFIXES)}, not '{out.suffix}'")
     if phenotype and body_file is not None:
         raise InputError(f"{body_file}: is a body already, expected phenotypes or a file, not both")
-    if phenotype:
+    if character and (phenotype or body_file is not None):
+        raise InputError(
+            f"{character.path}: has a shape of its own, expected it without phenotypes or --body"
+        )
+    if character:
+        body = replace(_of_character(character), name=out.stem)
+    elif phenotype:
         from uvcloth.bodies.anny import make_body
 
         print("Making the body (the first time Anny builds its rig, which takes minutes) ...", flush=True)
@@ -37,11 +67,20 @@ def make(out: Path, phenotype: Mapping[str, float], body_file: Path | None = Non
         case ".npz":
             save_body(body, out)
         case ".obj":
-            save_obj(body.mesh, out)
+            save_obj(seen(body).mesh, out)
         case _:
             document = Document()
             skin, _ = add_skeleton(document, body.skeleton)
-            add_body(document, body, skin)
+            add_body(document, seen(body), skin)
             with atomic_write(out) as partial:
                 document.write(partial)
     return body
+
+
+def _of_character(character: CharacterFile) -> Body:
+    chosen = {} if character.joints is None else read_role_map(character.joints)
+    console = Console(stderr=True)
+    with console.status(f"fitting our surface to {character.path.name}"):
+        made = body_from_character(character.path, load_body(), chosen, character.keep, character.drop)
+    print("\n".join(made.lines()))
+    return made.body

@@ -1,31 +1,28 @@
 """Animation of a skeleton in glTF 2.0 files (.glb, .gltf, .vrm)."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from rasterize.errors import InputError
 from uvcloth.geometry.gltf import Gltf, read_gltf
-from uvcloth.geometry.rotations import from_quaternions
+from uvcloth.geometry.gltf_rig import (
+    REST,
+    Rig,
+    chain,
+    compose,
+    local_transform,
+    nodes_above,
+    parents_first,
+    read_rig,
+    worlds,
+)
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.hierarchy import Hierarchy, to_clip
 
 FPS_RANGE = (30.0, 120.0)
 """Least and greatest rate that keys are sampled at, frames per second."""
-
-REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
-"""Of a node that says nothing, as the format has it."""
-
-
-@dataclass(frozen=True)
-class _Rig:
-    """Joints of a skin: nodes, and their transforms (J, 4, 4) to the world in the bind pose."""
-
-    nodes: list[int]
-    bind: np.ndarray
 
 
 def read_gltf_motion(path: Path) -> Clip:
@@ -43,14 +40,13 @@ def read_gltf_motion(path: Path) -> Clip:
 
 
 def _read(file: Gltf) -> Clip:
-    nodes = file.entries("nodes")
-    above = {child: index for index, node in enumerate(nodes) for child in node.get("children", [])}
+    above = nodes_above(file)
     skin = max(file.entries("skins"), key=lambda entry: len(entry["joints"]), default=None)
     if skin is None:
         raise InputError(f"{file.path}: has no skin, so no skeleton whose motion could be taken")
     moved = set(skin["joints"])
     for joint in skin["joints"]:
-        moved |= set(_chain(joint, above))
+        moved |= set(chain(joint, above))
     animation = next(
         (
             entry
@@ -61,89 +57,34 @@ def _read(file: Gltf) -> Clip:
     )
     if animation is None:
         raise InputError(f"{file.path}: has no animation of its skeleton")
-    order = _parents_first(sorted(moved), above)
+    order = parents_first(moved, above)
     times, fps = _times(file, animation)
-    world = _worlds(order, above, {node: _local(file, animation, node, times) for node in order})
-    resting = _worlds(order, above, {node: _local(file, None, node, np.zeros(1)) for node in order})
-    rig = _rig(file, skin, [node for node in order if node in set(skin["joints"])], resting)
-    return to_clip(file.path.stem, _hierarchy(file, rig, above, world, fps))
+    world = worlds(order, above, {node: _local(file, animation, node, times) for node in order})
+    return to_clip(file.path.stem, _hierarchy(file, read_rig(file, skin), world, fps))
 
 
-def _hierarchy(
-    file: Gltf, rig: _Rig, above: dict[int, int], world: dict[int, np.ndarray], fps: float
-) -> Hierarchy:
+def _hierarchy(file: Gltf, rig: Rig, world: dict[int, np.ndarray], fps: float) -> Hierarchy:
     """Motion of the joints of a rig relative to their parents, given world transforms (T, 4, 4) of nodes."""
-    number = {node: index for index, node in enumerate(rig.nodes)}
-    parents = [_joint_above(node, above, number) for node in rig.nodes]
-    if parents.count(-1) != 1:
-        raise InputError(f"{file.path}: the skin has {parents.count(-1)} root joints, expected one")
+    if rig.parents.count(-1) != 1:
+        raise InputError(f"{file.path}: the skin has {rig.parents.count(-1)} root joints, expected one")
     moved = np.stack([world[node] for node in rig.nodes], axis=1)
     turned = _rotations(moved) @ np.swapaxes(_rotations(rig.bind), 1, 2)
     heads = rig.bind[:, :3, 3]
     rotations, positions, offsets = turned.copy(), moved[..., :3, 3].copy(), heads.copy()
-    for joint, parent in enumerate(parents):
+    for joint, parent in enumerate(rig.parents):
         if parent >= 0:
             back = np.swapaxes(turned[:, parent], 1, 2)
             rotations[:, joint] = back @ turned[:, joint]
             way = moved[:, joint, :3, 3] - moved[:, parent, :3, 3]
             positions[:, joint] = (back @ way[..., None]).squeeze(-1)
             offsets[joint] = heads[joint] - heads[parent]
-    names = [str(file.entries("nodes")[node].get("name", f"node {node}")) for node in rig.nodes]
-    unique = tuple(name if names.count(name) == 1 else f"{name} {i}" for i, name in enumerate(names))
-    return Hierarchy(unique, tuple(parents), offsets, rotations, positions, fps)
-
-
-def _rig(file: Gltf, skin: dict[str, Any], joints: list[int], resting: dict[int, np.ndarray]) -> _Rig:
-    """Joints in an order of parents before children, with their bind pose as it stands in the scene."""
-    if "inverseBindMatrices" not in skin:
-        return _Rig(joints, np.stack([resting[node][0] for node in joints]))
-    inverse = file.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4).swapaxes(1, 2).astype(np.float64)
-    bind = np.linalg.inv(inverse[[skin["joints"].index(node) for node in joints]])
-    # The mesh may be modelled in other axes and units than the scene has: the axes of the root joint tell.
-    placing = resting[joints[0]][0] @ np.linalg.inv(bind[0])
-    size = np.cbrt(np.linalg.det(placing[:3, :3]))
-    axes = np.eye(4)
-    axes[:3, :3] = size * _nearest_axes(placing[:3, :3] / size)
-    return _Rig(joints, axes @ bind)
-
-
-def _nearest_axes(rotation: np.ndarray) -> np.ndarray:
-    """Rotation by right angles that is nearest to a rotation (3, 3), or that itself where none is near."""
-    order = np.abs(rotation).argmax(0)
-    axes = np.zeros((3, 3))
-    axes[order, range(3)] = np.sign(rotation[order, range(3)])
-    return axes if np.linalg.det(axes) > 0.5 else rotation
+    return Hierarchy(rig.names, rig.parents, offsets, rotations, positions, fps)
 
 
 def _rotations(transforms: np.ndarray) -> np.ndarray:
     """Rotations of transforms (..., 4, 4) that turn, scale and move."""
     linear = transforms[..., :3, :3]
     return np.asarray(linear / np.linalg.norm(linear, axis=-2, keepdims=True))
-
-
-def _chain(node: int, above: dict[int, int]) -> list[int]:
-    """Nodes above a node, the nearest first."""
-    chain: list[int] = []
-    while node in above:
-        node = above[node]
-        chain.append(node)
-    return chain
-
-
-def _parents_first(nodes: list[int], above: dict[int, int]) -> list[int]:
-    return sorted(nodes, key=lambda node: [*reversed(_chain(node, above)), node])
-
-
-def _joint_above(node: int, above: dict[int, int], number: dict[int, int]) -> int:
-    return next((number[other] for other in _chain(node, above) if other in number), -1)
-
-
-def _worlds(order: list[int], above: dict[int, int], local: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
-    """World transforms (T, 4, 4) by node."""
-    world: dict[int, np.ndarray] = {}
-    for node in order:
-        world[node] = world[above[node]] @ local[node] if node in above else local[node]
-    return world
 
 
 def _times(file: Gltf, animation: dict[str, Any]) -> tuple[np.ndarray, float]:
@@ -155,21 +96,17 @@ def _times(file: Gltf, animation: dict[str, Any]) -> tuple[np.ndarray, float]:
     return keys[0] + np.arange(frames) / fps, fps
 
 
-def _local(file: Gltf, animation: dict[str, Any] | None, index: int, times: np.ndarray) -> np.ndarray:
-    """Transforms (T, 4, 4) of a node relative to its parent; at rest without an animation."""
+def _local(file: Gltf, animation: dict[str, Any], index: int, times: np.ndarray) -> np.ndarray:
+    """Transforms (T, 4, 4) of a node relative to its parent."""
     node = file.entries("nodes")[index]
     if "matrix" in node:
-        return np.tile(np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T, (len(times), 1, 1))
+        return np.tile(local_transform(node), (len(times), 1, 1))
     values = {path: np.tile(np.array(node.get(path, rest)), (len(times), 1)) for path, rest in REST.items()}
-    for channel in animation["channels"] if animation else []:
+    for channel in animation["channels"]:
         if channel["target"].get("node") == index and channel["target"]["path"] in REST:
-            sampler = animation["samplers"][channel["sampler"]] if animation else {}
+            sampler = animation["samplers"][channel["sampler"]]
             values[channel["target"]["path"]] = _sampled(file, sampler, times)
-    local = np.tile(np.eye(4), (len(times), 1, 1))
-    turned = from_quaternions(torch.from_numpy(values["rotation"].astype(np.float64))).numpy()
-    local[:, :3, :3] = turned * values["scale"][:, None, :]
-    local[:, :3, 3] = values["translation"]
-    return local
+    return compose(**values)
 
 
 def _sampled(file: Gltf, sampler: dict[str, Any], times: np.ndarray) -> np.ndarray:

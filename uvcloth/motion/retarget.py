@@ -60,7 +60,7 @@ def retarget(clip: Clip, body: Body, fps: float = 30.0, roles: Mapping[str, int]
     clip = resample(in_body_axes(clip, source), fps)
 
     rotations, bones = _relative_to_t_pose(clip, source)
-    rest_bones = _bone_directions(body.skeleton.heads, target)
+    rest_bones = bone_directions(body.skeleton.heads, target)
     align = {role: smallest_rotation(rest_bones[role], bones[role]) for role in rest_bones}
     for side in ("left", "right"):
         align.setdefault(f"{side}_hand", align[f"{side}_forearm"])
@@ -125,20 +125,24 @@ def required_roles(
 
 def in_body_axes(clip: Clip, roles: Mapping[str, int]) -> Clip:
     """Clip with Z up and its rest pose facing -Y; units stay."""
-    heads = clip.skeleton.heads.double()
-    legs = heads[[roles["left_thigh"], roles["right_thigh"]]]
-    arms = heads[[roles["left_upper_arm"], roles["right_upper_arm"]]]
-    up = nearest_axis(arms.mean(0) - legs.mean(0))
-    across = legs[0] - legs[1]
-    left = nearest_axis(across - (across @ up) * up)
-    axes = torch.stack([left, torch.linalg.cross(up, left), up])
-    turned = axes.to(clip.rotations)
+    turned = body_axes(clip.skeleton.heads, roles).to(clip.rotations)
     return replace(
         clip,
         skeleton=replace(clip.skeleton, heads=clip.skeleton.heads @ turned.T),
         rotations=turned @ clip.rotations @ turned.T,
         translation=clip.translation @ turned.T,
     )
+
+
+def body_axes(heads: Tensor, roles: Mapping[str, int]) -> Tensor:
+    """Rotation (3, 3) by right angles that takes standing joints (J, 3) to Z up, facing -Y."""
+    heads = heads.double()
+    legs = heads[[roles["left_thigh"], roles["right_thigh"]]]
+    arms = heads[[roles["left_upper_arm"], roles["right_upper_arm"]]]
+    up = nearest_axis(arms.mean(0) - legs.mean(0))
+    across = legs[0] - legs[1]
+    left = nearest_axis(across - (across @ up) * up)
+    return torch.stack([left, torch.linalg.cross(up, left), up])
 
 
 def _relative_to_t_pose(clip: Clip, roles: Mapping[str, int]) -> tuple[Tensor, dict[str, Tensor]]:
@@ -158,12 +162,12 @@ def _relative_to_t_pose(clip: Clip, roles: Mapping[str, int]) -> tuple[Tensor, d
                 leg.add(joint)
         t_pose[list(leg)] = turn
     bones = {
-        role: t_pose[roles[role]] @ direction for role, direction in _bone_directions(heads, roles).items()
+        role: t_pose[roles[role]] @ direction for role, direction in bone_directions(heads, roles).items()
     }
     return clip.rotations @ t_pose.mT, bones
 
 
-def _bone_directions(heads: Tensor, roles: Mapping[str, int]) -> dict[str, Tensor]:
+def bone_directions(heads: Tensor, roles: Mapping[str, int]) -> dict[str, Tensor]:
     """Unit rest directions of the limb bones; a hand without fingers continues its forearm."""
     directions: dict[str, Tensor] = {}
     for bone, tip in LIMB_BONES.items():

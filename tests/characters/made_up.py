@@ -1,0 +1,87 @@
+"""Characters made up of our own body: foreign names, axes, unit and bind pose, in any number of meshes."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+from uvcloth.export.glb import Document
+from uvcloth.export.gltf_scene import TO_Y_UP, add_geometry, add_influences, add_skeleton
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.rotations import from_euler
+from uvcloth.geometry.skeleton import Skeleton, joint_transforms
+from uvcloth.geometry.skinning import skin, strongest
+
+MIXAMO = {
+    "LHipJoint": "mixamorig:LeftHelper", "RHipJoint": "mixamorig:RightHelper", "LowerBack": "mixamorig:Spine",
+    "Spine": "mixamorig:Spine1", "Spine1": "mixamorig:Spine2", "Neck1": "mixamorig:NeckHelper",
+    "LThumb": "mixamorig:LeftHandThumb1", "RThumb": "mixamorig:RightHandThumb1",
+    "LeftFingerBase": "mixamorig:LeftPalm", "RightFingerBase": "mixamorig:RightPalm",
+    "LeftHandFinger1": "mixamorig:LeftHandMiddle1", "RightHandFinger1": "mixamorig:RightHandMiddle1",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A mesh of a character: faces (F, 3) of the body's, moved off the skin by `off` metres."""
+
+    name: str
+    material: str
+    faces: Tensor
+    off: float = 0.0
+
+
+def t_posed(body: Body, degrees: float = 40.0) -> Body:
+    """The body with its arms raised by so many degrees, as its rest pose."""
+    names, parents = body.skeleton.names, body.skeleton.parents
+    turns = [torch.eye(3)] * len(names)
+    for joint, parent in enumerate(parents):
+        turns[joint] = turns[parent] if parent >= 0 else turns[joint]
+        if names[joint] in ("LeftArm", "RightArm"):
+            angle = -degrees if names[joint] == "LeftArm" else degrees
+            turns[joint] = from_euler("y", torch.tensor([angle * torch.pi / 180]))
+            turns[joint] = turns[joint].reshape(3, 3)
+    transforms = joint_transforms(body.skeleton, torch.stack(turns)[None], body.skeleton.heads[:1])
+    heads = (transforms[0, :, :, :3] @ body.skeleton.heads[..., None]).squeeze(-1) + transforms[0, ..., 3]
+    vertices = skin(body.mesh.vertices, body.weights, transforms)[0]
+    return replace(
+        body,
+        mesh=replace(body.mesh, vertices=vertices),
+        skeleton=replace(body.skeleton, heads=heads),
+    )
+
+
+def write_character(
+    path: Path,
+    body: Body,
+    pieces: Sequence[Piece],
+    names: Mapping[str, str] = MIXAMO,
+    unit: float = 0.01,
+    skinned: bool = True,
+) -> None:
+    """Write pieces of a body as a character, modelled Z up in units of metres; the scene is Y up."""
+    # What the exporter turns to Y up then stands Z up in the file, below a node that turns it.
+    turned = torch.from_numpy(np.linalg.inv(TO_Y_UP).T.astype(np.float32)) / unit
+    document = Document()
+    renamed = tuple(names.get(name, f"mixamorig:{name}") for name in body.skeleton.names)
+    first = add_skeleton(document, Skeleton(renamed, body.skeleton.parents, body.skeleton.heads @ turned))[1]
+    matrix = np.eye(4)
+    matrix[:3, :3] = unit * TO_Y_UP
+    document.nodes.append({"name": "Armature", "matrix": matrix.T.ravel().tolist(), "children": [first]})
+    document.roots[:] = [len(document.nodes) - 1]
+    normals = torch.nn.functional.normalize(body.mesh.vertices - body.mesh.vertices.mean(0), dim=1)
+    for piece in pieces:
+        used, faces = piece.faces.unique(return_inverse=True)
+        vertices = (body.mesh.vertices + piece.off * normals)[used] @ turned
+        source, primitive = add_geometry(document, Mesh(vertices, faces, torch.zeros(0, 2), faces))
+        joints, weights = strongest(body.weights[used], 4)
+        primitive["attributes"] |= add_influences(document, joints[source], weights[source])
+        primitive["material"] = document.material(piece.material, (0.5, 0.5, 0.5))
+        document.mesh(piece.name, primitive, 0 if skinned else None)
+    if not skinned:
+        document.skins.clear()
+    document.write(path)

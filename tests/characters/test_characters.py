@@ -1,0 +1,179 @@
+"""Characters as bodies: what is read is what was written, and our surface and garments fit them."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from rasterize.errors import InputError
+from tests.characters.made_up import MIXAMO, Piece, t_posed, write_character
+from tests.export.glb_reader import GlbReader
+from tests.motion.test_gltf import CESIUM_MAN, CESIUM_ROLES
+from uvcloth.bodies.body import REGIONS, Body, load_body, save_body
+from uvcloth.bodies.seen import seen
+from uvcloth.characters.body import CharacterBody, body_from_character, region_vertices
+from uvcloth.characters.parts import label, sort_parts
+from uvcloth.characters.reader import read_character
+from uvcloth.characters.rig import rig_character
+from uvcloth.commands.body import CharacterFile, make
+from uvcloth.export.writer import open_writer
+from uvcloth.garments.templates import load_template, tailored
+from uvcloth.motion.library import load_clip
+from uvcloth.motion.roles import joint_roles
+from uvcloth.physics.surface import BodySurface
+
+STRETCH = torch.tensor([0.9, 1.05, 1.12])
+
+
+def pieces(body: Body) -> list[Piece]:
+    """Head and trunk as two meshes, hair on the head, a shirt over the skin."""
+    on_head, on_trunk = (body.regions == REGIONS.index(region) for region in ("head", "torso"))
+    faces = body.mesh.faces
+    return [
+        Piece("Face", "N00_Face_SKIN", faces[on_head]),
+        Piece("Body", "N00_Body_SKIN", faces[~on_head]),
+        Piece("Hair", "N00_HAIR", faces[on_head], off=0.02),
+        Piece("Body", "N00_Tops_CLOTH", faces[on_trunk], off=0.015),
+    ]
+
+
+def stretched(body: Body) -> Body:
+    mesh = replace(body.mesh, vertices=body.mesh.vertices * STRETCH)
+    return replace(body, mesh=mesh, skeleton=replace(body.skeleton, heads=body.skeleton.heads * STRETCH))
+
+
+@pytest.fixture(scope="module")
+def character(body: Body, tmp_path_factory: pytest.TempPathFactory) -> CharacterBody:
+    """A longer, narrower body than ours, with Mixamo's names, in centimetres, Z up, in two meshes."""
+    path = tmp_path_factory.mktemp("character") / "longer.glb"
+    write_character(path, stretched(body), pieces(body))
+    return body_from_character(path, body)
+
+
+def test_names_axes_unit_and_pose_of_a_file_do_not_matter(body: Body, tmp_path: Path) -> None:
+    write_character(tmp_path / "t.glb", t_posed(body), pieces(body)[:2])
+    character = read_character(tmp_path / "t.glb")
+    rigged = rig_character(character, {}, body)
+    assert rigged.unit == "m"
+    assert 35 < rigged.turned < 45
+    off = (rigged.skeleton.heads - body.skeleton.heads).norm(dim=1)
+    known = {joint_roles(body.skeleton.names)[role] for role in rigged.roles}
+    assert float(off[list(known)].max()) < 2e-3
+    # Joints that the file's names do not tell lie as in our body.
+    assert float(off.max()) < 0.02
+    trunk = body.mesh.faces[body.regions != REGIONS.index("head")].unique()
+    gap = (rigged.parts[1].mesh.vertices - body.mesh.vertices[trunk]).norm(dim=1)
+    # Skinning to the T-pose and back is exact only where a vertex follows one joint.
+    assert float(gap.median()) < 2e-3
+    assert float(gap.quantile(0.95)) < 0.02
+    legs = body.weights[trunk][:, body.skeleton.names.index("LeftLeg")]
+    own = rigged.parts[1].weights[:, body.skeleton.names.index("LeftLeg")]
+    torch.testing.assert_close(own, legs, atol=0.03, rtol=0)
+
+
+def test_hair_is_only_seen_and_clothes_over_skin_go(body: Body, tmp_path: Path) -> None:
+    write_character(tmp_path / "dressed.glb", body, pieces(body))
+    rigged = rig_character(read_character(tmp_path / "dressed.glb"), {}, body)
+
+    def fates(keep: tuple[str, ...] = (), drop: tuple[str, ...] = ()) -> list[list[str]]:
+        found = sort_parts(rigged.parts, rigged.skeleton.names, keep, drop)
+        return [[label(part) for part in each] for each in (found.surface, found.seen, found.left_out)]
+
+    face, skin, hair, shirt = (label(part) for part in rigged.parts)
+    assert fates() == [[face, skin], [hair], [shirt]]
+    assert fates(keep=("N00_Tops_CLOTH",), drop=("Hair",)) == [[face, skin, shirt], [], [hair]]
+    # Without skin beneath them clothes are what cloth lies on.
+    assert fates(drop=("N00_Body_SKIN",)) == [[face, shirt], [hair], [skin]]
+    with pytest.raises(InputError, match=r"--keep Hare: no mesh .* did you mean Hair"):
+        fates(keep=("Hare",))
+
+
+def test_our_surface_takes_the_shape_of_a_character(body: Body, character: CharacterBody) -> None:
+    clothed = region_vertices(body, ("torso", "upper_arm", "forearm", "thigh", "calf"))
+    near = character.off[clothed]
+    assert float(near.median()) < 0.002
+    assert float(near.quantile(0.95)) < 0.005
+    # The character is our own body stretched, its limbs turned a little: vertices keep their places.
+    trunk = region_vertices(body, ("torso",))
+    legs = [body.skeleton.names.index(name) for name in ("LeftUpLeg", "RightUpLeg")]
+    truth = stretched(body)
+    truth_at = truth.mesh.vertices - truth.skeleton.heads[legs].mean(0) + body.skeleton.heads[legs].mean(0)
+    gap = (character.body.mesh.vertices - truth_at)[trunk].norm(dim=1)
+    assert float(gap.median()) < 0.012
+    weights = (character.body.weights - body.weights)[trunk].abs().sum(1)
+    assert float(weights.median()) < 0.2
+
+
+def test_templates_lie_on_a_character_as_on_our_body(body: Body, character: CharacterBody) -> None:
+    ours, theirs = (BodySurface(each.mesh.vertices, each.mesh.faces) for each in (body, character.body))
+    for name in ("tops", "bottoms", "dress"):
+        template = load_template(name)
+        before = ours.closest(tailored(template, body).vertices).signed_distance
+        after = theirs.closest(tailored(template, character.body).vertices).signed_distance
+        assert float(after.min()) > 0
+        tight = before < 0.03
+        ratio = after[tight] / before[tight]
+        assert 0.7 < float(ratio.median()) < 1.3
+        assert float(((ratio > 0.7) & (ratio < 1.3)).float().mean()) > 0.6
+
+
+def test_a_character_is_kept_and_seen(character: CharacterBody, tmp_path: Path) -> None:
+    save_body(character.body, tmp_path / "c.npz")
+    body = load_body(tmp_path / "c.npz")
+    shown = seen(body)
+    faces = sum(len(part.mesh.faces) for part in (*character.parts.surface, *character.parts.seen))
+    assert len(shown.mesh.faces) == len(shown.regions) == faces
+    assert len(shown.mesh.uvs)
+    clip = load_clip("walk", body).window(0, 1)
+    garment = tailored(load_template("tops"), body)
+    with open_writer(tmp_path / "c.glb", [("tops", garment)], body, clip.fps) as writer:
+        writer.add([garment.vertices], clip.transforms()[0])
+    glb = GlbReader.load(tmp_path / "c.glb")
+    indices = glb.gltf.meshes[glb.gltf.nodes[glb.node("body")].mesh].primitives[0].indices
+    assert glb.gltf.accessors[indices].count == 3 * faces
+
+
+def test_characters_that_cannot_be_dressed_are_refused(body: Body, tmp_path: Path) -> None:
+    path = tmp_path / "odd.glb"
+    write_character(path, body, pieces(body)[:2], skinned=False)
+    with pytest.raises(InputError, match=r"odd\.glb: has no skin"):
+        body_from_character(path, body)
+    names = MIXAMO | {"LeftHand": "claw", "RightLeg": "stilt"}
+    write_character(path, body, pieces(body)[:2], names=names)
+    with pytest.raises(
+        InputError,
+        match=r"odd\.glb: no joint of the character is the .*right shin.*left hand|left hand.*right shin",
+    ):
+        body_from_character(path, body)
+    on_leg = torch.isin(body.regions, torch.tensor([REGIONS.index("thigh"), REGIONS.index("calf")]))
+    legless = [Piece("Body", "skin", body.mesh.faces[~on_leg])]
+    write_character(path, body, legless)
+    with pytest.raises(
+        InputError, match=r"odd\.glb: .* of the thigh finds no place on the character's surface"
+    ):
+        body_from_character(path, body)
+    with pytest.raises(InputError, match=r"odd\.fbx: expected a character as \.glb"):
+        body_from_character(tmp_path / "odd.fbx", body)
+    with pytest.raises(InputError, match=r"odd\.glb: has a shape of its own"):
+        make(tmp_path / "b.npz", {"height": 0.5}, character=CharacterFile(path))
+
+
+@pytest.mark.skipif(not CESIUM_MAN.is_file(), reason=f"no {CESIUM_MAN}")
+def test_a_character_with_a_large_head_is_dressed(body: Body, tmp_path: Path) -> None:
+    (tmp_path / "map.json").write_text(json.dumps(CESIUM_ROLES))
+    file = CharacterFile(CESIUM_MAN, tmp_path / "map.json")
+    man = make(tmp_path / "man.npz", {}, character=file)
+    assert 1.4 < float(man.mesh.vertices[:, 2].max() - man.mesh.vertices[:, 2].min()) < 1.6
+    surface = BodySurface(man.mesh.vertices, man.mesh.faces)
+    own = seen(man).mesh
+    clothed = torch.isin(
+        man.regions[surface.closest(own.vertices).faces.clamp(min=0)],
+        torch.tensor([REGIONS.index(region) for region in ("torso", "upper_arm", "thigh", "calf")]),
+    )
+    above = surface.closest(own.vertices[clothed]).signed_distance
+    assert float(above.max()) < 0.002
+    for name in ("tops", "bottoms"):
+        cloth = tailored(load_template(name), man).vertices
+        assert float(surface.closest(cloth).signed_distance.min()) > 0

@@ -1,0 +1,15 @@
+"""The body as it is seen: of a character its own meshes, in the place of the surface that cloth meets."""
+
+from dataclasses import replace
+
+from uvcloth.bodies.body import Body
+from uvcloth.bodies.regions import face_regions
+
+
+def seen(body: Body) -> Body:
+    """The body with the mesh that pictures and files show; itself where that is the mesh that it has."""
+    if body.appearance is None:
+        return body
+    mesh, weights = body.appearance.mesh, body.appearance.weights
+    regions, sides = face_regions(body.skeleton, weights, mesh.faces)
+    return replace(body, mesh=mesh, weights=weights, regions=regions, sides=sides, appearance=None)

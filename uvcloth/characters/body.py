@@ -1,0 +1,225 @@
+"""Bodies from characters: our body's surface on the character's shape, and what is seen of it.
+
+Cloth, maps and methods meet a closed surface of the mesh that all our bodies have; it fits the character,
+moves as it does, and takes along what garments are bound to. The character's own meshes are what is seen.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from rasterize.layout import unwrap
+from rasterize.raycast import closest_points
+from uvcloth.bodies.body import REGIONS, Appearance, Body, Proxy
+from uvcloth.characters.parts import Sorted, sort_parts
+from uvcloth.characters.reader import Part, read_character
+from uvcloth.characters.registration import lifted, limbs_of, match, register
+from uvcloth.characters.rig import RiggedCharacter, rig_character
+from uvcloth.characters.shape import SkinnedSurface, rough_fit
+from uvcloth.geometry.mesh import Mesh, join_meshes, neighbour_average
+from uvcloth.geometry.skinning import diffuse_weights, skin
+from uvcloth.physics.surface import BodySurface
+
+CLOTHED = ("torso", "upper_arm", "forearm", "thigh", "calf")
+"""Regions that cloth lies on, where the surface has to be the character's."""
+
+OUTLYING = 0.012
+"""Height above the surface, over the character's own, up to which the surface is lifted over it."""
+
+FARTHEST = 0.02
+"""Distance from the character, over its height, beyond which a vertex of the surface has no place on it."""
+
+LEAST_PLACED = 0.85
+"""Share of a region's vertices that have to have one."""
+
+DIFFUSION = 0.01
+"""Metres over which the weights taken from the character are evened out."""
+
+NEIGHBOURS, SOFTENING = 12, 0.005
+"""Vertices whose displacements a point off the surface takes, and metres within which none stands out."""
+
+EASE_TURNS, EASE_REACH = 6, 0.05
+"""Turns that give a shell its distances from the skin back, where these are below so many metres."""
+
+
+@dataclass(frozen=True)
+class CharacterBody:
+    """A body made of a character, and what was found on the way.
+
+    off: (V,) m from each vertex of its surface to the character's own.
+    """
+
+    body: Body
+    rigged: RiggedCharacter
+    parts: Sorted
+    off: Tensor
+
+    def lines(self) -> list[str]:
+        """Report of what was read and how well the surface fits, a finding a line."""
+        own = self.body.appearance
+        near = 1000.0 * self.off[region_vertices(self.body, CLOTHED)]
+        return [
+            f"{self.rigged.name}: {len(self.rigged.roles)} joints with a role, unit {self.rigged.unit}; "
+            f"limbs are turned by up to {self.rigged.turned:.0f} degrees to the rest pose of our bodies",
+            *self.parts.lines(),
+            f"  {len(own.mesh.vertices) if own else 0} vertices are seen; cloth meets a closed surface of "
+            f"{len(self.off)}, {near.median():.1f} mm from the character's in the median of trunk and limbs, "
+            f"{near.quantile(0.95):.1f} mm at 95 %",
+        ]
+
+
+def body_from_character(
+    path: Path,
+    pattern: Body,
+    chosen: Mapping[str, str] | None = None,
+    keep: Iterable[str] = (),
+    drop: Iterable[str] = (),
+) -> CharacterBody:
+    """Make a body of a rigged character in a glTF file.
+
+    pattern: the body whose surface is fitted, with its proxies and base mesh. chosen: joint names by role.
+    keep, drop: as `sort_parts` takes them. Raises InputError naming the file as `read_character`,
+    `rig_character` and `sort_parts` do, and for proportions that the surface cannot take.
+    """
+    character = read_character(path)
+    try:
+        rigged = rig_character(character, chosen or {}, pattern)
+        parts = sort_parts(rigged.parts, rigged.skeleton.names, keep, drop)
+        target = _joined(parts.surface)
+        rough = rough_fit(pattern, rigged.skeleton, target)
+        surface, off = _fitted(pattern, rough, target, rigged)
+        body = replace(
+            pattern,
+            name=character.name,
+            mesh=replace(pattern.mesh, vertices=surface.vertices),
+            skeleton=rigged.skeleton,
+            weights=surface.weights,
+        )
+        _refuse_unfit(body, off)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    deformation = _Deformation(pattern, rough, body)
+    proxies = {
+        name: replace(proxy, vertices=deformation.shell(proxy)) for name, proxy in pattern.proxies.items()
+    }
+    base = None if pattern.base is None else deformation.points(pattern.base, _nearest_weights(pattern))
+    appearance = _appearance((*parts.surface, *parts.seen))
+    return CharacterBody(replace(body, proxies=proxies, base=base, appearance=appearance), rigged, parts, off)
+
+
+def region_vertices(body: Body, regions: Iterable[str]) -> Tensor:
+    """Vertices (K,) of some regions of a body."""
+    wanted = torch.tensor([REGIONS.index(region) for region in regions])
+    return body.mesh.faces[torch.isin(body.regions, wanted)].unique()
+
+
+def _joined(parts: Iterable[Part]) -> SkinnedSurface:
+    parts = tuple(parts)
+    joined = join_meshes((part.mesh.vertices, part.mesh.faces) for part in parts)
+    return SkinnedSurface(joined.vertices, joined.faces, torch.cat([part.weights for part in parts]))
+
+
+def _fitted(
+    pattern: Body, rough: Tensor, target: SkinnedSurface, rigged: RiggedCharacter
+) -> tuple[SkinnedSurface, Tensor]:
+    """The pattern's surface on the target, with the target's weights, and each vertex's distance (V,) m."""
+    limbs = limbs_of(rigged.skeleton.names)
+    start = SkinnedSurface(
+        skin(pattern.mesh.vertices, pattern.weights, rough[None])[0], pattern.mesh.faces, pattern.weights
+    )
+    vertices = register(start, target, limbs)
+    height = float(vertices[:, 2].max() - vertices[:, 2].min())
+    placed = replace(start, vertices=vertices)
+    clothed = torch.isin(_strongest_region(pattern, vertices, target), _region_numbers(CLOTHED))
+    placed = replace(placed, vertices=lifted(placed, target.vertices[clothed], OUTLYING * height))
+    found = match(placed, target, limbs, FARTHEST * height)
+    weights = diffuse_weights(found.weights, placed.vertices, placed.faces, DIFFUSION)
+    off = closest_points(placed.vertices, target.vertices, target.faces).distance
+    off = torch.where(found.found, off, off.clamp(min=FARTHEST * height))
+    return replace(placed, weights=weights), off
+
+
+def _strongest_region(pattern: Body, vertices: Tensor, target: SkinnedSurface) -> Tensor:
+    """Region (P,) of the pattern's surface, moved to vertices (V, 3), beside each vertex of the target."""
+    return pattern.regions[closest_points(target.vertices, vertices, pattern.mesh.faces).face]
+
+
+def _region_numbers(regions: Iterable[str]) -> Tensor:
+    return torch.tensor([REGIONS.index(region) for region in regions])
+
+
+def _refuse_unfit(body: Body, off: Tensor) -> None:
+    """Raise InputError naming the region whose surface has no place on the character."""
+    height = float(body.mesh.vertices[:, 2].max() - body.mesh.vertices[:, 2].min())
+    for region in CLOTHED:
+        distance = off[region_vertices(body, (region,))]
+        placed = float((distance < FARTHEST * height).float().mean())
+        if placed < LEAST_PLACED:
+            raise InputError(
+                f"{100 * (1 - placed):.0f} % of the {region.replace('_', ' ')} finds no place on the "
+                "character's surface: its proportions are too far from a person's, or a mesh is missing "
+                "there (--keep)"
+            )
+
+
+class _Deformation:
+    """Deformation of what lies around the body of the pattern, along with its surface."""
+
+    def __init__(self, pattern: Body, rough: Tensor, body: Body) -> None:
+        from scipy.spatial import KDTree
+
+        self._pattern, self._rough, self._body = pattern, rough, body
+        start = skin(pattern.mesh.vertices, pattern.weights, rough[None])[0]
+        self._displacement = body.mesh.vertices - start
+        self._tree = KDTree(pattern.mesh.vertices.numpy())
+
+    def points(self, points: Tensor, weights: Tensor) -> Tensor:
+        """Points (P, 3) m around the pattern, which joints move by weights (P, J), around the character."""
+        distance, nearest = self._tree.query(points.numpy(), k=NEIGHBOURS)
+        share = 1.0 / (torch.from_numpy(distance).float() ** 2 + SOFTENING**2)
+        share = share / share.sum(1, keepdim=True)
+        moved = (share[..., None] * self._displacement[torch.from_numpy(nearest)]).sum(1)
+        return skin(points, weights, self._rough[None])[0] + moved
+
+    def shell(self, proxy: Proxy) -> Tensor:
+        """Vertices (P, 3) m of a shell around the character, as far from its skin as from the pattern's."""
+        before = BodySurface(self._pattern.mesh.vertices, self._pattern.mesh.faces)
+        after = BodySurface(self._body.mesh.vertices, self._body.mesh.faces)
+        wanted = before.closest(proxy.vertices).signed_distance
+        held = (wanted < EASE_REACH)[:, None]
+        average = neighbour_average(proxy.faces, len(proxy.vertices))
+        vertices = self.points(proxy.vertices, proxy.weights)
+        for _ in range(EASE_TURNS):
+            skin_there = after.closest(vertices)
+            move = held * (wanted - skin_there.signed_distance)[:, None] * skin_there.normals
+            vertices = vertices + 0.5 * (move + average @ move)
+        return vertices
+
+
+def _nearest_weights(pattern: Body) -> Tensor:
+    """Weights (B, J) of the base mesh: those of the closest vertex of the skin."""
+    from scipy.spatial import KDTree
+
+    assert pattern.base is not None
+    _, nearest = KDTree(pattern.mesh.vertices.numpy()).query(pattern.base.numpy())
+    return pattern.weights[torch.from_numpy(nearest)]
+
+
+def _appearance(parts: Iterable[Part]) -> Appearance:
+    """All that is seen as one mesh; parts without texture coordinates are unwrapped."""
+    meshes = [_with_uvs(part) for part in parts]
+    joined = join_meshes((mesh.vertices, mesh.faces) for mesh in meshes)
+    textured = join_meshes((mesh.uvs, mesh.face_uvs) for mesh in meshes)
+    weights = torch.cat([part.weights for part in parts])
+    return Appearance(Mesh(joined.vertices, joined.faces, textured.vertices, textured.faces), weights)
+
+
+def _with_uvs(part: Part) -> Mesh:
+    if len(part.mesh.uvs):
+        return part.mesh
+    uvs, face_uvs = unwrap(part.mesh.vertices, part.mesh.faces)
+    return replace(part.mesh, uvs=uvs, face_uvs=face_uvs)

@@ -1,0 +1,147 @@
+"""Parts of a character: what is skin or serves as it, what is only looked at, what is left out.
+
+Cloth lies on skin. Hair, eyes and the like are looked at and nothing more. A character's own clothes go where
+there is skin beneath them; where there is none, as in games that leave covered skin out, they serve as it.
+"""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.characters.reader import Part
+from uvcloth.geometry.mesh import face_normals
+
+LOOKS = (
+    r"hair|brow|lash|beard|mustache|moustache|eye|iris|cornea|pupil|sclera|tear|teeth|tooth|tongue|gum|mouth|"
+    r"glasses|goggles|hat|cap|helmet|horn|ear_?ring|necklace|ribbon|tail|wing|weapon|sword|gun|prop|backpack|bag"
+)
+"""Words, in the name of a mesh or a material, of what is only looked at."""
+
+CLOTHES = (
+    r"cloth(es|ing)?|outfit|tops?|bottoms?|shirts?|tshirt|blouse|jacket|coat|hood(ie|y)?|sweater|vest|dress|skirt|pants?|"
+    r"trousers|jeans|shorts|suit|tie|scarf|sleeves?|gloves?|socks?|stockings?|shoes?|boots?|sneakers?|heels?|"
+    r"footwear|belt|cape|robe|accessor(y|ies)|onepiece"
+)
+"""The same of clothes."""
+
+WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
+
+NEEDED = {"torso": ("Hips", "LowerBack", "Spine", "Spine1"), "legs": ("UpLeg", "Leg"), "arms": ("Arm",)}
+"""What skin has to cover without clothes, for these to go: endings of joints that move it."""
+
+LEAST_SHARE = 0.35
+"""Share of a region's area, clothes and skin together, that is skin where there is skin beneath clothes."""
+
+
+@dataclass(frozen=True)
+class Sorted:
+    """Parts of a character: the surface that cloth lies on, what is only seen, and what goes."""
+
+    surface: tuple[Part, ...]
+    seen: tuple[Part, ...]
+    left_out: tuple[Part, ...]
+
+    def lines(self) -> list[str]:
+        """Report of what became of each part, a line each."""
+        return [
+            f"  {label(part)}: {len(part.mesh.faces)} faces, {fate}"
+            for parts, fate in (
+                (self.surface, "cloth lies on it"),
+                (self.seen, "only seen"),
+                (self.left_out, "left out"),
+            )
+            for part in parts
+        ]
+
+
+def sort_parts(
+    parts: Sequence[Part], joints: Sequence[str], keep: Iterable[str] = (), drop: Iterable[str] = ()
+) -> Sorted:
+    """Sort the parts of a character by their names.
+
+    joints: names of the J joints of the parts' weights. keep: meshes, or materials, that cloth lies on; drop:
+    such as are left out, whatever their names say. Raises InputError for a name that no part has, and if
+    nothing is left for cloth to lie on.
+    """
+    kept, dropped = _named(parts, keep, "--keep"), _named(parts, drop, "--drop")
+    fate = {
+        place: "left out" if place in dropped else "surface" if place in kept else _kind(part)
+        for place, part in enumerate(parts)
+    }
+    skin = [part for place, part in enumerate(parts) if fate[place] == "surface"]
+    clothes = [part for place, part in enumerate(parts) if fate[place] == "clothes"]
+    worn_over_skin = bool(skin) and _covers(skin, [*skin, *clothes], joints)
+    for place, kind in fate.items():
+        if kind == "clothes":
+            fate[place] = "left out" if worn_over_skin else "surface"
+    chosen = {
+        kind: tuple(part for place, part in enumerate(parts) if fate[place] == kind)
+        for kind in ("surface", "seen", "left out")
+    }
+    if not chosen["surface"]:
+        raise InputError(
+            f"no mesh of the character is left for cloth to lie on; name one with --keep: {_names(parts)}"
+        )
+    return Sorted(chosen["surface"], chosen["seen"], chosen["left out"])
+
+
+def label(part: Part) -> str:
+    """Name of a part: of its mesh, and of its material where that is another."""
+    return part.name if part.material in ("", part.name) else f"{part.name} ({part.material})"
+
+
+def _named(parts: Sequence[Part], names: Iterable[str], option: str) -> set[int]:
+    found: set[int] = set()
+    for name in names:
+        meant = {place for place, part in enumerate(parts) if name in (part.name, part.material)}
+        if not meant:
+            near = get_close_matches(name, [part.name for part in parts], n=3, cutoff=0.4)
+            hint = f"did you mean {near[0]}?" if near else f"there are {_names(parts)}"
+            raise InputError(f"{option} {name}: no mesh or material of the character is called so; {hint}")
+        found |= meant
+    return found
+
+
+def _names(parts: Sequence[Part]) -> str:
+    return ", ".join(dict.fromkeys(label(part) for part in parts))
+
+
+def _kind(part: Part) -> str:
+    """Kind of a part by the words in its names; the material tells more than the mesh."""
+    for name in (part.material, part.name):
+        words = [word.lower() for word in WORD.findall(name)]
+        if any(re.fullmatch(f"(?:{LOOKS})s?", word) or re.match("hair|eye", word) for word in words):
+            return "seen"
+        if "skin" in words or "body" in words:
+            return "clothes" if any(re.fullmatch("cloth|clothes", word) for word in words) else "surface"
+        if any(re.fullmatch(CLOTHES, word) for word in words):
+            return "clothes"
+    return "surface"
+
+
+def _covers(skin: Sequence[Part], everything: Sequence[Part], joints: Sequence[str]) -> bool:
+    """True where skin alone covers trunk, legs and upper arms."""
+    for endings in NEEDED.values():
+        moving = torch.tensor([any(_ends(joint, ending) for ending in endings) for joint in joints])
+        if _area(skin, moving) < LEAST_SHARE * _area(everything, moving):
+            return False
+    return True
+
+
+def _ends(joint: str, ending: str) -> bool:
+    return joint in (ending, f"Left{ending}", f"Right{ending}")
+
+
+def _area(parts: Iterable[Part], moving: Tensor) -> float:
+    """Area of the faces that some joints (J,) bool move most, m2."""
+    total = 0.0
+    for part in parts:
+        strongest = part.weights[part.mesh.faces].sum(1).argmax(1)
+        areas = face_normals(part.mesh.vertices, part.mesh.faces).norm(dim=1) / 2
+        total += float(areas[moving[strongest]].sum())
+    return total

@@ -1,0 +1,189 @@
+"""Rigged characters in glTF 2.0 files (.glb, .gltf, .vrm): what hangs on their skeleton, in its bind pose."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.geometry.gltf import Gltf, read_gltf
+from uvcloth.geometry.gltf_rig import Rig, chain, inverse_bind, nodes_above, read_rig, resting_worlds
+from uvcloth.geometry.mesh import Mesh
+
+SUFFIXES = (".glb", ".gltf", ".vrm")
+TRIANGLES = 4
+"""Mode of a primitive that is made of separate triangles."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """All faces of one material in one mesh of a character.
+
+    name: of the mesh. material: its name, "" without one. mesh: V vertices in the bind pose, in the file's
+    scene. weights: (V, J) blend weights, rows sum to one.
+    """
+
+    name: str
+    material: str
+    mesh: Mesh
+    weights: Tensor
+
+
+@dataclass(frozen=True)
+class Character:
+    """A rigged character in its bind pose, in the axes and the unit of its file's scene.
+
+    joints: J names. parents: J indices, -1 for a root. heads: (J, 3).
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    parents: tuple[int, ...]
+    heads: Tensor
+    parts: tuple[Part, ...]
+
+
+def read_character(path: Path) -> Character:
+    """Read a rigged character: the skeleton of its largest skin, and all meshes that this skeleton moves.
+
+    Meshes of other skins on the same joints come along, and such as are no skin's but hang on a joint, as
+    eyes and the limbs of a robot do. Morph targets stay at zero. Raises InputError naming the file if it is
+    none, has no skin, or holds what is not read.
+    """
+    if Path(path).suffix.lower() not in SUFFIXES:
+        raise InputError(
+            f"{path}: expected a character as {', '.join(SUFFIXES)}; docs/characters.md says how to convert "
+            "others"
+        )
+    file = read_gltf(path)
+    try:
+        return _read(file)
+    except (KeyError, IndexError, TypeError, ValueError, np.linalg.LinAlgError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: the glTF file cannot be understood ({error!r})") from error
+
+
+def _read(file: Gltf) -> Character:
+    skin = max(file.entries("skins"), key=lambda entry: len(entry["joints"]), default=None)
+    if skin is None:
+        raise InputError(f"{file.path}: has no skin: its meshes hang on no skeleton, rig it first")
+    rig = read_rig(file, skin)
+    parts = [
+        part
+        for index, node in enumerate(file.entries("nodes"))
+        if "mesh" in node
+        for part in _parts(file, rig, index)
+    ]
+    if not parts:
+        raise InputError(f"{file.path}: no mesh hangs on its skeleton")
+    heads = torch.from_numpy(rig.bind[:, :3, 3].astype(np.float32))
+    return Character(file.path.stem, rig.names, rig.parents, heads, tuple(parts))
+
+
+def _parts(file: Gltf, rig: Rig, index: int) -> list[Part]:
+    """Parts of the mesh of a node, none if the skeleton does not move it."""
+    node = file.entries("nodes")[index]
+    mesh = file.entries("meshes")[node["mesh"]]
+    name = str(node.get("name") or mesh.get("name") or f"mesh {node['mesh']}")
+    number = {joint: place for place, joint in enumerate(rig.nodes)}
+    if "skin" in node:
+        skin = file.entries("skins")[node["skin"]]
+        places = [number.get(joint, -1) for joint in skin["joints"]]
+        if max(places) < 0:
+            return []
+        to_bind = _to_bind(file, rig, skin, places)
+        # Joints that the larger skin lacks hand their weights to the nearest above that it has.
+        above = nodes_above(file)
+        owners = [
+            place if place >= 0 else next((number[each] for each in chain(joint, above) if each in number), 0)
+            for place, joint in zip(places, skin["joints"], strict=True)
+        ]
+    else:
+        above = nodes_above(file)
+        holder = next((each for each in (index, *chain(index, above)) if each in number), None)
+        if holder is None:
+            return []
+        rest = resting_worlds(file, (index, holder))
+        to_bind = rig.bind[number[holder]] @ np.linalg.inv(rest[holder]) @ rest[index]
+        owners = [number[holder]]
+    return [
+        _part(file, name, primitive, to_bind, owners, len(rig.names))
+        for primitive in mesh["primitives"]
+        if primitive.get("mode", TRIANGLES) == TRIANGLES
+    ]
+
+
+def _to_bind(file: Gltf, rig: Rig, skin: dict[str, Any], places: list[int]) -> np.ndarray:
+    """Transform (4, 4) of the vertices of a skin to the bind pose of the rig, by a joint that both have."""
+    if "inverseBindMatrices" not in skin:
+        return np.eye(4)
+    shared = next(index for index, place in enumerate(places) if place >= 0)
+    return np.asarray(rig.bind[places[shared]] @ inverse_bind(file, skin)[shared])
+
+
+def _part(
+    file: Gltf,
+    name: str,
+    primitive: dict[str, Any],
+    to_bind: np.ndarray,
+    owners: list[int],
+    joints: int,
+) -> Part:
+    """One primitive, of whose buffers only the vertices in use are kept."""
+    attributes = primitive["attributes"]
+    points = file.array(attributes["POSITION"]).astype(np.float64)
+    corners = (
+        file.array(primitive["indices"])[:, 0] if "indices" in primitive else np.arange(len(points))
+    ).astype(np.int64)
+    if len(corners) % 3 or (len(corners) and corners.max() >= len(points)):
+        raise InputError(f"{file.path}: the faces of mesh {name} do not fit its vertices")
+    if not np.isfinite(points).all():
+        raise InputError(f"{file.path}: a vertex of mesh {name} is not a finite number")
+    used, faces = np.unique(corners, return_inverse=True)
+    faces = faces.reshape(-1, 3)
+    placed = points[used] @ to_bind[:3, :3].T + to_bind[:3, 3]
+    if np.linalg.det(to_bind[:3, :3]) < 0:
+        faces = faces[:, ::-1].copy()
+    uvs, face_uvs = np.zeros((0, 2), np.float32), np.zeros((len(faces), 3), np.int64)
+    if "TEXCOORD_0" in attributes:
+        # glTF measures the second coordinate from the top of the picture.
+        uvs = file.array(attributes["TEXCOORD_0"])[used].astype(np.float32) * [1, -1] + [0, 1]
+        face_uvs = faces
+    weights = np.zeros((len(used), joints))
+    if "JOINTS_0" in attributes:
+        _add_weights(file, attributes, used, np.array(owners), weights)
+    else:
+        weights[:, owners[0]] = 1.0
+    total = weights.sum(1, keepdims=True)
+    if not np.isfinite(total).all():
+        raise InputError(f"{file.path}: a blend weight of mesh {name} is not a finite number")
+    weights[total[:, 0] <= 0, owners[0]] = 1.0
+    material = primitive.get("material")
+    return Part(
+        name=name,
+        material="" if material is None else str(file.entries("materials")[material].get("name", "")),
+        mesh=Mesh(
+            torch.from_numpy(placed.astype(np.float32)),
+            torch.from_numpy(faces),
+            torch.from_numpy(uvs.astype(np.float32)),
+            torch.from_numpy(face_uvs),
+        ),
+        weights=torch.from_numpy((weights / weights.sum(1, keepdims=True)).astype(np.float32)),
+    )
+
+
+def _add_weights(
+    file: Gltf, attributes: dict[str, int], used: np.ndarray, owners: np.ndarray, weights: np.ndarray
+) -> None:
+    """Add the influences of all sets of a primitive to weights (V, J)."""
+    rows = np.arange(len(used))[:, None]
+    number = 0
+    while f"JOINTS_{number}" in attributes:
+        joints = owners[file.array(attributes[f"JOINTS_{number}"])[used].astype(np.int64)]
+        values = file.array(attributes[f"WEIGHTS_{number}"])[used].astype(np.float64)
+        np.add.at(weights, (np.broadcast_to(rows, joints.shape), joints), values)
+        number += 1

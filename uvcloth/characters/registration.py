@@ -1,0 +1,163 @@
+"""Registration: our body's surface moved onto a character's, so that each vertex keeps its place on the body.
+
+Non-rigid closest points (Amberg et al. 2007, with displacements in the place of affine maps): in turn, each
+vertex looks for the closest point of the character that belongs to the same limb and faces the same way; then
+the displacements D minimize sum w |D - (closest - start)|^2 + stiffness |L D|^2 over the mesh, with L its
+Laplacian. The stiffness falls from turn to turn.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, diags_array
+from torch import Tensor
+
+from rasterize.gather import gather
+from rasterize.raycast import closest_points
+from uvcloth.characters.shape import SkinnedSurface
+from uvcloth.geometry.mesh import face_normals, laplacian, neighbour_average, vertex_normals
+
+Array = NDArray[np.float64]
+
+STIFFNESS = (300.0, 100.0, 30.0, 10.0, 4.0, 2.0, 1.0, 0.5, 0.3, 0.3)
+"""Stiffness of each turn."""
+
+REACH = (0.12, 0.12, 0.1, 0.08, 0.06, 0.05, 0.04, 0.04, 0.03, 0.03)
+"""Distance within which a vertex has a closest point in each turn, as a share of the body's height."""
+
+HOLD = 1e-3
+"""Weight of no displacement where nothing was found: the rough shape is kept."""
+
+TOLERANCE, ITERATIONS = 3e-3, 120
+"""Residual at which a turn's displacements are good enough, and the most steps towards it."""
+
+FACING = 0.4
+"""Cosine between normals of points that belong together."""
+
+LEAST_LIMB = 0.15
+"""Weight of a limb in the face that a closest point lies on."""
+
+LIFTS, SPREADING = 3, 6
+"""Times that the surface is lifted over the character's own vertices, and passes that spread each lift."""
+
+
+@dataclass(frozen=True)
+class Matches:
+    """Closest points of N vertices on a surface: found (N,) bool, points (N, 3), weights (N, J) there."""
+
+    found: Tensor
+    points: Tensor
+    weights: Tensor
+
+
+def limbs_of(names: tuple[str, ...]) -> Tensor:
+    """Limb of each joint (J,): 0 trunk and head, 1 and 2 the arms, 3 and 4 the legs, left before right."""
+
+    def limb(name: str) -> int:
+        side = 1 if name.startswith("L") and name != "LowerBack" else 2
+        if name.endswith(("Leg", "Foot", "ToeBase")):
+            return side + 2
+        return side if name.endswith(("Arm", "Hand", "Thumb", "FingerBase", "HandFinger1")) else 0
+
+    return torch.tensor([limb(name) for name in names])
+
+
+def register(start: SkinnedSurface, target: SkinnedSurface, limbs: Tensor) -> Tensor:
+    """Move a surface that lies near a target onto it: vertices (V, 3) m.
+
+    Both are moved by the same joints, limbs (J,) as of `limbs_of`.
+    """
+    height = float(start.vertices[:, 2].max() - start.vertices[:, 2].min())
+    count = len(start.vertices)
+    operator = _sparse(laplacian(start.faces, count))
+    bending = csr_array(operator.T @ operator)
+    displacement: Array = np.zeros((count, 3))
+    for stiffness, reach in zip(STIFFNESS, REACH, strict=True):
+        moved = start.vertices + torch.from_numpy(displacement).float()
+        matches = match(SkinnedSurface(moved, start.faces, start.weights), target, limbs, reach * height)
+        found = matches.found.double().numpy()
+        weight = found + HOLD
+        wanted = (matches.points - start.vertices).double().numpy() * found[:, None]
+        displacement = _solved(csr_array(stiffness * bending + diags_array(weight)), wanted, displacement)
+    return start.vertices + torch.from_numpy(displacement).float()
+
+
+def match(surface: SkinnedSurface, target: SkinnedSurface, limbs: Tensor, reach: float) -> Matches:
+    """Find the closest point of the target for each vertex, on the same limb, facing the same way."""
+    count = len(surface.vertices)
+    normals = vertex_normals(surface.vertices, surface.faces)
+    facing = torch.nn.functional.normalize(face_normals(target.vertices, target.faces), dim=1)
+    own_limb = _by_limb(surface.weights, limbs).argmax(1)
+    face_limbs = _by_limb(target.weights, limbs)[target.faces].mean(1)
+    found = torch.zeros(count, dtype=torch.bool)
+    points, weights = surface.vertices.clone(), surface.weights.clone()
+    for limb in limbs.unique().tolist():
+        rows = torch.nonzero(own_limb == limb).squeeze(1)
+        faces = torch.nonzero(face_limbs[:, limb] > LEAST_LIMB).squeeze(1)
+        if not len(rows) or not len(faces):
+            continue
+        hits = closest_points(surface.vertices[rows], target.vertices, target.faces[faces])
+        met = faces[hits.face]
+        good = (hits.distance < reach) & ((facing[met] * normals[rows]).sum(1) > FACING)
+        chosen = rows[good]
+        corners, barycentrics = target.faces[met[good]], hits.barycentrics[good]
+        found[chosen] = True
+        points[chosen] = gather(target.vertices, corners, barycentrics)
+        weights[chosen] = gather(target.weights, corners, barycentrics)
+    return Matches(found, points, weights)
+
+
+def lifted(surface: SkinnedSurface, points: Tensor, most: float) -> Tensor:
+    """Vertices (V, 3) of a surface, lifted along its normals until points (P, 3) m are hardly above it.
+
+    most: metres by which a point above it counts; what is farther away hangs off the body.
+    """
+    vertices = surface.vertices
+    average = neighbour_average(surface.faces, len(vertices))
+    for _ in range(LIFTS):
+        normals = vertex_normals(vertices, surface.faces)
+        hits = closest_points(points, vertices, surface.faces)
+        corners = surface.faces[hits.face]
+        away = points - gather(vertices, corners, hits.barycentrics)
+        above = (away * gather(normals, corners, hits.barycentrics)).sum(1)
+        counts = (above > 0) & (hits.distance < most) & (above > 0.5 * hits.distance)
+        lift = torch.zeros(len(vertices))
+        lift = lift.scatter_reduce(0, corners[counts].reshape(-1), above[counts].repeat_interleave(3), "amax")
+        spread = lift
+        for _ in range(SPREADING):
+            spread = torch.maximum(lift, torch.mv(average, spread))
+        vertices = vertices + spread[:, None] * normals
+    return vertices
+
+
+def _by_limb(weights: Tensor, limbs: Tensor) -> Tensor:
+    """Weights (V, J) summed over the joints of each limb: (V, 5)."""
+    return torch.zeros(len(weights), int(limbs.max()) + 1).index_add(1, limbs, weights)
+
+
+def _solved(system: csr_array, wanted: Array, start: Array) -> Array:
+    """Solve a symmetric system (V, V) for displacements (V, 3) by conjugate gradients, all axes at once."""
+    scale = 1.0 / system.diagonal()[:, None]
+    solution = start
+    residual = wanted - system @ solution
+    step = scale * residual
+    energy = (residual * step).sum(0)
+    goal = TOLERANCE**2 * (wanted * scale * wanted).sum(0) + 1e-20
+    for _ in range(ITERATIONS):
+        if (energy <= goal).all():
+            break
+        image = system @ step
+        length = energy / np.maximum((step * image).sum(0), 1e-30)
+        solution, residual = solution + length * step, residual - length * image
+        fresh = (residual * scale * residual).sum(0)
+        step = scale * residual + fresh / np.maximum(energy, 1e-30) * step
+        energy = fresh
+    return solution
+
+
+def _sparse(matrix: Tensor) -> csr_array:
+    rows, columns = matrix.indices().numpy()
+    values: Array = matrix.values().double().numpy()
+    return csr_array((values, (rows, columns)), shape=tuple(matrix.shape))

@@ -1,0 +1,216 @@
+"""A character on the skeleton of our bodies: its joints by role, its blend weights, its rest pose.
+
+Every body has the joints of the one in the package. A joint of the character with a role gives the place of
+ours; where it has none, ours lies between its neighbours as in the package's body. The rest pose is brought
+to that of the package's body, limb by limb, so that garments and methods meet what they know.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body
+from uvcloth.characters.reader import Character, Part
+from uvcloth.geometry.rotations import smallest_rotation
+from uvcloth.geometry.skeleton import Skeleton, joint_transforms
+from uvcloth.geometry.skinning import skin
+from uvcloth.motion.anatomy import unit
+from uvcloth.motion.rest import standing_axis
+from uvcloth.motion.retarget import LIMB_BONES, REQUIRED_ROLES, body_axes, bone_directions
+from uvcloth.motion.roles import assign_roles, joint_roles
+
+TRUNK = ("Hips", "LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head")
+"""Our joints from the hips up, between which missing ones lie."""
+
+HEADS = ("head", "upper_neck", "lower_neck")
+"""Roles of which a character needs one, to have a head."""
+
+HEIGHTS = (0.5, 3.0)
+"""Metres that a character may be tall."""
+
+UNITS = {"m": 1.0, "cm": 0.01, "dm": 0.1, "inches": 0.0254, "mm": 0.001, "hundreds of metres": 100.0}
+"""Units that a file may be in, the first that makes a height of these taken; glTF's is the metre."""
+
+LEAST_BONE = 0.01
+"""Metres below which a limb has no direction."""
+
+
+@dataclass(frozen=True)
+class RiggedCharacter:
+    """A character on our skeleton at our rest pose, metres, Z up, facing -Y.
+
+    parts: their weights are (V, J) of the skeleton's joints. roles: joint of the file by role. unit: the
+    file's. turned: largest angle, degrees, that a limb was turned by to our rest pose.
+    """
+
+    name: str
+    skeleton: Skeleton
+    parts: tuple[Part, ...]
+    roles: dict[str, str]
+    unit: str
+    turned: float
+
+
+def rig_character(character: Character, chosen: Mapping[str, str], pattern: Body) -> RiggedCharacter:
+    """Put a character on the skeleton of a body.
+
+    chosen: joint names by role where names do not tell. Raises InputError naming the roles that no joint has,
+    and for a character that does not stand or whose limbs have no length.
+    """
+    roles = _needed_roles(character, chosen)
+    if standing_axis(character.heads, roles) is None:
+        raise InputError("the character does not stand in its bind pose (legs down, hands not crossed)")
+    turn = body_axes(character.heads, roles).float()
+    points = torch.cat([part.mesh.vertices for part in character.parts]) @ turn.T
+    tall = float(points[:, 2].max() - points[:, 2].min())
+    unit_name = next((name for name, size in UNITS.items() if HEIGHTS[0] <= tall * size <= HEIGHTS[1]), None)
+    if unit_name is None:
+        raise InputError(
+            f"the character is {tall:.3g} units tall, no human height whether a unit is one of "
+            f"{', '.join(UNITS)}"
+        )
+    known_at = character.heads @ turn.T * UNITS[unit_name]
+    ours = joint_roles(pattern.skeleton.names)
+    known = {ours[role]: known_at[joint] for role, joint in roles.items() if role in ours}
+    _check_limbs(known_at, roles, character)
+    heads = _complete(known, pattern, ours)
+    bind = Skeleton(pattern.skeleton.names, pattern.skeleton.parents, heads)
+    rotations, turned = _to_rest(bind, pattern, ours)
+    place = pattern.skeleton.heads
+    legs = [ours["left_thigh"], ours["right_thigh"]]
+    transforms = joint_transforms(bind, rotations[None], heads[:1])
+    rest = _moved(heads, transforms[0])
+    shift = place[legs].mean(0) - rest[legs].mean(0)
+    transforms = joint_transforms(bind, rotations[None], heads[:1] + shift)
+    owner = _owners(character, roles, ours)
+    parts = tuple(
+        _posed(part, turn * UNITS[unit_name], owner, len(place), transforms) for part in character.parts
+    )
+    return RiggedCharacter(
+        name=character.name,
+        skeleton=replace(bind, heads=rest + shift),
+        parts=parts,
+        roles={role: character.joints[joint] for role, joint in roles.items()},
+        unit=unit_name,
+        turned=turned,
+    )
+
+
+def _needed_roles(character: Character, chosen: Mapping[str, str]) -> dict[str, int]:
+    roles = assign_roles(character.joints, chosen)
+    missing = [role for role in REQUIRED_ROLES if role not in roles]
+    if not any(role in roles for role in HEADS):
+        missing.append("head")
+    if missing:
+        wanted = ", ".join(role.replace("_", " ") for role in missing)
+        raise InputError(
+            f"no joint of the character is the {wanted}; name them with --joints "
+            f"(its joints are {', '.join(character.joints)})"
+        )
+    return roles
+
+
+def _check_limbs(heads: Tensor, roles: Mapping[str, int], character: Character) -> None:
+    for bone, tip in LIMB_BONES.items():
+        if tip in roles and float((heads[roles[tip]] - heads[roles[bone]]).norm()) < LEAST_BONE:
+            raise InputError(
+                f"the {bone.replace('_', ' ')} ({character.joints[roles[bone]]} to "
+                f"{character.joints[roles[tip]]}) has no length"
+            )
+
+
+def _complete(known: Mapping[int, Tensor], pattern: Body, ours: Mapping[str, int]) -> Tensor:
+    """All of our joints (J, 3) m, given some of them."""
+    names, parents, usual = pattern.skeleton.names, pattern.skeleton.parents, pattern.skeleton.heads
+    trunk = [names.index(name) for name in TRUNK]
+    known = dict(known) | _trunk(known, trunk, usual)
+    for side in ("left", "right"):
+        arm, forearm, hand = (ours[f"{side}_{part}"] for part in ("upper_arm", "forearm", "hand"))
+        shoulder = ours[f"{side}_clavicle"]
+        if shoulder not in known:
+            size = abs(float(known[arm][0])) / abs(float(usual[arm, 0]))
+            known[shoulder] = known[arm] + size * (usual[shoulder] - usual[arm])
+        before, after = usual[hand] - usual[forearm], known[hand] - known[forearm]
+        turn = smallest_rotation(unit(before), unit(after)) * (after.norm() / before.norm())
+        for joint in _below(parents, hand):
+            known.setdefault(joint, known[hand] + turn @ (usual[joint] - usual[hand]))
+        shin, foot, toes = (ours[f"{side}_{part}"] for part in ("shin", "foot", "toes"))
+        size = float((known[foot] - known[shin]).norm() / (usual[foot] - usual[shin]).norm())
+        known.setdefault(toes, known[foot] + size * (usual[toes] - usual[foot]))
+    heads = torch.zeros_like(usual)
+    for joint, parent in enumerate(parents):
+        heads[joint] = known[joint] if joint in known else heads[parent]
+    return heads
+
+
+def _trunk(known: Mapping[int, Tensor], trunk: list[int], usual: Tensor) -> dict[int, Tensor]:
+    """Joints of the trunk that are not known, between those that are as in the usual body."""
+    along = torch.cat([torch.zeros(1), (usual[trunk[1:]] - usual[trunk[:-1]]).norm(dim=1).cumsum(0)])
+    given = [place for place, joint in enumerate(trunk) if joint in known]
+    found: dict[int, Tensor] = {}
+    for place, joint in enumerate(trunk):
+        if joint in known:
+            continue
+        before = max(each for each in given if each < place)
+        after = min((each for each in given if each > place), default=None)
+        if after is None:
+            # Above the last one, as far as the trunk below is long.
+            size = (known[trunk[before]] - known[trunk[0]]).norm() / along[before].clamp(min=1e-6)
+            found[joint] = known[trunk[before]] + size * (usual[joint] - usual[trunk[before]])
+        else:
+            share = (along[place] - along[before]) / (along[after] - along[before])
+            found[joint] = torch.lerp(known[trunk[before]], known[trunk[after]], share)
+    return found
+
+
+def _to_rest(bind: Skeleton, pattern: Body, ours: Mapping[str, int]) -> tuple[Tensor, float]:
+    """Rotations (J, 3, 3) from the bind pose to the pattern's rest pose, and the largest in degrees."""
+    source, target = (bone_directions(heads, ours) for heads in (bind.heads, pattern.skeleton.heads))
+    role_of = {joint: role for role, joint in ours.items()}
+    turns: list[Tensor] = []
+    largest = 0.0
+    for joint, parent in enumerate(bind.parents):
+        role = role_of.get(joint, "")
+        if role in source:
+            turns.append(smallest_rotation(source[role], target[role]))
+            cosine = float((source[role] @ target[role]).clamp(-1.0, 1.0))
+            largest = max(largest, float(torch.tensor(cosine).acos().rad2deg()))
+        elif role and not role.endswith("fingers"):
+            turns.append(torch.eye(3))
+        else:
+            turns.append(turns[parent] if parent >= 0 else torch.eye(3))
+    return torch.stack(turns), largest
+
+
+def _owners(character: Character, roles: Mapping[str, int], ours: Mapping[str, int]) -> Tensor:
+    """Our joint (J,) that each joint of the character gives its weights to: its own, or the nearest above."""
+    role_of = {joint: role for role, joint in roles.items() if role in ours}
+    owners: list[int] = []
+    for joint, parent in enumerate(character.parents):
+        above = owners[parent] if parent >= 0 else ours["hips"]
+        owners.append(ours[role_of[joint]] if joint in role_of else above)
+    return torch.tensor(owners)
+
+
+def _posed(part: Part, turn: Tensor, owner: Tensor, joints: int, transforms: Tensor) -> Part:
+    """A part in our axes and rest pose, its weights on our joints."""
+    weights = torch.zeros(len(part.weights), joints).index_add(1, owner, part.weights)
+    vertices = skin(part.mesh.vertices @ turn.T, weights, transforms)[0]
+    return replace(part, mesh=replace(part.mesh, vertices=vertices), weights=weights)
+
+
+def _moved(points: Tensor, transforms: Tensor) -> Tensor:
+    """Points (J, 3), each moved by its own transform (J, 3, 4)."""
+    return (transforms[..., :3] @ points[..., None]).squeeze(-1) + transforms[..., 3]
+
+
+def _below(parents: tuple[int, ...], root: int) -> list[int]:
+    """Joints below one, in order."""
+    found = {root}
+    for joint, parent in enumerate(parents):
+        if parent in found:
+            found.add(joint)
+    return sorted(found - {root})

@@ -1,0 +1,124 @@
+"""Skeletons in glTF files: nodes above one another, and the bind pose of a skin as it stands in the scene."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+
+from uvcloth.geometry.gltf import Gltf
+from uvcloth.geometry.rotations import from_quaternions
+
+REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
+"""Of a node that says nothing, as the format has it."""
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Joints of a skin, parents before children.
+
+    names: J, each once. parents: J indices, -1 for a root. nodes: of the joints in the file. bind: (J, 4, 4)
+    joints to the world in the bind pose, in which the mesh was modelled. placing: (4, 4) from the mesh's own
+    axes and units to the scene's.
+    """
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    nodes: list[int]
+    bind: np.ndarray
+    placing: np.ndarray
+
+
+def read_rig(file: Gltf, skin: dict[str, Any]) -> Rig:
+    """Read the joints of a skin and their bind pose."""
+    above = nodes_above(file)
+    joints = parents_first(skin["joints"], above)
+    number = {node: index for index, node in enumerate(joints)}
+    parents = [
+        next((number[other] for other in chain(node, above) if other in number), -1) for node in joints
+    ]
+    names = [str(file.entries("nodes")[node].get("name", f"node {node}")) for node in joints]
+    unique = tuple(name if names.count(name) == 1 else f"{name} {i}" for i, name in enumerate(names))
+    resting = resting_worlds(file, joints)
+    if "inverseBindMatrices" not in skin:
+        bind = np.stack([resting[node] for node in joints])
+        return Rig(unique, tuple(parents), joints, bind, np.eye(4))
+    own = np.linalg.inv(inverse_bind(file, skin)[[skin["joints"].index(node) for node in joints]])
+    # The mesh may be modelled in other axes and units than the scene has: the axes of the root joint tell.
+    placing = resting[joints[0]] @ np.linalg.inv(own[0])
+    size = np.cbrt(np.linalg.det(placing[:3, :3]))
+    axes = np.eye(4)
+    axes[:3, :3] = size * _nearest_axes(placing[:3, :3] / size)
+    return Rig(unique, tuple(parents), joints, axes @ own, axes)
+
+
+def inverse_bind(file: Gltf, skin: dict[str, Any]) -> np.ndarray:
+    """Inverse bind matrices (J, 4, 4) of a skin, in the order of its joints."""
+    values = file.array(skin["inverseBindMatrices"]).reshape(-1, 4, 4)
+    return np.asarray(values.swapaxes(1, 2), dtype=np.float64)
+
+
+def nodes_above(file: Gltf) -> dict[int, int]:
+    """Parent of every node that has one."""
+    return {
+        child: index for index, node in enumerate(file.entries("nodes")) for child in node.get("children", [])
+    }
+
+
+def chain(node: int, above: dict[int, int]) -> list[int]:
+    """Nodes above a node, the nearest first."""
+    found: list[int] = []
+    while node in above:
+        node = above[node]
+        found.append(node)
+    return found
+
+
+def parents_first(nodes: Iterable[int], above: dict[int, int]) -> list[int]:
+    """The nodes in an order in which every parent comes before its children."""
+    return sorted(nodes, key=lambda node: [*reversed(chain(node, above)), node])
+
+
+def resting_worlds(file: Gltf, nodes: Iterable[int]) -> dict[int, np.ndarray]:
+    """World transforms (4, 4) of nodes, and of those above them, as the file stands without playing."""
+    above = nodes_above(file)
+    wanted = set(nodes)
+    for node in tuple(wanted):
+        wanted |= set(chain(node, above))
+    order = parents_first(wanted, above)
+    return worlds(order, above, {node: local_transform(file.entries("nodes")[node]) for node in order})
+
+
+def worlds(order: list[int], above: dict[int, int], local: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
+    """World transforms (..., 4, 4) by node, of nodes in an order of parents first."""
+    world: dict[int, np.ndarray] = {}
+    for node in order:
+        world[node] = world[above[node]] @ local[node] if node in above else local[node]
+    return world
+
+
+def local_transform(node: dict[str, Any]) -> np.ndarray:
+    """Transform (4, 4) of a node relative to its parent."""
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    values = {path: np.array(node.get(path, rest), dtype=np.float64) for path, rest in REST.items()}
+    return compose(**values)
+
+
+def compose(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Transforms (..., 4, 4) of shifts (..., 3), unit quaternions (..., 4) x, y, z, w and scales (..., 3)."""
+    local = np.zeros((*translation.shape[:-1], 4, 4))
+    turned = from_quaternions(torch.from_numpy(np.asarray(rotation, dtype=np.float64))).numpy()
+    local[..., :3, :3] = turned * scale[..., None, :]
+    local[..., :3, 3] = translation
+    local[..., 3, 3] = 1.0
+    return local
+
+
+def _nearest_axes(rotation: np.ndarray) -> np.ndarray:
+    """Rotation by right angles that is nearest to a rotation (3, 3), or that itself where none is near."""
+    order = np.abs(rotation).argmax(0)
+    axes = np.zeros((3, 3))
+    axes[order, range(3)] = np.sign(rotation[order, range(3)])
+    return axes if np.linalg.det(axes) > 0.5 else rotation
