@@ -73,9 +73,7 @@ def test_a_browser_shows_simulation_and_error_beside_each_other(tmp_path: Path) 
         with browser.opened(viewer.address, tmp_path / "profile") as page:
             left = slice(0, browser.SIZE[0] * 5 // 8)  # The panel is on the right.
             picture = picture_when(page, lambda seen: alike(seen[:, left], band).sum() > 300)[:, left]
-            predicted, simulated = (
-                alike(picture, color).nonzero()[1] for color in (band, GARMENT_COLORS[0])
-            )
+            predicted, simulated = (alike(picture, color).nonzero()[1] for color in (band, GARMENT_COLORS[0]))
             assert len(simulated) > 300
             assert simulated.mean() < predicted.mean()
     finally:
