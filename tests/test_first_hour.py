@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 import torch
 
+from tests.characters.made_up import write_character
+from tests.characters.test_characters import pieces, stretched
 from tests.motion.families import FAMILIES
 from tests.motion.layouts import write_layout
 from uvcloth.bodies.body import Body
@@ -46,9 +48,10 @@ def worded(line: str) -> str:
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory, body: Body) -> Path:
-    """A folder with what the reader brings: mine.bvh, in CMU's conventions, and blouse.obj, in a DCC's."""
+    """A folder with what the reader brings: a motion in CMU's names, a garment of a DCC, a character."""
     folder = tmp_path_factory.mktemp("hour")
     write_layout(load_clip("walk", body), FAMILIES["CMU"], folder / "mine.bvh")
+    write_character(folder / "hero.glb", stretched(body), pieces(body))
     shirt = fit_template("shirt", body).mesh
     x, y, z = (100 * (shirt.vertices - body.mesh.vertices.amin(0) * torch.tensor([0, 0, 1]))).unbind(1)
     standing = torch.stack([x, z, -y], dim=1)
@@ -79,19 +82,18 @@ def test_the_page_has_commands_and_small_pictures() -> None:
         assert 0 < (ROOT / "docs" / picture).stat().st_size < 150_000
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_a_command_of_the_page_runs(
-    command: str, files: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_the_commands_of_the_page_run_in_its_order(
+    files: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    pytest.importorskip("viser", reason="viser is not installed")
     monkeypatch.chdir(files)
-    monkeypatch.setattr(sys, "argv", shlex.split(command))
-    if " view " in command:
-        pytest.importorskip("viser", reason="viser is not installed")
-        monkeypatch.setattr(view_command, "Viewer", Visit)
-    assert main() == 0
-    streams = capsys.readouterr()
-    printed = [worded(" ".join(line.split())) for line in (streams.out + streams.err).splitlines()]
-    for line in printed_after(command):
-        assert line.startswith(FREE) or worded(line) in printed
-    for name in re.findall(r"--out (\S+)", command):
-        assert (files / name).stat().st_size > 1000
+    monkeypatch.setattr(view_command, "Viewer", Visit)
+    for command in COMMANDS:
+        monkeypatch.setattr(sys, "argv", shlex.split(command))
+        assert main() == 0, command
+        streams = capsys.readouterr()
+        printed = [worded(" ".join(line.split())) for line in (streams.out + streams.err).splitlines()]
+        for line in printed_after(command):
+            assert line.startswith(FREE) or worded(line) in printed, command
+        for name in re.findall(r"--out (\S+)", command):
+            assert (files / name).stat().st_size > 1000, command

@@ -28,8 +28,7 @@ def to_quaternions(rotations: Tensor) -> Tensor:
 
 def from_quaternions(quaternions: Tensor) -> Tensor:
     """Rotations (..., 3, 3) of quaternions x, y, z, w of any length above zero, (..., 4)."""
-    vectors, (w,) = quaternions[..., :3], quaternions[..., 3:].unbind(-1)
-    x, y, z = vectors.unbind(-1)
+    x, y, z, w = quaternions.unbind(-1)
     none = torch.zeros_like(w)
     cross = torch.stack([none, -z, y, z, none, -x, -y, x, none], dim=-1).unflatten(-1, (3, 3))
     scale = 2.0 / quaternions.square().sum(-1)[..., None, None]
