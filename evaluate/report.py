@@ -154,6 +154,7 @@ def write_report(
         viewer_blobs=[blob for _, blob in packed],
         viewer_body=pack_body(body) if body is not None and packed else None,
         viewer_script=(TEMPLATES / "viewer.js").read_text(encoding="utf-8"),
+        three=(TEMPLATES / "three.min.js").read_text(encoding="utf-8"),
         pictures=pictures,
         spaces=spaces,
         motion=[(each, _motion_chart(each)) for each in motion],

@@ -16,6 +16,7 @@ from uvcloth.methods.method import Method
 from uvcloth.methods.physxnet.config import PRESETS
 from uvcloth.methods.physxnet.method import PhysXNet
 from uvcloth.physics.layers import wrong_side_percent
+from uvcloth.physics.outfit_contact import OutfitContact
 from uvcloth.rollout import BATCH, BrokenRolloutError, prepare_rollout, roll_out_together, rollout
 
 FPS = 30.0
@@ -225,6 +226,28 @@ def test_thinned_frames_are_those_of_the_whole_rollout(autoregressive, every):
         assert torch.equal(one.transforms, other.transforms)
     predicted = sum(len(part) for part in thinned.seen)
     assert predicted == (len(motion) if autoregressive else len(frames))
+
+
+@dataclass
+class Remembering(Recorder):
+    """An autoregressive method that takes no notice of what contact left."""
+
+    def feed_back(self, prepared, state, garments):
+        return state
+
+
+@pytest.mark.parametrize(("method", "resolved"), [(Remembering(True), 3), (Recorder(True), 7)])
+def test_contact_leaves_out_the_frames_that_nobody_goes_on_from(monkeypatch, method, resolved):
+    resolve, calls = OutfitContact.resolve, []
+
+    def counted(self, garments, *rest):
+        calls.append(garments)
+        return resolve(self, garments, *rest)
+
+    monkeypatch.setattr(OutfitContact, "resolve", counted)
+    frames = list(rollout(method, outfit(), falling(7), FPS, contact=True, every=3))
+    assert [frame.index for frame in frames] == [0, 3, 6]
+    assert len(calls) == resolved
 
 
 def test_a_method_that_explodes_is_stopped_at_its_frame():

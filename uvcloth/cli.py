@@ -225,7 +225,7 @@ class Fit:
     ] = None
     """The template whose motion it takes."""
     out: Annotated[Path | None, arg(metavar="OBJ", help_behavior_hint="")] = None
-    """Also write the garment as it is worn: metres, Z up, as OBJ."""
+    """Also write the garment as it is worn: metres, Z up, as OBJ; each of several into a file of its own."""
 
     picture: Annotated[Path | None, arg(metavar="PNG")] = Path("fit.png")
     """Picture of the garment on the body, also of one that is refused for how it lies; None for none."""
@@ -250,8 +250,8 @@ class Rollout:
     """Templates (tops, bottoms, dress, shirt) or garment files, the innermost first; contact keeps each out
     of the body and off what is beneath."""
     out: Annotated[tuple[Path, ...], arg(metavar="FILE ...", help_behavior_hint="")] = ()
-    """What to write, one file or several; the suffix says how: .glb, .usdc, .abc, .pc2 or .npz for other
-    programs, .mp4 or .gif for a video, .png for a contact sheet."""
+    """What to write, one file or several; the suffix says how: .glb, .usdc, .abc, .pc2, .obj or .npz for
+    other programs, .mp4 or .gif for a video, .png for a contact sheet."""
     model: Annotated[
         tuple[str, ...],
         arg(metavar="NAME|RUN ...", help_behavior_hint="(default: physxnet)"),
@@ -279,7 +279,8 @@ class Rollout:
     host: Host = "localhost"
     """Address that the live view listens on; 0.0.0.0 lets other machines in."""
     hide_skin: bool = False
-    """Leave out the faces of the body that garments cover closely in every frame."""
+    """Leave out the faces of the body that garments cover closely in every frame, and those that clothes of
+    MakeHuman say they hide (delete_verts)."""
     device: Annotated[str, arg(metavar="cpu|cuda")] = "cpu"
     """What everything runs on."""
     threads: Annotated[int, arg(metavar="N")] = 1

@@ -17,6 +17,7 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 
 if TYPE_CHECKING:
+    from uvcloth.garments.proxy import ProxiedOutfit
     from uvcloth.physics.contact import Contacts
     from uvcloth.physics.outfit_contact import OutfitContact
 
@@ -71,6 +72,7 @@ class PreparedRollout:
     ) -> Iterator[RolloutFrame]:
         """Predict the outfit over a motion, frame after frame; see `rollout`. One rollout at a time."""
         method, state, start = self.method, None, 0
+        heeds_contact = True
         moves: tuple[Tensor | None, ...] = (None,) * len(self.outfit.garments)
         for frames, body_ms in _posed(self.outfit, transforms, fps):
             state = method.init(self.prepared, frames[:1]) if start == 0 else state
@@ -89,20 +91,23 @@ class PreparedRollout:
                         milliseconds={"body": body_ms, "network": network_ms, "contact": 0.0},
                     )
                     frame = self._without(frame, self.limits.not_finite(raw), keep_going)
-                    resolved, moved = self._resolved(frame, moves)
-                    if torn := self.limits.torn(resolved.vertices):
-                        frame = self._without(frame, torn, keep_going)
-                        fresh = tuple(None if place in torn else move for place, move in enumerate(moves))
-                        resolved, moved = self._resolved(frame, fresh)
-                    frame, moves = resolved, moved
+                    wanted = index % every == 0
+                    if wanted or heeds_contact:
+                        resolved, moved = self._resolved(frame, moves)
+                        if torn := self.limits.torn(resolved.vertices):
+                            frame = self._without(frame, torn, keep_going)
+                            fresh = tuple(None if place in torn else move for place, move in enumerate(moves))
+                            resolved, moved = self._resolved(frame, fresh)
+                        frame, moves = resolved, moved
                     if method.autoregressive and frame.replaced:
                         # What it remembers may be as broken as what it predicted.
                         state = method.init(self.prepared, part)
                     if method.autoregressive and (index < len(truth) or self.contact or frame.replaced):
                         seen = truth[index] if index < len(truth) else frame.vertices
                         batched = tuple(vertices[None].to(raw[0].device) for vertices in seen)
-                        state = method.feed_back(self.prepared, state, batched)
-                    if index % every == 0:
+                        following = method.feed_back(self.prepared, state, batched)
+                        heeds_contact, state = following is not state, following
+                    if wanted:
                         yield frame
             start += len(frames)
 
@@ -180,7 +185,8 @@ def rollout(
     frames instead of its own. Contact goes on from what it moved itself, as always. Any other method takes no
     notice. device: everything runs on it.
 
-    every: yield only every so-many-th frame; only these are predicted, unless the method is autoregressive.
+    every: yield only every so-many-th frame; only these are predicted, unless the method is autoregressive,
+    and only these meet contact, unless the method goes on from what contact left.
     keep_going: a garment that is torn or not finite is that of linear blend skinning in its frame, which says
     so, and is fed back.
 
@@ -190,6 +196,47 @@ def rollout(
     yield from prepare_rollout(method, outfit, contact, device).frames(
         transforms, fps, truth, every, keep_going
     )
+
+
+def with_proxies(outfit: Outfit, method: Method) -> "ProxiedOutfit":
+    """Put proxies in the place of coarse garments, but for a method that knows these very meshes."""
+    from uvcloth.garments.proxy import ProxiedOutfit
+
+    proxied = ProxiedOutfit.of(outfit)
+    return ProxiedOutfit.as_is(outfit) if method.unsupported_reason(proxied.outfit) else proxied
+
+
+def rollout_proxied(
+    method: Method,
+    proxied: "ProxiedOutfit",
+    transforms: Iterable[Tensor],
+    fps: float,
+    contact: bool = True,
+    *,
+    device: torch.device = CPU,
+    every: int = 1,
+    keep_going: bool = False,
+) -> Iterator[RolloutFrame]:
+    """Predict an outfit as `rollout` does, and yield frames of the meshes that are shown, on the CPU."""
+    for predicted in rollout(
+        method,
+        proxied.outfit,
+        transforms,
+        fps,
+        contact,
+        device=device,
+        every=every,
+        keep_going=keep_going,
+    ):
+        frame = to_device(predicted, CPU)
+        if proxied.contact is None:
+            yield frame
+            continue
+        begun = time.perf_counter()
+        vertices = proxied.shown(frame.vertices, frame.body_vertices)
+        spent = frame.milliseconds["contact"] + 1000.0 * (time.perf_counter() - begun)
+        milliseconds = {**frame.milliseconds, "contact": spent}
+        yield replace(frame, raw=proxied.own(frame.raw), vertices=vertices, milliseconds=milliseconds)
 
 
 def roll_out_together(

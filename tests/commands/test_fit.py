@@ -35,3 +35,11 @@ def test_a_picture_shows_what_is_worn_and_what_is_refused(
     with pytest.raises(InputError, match="upside down"):
         command.examine(tmp_path / "turned.obj", picture=None, **options)
     assert not picture.exists()
+
+
+def test_a_template_and_a_name_without_ending_are_told_from_files() -> None:
+    options = {"body_file": None, "template": None, "out": None, "picture": None}
+    with pytest.raises(InputError, match="tops: is a template, which fits every body"):
+        command.examine(Path("tops"), **options)
+    with pytest.raises(InputError, match=r"top: a garment file ends in \.obj, .* this name has no ending"):
+        command.examine(Path("top"), **options)

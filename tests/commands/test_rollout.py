@@ -14,6 +14,7 @@ from uvcloth.commands.summary import Totals
 from uvcloth.export.animation import load_animation
 from uvcloth.export.pictures import COARSE_SHEET
 from uvcloth.export.writer import WRITERS
+from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
@@ -35,7 +36,7 @@ def scene(monkeypatch, body):
     faces = torch.tensor([[0, 1, 2]])
     mesh = Mesh(raw, faces, torch.zeros(0, 2), torch.zeros(0, 3, dtype=torch.int64))
 
-    def rollout(method, outfit, transforms, fps, contact, device, every, keep_going):
+    def rollout(method, proxied, transforms, fps, contact, device, every, keep_going):
         for joints in still:
             yield SimpleNamespace(
                 raw=(raw,),
@@ -56,7 +57,8 @@ def scene(monkeypatch, body):
         unsupported_reason=lambda outfit: "it itches" if len(outfit.garments) > 1 else ""
     )
     monkeypatch.setattr(animation, "load_methods", lambda *_: method)
-    monkeypatch.setattr(animation, "rollout", rollout)
+    monkeypatch.setattr(animation, "with_proxies", lambda outfit, _: ProxiedOutfit.as_is(outfit))
+    monkeypatch.setattr(animation, "rollout_proxied", rollout)
     return SimpleNamespace(resolved=resolved, rollout=rollout)
 
 
@@ -100,7 +102,7 @@ def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
     clip = load_clip("walk", body).window(0, FRAMES)
     shirt = fit_template("tops", body)
 
-    def rollout(method, outfit, transforms, fps, contact, device, every, keep_going):
+    def rollout(method, proxied, transforms, fps, contact, device, every, keep_going):
         aside = torch.tensor([0.0, 0.0 if contact else 0.02, 0.0])
         for joints in transforms:
             worn = skin(shirt.mesh.vertices, shirt.smooth_weights, joints[None])[0] + aside
@@ -115,7 +117,7 @@ def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
             )
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
-    monkeypatch.setattr(animation, "rollout", rollout)
+    monkeypatch.setattr(animation, "rollout_proxied", rollout)
     shown = [
         animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"], contact=contact)
         for contact in (True, False)
@@ -164,7 +166,7 @@ def test_a_rollout_that_stops_keeps_the_frames_before(scene, tmp_path, monkeypat
         yield next(frames)
         raise BrokenRolloutError("frame 2: garment tops is torn")
 
-    monkeypatch.setattr(animation, "rollout", stops)
+    monkeypatch.setattr(animation, "rollout_proxied", stops)
     with pytest.raises(
         InputError, match=r"frame 2: .* is torn; the 2 frames before it are in .*walk\.npz; --keep-going"
     ):
@@ -179,7 +181,7 @@ def test_a_broken_rollout_leaves_nothing(scene, tmp_path, monkeypatch, error):
         yield next(frames)
         raise error
 
-    monkeypatch.setattr(animation, "rollout", breaks)
+    monkeypatch.setattr(animation, "rollout_proxied", breaks)
     with pytest.raises(type(error)):
         animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"])
     assert not list(tmp_path.iterdir())

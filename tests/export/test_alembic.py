@@ -39,9 +39,9 @@ def _require_topology(schema: object, mesh: Mesh) -> None:
     """Corners and texture coordinates are those of the mesh, each face the other way round."""
     sample = schema.getValue(alembic3d.Abc.ISampleSelector(0.0))  # type: ignore[attr-defined]
     corners = np.array(list(sample.getFaceIndices())).reshape(-1, 3)
-    assert (corners[:, ::-1] == mesh.faces.numpy()).all()
+    assert (corners == mesh.faces.numpy()[:, [0, 2, 1]]).all()
     uvs = schema.getUVsParam().getExpandedValue().getVals()  # type: ignore[attr-defined]
-    expected = mesh.uvs.numpy()[mesh.face_uvs.numpy()[:, ::-1]].reshape(-1, 2)
+    expected = mesh.uvs.numpy()[mesh.face_uvs.numpy()[:, [0, 2, 1]]].reshape(-1, 2)
     np.testing.assert_allclose(np.asarray(uvs), expected, atol=1e-6)
 
 

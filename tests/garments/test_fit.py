@@ -10,6 +10,7 @@ import trimesh
 from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body, load_body
 from uvcloth.garments.fit import covered_faces, fit
+from uvcloth.geometry.authored import AuthoredMesh
 from uvcloth.geometry.mesh import face_normals, vertex_normals
 
 EASE = 0.01
@@ -144,6 +145,10 @@ def test_texture_seams_and_vertex_order_of_an_obj_survive(skirt, body, tmp_path)
     expected = {tuple(sorted(corner for corner in quad)) for quad in quads}
     pairs = torch.stack([mesh.faces, mesh.face_uvs], dim=-1).view(-1, 6, 2).tolist()
     assert {tuple(sorted({tuple(corner) for corner in quad})) for quad in pairs} == expected
+    assert isinstance(mesh, AuthoredMesh)
+    assert mesh.polygons.sizes.tolist() == [4] * len(quads)
+    corners = np.stack([mesh.polygons.corners, mesh.polygons.uv_sets[0].corners], axis=1)
+    np.testing.assert_array_equal(corners, np.array(quads).reshape(-1, 2))
 
 
 def test_texture_coordinates_of_a_glb_survive(tank_top, body, tmp_path):

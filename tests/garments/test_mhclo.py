@@ -3,14 +3,19 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
+from rasterize.exr import write_png
 from tests.small_body import small_body
 from uvcloth.bodies.body import Body, load_body, save_body
 from uvcloth.garments.mhclo import fit_clothes, read_binding
+from uvcloth.geometry.authored import AuthoredMesh
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.physics.hidden_skin import HiddenSkin
 
 HEAD = "basemesh hm08\nobj_file box.obj\nx_scale 0 4 2\ny_scale 0 1 2\nz_scale 0 2 2\nz_depth 7\nverts 0\n"
 
@@ -57,6 +62,37 @@ def test_offsets_grow_with_the_body_along_each_axis(boxed: Body, tmp_path: Path)
     mesh, _ = fit_clothes(written(tmp_path, ROWS), replace(boxed, base=base))
     # The file's axes: X is the body's X, Y its Z, Z its -Y.
     torch.testing.assert_close(mesh.vertices, expected(base, torch.tensor([0.2, 0.4, 0.3])))
+
+
+def test_what_clothes_delete_is_hidden(boxed: Body, tmp_path: Path) -> None:
+    _, binding = fit_clothes(written(tmp_path, ROWS), boxed)
+    assert binding.deleted.tolist() == [3, 5, 6, 7]
+    # The body's vertices in another order than those of the base mesh, one of which it lacks.
+    order = torch.tensor([6, 0, 3, 1, 7, 2, 4])
+    fewer = replace(boxed, mesh=replace(boxed.mesh, vertices=boxed.mesh.vertices[order]))
+    assert binding.hides(fewer).tolist() == [0, 2, 4]
+    cloth = Mesh(boxed.mesh.vertices + 1.0, boxed.mesh.faces, boxed.mesh.uvs, boxed.mesh.face_uvs)
+    hidden = HiddenSkin(boxed, [cloth], [torch.tensor([0, 1]), torch.tensor([3])])
+    hidden.add([cloth.vertices], boxed.mesh.vertices)
+    assert boxed.mesh.faces[hidden.faces()].tolist() == [[0, 1, 3]]
+
+
+@pytest.mark.parametrize("named", ["box.mhmat", "missing.mhmat"])
+def test_the_material_of_clothes_is_read(named: str, boxed: Body, tmp_path: Path) -> None:
+    write_png(tmp_path / "weave.png", np.full((2, 2, 3), 0.5, np.float32))
+    (tmp_path / "box.mhmat").write_text(
+        "// made up\nname Blue Box\ndiffuseColor 0.2 0.3 0.4\nopacity 0.9\ndiffuseTexture weave.png\n"
+    )
+    mesh, _ = fit_clothes(written(tmp_path, ROWS, HEAD.replace("verts", f"material {named}\nverts")), boxed)
+    assert isinstance(mesh, AuthoredMesh)
+    if named == "missing.mhmat":
+        assert (mesh.polygons.materials, mesh.polygons.missing) == ((), ("missing.mhmat",))
+        return
+    (material,) = mesh.polygons.materials
+    assert (material.name, material.color) == ("Blue Box", (0.2, 0.3, 0.4, 0.9))
+    assert material.texture is not None
+    assert material.texture.content == (tmp_path / "weave.png").read_bytes()
+    assert mesh.polygons.material.tolist() == [0]
 
 
 def test_a_body_without_base_mesh_says_how_to_get_one(tmp_path: Path) -> None:

@@ -8,8 +8,10 @@ import torch
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.commands.fit import examine
 from uvcloth.export.obj import save_obj
-from uvcloth.garments.loading import load_outfit
+from uvcloth.garments.loading import load_garment_for_data, load_outfit
+from uvcloth.garments.meshfile import read_mesh
 from uvcloth.garments.pieces import pieces
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
@@ -45,6 +47,19 @@ def test_an_outfit_in_one_file_is_told_apart_and_layered(body: Body, tmp_path: P
     torch.testing.assert_close(corner, bottoms.uvs[bottoms.face_uvs])
     assert "3 separate pieces" in heard[0]
     assert [line.split(":")[0].strip() for line in heard[-2:]] == ["suit_bottoms", "suit_tops"]
+
+
+def test_simulation_takes_one_garment_and_says_how_to_part_them(body: Body, tmp_path: Path) -> None:
+    tops, bottoms = (fit_template(name, body).mesh for name in ("tops", "bottoms"))
+    suit = tmp_path / "suit.obj"
+    save_obj(joined(tops, bottoms), suit)
+    with pytest.raises(InputError, match=r"suit\.obj: holds 2 garments, .* `uvcloth fit .*suit\.obj --out"):
+        load_garment_for_data(str(suit), body)
+    lines = examine(suit, body_file=None, template=None, out=tmp_path / "mine.obj", picture=None)
+    parted = [tmp_path / "mine-bottoms.obj", tmp_path / "mine-tops.obj"]
+    assert lines[-2:] == [str(path) for path in parted]
+    for path, mesh in zip(parted, (bottoms, tops), strict=True):
+        torch.testing.assert_close(read_mesh(path).vertices.float(), mesh.vertices, atol=1e-6, rtol=0)
 
 
 def test_a_mesh_cut_at_seams_is_one_piece(body: Body) -> None:

@@ -1,14 +1,17 @@
 """Planning, keeping apart, and the sequence file."""
 
-from concurrent.futures import CancelledError
+from concurrent.futures import Future
 from dataclasses import asdict, replace
 from datetime import datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 import torch
-from dask.distributed import LocalCluster
+from dask.distributed import KilledWorker
+from distributed.client import FutureCancelledError
 from rich.progress import Progress
 
 from rasterize.archive import load_arrays, save_arrays
@@ -244,18 +247,12 @@ def test_places_and_numbers_that_cannot_be_are_refused(body: Body, tmp_path: Pat
         simulate_batch(ClipSelection(["walk"]), [["tops"]], tmp_path / "out", body, workers=nowhere)
 
 
-def lost(*_: object) -> None:
-    raise CancelledError
-
-
-def test_a_worker_that_is_lost_is_reported(
-    body: Body, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(batch, "_simulate_job", lost)
-    cluster = LocalCluster(
-        processes=False, n_workers=1, threads_per_worker=1, dashboard_address="localhost:0"
-    )
-    with cluster:
-        workers = Workers(scheduler=cluster.scheduler_address)
-        with pytest.raises(InputError, match=r"walk: the process that simulated it has ended .* run the com"):
-            simulate_batch(ClipSelection(["walk"]), [["tops"]], tmp_path, body, workers=workers)
+@pytest.mark.parametrize(
+    "lost", [FutureCancelledError("simulate-1", "lost"), KilledWorker("simulate-1", None, 3)]
+)
+def test_a_worker_that_is_lost_is_reported(lost: Exception) -> None:
+    """A process that is killed, or paused for long as by a laptop that sleeps, ends its jobs in this way."""
+    job, future = SimpleNamespace(motion=SimpleNamespace(name="walk")), Future[None]()
+    future.set_exception(lost)
+    with pytest.raises(InputError, match=r"walk: the process that simulated it has ended .* run the command"):
+        batch._finished(future, cast(Job, job))

@@ -13,6 +13,7 @@ from uvcloth.garments.fit import fit
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.pieces import split
+from uvcloth.garments.templates import TEMPLATES
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 
@@ -28,9 +29,11 @@ def examine(
 ) -> list[str]:
     """Fit a garment file to a body and describe it, a finding a line.
 
-    template: as `fit` takes it. out: OBJ of the garment as it is worn. picture: PNG of it on the body, also
-    where it is refused for how it lies. Raises InputError as `fit` does.
+    template: as `fit` takes it. out: OBJ of the garment as it is worn, one for each of several. picture: PNG
+    of it on the body, also where it is refused for how it lies. Raises InputError as `fit` does.
     """
+    if str(file) in TEMPLATES:
+        raise InputError(f"{file}: is a template, which fits every body; expected a garment file")
     body = load_body(body_file)
     try:
         fitted = fit(file, body, template)
@@ -47,12 +50,24 @@ def examine(
         lines[-1] = f"  {len(garments)} garments, the innermost first (rollout moves each by itself):"
         lines += [f"    {garment.name}, worn as {garment.template}" for garment in garments]
     if out is not None:
-        save_obj(fitted.garment.mesh, out)
-        lines.append(str(out))
+        lines += [str(path) for path in _write(garments, fitted.garment.name, out)]
     if picture is not None:
         draw_worn([garment.mesh for garment in garments], body, picture)
         lines.append(str(picture))
     return lines
+
+
+def _write(garments: tuple[Garment, ...], name: str, out: Path) -> list[Path]:
+    """Write garments of a file of that name into OBJ files of their own: OUT.obj, OUT-tops.obj, ..."""
+    paths = [
+        out
+        if len(garments) == 1
+        else out.with_stem(f"{out.stem}-{garment.name.removeprefix(name + '_').replace('_', '-')}")
+        for garment in garments
+    ]
+    for garment, path in zip(garments, paths, strict=True):
+        save_obj(garment.mesh, path)
+    return paths
 
 
 def draw_worn(garments: list[Mesh], body: Body, path: Path) -> None:

@@ -18,11 +18,11 @@ from uvcloth.bodies.seen import seen
 from uvcloth.commands.summary import Summary, Totals
 from uvcloth.export.pictures import SHEETS, sheet_interval
 from uvcloth.export.size import announce
-from uvcloth.export.writer import FrameWriter, open_writer
+from uvcloth.export.writer import open_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
+from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.geometry.records import CPU, to_device
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 from uvcloth.methods.registry import DEFAULT, load_methods
@@ -31,7 +31,7 @@ from uvcloth.motion.library import DEFAULTS, load_clip
 from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.exposure import Exposure
 from uvcloth.physics.hidden_skin import HiddenSkin
-from uvcloth.rollout import BrokenRolloutError, RolloutFrame, rollout
+from uvcloth.rollout import BrokenRolloutError, RolloutFrame, rollout_proxied, with_proxies
 
 
 class Audience(Protocol):
@@ -71,35 +71,36 @@ def animate(
     models: a checkpoint folder or a baseline's name for all garments, or one for each in order; none for the
     model in the package. garments: template names or mesh files, the innermost first; contact keeps each out
     of the body and off what is beneath. templates: whose motion they take, as `load_outfit` has it.
-    hide_skin: leave out the faces of the body that garments cover closely in every frame. device: as torch
-    names it. preview: every third frame, in coarse pictures; a contact sheet alone needs fewer. keep_going: a
-    garment that is torn is replaced in that frame. audience: is shown each frame. options: how the motion is
-    read; of one frame, a pose, the body moves into it from rest.
+    hide_skin: leave out the faces of the body that garments cover closely in every frame, or whose files say
+    that they hide them. device: as torch names it. preview: every third frame, in coarse pictures; a contact
+    sheet alone needs fewer. keep_going: a garment that is torn is replaced in that frame. audience: is shown
+    each frame. options: how the motion is read; of one frame, a pose, the body moves into it from rest.
 
+    Coarse garments are carried by proxies, unless there is no contact.
     Raises InputError for bad input or a full disk; then, as after Ctrl-C, writes nothing. Of a rollout that
     breaks the frames before it are kept, and an InputError says so.
     """
     console = Console(stderr=True)
     body = load_body(body_file)
-    report = partial(console.print, highlight=False, markup=False)
+    report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
     with console.status("preparing"):
         outfit = Outfit(body, load_outfit(garments, body, report, templates))
         clip = pose_from_rest(load_clip(motion, body, options), body)
         place = _device(device)
         method = _load(models, outfit)
-        meshes = [(garment.name, garment.mesh) for garment in outfit.garments]
+        proxied = with_proxies(outfit, method) if contact else ProxiedOutfit.as_is(outfit)
+        meshes = proxied.named()
         exposure = Exposure(body, [mesh for _, mesh in meshes])
         shown = seen(body)
-        hidden = HiddenSkin(shown, [mesh for _, mesh in meshes]) if hide_skin else None
+        hidden = HiddenSkin(shown, proxied.meshes, proxied.hides()) if hide_skin else None
     every = _interval(out, len(clip)) if preview else 1
     transforms, fps = clip.transforms(), clip.fps / every
-    for path in out:
-        if large := announce(path, len(transforms[::every]), [mesh for _, mesh in meshes], shown):
-            report(large)
+    sizes = [announce(path, len(transforms[::every]), proxied.meshes, shown) for path in out]
+    for line in filter(None, (*proxied.lines, *sizes)):
+        report(line)
     if audience:
         audience.begin(clip.name, body, [mesh for _, mesh in meshes], len(transforms[::every]), fps)
-    totals = Totals()
-    start = perf_counter()
+    totals, start = Totals(), perf_counter()
     with ExitStack() as stack:
         writers = [
             stack.enter_context(open_writer(path, meshes, body, fps, transforms[::every], preview))
@@ -109,9 +110,9 @@ def animate(
         task = progress.add_task(clip.name, total=len(transforms[::every]), rate="")
         broken: BrokenRolloutError | None = None
         try:
-            for predicted in rollout(
+            for frame in rollout_proxied(
                 method,
-                outfit,
+                proxied,
                 transforms,
                 clip.fps,
                 contact,
@@ -119,7 +120,6 @@ def animate(
                 every=every,
                 keep_going=keep_going,
             ):
-                frame = to_device(predicted, CPU)
                 if audience:
                     audience.add(frame)
                 totals.add(frame)
@@ -138,22 +138,23 @@ def animate(
             broken = error
         # Only when every file is whole may the first of them appear.
         with totals.timed("writing"):
-            written = _finish(writers, hidden)
+            for writer in writers:
+                if hidden:
+                    writer.hide(hidden.faces())
+                writer.finish()
+    # Only now, when the writers are closed, do they know their files.
+    written = tuple(path for writer in writers for path in writer.written)
     if broken:
-        names = ", ".join(map(str, written))
-        way_on = "--keep-going writes all, with linear blend skinning where a garment is torn"
-        raise InputError(f"{broken}; the {totals.frames} frames before it are in {names}; {way_on}")
-    vertices = sum(len(mesh.vertices) for _, mesh in meshes)
+        raise _kept_so_far(broken, totals.frames, written)
+    vertices = sum(len(garment.mesh.vertices) for garment in proxied.outfit.garments)
     return totals.summary(written, perf_counter() - start, vertices if contact else None, every)
 
 
-def _finish(writers: Sequence[FrameWriter], hidden: HiddenSkin | None) -> tuple[Path, ...]:
-    """Finish the files, without the hidden skin, and return their paths."""
-    for writer in writers:
-        if hidden:
-            writer.hide(hidden.faces())
-        writer.finish()
-    return tuple(path for writer in writers for path in writer.written)
+def _kept_so_far(broken: BrokenRolloutError, frames: int, written: Sequence[Path]) -> InputError:
+    """The error that says where the frames before the broken one are, and how to have all."""
+    names = ", ".join(map(str, written))
+    way_on = "--keep-going writes all, with linear blend skinning where a garment is torn"
+    return InputError(f"{broken}; the {frames} frames before it are in {names}; {way_on}")
 
 
 def _posed(body: Body, frame: RolloutFrame) -> Tensor:

@@ -10,6 +10,7 @@ import numpy as np
 from rasterize.errors import InputError
 from uvcloth.export.animation import Animation, posed_body
 from uvcloth.export.gltf_scene import TO_Y_UP
+from uvcloth.geometry.authored import polygons_of
 from uvcloth.geometry.mesh import Mesh
 
 BYTES_PER_POINT, BYTES_PER_FACE = 12, 40
@@ -55,13 +56,16 @@ def _write_mesh(archive: Any, name: str, mesh: Mesh, chunks: Iterator[np.ndarray
     schema = AbcGeom.OPolyMesh(archive.getTop(), name).getSchema()
     schema.setTimeSampling(sampling)
     # Alembic's faces are clockwise seen from outside.
-    corners = np.ascontiguousarray(mesh.faces.numpy()[:, ::-1], np.int32)
+    polygons = polygons_of(mesh)
+    count = len(polygons.sizes)
+    polygons = polygons.chosen(np.arange(count), np.ones(count, dtype=np.bool_))
     topology = [
-        imath.IntArrayFromBuffer(corners.reshape(-1)),
-        imath.IntArrayFromBuffer(np.full(len(corners), 3, np.int32)),
+        imath.IntArrayFromBuffer(np.ascontiguousarray(polygons.corners, np.int32)),
+        imath.IntArrayFromBuffer(np.ascontiguousarray(polygons.sizes, np.int32)),
     ]
-    if len(mesh.uvs):
-        uvs = mesh.uvs.numpy()[mesh.face_uvs.numpy()[:, ::-1].reshape(-1)].astype(np.float32)
+    if polygons.uv_sets:
+        first = polygons.uv_sets[0]
+        uvs = np.ascontiguousarray(first.uvs[first.corners], np.float32)
         scope = AbcGeom.GeometryScope.kFacevaryingScope
         topology.append(AbcGeom.OV2fGeomParamSample(imath.V2fArrayFromBuffer(uvs), scope))
     for chunk in chunks:

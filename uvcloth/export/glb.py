@@ -30,6 +30,8 @@ class Document:
     roots: list[int] = field(default_factory=list)
     meshes: list[dict[str, Any]] = field(default_factory=list)
     materials: list[dict[str, Any]] = field(default_factory=list)
+    textures: list[dict[str, Any]] = field(default_factory=list)
+    images: list[dict[str, Any]] = field(default_factory=list)
     skins: list[dict[str, Any]] = field(default_factory=list)
     samplers: list[dict[str, Any]] = field(default_factory=list)
     channels: list[dict[str, Any]] = field(default_factory=list)
@@ -72,9 +74,11 @@ class Document:
         self.accessors.append(accessor)
         return len(self.accessors) - 1
 
-    def mesh(self, name: str, primitive: dict[str, Any], skin: int | None = None, **others: Any) -> int:
-        """Add a mesh of one primitive, and a node for it at the root of the scene. Returns the node."""
-        self.meshes.append({"name": name, "primitives": [primitive], **others})
+    def mesh(
+        self, name: str, primitives: list[dict[str, Any]], skin: int | None = None, **others: Any
+    ) -> int:
+        """Add a mesh, and a node for it at the root of the scene. Returns the node."""
+        self.meshes.append({"name": name, "primitives": primitives, **others})
         node = {"name": name, "mesh": len(self.meshes) - 1}
         self.nodes.append(node if skin is None else {**node, "skin": skin})
         self.roots.append(len(self.nodes) - 1)
@@ -85,21 +89,33 @@ class Document:
         self.samplers.append({"input": time, "output": output, "interpolation": "LINEAR"})
         self.channels.append({"sampler": len(self.samplers) - 1, "target": {"node": node, "path": path}})
 
-    def material(self, name: str, color: Color) -> int:
-        """Add a rough, non-metallic material of one sRGB colour. Returns its index."""
+    def material(
+        self, name: str, color: Color, opacity: float = 1.0, texture: dict[str, int] | None = None
+    ) -> int:
+        """Add a rough, non-metallic material of one sRGB colour, on which a texture is multiplied.
+
+        Returns its index.
+        """
         linear = [channel**2.2 for channel in color]
-        self.materials.append(
-            {
-                "name": name,
-                "doubleSided": True,
-                "pbrMetallicRoughness": {
-                    "baseColorFactor": [*linear, 1.0],
-                    "metallicFactor": 0.0,
-                    "roughnessFactor": 0.9,
-                },
-            }
-        )
+        surface: dict[str, Any] = {
+            "baseColorFactor": [*linear, opacity],
+            "metallicFactor": 0.0,
+            "roughnessFactor": 0.9,
+        }
+        if texture:
+            surface["baseColorTexture"] = texture
+        material = {"name": name, "doubleSided": True, "pbrMetallicRoughness": surface}
+        self.materials.append(material | ({"alphaMode": "BLEND"} if opacity < 1.0 else {}))
         return len(self.materials) - 1
+
+    def texture(self, name: str, kind: str, content: bytes) -> int:
+        """Add a texture of a picture file's bytes; kind: its MIME type. Returns its index."""
+        padded = np.frombuffer(content + b"\0" * (-len(content) % 4), np.uint8)
+        view = self.view(len(padded), lambda: iter([padded]))
+        self.views[view]["byteLength"] = len(content)
+        self.images.append({"name": name, "mimeType": kind, "bufferView": view})
+        self.textures.append({"source": len(self.images) - 1})
+        return len(self.textures) - 1
 
     def write(self, path: Path) -> None:
         """Write the file. Raises InputError if it would exceed the 4 GiB that the format can hold."""
@@ -114,6 +130,8 @@ class Document:
             "bufferViews": self.views,
             "buffers": [{"byteLength": self.length}],
         }
+        if self.images:
+            document |= {"images": self.images, "textures": self.textures}
         if self.channels:
             motion = {"name": path.stem, "samplers": self.samplers, "channels": self.channels}
             document["animations"] = [motion]

@@ -14,11 +14,11 @@ from uvcloth.export.glb import FLOAT, VERTICES, Document
 from uvcloth.export.gltf_scene import (
     TO_Y_UP,
     add_body,
-    add_geometry,
     add_skeleton,
     animate_skeleton,
     unit_normals,
 )
+from uvcloth.export.gltf_surface import add_surface
 from uvcloth.render import GARMENT_COLORS
 
 
@@ -41,8 +41,7 @@ def write_glb(animation: Animation, path: Path) -> None:
 
 def _add_garment(document: Document, animation: Animation, index: int, time: int) -> None:
     name, mesh, vertices = animation.names[index], animation.meshes[index], animation.vertices[index]
-    source, primitive = add_geometry(document, mesh)
-    primitive["material"] = document.material(name, GARMENT_COLORS[index % len(GARMENT_COLORS)])
+    source, primitives = add_surface(document, name, mesh, GARMENT_COLORS[index % len(GARMENT_COLORS)])
     base, base_normals = mesh.vertices.numpy(), unit_normals(mesh.vertices.numpy(), mesh)
 
     def deltas() -> Iterator[np.ndarray]:
@@ -60,13 +59,16 @@ def _add_garment(document: Document, animation: Animation, index: int, time: int
     low = np.concatenate([chunk.min(1) for chunk in deltas()]).tolist()
     high = np.concatenate([chunk.max(1) for chunk in deltas()]).tolist()
     shared = {"componentType": FLOAT, "count": len(source), "type": "VEC3"}
-    primitive["targets"] = []
+    targets = []
     for frame in range(len(animation)):
         at = {**shared, "byteOffset": frame * size}
         document.accessors.append({**at, "bufferView": positions, "min": low[frame], "max": high[frame]})
         document.accessors.append({**at, "bufferView": normals})
         last = len(document.accessors) - 1
-        primitive["targets"].append({"POSITION": last - 1, "NORMAL": last})
+        targets.append({"POSITION": last - 1, "NORMAL": last})
+
+    for primitive in primitives:
+        primitive["targets"] = targets
 
     def weights() -> Iterator[np.ndarray]:
         for frames in animation.chunks():
@@ -84,5 +86,5 @@ def _add_garment(document: Document, animation: Animation, index: int, time: int
     # Blender and others name their shape keys so.
     names = [f"frame_{frame:05d}" for frame in range(len(animation))]
     extras = {"source_vertices": source.tolist(), "targetNames": names}
-    node = document.mesh(name, primitive, weights=[0.0] * len(animation), extras=extras)
+    node = document.mesh(name, primitives, weights=[0.0] * len(animation), extras=extras)
     document.animate(node, "weights", time, output)

@@ -47,7 +47,7 @@ def _add_garment(document: Document, rig: Rig, index: int, skin: int) -> int:
     primitive["material"] = document.material(garment.name, GARMENT_COLORS[index % len(GARMENT_COLORS)])
     extras: dict[str, Any] = {"source_vertices": source.tolist()}
     if not rig.shape_names:
-        return document.mesh(garment.name, primitive, skin, extras=extras)
+        return document.mesh(garment.name, [primitive], skin, extras=extras)
     primitive["targets"] = [
         {
             "POSITION": document.array(shape[source] @ TO_Y_UP.T, "VEC3", FLOAT, VERTICES, bounds=True),
@@ -56,4 +56,4 @@ def _add_garment(document: Document, rig: Rig, index: int, skin: int) -> int:
         for shape, change in zip(garment.shapes.numpy(), garment.normal_shapes().numpy(), strict=True)
     ]
     extras["targetNames"] = rig.shape_names
-    return document.mesh(garment.name, primitive, skin, weights=rig.resting.tolist(), extras=extras)
+    return document.mesh(garment.name, [primitive], skin, weights=rig.resting.tolist(), extras=extras)

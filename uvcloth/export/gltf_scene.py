@@ -98,7 +98,7 @@ def add_body(document: Document, body: Body, skin: int) -> None:
     joints, weights = strongest(body.weights, GLTF_INFLUENCES)
     primitive["attributes"] |= add_influences(document, joints[source], weights[source])
     primitive["material"] = document.material("body", BODY_COLOR)
-    document.mesh("body", primitive, skin, extras={"source_vertices": source.tolist()})
+    document.mesh("body", [primitive], skin, extras={"source_vertices": source.tolist()})
 
 
 def split_seams(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -106,20 +106,28 @@ def split_seams(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
     The first V vertices are the mesh's own in their order; the repeated ones of seams follow.
     """
-    count = len(mesh.vertices)
-    vertex, faces = mesh.faces.numpy().ravel(), mesh.faces.numpy()
-    if not len(mesh.uvs):
-        return np.arange(count), faces, np.zeros((count, 2), np.float32)
-    pairs, corner = np.unique(
-        np.stack([vertex, mesh.face_uvs.numpy().ravel()], axis=1), axis=0, return_inverse=True
-    )
-    owner, uv = pairs[:, 0], pairs[:, 1]
+    sets = [mesh.face_uvs.numpy().ravel()] if len(mesh.uvs) else []
+    source, place, rows, keys = split_corners(len(mesh.vertices), mesh.faces.numpy().ravel(), sets)
+    uvs = np.zeros((len(source), 2), np.float32)
+    if sets:
+        uvs[rows] = mesh.uvs.numpy()[keys[:, 0]]
+    return source, place.reshape(-1, 3), uvs
+
+
+def split_corners(
+    count: int, corners: np.ndarray, sets: list[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Split vertices where the corners (C,) at one have different texture coordinates, (C,) of each set.
+
+    Returns the source of each vertex (M,), of which the first `count` are the mesh's own, the vertex of each
+    corner (C,), and, of those vertices that are a corner, the row (K,) and the texture coordinates (K, sets).
+    """
+    pairs, corner = np.unique(np.stack([corners, *sets], axis=1), axis=0, return_inverse=True)
+    owner = pairs[:, 0]
     first = np.r_[True, owner[1:] != owner[:-1]]
     place = np.where(first, owner, count + np.cumsum(~first) - 1)
     source = np.concatenate([np.arange(count), owner[~first]])
-    uvs = np.zeros((len(source), 2), np.float32)
-    uvs[place] = mesh.uvs.numpy()[uv]
-    return source, place[corner.ravel()].reshape(-1, 3), uvs
+    return source, place[corner.ravel()], place, pairs[:, 1:]
 
 
 def unit_normals(vertices: np.ndarray, mesh: Mesh) -> np.ndarray:

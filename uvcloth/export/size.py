@@ -12,6 +12,9 @@ from uvcloth.geometry.mesh import Mesh
 POINT, POINT_AND_NORMAL = 12, 24
 """Bytes of a vertex in a frame."""
 
+LINE = 30
+"""Bytes, about, of a line of an OBJ."""
+
 DESCRIPTION = 500
 """Bytes, about, with which glTF describes one blend shape."""
 
@@ -33,6 +36,10 @@ def expected_bytes(suffix: str, frames: int, meshes: Sequence[Mesh], body: Body 
         return frames * POINT_AND_NORMAL * vertices
     if suffix == ".npz":
         return frames * POINT * vertices
+    if suffix == ".obj":
+        bodies = [body.mesh] if body else []
+        lines = sum(len(mesh.vertices) + len(mesh.uvs) + len(mesh.faces) for mesh in (*meshes, *bodies))
+        return frames * LINE * lines
     return 0
 
 

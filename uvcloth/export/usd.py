@@ -8,6 +8,7 @@ import torch
 
 from uvcloth.bodies.body import BODY_INFLUENCES
 from uvcloth.export.animation import Animation
+from uvcloth.export.usd_materials import add_subsets
 from uvcloth.export.usd_stage import (
     add_skeleton,
     animate_skeleton,
@@ -30,7 +31,8 @@ def write_usd(animation: Animation, path: Path) -> None:
         root = UsdGeom.Xform.Define(stage, "/Outfit")
         stage.SetDefaultPrim(root.GetPrim())
         for index, identifier in enumerate(identifiers(animation.names)):
-            _write_garment(stage, animation, index, f"/Outfit/{identifier}")
+            geometry = _write_garment(stage, animation, index, f"/Outfit/{identifier}")
+            add_subsets(stage, geometry, animation.meshes[index], path)
         if body := animation.body:
             UsdSkel.Root.Define(stage, "/Outfit/body")
             skeleton = add_skeleton(stage, "/Outfit/body/skeleton", body.skeleton)
@@ -40,7 +42,7 @@ def write_usd(animation: Animation, path: Path) -> None:
             bind(geometry, skeleton, *strongest(body.weights, BODY_INFLUENCES))
 
 
-def _write_garment(stage: Any, animation: Animation, index: int, prim: str) -> None:
+def _write_garment(stage: Any, animation: Animation, index: int, prim: str) -> Any:
     from pxr import UsdGeom, Vt
 
     mesh, vertices = animation.meshes[index], animation.vertices[index]
@@ -58,3 +60,4 @@ def _write_garment(stage: Any, animation: Animation, index: int, prim: str) -> N
             extent.Set(Vt.Vec3fArray.FromNumpy(bounds[offset]), frame)
         # Saved samples leave memory.
         stage.Save()
+    return geometry

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from uvcloth.export.animation import local_pose
+from uvcloth.geometry.authored import polygons_of
 from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.render import Color
@@ -36,22 +37,40 @@ def writing(path: Path, fps: float, frames: int) -> Iterator[Any]:
 
 
 def define_mesh(stage: Any, prim: str, mesh: Mesh, color: Color) -> Any:
-    """Define a polygon mesh without points: topology, texture coordinates by corner, a display colour."""
+    """Define a polygon mesh without points: topology, texture coordinates by corner, a display colour.
+
+    A mesh that was read from a file has its polygons, all of its UV sets and the colours of its vertices.
+    """
     from pxr import Gf, Sdf, UsdGeom, Vt
 
+    polygons = polygons_of(mesh)
     geometry = UsdGeom.Mesh.Define(stage, prim)
     geometry.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
     geometry.CreateDoubleSidedAttr(True)
-    geometry.CreateFaceVertexCountsAttr(Vt.IntArray(len(mesh.faces), 3))
-    geometry.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(mesh.faces.numpy().astype(np.int32).ravel()))
-    linear = [channel**2.2 for channel in color]
-    geometry.CreateDisplayColorAttr([Gf.Vec3f(*linear)])
-    if len(mesh.uvs):
-        primvars = UsdGeom.PrimvarsAPI(geometry)
-        st = primvars.CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
-        st.Set(Vt.Vec2fArray.FromNumpy(mesh.uvs.numpy().astype(np.float32)))
-        st.SetIndices(Vt.IntArray.FromNumpy(mesh.face_uvs.numpy().astype(np.int32).ravel()))
+    geometry.CreateFaceVertexCountsAttr(_integers(polygons.sizes))
+    geometry.CreateFaceVertexIndicesAttr(_integers(polygons.corners))
+    shown = geometry.CreateDisplayColorAttr([Gf.Vec3f(*(channel**2.2 for channel in color))])
+    if polygons.colors is not None:
+        shown.Set(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(polygons.colors[:, :3] ** 2.2)))
+        UsdGeom.Primvar(shown).SetInterpolation(UsdGeom.Tokens.vertex)
+    primvars = UsdGeom.PrimvarsAPI(geometry)
+    for index, each in enumerate(polygons.uv_sets):
+        kind = Sdf.ValueTypeNames.TexCoord2fArray
+        st = primvars.CreatePrimvar(uv_name(index), kind, UsdGeom.Tokens.faceVarying)
+        st.Set(Vt.Vec2fArray.FromNumpy(each.uvs))
+        st.SetIndices(_integers(each.corners))
     return geometry
+
+
+def uv_name(index: int) -> str:
+    """Name of a set of texture coordinates, as other programs have it: st, st1, st2."""
+    return f"st{index}" if index else "st"
+
+
+def _integers(values: np.ndarray) -> Any:
+    from pxr import Vt
+
+    return Vt.IntArray.FromNumpy(np.ascontiguousarray(values, np.int32))
 
 
 def rest_geometry(geometry: Any, mesh: Mesh) -> None:

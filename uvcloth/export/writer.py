@@ -17,6 +17,7 @@ from uvcloth.bodies.seen import seen
 from uvcloth.export.alembic import write_abc
 from uvcloth.export.animation import Animation, write_npz
 from uvcloth.export.gltf import write_glb
+from uvcloth.export.obj_sequence import write_obj_sequence
 from uvcloth.export.pictures import SHEETS, VIDEOS, Pictures
 from uvcloth.export.pointcache import write_pc2
 from uvcloth.export.spool import Spool
@@ -29,6 +30,7 @@ WRITERS: dict[str, Callable[[Animation, Path], None]] = {
     ".usd": write_usd,
     ".pc2": write_pc2,
     ".abc": write_abc,
+    ".obj": write_obj_sequence,
     ".npz": write_npz,
 }
 """Writers by suffix. A writer may put several files beside the path that it is given."""
@@ -161,9 +163,10 @@ def open_writer(
     """Start a file of moving garments (name, mesh at rest), and of the body as it is seen unless it is None.
 
     The suffix decides: .glb (glTF: morph targets, a skinned body), .usdc or .usd, .pc2 (one point cache and
-    one OBJ per mesh, named after the path), .abc (Alembic), .npz (arrays, see load_animation), .mp4 and .gif
-    (a video), .png (a contact sheet). Pictures need the body and its motion (F, J, 3, 4), which the camera
-    follows; coarse ones are small and quickly drawn.
+    one OBJ per mesh, named after the path), .abc (Alembic), .obj (a file per frame), .npz (arrays, see
+    load_animation), .mp4 and .gif (a video), .png (a contact sheet). Pictures need the body and its motion
+    (F, J, 3, 4), which the camera follows; coarse ones are small and quickly drawn. Materials of garments
+    that were read from a file go along, with their textures, as files beside it where the format wants that.
     Use it as a context manager: leaving it by an exception writes nothing.
     Memory does not grow with the number of frames.
     Raises InputError for another suffix, for garments of the same name, where a package is missing, or if the

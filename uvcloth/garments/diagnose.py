@@ -23,6 +23,7 @@ class Diagnosis:
     inside_share: fraction of vertices inside the body. mean_distance, max_distance: metres to the skin.
     ray_misses: vertices whose ray misses the body, so that the closest point says what part they cover.
     unwrapped: whether texture coordinates were made. depth: layer that the file names, larger is farther out.
+    missing: files of materials and pictures that it names and that are not there.
     """
 
     path: Path
@@ -41,6 +42,7 @@ class Diagnosis:
     unwrapped: bool = False
     template: str = ""
     depth: int = 0
+    missing: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
         """Text of the diagnosis, one finding a line; what is as expected is left out."""
@@ -62,6 +64,8 @@ class Diagnosis:
                 found.append(f"  {count} {finding}")
         if self.unwrapped:
             found.append("  no texture coordinates, unwrapped")
+        if self.missing:
+            found.append(f"  not there, so that colours may lack: {', '.join(dict.fromkeys(self.missing))}")
         if self.template:
             found.append(f"  worn as {self.template}")
         return found

@@ -16,6 +16,7 @@ from uvcloth.garments.garment import Garment
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.meshfile import read_mesh
 from uvcloth.garments.mhclo import SUFFIX, fit_clothes
+from uvcloth.geometry.authored import AuthoredMesh, follow_triangles
 from uvcloth.geometry.mesh import Mesh, vertex_normals, weld
 
 BODY_RAY_LENGTH = 0.3
@@ -29,6 +30,15 @@ LEAST_FOREARM_SHARE = 0.05
 
 WAIST_HEIGHT = 0.3
 """Height of the waist, as a fraction of the trunk from crotch to neck."""
+
+
+@dataclass(frozen=True)
+class PlacedFile:
+    """A garment file on a body at rest; hides: (K,) int64 vertices of the body that it says it hides."""
+
+    mesh: Mesh
+    diagnosis: Diagnosis
+    hides: Tensor
 
 
 @dataclass(frozen=True)
@@ -48,22 +58,23 @@ def fit(path: Path, body: Body, template: str | None = None) -> Fitted:
     body vertices give it its blend weights. Raises InputError naming the file and the reason if it cannot be
     read or cannot be worn, an UnwearableError if it does not lie as clothes lie.
     """
-    mesh, found = read_on_body(path, body)
-    garment, missed = make_fitted(Path(path).stem, mesh, body, template)
-    return Fitted(garment, replace(found, ray_misses=missed, template=garment.template or ""))
+    placed = read_on_body(path, body)
+    garment, missed = make_fitted(Path(path).stem, placed.mesh, body, template)
+    garment = replace(garment, hides=placed.hides)
+    return Fitted(garment, replace(placed.diagnosis, ray_misses=missed, template=garment.template or ""))
 
 
-def read_on_body(path: Path, body: Body) -> tuple[Mesh, Diagnosis]:
+def read_on_body(path: Path, body: Body) -> PlacedFile:
     """Read a garment file and place it on a body's rest pose; unwrap it where it has no texture coordinates.
 
-    A mesh file is placed where it lies best, MakeHuman's clothes (.mhclo) where they are bound to.
-    Raises InputError as `fit` does.
+    A mesh file is placed where it lies best, MakeHuman's clothes (.mhclo) where they are bound to; these say
+    what skin they hide. Raises InputError as `fit` does.
     """
-    path = Path(path)
+    path, hides = Path(path), torch.zeros(0, dtype=torch.int64)
     if path.suffix.lower() == SUFFIX:
         mesh, binding = fit_clothes(path, body)
         mesh, found = diagnose(path, mesh, body, bound=True)
-        found = replace(found, depth=binding.depth)
+        found, hides = replace(found, depth=binding.depth), binding.hides(body)
     else:
         try:
             mesh, found = diagnose(path, read_mesh(path), body)
@@ -72,13 +83,16 @@ def read_on_body(path: Path, body: Body) -> tuple[Mesh, Diagnosis]:
             if not clothes.is_file():
                 raise
             raise UnwearableError(f"{error}; {clothes} beside it fits it to any body", error.mesh) from error
+    mesh = follow_triangles(mesh)
+    if isinstance(mesh, AuthoredMesh):
+        found = replace(found, missing=mesh.polygons.missing)
     if len(mesh.uvs):
-        return mesh, found
+        return PlacedFile(mesh, found, hides)
     try:
         uvs, face_uvs = unwrap(mesh.vertices, mesh.faces)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    return replace(mesh, uvs=uvs, face_uvs=face_uvs), replace(found, unwrapped=True)
+    return PlacedFile(replace(mesh, uvs=uvs, face_uvs=face_uvs), replace(found, unwrapped=True), hides)
 
 
 def make_fitted(name: str, mesh: Mesh, body: Body, template: str | None) -> tuple[Garment, int]:

@@ -17,7 +17,8 @@ class Garment:
     mesh: N vertices, at rest on the body's rest pose.
     weights: (N, J) blend weights of the closest body vertex (the LBS baseline).
     smooth_weights: (N, J) the same, diffused over the garment, so that a skirt does not split.
-    source: whether its mesh is that of its template, or came from a file.
+    source: whether its mesh is that of its template, or came from a file. hides: (K,) int64 vertices of the
+    body that its file says it hides, None where it says nothing.
     """
 
     name: str
@@ -26,6 +27,7 @@ class Garment:
     weights: Tensor
     smooth_weights: Tensor
     source: Literal["template", "file"] = "file"
+    hides: Tensor | None = None
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.garments.fit import fit, read_on_body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.mhclo import SUFFIX
-from uvcloth.garments.pieces import split
+from uvcloth.garments.pieces import pieces, split
 from uvcloth.garments.templates import TEMPLATES, fit_template
 
 AUTO = "auto"
@@ -55,16 +55,18 @@ def load_outfit(
             loaded.append((0, (garment if template == AUTO else replace(garment, template=template),)))
             continue
         path = _file(name)
-        mesh, found = read_on_body(path, body)
-        pieces = split(path.stem, mesh, body, None if template == AUTO else template)
-        for line in found.lines():
+        placed = read_on_body(path, body)
+        parts = split(path.stem, placed.mesh, body, None if template == AUTO else template)
+        for line in placed.diagnosis.lines():
             report(line)
-        for piece in pieces:
+        for piece in parts:
             report(f"  {piece.name}: {len(piece.mesh.vertices)} vertices, worn as {piece.template}")
-        loaded.append((found.depth, pieces))
+        # What a file hides, all of its pieces hide together.
+        parts = (replace(parts[0], hides=placed.hides), *parts[1:])
+        loaded.append((placed.diagnosis.depth, parts))
     if all(name.lower().endswith(SUFFIX) for name in names):
         loaded.sort(key=lambda layer: layer[0])
-    return tuple(garment for _, pieces in loaded for garment in pieces)
+    return tuple(garment for _, parts in loaded for garment in parts)
 
 
 def _file(name: str) -> Path:
@@ -82,7 +84,8 @@ def load_garment_for_data(
 ) -> Garment:
     """Load a garment as `load_garment` does, where data files will be named CLIP_GARMENT by it.
 
-    Raises InputError also for a mesh file whose data would be mistaken for a template's.
+    Raises InputError also for a mesh file whose data would be mistaken for a template's, or that holds
+    several garments.
     """
     path = Path(name)
     template = path.stem.rpartition("_")[2]
@@ -90,4 +93,11 @@ def load_garment_for_data(
         raise InputError(
             f"{path}: its data would be mistaken for those of the template {template}, rename the file"
         )
-    return load_garment(name, body, report)
+    garment = load_garment(name, body, report)
+    count = 1 if name in TEMPLATES else int(pieces(garment.mesh).max()) + 1
+    if count > 1:
+        raise InputError(
+            f"{path}: holds {count} garments, simulated sequences are of one: `uvcloth fit {path} --out "
+            f"{path.stem}.obj` writes each into a file of its own, --layered simulates these together"
+        )
+    return garment

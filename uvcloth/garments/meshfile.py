@@ -1,6 +1,5 @@
 """Mesh files of users, read with their own vertex order and texture coordinates."""
 
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +7,8 @@ import torch
 from numpy.typing import NDArray
 
 from rasterize.errors import InputError
+from uvcloth.garments.gltf_file import read_gltf_mesh
+from uvcloth.garments.obj_file import read_obj
 from uvcloth.geometry.mesh import Mesh
 
 EXTENSIONS = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
@@ -16,17 +17,17 @@ EXTENSIONS = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
 def read_mesh(path: Path) -> Mesh:
     """Read a mesh as its file has it: units, axes and vertex order untouched, polygons cut into triangles.
 
-    A file without texture coordinates gives uvs (0, 2) and face_uvs (0, 3). Raises InputError for an
-    unsupported extension, an unreadable file, no faces, or a number that is not finite.
+    An OBJ and a glTF file give an AuthoredMesh, which keeps polygons, groups, materials and colours. A file
+    without texture coordinates gives uvs (0, 2) and face_uvs (0, 3). Raises InputError for an unsupported
+    extension, an unreadable file, no faces, or a number that is not finite.
     """
     path = Path(path)
     if path.suffix.lower() not in EXTENSIONS:
-        raise InputError(
-            f"{path}: a garment file ends in {', '.join(EXTENSIONS)} or .mhclo, not in '{path.suffix}'"
-        )
+        found = f"not in '{path.suffix}'" if path.suffix else "this name has no ending"
+        raise InputError(f"{path}: a garment file ends in {', '.join(EXTENSIONS)} or .mhclo, {found}")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    mesh = _read_obj(path) if path.suffix.lower() == ".obj" else _read_with_trimesh(path)
+    mesh = _read(path)
     if not len(mesh.vertices) or not len(mesh.faces):
         raise InputError(f"{path}: the garment is empty, it has {len(mesh.vertices)} vertices and no faces")
     broken = torch.nonzero(~torch.isfinite(mesh.vertices).all(dim=1))
@@ -37,70 +38,24 @@ def read_mesh(path: Path) -> Mesh:
     return mesh
 
 
-def _read_obj(path: Path) -> Mesh:
-    """Read an OBJ: trimesh would reorder vertices whose texture coordinates have indices of their own."""
-    vertices: list[list[float]] = []
-    uvs: list[list[float]] = []
-    corners: list[tuple[int, int]] = []
-    for number, line in enumerate(read_text(path), start=1):
-        try:
-            match line.split():
-                case ["v", x, y, z, *_]:
-                    vertices.append([float(x), float(y), float(z)])
-                case ["vt", u, v, *_]:
-                    uvs.append([float(u), float(v)])
-                case ["f", *polygon]:
-                    face = [_obj_corner(corner, len(vertices), len(uvs)) for corner in polygon]
-                    for pair in pairwise(face[1:]):
-                        corners.extend((face[0], *pair))
-        except ValueError as error:
-            raise InputError(f"{path}, line {number}: not a readable OBJ file ({error})") from error
-    points, texture = np.array(vertices, dtype=np.float64), np.array(uvs, dtype=np.float64)
-    faces = np.array(corners, dtype=np.int64).reshape(-1, 3, 2)
-    for kind, indices, count in (("vertex", faces[..., 0], len(points)), ("vt", faces[..., 1], len(texture))):
-        if indices.size and not (-1 if kind == "vt" else 0) <= indices.min() <= indices.max() < count:
-            raise InputError(f"{path}: a face names a {kind} that the file does not have")
-    textured = len(texture) > 0 and bool((faces[..., 1] >= 0).all())
-    return _mesh(points.reshape(-1, 3), faces[..., 0], texture if textured else None, faces[..., 1])
-
-
-def read_text(path: Path) -> list[str]:
-    """Read the lines of a text file, those that end in a backslash joined with the next.
-
-    Raises InputError if there is no such file or it cannot be read.
-    """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
+def _read(path: Path) -> Mesh:
+    kind = path.suffix.lower()
+    if kind == ".obj":
+        return read_obj(path)
     try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-    return text.replace("\\\n", " ").splitlines()
-
-
-def _obj_corner(corner: str, vertices: int, uvs: int) -> tuple[int, int]:
-    """A corner `v/vt/vn`, counted from 1, or backwards from -1, as indices; -1 without texture."""
-    vertex, _, rest = corner.partition("/")
-    texture = rest.partition("/")[0]
-    return _obj_index(vertex, vertices), _obj_index(texture, uvs) if texture else -1
-
-
-def _obj_index(word: str, count: int) -> int:
-    index = int(word)
-    if index == 0 or index < -count:
-        raise ValueError(f"index {index}")
-    return index - 1 if index > 0 else count + index
+        return read_gltf_mesh(path) if kind in (".glb", ".gltf") else _read_with_trimesh(path)
+    except InputError:
+        raise
+    except Exception as error:  # Readers raise whatever a broken file makes them trip over.
+        reason = error or type(error).__name__
+        raise InputError(f"{path}: not a readable {kind[1:].upper()} file ({reason})") from error
 
 
 def _read_with_trimesh(path: Path) -> Mesh:
     import trimesh
 
-    try:
-        scene = trimesh.load_scene(path, process=False)
-        parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
-    except Exception as error:  # trimesh's readers raise whatever a broken file makes them trip over
-        kind = path.suffix[1:].upper()
-        raise InputError(f"{path}: not a readable {kind} file ({error or type(error).__name__})") from error
+    scene = trimesh.load_scene(path, process=False)
+    parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
     counts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     if not parts:
         return _mesh(

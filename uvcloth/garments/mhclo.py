@@ -5,18 +5,24 @@ the clothes were made on; along each axis they grow with the distance between tw
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import BASE_MESH, Body
-from uvcloth.garments.meshfile import read_mesh, read_text
+from uvcloth.garments.materials import read_mhmat, read_text
+from uvcloth.garments.meshfile import read_mesh
+from uvcloth.geometry.authored import AuthoredMesh
 from uvcloth.geometry.mesh import Mesh
 
 SUFFIX = ".mhclo"
+
+SAME = 1e-6
+"""Metres within which a vertex of the body is one of the base mesh."""
 
 BODY_AXES = {"x": 0, "y": 2, "z": 1}
 """Axis of the body (Z up) along each axis of MakeHuman (Y up, facing +Z)."""
@@ -28,7 +34,8 @@ class Binding:
 
     obj: file of the faces. corners: (N, 3) base-mesh vertices. weights: (N, 3). offsets: (N, 3) decimetres, Y
     up, facing +Z. scales: by axis "x", "y", "z" two base-mesh vertices and their distance there, decimetres.
-    depth: layer, larger is farther out.
+    depth: layer, larger is farther out. deleted: (K,) base-mesh vertices that the clothes hide. material:
+    file of theirs, None where none is named.
     """
 
     obj: Path
@@ -37,6 +44,8 @@ class Binding:
     offsets: Tensor
     scales: dict[str, tuple[int, int, float]]
     depth: int
+    deleted: Tensor
+    material: Path | None
 
     def place(self, base: Tensor) -> Tensor:
         """Garment vertices (N, 3) m on base-mesh vertices (B, 3) m, Z up, facing -Y."""
@@ -47,6 +56,17 @@ class Binding:
         x, y, z = (self.offsets * scale).unbind(1)
         centres = (self.weights[..., None] * base[self.corners]).sum(1)
         return centres + torch.stack([x, -z, y], dim=1)
+
+    def hides(self, body: Body) -> Tensor:
+        """Vertices (K,) int64 of a body that the clothes hide; the body holds its base mesh."""
+        from scipy.spatial import KDTree
+
+        assert body.base is not None
+        if not len(self.deleted):
+            return self.deleted
+        distance, nearest = KDTree(body.base.numpy()).query(body.mesh.vertices.numpy())
+        hidden = torch.isin(torch.from_numpy(nearest), self.deleted) & (torch.from_numpy(distance) < SAME)
+        return torch.nonzero(hidden).squeeze(1)
 
 
 def fit_clothes(path: Path, body: Body) -> tuple[Mesh, Binding]:
@@ -69,7 +89,19 @@ def fit_clothes(path: Path, body: Body) -> tuple[Mesh, Binding]:
     last = max(int(binding.corners.max()), *(max(one, other) for one, other, _ in binding.scales.values()), 0)
     if last >= len(body.base):
         raise InputError(f"{path}: is bound to vertex {last}, the base mesh has {len(body.base)} vertices")
-    return Mesh(binding.place(body.base), mesh.faces, mesh.uvs, mesh.face_uvs), binding
+    mesh = replace(mesh, vertices=binding.place(body.base))
+    return _with_material(mesh, binding.material) if binding.material else mesh, binding
+
+
+def _with_material(mesh: Mesh, path: Path) -> Mesh:
+    """The mesh all of one material, or as it is, with a note, where its file is not there."""
+    if not isinstance(mesh, AuthoredMesh):
+        return mesh
+    material, missing = read_mhmat(path)
+    polygons = replace(mesh.polygons, missing=mesh.polygons.missing + missing)
+    if path.is_file():
+        polygons = replace(polygons, materials=(material,), material=np.zeros_like(polygons.material))
+    return replace(mesh, polygons=polygons)
 
 
 def read_binding(path: Path) -> Binding:
@@ -77,7 +109,9 @@ def read_binding(path: Path) -> Binding:
     path = Path(path)
     bound: list[list[float]] = []
     scales: dict[str, tuple[int, int, float]] = {}
-    obj, depth, section = "", 0, ""
+    files = {"obj_file": "", "material": ""}
+    depth, section = 0, ""
+    deleted: list[int] = []
     for number, line in enumerate(read_text(path), start=1):
         try:
             match line.split():
@@ -87,29 +121,45 @@ def read_binding(path: Path) -> Binding:
                     continue
                 case ["basemesh", name] if name != BASE_MESH:
                     raise InputError(f"{path}: made for the base mesh {name}, expected {BASE_MESH}")
-                case ["obj_file", *words]:
-                    obj = " ".join(words)
+                case ["obj_file" | "material" as key, *words]:
+                    files[key] = " ".join(words)
                 case ["x_scale" | "y_scale" | "z_scale" as key, one, other, distance]:
                     scales[key[0]] = (_index(one), _index(other), _positive(distance))
                 case ["z_depth", layer]:
                     depth = int(layer)
                 case [_, *_] as words if section == "verts" and words[0].isdigit():
                     bound.append(_vertex(words))
+                case [_, *_] as words if section == "delete_verts":
+                    deleted.extend(_range(words))
         except ValueError as error:
             if isinstance(error, InputError):
                 raise
             raise InputError(f"{path}, line {number}: not a readable MHCLO file ({error})") from error
-    if not obj or not bound:
+    if not files["obj_file"] or not bound:
         raise InputError(f"{path}: not a readable MHCLO file, it names no obj_file or binds no vertices")
     rows = torch.tensor(bound, dtype=torch.float64)
     return Binding(
-        obj=path.parent / obj,
+        obj=path.parent / files["obj_file"],
         corners=rows[:, :3].long(),
         weights=rows[:, 3:6].float(),
         offsets=rows[:, 6:].float(),
         scales=scales,
         depth=depth,
+        deleted=torch.tensor(deleted, dtype=torch.int64),
+        material=path.parent / files["material"] if files["material"] else None,
     )
+
+
+def _range(words: list[str]) -> list[int]:
+    """Vertices of a line such as `3 5 - 7`: 3, 5, 6, 7."""
+    found: list[int] = []
+    for place, word in enumerate(words):
+        if word == "-":
+            continue
+        last = _index(word)
+        first = found[-1] + 1 if place and words[place - 1] == "-" and found else last
+        found.extend(range(first, last + 1))
+    return found
 
 
 def _vertex(words: list[str]) -> list[float]:

@@ -8,6 +8,7 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.garments.fit import make_fitted
 from uvcloth.garments.garment import Garment
+from uvcloth.geometry.authored import part_of
 from uvcloth.geometry.mesh import Mesh, face_normals, weld
 from uvcloth.physics.layers import wrong_side_percent
 
@@ -24,7 +25,7 @@ def split(name: str, mesh: Mesh, body: Body, template: str | None) -> tuple[Garm
     piece = pieces(mesh)
     if int(piece.max()) == 0:
         return (make_fitted(name, mesh, body, template)[0],)
-    parts = [make_fitted(name, part(mesh, piece == index), body, template)[0] for index in piece.unique()]
+    parts = [make_fitted(name, part_of(mesh, piece == index), body, template)[0] for index in piece.unique()]
     return layered(_named(name, parts))
 
 
@@ -52,14 +53,6 @@ def pieces(mesh: Mesh) -> Tensor:
     joined[component[at_closest]] = component[belongs][torch.from_numpy(nearest)[at_closest]]
     joined = torch.where(large, torch.arange(len(areas)), joined)
     return torch.unique(joined[component], return_inverse=True)[1]
-
-
-def part(mesh: Mesh, chosen: Tensor) -> Mesh:
-    """Mesh of the chosen vertices (N,) bool in their order, and of the faces between them."""
-    kept = chosen[mesh.faces].all(1)
-    number = chosen.long().cumsum(0) - 1
-    used, face_uvs = torch.unique(mesh.face_uvs[kept], return_inverse=True)
-    return Mesh(mesh.vertices[chosen], number[mesh.faces[kept]], mesh.uvs[used], face_uvs)
 
 
 def layered(garments: list[Garment]) -> tuple[Garment, ...]:

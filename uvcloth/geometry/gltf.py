@@ -51,6 +51,12 @@ class Gltf:
             return np.maximum(values / largest, -1.0)
         return values.astype(kind.newbyteorder("="))
 
+    def view(self, index: int) -> bytes:
+        """Bytes of a buffer view, such as an image."""
+        view = self.entries("bufferViews")[index]
+        start = view.get("byteOffset", 0)
+        return self._buffer(view["buffer"])[start : start + view["byteLength"]]
+
     def _buffer(self, index: int) -> bytes:
         uri = self.entries("buffers")[index].get("uri")
         if uri is None:

@@ -1,6 +1,7 @@
 """Rotation matrices: applied to vectors, and to and from quaternions, axis-angles and Euler angles.
 
-The conversions are kornia's, imported where they are used: who only rotates vectors need not have it.
+The conversions that need care are kornia's, imported where they are used: that takes a second, which who
+reads a clip as it is does not pay.
 """
 
 import torch
@@ -27,9 +28,12 @@ def to_quaternions(rotations: Tensor) -> Tensor:
 
 def from_quaternions(quaternions: Tensor) -> Tensor:
     """Rotations (..., 3, 3) of quaternions x, y, z, w of any length above zero, (..., 4)."""
-    from kornia.geometry.conversions import quaternion_to_rotation_matrix
-
-    return quaternion_to_rotation_matrix(quaternions.roll(1, dims=-1))
+    vectors, (w,) = quaternions[..., :3], quaternions[..., 3:].unbind(-1)
+    x, y, z = vectors.unbind(-1)
+    none = torch.zeros_like(w)
+    cross = torch.stack([none, -z, y, z, none, -x, -y, x, none], dim=-1).unflatten(-1, (3, 3))
+    scale = 2.0 / quaternions.square().sum(-1)[..., None, None]
+    return torch.eye(3).to(cross) + scale * (w[..., None, None] * cross + cross @ cross)
 
 
 def to_axis_angles(rotations: Tensor) -> Tensor:
@@ -53,8 +57,18 @@ def from_euler(axes: str, angles: Tensor) -> Tensor:
     """
     product = torch.eye(3).to(angles).expand(*angles.shape[:-1], 3, 3)
     for axis, angle in zip(axes, angles.unbind(-1), strict=True):
-        product = product @ from_axis_angles(angle[..., None] * torch.eye(3)["xyz".index(axis)].to(angle))
+        product = product @ _about("xyz".index(axis), angle)
     return product
+
+
+def _about(axis: int, angle: Tensor) -> Tensor:
+    """Rotations (..., 3, 3) about one coordinate axis by angles (...)."""
+    turned, across = (axis + 1) % 3, (axis + 2) % 3
+    rotation = torch.eye(3).to(angle).repeat(*angle.shape, 1, 1)
+    rotation[..., turned, turned] = rotation[..., across, across] = angle.cos()
+    rotation[..., across, turned] = angle.sin()
+    rotation[..., turned, across] = -angle.sin()
+    return rotation
 
 
 def smallest_rotation(source: Tensor, target: Tensor) -> Tensor:

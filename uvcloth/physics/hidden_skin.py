@@ -1,4 +1,4 @@
-"""Skin that is never seen: faces of the body that garments cover closely in every frame."""
+"""Skin that is never seen: faces of the body that garments cover closely in every frame, or say they hide."""
 
 from collections.abc import Sequence
 
@@ -22,12 +22,17 @@ MARGIN = 2
 class HiddenSkin:
     """Faces of a body that were covered in all frames so far."""
 
-    def __init__(self, body: Body, garments: Sequence[Mesh]) -> None:
+    def __init__(self, body: Body, garments: Sequence[Mesh], hides: Sequence[Tensor] = ()) -> None:
+        """Begin with garments at rest; hides: vertices (K,) of the body that garments hide in any pose."""
         outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in garments)
         self._cloth = Shell(outfit.vertices, outfit.faces)
         self._faces = body.mesh.faces
         self._count = len(body.mesh.vertices)
         self._covered = torch.ones(len(body.mesh.faces), dtype=torch.bool)
+        vertices = torch.zeros(len(body.mesh.vertices), dtype=torch.bool)
+        for each in hides:
+            vertices[each] = True
+        self._declared = vertices[body.mesh.faces].all(1)
 
     def add(self, garments: Sequence[Tensor], body_vertices: Tensor) -> None:
         """Add a frame: garments (N, 3) m and the posed body (V, 3) m."""
@@ -44,4 +49,4 @@ class HiddenSkin:
             seen = torch.zeros(self._count, dtype=torch.bool)
             seen[self._faces[~hidden]] = True
             hidden = hidden & ~seen[self._faces].any(1)
-        return hidden
+        return hidden | self._declared

@@ -123,7 +123,7 @@ def _simulate_all(todo: Sequence[Job], body: Body, engine: Engine, workers: Work
     """
     try:
         import dask
-        from dask.distributed import KilledWorker, LocalCluster, as_completed
+        from dask.distributed import LocalCluster, as_completed
     except ModuleNotFoundError as error:
         raise InputError("simulating needs dask and Newton: install uvcloth[simulate]") from error
     with ExitStack() as stack:
@@ -156,13 +156,7 @@ def _simulate_all(todo: Sequence[Job], body: Body, engine: Engine, workers: Work
         submit()
         for future in running:
             job = waiting.pop(future)
-            try:
-                sequences, reason = future.result()
-            except (CancelledError, KilledWorker) as error:
-                raise InputError(
-                    f"{job.motion.name}: the process that simulated it has ended or was not heard of for too "
-                    "long; what is finished is kept, run the command again to go on"
-                ) from error
+            sequences, reason = _finished(future, job)
             progress.advance(bar, _frames(job) - len(sequences[0].vertices))
             for sequence, target in zip(sequences, job.targets, strict=True):
                 progress.console.print(_store(sequence, reason, target), soft_wrap=True)
@@ -170,6 +164,20 @@ def _simulate_all(todo: Sequence[Job], body: Body, engine: Engine, workers: Work
             submit()
             if not progress.console.is_terminal:
                 print(progress_text(progress.tasks[0], datetime.now()), flush=True)
+
+
+def _finished(future: Any, job: Job) -> tuple[list[SimulatedSequence], str | None]:
+    """The sequences of a finished job and why they are refused. Raises InputError if its worker is lost."""
+    from dask.distributed import KilledWorker
+
+    try:
+        result: tuple[list[SimulatedSequence], str | None] = future.result()
+    except (CancelledError, KilledWorker) as error:
+        raise InputError(
+            f"{job.motion.name}: the process that simulated it has ended or was not heard of for too "
+            "long; what is finished is kept, run the command again to go on"
+        ) from error
+    return result
 
 
 def _cloths(outfits: Sequence[Sequence[str]], body: Body) -> list[tuple[Cloth, ...]]:

@@ -9,10 +9,11 @@ from torch import Tensor
 from rasterize.errors import InputError
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.loading import load_garment
+from uvcloth.garments.loading import load_outfit
+from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.methods.registry import DEFAULT, METHODS, load_methods
 from uvcloth.motion.library import builtin_clips, load_clip
-from uvcloth.rollout import rollout
+from uvcloth.rollout import rollout_proxied, with_proxies
 from uvcloth.simulate.sequence import REST_TOLERANCE, SimulatedSequence, load_sequence
 from uvcloth.view.computation import Performance
 
@@ -79,20 +80,23 @@ class Choices:
             transforms, fps = clip.transforms(), clip.fps
         if not garments:
             raise InputError("choose a garment")
-        outfit = Outfit(body, tuple(load_garment(name, body) for name in garments))
+        outfit = Outfit(body, load_outfit(garments, body))
         if sequence is not None:
             _require_same(chosen.motion, sequence, outfit)
         method = load_methods([chosen.model], body)
         if reason := method.unsupported_reason(outfit):
             raise InputError(reason)
         truth: Tensor | None = None if sequence is None else sequence.vertices
+        # What was simulated is compared vertex by vertex.
+        as_is = sequence is not None or not chosen.contact
+        proxied = ProxiedOutfit.as_is(outfit) if as_is else with_proxies(outfit, method)
         return Performance(
             title=Path(chosen.motion).stem,
             body=body,
-            meshes=[garment.mesh for garment in outfit.garments],
+            meshes=proxied.meshes,
             count=len(transforms),
             fps=fps,
-            frames=rollout(method, outfit, transforms, fps, chosen.contact, keep_going=True),
+            frames=rollout_proxied(method, proxied, transforms, fps, chosen.contact, keep_going=True),
             truth=truth,
         )
 

@@ -20,7 +20,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.joined_legs import joined_rays, leg_faces, leg_slices
 from uvcloth.bodies.layout import layout_of
 from uvcloth.garments.garment import Garment
-from uvcloth.geometry.mesh import Mesh, vertex_normals
+from uvcloth.geometry.mesh import Mesh, vertex_normals, weld
 
 SKIRT_REACH = 0.6
 """Metres within which rays from the joined legs may meet cloth; for others GARMENT_RAY_LENGTH."""
@@ -141,7 +141,9 @@ def build_decoder(garment: Garment, template: TemplateTexels, texels: BodyTexels
     points, normals = missed.clone(), missed
     points[template.texels], normals[template.texels] = template.points, template.normals
     vertices = garment.mesh.vertices
-    facing = (normals, vertex_normals(vertices, garment.mesh.faces))
+    # Vertices at one place (UV seams) have one normal, or they would come apart.
+    owner = weld(vertices)
+    facing = (normals, vertex_normals(vertices, owner[garment.mesh.faces])[owner])
     sampler = nearest_sampler(points, texels.sheet, vertices, normals=facing)
     samples = torch.searchsorted(template.pixels, sampler.pixels)
     shares = sampler.weights

@@ -1,0 +1,57 @@
+"""OBJ sequences: a file per frame, NAME_00000.obj and on, with all garments and the body as objects."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from uvcloth.export.animation import Animation, posed_body
+from uvcloth.export.obj import faces_text, save_materials
+from uvcloth.geometry.authored import Polygons, SurfaceMaterial, polygons_of
+
+
+def write_obj_sequence(animation: Animation, path: Path) -> None:
+    """Write NAME_00000.obj, NAME_00001.obj, ... and NAME.mtl beside path (NAME.obj): metres, Z up."""
+    meshes = [*animation.meshes, *([animation.body.mesh] if animation.body else [])]
+    names = [*animation.names, *(["body"] if animation.body else [])]
+    parts = [_named(polygons_of(mesh), name) for mesh, name in zip(meshes, names, strict=True)]
+    materials = tuple(material for part in parts for material in part.materials)
+    head = "# metres, Z up\n"
+    if materials:
+        save_materials(materials, path.with_suffix(".mtl"))
+        head += f"mtllib {path.stem}.mtl\n"
+    faces, vertex, uv = "", 1, 1
+    for part, mesh, name in zip(parts, meshes, names, strict=True):
+        faces += faces_text(part, name, vertex, uv)
+        vertex += len(mesh.vertices)
+        uv += len(part.uv_sets[0].uvs) if part.uv_sets else 0
+    for frame, places in enumerate(_frames(animation)):
+        with path.with_name(f"{path.stem}_{frame:05d}.obj").open("w", encoding="utf-8") as stream:
+            stream.write(head)
+            for part, points in zip(parts, places, strict=True):
+                if part.colors is None:
+                    np.savetxt(stream, points, "v %.6f %.6f %.6f")
+                else:
+                    colored = np.concatenate([points, part.colors[:, :3]], axis=1)
+                    np.savetxt(stream, colored, "v" + 6 * " %.6f")
+            stream.write(faces)
+
+
+def _named(polygons: Polygons, name: str) -> Polygons:
+    """The polygons with material names that no other garment of the file has."""
+
+    def own(material: SurfaceMaterial) -> SurfaceMaterial:
+        return replace(material, name=f"{name}_{material.name}")
+
+    return replace(polygons, materials=tuple(map(own, polygons.materials)))
+
+
+def _frames(animation: Animation) -> Iterator[list[np.ndarray]]:
+    """Vertices (N, 3) m of every garment, and of the body if there is one, frame by frame."""
+    bodies = posed_body(animation) if animation.body else None
+    for frames in animation.chunks():
+        posed = None if bodies is None else next(bodies)
+        for offset, frame in enumerate(range(frames.start, frames.stop)):
+            places = [vertices[frame] for vertices in animation.vertices]
+            yield places if posed is None else [*places, posed[offset]]

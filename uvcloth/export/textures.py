@@ -1,0 +1,17 @@
+"""Texture files beside what names them."""
+
+from pathlib import Path
+
+from rasterize.atomic import atomic_write
+from uvcloth.geometry.authored import Texture
+
+
+def save_texture(texture: Texture, beside: Path) -> str:
+    """Write a texture beside a file, named after both, and return its name.
+
+    Raises InputError if it cannot be written.
+    """
+    name = f"{beside.stem}_{texture.name}{texture.suffix}".replace(" ", "_")
+    with atomic_write(beside.with_name(name)) as partial:
+        partial.write_bytes(texture.content)
+    return name

@@ -1,0 +1,56 @@
+"""Subdivision of triangle meshes until no edge is long; the vertices that there were stay the first."""
+
+import torch
+from torch import Tensor
+
+from uvcloth.geometry.mesh import Mesh, edge_lengths
+
+MOST_ROUNDS = 8
+"""Times that an edge is halved at most."""
+
+PATTERNS = (
+    torch.tensor([[0, 1, 2]]),
+    torch.tensor([[0, 3, 2], [3, 1, 2]]),
+    torch.tensor([[3, 1, 4], [0, 3, 4], [0, 4, 2]]),
+    torch.tensor([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]),
+)
+"""Triangles of a face by how many of its edges are halved: corners 0 to 2, then the middle of the edge after
+each. Of one edge it is the first, of two the first two."""
+
+
+def subdivide(mesh: Mesh, longest: float) -> Mesh:
+    """Halve edges longer than `longest`, m, until there is none (at most MOST_ROUNDS times).
+
+    Faces stay joined, and so do vertices at one place (UV seams). New vertices follow those of the mesh.
+    """
+    for _ in range(MOST_ROUNDS):
+        around = mesh.faces.roll(-1, 1)
+        long = edge_lengths(mesh.vertices, torch.stack([mesh.faces, around], dim=2).reshape(-1, 2)) > longest
+        if not bool(long.any()):
+            break
+        split = long.reshape(-1, 3)
+        turn = (_first_split(split)[:, None] + torch.arange(3)) % 3
+        vertices, faces = _halved(mesh.vertices, mesh.faces, split, turn)
+        uvs, face_uvs = mesh.uvs, mesh.face_uvs
+        if len(uvs):
+            uvs, face_uvs = _halved(uvs, face_uvs, split, turn)
+        mesh = Mesh(vertices, faces, uvs, face_uvs)
+    return mesh
+
+
+def _first_split(split: Tensor) -> Tensor:
+    """Edge (F,) of each face from which on its halved edges (F, 3) bool follow one another."""
+    after_whole = split & ~split.roll(1, 1)
+    return after_whole.int().argmax(1)
+
+
+def _halved(points: Tensor, faces: Tensor, split: Tensor, turn: Tensor) -> tuple[Tensor, Tensor]:
+    """Points (P, D) and faces (F, 3) with the chosen edges halved; turn: (F, 3) the order of the corners."""
+    edges = torch.stack([faces, faces.roll(-1, 1)], dim=2)
+    chosen, place = torch.unique(edges[split].sort(dim=1).values, dim=0, return_inverse=True)
+    middles = torch.full_like(faces, -1)
+    middles[split] = len(points) + place
+    six = torch.cat([faces.gather(1, turn), middles.gather(1, turn)], dim=1)
+    count = split.sum(1)
+    parts = [six[count == halves][:, pattern].reshape(-1, 3) for halves, pattern in enumerate(PATTERNS)]
+    return torch.cat([points, points[chosen].mean(1)]), torch.cat(parts)
