@@ -81,7 +81,7 @@ def write_character(
         joints, weights = strongest(body.weights[used], 4)
         primitive["attributes"] |= add_influences(document, joints[source], weights[source])
         primitive["material"] = document.material(piece.material, (0.5, 0.5, 0.5))
-        document.mesh(piece.name, primitive, 0 if skinned else None)
+        document.mesh(piece.name, [primitive], 0 if skinned else None)
     if not skinned:
         document.skins.clear()
     document.write(path)

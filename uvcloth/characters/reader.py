@@ -61,7 +61,7 @@ def read_character(path: Path) -> Character:
     file = read_gltf(path)
     try:
         return _read(file)
-    except (KeyError, IndexError, TypeError, ValueError, np.linalg.LinAlgError) as error:
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError, np.linalg.LinAlgError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{path}: the glTF file cannot be understood ({error!r})") from error
