@@ -61,7 +61,7 @@ def read_character(path: Path) -> Character:
     file = read_gltf(path)
     try:
         return _read(file)
-    except (KeyError, IndexError, TypeError, ValueError, np.linalg.LinAlgError) as error:
+    except (KeyError, IndexError, TypeError, ValueError, AttributeError, np.linalg.LinAlgError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"{path}: the glTF file cannot be understood ({error!r})") from error
@@ -148,7 +148,8 @@ def _part(
     placed = points[used] @ to_bind[:3, :3].T + to_bind[:3, 3]
     if np.linalg.det(to_bind[:3, :3]) < 0:
         faces = faces[:, ::-1].copy()
-    uvs, face_uvs = np.zeros((0, 2), np.float32), np.zeros((len(faces), 3), np.int64)
+    uvs: np.ndarray = np.zeros((0, 2), np.float32)
+    face_uvs = np.zeros((len(faces), 3), np.int64)
     if "TEXCOORD_0" in attributes:
         # glTF measures the second coordinate from the top of the picture.
         uvs = file.array(attributes["TEXCOORD_0"])[used].astype(np.float32) * [1, -1] + [0, 1]
