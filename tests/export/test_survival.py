@@ -119,7 +119,7 @@ def test_an_obj_sequence_is_a_file_per_frame(drawn: AuthoredMesh, tmp_path: Path
         "walk.mtl",
         "walk_00000.obj",
         "walk_00001.obj",
-        "walk_cloth_1.png",
+        "walk_vest_cloth_1.png",
     ]
     for frame in range(2):
         path = tmp_path / f"walk_{frame:05d}.obj"
@@ -214,6 +214,7 @@ def test_usd_has_polygons_subsets_and_materials(drawn: AuthoredMesh, tmp_path: P
     shader = bound.ComputeSurfaceSource("")[0]
     picture = UsdShade.Shader(shader.GetInput("diffuseColor").GetConnectedSource()[0].GetPrim())
     file = picture.GetInput("file").Get().path
+    assert file == "./walk_vest_cloth_1.png"
     assert (tmp_path / file).read_bytes() == (tmp_path / "in" / "cloth 1.png").read_bytes()
 
 

@@ -32,7 +32,9 @@ def write_usd(animation: Animation, path: Path) -> None:
         stage.SetDefaultPrim(root.GetPrim())
         for index, identifier in enumerate(identifiers(animation.names)):
             geometry = _write_garment(stage, animation, index, f"/Outfit/{identifier}")
-            add_subsets(stage, geometry, animation.meshes[index], path)
+            # Two garments may have textures of one name.
+            beside = path.with_stem(f"{path.stem}_{identifier}")
+            add_subsets(stage, geometry, animation.meshes[index], beside)
         if body := animation.body:
             UsdSkel.Root.Define(stage, "/Outfit/body")
             skeleton = add_skeleton(stage, "/Outfit/body/skeleton", body.skeleton)

@@ -13,7 +13,7 @@ from uvcloth.geometry.mesh import Mesh
 
 
 def add_subsets(stage: Any, geometry: Any, mesh: Mesh, path: Path) -> None:
-    """Add what the polygons of a mesh are called and made of, with the textures beside the file at path."""
+    """Add what the polygons of a mesh are called and made of; textures lie beside path, named after it."""
     from pxr import UsdShade
 
     polygons = polygons_of(mesh)
