@@ -64,10 +64,12 @@ def test_names_axes_unit_and_pose_of_a_file_do_not_matter(body: Body, tmp_path: 
     # Joints that the file's names do not tell lie as in our body.
     assert float(off.max()) < 0.02
     trunk = body.mesh.faces[body.regions != REGIONS.index("head")].unique()
-    gap = (rigged.parts[1].mesh.vertices - body.mesh.vertices[trunk]).norm(dim=1)
-    # Skinning to the T-pose and back is exact only where a vertex follows one joint.
-    assert float(gap.median()) < 1e-4
-    assert float(gap.quantile(0.95)) < 0.01
+    gap = torch.zeros(len(body.mesh.vertices))
+    gap[trunk] = (rigged.parts[1].mesh.vertices - body.mesh.vertices[trunk]).norm(dim=1)
+    assert float(gap[region_vertices(body, ("thigh", "calf", "foot"))].max()) < 1e-4
+    assert float(gap[region_vertices(body, ("torso",))].quantile(0.95)) < 0.01
+    # Nothing tells how far an arm is twisted about itself between the two poses.
+    assert float(gap[region_vertices(body, ("upper_arm", "forearm"))].max()) < 0.03
     legs = body.weights[trunk][:, body.skeleton.names.index("LeftLeg")]
     own = rigged.parts[1].weights[:, body.skeleton.names.index("LeftLeg")]
     torch.testing.assert_close(own, legs, atol=0.03, rtol=0)

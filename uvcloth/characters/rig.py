@@ -34,9 +34,6 @@ HEIGHTS = (0.5, 3.0)
 UNITS = {"m": 1.0, "cm": 0.01, "dm": 0.1, "inches": 0.0254, "mm": 0.001, "hundreds of metres": 100.0}
 """Units that a file may be in, the first that makes a height of these taken; glTF's is the metre."""
 
-LEAST_BEND = 0.15
-"""Sine of the bend of an elbow from which on it tells how the arm is twisted."""
-
 LEAST_BONE = 0.01
 """Metres below which a limb has no direction."""
 
@@ -172,38 +169,20 @@ def _trunk(known: Mapping[int, Tensor], trunk: list[int], usual: Tensor) -> dict
 def _to_rest(bind: Skeleton, pattern: Body, ours: Mapping[str, int]) -> tuple[Tensor, float]:
     """Rotations (J, 3, 3) from the bind pose to the pattern's rest pose, and the largest in degrees."""
     source, target = (bone_directions(heads, ours) for heads in (bind.heads, pattern.skeleton.heads))
-    aligned = {role: smallest_rotation(source[role], target[role]) for role in source}
-    for side in ("left", "right"):
-        arm, forearm, hand = (f"{side}_{part}" for part in ("upper_arm", "forearm", "hand"))
-        hinges = [_hinge(bones[arm], bones[forearm]) for bones in (source, target)]
-        if hinges[0] is not None and hinges[1] is not None:
-            for bone in (arm, forearm):
-                aligned[bone] = _frame(target[bone], hinges[1]) @ _frame(source[bone], hinges[0]).T
-        swing = smallest_rotation(unit(aligned[forearm] @ source[hand]), target[hand])
-        aligned[hand] = swing @ aligned[forearm]
     role_of = {joint: role for role, joint in ours.items()}
     turns: list[Tensor] = []
+    largest = 0.0
     for joint, parent in enumerate(bind.parents):
         role = role_of.get(joint, "")
-        if role in aligned:
-            turns.append(aligned[role])
+        if role in source:
+            turns.append(smallest_rotation(source[role], target[role]))
+            cosine = float((source[role] @ target[role]).clamp(-1.0, 1.0))
+            largest = max(largest, float(torch.tensor(cosine).acos().rad2deg()))
         elif role and not role.endswith("fingers"):
             turns.append(torch.eye(3))
         else:
             turns.append(turns[parent] if parent >= 0 else torch.eye(3))
-    cosines = torch.stack([source[role] @ target[role] for role in source])
-    return torch.stack(turns), float(cosines.min().clamp(-1.0, 1.0).acos().rad2deg())
-
-
-def _hinge(first: Tensor, second: Tensor) -> Tensor | None:
-    """Axis (3,) that two bones (3,) bend about, None where they are too straight to tell it."""
-    axis = torch.linalg.cross(first, second)
-    return unit(axis) if float(axis.norm()) > LEAST_BEND else None
-
-
-def _frame(bone: Tensor, hinge: Tensor) -> Tensor:
-    """Rotation (3, 3) whose columns are a bone, its hinge, and what is at right angles to both."""
-    return torch.stack([bone, hinge, torch.linalg.cross(bone, hinge)], dim=1)
+    return torch.stack(turns), largest
 
 
 def _owners(character: Character, roles: Mapping[str, int], ours: Mapping[str, int]) -> Tensor:
