@@ -49,8 +49,7 @@ def run(out: Path) -> None:
     skirt = str(files("uvcloth") / "data" / "garments" / GARMENT)
     console.print(
         "2. Rolling the shipped models out on the same clip: Motion-guided on its dress, PhysXNet on a shirt "
-        "and a skirt it never saw. The models that ship were trained on older, overdamped simulations and "
-        "are being retrained."
+        "and a skirt it never saw"
     )
     for name, model, garments in (
         ("dress", MODELS["dress"], ["dress"]),
