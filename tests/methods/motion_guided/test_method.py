@@ -235,7 +235,7 @@ def test_the_model_that_ships_swings_on_when_the_body_stops(body, dress):
     assert moved(frames, chest)[0] > 0.9 * moved(carried, chest)[0]
     swing = moved(frames, hem)[5:]
     assert swing[0] > 10.0
-    assert swing[0] > 3.0 * moved(frames, chest)[5]
+    assert swing.sum() > 3.0 * moved(frames, chest)[5:].sum()
     assert swing[-1] < 0.2 * swing[0]
     edges = unique_edges(dress.mesh.faces)
     lengths = edge_lengths(dress.mesh.vertices, edges)
