@@ -11,6 +11,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from rasterize.errors import InputError
+from rasterize.reading import read_content
 
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
 TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
@@ -73,12 +74,7 @@ class Gltf:
 def read_gltf(path: Path) -> Gltf:
     """Read a .glb or .gltf file. Raises InputError naming the file if it is none."""
     path = Path(path)
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    content = read_content(path)
     try:
         text, binary = _chunks(content) if content[:4] == MAGIC else (content, b"")
         document = json.loads(text)

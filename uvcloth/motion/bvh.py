@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from rasterize.errors import InputError
+from rasterize.reading import read_content
 from uvcloth.geometry.rotations import from_euler
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.hierarchy import Hierarchy, to_clip
@@ -64,12 +65,7 @@ def read_bvh(path: Path) -> Clip:
 
 
 def _lines(path: Path) -> list[str]:
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    content = read_content(path)
     if b"\0" in content:
         raise InputError(f"{path}: not a BVH file, it is not text")
     try:
