@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
@@ -59,8 +60,14 @@ def make(
     elif phenotype:
         from uvcloth.bodies.anny import make_body
 
-        print("Making the body (the first time Anny builds its rig, which takes minutes) ...", flush=True)
-        body = make_body(out.stem, dict(phenotype))
+        console = Console(stderr=True)
+        console.print("Anny's shapes are read once, two to six minutes; later bodies take seconds")
+        waiting = Progress(
+            SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), console=console
+        )
+        with waiting:
+            waiting.add_task("making the body", total=None)
+            body = make_body(out.stem, dict(phenotype))
     else:
         body = replace(load_body(body_file), name=out.stem)
     match out.suffix.lower():
