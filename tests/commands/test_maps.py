@@ -10,6 +10,7 @@ import torch
 
 from rasterize.exr import read_exr
 from tests.small_body import small_body
+from uvcloth import cli
 from uvcloth.bodies.body import Body, save_body
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
@@ -74,12 +75,18 @@ def test_maps_hold_the_motion_and_the_offset(sequence: Path, tmp_path: Path) -> 
     ],
 )
 def test_bad_input_is_one_sentence(
-    sequence: Path, tmp_path: Path, arguments: list[str], sentence: str
+    sequence: Path,
+    tmp_path: Path,
+    arguments: list[str],
+    sentence: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     save_body(small_body(), tmp_path / "box.npz")
     places = {"file": str(sequence), "out": str(tmp_path / "maps"), "folder": str(tmp_path)}
-    done = run(*(argument.format(**places) for argument in arguments))
-    assert done.returncode == 2
-    assert sentence in done.stderr
-    assert "Traceback" not in done.stderr
+    monkeypatch.setattr(sys, "argv", ["uvcloth", "maps", *(each.format(**places) for each in arguments)])
+    assert cli.main() == 2
+    printed = capsys.readouterr().err
+    assert sentence in printed
+    assert "Traceback" not in printed
     assert not (tmp_path / "maps").exists()
