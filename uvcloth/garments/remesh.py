@@ -43,6 +43,7 @@ def remesh(vertices: Array, faces: Indices, count: int, *, even: bool = True) ->
     triangles = np.asarray(clustered.faces).reshape(-1, 4)[:, 1:].astype(np.int64)
     points, triangles = largest(points, triangles)
     source = surface_of(vertices, faces)
+    triangles = _turned_as(source, faces, points, triangles)
     hems = [vertices[run] for run in boundary_loops(faces)]
     rims = boundary_loops(triangles)
     for turn in range(RELAXATIONS):
@@ -51,7 +52,7 @@ def remesh(vertices: Array, faces: Indices, count: int, *, even: bool = True) ->
         points = source.closest(torch.from_numpy(points).float()).points.numpy().astype(np.float64)
         for rim in rims:
             points[rim] = _snapped(points[rim], hems)
-    return points, _turned_as(source, faces, points, triangles)
+    return points, triangles
 
 
 def largest(vertices: Array, faces: Indices) -> tuple[Array, Indices]:
