@@ -2,8 +2,8 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
@@ -109,10 +109,10 @@ def make_wardrobe(wardrobe: Wardrobe) -> None:
     todo = [job for job in jobs if not _is_there(job)]
     console = Console(stderr=True)
     refused: Counter[str] = Counter()
-    with _workers(wardrobe.jobs, len(todo)) as submit, Progress(console=console) as progress:
+    with _workers(wardrobe.jobs, len(todo)) as made, Progress(console=console) as progress:
         bar = progress.add_task(f"{len(todo)} outfits", total=len(todo))
-        for future in as_completed([submit(job) for job in todo]):
-            refused.update(future.result())
+        for reasons in made(todo):
+            refused.update(reasons)
             progress.advance(bar)
             done = int(progress.tasks[bar].completed)
             if not console.is_terminal and (done % 25 == 0 or done == len(todo)):
@@ -185,22 +185,16 @@ def _is_there(job: _Job) -> bool:
 
 
 @contextmanager
-def _workers(jobs: int | None, work: int) -> Iterator:
-    """Function that submits a job to processes, or runs it here where there is but one."""
+def _workers(jobs: int | None, work: int) -> Iterator[Callable[[Sequence[_Job]], Iterator[list[str]]]]:
+    """Function that makes outfits, in processes or here where one is enough, and yields what `_make` does."""
     count = min(jobs or os.cpu_count() or 1, work)
     if count <= 1:
-
-        def run(job: _Job) -> Future:
-            future: Future = Future()
-            future.set_result(_make(job))
-            return future
-
-        yield run
+        yield lambda todo: map(_make, todo)
         return
     # Threads of torch and warp do not survive a fork.
     with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
         try:
-            yield lambda job: pool.submit(_make, job)
+            yield lambda todo: (done.result() for done in as_completed([pool.submit(_make, j) for j in todo]))
         except BaseException:
             pool.shutdown(wait=True, cancel_futures=True)
             raise
