@@ -13,8 +13,8 @@ from uvcloth.wardrobe.sew import Meshing
 Alternatives = Sequence[tuple[float, float]]
 
 NONE: Alternatives = ((0.0, 0.0),)
-SHORT, LONG = (0.3, 0.85), (1.35, 2.04)
-"""Lengths of short and of long sleeves; between them a cuff would lie in the crook of the arm."""
+SHORT, LONG = (0.3, 0.85), (1.35, 1.85)
+"""Lengths of short and of long sleeves; between them a cuff would lie in the crook of the arm, longer on the hand."""
 
 Intervals = Mapping[str, Alternatives]
 
