@@ -14,7 +14,7 @@ Alternatives = Sequence[tuple[float, float]]
 
 NONE: Alternatives = ((0.0, 0.0),)
 SHORT, LONG = (0.3, 0.85), (1.35, 1.85)
-"""Lengths of short and of long sleeves; between them a cuff would lie in the crook of the arm, longer on the hand."""
+"""Lengths of short and of long sleeves: no cuff lies in the crook of the arm or on the hand."""
 
 Intervals = Mapping[str, Alternatives]
 
