@@ -12,7 +12,6 @@ from torch import Tensor, nn
 from rasterize.errors import InputError
 from train.clips import Holdout, check_rests, frames_of, hold_out, load_training_clips, training_data
 from train.loop import Objective
-from train.operators import Operator, differences, sampling
 from train.physxnet.frames import Frames, body_vertices, load_frames
 from train.physxnet.patchgan import PatchGAN, discriminator_loss, generator_loss
 from train.physxnet.prepare import Prepared, prepare
@@ -20,6 +19,7 @@ from train.validation import rollout_errors
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.checkpoint import save_checkpoint
 from uvcloth.geometry.mesh import edge_lengths
+from uvcloth.geometry.operators import Operator, differences, sampling
 from uvcloth.geometry.records import CPU, to_device
 from uvcloth.methods.lbs import LinearBlendSkinning, SkinnedGarment
 from uvcloth.methods.method import Method, for_inference
