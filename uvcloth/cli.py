@@ -410,12 +410,14 @@ class Poses:
 
 @dataclass(frozen=True)
 class Export:
-    """Write a method that is a rig (PBNS) for engines: skeleton, skin, blend shapes and their motion."""
+    """Write a method that is a rig (PBNS, DeePSD) for engines: skeleton, skin, blend shapes and motion."""
 
     model: Annotated[str, arg(metavar="pbns|RUN")]
-    """pbns as it ships (a shirt over trousers), or a folder written by `python -m train pbns`."""
+    """pbns as it ships (a shirt over trousers), or a folder written by `python -m train pbns` or `deepsd`."""
     out: Path
     """What to write: .glb, .usdc or .usd."""
+    garment: Garments = ()
+    """What DeePSD rigs: templates or garment files, the innermost first. PBNS has garments of its own."""
     motion: Annotated[str | None, arg(metavar="FILE|NAME", help_behavior_hint="(default: the rig alone)")] = (
         None
     )
@@ -436,6 +438,7 @@ class Export:
         exported = export(
             self.model,
             self.out,
+            garments=self.garment,
             motion=self.motion,
             shapes=self.shapes,
             body_file=self.body,
