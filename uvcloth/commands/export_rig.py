@@ -58,6 +58,7 @@ def export(
     out: Path,
     *,
     garments: Sequence[str] = (),
+    garment_pose: str | None = None,
     motion: str | None = None,
     shapes: int | None = None,
     body_file: Path | None = None,
@@ -67,7 +68,8 @@ def export(
     """Write a model as a rig that moves to a motion, or at rest with its pose embedding as .onnx beside it.
 
     model: a method that is a rig (pbns as it ships), or a checkpoint folder of one. out: .glb, .usdc or .usd.
-    garments: template names or mesh files, the innermost first, for a model that rigs any outfit. Materials
+    garments: template names or mesh files, the innermost first, for a model that rigs any outfit, and
+    garment_pose: what files were modelled in, as `load_outfit` has it. Materials
     of files go along, for .usdc with their textures beside it. shapes: how many blend shapes, None for the
     model's own. options: how the motion is read; of one frame, a pose, the body moves into it from rest.
     Raises InputError for bad input and a full disk; then, as after
@@ -84,7 +86,7 @@ def export(
     console = Console(stderr=True)
     with console.status("preparing"):
         report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
-        pose_rig = method.as_rig(body, load_outfit(garments, body, report))
+        pose_rig = method.as_rig(body, load_outfit(garments, body, report, pose=garment_pose))
         if pose_rig is None:
             raise InputError(
                 f"{model}: no rig of blend weights and blend shapes; "
