@@ -228,7 +228,8 @@ class Fit:
     ] = None
     """The template whose motion it takes."""
     garment_pose: GarmentPose = None
-    """The garment was modelled on the body with straight arms to the sides: level (T pose), or 45 degrees down (A pose)."""
+    """The garment was modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
+    down (A pose)."""
     out: Annotated[Path | None, arg(metavar="OBJ", help_behavior_hint="")] = None
     """Also write the garment as it is worn: metres, Z up, as OBJ; each of several into a file of its own."""
 
@@ -275,7 +276,8 @@ class Rollout:
     ] = ()
     """The template whose motion a garment takes: one for all, or one for each in order."""
     garment_pose: GarmentPose = None
-    """Garment files were modelled on the body with straight arms to the sides: level (T pose), or 45 degrees down (A pose)."""
+    """Garment files were modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
+    down (A pose)."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     contact: bool = True
@@ -432,7 +434,8 @@ class Export:
     garment: Garments = ()
     """What DeePSD rigs: templates or garment files, the innermost first. PBNS has garments of its own."""
     garment_pose: GarmentPose = None
-    """Garment files were modelled on the body with straight arms to the sides: level (T pose), or 45 degrees down (A pose)."""
+    """Garment files were modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
+    down (A pose)."""
     motion: Annotated[str | None, arg(metavar="FILE|NAME", help_behavior_hint="(default: the rig alone)")] = (
         None
     )

@@ -35,8 +35,8 @@ def examine(
 ) -> list[str]:
     """Fit a garment file to a body and describe it, a finding a line.
 
-    template, pose: as `fit` takes them. out: OBJ of the garment as it is worn, one for each of several. picture: PNG
-    of it on the body, also where it is refused for how it lies. Raises InputError as `fit` does.
+    template, pose: as `fit` takes them. out: OBJ of the garment as it is worn, one for each of several.
+    picture: PNG of it on the body, also where it is refused for how it lies. Raises InputError as `fit` does.
     """
     if str(file) in TEMPLATES:
         raise InputError(f"{file}: is a template, which fits every body; expected a garment file")

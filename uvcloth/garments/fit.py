@@ -56,8 +56,9 @@ def fit(path: Path, body: Body, template: str | None = None, pose: str | None = 
     The file's vertex order and texture coordinates stay; unit, axes and origin are found by where it lies
     best (`find_placing`). template: "tops", "bottoms", "dress" or "shirt", the one whose motion it takes;
     None chooses by the part of the body it covers, found by ray casting (PhysXNet section 4.3). The closest
-    body vertices give it its blend weights. pose: as `read_on_body` takes it. Raises InputError naming the file and the reason if it cannot be
-    read or cannot be worn, an UnwearableError if it does not lie as clothes lie.
+    body vertices give it its blend weights. pose: as `read_on_body` takes it. Raises InputError naming the
+    file and the reason if it cannot be read or cannot be worn, an UnwearableError if it does not lie as
+    clothes lie.
     """
     placed = read_on_body(path, body, pose)
     garment, missed = make_fitted(Path(path).stem, placed.mesh, body, template)

@@ -41,8 +41,9 @@ def load_outfit(
 
     Where all are MakeHuman's clothes, the layers that they name decide the order. templates: whose motion the
     garments take, one for all names or one for each, none or "auto" for the one that each covers best.
-    report: as `load_garment` has it. pose: that mesh files were modelled in, as `read_on_body` takes it. Raises InputError as `fit_template` and `fit` do, and where templates
-    are neither one nor as many as names.
+    report: as `load_garment` has it. pose: that mesh files were modelled in, as `read_on_body` takes it.
+    Raises InputError as `fit_template` and `fit` do, and where templates are neither one nor as many as
+    names.
     """
     if len(templates) not in (0, 1, len(names)):
         raise InputError(

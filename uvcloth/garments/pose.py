@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import torch
 from torch import Tensor
@@ -11,7 +12,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.placing import POINTS, ClothSample, misfit
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.geometry.rotations import rotate_back, smallest_rotation
+from uvcloth.geometry.rotations import smallest_rotation
 from uvcloth.geometry.skeleton import joint_transforms
 from uvcloth.geometry.skinning import blend_transforms, skin
 from uvcloth.motion.roles import assign_roles
@@ -62,7 +63,7 @@ def arms_held(body: Body, pose: str) -> Tensor:
     for side, sign in (("left", 1.0), ("right", -1.0)):
         target = torch.tensor([sign * math.cos(angle), 0.0, -math.sin(angle)])
         joints = [roles[f"{side}_{part}"] for part in ARM]
-        for start, end in zip(joints, joints[1:], strict=False):
+        for start, end in pairwise(joints):
             bone = skeleton.heads[end] - skeleton.heads[start]
             own[start] = smallest_rotation(bone / bone.norm(), target)
     turns: list[Tensor] = []
