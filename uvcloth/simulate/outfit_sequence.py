@@ -117,7 +117,7 @@ def _join(name: str, outfit: Outfit, parts: Sequence[tuple[Path, SimulatedSequen
     return OutfitSequence(
         name=name,
         outfit=outfit,
-        types=tuple(str(part.metadata.get("type", "")) for _, part in parts),
+        types=tuple(str(part.metadata.get("types", {}).get(part.garment, "")) for _, part in parts),
         clip=first.clip,
         subject=str(first.metadata.get("subject", "")),
         split=str(first.metadata["split"]),
