@@ -118,6 +118,11 @@ class Simulate:
     """Templates or garment files to simulate; a file's sequences are named by its stem."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
+    outfits: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
+    """Simulate the outfits that `uvcloth outfits` wrote there instead, each on its body over one of the
+    table's windows of its split, its garments together."""
+    most_frames: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: whole windows)")] = None
+    """Of each window that moves an outfit, the first N frames at most."""
     layered: bool = False
     """The garments are worn over one another, the first innermost, and simulated together, so that they
     keep apart; otherwise each is simulated alone."""
@@ -151,8 +156,15 @@ class Simulate:
         from uvcloth.simulate.batch import Workers, simulate_batch
         from uvcloth.simulate.plan import ClipSelection
 
+        selection = ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options)
+        if self.outfits is not None:
+            from uvcloth.simulate.outfits import simulate_outfits
+
+            workers = Workers(self.jobs, self.scheduler)
+            simulate_outfits(self.outfits, selection, self.out, self.most_frames, self.engine, workers)
+            return
         simulate_batch(
-            ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options),
+            selection,
             outfits=[self.garment] if self.layered else [(name,) for name in self.garment],
             out=self.out,
             body=load_body(self.body),
