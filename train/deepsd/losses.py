@@ -87,3 +87,36 @@ def data_losses(
     if losses.small_shapes:
         parts["shapes"] = losses.small_shapes * share * torch.stack(shapes).mean()
     return parts
+
+
+@dataclass(frozen=True)
+class PhysicsLosses:
+    """What physics teaches the branch chi, energies in joules of an outfit (paper eq. 4 to 6)."""
+
+    edge: float = 15.0
+    """N/m, resistance to stretch and compression (paper: 1; its program: 15)."""
+    bend: float = 1e-4
+    """J, resistance to differences of neighbouring normals (paper: 5e-4; its program: 1e-4)."""
+    bend_normals: Literal["vertex", "face"] = "vertex"
+    """Normals of vertices, less the mean of their neighbours' (paper), or those of faces (its program)."""
+    collision: float = 25.0
+    """N/m, of what lies too near to the skin or to what is worn beneath (paper: 2 to 10; its program: 25)."""
+    thickness: float = 0.005
+    """Metres that cloth keeps off them."""
+    small: float = 0.01
+    """N/m, on the deformation by chi itself."""
+    layers: bool = True
+    """Keep the pieces of an outfit off each other (paper: no)."""
+    pose_source: Literal["any", "own"] = "any"
+    """Poses drawn from all training frames, whoever wore what (paper), or from the outfit's own."""
+    poses_drawn: int = 8
+    """Poses that a step takes of each outfit it reads (paper: 1)."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for what no cloth has."""
+        for name in ("edge", "bend", "collision", "thickness", "small"):
+            value = getattr(self, name)
+            if not 0 <= value < math.inf:
+                raise InputError(f"--{name} {value}: has to be 0 or more")
+        if self.poses_drawn < 1:
+            raise InputError(f"--poses-drawn {self.poses_drawn}: has to be 1 or more")

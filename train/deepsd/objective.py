@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from train.deepsd.dataset import OutfitDataset, OutfitFrames
 from train.deepsd.losses import DataLosses, data_losses
-from train.deepsd.prediction import DrawnPoses, predict
+from train.deepsd.prediction import DrawnPoses, describe, pose_outfits
 from train.deepsd.validation import Validation
 from train.loop import Objective
 from uvcloth.checkpoint import save_checkpoint
@@ -64,6 +64,10 @@ class DeePSDObjective(Objective):
     def _drawn(self, rows: Tensor, each: int) -> tuple[list[OutfitFrames], list[Tensor]]:
         """The outfits of training frames (B,), and `each` frames of each one: its own, the others random."""
         chosen = self.dataset.rows[rows.cpu()]
+        if len(self.dataset.training) == 1:
+            # One outfit is read once for all of them.
+            more = torch.randint(len(self.dataset.rows), (len(rows) * (each - 1),))
+            return [self.dataset.training[0]], [torch.cat([chosen[:, 1], more])]
         outfits = [self.dataset.training[index] for index in chosen[:, 0].tolist()]
         counts = torch.tensor([len(outfit.vectors) for outfit in outfits])
         others = (torch.rand(len(rows), each - 1) * counts[:, None]).long()
@@ -101,7 +105,8 @@ class DataObjective(DeePSDObjective):
         graphs = [outfit.graph for outfit in outfits]
         points = self._points(outfits)
         whole = self.config.graph_heads or self.losses.points == 1
-        predicted = predict(networks["net"], graphs, poses, self.branches, None if whole else points)
+        described = describe(networks["net"], graphs, self.device, None if whole else points)
+        predicted = pose_outfits(networks["net"], described, poses, self.branches)
         truths = [
             outfit.vertices[own][:, some].to(self.device)
             for outfit, own, some in zip(outfits, frames, points, strict=True)

@@ -32,24 +32,34 @@ class PosedOutfit:
     posed: Tensor
 
 
-def predict(
-    net: Any,
-    graphs: Sequence[OutfitGraph],
-    poses: DrawnPoses,
-    branches: Sequence[Branch] = BRANCHES,
-    rows: Sequence[Tensor] | None = None,
-) -> list[PosedOutfit]:
-    """Outfits in their poses with the deformation of some branches (paper eq. 1), on the poses' device.
+@dataclass(frozen=True)
+class Described:
+    """B outfits, U points in all, as the network reads them. features: (U, F). weights: (U, J)."""
 
-    rows: the points of each outfit that are predicted; the descriptor sees all.
-    """
-    packed = pack(graphs, poses.vectors.device)
-    described = net.describe(packed)
+    packed: PackedOutfits
+    features: Tensor
+    weights: Tensor
+
+
+def describe(
+    net: Any, graphs: Sequence[OutfitGraph], device: torch.device, rows: Sequence[Tensor] | None = None
+) -> Described:
+    """Read outfits; rows: the points of each that go on, all without; the descriptor sees all."""
+    packed = pack(graphs, device)
+    features = net.describe(packed)
     if rows is not None:
-        described, packed = _kept(described, packed, rows)
-    weights = net.blend_weights(described, packed).split(packed.sizes)
+        features, packed = _kept(features, packed, rows)
+    return Described(packed, features, net.blend_weights(features, packed))
+
+
+def pose_outfits(
+    net: Any, described: Described, poses: DrawnPoses, branches: Sequence[Branch] = BRANCHES
+) -> list[PosedOutfit]:
+    """Outfits in their poses with the deformation of some branches (paper eq. 1)."""
+    packed = described.packed
+    weights = described.weights.split(packed.sizes)
     keys = net.embed(poses.vectors.flatten(0, 1)).unflatten(0, poses.vectors.shape[:2])
-    moved = {branch: deformations(net, described, packed, keys, branch) for branch in branches}
+    moved = {branch: deformations(net, described.features, packed, keys, branch) for branch in branches}
     points = packed.points.split(packed.sizes)
     outfits = []
     for index, rest in enumerate(points):

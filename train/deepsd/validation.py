@@ -1,6 +1,6 @@
 """Validation of DeePSD on outfits that it is not trained on: errors, measures of the cloth, a picture."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,13 +9,16 @@ from torch import Tensor
 
 from train.deepsd.dataset import OutfitFrames
 from train.deepsd.losses import MILLI
-from train.deepsd.prediction import DrawnPoses, PosedOutfit, predict
+from train.deepsd.prediction import DrawnPoses, PosedOutfit, describe, pose_outfits
 from uvcloth.bodies.collider import make_collider
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.deepsd.network import Branch
 from uvcloth.physics.contact import ContactGarment, Obstacle
 from uvcloth.physics.energies import edge_change, fold_cosine
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+
+Energy = Callable[[OutfitFrames, PosedOutfit, Tensor], Tensor]
+"""The energy () of an outfit in Q poses, joint transforms (Q, J, 3, 4)."""
 
 OUTFITS = 48
 """Validation outfits that are judged, at most."""
@@ -59,8 +62,7 @@ class Validation:
     def __init__(self, held: Sequence[OutfitFrames], device: torch.device) -> None:
         self.device = device
         chosen = [held[index] for index in _spread(len(held), OUTFITS)]
-        obstacles = [Obstacle(make_collider(each.body), each.body.mesh.vertices) for each in chosen[:1]]
-        self._obstacle = obstacles[0]
+        self._obstacle = Obstacle(make_collider(chosen[0].body), chosen[0].body.mesh.vertices)
         self._judged = [self._judge(each) for each in chosen]
 
     def _judge(self, frames: OutfitFrames) -> Judged:
@@ -77,22 +79,28 @@ class Validation:
         )
 
     @torch.no_grad()
-    def measure(self, net: Any, branches: Sequence[Branch]) -> dict[str, float]:
+    def measure(self, net: Any, branches: Sequence[Branch], energy: Energy | None = None) -> dict[str, float]:
         """Means over the outfits, each weighing alike.
 
-        mean_mm: vertex error, smooth_lbs_mm: that of smooth skinning; both only where the truth is known.
-        edge_mm, bend_cos: see uvcloth.physics.energies. inside_percent: of vertices, as in evaluation.
+        energy_mJ: what `energy` gives. mean_mm, smooth_lbs_mm: vertex error, and that of smooth skinning,
+        where the truth is known. edge_mm, bend_cos: see uvcloth.physics.energies. inside_percent: of points.
         """
         found: dict[str, list[Tensor]] = {}
-        for judged, outfit in self._predicted(net, branches):
-            for name, value in self._measures(judged, outfit.posed.cpu()).items():
-                found.setdefault(name, []).append(value)
+        for judged, outfit in self._predicted(net, branches, self._judged):
+            measures = self._measures(judged, outfit.posed.cpu())
+            if energy is not None:
+                measures = {"energy_mJ": energy(judged.frames, outfit, judged.poses.transforms[0])} | measures
+            for name, value in measures.items():
+                found.setdefault(name, []).append(value.cpu())
         return {name: float(torch.stack(values).mean()) for name, values in found.items()}
 
-    def _predicted(self, net: Any, branches: Sequence[Branch]) -> Iterator[tuple[Judged, PosedOutfit]]:
-        for judged in self._judged:
-            (outfit,) = predict(net, [judged.frames.graph], judged.poses, branches)
-            yield judged, outfit
+    def _predicted(
+        self, net: Any, branches: Sequence[Branch], chosen: Sequence[Judged]
+    ) -> Iterator[tuple[Judged, PosedOutfit]]:
+        """Some outfits, each as it is predicted."""
+        for judged in chosen:
+            described = describe(net, [judged.frames.graph], self.device)
+            yield judged, pose_outfits(net, described, judged.poses, branches)[0]
 
     def _measures(self, judged: Judged, posed: Tensor) -> dict[str, Tensor]:
         """The measures of an outfit (Q, U, 3) m."""
@@ -116,8 +124,7 @@ class Validation:
         """A few outfits as predicted and, where it is known, as simulated below: (H, W, 3) uint8."""
         chosen = [self._judged[index] for index in _spread(len(self._judged), PICTURED)]
         rows: list[list[Any]] = [[], []]
-        for judged in chosen:
-            (outfit,) = predict(net, [judged.frames.graph], judged.poses, branches)
+        for judged, outfit in self._predicted(net, branches, chosen):
             middle = len(outfit.posed) // 2
             body = judged.bodies()[middle]
             rows[0].append(_drawn(judged.frames, outfit.posed[middle].cpu(), body))
