@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
+from tests.train.cropped import cropped
 from tests.train.simulated import swaying
 from train.__main__ import main
 from train.batched_collision import LAYER_SEARCH_DISTANCE
@@ -23,7 +24,7 @@ from train.pbns.poses import POSES_FILE, Poses, poses_for
 from train.pbns.run import LOOPS
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData, load_checkpoint, load_tensors
-from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.garment import Outfit
 from uvcloth.garments.pins import pinned
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import vertex_normals
@@ -60,26 +61,6 @@ def database_of(body: Body, frames: int = 9, held: int = 3) -> PoseDatabase:
         apart=0.01,
         body_name=body.name,
         body_hash=rest_hash(body),
-    )
-
-
-def cropped(garment: Garment, low: float, high: float) -> Garment:
-    """The part of a garment between two heights, m."""
-    heights = garment.mesh.vertices[garment.mesh.faces][..., 2]
-    kept = ((heights > low) & (heights < high)).all(1)
-    rows, faces = garment.mesh.faces[kept].unique(return_inverse=True)
-    mesh = replace(
-        garment.mesh,
-        vertices=garment.mesh.vertices[rows],
-        faces=faces,
-        face_uvs=garment.mesh.face_uvs[kept],
-    )
-    return replace(
-        garment,
-        name=f"part of {garment.name}",
-        mesh=mesh,
-        weights=garment.weights[rows],
-        smooth_weights=garment.smooth_weights[rows],
     )
 
 
