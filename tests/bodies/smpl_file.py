@@ -9,8 +9,8 @@ from skimage.measure import marching_cubes
 
 from uvcloth.bodies.smpl_joints import HANDS, SMPL_JOINTS
 
-VOXEL = 0.022
-"""Metres between the points at which the distance from the bones is known."""
+CORRECTED = ("hip", "knee", "shoulder", "elbow")
+"""Joints whose turns correct the skin."""
 
 MIDDLE = {
     "pelvis": (0.0, -0.2, 0.02), "spine1": (0.0, -0.08, 0.0), "spine2": (0.0, 0.06, 0.0),
@@ -34,22 +34,30 @@ BONES = (
 """Bones from a joint to another or to a point, and their radius."""
 
 
-def smpl_arrays(kind: str = "SMPL", seed: int = 0) -> dict[str, np.ndarray]:
-    """Arrays of a model file; of 10 shapes the first makes the person a tenth taller and wider."""
-    rng = np.random.default_rng(seed)
+def smpl_arrays(kind: str = "SMPL", voxel: float = 0.03) -> dict[str, np.ndarray]:
+    """Arrays of a model file; of 10 shapes the first makes the person a tenth taller and wider.
+
+    voxel: metres between the points at which the distance from the bones is known; from 0.03 on hands fall
+    off.
+    """
+    rng = np.random.default_rng(0)
     names = SMPL_JOINTS[kind]
     joints = np.array([_place(name) for name in names])
-    vertices, faces, distances = _surface(names)
+    vertices, faces, distances = _surface(names, voxel)
     nearness = np.exp(-distances / 0.025)
     nearness[nearness < 0.05 * nearness.max(1, keepdims=True)] = 0.0
     shapes = 0.01 * rng.standard_normal((len(vertices), 3, 10))
     shapes[..., 0] = 0.1 * vertices
     parents = [_parent(name, names) for name in names]
+    corrections = np.zeros((len(vertices), 3, len(names) - 1, 9))
+    for joint, name in enumerate(names[1:]):
+        if name.endswith(CORRECTED):
+            corrections[:, :, joint] = 0.004 * rng.standard_normal((len(vertices), 3, 9)).round(1)
     return {
         "v_template": vertices,
         "f": faces.astype(np.uint32),
         "shapedirs": shapes,
-        "posedirs": 0.002 * rng.standard_normal((len(vertices), 3, 9 * (len(names) - 1))),
+        "posedirs": corrections.reshape(len(vertices), 3, -1),
         "weights": nearness / nearness.sum(1, keepdims=True),
         "J_regressor": _regressor(vertices, joints),
         "kintree_table": np.array([[4294967295, *parents[1:]], range(len(names))], dtype=np.uint32),
@@ -125,13 +133,13 @@ def _parent(name: str, names: tuple[str, ...]) -> int:
     return names.index(parent if parent in names else f"{side}_{parent}")
 
 
-def _surface(names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Vertices (V, 3), faces (F, 3) of the closed surface, and distances (V, J) from the bones of each joint."""
-    low, high = np.array([-1.0, -1.3, -0.25]), np.array([1.0, 0.7, 0.3])
-    axes = [np.arange(a, b, VOXEL) for a, b in zip(low, high, strict=True)]
+def _surface(names: tuple[str, ...], voxel: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices (V, 3), faces (F, 3) of the closed surface, and distances (V, J) from each joint's bones."""
+    low, high = np.array([-1.003, -1.307, -0.251]), np.array([1.0, 0.7, 0.3])
+    axes = [np.arange(a, b, voxel) for a, b in zip(low, high, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     field = _distances(grid.reshape(-1, 3), names).min(1).reshape(grid.shape[:3])
-    vertices, faces, _, _ = marching_cubes(field, 0.0, spacing=(VOXEL,) * 3, gradient_direction="descent")
+    vertices, faces, _, _ = marching_cubes(field, 0.0, spacing=(voxel,) * 3, gradient_direction="descent")
     vertices = vertices.astype(np.float64) + low
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -142,7 +150,9 @@ def _surface(names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray
 def _distances(points: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
     distances = np.full((len(points), len(names)), np.inf)
     for start, end, radius in BONES:
-        sides = ("",) if start in MIDDLE and not (isinstance(end, str) and end in LEFT) else ("left_", "right_")
+        sides = (
+            ("",) if start in MIDDLE and not (isinstance(end, str) and end in LEFT) else ("left_", "right_")
+        )
         for side in sides:
             joint = start if start in MIDDLE else side + start
             first = _place(joint)

@@ -6,7 +6,7 @@ skinned: a template, shapes of a person, and shapes that correct the skin for th
 
 import zipfile
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -54,13 +54,14 @@ class SmplModel:
     regressor: Tensor
     parents: tuple[int, ...]
 
-    def body(self, betas: Tensor, rest: Tensor | None = None) -> Body:
+    def body(self, betas: Tensor, rest: Tensor | None = None, unwrapped: bool = True) -> Body:
         """The body of a person: Z up, facing -Y, the pelvis where the model has it.
 
         betas: (B,) shape parameters, B at most S. rest: (J, 3) axis-angles of the pose that is to be the rest
         pose, relative to the parents, besides the turn to our axes; by default the zero pose, the T. On a
         body with another rest pose, skin between two joints that it turns differs from SMPL's by what linear
-        blend skinning twice does.
+        blend skinning twice does. unwrapped: False for a mesh without texture coordinates, which take
+        seconds.
         Raises InputError for more shape parameters than there are, and for such as are not finite.
         """
         if len(betas) > len(self.shapes):
@@ -70,7 +71,11 @@ class SmplModel:
         vertices = self.template + torch.tensordot(betas.float(), self.shapes[: len(betas)], 1)
         skeleton = Skeleton(SMPL_JOINTS[self.kind], self.parents, self.regressor @ vertices)
         pose = torch.zeros(len(self.parents), 3) if rest is None else rest.float()
-        return _resting(self, vertices, skeleton, from_axis_angles(pose))
+        body = _resting(self, vertices, skeleton, from_axis_angles(pose))
+        if not unwrapped:
+            return body
+        uvs, face_uvs = unwrap(body.mesh.vertices, body.mesh.faces)
+        return replace(body, mesh=replace(body.mesh, uvs=uvs, face_uvs=face_uvs))
 
 
 def read_smpl(path: Path) -> SmplModel:
@@ -184,12 +189,11 @@ def _resting(model: SmplModel, vertices: Tensor, skeleton: Skeleton, local: Tens
     corrections = torch.einsum("jab,jbcvx->jacvx", above, corrections)
     corrections = torch.einsum("jdc,jacvx->jadvx", world[0, 1:], corrections)
     corrections = torch.einsum("vxy,jadvy->jadvx", blended[0, ..., :3], corrections)
-    uvs, face_uvs = unwrap(rest, faces)
     placed = Skeleton(skeleton.names, skeleton.parents, heads)
     regions, sides = face_regions(placed, weights, faces)
     return Body(
         name=model.name,
-        mesh=Mesh(rest, faces, uvs, face_uvs),
+        mesh=Mesh(rest, faces, torch.zeros(0, 2), torch.zeros(0, 3, dtype=torch.int64)),
         skeleton=placed,
         weights=weights,
         regions=regions,

@@ -186,7 +186,7 @@ def read_smpl_pickle(path: Path) -> dict[str, Any]:
         *(pickle.UnpicklingError, EOFError, AttributeError, IndexError, KeyError, TypeError, ValueError),
         *(OverflowError, MemoryError, RecursionError, ImportError),
     ) as error:
-        raise InputError(f"{path}: not a readable pickle ({error})") from error
+        raise InputError(f"{path}: not a readable pickle ({' '.join(str(error).split())})") from error
     if not isinstance(found, dict):
         raise InputError(f"{path}: not an SMPL file, the pickle holds no dictionary")
     return {name: value for name, value in found.items() if isinstance(name, str)}

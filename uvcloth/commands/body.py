@@ -1,4 +1,4 @@
-"""`uvcloth body`: a body of phenotypes, a character or SMPL, as an npz for the other commands or as a mesh."""
+"""`uvcloth body`: a body of phenotypes, a character or SMPL, as an npz for other commands or as a mesh."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
