@@ -12,7 +12,6 @@ from torch import Tensor, nn
 from rasterize.errors import InputError
 from train.clips import Holdout, check_rests, frames_of, hold_out, load_training_clips, training_data
 from train.loop import Objective
-from train.operators import Operator, differences, sampling
 from train.physxnet.frames import Frames, load_frames
 from train.physxnet.patchgan import PatchGAN, discriminator_loss, generator_loss
 from train.physxnet.prepare import Prepared, prepare
@@ -21,6 +20,7 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.checkpoint import save_checkpoint
 from uvcloth.geometry.mesh import edge_lengths
+from uvcloth.geometry.operators import Operator, differences, sampling
 from uvcloth.geometry.records import CPU, to_device
 from uvcloth.methods.lbs import LinearBlendSkinning, SkinnedGarment
 from uvcloth.methods.method import Method, for_inference
