@@ -4,8 +4,6 @@ SMPL: Loper et al., "SMPL: A Skinned Multi-Person Linear Model", 2015. A body is
 skinned: a template, shapes of a person, and shapes that correct the skin for the pose.
 """
 
-import zipfile
-import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,12 +12,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from rasterize.archive import read_arrays
 from rasterize.charts import largest_piece
 from rasterize.errors import InputError
 from rasterize.layout import unwrap
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.regions import face_regions
-from uvcloth.bodies.smpl_joints import SMPL_JOINTS
+from uvcloth.bodies.smpl_joints import SMPL_JOINTS, STANDING
 from uvcloth.bodies.smpl_pickle import plain, read_smpl_pickle
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import from_axis_angles
@@ -29,11 +28,10 @@ from uvcloth.geometry.skinning import apply_transforms, blend_transforms
 ARRAYS = ("v_template", "shapedirs", "posedirs", "weights", "J_regressor", "kintree_table", "f")
 """Arrays of a model file that make a body."""
 
+EXPECTED = "a model file of SMPL, SMPL-H or SMPL-X"
+
 FACE_SHAPES = {400: 300}
 """Of the shapes of an SMPL-X file, how many are of the person, not of the expression; of others 10."""
-
-STANDING = (0.5 * np.pi, 0.0, 0.0)
-"""Turn of the pelvis from SMPL's axes, Y up and facing +Z, to ours, Z up and facing -Y."""
 
 
 @dataclass(frozen=True)
@@ -85,26 +83,12 @@ def read_smpl(path: Path) -> SmplModel:
     arrays that do not fit together or are not finite.
     """
     path = Path(path)
-    arrays = _npz(path) if path.suffix.lower() == ".npz" else read_smpl_pickle(path)
+    # Others in an npz may be pickled and are not looked at.
+    arrays = read_arrays(path, EXPECTED, ARRAYS) if path.suffix.lower() == ".npz" else read_smpl_pickle(path)
     missing = [name for name in ARRAYS if name not in arrays]
     if missing:
-        raise InputError(
-            f"{path}: lacks {', '.join(missing)}, expected a model file of SMPL, SMPL-H or SMPL-X"
-        )
+        raise InputError(f"{path}: lacks {', '.join(missing)}, expected {EXPECTED}")
     return _model(path, {name: _numbers(path, name, arrays[name]) for name in ARRAYS})
-
-
-def _npz(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of a model that an npz holds; others in it may be pickled and are not looked at."""
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            return {name: archive[name] for name in ARRAYS if name in archive.files}
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, ValueError, TypeError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(
-            f"{path}: not a readable npz of plain arrays ({error}); nothing in it is unpickled"
-        ) from error
 
 
 def _numbers(path: Path, name: str, value: Any) -> np.ndarray:

@@ -1,5 +1,7 @@
 """Joints of SMPL, SMPL-H and SMPL-X by their usual names, in the order of their files."""
 
+import math
+
 TRUNK_AND_LIMBS = (
     "pelvis",
     "left_hip",
@@ -42,7 +44,5 @@ SMPL_JOINTS = {
 }
 """Joints of each model: 24, 52 and 55."""
 
-
-def has_smpl_joints(names: tuple[str, ...]) -> bool:
-    """True for the joints of one of these models."""
-    return names in SMPL_JOINTS.values()
+STANDING = (0.5 * math.pi, 0.0, 0.0)
+"""Turn, as an axis times an angle, from the models' axes, Y up, facing +Z, to ours, Z up, facing -Y."""

@@ -224,9 +224,7 @@ def _simulate_job(job: Job, engine: Engine) -> tuple[list[SimulatedSequence], st
         for sequence, reason in examined
         if reason is not None
     ]
-    labelled = [
-        replace(sequence, metadata={**sequence.metadata, **job.labels}) for sequence, _ in examined
-    ]
+    labelled = [replace(sequence, metadata={**sequence.metadata, **job.labels}) for sequence, _ in examined]
     return labelled, "; ".join(reasons) or None
 
 
