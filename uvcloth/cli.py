@@ -1,4 +1,5 @@
-"""The `uvcloth` command: body, motion, simulate, data, maps, fit, rollout, view, poses, export, demo.
+"""The `uvcloth` command: body, motion, simulate, data, maps, fit, rollout, view, poses, outfits, export,
+demo.
 
 Heavy modules are imported by the subcommand that needs them, so that `uvcloth --help` answers at once.
 """
@@ -125,6 +126,11 @@ class Simulate:
     """Templates or garment files to simulate; a file's sequences are named by its stem."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
+    outfits: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
+    """Simulate the outfits that `uvcloth outfits` wrote there instead, each on its body over one of the
+    table's windows of its split, its garments together."""
+    most_frames: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: whole windows)")] = None
+    """Of each window that moves an outfit, the first N frames at most."""
     layered: bool = False
     """The garments are worn over one another, the first innermost, and simulated together, so that they
     keep apart; otherwise each is simulated alone."""
@@ -158,8 +164,15 @@ class Simulate:
         from uvcloth.simulate.batch import Workers, simulate_batch
         from uvcloth.simulate.plan import ClipSelection
 
+        selection = ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options)
+        if self.outfits is not None:
+            from uvcloth.simulate.outfits import simulate_outfits
+
+            workers = Workers(self.jobs, self.scheduler)
+            simulate_outfits(self.outfits, selection, self.out, self.most_frames, self.engine, workers)
+            return
         simulate_batch(
-            ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options),
+            selection,
             outfits=[self.garment] if self.layered else [(name,) for name in self.garment],
             out=self.out,
             body=load_body(self.body),
@@ -246,6 +259,47 @@ class Fit:
             self.file, body_file=self.body, template=self.template, out=self.out, picture=self.picture
         )
         print("\n".join(found))
+
+
+@dataclass(frozen=True)
+class Outfits:
+    """Make random outfits to learn from: cut, sewn and worn on bodies, a JSON and OBJ files of each."""
+
+    count: int
+    """How many; a rerun continues with what is missing."""
+    out: Path
+    """Folder for o0001.json, its pieces o0001_tshirt.obj, ..., and bodies/."""
+    body: Annotated[tuple[str, ...], arg(metavar="NPZ|builtin ...", help_behavior_hint="")] = ()
+    """Bodies made by `uvcloth body` that wear them, or `builtin`, the one in the package; one, or at least
+    three, so that no body is in two splits. Without, bodies are drawn from phenotypes."""
+    bodies: Annotated[int, arg(metavar="K")] = 12
+    """How many bodies to draw."""
+    seed: int = 0
+    """Decides what is drawn: the same outfits for the same seed."""
+    vertices: Annotated[tuple[int, int], arg(metavar="LEAST MOST")] = (1000, 2500)
+    """Between how many vertices an outfit has, 1000 to 16000."""
+    type: Annotated[tuple[str, ...], arg(metavar="NAME ...", help_behavior_hint="(default: all)")] = ()
+    """Types of outfits: tshirt, top, longsleeve, jacket, trousers, shorts, skirt, gown, jumpsuit, or an upper
+    one over a lower one, as tshirt+skirt."""
+    jobs: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: one per core)")] = None
+    """Processes at the same time."""
+
+    def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
+        from uvcloth.commands.outfits import Wardrobe, make_wardrobe
+
+        make_wardrobe(
+            Wardrobe(
+                out=self.out,
+                count=self.count,
+                seed=self.seed,
+                bodies=self.body,
+                drawn_bodies=self.bodies,
+                types=self.type,
+                vertices=self.vertices,
+                jobs=self.jobs,
+            )
+        )
 
 
 @dataclass(frozen=True)
@@ -477,6 +531,7 @@ Command = (
     | Annotated[Data, subcommand("data")]
     | Annotated[Maps, subcommand("maps")]
     | Annotated[Poses, subcommand("poses")]
+    | Annotated[Outfits, subcommand("outfits")]
     | Annotated[Export, subcommand("export")]
     | Annotated[Demo, subcommand("demo")]
 )
@@ -488,11 +543,7 @@ def main() -> int:
 
 
 def _run() -> None:
-    command: MakeBody | Motion | Simulate | Data | Maps | Fit | Rollout | View | Poses | Export | Demo = (
-        tyro.cli(
-            Command,
-            prog="uvcloth",
-            description=DESCRIPTION,
-        )
-    )
+    command: (
+        MakeBody | Motion | Simulate | Data | Maps | Fit | Rollout | View | Poses | Outfits | Export | Demo
+    ) = tyro.cli(Command, prog="uvcloth", description=DESCRIPTION)
     command.run()
