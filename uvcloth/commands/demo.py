@@ -15,11 +15,11 @@ from torch import Tensor
 from rasterize.errors import InputError
 from rasterize.exr import write_png
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.commands.export_rig import export
 from uvcloth.commands.rollout import animate
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
-from uvcloth.geometry.skinning import skin
 from uvcloth.methods.registry import DEFAULT, load_method
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render_frames
 from uvcloth.rollout import rollout
@@ -77,7 +77,7 @@ def _side_by_side(path: Path, name: str, body: Body) -> np.ndarray:
     moments = torch.linspace(sequence.warm_up, len(sequence.vertices) - 1, PICTURES).long().tolist()
     frames = rollout(method, outfit, sequence.transforms, sequence.fps)
     predicted = {frame.index: frame.vertices[0] for frame in frames if frame.index in moments}
-    posed = skin(body.mesh.vertices, body.weights, sequence.transforms[moments])
+    posed = posed_skin(body, sequence.transforms[moments])
 
     def surfaces(cloth: Iterable[Tensor]) -> Iterator[tuple[Surface, Surface]]:
         for skin_vertices, vertices in zip(posed, cloth, strict=True):
