@@ -11,7 +11,6 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from tests.small_body import small_body
-from tests.train.deepsd.outfits import MadeUp, save_outfits
 from train.__main__ import main
 from train.deepsd.dataset import OutfitDataset, read_outfits
 from train.deepsd.losses import DataLosses, data_losses, prior_share
@@ -33,23 +32,6 @@ pytest.importorskip("lightning")
 
 TINY = PRESETS["tiny"]
 LOOP = replace(LOOPS["tiny"], steps=4, batch=2, validate_every=4, schedule="constant")
-OUTFITS = (
-    MadeUp("belt", ("tops",), "train", (0.13, 0.19)),
-    MadeUp("hips", ("bottoms", "tops"), "train", (0.05, 0.15)),
-    MadeUp("skirt", ("dress",), "validation", (-0.1, 0.0)),
-)
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("outfits")
-    save_outfits(made, OUTFITS)
-    return made
-
-
-@pytest.fixture(scope="module")
-def dataset(folder: Path) -> OutfitDataset:
-    return read_outfits(folder, rest_frames=1)
 
 
 class Quick(DataObjective):
