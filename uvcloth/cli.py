@@ -1,4 +1,5 @@
-"""The `uvcloth` command: body, motion, simulate, data, maps, fit, rollout, view, poses, export, demo.
+"""The `uvcloth` command: body, motion, simulate, data, maps, fit, rollout, view, poses, outfits, export,
+demo.
 
 Heavy modules are imported by the subcommand that needs them, so that `uvcloth --help` answers at once.
 """
@@ -32,6 +33,9 @@ uvcloth rollout --motion walk.bvh --garment shirt.obj --out walk.mp4 walk.glb"""
 TemplateName = Literal["tops", "bottoms", "dress", "shirt"]
 EngineName = Literal["newton", "blender"]
 Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ...")]
+GarmentPose = Annotated[
+    Literal["t", "a"] | None, arg(metavar="t|a", help_behavior_hint="(default: rest pose)")
+]
 BodyFile = Annotated[Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the one in the package)")]
 Port = Annotated[int, arg(metavar="N")]
 Host = Annotated[str, arg(metavar="ADDRESS")]
@@ -58,7 +62,8 @@ class Phenotype:
 
 @dataclass(frozen=True)
 class MakeBody:
-    """Make a body from phenotypes or a character, or write the one in the package as a mesh to model on."""
+    """Make a body from phenotypes, a character or an SMPL model, or write the one in the package as a mesh to
+    model on."""
 
     out: Path
     """What to write: .npz for --body of the other commands, .obj or .glb to model on (rest pose, UVs)."""
@@ -72,17 +77,24 @@ class MakeBody:
     """Meshes or materials of the character that cloth lies on, whatever their names say."""
     drop: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint="")] = ()
     """Meshes or materials of the character to leave out."""
+    smpl: Annotated[Path | None, arg(metavar="NPZ|PKL", help_behavior_hint="")] = None
+    """A model file of SMPL, SMPL-H or SMPL-X of one gender; docs/field_data.md says what is read."""
+    betas: Annotated[tuple[float, ...], arg(metavar="N ...", help_behavior_hint="(default: all 0)")] = ()
+    """Shape parameters of the SMPL model, the first ones of them."""
     phenotype: OmitArgPrefixes[Phenotype] = field(default_factory=Phenotype)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
-        from uvcloth.commands.body import CharacterFile, make
+        from uvcloth.commands.body import CharacterFile, SmplFile, make
 
         chosen = {key: value for key, value in asdict(self.phenotype).items() if value is not None}
         if self.character is None and (self.joints or self.keep or self.drop):
             raise InputError("body: --joints, --keep and --drop are about a --character")
         character = self.character and CharacterFile(self.character, self.joints, self.keep, self.drop)
-        body = make(self.out, chosen, self.body, character or None)
+        if self.smpl is None and self.betas:
+            raise InputError("body: --betas are about an --smpl model")
+        smpl = self.smpl and SmplFile(self.smpl, self.betas)
+        body = make(self.out, chosen, self.body, character or None, smpl or None)
         print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
 
 
@@ -117,6 +129,11 @@ class Simulate:
     """Templates or garment files to simulate; a file's sequences are named by its stem."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
+    outfits: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
+    """Simulate the outfits that `uvcloth outfits` wrote there instead, each on its body over one of the
+    table's windows of its split, its garments together."""
+    most_frames: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: whole windows)")] = None
+    """Of each window that moves an outfit, the first N frames at most."""
     layered: bool = False
     """The garments are worn over one another, the first innermost, and simulated together, so that they
     keep apart; otherwise each is simulated alone."""
@@ -150,8 +167,15 @@ class Simulate:
         from uvcloth.simulate.batch import Workers, simulate_batch
         from uvcloth.simulate.plan import ClipSelection
 
+        selection = ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options)
+        if self.outfits is not None:
+            from uvcloth.simulate.outfits import simulate_outfits
+
+            workers = Workers(self.jobs, self.scheduler)
+            simulate_outfits(self.outfits, selection, self.out, self.most_frames, self.engine, workers)
+            return
         simulate_batch(
-            ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options),
+            selection,
             outfits=[self.garment] if self.layered else [(name,) for name in self.garment],
             out=self.out,
             body=load_body(self.body),
@@ -224,6 +248,9 @@ class Fit:
         arg(metavar="tops|bottoms|dress|shirt", help_behavior_hint="(default: the one it covers best)"),
     ] = None
     """The template whose motion it takes."""
+    garment_pose: GarmentPose = None
+    """The garment was modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
+    down (A pose)."""
     out: Annotated[Path | None, arg(metavar="OBJ", help_behavior_hint="")] = None
     """Also write the garment as it is worn: metres, Z up, as OBJ; each of several into a file of its own."""
 
@@ -235,9 +262,55 @@ class Fit:
         from uvcloth.commands.fit import examine
 
         found = examine(
-            self.file, body_file=self.body, template=self.template, out=self.out, picture=self.picture
+            self.file,
+            body_file=self.body,
+            template=self.template,
+            out=self.out,
+            picture=self.picture,
+            pose=self.garment_pose,
         )
         print("\n".join(found))
+
+
+@dataclass(frozen=True)
+class Outfits:
+    """Make random outfits to learn from: cut, sewn and worn on bodies, a JSON and OBJ files of each."""
+
+    count: int
+    """How many; a rerun continues with what is missing."""
+    out: Path
+    """Folder for o0001.json, its pieces o0001_tshirt.obj, ..., and bodies/."""
+    body: Annotated[tuple[str, ...], arg(metavar="NPZ|builtin ...", help_behavior_hint="")] = ()
+    """Bodies made by `uvcloth body` that wear them, or `builtin`, the one in the package; one, or at least
+    three, so that no body is in two splits. Without, bodies are drawn from phenotypes."""
+    bodies: Annotated[int, arg(metavar="K")] = 12
+    """How many bodies to draw."""
+    seed: int = 0
+    """Decides what is drawn: the same outfits for the same seed."""
+    vertices: Annotated[tuple[int, int], arg(metavar="LEAST MOST")] = (1000, 2500)
+    """Between how many vertices an outfit has, 1000 to 16000."""
+    type: Annotated[tuple[str, ...], arg(metavar="NAME ...", help_behavior_hint="(default: all)")] = ()
+    """Types of outfits: tshirt, top, longsleeve, jacket, trousers, shorts, skirt, gown, jumpsuit, or an upper
+    one over a lower one, as tshirt+skirt."""
+    jobs: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: one per core)")] = None
+    """Processes at the same time."""
+
+    def run(self) -> None:
+        """Run the command. Raises InputError for bad input."""
+        from uvcloth.commands.outfits import Wardrobe, make_wardrobe
+
+        make_wardrobe(
+            Wardrobe(
+                out=self.out,
+                count=self.count,
+                seed=self.seed,
+                bodies=self.body,
+                drawn_bodies=self.bodies,
+                types=self.type,
+                vertices=self.vertices,
+                jobs=self.jobs,
+            )
+        )
 
 
 @dataclass(frozen=True)
@@ -264,6 +337,9 @@ class Rollout:
         arg(metavar="NAME|auto ...", help_behavior_hint="(default: the one each covers best)"),
     ] = ()
     """The template whose motion a garment takes: one for all, or one for each in order."""
+    garment_pose: GarmentPose = None
+    """Garment files were modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
+    down (A pose)."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     contact: bool = True
@@ -301,6 +377,7 @@ class Rollout:
                 self.garment,
                 self.out,
                 templates=self.template,
+                garment_pose=self.garment_pose,
                 body_file=self.body,
                 contact=self.contact,
                 hide_skin=self.hide_skin,
@@ -410,12 +487,17 @@ class Poses:
 
 @dataclass(frozen=True)
 class Export:
-    """Write a method that is a rig (PBNS) for engines: skeleton, skin, blend shapes and their motion."""
+    """Write a method that is a rig (PBNS, DeePSD) for engines: skeleton, skin, blend shapes and motion."""
 
     model: Annotated[str, arg(metavar="pbns|RUN")]
-    """pbns as it ships (a shirt over trousers), or a folder written by `python -m train pbns`."""
+    """pbns as it ships (a shirt over trousers), or a folder written by `python -m train pbns` or `deepsd`."""
     out: Path
     """What to write: .glb, .usdc or .usd."""
+    garment: Garments = ()
+    """What DeePSD rigs: templates or garment files, the innermost first. PBNS has garments of its own."""
+    garment_pose: GarmentPose = None
+    """Garment files were modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
+    down (A pose)."""
     motion: Annotated[str | None, arg(metavar="FILE|NAME", help_behavior_hint="(default: the rig alone)")] = (
         None
     )
@@ -436,6 +518,8 @@ class Export:
         exported = export(
             self.model,
             self.out,
+            garments=self.garment,
+            garment_pose=self.garment_pose,
             motion=self.motion,
             shapes=self.shapes,
             body_file=self.body,
@@ -469,6 +553,7 @@ Command = (
     | Annotated[Data, subcommand("data")]
     | Annotated[Maps, subcommand("maps")]
     | Annotated[Poses, subcommand("poses")]
+    | Annotated[Outfits, subcommand("outfits")]
     | Annotated[Export, subcommand("export")]
     | Annotated[Demo, subcommand("demo")]
 )
@@ -480,11 +565,7 @@ def main() -> int:
 
 
 def _run() -> None:
-    command: MakeBody | Motion | Simulate | Data | Maps | Fit | Rollout | View | Poses | Export | Demo = (
-        tyro.cli(
-            Command,
-            prog="uvcloth",
-            description=DESCRIPTION,
-        )
-    )
+    command: (
+        MakeBody | Motion | Simulate | Data | Maps | Fit | Rollout | View | Poses | Outfits | Export | Demo
+    ) = tyro.cli(Command, prog="uvcloth", description=DESCRIPTION)
     command.run()

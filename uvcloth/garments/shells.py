@@ -13,20 +13,35 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from rasterize.charts import boundary_loops
 from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body
-from uvcloth.garments.cut import place
+from uvcloth.garments.cut import cut, place
+from uvcloth.garments.remesh import largest_faces
 
 Array = NDArray[np.float64]
 
 SKIRT_ROWS = 24
 """Rows of vertices from waist to hem."""
 
-SKIRT_EASE = 0.02
-"""Metres that the skirt keeps off the outline of hips and legs."""
+ABOVE_KNEE = -0.02
+"""Height of the hem of the template's skirt, m, over the knees."""
 
-FLARE = 0.16
-"""A-line: metres that the skirt's radius grows per metre of height, at least."""
+
+@dataclass(frozen=True)
+class SkirtCut:
+    """Shape of a skirt, by default that of the dress template.
+
+    hem: height, m, None for just below the knees. ease: metres that it keeps off the outline of hips and
+    legs. flare: A-line, metres that its radius grows per metre of height, at least.
+    """
+
+    hem: float | None = None
+    ease: float = 0.02
+    flare: float = 0.16
+
+
+TEMPLATE_SKIRT = SkirtCut()
 
 
 @dataclass(frozen=True)
@@ -57,14 +72,34 @@ def tight_shell(body: Body) -> tuple[Array, NDArray[np.int64]]:
     return np.asarray(vertices), np.asarray(faces, dtype=np.int64)
 
 
-def dress_shell(body: Body, bodice: Bodice) -> tuple[Array, NDArray[np.int64]]:
+def cut_bodice(body: Body, field: Array) -> Bodice:
+    """Bodice where a field (P,) over the tight shell's vertices is positive; its lowest hem is the waist.
+
+    Raises InputError as `tight_shell` does.
+    """
+    vertices, faces = tight_shell(body)
+    edges, along, cut_faces = cut(faces, field)
+    placed = place(vertices, edges, along)
+    kept, cut_faces = largest_faces(cut_faces)
+    placed = placed[kept]
+    loop = min(boundary_loops(cut_faces), key=lambda run: float(placed[run][:, 2].mean()))
+    around = placed[loop][:, :2] - placed[loop][:, :2].mean(axis=0)
+    turning = np.cross(np.c_[around, np.zeros(len(loop))], np.c_[np.roll(around, -1, 0), np.zeros(len(loop))])
+    if turning[:, 2].sum() < 0:
+        loop = loop[::-1]
+    return Bodice(edges[kept], along[kept], cut_faces, loop)
+
+
+def dress_shell(
+    body: Body, bodice: Bodice, skirt: SkirtCut = TEMPLATE_SKIRT
+) -> tuple[Array, NDArray[np.int64]]:
     """Vertices (P, 3) m and faces (Q, 3) of bodice and skirt, welded at the waist loop.
 
     Raises InputError as `tight_shell` and `joint` do.
     """
     top = place(tight_shell(body)[0], bodice.edges, bodice.along)
     waist = top[bodice.loop]
-    knee = joint(body, "LeftLeg")[2] - 0.02
+    hem = joint(body, "LeftLeg")[2] + ABOVE_KNEE if skirt.hem is None else skirt.hem
     heights = np.linspace(0.0, 1.0, SKIRT_ROWS + 1)[1:]
     centre = waist[:, :2].mean(axis=0)
     around = waist[:, :2] - centre
@@ -72,10 +107,10 @@ def dress_shell(body: Body, bodice: Bodice) -> tuple[Array, NDArray[np.int64]]:
     radius = np.linalg.norm(around, axis=1)
     rows = []
     for above_share, share in zip(np.r_[0.0, heights[:-1]], heights, strict=True):
-        z = waist[:, 2] + (knee - waist[:, 2]) * share
-        step = (waist[:, 2].mean() - knee) * (share - above_share)
+        z = waist[:, 2] + (hem - waist[:, 2]) * share
+        step = (waist[:, 2].mean() - hem) * (share - above_share)
         radius = np.maximum(
-            radius + FLARE * step, _outline(body, centre, z.mean(), step, angles) + SKIRT_EASE
+            radius + skirt.flare * step, _outline(body, centre, z.mean(), step, angles) + skirt.ease
         )
         radius = _smooth_around(radius)
         rows.append(

@@ -108,7 +108,7 @@ def _outfit(parts: Iterable[SimulatedSequence], body: Body) -> Outfit:
     garments = []
     for part in parts:
         mesh = Mesh(part.rest, part.faces, torch.zeros(1, 2), torch.zeros_like(part.faces))
-        garments.append(make_fitted(part.garment, mesh, body, part.template)[0])
+        garments.append(make_fitted(part.garment, mesh, body, part.metadata.get("template"))[0])
     return Outfit(body, tuple(garments))
 
 
@@ -117,7 +117,7 @@ def _join(name: str, outfit: Outfit, parts: Sequence[tuple[Path, SimulatedSequen
     return OutfitSequence(
         name=name,
         outfit=outfit,
-        types=tuple(str(part.metadata.get("type", "")) for _, part in parts),
+        types=tuple(str(part.metadata.get("types", {}).get(part.garment, "")) for _, part in parts),
         clip=first.clip,
         subject=str(first.metadata.get("subject", "")),
         split=str(first.metadata["split"]),

@@ -1,0 +1,265 @@
+"""`uvcloth outfits`: makes a folder of random outfits, and the bodies that wear them."""
+
+import os
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body, load_body, save_body
+from uvcloth.export.obj import save_obj
+from uvcloth.wardrobe.draw import OUTFITS
+from uvcloth.wardrobe.make import make_outfit
+from uvcloth.wardrobe.outfit_file import (
+    SPLITS,
+    OutfitFile,
+    PieceFile,
+    load_outfit_file,
+    save_outfit_file,
+)
+
+BUILTIN = "builtin"
+"""Name of the body that ships with the package."""
+
+FEWEST_VERTICES, MOST_VERTICES = 1000, 16000
+
+PHENOTYPES = {
+    "gender": (0.0, 1.0),
+    "age": (0.5, 0.9),
+    "muscle": (0.2, 0.9),
+    "weight": (0.2, 0.8),
+    "height": (0.25, 0.8),
+    "proportions": (0.3, 1.0),
+}
+"""Between what drawn bodies lie: grown people."""
+
+HELD_OUT = 6
+"""One body in so many is for validation, and another for the test."""
+
+
+@dataclass(frozen=True)
+class Wardrobe:
+    """Outfits to make. bodies: npz files, or BUILTIN; without any, `drawn_bodies` are drawn from phenotypes.
+
+    types: of OUTFITS, none for all. vertices: least and most of an outfit.
+    """
+
+    out: Path
+    count: int
+    seed: int = 0
+    bodies: tuple[str, ...] = ()
+    drawn_bodies: int = 12
+    types: tuple[str, ...] = ()
+    vertices: tuple[int, int] = (1000, 2500)
+    jobs: int | None = None
+
+    def check(self) -> None:
+        """Raise InputError for a number outside its range, or an unknown type."""
+        if self.count < 1:
+            raise InputError(f"--count {self.count}: expected at least 1")
+        if self.seed < 0:
+            raise InputError(f"--seed {self.seed}: expected 0 or more")
+        if self.jobs is not None and self.jobs < 1:
+            raise InputError(f"--jobs {self.jobs}: expected at least 1")
+        low, high = self.vertices
+        if not FEWEST_VERTICES <= low <= high <= MOST_VERTICES:
+            raise InputError(
+                f"--vertices {low} {high}: expected two numbers from {FEWEST_VERTICES} to {MOST_VERTICES}, "
+                "the smaller first"
+            )
+        for name in self.types:
+            if name not in OUTFITS:
+                raise InputError(f"--type {name}: unknown, expected one of {', '.join(OUTFITS)}")
+        bodies = len(self.bodies) or self.drawn_bodies
+        if bodies < 1 or bodies == 2:
+            option = "--body" if self.bodies else "--bodies"
+            raise InputError(
+                f"{option}: {bodies} bodies, expected one for all, or at least three to split them"
+            )
+
+
+@dataclass(frozen=True)
+class _Job:
+    number: int
+    body: Path
+    wardrobe: Wardrobe
+
+
+def make_wardrobe(wardrobe: Wardrobe) -> None:
+    """Make what is missing of a folder of outfits; each is there whole or not at all.
+
+    Raises InputError for settings out of range, bodies that outfits cannot be cut on, and a folder that was
+    made with other settings.
+    """
+    wardrobe.check()
+    bodies = _bodies(wardrobe)
+    jobs = [
+        _Job(number, _body_of(number, bodies, wardrobe.seed), wardrobe)
+        for number in range(1, wardrobe.count + 1)
+    ]
+    todo = [job for job in jobs if not _is_there(job)]
+    console = Console(stderr=True)
+    refused: Counter[str] = Counter()
+    with _workers(wardrobe.jobs, len(todo)) as submit, Progress(console=console) as progress:
+        bar = progress.add_task(f"{len(todo)} outfits", total=len(todo))
+        for future in as_completed([submit(job) for job in todo]):
+            refused.update(future.result())
+            progress.advance(bar)
+            done = int(progress.tasks[bar].completed)
+            if not console.is_terminal and (done % 25 == 0 or done == len(todo)):
+                print(f"{done} of {len(todo)} outfits", flush=True)
+    print(f"{wardrobe.out}: {len(jobs)} outfits, {len(jobs) - len(todo)} of them were there")
+    if refused:
+        print(
+            f"{sum(refused.values())} draws were refused: "
+            + "; ".join(f"{count} {reason}" for reason, count in refused.most_common(5))
+        )
+
+
+def split_of(number: int) -> str:
+    """Split of an outfit by its number: of every ten one is for validation and one for the test."""
+    return SPLITS[max(0, number % 10 - 7)]
+
+
+def _make(job: _Job) -> list[str]:
+    """Make and write one outfit, its pieces first; returns why draws were refused."""
+    import torch
+
+    torch.set_num_threads(1)
+    settings = job.wardrobe
+    types = settings.types or OUTFITS
+    made = make_outfit(job.number, settings.seed, types, settings.vertices, _loaded(job.body))
+    path = _path(job)
+    files = [path.with_name(f"{path.stem}_{design.kind}.obj") for design in made.drawn.designs]
+    for mesh, file in zip(made.pieces, files, strict=True):
+        save_obj(mesh, file)
+    drawn = made.drawn
+    save_outfit_file(
+        OutfitFile(
+            path=path,
+            name=path.stem,
+            split=split_of(job.number),
+            body=job.body,
+            seed=settings.seed,
+            pieces=tuple(
+                PieceFile(file, design, len(mesh.vertices))
+                for file, design, mesh in zip(files, drawn.designs, made.pieces, strict=True)
+            ),
+            fabric_name=drawn.fabric_name,
+            fabric=drawn.fabric,
+            tightness=drawn.tightness,
+            even=drawn.meshing.even,
+            seams=drawn.meshing.seams,
+            vertex_range=settings.vertices,
+        )
+    )
+    return [reason.partition(":")[0] for reason in made.refused]
+
+
+def _path(job: _Job) -> Path:
+    return job.wardrobe.out / f"o{job.number:04d}.json"
+
+
+def _is_there(job: _Job) -> bool:
+    """Test for an outfit that was made before. Raises InputError if it was made with other settings."""
+    path = _path(job)
+    if not path.is_file():
+        return False
+    outfit = load_outfit_file(path)
+    made = (outfit.seed, outfit.vertex_range, outfit.body)
+    if made != (job.wardrobe.seed, job.wardrobe.vertices, job.body):
+        raise InputError(
+            f"{path}: was made with --seed {made[0]} --vertices {made[1][0]} {made[1][1]} on {made[2].stem}, "
+            "use another folder for other settings"
+        )
+    return True
+
+
+@contextmanager
+def _workers(jobs: int | None, work: int) -> Iterator:
+    """Function that submits a job to processes, or runs it here where there is but one."""
+    count = min(jobs or os.cpu_count() or 1, work)
+    if count <= 1:
+
+        def run(job: _Job) -> Future:
+            future: Future = Future()
+            future.set_result(_make(job))
+            return future
+
+        yield run
+        return
+    # Threads of torch and warp do not survive a fork.
+    with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
+        try:
+            yield lambda job: pool.submit(_make, job)
+        except BaseException:
+            pool.shutdown(wait=True, cancel_futures=True)
+            raise
+
+
+@cache
+def _loaded(path: Path) -> Body:
+    return load_body(path)
+
+
+def _body_of(number: int, bodies: Sequence[Path], seed: int) -> Path:
+    """Body that wears an outfit: the splits have bodies of their own, where there are several."""
+    if len(bodies) == 1:
+        return bodies[0]
+    held = max(1, len(bodies) // HELD_OUT)
+    own = {
+        "test": bodies[-held:],
+        "validation": bodies[-2 * held : -held],
+        "train": bodies[: -2 * held],
+    }[split_of(number)]
+    return own[np.random.default_rng([seed, number]).integers(len(own))]
+
+
+def _bodies(wardrobe: Wardrobe) -> list[Path]:
+    """Files of the bodies in OUT/bodies, made or copied where they are not there."""
+    folder = wardrobe.out / "bodies"
+    if not wardrobe.bodies:
+        return _drawn_bodies(folder, wardrobe.drawn_bodies, wardrobe.seed)
+    names = [BUILTIN if name == BUILTIN else Path(name).stem for name in wardrobe.bodies]
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise InputError(f"--body: two bodies are named {twice[0]}")
+    files = []
+    for given, name in zip(wardrobe.bodies, names, strict=True):
+        body = load_body(None if given == BUILTIN else Path(given))
+        if "tights" not in body.proxies:
+            raise InputError(f"--body {given}: has no garment proxy, outfits cannot be cut on it")
+        file = folder / f"{name}.npz"
+        if not file.is_file():
+            save_body(replace(body, name=name), file)
+        files.append(file)
+    return files
+
+
+def _drawn_bodies(folder: Path, count: int, seed: int) -> list[Path]:
+    files = [folder / f"b{number:02d}.npz" for number in range(1, count + 1)]
+    missing = [number for number, file in enumerate(files, start=1) if not file.is_file()]
+    if not missing:
+        return files
+    from uvcloth.bodies.anny import make_body
+
+    console = Console(stderr=True)
+    console.print("Anny's shapes are read once, two to six minutes; later bodies take seconds")
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task("bodies", total=None)
+        for number in missing:
+            rng = np.random.default_rng([seed, number, len(PHENOTYPES)])
+            drawn = {key: round(float(rng.uniform(*ends)), 3) for key, ends in PHENOTYPES.items()}
+            progress.update(task, description=f"body {number} of {count}")
+            save_body(make_body(files[number - 1].stem, drawn), files[number - 1])
+    return files
