@@ -14,7 +14,7 @@ from train.batched_collision import PosedParts
 from train.deepsd.dataset import OutfitDataset, posed_outfit
 from train.deepsd.losses import PhysicsLosses
 from train.deepsd.outfit_energy import OutfitEnergy, normal_energy
-from train.deepsd.physics import PhysicsObjective, load_start
+from train.deepsd.physics import PhysicsObjective, TrainedStart, load_start
 from train.deepsd.prediction import PosedOutfit
 from train.deepsd.run import LOOPS, DeePSDRun
 from train.loop import STATE, fit
@@ -25,7 +25,7 @@ from uvcloth.checkpoint import Checkpoint, TrainingData, load_checkpoint, load_t
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
 from uvcloth.geometry.records import CPU
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.deepsd.config import PRESETS
+from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
 from uvcloth.methods.deepsd.method import DeePSD, deepsd_checkpoint
 from uvcloth.methods.deepsd.network import DeePSDNetwork
 from uvcloth.methods.deepsd.outfit_graph import pack
@@ -39,10 +39,16 @@ LOSSES = PhysicsLosses(poses_drawn=2)
 
 
 @pytest.fixture
-def start(dataset: OutfitDataset) -> DeePSD:
+def start(dataset: OutfitDataset) -> TrainedStart:
     """What the first phase would leave: no branch of physics yet."""
     torch.manual_seed(1)
-    return DeePSD(TINY, DeePSDNetwork(TINY, 31), dataset.vectors, ("data",))
+    method = DeePSD(TINY, DeePSDNetwork(TINY, 31), dataset.vectors, ("data",))
+    return TrainedStart(method, TrainingData({"old.npz": "x"}, {"train": {"old": "eve"}}), {"step": 7})
+
+
+def trained(config: DeePSDConfig, joints: int) -> TrainedStart:
+    method = DeePSD(config, DeePSDNetwork(config, joints), torch.zeros(1, 3 * joints))
+    return TrainedStart(method, TrainingData(), {})
 
 
 class Quick(PhysicsObjective):
@@ -112,7 +118,7 @@ def test_planes_are_those_of_contact_on_bodies_of_two_shapes(dataset: OutfitData
             assert (found[~met] > 1e5).float().mean() > 0.99
 
 
-def test_poses_are_anybody_s_on_the_outfit_s_own_body(dataset: OutfitDataset, start: DeePSD) -> None:
+def test_poses_are_anybody_s_on_the_outfit_s_own_body(dataset: OutfitDataset, start: TrainedStart) -> None:
     objective = Quick(start, replace(LOSSES, poses_drawn=5), dataset, 2)
     torch.manual_seed(0)
     outfits, frames = objective._drawn(torch.tensor([0, 1]), 5)
@@ -133,7 +139,9 @@ def test_poses_are_anybody_s_on_the_outfit_s_own_body(dataset: OutfitDataset, st
     assert torch.equal(own.transforms[0], outfits[0].transforms[frames[0]])
 
 
-def test_only_chi_moves_and_resuming_is_exact(dataset: OutfitDataset, start: DeePSD, tmp_path: Path) -> None:
+def test_only_chi_moves_and_resuming_is_exact(
+    dataset: OutfitDataset, start: TrainedStart, tmp_path: Path
+) -> None:
     def objective() -> PhysicsObjective:
         return Quick(start, LOSSES, dataset, LOOP.batch)
 
@@ -144,7 +152,7 @@ def test_only_chi_moves_and_resuming_is_exact(dataset: OutfitDataset, start: Dee
     parts, _ = load_tensors(tmp_path / "parts" / STATE)
     whole, _ = load_tensors(tmp_path / "whole" / STATE)
     assert all(torch.equal(whole[name], tensor) for name, tensor in parts.items())
-    before = start.network.state_dict()
+    before = start.method.network.state_dict()
     for name, tensor in before.items():
         same = torch.equal(whole[f"network/net/{name}"], tensor)
         assert same != name.startswith("branches.physics") or "bias" in name, name
@@ -152,13 +160,16 @@ def test_only_chi_moves_and_resuming_is_exact(dataset: OutfitDataset, start: Dee
     checkpoint = load_checkpoint(tmp_path / "whole", dataset.body)
     assert checkpoint.notes["branches"] == ["data", "physics"]
     assert checkpoint.notes["physics"]["thickness"] == 0.005
+    assert checkpoint.notes["start"] == {"step": 7}
+    assert checkpoint.data.clips["train"] == {"old": "eve", "clip0": "person0", "clip1": "person1"}
+    assert {"old.npz", "clip0_belt_tops.npz"} <= checkpoint.data.files.keys()
     again = load_start(str(tmp_path / "whole"))
     more = Quick(again, LOSSES, dataset, 2).networks()["net"].state_dict()
-    assert all(torch.equal(more[name], value) for name, value in again.network.state_dict().items())
+    assert all(torch.equal(more[name], value) for name, value in again.method.network.state_dict().items())
 
 
 def test_physics_lowers_its_energy_and_starts_from_what_data_taught(
-    dataset: OutfitDataset, start: DeePSD
+    dataset: OutfitDataset, start: TrainedStart
 ) -> None:
     objective = Quick(start, replace(LOSSES, poses_drawn=3), dataset, 2)
     net = objective.networks()["net"]
@@ -177,7 +188,7 @@ def test_physics_lowers_its_energy_and_starts_from_what_data_taught(
 
 
 def test_an_outfit_of_one_s_own_is_fitted_without_data(
-    body: Body, dataset: OutfitDataset, start: DeePSD
+    body: Body, dataset: OutfitDataset, start: TrainedStart
 ) -> None:
     outfit = dataset.training[1].outfit
     poses = Poses(database_of(body), TrainingData({"poses.npz": "abc"}, {"train": {"swaying": "ann"}}))
@@ -196,12 +207,12 @@ def test_an_outfit_of_one_s_own_is_fitted_without_data(
     assert torch.equal(mine.training[0].transforms[..., :3], swaying(9, 0).rotations[:6])
 
 
-def test_what_does_not_do_is_refused(dataset: OutfitDataset, start: DeePSD, tmp_path: Path) -> None:
+def test_what_does_not_do_is_refused(dataset: OutfitDataset, start: TrainedStart, tmp_path: Path) -> None:
     flat = replace(TINY, deformation="none")
     with pytest.raises(InputError, match="--physics-only: a network without a deformation"):
-        Quick(DeePSD(flat, DeePSDNetwork(flat, 31), dataset.vectors), LOSSES, dataset, 2)
+        Quick(trained(flat, 31), LOSSES, dataset, 2)
     with pytest.raises(InputError, match="is for a skeleton of 24 joints, body 'default' has 31"):
-        Quick(DeePSD(TINY, DeePSDNetwork(TINY, 24), dataset.vectors), LOSSES, dataset, 2)
+        Quick(trained(TINY, 24), LOSSES, dataset, 2)
     with pytest.raises(InputError, match="not a trained model"):
         load_start(str(tmp_path / "none"))
     save_checkpoint(
@@ -218,6 +229,6 @@ def test_what_does_not_do_is_refused(dataset: OutfitDataset, start: DeePSD, tmp_
         DeePSDRun(out=tmp_path / "run", outfit=("tops",)).train()
     with pytest.raises(InputError, match=r"--thickness -1\.0: has to be 0 or more"):
         PhysicsLosses(thickness=-1.0)
-    save_checkpoint(deepsd_checkpoint(start, dataset.body, TrainingData(), {}), tmp_path / "begun")
-    assert load_start(str(tmp_path / "begun")).branches == ("data",)
+    save_checkpoint(deepsd_checkpoint(start.method, dataset.body, TrainingData(), {}), tmp_path / "begun")
+    assert load_start(str(tmp_path / "begun")).method.branches == ("data",)
     assert not (tmp_path / "run").exists()
