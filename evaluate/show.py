@@ -10,9 +10,9 @@ from torch import Tensor
 from evaluate.case import outfit_name
 from evaluate.report import Picture
 from evaluate.viewer import ViewerClip
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import join_meshes
-from uvcloth.geometry.skinning import skin
 from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
 
 MOMENTS = (0.3, 0.6, 0.9)
@@ -109,7 +109,7 @@ def pictures(shown: Sequence[Shown], methods: Sequence[str], tick: Callable[[], 
         frames = [min(int(share * len(window.transforms)), len(window.transforms) - 1) for share in MOMENTS]
         frames = list(dict.fromkeys(frames))
         body = window.outfit.body
-        posed = skin(body.mesh.vertices, body.weights, window.transforms[frames])
+        posed = posed_skin(body, window.transforms[frames])
         colors = [SIMULATION_COLOR, *(method_color(methods, name) for name in list(window.meshes)[1:])]
         images = [
             render(

@@ -62,7 +62,8 @@ class Phenotype:
 
 @dataclass(frozen=True)
 class MakeBody:
-    """Make a body from phenotypes or a character, or write the one in the package as a mesh to model on."""
+    """Make a body from phenotypes, a character or an SMPL model, or write the one in the package as a mesh to
+    model on."""
 
     out: Path
     """What to write: .npz for --body of the other commands, .obj or .glb to model on (rest pose, UVs)."""
@@ -76,17 +77,24 @@ class MakeBody:
     """Meshes or materials of the character that cloth lies on, whatever their names say."""
     drop: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint="")] = ()
     """Meshes or materials of the character to leave out."""
+    smpl: Annotated[Path | None, arg(metavar="NPZ|PKL", help_behavior_hint="")] = None
+    """A model file of SMPL, SMPL-H or SMPL-X of one gender; docs/field_data.md says what is read."""
+    betas: Annotated[tuple[float, ...], arg(metavar="N ...", help_behavior_hint="(default: all 0)")] = ()
+    """Shape parameters of the SMPL model, the first ones of them."""
     phenotype: OmitArgPrefixes[Phenotype] = field(default_factory=Phenotype)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
-        from uvcloth.commands.body import CharacterFile, make
+        from uvcloth.commands.body import CharacterFile, SmplFile, make
 
         chosen = {key: value for key, value in asdict(self.phenotype).items() if value is not None}
         if self.character is None and (self.joints or self.keep or self.drop):
             raise InputError("body: --joints, --keep and --drop are about a --character")
         character = self.character and CharacterFile(self.character, self.joints, self.keep, self.drop)
-        body = make(self.out, chosen, self.body, character or None)
+        if self.smpl is None and self.betas:
+            raise InputError("body: --betas are about an --smpl model")
+        smpl = self.smpl and SmplFile(self.smpl, self.betas)
+        body = make(self.out, chosen, self.body, character or None, smpl or None)
         print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
 
 

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.bodies.seen import seen
 from uvcloth.commands.summary import Summary, Totals
 from uvcloth.export.pictures import SHEETS, sheet_interval
@@ -23,7 +24,6 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.lead_in import pose_from_rest
@@ -161,7 +161,7 @@ def _kept_so_far(broken: BrokenRolloutError, frames: int, written: Sequence[Path
 
 def _posed(body: Body, frame: RolloutFrame) -> Tensor:
     """Vertices (V, 3) m of a body in a frame."""
-    return skin(body.mesh.vertices, body.weights, frame.transforms[None])[0]
+    return posed_skin(body, frame.transforms[None])[0]
 
 
 def _interval(out: Sequence[Path], frames: int) -> int:

@@ -7,6 +7,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import ARM_PARTS, FOREARM_PARTS, LEG_PARTS, make_collider
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import unique_edges, weld
 from uvcloth.geometry.skeleton import Skeleton
@@ -67,7 +68,7 @@ def examine(
     pierced = _pierced_percent(sequence, body.skeleton, contact.touches)
     scored = slice(sequence.warm_up, None)
     vertices, transforms = vertices[scored], sequence.transforms[scored]
-    posed = skin(body.mesh.vertices, body.weights, transforms)
+    posed = posed_skin(body, transforms)
     inside = _mean(obstacle.inside_percent(vertices, contact, posed))
     crossing = _mean(crossing_edges_percent(vertices, weld(sequence.rest)[sequence.faces]))
     skinned = skin(sequence.rest, garment.smooth_weights, transforms)
