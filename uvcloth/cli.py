@@ -33,6 +33,9 @@ uvcloth rollout --motion walk.bvh --garment shirt.obj --out walk.mp4 walk.glb"""
 TemplateName = Literal["tops", "bottoms", "dress", "shirt"]
 EngineName = Literal["newton", "blender"]
 Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ...")]
+GarmentPose = Annotated[
+    Literal["t", "a"] | None, arg(metavar="t|a", help_behavior_hint="(default: rest pose)")
+]
 BodyFile = Annotated[Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the one in the package)")]
 Port = Annotated[int, arg(metavar="N")]
 Host = Annotated[str, arg(metavar="ADDRESS")]
@@ -245,6 +248,9 @@ class Fit:
         arg(metavar="tops|bottoms|dress|shirt", help_behavior_hint="(default: the one it covers best)"),
     ] = None
     """The template whose motion it takes."""
+    garment_pose: GarmentPose = None
+    """The garment was modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
+    down (A pose)."""
     out: Annotated[Path | None, arg(metavar="OBJ", help_behavior_hint="")] = None
     """Also write the garment as it is worn: metres, Z up, as OBJ; each of several into a file of its own."""
 
@@ -256,7 +262,12 @@ class Fit:
         from uvcloth.commands.fit import examine
 
         found = examine(
-            self.file, body_file=self.body, template=self.template, out=self.out, picture=self.picture
+            self.file,
+            body_file=self.body,
+            template=self.template,
+            out=self.out,
+            picture=self.picture,
+            pose=self.garment_pose,
         )
         print("\n".join(found))
 
@@ -326,6 +337,9 @@ class Rollout:
         arg(metavar="NAME|auto ...", help_behavior_hint="(default: the one each covers best)"),
     ] = ()
     """The template whose motion a garment takes: one for all, or one for each in order."""
+    garment_pose: GarmentPose = None
+    """Garment files were modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
+    down (A pose)."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     contact: bool = True
@@ -363,6 +377,7 @@ class Rollout:
                 self.garment,
                 self.out,
                 templates=self.template,
+                garment_pose=self.garment_pose,
                 body_file=self.body,
                 contact=self.contact,
                 hide_skin=self.hide_skin,
@@ -472,12 +487,17 @@ class Poses:
 
 @dataclass(frozen=True)
 class Export:
-    """Write a method that is a rig (PBNS) for engines: skeleton, skin, blend shapes and their motion."""
+    """Write a method that is a rig (PBNS, DeePSD) for engines: skeleton, skin, blend shapes and motion."""
 
     model: Annotated[str, arg(metavar="pbns|RUN")]
-    """pbns as it ships (a shirt over trousers), or a folder written by `python -m train pbns`."""
+    """pbns as it ships (a shirt over trousers), or a folder written by `python -m train pbns` or `deepsd`."""
     out: Path
     """What to write: .glb, .usdc or .usd."""
+    garment: Garments = ()
+    """What DeePSD rigs: templates or garment files, the innermost first. PBNS has garments of its own."""
+    garment_pose: GarmentPose = None
+    """Garment files were modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
+    down (A pose)."""
     motion: Annotated[str | None, arg(metavar="FILE|NAME", help_behavior_hint="(default: the rig alone)")] = (
         None
     )
@@ -498,6 +518,8 @@ class Export:
         exported = export(
             self.model,
             self.out,
+            garments=self.garment,
+            garment_pose=self.garment_pose,
             motion=self.motion,
             shapes=self.shapes,
             body_file=self.body,

@@ -29,6 +29,9 @@ from uvcloth.simulate.sequence import load_sequence
 
 CLIP = "jump"
 GARMENT = "skirt.obj"
+FOREIGN = "female_casualsuit01.mhclo"
+"""An outfit that none of the models has seen, and no part of this project made."""
+
 MODELS = {"tops": "physxnet", "bottoms": "physxnet", "dress": "motion_guided"}
 """Templates that are shown, and the model that predicts each."""
 
@@ -46,14 +49,15 @@ def run(out: Path) -> None:
     body = load_body()
     console.print(f"1. Simulating {', '.join(MODELS)} over the built-in clip {CLIP} (five to ten minutes)")
     simulate_batch(ClipSelection([CLIP]), [(name,) for name in MODELS], out / "sequences", body)
-    skirt = str(files("uvcloth") / "data" / "garments" / GARMENT)
+    skirt, foreign = (str(files("uvcloth") / "data" / "garments" / name) for name in (GARMENT, FOREIGN))
     console.print(
         "2. Rolling the shipped models out on the same clip: Motion-guided on its dress, PhysXNet on a shirt "
-        "and a skirt it never saw"
+        "and a skirt it never saw, DeePSD on MakeHuman's top and leggings"
     )
     for name, model, garments in (
         ("dress", MODELS["dress"], ["dress"]),
         ("outfit", DEFAULT, [skirt, "tops"]),
+        ("casual", "deepsd", [foreign]),
     ):
         wanted = [out / f"{name}.{suffix}" for suffix in ("glb", "usdc")]
         summary = animate([model], CLIP, garments, wanted)

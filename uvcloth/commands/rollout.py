@@ -57,6 +57,7 @@ def animate(
     out: Sequence[Path],
     *,
     templates: Sequence[str] = (),
+    garment_pose: str | None = None,
     body_file: Path | None = None,
     contact: bool = True,
     hide_skin: bool = False,
@@ -70,7 +71,8 @@ def animate(
 
     models: a checkpoint folder or a baseline's name for all garments, or one for each in order; none for the
     model in the package. garments: template names or mesh files, the innermost first; contact keeps each out
-    of the body and off what is beneath. templates: whose motion they take, as `load_outfit` has it.
+    of the body and off what is beneath. templates: whose motion they take, and garment_pose: what files were
+    modelled in, as `load_outfit` has both.
     hide_skin: leave out the faces of the body that garments cover closely in every frame, or whose files say
     that they hide them. device: as torch names it. preview: every third frame, in coarse pictures; a contact
     sheet alone needs fewer. keep_going: a garment that is torn is replaced in that frame. audience: is shown
@@ -84,7 +86,7 @@ def animate(
     body = load_body(body_file)
     report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
     with console.status("preparing"):
-        outfit = Outfit(body, load_outfit(garments, body, report, templates))
+        outfit = Outfit(body, load_outfit(garments, body, report, templates, garment_pose))
         clip = pose_from_rest(load_clip(motion, body, options), body)
         place = _device(device)
         method = _load(models, outfit)

@@ -12,15 +12,16 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, misfit, stored_config
-from uvcloth.garments.garment import Outfit
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
 from uvcloth.methods.deepsd.network import Branch, DeePSDNetwork, deform, pose
 from uvcloth.methods.deepsd.outfit_graph import PackedOutfits, outfit_graph, pack
 from uvcloth.methods.method import Method, MethodEntry, for_inference, require_supported
-from uvcloth.methods.rig import pose_vectors
+from uvcloth.methods.rig import PoseRig, pose_vectors
 
 BRANCHES: tuple[Branch, ...] = ("data", "physics")
 """What is added up in use (paper: D_PSD = D_data + D_phys)."""
@@ -122,6 +123,30 @@ class DeePSD(Method):
             for branch in self.branches:
                 moved = moved + prepared.network.offsets(prepared.described, keys, branch)
         return moved
+
+    @torch.no_grad()
+    def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> PoseRig | None:
+        """The rig of an outfit; None for offsets, which no engine weighs.
+
+        Raises InputError for a body of another skeleton, and without garments.
+        """
+        if self.config.deformation == "offsets":
+            return None
+        if not garments:
+            raise InputError(f"model {self.name} rigs any outfit, so it needs one: name it with --garment")
+        prepared = self.prepare(Outfit(body, garments), torch.device("cpu"))
+        shapes = prepared.shapes if prepared.shapes is not None else torch.zeros(len(prepared.points), 0, 3)
+        return PoseRig(
+            name=self.name,
+            garments=tuple((garment.name, garment.mesh) for garment in garments),
+            owner=prepared.owner,
+            weights=prepared.weights,
+            shapes=shapes.transpose(0, 1),
+            layers=tuple((layer.weight.detach(), layer.bias.detach()) for layer in self.network.linears()),
+            parents=prepared.parents,
+            poses=self.poses,
+            sum_to_one=self.config.keys > 0,
+        )
 
 
 def deepsd_checkpoint(method: DeePSD, body: Body, data: TrainingData, notes: dict[str, Any]) -> Checkpoint:

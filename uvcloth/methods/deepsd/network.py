@@ -1,6 +1,6 @@
 """The network of DeePSD: an outfit's mesh in, blend weights and blend shapes out (sections 4.2 and 9)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Literal
 
@@ -10,6 +10,7 @@ from torch import Tensor, nn
 from uvcloth.geometry.skinning import apply_transforms, blend_transforms
 from uvcloth.methods.deepsd.config import DeePSDConfig
 from uvcloth.methods.deepsd.outfit_graph import PackedOutfits
+from uvcloth.methods.rig import shares
 
 Branch = Literal["data", "physics"]
 
@@ -93,7 +94,13 @@ class DeePSDNetwork(nn.Module):
         keys = poses
         for layer in self.embedding:
             keys = torch.relu(layer(keys))
-        return normalized(keys)
+        return shares(keys)
+
+    def linears(self) -> Iterator[nn.Linear]:
+        """The layers of the pose embedding, none where the pose itself is the keys."""
+        for layer in self.embedding:
+            assert isinstance(layer, nn.Linear)
+            yield layer
 
     def offsets(self, described: Tensor, keys: Tensor, branch: Branch) -> Tensor:
         """Deformation (B, U, 3) m of points described (U, F) in B poses, without blend shapes (Table 1)."""
@@ -113,12 +120,6 @@ class DeePSDNetwork(nn.Module):
             if self.config.graph_heads:
                 described = _average(outfits, described)
         return described
-
-
-def normalized(keys: Tensor) -> Tensor:
-    """Keys (..., K) divided by their sum; all zero where they are all zero."""
-    total = keys.sum(-1, keepdim=True)
-    return keys / torch.where(total > 0, total, 1.0)
 
 
 def deform(shapes: Tensor, keys: Tensor) -> Tensor:
