@@ -129,7 +129,7 @@ def joint(body: Body, name: str) -> Array:
 
 
 def joint_of(body: Body, role: str) -> Array:
-    """Rest position (3,) m of the joint that plays a role, whatever its name; raises InputError if none does."""
+    """Rest position (3,) m of the joint that plays a role, in any skeleton. Raises InputError for none."""
     roles = joint_roles(body.skeleton.names)
     if role not in roles:
         raise InputError(f"body {body.name}: no joint of its skeleton is the {role.replace('_', ' ')}")
