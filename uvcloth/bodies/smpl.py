@@ -190,7 +190,7 @@ def _resting(model: SmplModel, vertices: Tensor, skeleton: Skeleton, local: Tens
 def _twice_skinned(
     vertices: Tensor, weights: Tensor, transforms: Tensor, rest: Tensor, parents: tuple[int, ...]
 ) -> Tensor:
-    """What skinning to a rest pose and on from there loses: (J-1, 3, 3, V, 3) m, to first order in the turns.
+    """Corrections for skinning to a rest pose and on from there: (J-1, 3, 3, V, 3) m, to first order.
 
     vertices: (V, 3) m in the zero pose, skinned by transforms (J, 3, 4) to rest (V, 3). With d_j the way
     from a rest vertex to where joint j alone would have it, sum w_j R_j d_j is missing, R_j being world

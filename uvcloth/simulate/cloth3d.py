@@ -207,7 +207,7 @@ def _rest_pose() -> Tensor:
 
 
 def _pieces(folder: Path, info: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """What the file says of each garment, the innermost first."""
+    """Entries of the file for each garment, the innermost first."""
     outfit = info.get("outfit")
     if (
         not isinstance(outfit, dict)
