@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from train.deepsd.objective import DeePSDObjective
 from train.deepsd.outfit_energy import OutfitEnergy
 from train.deepsd.prediction import Described, DrawnPoses, PosedOutfit, describe, pose_outfits
 from train.deepsd.validation import POSES
-from uvcloth.checkpoint import load_checkpoint
+from uvcloth.checkpoint import TrainingData, load_checkpoint
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.records import CPU
 from uvcloth.geometry.skeleton import joint_transforms
@@ -32,6 +32,15 @@ KEPT_POINTS = 1_000_000
 """Points whose descriptors are kept in memory, at most: about 2.2 GB."""
 
 
+@dataclass(frozen=True)
+class TrainedStart:
+    """A trained method to go on from, what it was made from, and the notes of its checkpoint."""
+
+    method: DeePSD
+    data: TrainingData
+    notes: dict[str, Any]
+
+
 class PhysicsObjective(DeePSDObjective):
     """Edges, bending, collision and size of the deformation by chi, in poses drawn at random.
 
@@ -42,18 +51,19 @@ class PhysicsObjective(DeePSDObjective):
 
     def __init__(
         self,
-        start: DeePSD,
+        start: TrainedStart,
         losses: PhysicsLosses,
         dataset: OutfitDataset,
         batch: int,
         device: torch.device = CPU,
     ) -> None:
-        if start.config.deformation == "none":
+        config = start.method.config
+        if config.deformation == "none":
             raise InputError(
                 "--physics-only: a network without a deformation has nothing that physics trains"
             )
-        require_supported(start, dataset.training[0].outfit)
-        super().__init__(start.config, dataset, device)
+        require_supported(start.method, dataset.training[0].outfit)
+        super().__init__(config, replace(dataset, data=_joined(start.data, dataset.data)), device)
         self.start, self.losses = start, losses
         drawn = losses.poses_drawn * (batch if len(dataset.training) == 1 else 1)
         self.energy = OutfitEnergy(losses, dataset.body, max(drawn, POSES), device)
@@ -62,9 +72,9 @@ class PhysicsObjective(DeePSDObjective):
 
     def networks(self) -> dict[str, nn.Module]:
         """The network that it starts from, of which chi alone is trained; from none where it was not yet."""
-        net = copy.deepcopy(self.start.network).requires_grad_(False)
+        net = copy.deepcopy(self.start.method.network).requires_grad_(False)
         net.branches["physics"].requires_grad_(True)
-        if "physics" not in self.start.branches:
+        if "physics" not in self.start.method.branches:
             last = list(net.branches["physics"].children())[-1]
             with torch.no_grad():
                 for parameter in last.parameters():
@@ -126,11 +136,11 @@ class PhysicsObjective(DeePSDObjective):
         return MILLI * torch.stack(list(self.energy(frames, outfit, transforms).values())).sum()
 
     def _notes(self) -> dict[str, Any]:
-        return {"physics": asdict(self.losses)}
+        return {"physics": asdict(self.losses), "start": self.start.notes}
 
     def settings(self) -> dict[str, Any]:
         """Settings that must not change within a run."""
-        start = fingerprint(*self.start.network.state_dict().values())
+        start = fingerprint(*self.start.method.network.state_dict().values())
         return {
             "method": asdict(self.config) | {"start": start},
             "losses": asdict(self.losses),
@@ -139,7 +149,7 @@ class PhysicsObjective(DeePSDObjective):
         }
 
 
-def load_start(run: str) -> DeePSD:
+def load_start(run: str) -> TrainedStart:
     """The trained DeePSD of a run, or the one that ships, to go on from.
 
     Raises InputError if there is none, and if it is of another method.
@@ -148,4 +158,11 @@ def load_start(run: str) -> DeePSD:
     checkpoint = load_checkpoint(folder)
     if checkpoint.method != "deepsd":
         raise InputError(f"--physics-only {run}: a model of method {checkpoint.method!r}, expected deepsd")
-    return load_deepsd(checkpoint, folder)
+    return TrainedStart(load_deepsd(checkpoint, folder), checkpoint.data, checkpoint.notes)
+
+
+def _joined(before: TrainingData, now: TrainingData) -> TrainingData:
+    """What a model was made from that was trained twice."""
+    splits = before.clips | now.clips
+    clips = {split: before.clips.get(split, {}) | now.clips.get(split, {}) for split in splits}
+    return TrainingData(before.files | now.files, clips)

@@ -52,7 +52,7 @@ TEMPLATES = {
 }
 """Garments of the data set, the innermost first, and the template whose motion each takes."""
 
-CACHES = {".pc16": np.dtype("<f2"), ".pc2": np.dtype("<f4")}
+CACHES: dict[str, np.dtype] = {".pc16": np.dtype("<f2"), ".pc2": np.dtype("<f4")}
 """Kinds of point caches and the floats that each holds, the usual one first."""
 
 HEADER = struct.Struct("<12siiffi")

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from tests.train.cropped import cropped
-from tests.train.simulated import swaying
+from tests.train.simulated import database_of, swaying
 from train.__main__ import main
 from train.batched_collision import LAYER_SEARCH_DISTANCE
 from train.cloth_energy import ClothMaterial
@@ -31,7 +31,7 @@ from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.pbns.network import PBNSConfig
 from uvcloth.methods.registry import load_method
-from uvcloth.motion.poses import DONORS, PoseDatabase, rest_hash, save_poses
+from uvcloth.motion.poses import save_poses
 from uvcloth.physics.layers import Layer
 from uvcloth.physics.posed_batch import empty_cache
 from uvcloth.physics.surface import FREE
@@ -42,26 +42,6 @@ pytest.importorskip("lightning")
 TINY = PBNSConfig(width=16, layers=2)
 LOOP = replace(LOOPS["tiny"], steps=4, batch=4, validate_every=4, schedule="constant")
 FREELY = AttachmentConfig(pins=("none",), weights="smooth", train_weights="no")
-
-
-def database_of(body: Body, frames: int = 9, held: int = 3) -> PoseDatabase:
-    """Frames of one swaying motion, the last few for validation."""
-    rotations = swaying(frames, seed=0).rotations
-    order = torch.arange(frames)
-    return PoseDatabase(
-        joints=body.skeleton.names,
-        rotations=rotations,
-        clip_names=("swaying",),
-        subjects=("ann",),
-        clips=torch.zeros(frames, dtype=torch.int64),
-        frames=order,
-        mirrored=torch.zeros(frames, dtype=torch.bool),
-        splits=(order >= frames - held).long(),
-        donors=torch.full((frames, DONORS), -1),
-        apart=0.01,
-        body_name=body.name,
-        body_hash=rest_hash(body),
-    )
 
 
 @pytest.fixture(scope="module")
