@@ -10,7 +10,7 @@ from rich.console import Console
 from tyro.conf import OmitArgPrefixes
 
 from rasterize.errors import InputError
-from train.deepsd.dataset import OutfitDataset, posed_outfit, read_outfits
+from train.deepsd.dataset import Cloth3DFiles, OutfitDataset, posed_outfit, read_outfits
 from train.deepsd.losses import DataLosses, PhysicsLosses
 from train.deepsd.mirror import mirror_outfit
 from train.deepsd.objective import DataObjective, DeePSDObjective
@@ -59,7 +59,8 @@ class DeePSDRun:
     out: Path
     """Folder of the run: checkpoint, training state, TensorBoard."""
     data: Path | None = None
-    """Folder of the outfits that `uvcloth simulate --outfits` moved."""
+    """Folder of the outfits that `uvcloth simulate --outfits` moved, or in CLOTH3D's layout."""
+    cloth3d: OmitArgPrefixes[Cloth3DFiles] = field(default_factory=Cloth3DFiles)
     physics_only: Annotated[str | None, tyro.conf.arg(metavar="RUN|shipped")] = None
     """Go on from the network of this run: train the branch of physics alone, all else stays."""
     outfit: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")] = ()
@@ -99,7 +100,7 @@ class DeePSDRun:
         device = training_device()
         if self.physics_only is None:
             assert self.data is not None
-            dataset = read_outfits(self.data, self.losses.rest_frames)
+            dataset = read_outfits(self.data, self.losses.rest_frames, self.cloth3d)
             if self.losses.mirror:
                 mirrored = tuple(mirror_outfit(outfit) for outfit in dataset.training)
                 dataset = replace(dataset, training=(*dataset.training, *mirrored))
@@ -108,7 +109,7 @@ class DeePSDRun:
         if self.data is None:
             dataset = self._posed_outfit()
         else:
-            dataset = read_outfits(self.data, self.losses.rest_frames)
+            dataset = read_outfits(self.data, self.losses.rest_frames, self.cloth3d)
         return PhysicsObjective(start, self.physics, dataset, self.loop.batch, device)
 
     def _posed_outfit(self) -> OutfitDataset:
