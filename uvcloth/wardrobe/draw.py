@@ -74,11 +74,13 @@ DRAWN: Mapping[str, Mapping[str, Intervals]] = {
 }
 """By type of piece and part, where a number is drawn: in one of some intervals, others in all their range."""
 
-OVER_SKIRT: Intervals = {"hem": ((0.12, 0.24),), "flare": NONE}
-"""What is drawn otherwise for a top over a skirt, which would not lie over a skirt that flares."""
+OVER: Intervals = {"hem": ((-0.02, 0.12), (-0.02, 0.12), (0.3, 0.36))}
+OVER_SKIRT: Intervals = {"hem": ((0.06, 0.13), (0.06, 0.13), (0.3, 0.36)), "flare": NONE}
+"""What is drawn otherwise for a top over others: it covers their waist or leaves it bare, and does not reach
+far down on a skirt that flares."""
 
-UNDER_TOP: Intervals = {"drop": ((0.0, 0.05),)}
-"""What is drawn otherwise for what is worn under a top: a low waist would leave a gap."""
+UNDER_TOP: Intervals = {"drop": ((0.0, 0.04),)}
+"""What is drawn otherwise for what is worn under a top."""
 
 UPPERS, LOWERS = ("tshirt", "top", "longsleeve", "jacket"), ("trousers", "shorts", "skirt")
 OUTFITS = (*KINDS, *(f"{upper}+{lower}" for upper in UPPERS for lower in LOWERS))
@@ -119,7 +121,7 @@ def draw(rng: np.random.Generator, types: Sequence[str], vertices: tuple[int, in
     for kind in kinds:
         otherwise: Intervals = {}
         if len(kinds) == 2:
-            over_skirt = OVER_SKIRT if kinds[0] == "skirt" else {}
+            over_skirt = OVER_SKIRT if kinds[0] == "skirt" else OVER
             otherwise = UNDER_TOP if kind in LOWERS else over_skirt
         designs.append(_design(rng, kind, tightness, otherwise))
     name = str(rng.choice(list(FABRICS)))
