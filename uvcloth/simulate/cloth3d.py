@@ -18,7 +18,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.smpl import SmplModel, read_smpl
+from uvcloth.bodies.smpl import RestingModel, read_smpl
 from uvcloth.bodies.smpl_joints import SMPL_JOINTS, STANDING
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment, Outfit
@@ -173,8 +173,12 @@ def _number(folder: Path, info: Mapping[str, Any], name: str) -> float:
 
 
 @cache
-def _model(path: Path) -> SmplModel:
-    return read_smpl(path)
+def _model(path: Path) -> RestingModel:
+    """A model of SMPL, resting as garments do; all bodies of it share what corrects their skin."""
+    model = read_smpl(path)
+    if model.kind != "SMPL":
+        raise InputError(f"{path}: is a model of {model.kind}, samples of CLOTH3D are on SMPL")
+    return model.resting(_rest_pose())
 
 
 def _body(folder: Path, info: Mapping[str, Any], smpl: Mapping[str, Path]) -> tuple[Body, str]:
@@ -186,11 +190,9 @@ def _body(folder: Path, info: Mapping[str, Any], smpl: Mapping[str, Path]) -> tu
     if gender not in smpl:
         raise InputError(f"{folder}: is of a {gender} person, and no {gender} model of SMPL is given")
     model = _model(Path(smpl[gender]))
-    if model.kind != "SMPL":
-        raise InputError(f"{smpl[gender]}: is a model of {model.kind}, samples of CLOTH3D are on SMPL")
     shape = torch.from_numpy(_array(folder, info, "shape").reshape(-1))
     try:
-        body = model.body(shape, _rest_pose(), unwrapped=False)
+        body = model.body(shape, unwrapped=False)
     except InputError as error:
         raise InputError(f"{folder / INFO}: shape: {error}") from error
     pelvis = body.skeleton.heads[0]
