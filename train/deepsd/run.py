@@ -37,7 +37,7 @@ PHYSICS: dict[str, PhysicsLosses] = {
 }
 
 LOOPS: dict[str, LoopConfig] = {
-    "default": LoopConfig(steps=5000, batch=4),
+    "default": LoopConfig(steps=5000, batch=4, validate_every=500),
     "paper": LoopConfig(
         steps=60000,
         batch=4,
