@@ -103,7 +103,7 @@ class Motion:
     """Say what a motion file is and how it is understood, and draw stick figures of it."""
 
     file: Positional[Annotated[str, arg(metavar="FILE|NAME")]]
-    """A motion file (BVH, glTF) or the name of a built-in clip."""
+    """A motion file (BVH, glTF, AMASS) or the name of a built-in clip."""
     out: Path = Path("motion.png")
     """The picture to write."""
     body: BodyFile = None
@@ -122,7 +122,7 @@ class Simulate:
     """Simulate garments over clips with a cloth engine; a rerun continues with what is missing."""
 
     clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]]
-    """Motion files (BVH, glTF) or names of built-in clips."""
+    """Motion files (BVH, glTF, AMASS) or names of built-in clips."""
     out: Path
     """Folder for the sequences, one npz per clip and garment."""
     garment: Garments = ("tops", "bottoms", "dress")
@@ -318,7 +318,7 @@ class Rollout:
     """Move garments over a motion and write a file that engines and DCCs open."""
 
     motion: str
-    """A motion file (BVH, glTF) or the name of a built-in clip."""
+    """A motion file (BVH, glTF, AMASS) or the name of a built-in clip."""
     garment: Garments
     """Templates (tops, bottoms, dress, shirt) or garment files, the innermost first; contact keeps each out
     of the body and off what is beneath."""

@@ -75,8 +75,8 @@ def test_a_posed_body_is_that_of_smpls_equations(arrays: Arrays, file: Path, res
     assert one_joint.any()
     assert not one_joint.all()
     assert off[one_joint].max() < 1e-5
-    # Between pelvis and thighs, skinning to the turned rest pose and from there is not skinning from the T.
-    assert off.max() < (1e-5 if rest_turn == 0.0 else 5e-3)
+    # Between pelvis and thighs, skinning to the turned rest pose and from there is that from the T nearly.
+    assert off.max() < (1e-5 if rest_turn == 0.0 else 2e-3)
 
 
 def test_corrections_for_the_pose_survive_a_file_and_skinning_without_them_differs(
@@ -100,7 +100,7 @@ def test_corrections_for_the_pose_survive_a_file_and_skinning_without_them_diffe
 
 @pytest.mark.parametrize(("kind", "joints"), [("SMPL", 24), ("SMPL-H", 52), ("SMPL-X", 55)])
 def test_the_models_have_their_joints_regions_and_sides(kind: str, joints: int, tmp_path: Path) -> None:
-    model = read_smpl(write_npz(tmp_path / "person.npz", smpl_arrays(kind)))
+    model = read_smpl(write_npz(tmp_path / "person.npz", smpl_arrays(kind, voxel=0.04)))
     body = model.body(torch.zeros(10), unwrapped=False)
     assert model.kind == kind
     assert body.skeleton.names == SMPL_JOINTS[kind]

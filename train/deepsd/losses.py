@@ -34,6 +34,8 @@ class DataLosses:
     start from the smooth ones."""
     small_shapes: float = 1.0
     """Weight of the prior that deformations are small, on their mean square in square centimetres."""
+    mirror: bool = True
+    """Learn from mirror images too, as outfits of their own (paper: no)."""
     rest_frames: int = 15
     """First frames of a training clip that do not teach, in which cloth comes down from the rest shape; the
     warm-up after them does. In validation none of it counts."""

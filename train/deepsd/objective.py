@@ -51,7 +51,10 @@ class DeePSDObjective(Objective):
             notes
             | self._notes()
             | {
-                "outfits": {"train": len(dataset.training), "validation": len(dataset.held)},
+                "outfits": {
+                    "train": len({id(frames.outfit) for frames in dataset.training}),
+                    "validation": len(dataset.held),
+                },
                 "people": len({person for person in dataset.data.clips["train"].values() if person}),
             }
         )

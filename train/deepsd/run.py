@@ -1,6 +1,6 @@
 """`python -m train deepsd`: its settings and presets."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +12,7 @@ from tyro.conf import OmitArgPrefixes
 from rasterize.errors import InputError
 from train.deepsd.dataset import OutfitDataset, posed_outfit, read_outfits
 from train.deepsd.losses import DataLosses, PhysicsLosses
+from train.deepsd.mirror import mirror_outfit
 from train.deepsd.objective import DataObjective, DeePSDObjective
 from train.deepsd.physics import PhysicsObjective, load_start
 from train.loop import LoopConfig, check_run, fit, training_device
@@ -99,6 +100,9 @@ class DeePSDRun:
         if self.physics_only is None:
             assert self.data is not None
             dataset = read_outfits(self.data, self.losses.rest_frames)
+            if self.losses.mirror:
+                mirrored = tuple(mirror_outfit(outfit) for outfit in dataset.training)
+                dataset = replace(dataset, training=(*dataset.training, *mirrored))
             return DataObjective(self.network, self.losses, dataset, device)
         start = load_start(self.physics_only)
         if self.data is None:

@@ -57,8 +57,8 @@ class SmplModel:
 
         betas: (B,) shape parameters, B at most S. rest: (J, 3) axis-angles of the pose that is to be the rest
         pose, relative to the parents, besides the turn to our axes; by default the zero pose, the T. On a
-        body with another rest pose, skin between two joints that it turns differs from SMPL's in wide poses, by
-        millimetres. unwrapped: False for a mesh without texture coordinates, which take seconds.
+        body with another rest pose, skin between two joints that it turns differs from SMPL's by millimetres,
+        in wide poses. unwrapped: False for a mesh without texture coordinates, which take seconds.
         Raises InputError for more shape parameters than there are, and for such as are not finite.
         """
         if len(betas) > len(self.shapes):
@@ -190,11 +190,11 @@ def _resting(model: SmplModel, vertices: Tensor, skeleton: Skeleton, local: Tens
 def _twice_skinned(
     vertices: Tensor, weights: Tensor, transforms: Tensor, rest: Tensor, parents: tuple[int, ...]
 ) -> Tensor:
-    """What skinning to a rest pose and on from there loses: (J-1, 3, 3, V, 3) m, to first order in the turns.
+    """Corrections for skinning to a rest pose and on from there: (J-1, 3, 3, V, 3) m, to first order.
 
-    vertices: (V, 3) m in the zero pose, skinned by transforms (J, 3, 4) to rest (V, 3). With d_j the way from a
-    rest vertex to where joint j alone would have it, sum w_j R_j d_j is missing, R_j being world rotations
-    from the rest pose: a local rotation L_k adds (L_k - 1) d_j for all joints j below k.
+    vertices: (V, 3) m in the zero pose, skinned by transforms (J, 3, 4) to rest (V, 3). With d_j the way
+    from a rest vertex to where joint j alone would have it, sum w_j R_j d_j is missing, R_j being world
+    rotations from the rest pose: a local rotation L_k adds (L_k - 1) w_j d_j for all joints j from k down.
     """
     alone = torch.einsum("jab,vb->jva", transforms[..., :3], vertices) + transforms[:, None, :, 3]
     lost = weights.T[..., None] * (alone - rest)

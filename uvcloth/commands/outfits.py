@@ -2,8 +2,8 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
@@ -94,6 +94,14 @@ class _Job:
     wardrobe: Wardrobe
 
 
+@dataclass(frozen=True)
+class _Made:
+    """What became of a job: why draws were refused, and why there is no outfit, "" if there is."""
+
+    refused: tuple[str, ...] = ()
+    failed: str = ""
+
+
 def make_wardrobe(wardrobe: Wardrobe) -> None:
     """Make what is missing of a folder of outfits; each is there whole or not at all.
 
@@ -103,26 +111,24 @@ def make_wardrobe(wardrobe: Wardrobe) -> None:
     wardrobe.check()
     bodies = _bodies(wardrobe)
     jobs = [
-        _Job(number, _body_of(number, bodies, wardrobe.seed), wardrobe)
+        _Job(number, wearer(number, bodies, wardrobe.seed), wardrobe)
         for number in range(1, wardrobe.count + 1)
     ]
     todo = [job for job in jobs if not _is_there(job)]
     console = Console(stderr=True)
-    refused: Counter[str] = Counter()
-    with _workers(wardrobe.jobs, len(todo)) as submit, Progress(console=console) as progress:
+    refused: list[str] = []
+    with _workers(wardrobe.jobs, len(todo)) as made, Progress(console=console) as progress:
         bar = progress.add_task(f"{len(todo)} outfits", total=len(todo))
-        for future in as_completed([submit(job) for job in todo]):
-            refused.update(future.result())
+        for done, each in enumerate(made(todo), start=1):
+            refused += each.refused
             progress.advance(bar)
-            done = int(progress.tasks[bar].completed)
+            if each.failed:
+                progress.console.print(each.failed, soft_wrap=True)
             if not console.is_terminal and (done % 25 == 0 or done == len(todo)):
                 print(f"{done} of {len(todo)} outfits", flush=True)
-    print(f"{wardrobe.out}: {len(jobs)} outfits, {len(jobs) - len(todo)} of them were there")
+    print(f"{wardrobe.out}: {len(jobs) - len(todo)} outfits were there, {len(todo)} were to be made")
     if refused:
-        print(
-            f"{sum(refused.values())} draws were refused: "
-            + "; ".join(f"{count} {reason}" for reason, count in refused.most_common(5))
-        )
+        print(f"{len(refused)} draws were refused and drawn again, the last: {refused[-1]}")
 
 
 def split_of(number: int) -> str:
@@ -130,15 +136,18 @@ def split_of(number: int) -> str:
     return SPLITS[max(0, number % 10 - 7)]
 
 
-def _make(job: _Job) -> list[str]:
-    """Make and write one outfit, its pieces first; returns why draws were refused."""
+def _make(job: _Job) -> _Made:
+    """Make and write one outfit, its pieces first."""
     import torch
 
     torch.set_num_threads(1)
     settings = job.wardrobe
     types = settings.types or OUTFITS
-    made = make_outfit(job.number, settings.seed, types, settings.vertices, _loaded(job.body))
     path = _path(job)
+    try:
+        made = make_outfit(job.number, settings.seed, types, settings.vertices, _loaded(job.body))
+    except InputError as error:
+        return _Made(failed=f"{path.stem}: left out, {error}")
     files = [path.with_name(f"{path.stem}_{design.kind}.obj") for design in made.drawn.designs]
     for mesh, file in zip(made.pieces, files, strict=True):
         save_obj(mesh, file)
@@ -162,7 +171,7 @@ def _make(job: _Job) -> list[str]:
             vertex_range=settings.vertices,
         )
     )
-    return [reason.partition(":")[0] for reason in made.refused]
+    return _Made(made.refused)
 
 
 def _path(job: _Job) -> Path:
@@ -185,22 +194,16 @@ def _is_there(job: _Job) -> bool:
 
 
 @contextmanager
-def _workers(jobs: int | None, work: int) -> Iterator:
-    """Function that submits a job to processes, or runs it here where there is but one."""
+def _workers(jobs: int | None, work: int) -> Iterator[Callable[[Sequence[_Job]], Iterator[_Made]]]:
+    """Function that makes outfits, in processes or here where one is enough, and yields what `_make` does."""
     count = min(jobs or os.cpu_count() or 1, work)
     if count <= 1:
-
-        def run(job: _Job) -> Future:
-            future: Future = Future()
-            future.set_result(_make(job))
-            return future
-
-        yield run
+        yield lambda todo: map(_make, todo)
         return
     # Threads of torch and warp do not survive a fork.
     with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
         try:
-            yield lambda job: pool.submit(_make, job)
+            yield lambda todo: (done.result() for done in as_completed([pool.submit(_make, j) for j in todo]))
         except BaseException:
             pool.shutdown(wait=True, cancel_futures=True)
             raise
@@ -211,7 +214,7 @@ def _loaded(path: Path) -> Body:
     return load_body(path)
 
 
-def _body_of(number: int, bodies: Sequence[Path], seed: int) -> Path:
+def wearer(number: int, bodies: Sequence[Path], seed: int) -> Path:
     """Body that wears an outfit: the splits have bodies of their own, where there are several."""
     if len(bodies) == 1:
         return bodies[0]

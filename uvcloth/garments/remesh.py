@@ -1,5 +1,7 @@
 """Remeshing of cut surfaces: triangles of about one size whose hems lie on the cuts."""
 
+import warnings
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -19,10 +21,9 @@ RELAXATIONS = 10
 """Passes that even the triangles out."""
 
 
-def remesh(vertices: Array, faces: Indices, count: int, *, even: bool = True) -> tuple[Array, Indices]:
+def remesh(vertices: Array, faces: Indices, count: int) -> tuple[Array, Indices]:
     """Remesh a surface (P, 3) m, (Q, 3) with holes to about `count` vertices; its largest piece.
 
-    even: triangles of about one size; otherwise edges differ by a third of their mean length.
     Raises InputError if the `body` extra (the remesher) is missing, or where a hem does not close.
     """
     try:
@@ -31,14 +32,13 @@ def remesh(vertices: Array, faces: Indices, count: int, *, even: bool = True) ->
     except ModuleNotFoundError as error:
         raise InputError("tailoring needs the remesher: install uvcloth[body]") from error
     cells = np.column_stack([np.full(len(faces), 3), faces]).ravel()
-    clustering = pyacvd.Clustering(pyvista.PolyData(vertices, cells))
-    clustering.subdivide(_subdivisions(len(vertices), count))
-    if even:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", pyvista.PyVistaDeprecationWarning)  # Of what pyacvd itself calls.
+        clustering = pyacvd.Clustering(pyvista.PolyData(vertices, cells))
+        clustering.subdivide(_subdivisions(len(vertices), count))
         clustering.cluster(count)
-    else:
-        clustering.fast_cluster(count)
-    # Finding each centre's place on the surface, ray by ray, would take most of the time; relaxing does it.
-    clustered = clustering.create_mesh(moveclus=False, flipnorm=False)
+        # Each centre's place on the surface, ray by ray, would take most of the time; relaxing finds it.
+        clustered = clustering.create_mesh(moveclus=False, flipnorm=False)
     points = np.asarray(clustered.points, dtype=np.float64)
     triangles = np.asarray(clustered.faces).reshape(-1, 4)[:, 1:].astype(np.int64)
     points, triangles = largest(points, triangles)
@@ -46,9 +46,8 @@ def remesh(vertices: Array, faces: Indices, count: int, *, even: bool = True) ->
     triangles = _turned_as(source, faces, points, triangles)
     hems = [vertices[run] for run in boundary_loops(faces)]
     rims = boundary_loops(triangles)
-    for turn in range(RELAXATIONS):
-        if even or turn == 0:
-            points = _relaxed(points, triangles, rims)
+    for _ in range(RELAXATIONS):
+        points = _relaxed(points, triangles, rims)
         points = source.closest(torch.from_numpy(points).float()).points.numpy().astype(np.float64)
         for rim in rims:
             points[rim] = _snapped(points[rim], hems)

@@ -52,7 +52,7 @@ TEMPLATES = {
 }
 """Garments of the data set, the innermost first, and the template whose motion each takes."""
 
-CACHES = {".pc16": np.dtype("<f2"), ".pc2": np.dtype("<f4")}
+CACHES: dict[str, np.dtype] = {".pc16": np.dtype("<f2"), ".pc2": np.dtype("<f4")}
 """Kinds of point caches and the floats that each holds, the usual one first."""
 
 HEADER = struct.Struct("<12siiffi")
@@ -207,7 +207,7 @@ def _rest_pose() -> Tensor:
 
 
 def _pieces(folder: Path, info: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """What the file says of each garment, the innermost first."""
+    """Entries of the file for each garment, the innermost first."""
     outfit = info.get("outfit")
     if (
         not isinstance(outfit, dict)

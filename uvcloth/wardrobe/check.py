@@ -21,7 +21,7 @@ from uvcloth.physics.surface import BodySurface
 LEAST_OFF = 0.003
 """Metres off the skin below which an outfit is refused."""
 
-LONGEST_EDGE = 4.0
+LONGEST_EDGE = 6.0
 """Mean edges that the longest edge of a piece may have: a spike has more."""
 
 

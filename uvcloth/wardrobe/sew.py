@@ -9,10 +9,11 @@ import torch
 from torch import Tensor
 
 from rasterize.charts import edge_keys, edges_of, weld_corners
+from rasterize.gather import gather
 from rasterize.raycast import cast_rays
 from uvcloth.bodies.body import Body
 from uvcloth.garments.band import BAND_WIDTH, DROP, hem_band
-from uvcloth.garments.remesh import remesh
+from uvcloth.garments.remesh import Array, Indices, remesh, surface_of
 from uvcloth.garments.templates import faces_outward, offset_from_skin, smoothing_matrix
 from uvcloth.geometry.mesh import Mesh, boundary_edges, face_normals
 from uvcloth.physics.exposure import spread
@@ -44,6 +45,9 @@ OVER_PASSES = 8
 """Passes that move a piece off those beneath."""
 
 
+WAVE_STRETCH, WAVE_NUMBER = 0.55, 12.0
+"""Share by which waves along the axes stretch a surface to be meshed unevenly, and their radians per m."""
+
 FACE_PASSES = 8
 """Passes that move the faces of a piece off the skin."""
 
@@ -72,7 +76,7 @@ def sew(designs: Sequence[Design], meshing: Meshing, body: Body) -> tuple[Mesh, 
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
     pieces: list[Mesh] = []
     for design, pattern, count in zip(designs, patterns, counts.tolist(), strict=True):
-        points, triangles = remesh(pattern.vertices, pattern.faces, count, even=meshing.even)
+        points, triangles = (remesh if meshing.even else _uneven)(pattern.vertices, pattern.faces, count)
         faces = torch.from_numpy(np.ascontiguousarray(triangles))
         vertices = torch.from_numpy(points).float()
         if not faces_outward(_mesh(vertices, faces), body):
@@ -80,6 +84,16 @@ def sew(designs: Sequence[Design], meshing: Meshing, body: Body) -> tuple[Mesh, 
         off = torch.from_numpy(ease(design, body, points)).float()
         pieces.append(_worn(vertices, faces, off, pieces, body, surface))
     return tuple(_panels(piece, body) if meshing.seams else piece for piece in pieces)
+
+
+def _uneven(vertices: Array, faces: Indices, count: int) -> tuple[Array, Indices]:
+    """Remesh to triangles that would be even if the surface (P, 3) m were stretched in waves."""
+    stretched = vertices + WAVE_STRETCH / WAVE_NUMBER * np.sin(WAVE_NUMBER * vertices)
+    points, triangles = remesh(stretched, faces, count)
+    found = surface_of(stretched, faces).closest(torch.from_numpy(points).float())
+    corners = torch.from_numpy(faces)[found.faces]
+    placed = gather(torch.from_numpy(vertices).float(), corners, found.barycentrics)
+    return placed.numpy().astype(np.float64), triangles
 
 
 def _worn(

@@ -17,8 +17,9 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, misfit, stored_config
 from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.geometry.skinning import skin_each
 from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
-from uvcloth.methods.deepsd.network import Branch, DeePSDNetwork, deform, pose
+from uvcloth.methods.deepsd.network import Branch, DeePSDNetwork
 from uvcloth.methods.deepsd.outfit_graph import PackedOutfits, outfit_graph, pack
 from uvcloth.methods.method import Method, MethodEntry, for_inference, require_supported
 from uvcloth.methods.rig import PoseRig, pose_vectors
@@ -34,7 +35,7 @@ DEFAULT_JOINTS = 31
 class DeePSDPrepared:
     """The rig of an outfit of N vertices on a device; those at one place are one of U points.
 
-    owner: (N,). points: (U, 3) m. weights: (U, J). shapes: (U, K, 3) m, None where no blend shapes are
+    owner: (N,). points: (U, 3) m. weights: (U, J). shapes: (K, 3, U) m, None where no blend shapes are
     predicted; then described: (U, F) is what offsets are predicted from. parents: of the joints. sizes:
     vertices of each garment.
     """
@@ -98,10 +99,11 @@ class DeePSD(Method):
         )
 
     def _shapes(self, network: DeePSDNetwork, described: Tensor, packed: PackedOutfits) -> Tensor | None:
-        """Blend shapes (U, K, 3) m of all branches together; None where the config predicts none."""
+        """Blend shapes (K, 3, U) m of all branches together; None where the config predicts none."""
         if self.config.deformation != "blend_shapes":
             return None
-        return torch.stack([network.shapes(described, packed, each) for each in self.branches]).sum(0)
+        shapes = torch.stack([network.shapes(described, packed, each) for each in self.branches]).sum(0)
+        return shapes.permute(1, 2, 0).contiguous()
 
     @torch.no_grad()
     def step(
@@ -110,19 +112,19 @@ class DeePSD(Method):
         """Garment vertices (B, N, 3) of each garment, m (paper eq. 1)."""
         transforms = frames.transforms[:, -1]
         keys = prepared.network.embed(pose_vectors(prepared.parents, transforms))
-        moved = self._deformation(prepared, keys)
-        posed = pose(prepared.points, moved, prepared.weights, transforms)
+        deformed = prepared.points.T + self._deformation(prepared, keys)
+        posed = skin_each(deformed, prepared.weights, transforms)
         return state, posed[:, prepared.owner].split(list(prepared.sizes), dim=1)
 
     def _deformation(self, prepared: DeePSDPrepared, keys: Tensor) -> Tensor:
-        """Deformation (B, U, 3) m of the outfit at rest."""
+        """Deformation (B, 3, U) m of the outfit at rest."""
         if prepared.shapes is not None:
-            return deform(prepared.shapes, keys)
+            return (keys @ prepared.shapes.flatten(1)).view(len(keys), 3, -1)
         moved = keys.new_zeros(len(keys), len(prepared.points), 3)
         if self.config.deformation == "offsets":
             for branch in self.branches:
                 moved = moved + prepared.network.offsets(prepared.described, keys, branch)
-        return moved
+        return moved.mT
 
     @torch.no_grad()
     def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> PoseRig | None:
@@ -135,13 +137,13 @@ class DeePSD(Method):
         if not garments:
             raise InputError(f"model {self.name} rigs any outfit, so it needs one: name it with --garment")
         prepared = self.prepare(Outfit(body, garments), torch.device("cpu"))
-        shapes = prepared.shapes if prepared.shapes is not None else torch.zeros(len(prepared.points), 0, 3)
+        shapes = prepared.shapes if prepared.shapes is not None else torch.zeros(0, 3, len(prepared.points))
         return PoseRig(
             name=self.name,
             garments=tuple((garment.name, garment.mesh) for garment in garments),
             owner=prepared.owner,
             weights=prepared.weights,
-            shapes=shapes.transpose(0, 1),
+            shapes=shapes.mT,
             layers=tuple((layer.weight.detach(), layer.bias.detach()) for layer in self.network.linears()),
             parents=prepared.parents,
             poses=self.poses,
