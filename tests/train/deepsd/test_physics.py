@@ -173,7 +173,7 @@ def test_physics_lowers_its_energy_and_starts_from_what_data_taught(
 ) -> None:
     objective = Quick(start, replace(LOSSES, poses_drawn=3), dataset, 2)
     net = objective.networks()["net"]
-    optimizer = torch.optim.Adam([p for p in net.parameters() if p.requires_grad], lr=1e-2)
+    optimizer = torch.optim.Adam([p for p in net.parameters() if p.requires_grad], lr=1e-3)
     energies = []
     for _ in range(12):
         torch.manual_seed(0)
