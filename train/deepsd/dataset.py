@@ -18,7 +18,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import first_of
 from uvcloth.methods.deepsd.outfit_graph import OutfitGraph, outfit_graph
 from uvcloth.methods.rig import pose_vectors
-from uvcloth.simulate.cloth3d import GENDERS, INFO, cloth3d_samples, read_cloth3d_sample
+from uvcloth.simulate.cloth3d import is_cloth3d, load_cloth3d
 from uvcloth.simulate.outfit_sequence import OutfitSequence, load_outfit_sequences
 
 
@@ -106,36 +106,14 @@ class OutfitDataset:
         return self.training[0].body
 
 
-@dataclass(frozen=True)
-class Cloth3DFiles:
-    """The reading of a folder of CLOTH3D."""
-
-    smpl: tuple[Path, ...] = ()
-    """SMPL's model files, the female and the male one, on which the samples of CLOTH3D are."""
-    every: int = 5
-    """Of each sample of CLOTH3D, read one frame out of so many."""
-
-    def __post_init__(self) -> None:
-        """Raises InputError for a stride that is none, and too many model files."""
-        if self.every < 1:
-            raise InputError(f"--every {self.every}: has to be 1 or more")
-        if len(self.smpl) > len(GENDERS):
-            raise InputError(f"--smpl: {len(self.smpl)} files, expected the female and the male one")
-
-
-OWN_DATA = Cloth3DFiles()
-
-
-def read_outfits(
-    folder: Path, rest_frames: int, cloth3d: Cloth3DFiles = OWN_DATA, *, balanced: bool = False
-) -> OutfitDataset:
+def read_outfits(folder: Path, rest_frames: int, *, balanced: bool = False) -> OutfitDataset:
     """Read the training and validation outfits of a folder.
 
     rest_frames: leading frames that do not teach; of those that validate the whole warm-up does not count.
     balanced: as OutfitDataset has it. Raises InputError as `load_outfit_sequences` does, if a split has no
     outfit, and if bodies differ in mesh or skeleton.
     """
-    sequences = outfit_sequences(folder, cloth3d)
+    sequences = outfit_sequences(folder)
     for split in TRAINING_SPLITS:
         if not any(sequence.split == split for sequence in sequences):
             raise InputError(f"{folder}: holds no outfit for {split}, training needs some")
@@ -156,18 +134,11 @@ def read_outfits(
     return OutfitDataset(training, held, data, balanced)
 
 
-def outfit_sequences(folder: Path, cloth3d: Cloth3DFiles) -> list[OutfitSequence]:
-    """The training and validation sequences of a folder, our own or of CLOTH3D's layout."""
-    if not next(folder.glob(f"**/{INFO}"), None):
-        return load_outfit_sequences(folder, TRAINING_SPLITS)
-    if not cloth3d.smpl:
-        raise InputError(
-            f"{folder}: holds samples of CLOTH3D, whose bodies need SMPL's model files: --smpl FEMALE MALE"
-        )
-    models = dict(zip(GENDERS, cloth3d.smpl, strict=False))
-    samples = {sample: split for sample, split in cloth3d_samples(folder).items() if split in TRAINING_SPLITS}
-    reading = track(samples.items(), "reading CLOTH3D", transient=True)
-    return [read_cloth3d_sample(sample, models, split, cloth3d.every) for sample, split in reading]
+def outfit_sequences(folder: Path) -> list[OutfitSequence]:
+    """The training and validation sequences of a folder, simulated here or in the layout of CLOTH3D."""
+    if is_cloth3d(folder):
+        return load_cloth3d(folder, TRAINING_SPLITS)
+    return load_outfit_sequences(folder, TRAINING_SPLITS)
 
 
 def posed_outfit(outfit: Outfit, poses: Poses) -> OutfitDataset:

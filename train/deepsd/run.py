@@ -10,7 +10,7 @@ from rich.console import Console
 from tyro.conf import OmitArgPrefixes
 
 from rasterize.errors import InputError
-from train.deepsd.dataset import Cloth3DFiles, OutfitDataset, posed_outfit, read_outfits
+from train.deepsd.dataset import OutfitDataset, posed_outfit, read_outfits
 from train.deepsd.losses import DataLosses, PhysicsLosses
 from train.deepsd.mirror import mirror_outfit
 from train.deepsd.objective import DataObjective, DeePSDObjective
@@ -60,7 +60,6 @@ class DeePSDRun:
     """Folder of the run: checkpoint, training state, TensorBoard."""
     data: Path | None = None
     """Folder of the outfits that `uvcloth simulate --outfits` moved, or in CLOTH3D's layout."""
-    cloth3d: OmitArgPrefixes[Cloth3DFiles] = field(default_factory=Cloth3DFiles)
     physics_only: Annotated[str | None, tyro.conf.arg(metavar="RUN|shipped")] = None
     """Go on from the network of this run: train the branch of physics alone, all else stays."""
     outfit: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")] = ()
@@ -113,7 +112,7 @@ class DeePSDRun:
 
     def _outfits(self, folder: Path) -> OutfitDataset:
         """The outfits of the data."""
-        return read_outfits(folder, self.losses.rest_frames, self.cloth3d, balanced=self.balanced)
+        return read_outfits(folder, self.losses.rest_frames, balanced=self.balanced)
 
     def _posed_outfit(self) -> OutfitDataset:
         """The user's outfit in the poses named."""

@@ -6,7 +6,7 @@ Bertiche et al., "CLOTH3D: Clothed 3D Humans", 2020. The layout is that of the d
 """
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from rich.progress import track
 from torch import Tensor
 
 from rasterize.errors import InputError
@@ -28,6 +29,7 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import from_axis_angles, from_euler
 from uvcloth.geometry.skeleton import joint_transforms, world_rotations
 from uvcloth.motion.clip_splits import deal_splits
+from uvcloth.motion.poses import SPLITS
 from uvcloth.simulate.outfit_sequence import OutfitSequence
 
 INFO = "info.mat"
@@ -58,7 +60,38 @@ CACHES: dict[str, np.dtype] = {".pc16": np.dtype("<f2"), ".pc2": np.dtype("<f4")
 HEADER = struct.Struct("<12siiffi")
 SIGNATURE = b"POINTCACHE2\0"
 
+MODELS = "smpl"
+"""Folder, beside the samples, of the model files: model_f and model_m, .npz or .pkl."""
+
+EVERY = 10
+"""Frames of which one is read: neighbours teach the same, and thousands of samples fill memory."""
+
 SPLIT_FOLDERS = {"train": "train", "val": "validation", "validation": "validation", "test": "test"}
+
+
+def is_cloth3d(root: Path) -> bool:
+    """Test for a folder that holds samples."""
+    return bool(_folders(root))
+
+
+def load_cloth3d(root: Path, splits: Sequence[str] = SPLITS, every: int = EVERY) -> list[OutfitSequence]:
+    """Read the samples of a folder in some splits, on the models in its folder smpl, one frame of `every`.
+
+    Raises InputError as `cloth3d_samples` and `read_cloth3d_sample` do, and if the folder lacks both models.
+    """
+    models = {
+        gender: path
+        for gender in GENDERS
+        for suffix in (".npz", ".pkl")
+        if (path := root / MODELS / f"model_{gender[0]}{suffix}").is_file()
+    }
+    if not models:
+        raise InputError(f"{root}: lacks {MODELS}/model_f and model_m (.npz or .pkl), the models of SMPL")
+    chosen = [(folder, split) for folder, split in cloth3d_samples(root).items() if split in splits]
+    return [
+        read_cloth3d_sample(folder, models, split, every)
+        for folder, split in track(chosen, "reading samples", transient=True)
+    ]
 
 
 def cloth3d_samples(root: Path) -> dict[Path, str]:
@@ -68,7 +101,7 @@ def cloth3d_samples(root: Path) -> dict[Path, str]:
     the split. Other samples are dealt out, those of one person (01_05_s1 is of the person 01) together.
     Raises InputError if there are none.
     """
-    folders = sorted(found.parent for pattern in (f"*/{INFO}", f"*/*/{INFO}") for found in root.glob(pattern))
+    folders = _folders(root)
     if not folders:
         raise InputError(f"{root}: holds no sample of CLOTH3D, a folder with {INFO} and garments")
     dealt = deal_splits({_subject(folder) for folder in folders})
@@ -122,6 +155,10 @@ def read_cloth3d_sample(
             "fabric": {name: str(piece.get("fabric", "")) for name, piece in pieces.items()},
         },
     )
+
+
+def _folders(root: Path) -> list[Path]:
+    return sorted(found.parent for pattern in (f"*/{INFO}", f"*/*/{INFO}") for found in root.glob(pattern))
 
 
 def _subject(folder: Path) -> str:

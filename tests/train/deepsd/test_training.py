@@ -291,7 +291,7 @@ def test_bodies_of_two_kinds_are_refused(
 ) -> None:
     from train.deepsd import dataset as module
 
-    sequences = module.outfit_sequences(folder, module.OWN_DATA)
+    sequences = module.outfit_sequences(folder)
     other = replace(sequences[1].outfit, body=small_body())
     monkeypatch.setattr(
         module,
