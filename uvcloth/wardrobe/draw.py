@@ -76,11 +76,11 @@ DRAWN: Mapping[str, Mapping[str, Intervals]] = {
 
 OVER: Intervals = {"hem": ((-0.02, 0.12), (-0.02, 0.12), (0.3, 0.36))}
 OVER_SKIRT: Intervals = {"hem": ((0.06, 0.13), (0.06, 0.13), (0.3, 0.36)), "flare": NONE}
-"""What is drawn otherwise for a top over others: it covers their waist or leaves it bare, and does not reach
+"""Other intervals for a top over others: it covers their waist or leaves it bare, and does not reach
 far down on a skirt that flares."""
 
 UNDER_TOP: Intervals = {"drop": ((0.0, 0.04),)}
-"""What is drawn otherwise for what is worn under a top."""
+"""Other intervals for a piece under a top."""
 
 UPPERS, LOWERS = ("tshirt", "top", "longsleeve", "jacket"), ("trousers", "shorts", "skirt")
 OUTFITS = (*KINDS, *(f"{upper}+{lower}" for upper in UPPERS for lower in LOWERS))
@@ -98,9 +98,10 @@ LOOSENESS_SPREAD = 0.12
 
 @dataclass(frozen=True)
 class DrawnOutfit:
-    """What was drawn. designs: the innermost first. fabric: numbers of `uvcloth.simulate.fabric.Fabric`.
+    """Outfit as it was drawn.
 
-    tightness: 0 loose to 1 tight.
+    designs: the innermost first. fabric: numbers of `uvcloth.simulate.fabric.Fabric`. tightness: 0 loose to 1
+    tight.
     """
 
     designs: tuple[Design, ...]
