@@ -95,7 +95,7 @@ def test_the_order_of_vertices_and_faces_means_nothing() -> None:
 
 
 def test_pieces_meet_in_the_descriptor_of_their_outfit_alone() -> None:
-    both = outfit_of("shirt", "coat")
+    both = Outfit(small_body(), (sheet("shirt"), sheet("coat", 0.6)))
     first = replace(both, garments=both.garments[:1])
     apart = random_deepsd(replace(TINY, global_layers=()))
     torch.testing.assert_close(moved(apart, both)[0], moved(apart, first)[0], atol=1e-6, rtol=0)
