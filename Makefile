@@ -11,7 +11,7 @@ demo: install
 	$(BIN)/python -m evaluate --model lbs lbs_smooth physxnet motion_guided --data demo/sequences --out demo/report
 
 test: install
-	$(BIN)/python -m pytest
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile
 
 lint: install
 	$(BIN)/ruff format --check .

@@ -1,18 +1,20 @@
-"""Which ideas of the default PhysXNet earn their place: one-line changes, trained equally long.
+"""Which ideas of a method's default settings earn their place: one-line changes, trained equally long.
 
 Run from the checkout as
 
-    python benchmarks/ablation.py --data DATA --out RUNS [--steps 600] [--only default "no mirroring"]
+    python benchmarks/ablation.py --method physxnet --data DATA --out RUNS [--steps 600]
+        [--only default "no mirroring"]
 
 Finished runs are kept, so that it can be interrupted; another length or other data need another folder. It
-prints a table in Markdown: the best mean vertex error in mm over the held-out clips, per template, as
-decoded, and how long a step took, validation included.
+prints a table in Markdown: the validation scores of the network that was kept, the first of which it was
+chosen by, and how long a step took, validation included.
 """
 
 import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Literal
 
 import tyro
 
@@ -20,7 +22,7 @@ from rasterize.command import run_command
 from rasterize.errors import InputError
 from uvcloth.checkpoint import load_checkpoint
 
-VARIANTS: dict[str, tuple[str, ...]] = {
+PHYSXNET: dict[str, tuple[str, ...]] = {
     "default": (),
     "velocity and acceleration only": ("--no-pose",),
     "plain acceleration": ("--acceleration", "plain"),
@@ -40,42 +42,68 @@ VARIANTS: dict[str, tuple[str, ...]] = {
     "four levels": ("--levels", "4"),
     "the paper's choices": ("--preset", "paper", "--size", "64", "--width", "32"),
 }
-"""The changes, as arguments of `python -m train physxnet`."""
+
+OFFSETS = ("--deformation", "offsets", "--points", "0.1")
+NO_GLOBAL = (*OFFSETS, "--global-layers")
+LITE = ("--convolutions", "32", "64", "64", "64", "--global-layers", "64")
+
+DEEPSD: dict[str, tuple[str, ...]] = {
+    "default": (),
+    "offsets, no global descriptor": NO_GLOBAL,
+    "offsets": OFFSETS,
+    "offsets, smaller descriptors": (*OFFSETS, *LITE),
+    "offsets, graph convolutions after the descriptor": (*OFFSETS, "--graph-heads"),
+    "offsets, three layers before pooling": (*OFFSETS, "--global-layers", "256", "256", "256"),
+    "pose as keys": ("--keys", "0"),
+    "no blend shapes": ("--deformation", "none"),
+    "mesh alone": ("--inputs", "mesh"),
+    "blend weights from nothing": ("--blend-weights", "learned", "--closest-weights", "100"),
+    "all joints": ("--influences", "99"),
+    "no mirroring": ("--no-mirror",),
+    "squared error": ("--error", "squared"),
+    "the paper's network": ("--inputs", "mesh", "--blend-weights", "learned", "--influences", "99",
+                            "--closest-weights", "100"),
+}  # fmt: skip
+"""The rows of the paper's Tables 1 and 6, and what ours has of its own."""
+
+VARIANTS: dict[str, dict[str, tuple[str, ...]]] = {"physxnet": PHYSXNET, "deepsd": DEEPSD}
+"""The changes by method, as arguments of `python -m train`."""
 
 
 def main(
     data: Path,
     out: Path,
+    method: Literal["physxnet", "deepsd"] = "physxnet",
     steps: int = 600,
-    only: tuple[str, ...] = tuple(VARIANTS),
+    only: tuple[str, ...] = (),
 ) -> None:
     """Train every variant and print the table. Raises InputError for an unknown variant."""
+    variants = VARIANTS[method]
     for name in only:
-        if name not in VARIANTS:
-            raise InputError(f"--only {name!r}: expected some of {', '.join(VARIANTS)}")
+        if name not in variants:
+            raise InputError(f"--only {name!r}: expected some of {', '.join(variants)}")
     rows = []
-    for name in only:
+    for name in only or variants:
         run = out / name.replace(" ", "_").replace("[", "").replace("]", "").replace(",", "")
         finished = run / "finished"
         if not finished.exists():
             resume = ["--resume"] if (run / "training").exists() else []
             settings = ["--steps", str(steps), "--validate-every", str(steps // 4)]
-            command = [sys.executable, "-m", "train", "physxnet", "--data", str(data), "--out", str(run)]
-            print(f"{name}:", *VARIANTS[name], file=sys.stderr)
+            command = [sys.executable, "-m", "train", method, "--data", str(data), "--out", str(run)]
+            print(f"{name}:", *variants[name], file=sys.stderr)
             subprocess.run(
-                [*command, *settings, *VARIANTS[name], *resume],
+                [*command, *settings, *variants[name], *resume],
                 check=True,
                 env={**os.environ, "PYTHONPATH": "."},
             )
             finished.touch()
         rows.append((name, load_checkpoint(run).notes))
-    templates = [key for key in rows[0][1]["validation"] if key != "mean_mm"]
-    print("| variant | change | mean | " + " | ".join(templates) + " | ms/step |")
-    print("|---|---|" + "---:|" * (len(templates) + 2))
+    scores = list(rows[0][1]["validation"])
+    print("| variant | change | " + " | ".join(scores) + " | ms/step |")
+    print("|---|---|" + "---:|" * (len(scores) + 1))
     for name, notes in rows:
-        errors = notes["validation"]
-        values = [f"{errors[key]:.1f}" for key in ("mean_mm", *templates)]
-        change = " ".join(VARIANTS[name])
+        values = [f"{notes['validation'][key]:.3g}" for key in scores]
+        change = " ".join(variants[name])
         pace = 60000 * notes["minutes"] / notes["step"]
         print(f"| {name} | `{change}` | " + " | ".join(values) + f" | {pace:.0f} |")
 

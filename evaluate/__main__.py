@@ -24,7 +24,8 @@ class Evaluate:
     `python -m train`; for garments that were simulated together also one for each, the innermost first, as in
     RUN_A+RUN_B."""
     data: Path
-    """A folder made by `uvcloth simulate`; its index.csv names the clips of each split and their actions."""
+    """A folder made by `uvcloth simulate`; its index.csv names the clips of each split and their actions. Of
+    one made with --outfits each outfit is judged on its own body, and figures are by type of garment."""
     out: Path
     """Folder for metrics.json and report.html."""
     garment: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE ...")] = ()
@@ -48,10 +49,11 @@ class Evaluate:
         """Judge, and write metrics.json and the report. Raises InputError for what cannot be judged."""
         if not all(find_spec(module) for module in ("jinja2", "markupsafe", "PIL", "sklearn")):
             raise InputError("the report needs Jinja, Pillow and scikit-learn: install uvcloth[report]")
-        from evaluate.candidates import load_candidates
+        from evaluate.candidates import Candidate, load_candidates
         from evaluate.compare import Selection, compare
         from evaluate.garment_space import interpolations
         from evaluate.motion_map import motion_maps
+        from evaluate.outfits import compare_outfits, holds_outfits
         from evaluate.progress import progress
         from evaluate.report import write_metrics, write_report
         from evaluate.show import pictured, pictures, viewer_clips
@@ -60,25 +62,28 @@ class Evaluate:
 
         if self.frames is not None and self.frames < 1:
             raise InputError(f"--frames: {self.frames} is not a number of frames")
-        body = load_body(self.body)
-        candidates = load_candidates(self.model, body)
+        selection = Selection(self.data, self.actions, self.garment, self.frames, self.split)
+        used = f"{machine()}, threads used: {self.threads}"
+        # Outfits on bodies of their own have no body in common.
+        body = None if holds_outfits(self.data) else load_body(self.body)
+        candidates: tuple[Candidate, ...] = ()
         with limited_threads(self.threads):
-            results, shown = compare(
-                candidates,
-                Selection(self.data, self.actions, self.garment, self.frames, self.split),
-                self.out,
-                body=body,
-                map_size=self.map_size,
-                machine=f"{machine()}, threads used: {self.threads}",
-            )
+            if body is None:
+                results, shown = compare_outfits(self.model, selection, self.out, machine=used)
+            else:
+                candidates = load_candidates(self.model, body)
+                results, shown = compare(
+                    candidates, selection, self.out, body=body, map_size=self.map_size, machine=used
+                )
         metrics = write_metrics(self.out, results)
         images, spaces, motion = [], [], []
         if self.pictures:
             chosen = pictured(shown)
             with progress("Pictures", len(chosen)) as tick:
-                images = list(pictures(chosen, list(results["methods"]), body, tick))
-            spaces = interpolations(candidates, shown, body)
-            motion = motion_maps(candidates, self.data, shown, body)
+                images = list(pictures(chosen, list(results["methods"]), tick))
+            if body is not None:
+                spaces = interpolations(candidates, shown, body)
+                motion = motion_maps(candidates, self.data, shown, body)
         report = write_report(self.out, results, viewer_clips(shown), images, body, spaces, motion)
         print(summary(results))
         print(f"{metrics}\n{report}")

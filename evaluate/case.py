@@ -12,9 +12,9 @@ from evaluate.maps import Texels
 from evaluate.metrics import Reference
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh, join_meshes
-from uvcloth.geometry.skinning import skin
 from uvcloth.simulate.sequence import REST_TOLERANCE, SimulatedSequence, load_sequence, read_metadata
 
 SHOWN = 50
@@ -155,7 +155,7 @@ def make_case(
     if len(parts) > 1:
         parts.append(_whole(parts, row))
     transforms = first.transforms[scored]
-    posed = skin(body.mesh.vertices, body.weights, transforms)
+    posed = posed_skin(body, transforms)
     return Case(windows, sequences, outfit, tuple(parts), first.warm_up, transforms, posed)
 
 

@@ -104,7 +104,7 @@ def compare(
             judged.append(judged_case(opened, dressing[name], partial(cached, out, opened), setting, tick))
     return {
         **measured(judged, candidates, people_in(data)),
-        "garments": {name: _size(garment) for name, garment in garments.items()},
+        "garments": {name: garment_size(garment) for name, garment in garments.items()},
         "missing": find_missing(*chosen),
         "split": split,
         "map_size": map_size,
@@ -241,7 +241,7 @@ def _named(windows: Sequence[Window]) -> str:
     return outfit_name([window.garment for window in windows])
 
 
-def _size(garment: Garment) -> dict[str, float | int]:
+def garment_size(garment: Garment) -> dict[str, float | int]:
     """Vertices of a garment and the size of its 3D model in MB (positions, faces and texture coordinates)."""
     mesh = garment.mesh
     tensors = (mesh.vertices.float(), mesh.faces.int(), mesh.uvs.float(), mesh.face_uvs.int())

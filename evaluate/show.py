@@ -10,10 +10,9 @@ from torch import Tensor
 from evaluate.case import outfit_name
 from evaluate.report import Picture
 from evaluate.viewer import ViewerClip
-from uvcloth.bodies.body import Body
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import join_meshes
-from uvcloth.geometry.skinning import skin
 from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
 
 MOMENTS = (0.3, 0.6, 0.9)
@@ -101,9 +100,7 @@ def method_color(methods: Sequence[str], name: str) -> Color:
     return METHOD_COLORS[methods.index(name) % len(METHOD_COLORS)]
 
 
-def pictures(
-    shown: Sequence[Shown], methods: Sequence[str], body: Body, tick: Callable[[], None]
-) -> Iterator[Picture]:
+def pictures(shown: Sequence[Shown], methods: Sequence[str], tick: Callable[[], None]) -> Iterator[Picture]:
     """One picture per case: a row per moment, the simulation first, then every method. tick: after each.
 
     methods: all that were judged on anything, in order.
@@ -111,7 +108,8 @@ def pictures(
     for window in shown:
         frames = [min(int(share * len(window.transforms)), len(window.transforms) - 1) for share in MOMENTS]
         frames = list(dict.fromkeys(frames))
-        posed = skin(body.mesh.vertices, body.weights, window.transforms[frames])
+        body = window.outfit.body
+        posed = posed_skin(body, window.transforms[frames])
         colors = [SIMULATION_COLOR, *(method_color(methods, name) for name in list(window.meshes)[1:])]
         images = [
             render(

@@ -2,7 +2,8 @@
 
 import zipfile
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -25,15 +26,7 @@ def load_arrays(
     expected: says in words what the file should be. names: arrays that it must hold. only: read no others.
     Raises InputError with the path if it is missing, damaged, not an npz, another format, or lacks an array.
     """
-    path = Path(path)
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            data = {name: archive[name] for name in archive.files if not only or name in ("format", *names)}
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    # Between them, numpy and zipfile raise all of these for damaged bytes, and TypeError for a renamed npy.
-    except (OSError, ValueError, TypeError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(f"{path}: not a readable npz, expected {expected}") from error
+    data = read_arrays(path, expected, ("format", *names) if only else None)
     found = str(data.get("format", "nothing"))
     if found != format:
         raise InputError(f"{path}: expected {expected} (format {format}), found format {found}")
@@ -41,6 +34,48 @@ def load_arrays(
     if missing:
         raise InputError(f"{path}: lacks the array {', '.join(missing)}, expected {expected}")
     return data
+
+
+def read_arrays(path: Path, expected: str, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+    """Read arrays of any npz, those of some names that it has, or all; never unpickles.
+
+    expected: says in words what the file should be. Raises InputError with the path if it is missing,
+    damaged or not an npz, and naming an array of those that are read if it is pickled.
+    """
+    with _opened(path, expected) as archive:
+        return {name: _read(archive, name) for name in archive.files if names is None or name in names}
+
+
+def list_arrays(path: Path, expected: str) -> tuple[str, ...]:
+    """Names of the arrays of an npz. Raises InputError as `read_arrays` does."""
+    with _opened(path, expected) as archive:
+        return tuple(archive.files)
+
+
+@contextmanager
+def _opened(path: Path, expected: str) -> Iterator[np.lib.npyio.NpzFile]:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            yield archive
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    # Between them, numpy and zipfile raise all of these for damaged bytes, the last two for a renamed npy.
+    except (
+        *(OSError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error),
+        *(TypeError, AttributeError),
+    ) as error:
+        raise InputError(f"{path}: not a readable npz, expected {expected}") from error
+
+
+def _read(archive: np.lib.npyio.NpzFile, name: str) -> np.ndarray:
+    try:
+        return archive[name]
+    except ValueError as error:
+        if "allow_pickle" not in str(error):
+            raise
+        raise InputError(f"{name} is pickled, expected plain arrays; nothing is unpickled") from error
 
 
 def require_finite(path: Path, arrays: Mapping[str, np.ndarray]) -> None:

@@ -25,6 +25,7 @@ from uvcloth.checkpoint import Checkpoint, body_identity, save_checkpoint
 from uvcloth.commands.export_rig import export
 from uvcloth.commands.rollout import animate
 from uvcloth.export.animation import load_animation
+from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method, MethodEntry
@@ -50,7 +51,7 @@ class Moved(Method):
     def step(self, prepared, state, frames):
         return state, tuple(skin(points, weights, frames.transforms[:, -1]) for points, weights in prepared)
 
-    def as_rig(self, body: Body) -> PoseRig:
+    def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> PoseRig:
         worn = [fit_template(name, body) for name in OUTFIT]
         meshes = [replace(g.mesh, vertices=g.mesh.vertices + self.move) for g in worn]
         weights = torch.cat([g.smooth_weights for g in worn])

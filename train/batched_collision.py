@@ -7,12 +7,15 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.collider import collider_near
+from uvcloth.bodies.collider import collider_near, make_collider
 from uvcloth.geometry.records import to_device
 from uvcloth.geometry.skinning import skin
+from uvcloth.physics import kernels
+from uvcloth.physics.contact import SQUEEZE_GAP
+from uvcloth.physics.launch import array, launch
 from uvcloth.physics.layers import Layer
 from uvcloth.physics.posed_batch import ClosestPointCache, Planes, PosedMeshBatch
-from uvcloth.physics.surface import FREE
+from uvcloth.physics.surface import FREE, SEARCH_DISTANCE, MovingMeshes
 
 NEAR_BODY = 0.2
 """Metres from the outfit at rest within which the body is collided with."""
@@ -43,6 +46,44 @@ class NearbyBody:
     def planes(self, outfit: Tensor, near: float, cache: ClosestPointCache | None, plane: str) -> Planes:
         """The planes that keep an outfit (B, U, 3) m off the body where it is near, m."""
         return self._meshes.planes(outfit, near, cache, corner=plane == "vertex")
+
+
+class PosedParts:
+    """The closed parts of a body, or of another of its mesh, in as many poses at once as `count`."""
+
+    def __init__(self, body: Body, count: int, device: torch.device) -> None:
+        self._collider = to_device(make_collider(body), device)
+        rest = self._collider.vertices(body.mesh.vertices.to(device))
+        faces = [part + pose * len(rest) for pose in range(count) for part in self._collider.parts]
+        self._meshes = MovingMeshes(rest.repeat(count, 1), faces)
+
+    def touches(self, points: Tensor, body: Body) -> Tensor:
+        """The parts of a body at rest that points (N, 3) m at rest may touch, a bit each: (N,) int32."""
+        touched = self._collider.touches(points, body.mesh.vertices.to(points))
+        return (touched * 2 ** torch.arange(len(touched), device=points.device)[:, None]).sum(0).int()
+
+    def move(self, vertices: Tensor) -> None:
+        """Move to the poses of a body (B, V, 3) m, no more than `count`."""
+        placed = self._collider.vertices(vertices).flatten(0, 1)
+        self._meshes.update(torch.cat([placed, self._meshes.points[len(placed) :]]))
+
+    def planes(self, points: Tensor, touches: Tensor, near: float) -> Planes:
+        """The planes that keep points (B, N, 3) m off the parts that they may touch, where they are near, m.
+
+        None where two parts leave no room between them: what is squeezed is not pushed.
+        """
+        points = points.detach().float().contiguous()
+        normals, distance = torch.zeros_like(points), torch.zeros_like(points[..., 0])
+        offsets, gap = torch.zeros_like(distance), torch.zeros_like(distance)
+        reach = distance.new_full(distance.shape[1:], SEARCH_DISTANCE)
+        each = len(self._collider.parts)
+        for pose in range(len(points)):
+            parts = self._meshes.ids[pose * each : (pose + 1) * each]
+            query = (parts, *map(array, (touches, points[pose], reach)), near, SQUEEZE_GAP)
+            found = map(array, (distance[pose], normals[pose], offsets[pose], gap[pose]))
+            launch(kernels.closest_touched, points.shape[1], points.device, *query, *found)
+        met = (distance < near) & (gap >= SQUEEZE_GAP)
+        return Planes(normals, torch.where(met, offsets, FREE))
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
@@ -43,6 +43,8 @@ class LoopConfig:
     """Stop after so many minutes of training and validation; the learning rate falls over them."""
     batch: int = 8
     """Frames, or poses, in a step, over all devices."""
+    double_every: float = 0.0
+    """Share of the training after which the batch doubles, again and again (DeePSD: 0.2); 0 keeps it."""
     learning_rate: float = 1e-3
     """Adam's learning rate at its highest (PhysXNet: 2e-4, PBNS: 1e-3)."""
     schedule: Literal["constant", "cosine"] = "cosine"
@@ -68,6 +70,8 @@ class LoopConfig:
             value = getattr(self, name)
             if value is not None and not value > 0:
                 raise InputError(f"--{name.replace('_', '-')} {value}: has to be more than 0")
+        if not 0 <= self.double_every < 1:
+            raise InputError(f"--double-every {self.double_every}: has to be 0 or more, and less than 1")
         if not self.weight_decay >= 0:
             raise InputError(f"--weight-decay {self.weight_decay}: has to be 0 or more")
         if not 0 <= self.average < 1:
@@ -129,9 +133,10 @@ def training_device() -> torch.device:
 
 @dataclass
 class Progressed:
-    """The progress of a run: optimizer steps, seconds of training, and the validation scores so far."""
+    """The progress of a run: optimizer steps, epochs and seconds of training, and the scores so far."""
 
     step: int = 0
+    epochs: float = 0.0
     seconds: float = 0.0
     best: float = math.inf
     errors: list[dict[str, float]] = field(default_factory=list)
@@ -236,7 +241,7 @@ def _train(training: Training, interrupted: Callable[[], bool]) -> None:
         task = bar.add_task("training", total=1.0)
         while not interrupted() and (share := _share(config, done)) < 1.0:
             set_rates(training.optimizers, config, share)
-            parts = _step(training, samples)
+            parts = _step(training, samples, batch_after(config, share))
             done.seconds = fabric.broadcast(time.monotonic() - begun)
             if done.step % LOG_EVERY == 0:
                 values = {key: float(value.detach()) for key, value in parts.items()}
@@ -257,10 +262,12 @@ def _train(training: Training, interrupted: Callable[[], bool]) -> None:
                 saved = time.monotonic()
 
 
-def _step(training: Training, samples: Tensor) -> dict[str, Tensor]:
-    """One step of every network; returns the parts of the losses."""
+def _step(training: Training, samples: Tensor, batch: int) -> dict[str, Tensor]:
+    """One step of every network on a batch of samples; returns the parts of the losses."""
     config, fabric, done = training.config, training.fabric, training.done
-    rows = rows_of_step(samples, config, done.step)[fabric.global_rank :: fabric.world_size]
+    rows = rows_of_step(samples, replace(config, batch=batch), done.step)[
+        fabric.global_rank :: fabric.world_size
+    ]
     torch.manual_seed((config.seed * 1_000_003 + done.step) * fabric.world_size + fabric.global_rank)
     parts: dict[str, Tensor] = {}
     for name, loss, logged in training.objective.steps(training.networks, rows.to(fabric.device)):
@@ -271,6 +278,7 @@ def _step(training: Training, samples: Tensor) -> dict[str, Tensor]:
     if config.average:
         _update_average(training.average, training.networks["net"].module, config.average, done.step)
     done.step += 1
+    done.epochs += 1.0 / (len(samples) // min(batch, len(samples)))
     return parts
 
 
@@ -295,9 +303,7 @@ def _validate(training: Training) -> str:
 
 def _learned(training: Training) -> dict[str, float]:
     """The number of samples, and how often each was seen so far."""
-    samples = len(training.objective.samples)
-    steps = samples // min(training.config.batch, samples)
-    return {"samples": samples, "epochs": round(training.done.step / steps, 2)}
+    return {"samples": len(training.objective.samples), "epochs": round(training.done.epochs, 2)}
 
 
 def _progress(shown: bool) -> Progress:
@@ -324,6 +330,14 @@ def _share(config: LoopConfig, done: Progressed) -> float:
     """The share of the steps or the minutes that is spent, whichever is more: 0 to 1."""
     spent = done.step / config.steps
     return spent if config.minutes is None else max(spent, done.seconds / 60.0 / config.minutes)
+
+
+def batch_after(config: LoopConfig, share: float) -> int:
+    """The samples in a step after a share of the training, 0 to 1."""
+    if not config.double_every:
+        return config.batch
+    # A share such as 0.6 is a little less than three times 0.2 in floating point.
+    return config.batch * 2 ** int(share / config.double_every + 1e-9)
 
 
 def set_rates(optimizers: Mapping[str, Any], config: LoopConfig, share: float) -> None:
@@ -403,7 +417,8 @@ def _load_state(training: Training) -> None:
         raise InputError(f"{run}: was started with another network ({first})") from error
     training.objective.remember(part("memory/"))
     done, saved = training.done, meta["done"]
-    done.step, done.seconds, done.errors = saved["step"], saved["seconds"], saved["errors"]
+    done.step, done.epochs = saved["step"], saved["epochs"]
+    done.seconds, done.errors = saved["seconds"], saved["errors"]
     done.best = math.inf if saved["best"] is None else saved["best"]
 
 

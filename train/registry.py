@@ -1,5 +1,6 @@
 """The methods that can be trained, by name."""
 
+from train.deepsd import run as deepsd
 from train.motion_guided import run as motion_guided
 from train.pbns import run as pbns
 from train.physxnet import run as physxnet
@@ -9,4 +10,5 @@ TRAINERS: dict[str, TrainerEntry] = {
     "physxnet": physxnet.ENTRY,
     "motion_guided": motion_guided.ENTRY,
     "pbns": pbns.ENTRY,
+    "deepsd": deepsd.ENTRY,
 }

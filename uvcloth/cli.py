@@ -33,6 +33,9 @@ uvcloth rollout --motion walk.bvh --garment shirt.obj --out walk.mp4 walk.glb"""
 TemplateName = Literal["tops", "bottoms", "dress", "shirt"]
 EngineName = Literal["newton", "blender"]
 Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ...")]
+GarmentPose = Annotated[
+    Literal["t", "a"] | None, arg(metavar="t|a", help_behavior_hint="(default: rest pose)")
+]
 BodyFile = Annotated[Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the one in the package)")]
 Port = Annotated[int, arg(metavar="N")]
 Host = Annotated[str, arg(metavar="ADDRESS")]
@@ -59,7 +62,8 @@ class Phenotype:
 
 @dataclass(frozen=True)
 class MakeBody:
-    """Make a body from phenotypes or a character, or write the one in the package as a mesh to model on."""
+    """Make a body from phenotypes, a character or an SMPL model, or write the one in the package as a mesh to
+    model on."""
 
     out: Path
     """What to write: .npz for --body of the other commands, .obj or .glb to model on (rest pose, UVs)."""
@@ -73,17 +77,24 @@ class MakeBody:
     """Meshes or materials of the character that cloth lies on, whatever their names say."""
     drop: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint="")] = ()
     """Meshes or materials of the character to leave out."""
+    smpl: Annotated[Path | None, arg(metavar="NPZ|PKL", help_behavior_hint="")] = None
+    """A model file of SMPL, SMPL-H or SMPL-X of one gender; docs/field_data.md says what is read."""
+    betas: Annotated[tuple[float, ...], arg(metavar="N ...", help_behavior_hint="(default: all 0)")] = ()
+    """Shape parameters of the SMPL model, the first ones of them."""
     phenotype: OmitArgPrefixes[Phenotype] = field(default_factory=Phenotype)
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
-        from uvcloth.commands.body import CharacterFile, make
+        from uvcloth.commands.body import CharacterFile, SmplFile, make
 
         chosen = {key: value for key, value in asdict(self.phenotype).items() if value is not None}
         if self.character is None and (self.joints or self.keep or self.drop):
             raise InputError("body: --joints, --keep and --drop are about a --character")
         character = self.character and CharacterFile(self.character, self.joints, self.keep, self.drop)
-        body = make(self.out, chosen, self.body, character or None)
+        if self.smpl is None and self.betas:
+            raise InputError("body: --betas are about an --smpl model")
+        smpl = self.smpl and SmplFile(self.smpl, self.betas)
+        body = make(self.out, chosen, self.body, character or None, smpl or None)
         print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
 
 
@@ -92,7 +103,7 @@ class Motion:
     """Say what a motion file is and how it is understood, and draw stick figures of it."""
 
     file: Positional[Annotated[str, arg(metavar="FILE|NAME")]]
-    """A motion file (BVH, glTF) or the name of a built-in clip."""
+    """A motion file (BVH, glTF, AMASS) or the name of a built-in clip."""
     out: Path = Path("motion.png")
     """The picture to write."""
     body: BodyFile = None
@@ -111,13 +122,18 @@ class Simulate:
     """Simulate garments over clips with a cloth engine; a rerun continues with what is missing."""
 
     clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]]
-    """Motion files (BVH, glTF) or names of built-in clips."""
+    """Motion files (BVH, glTF, AMASS) or names of built-in clips."""
     out: Path
     """Folder for the sequences, one npz per clip and garment."""
     garment: Garments = ("tops", "bottoms", "dress")
     """Templates or garment files to simulate; a file's sequences are named by its stem."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
+    outfits: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
+    """Simulate the outfits that `uvcloth outfits` wrote there instead, each on its body over one of the
+    table's windows of its split, its garments together."""
+    most_frames: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: whole windows)")] = None
+    """Of each window that moves an outfit, the first N frames at most."""
     layered: bool = False
     """The garments are worn over one another, the first innermost, and simulated together, so that they
     keep apart; otherwise each is simulated alone."""
@@ -151,8 +167,15 @@ class Simulate:
         from uvcloth.simulate.batch import Workers, simulate_batch
         from uvcloth.simulate.plan import ClipSelection
 
+        selection = ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options)
+        if self.outfits is not None:
+            from uvcloth.simulate.outfits import simulate_outfits
+
+            workers = Workers(self.jobs, self.scheduler)
+            simulate_outfits(self.outfits, selection, self.out, self.most_frames, self.engine, workers)
+            return
         simulate_batch(
-            ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options),
+            selection,
             outfits=[self.garment] if self.layered else [(name,) for name in self.garment],
             out=self.out,
             body=load_body(self.body),
@@ -225,6 +248,9 @@ class Fit:
         arg(metavar="tops|bottoms|dress|shirt", help_behavior_hint="(default: the one it covers best)"),
     ] = None
     """The template whose motion it takes."""
+    garment_pose: GarmentPose = None
+    """The garment was modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
+    down (A pose)."""
     out: Annotated[Path | None, arg(metavar="OBJ", help_behavior_hint="")] = None
     """Also write the garment as it is worn: metres, Z up, as OBJ; each of several into a file of its own."""
 
@@ -236,7 +262,12 @@ class Fit:
         from uvcloth.commands.fit import examine
 
         found = examine(
-            self.file, body_file=self.body, template=self.template, out=self.out, picture=self.picture
+            self.file,
+            body_file=self.body,
+            template=self.template,
+            out=self.out,
+            picture=self.picture,
+            pose=self.garment_pose,
         )
         print("\n".join(found))
 
@@ -295,7 +326,7 @@ class Rollout:
     """Move garments over a motion and write a file that engines and DCCs open."""
 
     motion: str
-    """A motion file (BVH, glTF) or the name of a built-in clip."""
+    """A motion file (BVH, glTF, AMASS) or the name of a built-in clip."""
     garment: Garments
     """Templates (tops, bottoms, dress, shirt) or garment files, the innermost first; contact keeps each out
     of the body and off what is beneath."""
@@ -314,6 +345,9 @@ class Rollout:
         arg(metavar="NAME|auto ...", help_behavior_hint="(default: the one each covers best)"),
     ] = ()
     """The template whose motion a garment takes: one for all, or one for each in order."""
+    garment_pose: GarmentPose = None
+    """Garment files were modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
+    down (A pose)."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     contact: bool = True
@@ -351,6 +385,7 @@ class Rollout:
                 self.garment,
                 self.out,
                 templates=self.template,
+                garment_pose=self.garment_pose,
                 body_file=self.body,
                 contact=self.contact,
                 hide_skin=self.hide_skin,
@@ -460,12 +495,17 @@ class Poses:
 
 @dataclass(frozen=True)
 class Export:
-    """Write a method that is a rig (PBNS) for engines: skeleton, skin, blend shapes and their motion."""
+    """Write a method that is a rig (PBNS, DeePSD) for engines: skeleton, skin, blend shapes and motion."""
 
     model: Annotated[str, arg(metavar="pbns|RUN")]
-    """pbns as it ships (a shirt over trousers), or a folder written by `python -m train pbns`."""
+    """pbns as it ships (a shirt over trousers), or a folder written by `python -m train pbns` or `deepsd`."""
     out: Path
     """What to write: .glb, .usdc or .usd."""
+    garment: Garments = ()
+    """What DeePSD rigs: templates or garment files, the innermost first. PBNS has garments of its own."""
+    garment_pose: GarmentPose = None
+    """Garment files were modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
+    down (A pose)."""
     motion: Annotated[str | None, arg(metavar="FILE|NAME", help_behavior_hint="(default: the rig alone)")] = (
         None
     )
@@ -486,6 +526,8 @@ class Export:
         exported = export(
             self.model,
             self.out,
+            garments=self.garment,
+            garment_pose=self.garment_pose,
             motion=self.motion,
             shapes=self.shapes,
             body_file=self.body,

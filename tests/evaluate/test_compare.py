@@ -385,7 +385,7 @@ def test_a_method_is_judged_on_what_it_dresses(world: Path, tmp_path: Path) -> N
     assert results["methods"]["lbs"]["stability"].keys() == {"tops", "dress"}
     assert results["windows"] == 4
     assert {"for_one" in each.meshes for each in shown if each.outfit_name == "tops"} == {False}
-    drawn = list(pictures(shown, ["lbs", "for_one"], capsule_body(), lambda: None))
+    drawn = list(pictures(shown, ["lbs", "for_one"], lambda: None))
     assert "simulation, lbs;" in drawn[0].caption
     assert "simulation, lbs, for_one;" in drawn[1].caption
 

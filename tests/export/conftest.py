@@ -2,18 +2,25 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
+from tests.export.played import rolled_out
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.export.animation import Animation
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
+from uvcloth.methods.deepsd.config import PRESETS
+from uvcloth.methods.deepsd.method import DeePSD
+from uvcloth.methods.deepsd.network import DeePSDNetwork
+from uvcloth.methods.method import Method
 from uvcloth.methods.pbns.method import PBNS, new_network, rest_outfit
 from uvcloth.methods.pbns.network import PBNSConfig
-from uvcloth.methods.rig import pose_vectors
+from uvcloth.methods.rig import PoseRig, pose_vectors
 from uvcloth.motion.clip import Clip
 
 FRAMES = 40
@@ -105,3 +112,39 @@ def make_pbns(outfit: Outfit, practice: Clip) -> Callable[..., PBNS]:
 @pytest.fixture(scope="session")
 def pbns(make_pbns: Callable[..., PBNS]) -> PBNS:
     return make_pbns()
+
+
+@pytest.fixture(scope="session")
+def deepsd(practice: Clip) -> DeePSD:
+    """A DeePSD as if trained on `practice`: blend shapes of centimetres, keys that pass 1 before division."""
+    parents = practice.skeleton.parents
+    torch.manual_seed(3)
+    config = replace(PRESETS["tiny"], keys=24)
+    network = DeePSDNetwork(config, len(parents))
+    with torch.no_grad():
+        for layer in network.linears():
+            layer.weight *= 2.5
+        for layers in network.branches.values():
+            for layer in layers.children():
+                layer.weight *= 4.0
+    return DeePSD(config, network.eval(), pose_vectors(parents, practice.transforms()))
+
+
+@pytest.fixture(scope="session", params=["pbns", "deepsd"])
+def model(request: pytest.FixtureRequest) -> Method:
+    """Each method that is a rig."""
+    found: Method = request.getfixturevalue(request.param)
+    return found
+
+
+@pytest.fixture(scope="session")
+def pose_rig(model: Method, outfit: Outfit) -> PoseRig:
+    rig = model.as_rig(outfit.body, outfit.garments)
+    assert rig is not None
+    return rig
+
+
+@pytest.fixture(scope="session")
+def rolled(model: Method, outfit: Outfit, clip: Clip) -> list[np.ndarray]:
+    """Per garment (F, N, 3) m: what the model's rollout makes of the clip."""
+    return rolled_out(model, outfit, clip)

@@ -9,13 +9,13 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from tests.export.glb_reader import GlbReader, to_z_up
-from tests.export.test_rig import rolled_out
+from tests.export.played import rolled_out
 from uvcloth.export.embedding import write_embedding
 from uvcloth.export.gltf_rig import write_rig_glb
 from uvcloth.export.rig import rig_of
 from uvcloth.garments.garment import Outfit
 from uvcloth.methods.pbns.method import PBNS
-from uvcloth.methods.rig import pose_vectors
+from uvcloth.methods.rig import PoseRig, pose_vectors
 from uvcloth.motion.clip import Clip
 
 pytest.importorskip("onnx")
@@ -24,15 +24,15 @@ onnxruntime = pytest.importorskip("onnxruntime")
 
 @pytest.mark.parametrize("shapes", [None, 6])
 def test_onnx_gives_the_rig_s_weights(
-    pbns: PBNS, outfit: Outfit, clip: Clip, tmp_path: Path, shapes: int | None
+    pose_rig: PoseRig, outfit: Outfit, clip: Clip, tmp_path: Path, shapes: int | None
 ) -> None:
-    rigged = rig_of(pbns.as_rig(outfit.body), outfit.body, shapes=shapes)
-    write_embedding(pbns.as_rig(outfit.body), rigged, tmp_path / "rig.onnx")
+    rigged = rig_of(pose_rig, outfit.body, shapes=shapes)
+    write_embedding(pose_rig, rigged, tmp_path / "rig.onnx")
     session = onnxruntime.InferenceSession(tmp_path / "rig.onnx")
-    for poses in (pbns.network.poses, pose_vectors(pbns.garments.parents, clip.transforms())):
+    for poses in (pose_rig.poses, pose_vectors(pose_rig.parents, clip.transforms())):
         (weights,) = session.run(["weights"], {"pose": poses.numpy()})
         with torch.no_grad():
-            embeddings = pbns.network.embed(poses)
+            embeddings = pose_rig.embed(poses)
         free = embeddings @ rigged.code.scale + rigged.code.shift
         np.testing.assert_allclose(weights, free.clamp(0, 1), atol=1e-5)
     assert free.min() < -0.01  # The clip leaves the trained range, where the file's weights stop.
@@ -48,10 +48,12 @@ def pose_vector(glb: GlbReader, frame: int | None, names: list[str], parents: li
     return np.concatenate(parts).astype(np.float32)[None]
 
 
-def test_the_rest_pose_gives_the_file_s_own_weights(pbns: PBNS, outfit: Outfit, tmp_path: Path) -> None:
-    rigged = rig_of(pbns.as_rig(outfit.body), outfit.body)
+def test_the_rest_pose_gives_the_file_s_own_weights(
+    pose_rig: PoseRig, outfit: Outfit, tmp_path: Path
+) -> None:
+    rigged = rig_of(pose_rig, outfit.body)
     write_rig_glb(rigged.rig, tmp_path / "rig.glb")
-    write_embedding(pbns.as_rig(outfit.body), rigged, tmp_path / "rig.onnx")
+    write_embedding(pose_rig, rigged, tmp_path / "rig.onnx")
     rig = GlbReader.load(tmp_path / "rig.glb")
     session = onnxruntime.InferenceSession(tmp_path / "rig.onnx")
     facts = session.get_modelmeta().custom_metadata_map

@@ -8,45 +8,28 @@ import pytest
 import torch
 
 from rasterize.errors import InputError
+from tests.export.played import farthest, played, rolled_out
 from tests.small_body import small_body
 from uvcloth.bodies.body import Body
-from uvcloth.export.rig import Rig, rig_of
+from uvcloth.export.rig import rig_of
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.skeleton import Skeleton
+from uvcloth.methods.method import Method
 from uvcloth.methods.pbns.method import PBNS
-from uvcloth.methods.rig import pose_vectors
+from uvcloth.methods.rig import PoseRig, pose_vectors
 from uvcloth.motion.clip import Clip
 from uvcloth.rollout import rollout
 
 
-def rolled_out(method: PBNS, outfit: Outfit, clip: Clip) -> list[np.ndarray]:
-    """Per garment (F, N, 3): what `uvcloth rollout` makes of the clip."""
-    frames = [frame.vertices for frame in rollout(method, outfit, clip.transforms(), clip.fps, contact=False)]
-    return [torch.stack(parts).numpy() for parts in zip(*frames, strict=True)]
-
-
-def played(rig: Rig) -> list[np.ndarray]:
-    """Per garment (F, N, 3): blend shapes, then skinning, written out."""
-    made = []
-    for garment in rig.garments:
-        rest = garment.mesh.vertices.numpy() + np.einsum("fk,knc->fnc", rig.weights, garment.shapes.numpy())
-        blended = np.einsum("ni,fniab->fnab", garment.weights, rig.transforms[:, garment.joints])
-        made.append(np.einsum("fnab,fnb->fna", blended[..., :3], rest) + blended[..., 3])
-    return made
-
-
-def farthest(made: list[np.ndarray], expected: list[np.ndarray]) -> float:
-    return max(float(np.linalg.norm(a - b, axis=-1).max()) for a, b in zip(made, expected, strict=True))
-
-
-def test_the_rig_is_the_rollout(pbns: PBNS, outfit: Outfit, clip: Clip) -> None:
-    rigged = rig_of(pbns.as_rig(outfit.body), outfit.body, clip)
+def test_the_rig_is_the_rollout(
+    rolled: list[np.ndarray], pose_rig: PoseRig, outfit: Outfit, clip: Clip
+) -> None:
+    rigged = rig_of(pose_rig, outfit.body, clip)
     assert rigged.pruning == rigged.fewer == ()
-    expected = rolled_out(pbns, outfit, clip)
-    assert farthest(played(rigged.rig), expected) < 1e-5
+    assert farthest(played(rigged.rig), rolled) < 1e-5
     still = replace(rigged.rig, weights=np.zeros_like(rigged.rig.weights))
-    assert farthest(played(still), expected) > 0.02  # The blend shapes matter here.
+    assert farthest(played(still), rolled) > 0.02  # The blend shapes matter here.
 
 
 def test_every_weight_uses_the_whole_range(pbns: PBNS, outfit: Outfit, clip: Clip, practice: Clip) -> None:
@@ -110,12 +93,12 @@ def test_the_cost_of_four_influences_is_what_the_rig_misses(
     assert farthest(played(rigged.rig), expected) == pytest.approx(cost.most, rel=0.3)
 
 
-def test_the_rest_pose_is_held_without_a_motion(pbns: PBNS, outfit: Outfit) -> None:
-    rig = rig_of(pbns.as_rig(outfit.body), outfit.body).rig
+def test_the_rest_pose_is_held_without_a_motion(model: Method, pose_rig: PoseRig, outfit: Outfit) -> None:
+    rig = rig_of(pose_rig, outfit.body).rig
     assert len(rig.transforms) == len(rig.weights) == 0
     still = torch.eye(3, 4).expand(1, len(rig.skeleton.names), 3, 4)
     posed = replace(rig, weights=rig.resting[None], transforms=still.numpy())
-    frame = next(rollout(pbns, outfit, still, 30.0, contact=False))
+    frame = next(rollout(model, outfit, still, 30.0, contact=False))
     assert farthest(played(posed), [vertices[None].numpy() for vertices in frame.vertices]) < 1e-5
 
 
@@ -162,6 +145,8 @@ def test_another_body_and_a_clip_on_another_rig_are_refused(pbns: PBNS, body: Bo
 
 
 def test_a_model_that_never_deforms_is_refused(pbns: PBNS, body: Body) -> None:
-    one = replace(pbns, network=type(pbns.network)(pbns.config, 9, 9, len(body.skeleton.names), 1))
+    sizes = (len(pbns.network.owner), len(pbns.network.strongest), len(body.skeleton.names))
+    one = replace(pbns, network=type(pbns.network)(pbns.config, *sizes, 1))
+    torch.nn.init.zeros_(one.network.shapes)
     with pytest.raises(InputError, match="no pose that it knows moves"):
         rig_of(one.as_rig(body), body)

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from tests.export.glb_reader import GlbReader, to_z_up
-from tests.export.test_rig import rolled_out
 from uvcloth.export.gltf_rig import write_rig_glb
 from uvcloth.export.rig import rig_of
 from uvcloth.export.usd_rig import write_rig_usd
 from uvcloth.garments.garment import Outfit
-from uvcloth.methods.pbns.method import PBNS
+from uvcloth.methods.rig import PoseRig
 from uvcloth.motion.clip import Clip
 
 HERE = Path(__file__).parent
@@ -23,25 +22,25 @@ MILLIMETRE = 1e-3
 
 
 @pytest.fixture(scope="module")
-def path(pbns: PBNS, outfit: Outfit, clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def path(pose_rig: PoseRig, outfit: Outfit, clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("rig") / "wave.glb"
-    write_rig_glb(rig_of(pbns.as_rig(outfit.body), outfit.body, clip).rig, path)
+    write_rig_glb(rig_of(pose_rig, outfit.body, clip).rig, path)
     return path
 
 
 @pytest.fixture(scope="module")
-def expected(path: Path, pbns: PBNS, outfit: Outfit, clip: Clip) -> dict[str, np.ndarray]:
+def expected(path: Path, rolled: list[np.ndarray], outfit: Outfit) -> dict[str, np.ndarray]:
     """Per garment (10, M, 3), the vertices of the file, Z up."""
-    glb, made = GlbReader.load(path), rolled_out(pbns, outfit, clip)
+    glb = GlbReader.load(path)
     names = [garment.name for garment in outfit.garments]
-    return {name: made[index][FRAMES][:, glb.source(name)] for index, name in enumerate(names)}
+    return {name: rolled[index][FRAMES][:, glb.source(name)] for index, name in enumerate(names)}
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".usdc"])
 def test_blender_plays_the_rollout(
     path: Path,
     expected: dict[str, np.ndarray],
-    pbns: PBNS,
+    pose_rig: PoseRig,
     outfit: Outfit,
     clip: Clip,
     tmp_path: Path,
@@ -53,7 +52,7 @@ def test_blender_plays_the_rollout(
     frames = [str(frame) for frame in FRAMES]
     if suffix == ".usdc":
         path = tmp_path / "wave.usdc"
-        write_rig_usd(rig_of(pbns.as_rig(outfit.body), outfit.body, clip).rig, path)
+        write_rig_usd(rig_of(pose_rig, outfit.body, clip).rig, path)
     command = [python, HERE / "play_in_blender.py", path, tmp_path / "played.npz", "30", *expected]
     # Its Python must not find our packages.
     clean = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}

@@ -5,12 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.export.test_rig import rolled_out
 from uvcloth.export.rig import rig_of
 from uvcloth.export.usd_rig import write_rig_usd
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.pbns.method import PBNS
+from uvcloth.methods.rig import PoseRig
 from uvcloth.motion.clip import Clip
 
 pxr = pytest.importorskip("pxr")
@@ -18,17 +17,19 @@ from pxr import Usd, UsdGeom, UsdSkel, UsdValidation  # noqa: E402
 
 
 @pytest.fixture(scope="module")
-def path(pbns: PBNS, outfit: Outfit, clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def path(pose_rig: PoseRig, outfit: Outfit, clip: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("rig") / "wave.usdc"
-    write_rig_usd(rig_of(pbns.as_rig(outfit.body), outfit.body, clip).rig, path)
+    write_rig_usd(rig_of(pose_rig, outfit.body, clip).rig, path)
     return path
 
 
-def test_usd_s_own_skinning_meets_the_rollout(path: Path, pbns: PBNS, outfit: Outfit, clip: Clip) -> None:
+def test_usd_s_own_skinning_meets_the_rollout(
+    path: Path, rolled: list[np.ndarray], outfit: Outfit, clip: Clip
+) -> None:
     baked = Usd.Stage.Open(Usd.Stage.Open(str(path)).Flatten())
     assert UsdSkel.BakeSkinning(UsdSkel.Root(baked.GetPrimAtPath("/Outfit")))
     frames = range(0, len(clip), 4)
-    expected = dict(zip((g.name for g in outfit.garments), rolled_out(pbns, outfit, clip), strict=True))
+    expected = dict(zip((g.name for g in outfit.garments), rolled, strict=True))
     body = outfit.body
     expected["body"] = skin(body.mesh.vertices, body.weights, clip.transforms()).numpy()
     for name, vertices in expected.items():
@@ -39,11 +40,9 @@ def test_usd_s_own_skinning_meets_the_rollout(path: Path, pbns: PBNS, outfit: Ou
 
 @pytest.mark.parametrize("moving", [True, False])
 def test_usd_validation_finds_no_error(
-    pbns: PBNS, outfit: Outfit, clip: Clip, tmp_path: Path, moving: bool
+    pose_rig: PoseRig, outfit: Outfit, clip: Clip, tmp_path: Path, moving: bool
 ) -> None:
-    write_rig_usd(
-        rig_of(pbns.as_rig(outfit.body), outfit.body, clip if moving else None).rig, tmp_path / "rig.usdc"
-    )
+    write_rig_usd(rig_of(pose_rig, outfit.body, clip if moving else None).rig, tmp_path / "rig.usdc")
     stage = Usd.Stage.Open(str(tmp_path / "rig.usdc"))
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     found = UsdValidation.ValidationContext(validators).Validate(stage)
@@ -51,9 +50,9 @@ def test_usd_validation_finds_no_error(
 
 
 def test_without_a_motion_the_stage_stands_in_the_rest_pose(
-    pbns: PBNS, outfit: Outfit, tmp_path: Path
+    pose_rig: PoseRig, outfit: Outfit, tmp_path: Path
 ) -> None:
-    rig = rig_of(pbns.as_rig(outfit.body), outfit.body, with_body=False).rig
+    rig = rig_of(pose_rig, outfit.body, with_body=False).rig
     write_rig_usd(rig, tmp_path / "rig.usdc")
     stage = Usd.Stage.Open(str(tmp_path / "rig.usdc"))
     assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (0, 0)

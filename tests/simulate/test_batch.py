@@ -206,7 +206,7 @@ def test_a_faulty_capture_is_reported_and_the_others_go_on(
         planning, "find_jump", lambda clip, first: "LeftFoot turns" if clip.name == "run" else None
     )
     made: list[Job] = []
-    monkeypatch.setattr(batch, "_simulate_all", lambda todo, *_: made.extend(todo))
+    monkeypatch.setattr(batch, "simulate_all", lambda todo, *_: made.extend(todo))
     simulate_batch(ClipSelection(["walk", "run", "jump"]), [["tops"]], finished, body)
     assert [job.motion.name for job in made] == ["jump"]
     assert "run: refused, LeftFoot turns" in capsys.readouterr().out

@@ -80,6 +80,13 @@ def test_it_says_who_made_it_what_was_refused_and_what_is_missing(folder: Path) 
     assert "simulate older ones again" in text
 
 
+def test_outfits_are_counted_by_type_split_and_person(tmp_path: Path) -> None:
+    for name, subject, frames in (("o0001_tshirt", "a", 40), ("o0002_tshirt", "b", 30)):
+        said = {"types": {name: "tshirt"}, "outfit": name[:5], "split": "train", "subject": subject}
+        save(tmp_path / f"walk_{name}.npz", "walk", name, frames, **said)
+    assert cells(printed(tmp_path), "train") == ["train", "2", "1", "70"]
+
+
 def test_a_folder_without_an_index_and_one_without_sequences(folder: Path, tmp_path: Path) -> None:
     (folder / "index.csv").unlink()
     assert cells(printed(folder), "without an index")[3:6] == ["3", "1,000", "1,110"]

@@ -4,10 +4,11 @@ from pathlib import Path
 
 import torch
 
-from uvcloth.bodies.body import load_body
+from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
+from uvcloth.motion.poses import DONORS, PoseDatabase, rest_hash
 from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
 
@@ -44,3 +45,23 @@ def swaying(frames: int, seed: int) -> Clip:
     zero = torch.zeros_like(x)
     cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], dim=-1).view(frames, joints, 3, 3)
     return Clip("swaying", skeleton, torch.matrix_exp(cross), skeleton.heads[:1].repeat(frames, 1), 30.0)
+
+
+def database_of(body: Body, frames: int = 9, held: int = 3) -> PoseDatabase:
+    """Frames of one swaying motion, the last few for validation."""
+    rotations = swaying(frames, seed=0).rotations
+    order = torch.arange(frames)
+    return PoseDatabase(
+        joints=body.skeleton.names,
+        rotations=rotations,
+        clip_names=("swaying",),
+        subjects=("ann",),
+        clips=torch.zeros(frames, dtype=torch.int64),
+        frames=order,
+        mirrored=torch.zeros(frames, dtype=torch.bool),
+        splits=(order >= frames - held).long(),
+        donors=torch.full((frames, DONORS), -1),
+        apart=0.01,
+        body_name=body.name,
+        body_hash=rest_hash(body),
+    )

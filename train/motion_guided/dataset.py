@@ -18,10 +18,10 @@ from train.clips import (
     training_data,
 )
 from train.mirror import mirror_clips
-from train.operators import Operator, differences, sampling
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.geometry.mesh import edge_lengths, laplacian, unique_edges
+from uvcloth.geometry.operators import Operator, differences, sampling
 from uvcloth.geometry.records import CPU, to_device
 from uvcloth.methods.motion_guided.config import MotionGuidedConfig
 from uvcloth.methods.motion_guided.dynamics_input import MEMORY, Pose, local_offsets, shape_features

@@ -14,6 +14,7 @@ from train.loop import Objective
 from train.pbns.poses import Poses
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.checkpoint import save_checkpoint
 from uvcloth.garments.fit import is_skirt
 from uvcloth.garments.garment import Garment, Outfit
@@ -22,7 +23,7 @@ from uvcloth.garments.pins import pinned
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.mesh import Mesh, first_of
 from uvcloth.geometry.records import CPU, to_device
-from uvcloth.geometry.skinning import apply_transforms, blend_transforms, skin
+from uvcloth.geometry.skinning import apply_transforms, blend_transforms
 from uvcloth.methods.pbns.method import PBNS, new_network, pbns_checkpoint, rest_outfit
 from uvcloth.methods.pbns.network import PBNSConfig, PBNSNetwork
 from uvcloth.methods.rig import pose_vectors
@@ -193,7 +194,7 @@ class PBNSObjective(Objective):
     def _inside_percent(self, posed: Tensor, transforms: Tensor) -> Tensor:
         """Percent of the vertices inside the body, over all garments and poses."""
         body = self.outfit.body
-        bodies = skin(body.mesh.vertices, body.weights, transforms.cpu())
+        bodies = posed_skin(body, transforms.cpu())
         obstacle = Obstacle(make_collider(body), body.mesh.vertices)
         inside = torch.zeros(len(posed))
         for rows, faces in self._pieces():
@@ -224,7 +225,7 @@ class PBNSObjective(Objective):
             torch.linspace(0, len(self.held.vectors) - 1, PICTURE_POSES).long().to(self.held.vectors.device)
         )
         _, posed = self.pose(net, self.held, rows)
-        bodies = skin(body.mesh.vertices, body.weights, self.held.transforms[rows].cpu())
+        bodies = posed_skin(body, self.held.transforms[rows].cpu())
         pictures = []
         for vertices, skin_vertices in zip(posed.cpu(), bodies, strict=True):
             surfaces = [Surface(skin_vertices, body.mesh.faces, BODY_COLOR)]

@@ -11,9 +11,9 @@ from rasterize.atomic import make_folder
 from rasterize.errors import InputError
 from train.clips import TRAINING_SPLITS
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.checkpoint import TrainingData
 from uvcloth.geometry.fingerprint import fingerprint
-from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip_splits import Source, find_sources
 from uvcloth.motion.draw_poses import draw_poses
 from uvcloth.motion.poses import SPLITS, PoseDatabase, load_poses, rest_hash, save_poses
@@ -83,5 +83,5 @@ def _valid_for(body: Body, database: PoseDatabase) -> PoseDatabase:
     """The poses in which a body does not run through itself."""
     valid = SelfContact(body).clear
     posed = track(database.transforms(body.skeleton), f"poses of {database.body_name} on {body.name}")
-    clear = [valid(skin(body.mesh.vertices, body.weights, transforms[None])[0]) for transforms in posed]
+    clear = [valid(posed_skin(body, transforms[None])[0]) for transforms in posed]
     return database.select(torch.nonzero(torch.tensor(clear)).squeeze(1))

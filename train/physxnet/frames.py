@@ -11,7 +11,6 @@ from train.clips import TrainingClip
 from train.physxnet.prepare import Prepared
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
-from uvcloth.geometry.skinning import skin
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.maps import motion_values, pose_values, template_offsets
 
@@ -113,9 +112,3 @@ def _offsets(
 def sheet_of(values: Tensor, prepared: Prepared) -> Tensor:
     """Texel values (T, C, P) as float16 maps (T, C, H, W)."""
     return scatter_map(values.half().transpose(1, 2), prepared.texels.sheet)
-
-
-def body_vertices(body: Body, transforms: Tensor) -> Tensor:
-    """The posed body's vertices (B, V, 3), m."""
-    mesh = body.mesh.vertices.to(transforms)
-    return skin(mesh, body.weights.to(transforms), transforms)

@@ -12,14 +12,15 @@ from torch import Tensor, nn
 from rasterize.errors import InputError
 from train.clips import Holdout, check_rests, frames_of, hold_out, load_training_clips, training_data
 from train.loop import Objective
-from train.operators import Operator, differences, sampling
-from train.physxnet.frames import Frames, body_vertices, load_frames
+from train.physxnet.frames import Frames, load_frames
 from train.physxnet.patchgan import PatchGAN, discriminator_loss, generator_loss
 from train.physxnet.prepare import Prepared, prepare
 from train.validation import rollout_errors
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.checkpoint import save_checkpoint
 from uvcloth.geometry.mesh import edge_lengths
+from uvcloth.geometry.operators import Operator, differences, sampling
 from uvcloth.geometry.records import CPU, to_device
 from uvcloth.methods.lbs import LinearBlendSkinning, SkinnedGarment
 from uvcloth.methods.method import Method, for_inference
@@ -143,7 +144,7 @@ class PhysXNetObjective(Objective):
         total = present.sum().clamp(min=1.0)
         some = slice(None, None, GEOMETRY_STRIDE)
         transforms, some_present = self.frames.transforms[rows[some]], present[some]
-        posed = body_vertices(self.body, transforms) if self.config.anchor == "body" else transforms
+        posed = posed_skin(self.body, transforms) if self.config.anchor == "body" else transforms
         some_total = some_present.sum().clamp(min=1.0)
         for index, name in enumerate(self.config.templates):
             template = self.prepared.templates[name]

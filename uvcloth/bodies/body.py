@@ -56,6 +56,8 @@ class Body:
     sides: (F,) int64, +1 left, -1 right, 0 for the torso and head. proxies: by name, may be empty.
     base: (B, 3) m, all vertices of BASE_MESH at rest in its own order, to which MakeHuman's clothes are
     bound; None for a body of another mesh. appearance: None where the mesh itself is seen.
+    pose_shapes: (9 (J-1), V, 3) m, what each entry of the joints' rotations relative to their parents, minus
+    the identity and without the root's, adds to the rest mesh (SMPL); None for skinning alone.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Body:
     proxies: dict[str, Proxy]
     base: Tensor | None = None
     appearance: Appearance | None = None
+    pose_shapes: Tensor | None = None
 
 
 def save_body(body: Body, path: Path) -> None:
@@ -95,6 +98,8 @@ def save_body(body: Body, path: Path) -> None:
         arrays |= _pack_weights(f"{name}_", proxy.weights)
     if body.base is not None:
         arrays["base"] = body.base.numpy().astype(np.float32)
+    if body.pose_shapes is not None:
+        arrays["pose_shapes"] = body.pose_shapes.numpy().astype(np.float32)
     if body.appearance is not None:
         seen = body.appearance.mesh
         arrays["seen_vertices"] = seen.vertices.numpy().astype(np.float32)
@@ -141,6 +146,7 @@ def load_body(path: Path | None = None) -> Body:
                 if "seen_vertices" in data
                 else None
             ),
+            pose_shapes=torch.from_numpy(data["pose_shapes"]) if "pose_shapes" in data else None,
         )
     except KeyError as error:
         raise InputError(f"{path}: the body file lacks the array {error}") from error

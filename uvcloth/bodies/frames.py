@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.geometry.skinning import skin
+from uvcloth.bodies.posing import posed_skin
 
 HISTORY = 3
 """Frames of the body that are a method's input: k-2, k-1 and k (PhysXNet section 3.1)."""
@@ -70,7 +70,7 @@ def body_frames(body: Body, transforms: Tensor, fps: float, posed: Tensor | None
     (K, V, 3) m, the body in the first K frames, where that is known.
     """
     known = 0 if posed is None else len(posed)
-    vertices = skin(body.mesh.vertices, body.weights, transforms[known:])
+    vertices = posed_skin(body, transforms[known:])
     if posed is not None:
         vertices = torch.cat([posed, vertices])
     velocity = (vertices[1:] - vertices[:-1]) * fps

@@ -19,17 +19,33 @@ REGION_SUFFIXES = {
     "HandFinger1": "hand",
     "Neck1": "head",
     "Head": "head",
+    "_hip": "thigh",
+    "_knee": "calf",
+    "_ankle": "foot",
+    "_foot": "foot",
+    "_shoulder": "upper_arm",
+    "_elbow": "forearm",
+    "_wrist": "hand",
+    "head": "head",
 }
-"""Region that a joint moves, by the ending of its name; the others move the torso."""
+"""Region that a joint moves, by the ending of its name: in our bodies, and below those in SMPL's."""
 
 
 def face_regions(skeleton: Skeleton, weights: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
-    """Region and side of every face, from the joint that moves it most."""
-    region_of_joint, side_of_joint = [], []
-    for joint in skeleton.names:
-        ending = next((s for s in REGION_SUFFIXES if joint.endswith(s)), "")
-        region_of_joint.append(REGIONS.index(REGION_SUFFIXES.get(ending, "torso")))
-        limb = REGION_SUFFIXES.get(ending, "torso") not in ("torso", "head")
-        side_of_joint.append((1 if joint.startswith("L") else -1) if limb else 0)
+    """Region and side of every face, from the joint that moves it most.
+
+    A joint whose name says nothing moves what the one above it moves, the first one the torso.
+    """
+    region_of_joint: list[int] = []
+    side_of_joint: list[int] = []
+    for joint, parent in zip(skeleton.names, skeleton.parents, strict=True):
+        ending = next((s for s in REGION_SUFFIXES if joint.endswith(s)), None)
+        if ending is None:
+            region_of_joint.append(region_of_joint[parent] if parent >= 0 else REGIONS.index("torso"))
+            side_of_joint.append(side_of_joint[parent] if parent >= 0 else 0)
+            continue
+        limb = REGION_SUFFIXES[ending] != "head"
+        region_of_joint.append(REGIONS.index(REGION_SUFFIXES[ending]))
+        side_of_joint.append((1 if joint.startswith(("L", "left")) else -1) if limb else 0)
     strongest = weights[faces].sum(1).argmax(1)
     return torch.tensor(region_of_joint)[strongest], torch.tensor(side_of_joint)[strongest]

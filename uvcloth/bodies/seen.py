@@ -12,4 +12,6 @@ def seen(body: Body) -> Body:
         return body
     mesh, weights = body.appearance.mesh, body.appearance.weights
     regions, sides = face_regions(body.skeleton, weights, mesh.faces)
-    return replace(body, mesh=mesh, weights=weights, regions=regions, sides=sides, appearance=None)
+    return replace(
+        body, mesh=mesh, weights=weights, regions=regions, sides=sides, appearance=None, pose_shapes=None
+    )

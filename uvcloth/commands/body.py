@@ -1,9 +1,10 @@
-"""`uvcloth body`: a body of phenotypes or of a character, as an npz for the other commands or as a mesh."""
+"""`uvcloth body`: a body of phenotypes, a character or SMPL, as an npz for other commands or as a mesh."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import torch
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -11,6 +12,7 @@ from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body, save_body
 from uvcloth.bodies.seen import seen
+from uvcloth.bodies.smpl import read_smpl
 from uvcloth.characters.body import body_from_character
 from uvcloth.export.glb import Document
 from uvcloth.export.gltf_scene import add_body, add_skeleton
@@ -33,19 +35,28 @@ class CharacterFile:
     drop: Sequence[str] = ()
 
 
+@dataclass(frozen=True)
+class SmplFile:
+    """A model file of SMPL, SMPL-H or SMPL-X, and the shape parameters of a person."""
+
+    path: Path
+    betas: Sequence[float] = ()
+
+
 def make(
     out: Path,
     phenotype: Mapping[str, float],
     body_file: Path | None = None,
     character: CharacterFile | None = None,
+    smpl: SmplFile | None = None,
 ) -> Body:
     """Make a body and write it to one file, as its suffix says.
 
-    phenotype: as `make_body` takes it; without any, the body of the file or of the character, which is then
-    described, or the one in the package. An OBJ
+    phenotype: as `make_body` takes it; without any, the body of the file, of the character, which is then
+    described, or of the SMPL model, or the one in the package. An OBJ
     or GLB holds the rest pose with its texture coordinates, in metres: Z up, facing -Y, or Y up, facing +Z;
-    the GLB also skeleton and skin. Raises InputError for another suffix or phenotype, for a file and
-    phenotypes both, or if the file cannot be written.
+    the GLB also skeleton and skin. Raises InputError for another suffix or phenotype, for two sources of the
+    body, or if the file cannot be written.
     """
     if out.suffix.lower() not in SUFFIXES:
         raise InputError(f"{out}: a body is written as {', '.join(SUFFIXES)}, not '{out.suffix}'")
@@ -55,7 +66,11 @@ def make(
         raise InputError(
             f"{character.path}: has a shape of its own, expected it without phenotypes or --body"
         )
-    if character:
+    if smpl and (phenotype or body_file is not None or character):
+        raise InputError(f"{smpl.path}: expected the SMPL model without phenotypes, --body or --character")
+    if smpl:
+        body = replace(_of_smpl(smpl), name=out.stem)
+    elif character:
         body = replace(_of_character(character), name=out.stem)
     elif phenotype:
         from uvcloth.bodies.anny import make_body
@@ -91,3 +106,12 @@ def _of_character(character: CharacterFile) -> Body:
         made = body_from_character(character.path, load_body(), chosen, character.keep, character.drop)
     print("\n".join(made.lines()))
     return made.body
+
+
+def _of_smpl(smpl: SmplFile) -> Body:
+    model = read_smpl(smpl.path)
+    with Console(stderr=True).status(f"unwrapping {smpl.path.name}"):
+        body = model.resting().body(torch.tensor(smpl.betas))
+    height = float(body.mesh.vertices[:, 2].max() - body.mesh.vertices[:, 2].min())
+    print(f"{smpl.path.name}: {model.kind}, {len(model.shapes)} shape parameters, {height:.2f} m tall")
+    return body

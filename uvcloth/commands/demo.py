@@ -15,11 +15,11 @@ from torch import Tensor
 from rasterize.errors import InputError
 from rasterize.exr import write_png
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.commands.export_rig import export
 from uvcloth.commands.rollout import animate
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
-from uvcloth.geometry.skinning import skin
 from uvcloth.methods.registry import DEFAULT, load_method
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render_frames
 from uvcloth.rollout import rollout
@@ -29,6 +29,9 @@ from uvcloth.simulate.sequence import load_sequence
 
 CLIP = "jump"
 GARMENT = "skirt.obj"
+FOREIGN = "female_casualsuit01.mhclo"
+"""An outfit that none of the models has seen, and no part of this project made."""
+
 MODELS = {"tops": "physxnet", "bottoms": "physxnet", "dress": "motion_guided"}
 """Templates that are shown, and the model that predicts each."""
 
@@ -46,14 +49,15 @@ def run(out: Path) -> None:
     body = load_body()
     console.print(f"1. Simulating {', '.join(MODELS)} over the built-in clip {CLIP} (five to ten minutes)")
     simulate_batch(ClipSelection([CLIP]), [(name,) for name in MODELS], out / "sequences", body)
-    skirt = str(files("uvcloth") / "data" / "garments" / GARMENT)
+    skirt, foreign = (str(files("uvcloth") / "data" / "garments" / name) for name in (GARMENT, FOREIGN))
     console.print(
         "2. Rolling the shipped models out on the same clip: Motion-guided on its dress, PhysXNet on a shirt "
-        "and a skirt it never saw"
+        "and a skirt it never saw, DeePSD on MakeHuman's top and leggings"
     )
     for name, model, garments in (
         ("dress", MODELS["dress"], ["dress"]),
         ("outfit", DEFAULT, [skirt, "tops"]),
+        ("casual", "deepsd", [foreign]),
     ):
         wanted = [out / f"{name}.{suffix}" for suffix in ("glb", "usdc")]
         summary = animate([model], CLIP, garments, wanted)
@@ -77,7 +81,7 @@ def _side_by_side(path: Path, name: str, body: Body) -> np.ndarray:
     moments = torch.linspace(sequence.warm_up, len(sequence.vertices) - 1, PICTURES).long().tolist()
     frames = rollout(method, outfit, sequence.transforms, sequence.fps)
     predicted = {frame.index: frame.vertices[0] for frame in frames if frame.index in moments}
-    posed = skin(body.mesh.vertices, body.weights, sequence.transforms[moments])
+    posed = posed_skin(body, sequence.transforms[moments])
 
     def surfaces(cloth: Iterable[Tensor]) -> Iterator[tuple[Surface, Surface]]:
         for skin_vertices, vertices in zip(posed, cloth, strict=True):

@@ -1,13 +1,14 @@
 """`uvcloth export`: a method that is a rig as a file for engines."""
 
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from rich.console import Console
 
-from rasterize.atomic import atomic_write
+from rasterize.atomic import make_folder
 from rasterize.errors import InputError
 from uvcloth.bodies.body import load_body
 from uvcloth.export.embedding import write_embedding
@@ -15,6 +16,8 @@ from uvcloth.export.gltf_rig import write_rig_glb
 from uvcloth.export.rig import Rig, Rigged, rig_of
 from uvcloth.export.shapes import Cost
 from uvcloth.export.usd_rig import write_rig_usd
+from uvcloth.export.writer import require_own_names
+from uvcloth.garments.loading import load_outfit
 from uvcloth.methods.registry import load_method
 from uvcloth.methods.rig import PoseRig
 from uvcloth.motion.lead_in import pose_from_rest
@@ -54,6 +57,8 @@ def export(
     model: str,
     out: Path,
     *,
+    garments: Sequence[str] = (),
+    garment_pose: str | None = None,
     motion: str | None = None,
     shapes: int | None = None,
     body_file: Path | None = None,
@@ -63,8 +68,11 @@ def export(
     """Write a model as a rig that moves to a motion, or at rest with its pose embedding as .onnx beside it.
 
     model: a method that is a rig (pbns as it ships), or a checkpoint folder of one. out: .glb, .usdc or .usd.
-    shapes: how many blend shapes, None for the model's own. options: how the motion is read; of one frame, a
-    pose, the body moves into it from rest. Raises InputError for bad input and a full disk; then, as after
+    garments: template names or mesh files, the innermost first, for a model that rigs any outfit, and
+    garment_pose: what files were modelled in, as `load_outfit` has it. Materials
+    of files go along, for .usdc with their textures beside it. shapes: how many blend shapes, None for the
+    model's own. options: how the motion is read; of one frame, a pose, the body moves into it from rest.
+    Raises InputError for bad input and a full disk; then, as after
     Ctrl-C, writes nothing.
     """
     out = Path(out)
@@ -75,30 +83,41 @@ def export(
         )
     body = load_body(body_file)
     method = load_method(model, body)
-    if (pose_rig := method.as_rig(body)) is None:
-        raise InputError(
-            f"{model}: no rig of blend weights and blend shapes; `uvcloth rollout` writes any model's frames"
-        )
-    clip = pose_from_rest(load_clip(motion, body, options), body) if motion is not None else None
-    with Console(stderr=True).status(f"{out.name} ..."):
+    console = Console(stderr=True)
+    with console.status("preparing"):
+        report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
+        pose_rig = method.as_rig(body, load_outfit(garments, body, report, pose=garment_pose))
+        if pose_rig is None:
+            raise InputError(
+                f"{model}: no rig of blend weights and blend shapes; "
+                "`uvcloth rollout` writes any model's frames"
+            )
+        require_own_names(out, [name for name, _ in pose_rig.garments])
+        clip = pose_from_rest(load_clip(motion, body, options), body) if motion is not None else None
+    with console.status(f"{out.name} ..."):
         rigged = rig_of(pose_rig, body, clip, shapes, with_body)
         return Exported(_write(pose_rig, rigged, out), rigged)
 
 
 def _write(model: PoseRig, rigged: Rigged, out: Path) -> tuple[Path, ...]:
-    """Write the rig, and beside blend shapes without motion the embedding: all of these files or none."""
-    embedded = len(model.shapes) and not len(rigged.rig.transforms)
-    files = (out, out.with_suffix(".onnx")) if embedded else (out,)
-    for path in files:
-        if path.is_dir():
-            raise InputError(f"{path}: cannot be written (is a folder)")
-    with ExitStack() as stack:
-        # They appear when the stack unwinds: only when all are whole.
-        partial = [stack.enter_context(atomic_write(path)) for path in files]
-        RIG_WRITERS[out.suffix.lower()](rigged.rig, partial[0])
-        if embedded:
-            write_embedding(model, rigged, partial[1])
-    return files
+    """Write the rig, beside it its textures and, of blend shapes without motion, the embedding.
+
+    All of these files appear or none.
+    """
+    make_folder(out.parent)
+    try:
+        with TemporaryDirectory(prefix=f".{out.name}.", suffix=".partial", dir=out.parent) as folder:
+            unfinished = Path(folder) / out.name
+            RIG_WRITERS[out.suffix.lower()](rigged.rig, unfinished)
+            if len(model.shapes) and not len(rigged.rig.transforms):
+                write_embedding(model, rigged, unfinished.with_suffix(".onnx"))
+            parts = sorted(Path(folder).iterdir(), key=lambda part: (part.name != out.name, part.name))
+            for part in parts:
+                if (out.parent / part.name).is_dir():
+                    raise InputError(f"{out.parent / part.name}: cannot be written (is a folder)")
+            return tuple(part.replace(out.parent / part.name) for part in parts)
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror or error})") from error
 
 
 def _line(what: str, costs: Sequence[Cost]) -> str:

@@ -25,18 +25,24 @@ SIZE = (300, 440)
 
 
 def examine(
-    file: Path, *, body_file: Path | None, template: str | None, out: Path | None, picture: Path | None
+    file: Path,
+    *,
+    body_file: Path | None,
+    template: str | None,
+    out: Path | None,
+    picture: Path | None,
+    pose: str | None = None,
 ) -> list[str]:
     """Fit a garment file to a body and describe it, a finding a line.
 
-    template: as `fit` takes it. out: OBJ of the garment as it is worn, one for each of several. picture: PNG
-    of it on the body, also where it is refused for how it lies. Raises InputError as `fit` does.
+    template, pose: as `fit` takes them. out: OBJ of the garment as it is worn, one for each of several.
+    picture: PNG of it on the body, also where it is refused for how it lies. Raises InputError as `fit` does.
     """
     if str(file) in TEMPLATES:
         raise InputError(f"{file}: is a template, which fits every body; expected a garment file")
     body = load_body(body_file)
     try:
-        fitted = fit(file, body, template)
+        fitted = fit(file, body, template, pose)
     except UnwearableError as error:
         if picture is None:
             raise

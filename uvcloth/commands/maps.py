@@ -11,7 +11,7 @@ from rasterize.sheet import contact_sheet, frame_maps, see_garment, write_maps
 from rasterize.texels import rasterize_layout
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.layout import layout_of
-from uvcloth.geometry.skinning import skin
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.simulate.sequence import load_sequence
 
 
@@ -46,7 +46,7 @@ def draw_maps(
     for frame in track(chosen, f"{path.name}: maps"):
         history = [max(frame - back, 0) for back in (2, 1, 0)]
         maps = frame_maps(
-            skin(rest, body.weights, sequence.transforms[history]),
+            posed_skin(body, sequence.transforms[history]),
             faces,
             sequence.vertices[frame],
             sequence.faces,

@@ -10,10 +10,10 @@ from rasterize.errors import InputError
 from rasterize.exr import write_png
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.library import MotionSource, clip_roles, load_source, read_motion
+from uvcloth.motion.library import MotionSource, clip_roles, load_source, moved, read_motion
 from uvcloth.motion.options import MotionOptions
 from uvcloth.motion.posture import check_posture
-from uvcloth.motion.retarget import leg_length, retarget
+from uvcloth.motion.retarget import leg_length
 from uvcloth.motion.roles import ROLES, joint_roles, naming_family
 from uvcloth.motion.stick_sheet import stick_sheet
 
@@ -40,12 +40,12 @@ def describe(motion: str, out: Path, options: MotionOptions, body_file: Path | N
     source = load_source(motion, body, options)
     _print(console, [f"rest pose: {source.rest.origin}; up: {source.rest.up}; {_unit(source, body)}"])
     try:
-        moved = retarget(source.rest.clip, body, options.fps, source.roles)
-        _, frames = options.window(len(moved))
-        write_png(out, stick_sheet(source, moved))
+        clip = moved(source, body, options.fps)
+        _, frames = options.window(len(clip))
+        write_png(out, stick_sheet(source, clip))
         colors = "the file's in grey, the body's over it, left blue, right red"
-        _print(console, [f"{frames} frames at {moved.fps:g} per second; {out}: stick figures, {colors}"])
-        check_posture(moved, lying=options.up is not None)
+        _print(console, [f"{frames} frames at {clip.fps:g} per second; {out}: stick figures, {colors}"])
+        check_posture(clip, lying=options.up is not None)
     except InputError as error:
         raise InputError(f"{motion}: {error}") from error
 

@@ -224,7 +224,7 @@ def wearer(number: int, bodies: Sequence[Path], seed: int) -> Path:
         "validation": bodies[-2 * held : -held],
         "train": bodies[: -2 * held],
     }[split_of(number)]
-    return own[np.random.default_rng([seed, number]).integers(len(own))]
+    return own[int(np.random.default_rng([seed, number]).integers(len(own)))]
 
 
 def _bodies(settings: OutfitSettings) -> list[Path]:

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.bodies.seen import seen
 from uvcloth.commands.summary import Summary, Totals
 from uvcloth.export.pictures import SHEETS, sheet_interval
@@ -23,7 +24,6 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.lead_in import pose_from_rest
@@ -57,6 +57,7 @@ def animate(
     out: Sequence[Path],
     *,
     templates: Sequence[str] = (),
+    garment_pose: str | None = None,
     body_file: Path | None = None,
     contact: bool = True,
     hide_skin: bool = False,
@@ -70,7 +71,8 @@ def animate(
 
     models: a checkpoint folder or a baseline's name for all garments, or one for each in order; none for the
     model in the package. garments: template names or mesh files, the innermost first; contact keeps each out
-    of the body and off what is beneath. templates: whose motion they take, as `load_outfit` has it.
+    of the body and off what is beneath. templates: whose motion they take, and garment_pose: what files were
+    modelled in, as `load_outfit` has both.
     hide_skin: leave out the faces of the body that garments cover closely in every frame, or whose files say
     that they hide them. device: as torch names it. preview: every third frame, in coarse pictures; a contact
     sheet alone needs fewer. keep_going: a garment that is torn is replaced in that frame. audience: is shown
@@ -84,7 +86,7 @@ def animate(
     body = load_body(body_file)
     report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
     with console.status("preparing"):
-        outfit = Outfit(body, load_outfit(garments, body, report, templates))
+        outfit = Outfit(body, load_outfit(garments, body, report, templates, garment_pose))
         clip = pose_from_rest(load_clip(motion, body, options), body)
         place = _device(device)
         method = _load(models, outfit)
@@ -159,7 +161,7 @@ def _kept_so_far(broken: BrokenRolloutError, frames: int, written: Sequence[Path
 
 def _posed(body: Body, frame: RolloutFrame) -> Tensor:
     """Vertices (V, 3) m of a body in a frame."""
-    return skin(body.mesh.vertices, body.weights, frame.transforms[None])[0]
+    return posed_skin(body, frame.transforms[None])[0]
 
 
 def _interval(out: Sequence[Path], frames: int) -> int:

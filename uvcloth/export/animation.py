@@ -10,10 +10,10 @@ import torch
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import to_quaternions
 from uvcloth.geometry.skeleton import Skeleton
-from uvcloth.geometry.skinning import skin
 
 ANIMATION_FORMAT = "uvcloth-animation-1"
 FRAMES_AT_ONCE = 32
@@ -53,7 +53,7 @@ def posed_body(animation: Animation) -> Iterator[np.ndarray]:
     assert body is not None
     for frames in animation.chunks():
         transforms = torch.from_numpy(np.array(animation.transforms[frames]))
-        yield skin(body.mesh.vertices, body.weights, transforms).numpy()
+        yield posed_skin(body, transforms).numpy()
 
 
 def write_npz(animation: Animation, path: Path) -> None:

@@ -11,7 +11,8 @@ from uvcloth.export.rig import Rigged
 from uvcloth.methods.rig import PoseRig
 
 OPSET, IR_VERSION = 13, 8
-"""Old enough for the runtimes of engines; the operators are Gemm, Relu and Clip."""
+"""Old enough for the runtimes of engines; the operators are Gemm, Relu and Clip, and of `shares` ReduceSum,
+Greater, Where and Div."""
 
 POSE_DESCRIPTION = (
     "three numbers per joint, in the order of `joints`, along Z-up axes: the axis-angle (radians) of its "
@@ -38,6 +39,8 @@ def write_embedding(model: PoseRig, rigged: Rigged, path: Path) -> None:
         numpy_helper.from_array(np.array(value, np.float32), name)
         for name, value in (("lowest", 0.0), ("highest", 1.0))
     ]
+    if model.sum_to_one:
+        constants.append(numpy_helper.from_array(np.array([-1], np.int64), "last_axis"))
     nodes: list[Any] = []
     value = "pose"
     for index, (weight, bias) in enumerate(layers):
@@ -50,6 +53,14 @@ def write_embedding(model: PoseRig, rigged: Rigged, path: Path) -> None:
         if index < len(layers) - 1:
             nodes.append(helper.make_node("Relu", [value], [f"relu_{index}"]))
             value = f"relu_{index}"
+        if index == len(layers) - 2 and model.sum_to_one:
+            nodes += [
+                helper.make_node("ReduceSum", [value, "last_axis"], ["total"], keepdims=1),
+                helper.make_node("Greater", ["total", "lowest"], ["divisible"]),
+                helper.make_node("Where", ["divisible", "total", "highest"], ["divisor"]),
+                helper.make_node("Div", [value, "divisor"], ["shares"]),
+            ]
+            value = "shares"
     nodes.append(helper.make_node("Clip", [value, "lowest", "highest"], ["weights"]))
     sizes = (("pose", 3 * len(model.parents)), ("weights", len(rigged.code)))
     ends = [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["batch", size]) for name, size in sizes]

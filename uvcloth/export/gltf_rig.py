@@ -9,11 +9,11 @@ from uvcloth.export.glb import FLOAT, VERTICES, Document
 from uvcloth.export.gltf_scene import (
     TO_Y_UP,
     add_body,
-    add_geometry,
     add_influences,
     add_skeleton,
     animate_skeleton,
 )
+from uvcloth.export.gltf_surface import add_surface
 from uvcloth.export.rig import Rig
 from uvcloth.render import GARMENT_COLORS
 
@@ -42,18 +42,22 @@ def write_rig_glb(rig: Rig, path: Path) -> None:
 def _add_garment(document: Document, rig: Rig, index: int, skin: int) -> int:
     """Add a garment with all of its targets. Returns its node."""
     garment = rig.garments[index]
-    source, primitive = add_geometry(document, garment.mesh)
-    primitive["attributes"] |= add_influences(document, garment.joints[source], garment.weights[source])
-    primitive["material"] = document.material(garment.name, GARMENT_COLORS[index % len(GARMENT_COLORS)])
+    color = GARMENT_COLORS[index % len(GARMENT_COLORS)]
+    source, primitives = add_surface(document, garment.name, garment.mesh, color)
+    influences = add_influences(document, garment.joints[source], garment.weights[source])
+    for primitive in primitives:
+        primitive["attributes"] |= influences
     extras: dict[str, Any] = {"source_vertices": source.tolist()}
     if not rig.shape_names:
-        return document.mesh(garment.name, [primitive], skin, extras=extras)
-    primitive["targets"] = [
+        return document.mesh(garment.name, primitives, skin, extras=extras)
+    targets = [
         {
             "POSITION": document.array(shape[source] @ TO_Y_UP.T, "VEC3", FLOAT, VERTICES, bounds=True),
             "NORMAL": document.array(change[source] @ TO_Y_UP.T, "VEC3", FLOAT, VERTICES),
         }
         for shape, change in zip(garment.shapes.numpy(), garment.normal_shapes().numpy(), strict=True)
     ]
+    for primitive in primitives:
+        primitive["targets"] = targets
     extras["targetNames"] = rig.shape_names
-    return document.mesh(garment.name, [primitive], skin, weights=rig.resting.tolist(), extras=extras)
+    return document.mesh(garment.name, primitives, skin, weights=rig.resting.tolist(), extras=extras)

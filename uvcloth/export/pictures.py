@@ -10,9 +10,9 @@ from torch import Tensor
 
 from rasterize.exr import write_png
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.export.video import open_video
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.geometry.skinning import skin
 from uvcloth.lighting import COARSE, FINE, Quality
 from uvcloth.render import (
     BODY_COLOR,
@@ -151,6 +151,6 @@ class Pictures:
 
     def _surfaces(self, vertices: Sequence[np.ndarray], joints: Tensor) -> Iterator[Surface]:
         body = self._body
-        yield Surface(skin(body.mesh.vertices, body.weights, joints[None])[0], body.mesh.faces, BODY_COLOR)
+        yield Surface(posed_skin(body, joints[None])[0], body.mesh.faces, BODY_COLOR)
         for index, (values, faces) in enumerate(zip(vertices, self._faces, strict=True)):
             yield Surface(torch.from_numpy(values), faces, GARMENT_COLORS[index % len(GARMENT_COLORS)])

@@ -108,8 +108,8 @@ def rig_of(
     """Make a rig of a model on its body, with the motion of a clip on that body or without.
 
     shapes: how many blend shapes, as principal components; None keeps the model's own. Weights cover the
-    poses that the model was made for and the clip. Raises InputError for a clip on another skeleton, and a
-    number of shapes that there cannot be.
+    rest pose, those that the model was made for and the clip. Raises InputError for a clip on another
+    skeleton, and a number of shapes that there cannot be.
     """
     if clip and clip.skeleton.names != body.skeleton.names:
         raise InputError(f"clip {clip.name}: it moves another skeleton than that of body {body.name!r}")
@@ -121,7 +121,7 @@ def rig_of(
     training = model.embed(model.poses)
     poses = pose_vectors(model.parents, torch.cat([rest, transforms]))
     resting, moving = model.embed(poses).split([1, len(transforms)])
-    known = torch.cat([training, moving])
+    known = torch.cat([training, resting, moving])
     own = model.shapes
     code = own_shapes(own, known) if shapes is None else principal_shapes(own, training, known, shapes)
     if len(own) and not len(code):

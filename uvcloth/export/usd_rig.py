@@ -10,6 +10,7 @@ import numpy as np
 
 from uvcloth.bodies.body import BODY_INFLUENCES
 from uvcloth.export.rig import Rig, RiggedGarment
+from uvcloth.export.usd_materials import add_subsets
 from uvcloth.export.usd_stage import (
     add_skeleton,
     animate_skeleton,
@@ -26,7 +27,7 @@ from uvcloth.render import BODY_COLOR, GARMENT_COLORS
 def write_rig_usd(rig: Rig, path: Path) -> None:
     """Write a binary USD stage: metres, Z up, time codes are frames from 0 on; OSError if it cannot.
 
-    A rig without motion holds the rest pose at time 0.
+    A rig without motion holds the rest pose at time 0. Textures of the garments' files lie beside it.
     """
     from pxr import UsdSkel, Vt
 
@@ -48,6 +49,8 @@ def write_rig_usd(rig: Rig, path: Path) -> None:
             color = GARMENT_COLORS[index % len(GARMENT_COLORS)]
             geometry = define_mesh(stage, f"/Outfit/{name}", rig.garments[index].mesh, color)
             _rig_garment(stage, geometry, skeleton, rig.garments[index], rig.shape_names)
+            # Two garments may have textures of one name.
+            add_subsets(stage, geometry, rig.garments[index].mesh, path.with_stem(f"{path.stem}_{name}"))
         if body := rig.body:
             geometry = define_mesh(stage, "/Outfit/body", body.mesh, BODY_COLOR)
             rest_geometry(geometry, body.mesh)

@@ -179,10 +179,7 @@ def open_writer(
         raise InputError(
             f"{path}: the format {path.suffix or '(none)'} is not supported, use one of {supported}"
         )
-    names = [name for name, _ in garments] + ["body"]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise InputError(f"{path}: two meshes are called {twice[0]}, each needs its own name")
+    require_own_names(path, [name for name, _ in garments])
     make_folder(path.parent)
     try:
         folder = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent))
@@ -201,6 +198,14 @@ def open_writer(
         shutil.rmtree(folder, ignore_errors=True)
         raise
     return FrameWriter(path, garments, 0 if body is None else len(body.skeleton.names), folder, sink)
+
+
+def require_own_names(path: Path, garments: Sequence[str]) -> None:
+    """Raise InputError naming the file if two of its garments have one name, or one is called body."""
+    names = [*garments, "body"]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(f"{path}: two meshes are called {twice[0]}, each needs its own name")
 
 
 def _cannot_write(path: Path, error: OSError) -> InputError:

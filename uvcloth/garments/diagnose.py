@@ -23,7 +23,8 @@ class Diagnosis:
     inside_share: fraction of vertices inside the body. mean_distance, max_distance: metres to the skin.
     ray_misses: vertices whose ray misses the body, so that the closest point says what part they cover.
     unwrapped: whether texture coordinates were made. depth: layer that the file names, larger is farther out.
-    missing: files of materials and pictures that it names and that are not there.
+    missing: files of materials and pictures that it names and that are not there. pose: in which the garment
+    was modelled, "" for the rest pose; what is said of the body is of the body in that pose.
     """
 
     path: Path
@@ -43,6 +44,7 @@ class Diagnosis:
     template: str = ""
     depth: int = 0
     missing: tuple[str, ...] = ()
+    pose: str = ""
 
     def lines(self) -> list[str]:
         """Text of the diagnosis, one finding a line; what is as expected is left out."""
@@ -66,6 +68,8 @@ class Diagnosis:
             found.append("  no texture coordinates, unwrapped")
         if self.missing:
             found.append(f"  not there, so that colours may lack: {', '.join(dict.fromkeys(self.missing))}")
+        if self.pose:
+            found.append(f"  modelled in {self.pose.upper()} pose, taken along to the body's rest pose")
         if self.template:
             found.append(f"  worn as {self.template}")
         return found

@@ -16,6 +16,7 @@ from uvcloth.garments.garment import Garment
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.meshfile import read_mesh
 from uvcloth.garments.mhclo import SUFFIX, fit_clothes
+from uvcloth.garments.pose import arms_held, other_pose, posed_body, unposed
 from uvcloth.geometry.authored import AuthoredMesh, follow_triangles
 from uvcloth.geometry.mesh import Mesh, vertex_normals, weld
 
@@ -49,26 +50,28 @@ class Fitted:
     diagnosis: Diagnosis
 
 
-def fit(path: Path, body: Body, template: str | None = None) -> Fitted:
+def fit(path: Path, body: Body, template: str | None = None, pose: str | None = None) -> Fitted:
     """Fit a file (OBJ, PLY, GLB, STL, MHCLO, ...) to a body, on whose rest pose it was modelled.
 
     The file's vertex order and texture coordinates stay; unit, axes and origin are found by where it lies
     best (`find_placing`). template: "tops", "bottoms", "dress" or "shirt", the one whose motion it takes;
     None chooses by the part of the body it covers, found by ray casting (PhysXNet section 4.3). The closest
-    body vertices give it its blend weights. Raises InputError naming the file and the reason if it cannot be
-    read or cannot be worn, an UnwearableError if it does not lie as clothes lie.
+    body vertices give it its blend weights. pose: as `read_on_body` takes it. Raises InputError naming the
+    file and the reason if it cannot be read or cannot be worn, an UnwearableError if it does not lie as
+    clothes lie.
     """
-    placed = read_on_body(path, body)
+    placed = read_on_body(path, body, pose)
     garment, missed = make_fitted(Path(path).stem, placed.mesh, body, template)
     garment = replace(garment, hides=placed.hides)
     return Fitted(garment, replace(placed.diagnosis, ray_misses=missed, template=garment.template or ""))
 
 
-def read_on_body(path: Path, body: Body) -> PlacedFile:
+def read_on_body(path: Path, body: Body, pose: str | None = None) -> PlacedFile:
     """Read a garment file and place it on a body's rest pose; unwrap it where it has no texture coordinates.
 
     A mesh file is placed where it lies best, MakeHuman's clothes (.mhclo) where they are bound to; these say
-    what skin they hide. Raises InputError as `fit` does.
+    what skin they hide. pose: one of POSES that a mesh file was modelled in, None for the rest pose. Raises
+    InputError as `fit` does, and for a garment that was modelled in another pose.
     """
     path, hides = Path(path), torch.zeros(0, dtype=torch.int64)
     if path.suffix.lower() == SUFFIX:
@@ -77,7 +80,7 @@ def read_on_body(path: Path, body: Body) -> PlacedFile:
         found, hides = replace(found, depth=binding.depth), binding.hides(body)
     else:
         try:
-            mesh, found = diagnose(path, read_mesh(path), body)
+            mesh, found = _on_rest_pose(path, body) if pose is None else _from_pose(path, body, pose)
         except UnwearableError as error:
             clothes = path.with_suffix(SUFFIX)
             if not clothes.is_file():
@@ -93,6 +96,35 @@ def read_on_body(path: Path, body: Body) -> PlacedFile:
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     return PlacedFile(replace(mesh, uvs=uvs, face_uvs=face_uvs), replace(found, unwrapped=True), hides)
+
+
+def _on_rest_pose(path: Path, body: Body) -> tuple[Mesh, Diagnosis]:
+    """A mesh file on the rest pose; an UnwearableError says so if it was modelled in another."""
+    try:
+        mesh, found = diagnose(path, read_mesh(path), body)
+    except UnwearableError as error:
+        raise _modelled_in_another(path, error.mesh, body) or error from error
+    if otherwise := _modelled_in_another(path, mesh, body):
+        raise otherwise
+    return mesh, found
+
+
+def _modelled_in_another(path: Path, mesh: Mesh, body: Body) -> UnwearableError | None:
+    if not (pose := other_pose(mesh, body)):
+        return None
+    return UnwearableError(
+        f"{path}: the garment lies on the body in {pose.upper()} pose, not in its rest pose: with "
+        f"--garment-pose {pose}, fit, rollout and export take it along",
+        mesh,
+    )
+
+
+def _from_pose(path: Path, body: Body, pose: str) -> tuple[Mesh, Diagnosis]:
+    """A mesh file of a garment modelled on the body in one of POSES, taken along to the rest pose."""
+    transforms = arms_held(body, pose)
+    posed = posed_body(body, transforms)
+    mesh, found = diagnose(path, read_mesh(path), posed)
+    return unposed(mesh, posed, transforms), replace(found, pose=pose)
 
 
 def make_fitted(name: str, mesh: Mesh, body: Body, template: str | None) -> tuple[Garment, int]:

@@ -35,13 +35,15 @@ def load_outfit(
     body: Body,
     report: Callable[[str], None] = lambda line: None,
     templates: Sequence[str] = (),
+    pose: str | None = None,
 ) -> tuple[Garment, ...]:
     """Load garments worn together, the innermost first; a file that holds several gives all of them.
 
     Where all are MakeHuman's clothes, the layers that they name decide the order. templates: whose motion the
     garments take, one for all names or one for each, none or "auto" for the one that each covers best.
-    report: as `load_garment` has it. Raises InputError as `fit_template` and `fit` do, and where templates
-    are neither one nor as many as names.
+    report: as `load_garment` has it. pose: that mesh files were modelled in, as `read_on_body` takes it.
+    Raises InputError as `fit_template` and `fit` do, and where templates are neither one nor as many as
+    names.
     """
     if len(templates) not in (0, 1, len(names)):
         raise InputError(
@@ -55,7 +57,7 @@ def load_outfit(
             loaded.append((0, (garment if template == AUTO else replace(garment, template=template),)))
             continue
         path = _file(name)
-        placed = read_on_body(path, body)
+        placed = read_on_body(path, body, pose)
         parts = split(path.stem, placed.mesh, body, None if template == AUTO else template)
         for line in placed.diagnosis.lines():
             report(line)

@@ -17,10 +17,16 @@ def mirror_transforms(transforms: Tensor, skeleton: Skeleton) -> Tensor:
 
     Raises InputError naming a joint whose counterpart the skeleton lacks.
     """
-    names = skeleton.names
-    counterparts = [_counterpart(name, names) for name in names]
     flip = torch.tensor([-1.0, 1.0, 1.0, 1.0]).to(transforms)
-    return transforms[:, counterparts] * flip[:3, None] * flip[: transforms.shape[-1]]
+    return transforms[:, counterparts(skeleton)] * flip[:3, None] * flip[: transforms.shape[-1]]
+
+
+def counterparts(skeleton: Skeleton) -> list[int]:
+    """Index of each joint's counterpart on the other side, or of itself where it is on neither.
+
+    Raises InputError naming a joint whose counterpart the skeleton lacks.
+    """
+    return [_counterpart(name, skeleton.names) for name in skeleton.names]
 
 
 def _counterpart(name: str, names: tuple[str, ...]) -> int:

@@ -37,6 +37,21 @@ def skin(points: Tensor, weights: Tensor, transforms: Tensor) -> Tensor:
     return (weighted @ columns).view(-1, batch, 3).transpose(0, 1).contiguous()
 
 
+def skin_each(points: Tensor, weights: Tensor, transforms: Tensor) -> Tensor:
+    """Linear blend skinning of points that differ in every frame.
+
+    points: (B, 3, V) at rest, coordinate by coordinate, so that all sums run along memory. weights (V, J),
+    transforms (B, J, 3, 4) -> (B, V, 3).
+    """
+    batch, joints = transforms.shape[:2]
+    entries = transforms.permute(2, 3, 0, 1).reshape(12 * batch, joints)
+    blended = (entries @ weights.T).view(3, 4, batch, -1)
+    posed = blended[:, 3]
+    for axis in range(3):
+        posed = torch.addcmul(posed, blended[:, axis], points[:, axis])
+    return posed.permute(1, 2, 0)
+
+
 def rotation_part(blended: Tensor) -> Tensor:
     """Orthonormal frames (..., 3, 3) nearest in the Gram-Schmidt sense to blended matrices (..., 3, 4).
 

@@ -57,10 +57,11 @@ class Method(Protocol):
         """
         return state
 
-    def as_rig(self, body: Body) -> PoseRig | None:
+    def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> PoseRig | None:
         """The method as blend weights and blend shapes on a body, for engines; None where it is none.
 
-        Raises InputError if it is one, but for another body.
+        garments: of that body, the innermost first, for a method that rigs any outfit; a method of an outfit
+        of its own needs none. Raises InputError if it is a rig, but for another body or other garments.
         """
         return None
 

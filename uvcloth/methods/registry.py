@@ -10,6 +10,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import CONFIG, load_checkpoint
 from uvcloth.methods import lbs
+from uvcloth.methods.deepsd import method as deepsd
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.method import Method, MethodEntry
 from uvcloth.methods.motion_guided import method as motion_guided
@@ -21,6 +22,7 @@ METHODS: dict[str, MethodEntry] = {
     "physxnet": physxnet.ENTRY,
     "motion_guided": motion_guided.ENTRY,
     "pbns": pbns.ENTRY,
+    "deepsd": deepsd.ENTRY,
 }
 """Every method by name: settings, presets, and how it is created and loaded."""
 

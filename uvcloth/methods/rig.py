@@ -18,7 +18,8 @@ class PoseRig:
     name: of the model. garments: names, the innermost first, and meshes at rest, N vertices in all. owner:
     (N,) int64, which of U points each vertex is. weights: (U, J). shapes: (K, U, 3) m at rest. layers: of the
     pose embedding, weights (out, in) and biases (out,), a ReLU after each; pose vector in, K weights out.
-    parents: of the joints. poses: (M, 3 J) pose vectors that it was made for.
+    parents: of the joints. poses: (M, 3 J) pose vectors that it was made for. sum_to_one: whether the weights
+    are divided by their sum, as `shares` does.
     """
 
     name: str
@@ -29,6 +30,7 @@ class PoseRig:
     layers: tuple[tuple[Tensor, Tensor], ...]
     parents: tuple[int, ...]
     poses: Tensor
+    sum_to_one: bool = False
 
     @property
     def rest(self) -> Tensor:
@@ -36,12 +38,18 @@ class PoseRig:
         return torch.cat([mesh.vertices for _, mesh in self.garments])
 
     def embed(self, poses: Tensor) -> Tensor:
-        """Weights of the blend shapes (B, K), none negative, of pose vectors (B, 3 J)."""
+        """Weights of the blend shapes (B, K) of pose vectors (B, 3 J); with layers none is negative."""
         if not len(self.shapes):
             return poses.new_zeros(len(poses), 0)
         for weight, bias in self.layers:
             poses = torch.relu(torch.nn.functional.linear(poses, weight, bias))
-        return poses
+        return shares(poses) if self.sum_to_one else poses
+
+
+def shares(keys: Tensor) -> Tensor:
+    """Keys (..., K) divided by their sum; all zero where they are all zero."""
+    total = keys.sum(-1, keepdim=True)
+    return keys / torch.where(total > 0, total, 1.0)
 
 
 def pose_vectors(parents: Sequence[int], transforms: Tensor) -> Tensor:

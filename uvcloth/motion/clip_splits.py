@@ -1,6 +1,6 @@
 """Splits of clips: those that poses for training, validation and test come from."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -60,7 +60,7 @@ def find_sources(
         for name in found.keys() & loose.keys():
             raise InputError(f"{found[name]}: another clip is also named {name} ({loose[name]})")
         loose |= found
-    sources += _deal(loose)
+    sources += [Source(name, loose[name], split) for name, split in deal_splits(loose).items()]
     sources.sort(key=lambda source: source.name)
     for first, second in pairwise(sources):
         if first.name == second.name:
@@ -88,13 +88,13 @@ def _indexed(index: Path, folder: Path) -> list[Source]:
     return [Source(e.clip, str(clip_file(e, folder)), e.split, e.subject) for e in entries]
 
 
-def _deal(files: dict[str, str]) -> list[Source]:
-    """Clips by name, HELD_OUT of them (at least one, if one for training remains) for each other split."""
-    names = sorted(files)
+def deal_splits(names: Iterable[str]) -> dict[str, str]:
+    """Split of each name: HELD_OUT of them for each other one, at least one name if one remains to train."""
+    names = sorted(names)
     splits = ["train"] * len(names)
     count = max(1, round(HELD_OUT * len(names)))
     for place, split in enumerate(("validation", "test")[: max(len(names) - 1, 0)]):
         for index in range(count):
             middle = int((index + 0.5) * len(names) / count)
             splits[(middle + place) % len(names)] = split
-    return [Source(name, files[name], split) for name, split in zip(names, splits, strict=True)]
+    return dict(zip(names, splits, strict=True))

@@ -9,10 +9,10 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.mirror import mirror_transforms
 from uvcloth.geometry.rotations import to_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, local_rotations
-from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip_splits import Source
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase, rest_hash
@@ -115,7 +115,7 @@ def _distinct(
     free = torch.ones(len(angles), dtype=torch.bool)
     kept: list[int] = []
     for row in range(len(angles)):
-        if free[row] and valid(skin(body.mesh.vertices, body.weights, transforms[row : row + 1])[0]):
+        if free[row] and valid(posed_skin(body, transforms[row : row + 1])[0]):
             kept.append(row)
             free &= ~close[row]
     return torch.tensor(kept, dtype=torch.int64)

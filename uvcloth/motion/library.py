@@ -1,4 +1,4 @@
-"""Loading of clips by path or name: BVH files, clip archives, clips that ship with the package."""
+"""Loading of clips by path or name: BVH, glTF and AMASS files, clip archives, clips of the package."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -13,6 +13,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.rotations import from_quaternions, to_quaternions
 from uvcloth.geometry.skeleton import Skeleton
+from uvcloth.motion.amass import carried_over, fits_unchanged, is_amass, read_amass
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.gltf import read_gltf_motion
@@ -59,7 +60,7 @@ def load_clip(path_or_name: str | Path, body: Body, options: MotionOptions = DEF
     """
     source = load_source(path_or_name, body, options)
     try:
-        clip = retarget(source.rest.clip, body, options.fps, source.roles)
+        clip = moved(source, body, options.fps)
         check_posture(clip, lying=options.up is not None)
         clip = clip.window(*options.window(len(clip)))
     except InputError as error:
@@ -79,6 +80,13 @@ def load_source(path_or_name: str | Path, body: Body, options: MotionOptions = D
         raise InputError(f"{path_or_name}: {error}") from error
 
 
+def moved(source: MotionSource, body: Body, fps: float) -> Clip:
+    """A motion on a body: retargeted, but for one of AMASS on a body of SMPL's, whose joints it has."""
+    if fits_unchanged(source.rest.clip, body):
+        return carried_over(source.rest.clip, body, fps)
+    return retarget(source.rest.clip, body, fps, source.roles)
+
+
 def clip_roles(clip: Clip, options: MotionOptions = DEFAULTS) -> dict[str, int]:
     """Joint of each role that a clip's joints play, by name or as the options say."""
     chosen = {} if options.joints is None else read_role_map(options.joints)
@@ -88,13 +96,18 @@ def clip_roles(clip: Clip, options: MotionOptions = DEFAULTS) -> dict[str, int]:
 def read_motion(path_or_name: str | Path) -> Clip:
     """Read a motion file or a built-in clip on its own skeleton, in its own units and axes."""
     path = builtin_clips().get(str(path_or_name), Path(path_or_name))
-    reader = (READERS | {".npz": read_clip}).get(path.suffix.lower())
+    reader = (READERS | {".npz": read_archive}).get(path.suffix.lower())
     if reader is None:
         raise InputError(
             f"{path_or_name}: expected a {', '.join(READERS)} or .npz file or one of the built-in clips "
             f"({', '.join(builtin_clips())})"
         )
     return reader(path)
+
+
+def read_archive(path: Path) -> Clip:
+    """Read an npz: a motion of AMASS, or what `save_clip` wrote. Raises InputError as their readers do."""
+    return read_amass(path) if is_amass(path) else read_clip(path)
 
 
 def save_clip(clip: Clip, path: Path, notice: str = "") -> None:

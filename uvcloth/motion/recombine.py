@@ -13,8 +13,8 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.skeleton import Skeleton, local_rotations, world_rotations
-from uvcloth.geometry.skinning import skin
 from uvcloth.motion.poses import SPLITS, PoseDatabase
 from uvcloth.motion.roles import joint_roles
 
@@ -55,7 +55,7 @@ def recombine(
             own = torch.rand(2, generator=generator) < 0.5
             donors[2:] = torch.where(own, donors[1], donors[2:])
             made = _made_of(poses, local, donors[None], part, body.skeleton)
-            if valid(skin(body.mesh.vertices, body.weights, made.transforms(body.skeleton))[0]):
+            if valid(posed_skin(body, made.transforms(body.skeleton))[0]):
                 kept.append(donors)
                 progress.advance(bar)
     if len(kept) < count:

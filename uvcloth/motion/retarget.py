@@ -81,7 +81,7 @@ def retarget(clip: Clip, body: Body, fps: float = 30.0, roles: Mapping[str, int]
         translation=_root_path(clip, source, body.skeleton, target, turned),
         fps=clip.fps,
     )
-    return _on_floor(result, body)
+    return on_floor(result, body)
 
 
 def resample(clip: Clip, fps: float) -> Clip:
@@ -197,7 +197,8 @@ def leg_length(heads: Tensor, roles: Mapping[str, int]) -> Tensor:
     return ((shin - thigh).norm(dim=1) + (foot - shin).norm(dim=1)).mean()
 
 
-def _on_floor(clip: Clip, body: Body) -> Clip:
+def on_floor(clip: Clip, body: Body) -> Clip:
+    """A clip on a body's skeleton, moved up or down so that its feet are on the floor z = 0."""
     floor = np.percentile(lowest_vertex(clip, body).numpy(), FLOOR_PERCENTILE)
     return replace(clip, translation=clip.translation - torch.tensor([0.0, 0.0, floor]).to(clip.translation))
 

@@ -59,6 +59,7 @@ PREFIX_SHARE = 0.6
 """Share of the names that begin with a word which is therefore no part of them."""
 
 FAMILIES = {
+    "SMPL": r"left_collar",
     "Mixamo": r"mixamorig.*",
     "Character Creator": r"cc_base_.*",
     "3ds Max Biped": r"bip\d+.*",

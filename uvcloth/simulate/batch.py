@@ -1,7 +1,7 @@
 """Batch simulation: many sequences in parallel processes, on this machine or on a dask cluster."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence, Sized
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
@@ -113,13 +113,14 @@ def simulate_batch(
     if not todo:
         print(f"{out}: every sequence is there already")
         return
-    _simulate_all(todo, body, made_by, workers)
+    simulate_all(todo, sum(map(_frames, todo)), made_by, workers)
 
 
-def _simulate_all(todo: Sequence[Job], body: Body, engine: Engine, workers: Workers) -> None:
+def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Workers) -> None:
     """Simulate in order, as many at a time as there are cores, and keep each sequence as it is done.
 
-    Raises InputError without dask, and if a worker is lost.
+    todo: is asked for the next job when there is room for it. frames: of all jobs. Raises InputError without
+    dask, and if a worker is lost.
     """
     try:
         import dask
@@ -130,16 +131,16 @@ def _simulate_all(todo: Sequence[Job], body: Body, engine: Engine, workers: Work
         stack.enter_context(dask.config.set(UNWATCHED))
         cluster: Any = workers.scheduler
         if cluster is None:
-            count = min(workers.jobs or os.cpu_count() or 1, len(todo))
+            count = workers.jobs or os.cpu_count() or 1
+            count = min(count, len(todo)) if isinstance(todo, Sized) else count
             cluster = LocalCluster(
                 n_workers=count, threads_per_worker=1, dashboard_address="localhost:0", silence_logs=50
             )
             stack.callback(_close, cluster)
         client = stack.enter_context(_connect(cluster))
         progress = stack.enter_context(_progress())
-        bar = progress.add_task(f"{len(todo)} sequences", total=sum(map(_frames, todo)))
+        bar = progress.add_task("simulating", total=frames)
         client.subscribe_topic(FRAMES_TOPIC, lambda event: progress.advance(bar, event[1]))
-        shared = client.scatter(body, broadcast=True)
         queue, running = iter(todo), as_completed()
         waiting: dict[Any, Job] = {}
 
@@ -149,7 +150,7 @@ def _simulate_all(todo: Sequence[Job], body: Body, engine: Engine, workers: Work
                 job = next(queue, None)
                 if job is None:
                     return
-                future = client.submit(_simulate_job, job, shared, engine, pure=False)
+                future = client.submit(_simulate_job, job, engine, pure=False)
                 waiting[future] = job
                 running.add(future)
 
@@ -204,7 +205,7 @@ def _connect(cluster: Any) -> Any:
         raise InputError(f"--scheduler {cluster}: no dask scheduler answers there ({error})") from error
 
 
-def _simulate_job(job: Job, body: Body, engine: Engine) -> tuple[list[SimulatedSequence], str | None]:
+def _simulate_job(job: Job, engine: Engine) -> tuple[list[SimulatedSequence], str | None]:
     """Simulate and examine a job in a worker process, on one core, and report frames as they are made.
 
     Returns the sequences, and the reasons why they are refused, None if they are not.
@@ -214,16 +215,17 @@ def _simulate_job(job: Job, body: Body, engine: Engine) -> tuple[list[SimulatedS
 
     torch.set_num_threads(1)
     report: Callable[[int], None] = lambda made: get_worker().log_event(FRAMES_TOPIC, made)  # noqa: E731
-    made = simulate(job.motion, job.warm_up, job.cloths, body, engine, LEAD_IN, report)
+    made = simulate(job.motion, job.warm_up, job.cloths, job.body, engine, LEAD_IN, report)
     examined = [
-        examine(sequence, cloth.garment, body) for sequence, cloth in zip(made, job.cloths, strict=True)
+        examine(sequence, cloth.garment, job.body) for sequence, cloth in zip(made, job.cloths, strict=True)
     ]
     reasons = [
         reason if len(made) == 1 else f"{sequence.garment}: {reason}"
         for sequence, reason in examined
         if reason is not None
     ]
-    return [sequence for sequence, _ in examined], "; ".join(reasons) or None
+    labelled = [replace(sequence, metadata={**sequence.metadata, **job.labels}) for sequence, _ in examined]
+    return labelled, "; ".join(reasons) or None
 
 
 def _store(sequence: SimulatedSequence, reason: str | None, target: Path) -> str:

@@ -68,7 +68,7 @@ def require_same(
     """
     shape = rest_hash(body)
     layers = {name: outfit for outfit in outfits for name in outfit}
-    made = json.loads(json.dumps(engine.describe()))
+    require_engine(stored, engine)
     for each in stored:
         metadata = each.metadata
         if metadata.get("body_hash", shape) != shape:
@@ -76,8 +76,6 @@ def require_same(
                 f"{each.path}: was simulated on another body ({metadata['body']}) than {body.name}, "
                 "simulate into another folder"
             )
-        if "engine" in metadata:
-            _require_engine(each.path, metadata, made)
         found = tuple(metadata.get("layers", (metadata["garment"],)))
         expected = layers.get(metadata["garment"], found)
         if found != expected:
@@ -85,6 +83,14 @@ def require_same(
                 f"{each.path}: was simulated as {' under '.join(found)}, not as {' under '.join(expected)}, "
                 "simulate into another folder"
             )
+
+
+def require_engine(stored: Sequence[Stored], engine: Engine) -> None:
+    """Raise InputError if a sequence was made by another engine than `engine`, or with other settings."""
+    made = json.loads(json.dumps(engine.describe()))
+    for each in stored:
+        if "engine" in each.metadata:
+            _require_engine(each.path, each.metadata, made)
 
 
 def _require_engine(path: Path, metadata: Mapping[str, Any], made: Mapping[str, Any]) -> None:

@@ -53,8 +53,8 @@ def overview(folder: Path) -> RenderableType:
 
 
 def _table(index: Mapping[str, Entry], kept: list[Stored]) -> Table:
-    """Table of a row per split (and its repeats): people, clips, frames of each garment."""
-    garments = sorted({each.metadata["garment"] for each in kept})
+    """Table of a row per split (and its repeats): people, clips, frames of each garment, or type of it."""
+    garments = sorted({_garment(each) for each in kept})
     rows: dict[str, list[Stored]] = {split: [] for split in SPLITS if index}
     for each in kept:
         rows.setdefault(_split(index, each), []).append(each)
@@ -63,22 +63,33 @@ def _table(index: Mapping[str, Entry], kept: list[Stored]) -> Table:
         column.justify = "right"
     for split, sequences in rows.items():
         clips = {each.metadata["clip"] for each in sequences}
-        people = {index[clip].subject for clip in clips if clip in index}
+        people = {_subject(index, each) for each in sequences} - {""}
         entries = [entry for entry in index.values() if entry.split == split.removesuffix(f", {REPEAT}")]
         table.add_row(
             split,
-            str(len(people)) if index else "",
+            str(len(people)) if people or index else "",
             str(len(clips)),
-            *(f"{_frames(s for s in sequences if s.metadata['garment'] == name):,}" for name in garments),
+            *(f"{_frames(s for s in sequences if _garment(s) == name):,}" for name in garments),
             str(len(entries)) if entries else "",
             f"{sum(entry.frames for entry in entries):,}" if entries else "",
         )
     return table
 
 
+def _garment(each: Stored) -> str:
+    """Name of the garment; of made outfits, of which no two are alike, its type."""
+    name = str(each.metadata["garment"])
+    return str(each.metadata.get("types", {}).get(name, name))
+
+
+def _subject(index: Mapping[str, Entry], each: Stored) -> str:
+    entry = index.get(each.metadata["clip"])
+    return entry.subject if entry else str(each.metadata.get("subject", ""))
+
+
 def _split(index: Mapping[str, Entry], each: Stored) -> str:
     entry = index.get(each.metadata["clip"])
-    split = entry.split if entry else "without an index"
+    split = entry.split if entry else str(each.metadata.get("split", "without an index"))
     return f"{split}, {REPEAT}" if each.repeat else split
 
 

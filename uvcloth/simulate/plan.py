@@ -1,8 +1,9 @@
 """Plan of a batch: windows of clips, in an order of which any beginning is a good mixture."""
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from rich.progress import track
 
@@ -27,12 +28,15 @@ class Job:
     """One simulation: a motion (run-up included), the number of its warm-up frames, and garments.
 
     Several cloths touch each other, the first is innermost; each has a target, the file of its sequence.
+    labels: metadata that the sequences of all cloths get besides.
     """
 
     motion: Clip
     warm_up: int
+    body: Body
     cloths: tuple[Cloth, ...]
     targets: tuple[Path, ...]
+    labels: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -143,15 +147,15 @@ def plan(
             if not all(target.exists() or rejected(target).exists() for target in each)
         ]
         if missing:
-            motion, warm_up, fault = _load_motion(source, body, REPEAT_LEAD_FRAMES if earlier else 0)
+            motion, warm_up, fault = load_motion(source, body, REPEAT_LEAD_FRAMES if earlier else 0)
             if fault is not None:
                 refused[source.clip] = fault
             else:
-                todo += [Job(motion, warm_up, outfit, each) for outfit, each in missing]
+                todo += [Job(motion, warm_up, body, outfit, each) for outfit, each in missing]
     return todo, refused
 
 
-def _load_motion(source: Source, body: Body, earlier: int) -> tuple[Clip, int, str | None]:
+def load_motion(source: Source, body: Body, earlier: int) -> tuple[Clip, int, str | None]:
     """Load the motion of a source with its run-up, the frames of that, and the capture's fault, if any."""
     clip = replace(load_clip(source.name, body, source.options), name=source.clip)
     start, frames = 0, len(clip)

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.mesh import join_meshes
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
@@ -123,7 +124,7 @@ def _scene(
             [inner_thickness(cloth, cloths[:index]) for index, cloth in enumerate(cloths)]
         ),
         skinned=skinned,
-        collider=collider.vertices(skin(body.mesh.vertices, body.weights, transforms)),
+        collider=collider.vertices(posed_skin(body, transforms)),
         collider_parts=tuple(compress(collider.parts, met)),
         touches=touches[met],
         fps=fps,

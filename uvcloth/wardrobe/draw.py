@@ -149,7 +149,7 @@ def _design(rng: np.random.Generator, kind: str, tightness: float, otherwise: In
         values: dict[str, Any] = {}
         for name, whole in limits(PARTS[part]).items():
             intervals = drawn.get(name, (whole,))
-            low, high = intervals[rng.integers(len(intervals))]
+            low, high = intervals[int(rng.integers(len(intervals)))]
             low, high = max(low, whole[0]), min(high, whole[1])
             share = rng.random()
             if name.endswith("ease"):

@@ -11,7 +11,8 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
-from tests.train.simulated import swaying
+from tests.train.cropped import cropped
+from tests.train.simulated import database_of, swaying
 from train.__main__ import main
 from train.batched_collision import LAYER_SEARCH_DISTANCE
 from train.cloth_energy import ClothMaterial
@@ -23,14 +24,14 @@ from train.pbns.poses import POSES_FILE, Poses, poses_for
 from train.pbns.run import LOOPS
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData, load_checkpoint, load_tensors
-from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.garment import Outfit
 from uvcloth.garments.pins import pinned
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.pbns.network import PBNSConfig
 from uvcloth.methods.registry import load_method
-from uvcloth.motion.poses import DONORS, PoseDatabase, rest_hash, save_poses
+from uvcloth.motion.poses import save_poses
 from uvcloth.physics.layers import Layer
 from uvcloth.physics.posed_batch import empty_cache
 from uvcloth.physics.surface import FREE
@@ -41,46 +42,6 @@ pytest.importorskip("lightning")
 TINY = PBNSConfig(width=16, layers=2)
 LOOP = replace(LOOPS["tiny"], steps=4, batch=4, validate_every=4, schedule="constant")
 FREELY = AttachmentConfig(pins=("none",), weights="smooth", train_weights="no")
-
-
-def database_of(body: Body, frames: int = 9, held: int = 3) -> PoseDatabase:
-    """Frames of one swaying motion, the last few for validation."""
-    rotations = swaying(frames, seed=0).rotations
-    order = torch.arange(frames)
-    return PoseDatabase(
-        joints=body.skeleton.names,
-        rotations=rotations,
-        clip_names=("swaying",),
-        subjects=("ann",),
-        clips=torch.zeros(frames, dtype=torch.int64),
-        frames=order,
-        mirrored=torch.zeros(frames, dtype=torch.bool),
-        splits=(order >= frames - held).long(),
-        donors=torch.full((frames, DONORS), -1),
-        apart=0.01,
-        body_name=body.name,
-        body_hash=rest_hash(body),
-    )
-
-
-def cropped(garment: Garment, low: float, high: float) -> Garment:
-    """The part of a garment between two heights, m."""
-    heights = garment.mesh.vertices[garment.mesh.faces][..., 2]
-    kept = ((heights > low) & (heights < high)).all(1)
-    rows, faces = garment.mesh.faces[kept].unique(return_inverse=True)
-    mesh = replace(
-        garment.mesh,
-        vertices=garment.mesh.vertices[rows],
-        faces=faces,
-        face_uvs=garment.mesh.face_uvs[kept],
-    )
-    return replace(
-        garment,
-        name=f"part of {garment.name}",
-        mesh=mesh,
-        weights=garment.weights[rows],
-        smooth_weights=garment.smooth_weights[rows],
-    )
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ and 2). Every engine can play that. It is quasi-static: the same pose always loo
 body came there.
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, misfit, stored_config
-from uvcloth.garments.garment import Outfit
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import JoinedMesh, Mesh, join_meshes, weld
 from uvcloth.geometry.skinning import apply_transforms, blend_transforms
 from uvcloth.methods.method import Method, MethodEntry, for_inference, require_supported
@@ -113,12 +114,16 @@ class PBNS(Method):
     def prepare(self, outfit: Outfit, device: torch.device) -> PBNSPrepared:
         """Choose the vertices of the outfit. Raises InputError for one that is not supported."""
         require_supported(self, outfit)
-        parts = torch.arange(len(self.network.rest)).split(self.garments.sizes)
-        own = dict(zip(self.garments.names, parts, strict=True))
-        rows = [own[garment.name] for garment in outfit.garments]
+        rows = self._rows([garment.name for garment in outfit.garments])
         network = for_inference(self.network, device)
         chosen = torch.cat(rows).to(device)
         return PBNSPrepared(network, chosen, [len(each) for each in rows], network.blend_weights()[chosen])
+
+    def _rows(self, names: Sequence[str]) -> list[Tensor]:
+        """Which of the model's vertices are those of each of some of its garments."""
+        parts = torch.arange(len(self.network.rest)).split(self.garments.sizes)
+        own = dict(zip(self.garments.names, parts, strict=True))
+        return [own[name] for name in names]
 
     @torch.no_grad()
     def step(
@@ -133,17 +138,25 @@ class PBNS(Method):
         return state, posed.split(prepared.sizes, dim=1)
 
     @torch.no_grad()
-    def as_rig(self, body: Body) -> PoseRig:
-        """The model itself: it is nothing but a rig. Raises InputError for another body."""
+    def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> PoseRig:
+        """The model itself: it is nothing but a rig; of its garments all, or those named.
+
+        Raises InputError for another body, and for garments that are not its own.
+        """
         if fault := self.body_fault(body):
             raise InputError(fault)
-        network = self.network
+        if garments:
+            require_supported(self, Outfit(body, garments))
+        network, meshes = self.network, zip(self.garments.names, self.garments.meshes, strict=True)
+        names = [garment.name for garment in garments] or self.garments.names
+        rows = self._rows(names)
+        points, owner = network.owner[torch.cat(rows)].unique(return_inverse=True)
         return PoseRig(
             name=self.name,
-            garments=tuple(zip(self.garments.names, self.garments.meshes, strict=True)),
-            owner=network.owner,
-            weights=network.unique_weights(),
-            shapes=network.shapes.detach().view(len(network.shapes), -1, 3),
+            garments=tuple((name, mesh) for name, mesh in meshes if name in names),
+            owner=owner,
+            weights=network.unique_weights()[points],
+            shapes=network.shapes.detach().view(len(network.shapes), -1, 3)[:, points],
             layers=tuple((layer.weight.detach(), layer.bias.detach()) for layer in network.linears()),
             parents=self.garments.parents,
             poses=network.poses,

@@ -30,12 +30,16 @@ from uvcloth.methods.physxnet.texels import (
 
 @dataclass(frozen=True)
 class PhysXNetPrepared:
-    """An outfit on the maps: texels of the body and of each template, garments with their template's name."""
+    """An outfit on the maps: texels of the body and of each template, garments with their template's name.
+
+    on_templates: whether every garment has the mesh of its template, so that maps can be written of it.
+    """
 
     net: GarmentNet
     texels: BodyTexels
     templates: dict[str, TemplateTexels]
     garments: tuple[tuple[str, GarmentDecoder], ...]
+    on_templates: bool = True
 
 
 @dataclass(frozen=True)
@@ -89,16 +93,15 @@ class PhysXNet(Method):
         require_supported(self, outfit)
         texels = body_texels(outfit.body, self.config.size)
         served = [name for garment in outfit.garments if (name := self.config.decoder(garment.template))]
-        templates = {
-            name: template_texels(name, template_mesh(name, outfit), outfit.body, texels)
-            for name in dict.fromkeys(served)
-        }
+        meshes = {name: template_mesh(name, outfit) for name in dict.fromkeys(served)}
+        templates = {name: template_texels(name, mesh, outfit.body, texels) for name, mesh in meshes.items()}
         garments = tuple(
             (name, build_decoder(garment, templates[name], texels))
             for name, garment in zip(served, outfit.garments, strict=True)
         )
         moved = to_device((texels, templates, garments), device)
-        return PhysXNetPrepared(for_inference(self.net, device), *moved)
+        written = all(g.mesh is meshes[name] for name, g in zip(served, outfit.garments, strict=True))
+        return PhysXNetPrepared(for_inference(self.net, device), *moved, on_templates=written)
 
     @torch.no_grad()
     def init(self, prepared: PhysXNetPrepared, frames: BodyFrames) -> PhysXNetState | None:
@@ -138,8 +141,10 @@ class PhysXNet(Method):
 
     def round_trip(
         self, prepared: PhysXNetPrepared, frames: BodyFrames, garments: tuple[Tensor, ...]
-    ) -> tuple[Tensor, ...]:
-        """Garments (B, N, 3) written to offset maps and decoded back."""
+    ) -> tuple[Tensor, ...] | None:
+        """Garments (B, N, 3) written to offset maps and read back; None where one has a mesh of its own."""
+        if not prepared.on_templates:
+            return None
         body_vertices, transforms = frames.vertices[:, -1], frames.transforms[:, -1]
         read = []
         for (name, decoder), vertices in zip(prepared.garments, garments, strict=True):

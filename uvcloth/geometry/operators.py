@@ -1,4 +1,4 @@
-"""Fixed sparse matrices that losses apply to batches: their gradient is the transposed matrix, no scatter."""
+"""Fixed sparse matrices that are applied to batches: their gradient is the transposed matrix, no scatter."""
 
 from dataclasses import dataclass
 from typing import Any

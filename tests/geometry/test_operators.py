@@ -2,7 +2,7 @@
 
 import torch
 
-from train.operators import Operator, differences, sampling
+from uvcloth.geometry.operators import Operator, differences, sampling
 
 VALUES = torch.tensor([[[1.0, 10.0], [2.0, 20.0], [4.0, 40.0]], [[0.0, 1.0], [3.0, 0.0], [5.0, 2.0]]])
 """(B, columns, C) = (2, 3, 2)."""

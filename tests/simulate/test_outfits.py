@@ -1,0 +1,186 @@
+"""Made outfits are dealt windows of their split, each on its own body, and read again as one."""
+
+import json
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from shutil import copytree
+from typing import Any
+
+import pytest
+import torch
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body, save_body
+from uvcloth.export.obj import save_obj
+from uvcloth.garments.templates import fit_template
+from uvcloth.geometry.skinning import skin
+from uvcloth.motion.poses import rest_hash
+from uvcloth.simulate import outfits
+from uvcloth.simulate.outfit_sequence import load_outfit_sequences
+from uvcloth.simulate.outfits import simulate_outfits
+from uvcloth.simulate.plan import ClipSelection, Job
+from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
+from uvcloth.wardrobe.designs import KINDS, PARTS, limits
+from uvcloth.wardrobe.outfit_file import VERSION
+
+WINDOWS = """trial,subject,split,action,window_start,window_frames
+walk,ann,train,walk,20,40
+run,bob,train,run,0,50
+jump,cid,test,jump,10,40
+"""
+
+
+@pytest.fixture(scope="module")
+def wardrobe(body: Body, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three outfits for training, one of two pieces, and one for the test."""
+    folder = tmp_path_factory.mktemp("wardrobe")
+    save_body(body, folder / "bodies" / "b01.npz")
+    meshes = {name: fit_template(name, body).mesh for name in ("tops", "bottoms")}
+    for number, (split, kinds) in enumerate(
+        [
+            ("train", ("tshirt",)),
+            ("train", ("trousers", "tshirt")),
+            ("train", ("trousers",)),
+            ("test", ("top",)),
+        ]
+    ):
+        name = f"o{number:04d}"
+        pieces = []
+        for kind in kinds:
+            mesh = meshes["bottoms" if kind == "trousers" else "tops"]
+            save_obj(mesh, folder / f"{name}_{kind}.obj")
+            middle = {part: {k: sum(v) / 2 for k, v in limits(PARTS[part]).items()} for part in KINDS[kind]}
+            pieces.append(
+                {
+                    "file": f"{name}_{kind}.obj",
+                    "type": kind,
+                    "vertices": len(mesh.vertices),
+                    "parameters": middle,
+                }
+            )
+        values = {
+            "version": VERSION,
+            "name": name,
+            "split": split,
+            "body": "bodies/b01.npz",
+            "seed": 0,
+            "vertex_range": [1000, 8000],
+            "even": True,
+            "seams": False,
+            "tightness": 0.5,
+            "fabric": {"name": "jersey", "parameters": {"density": 0.2}},
+            "pieces": pieces,
+        }
+        (folder / f"{name}.json").write_text(json.dumps(values))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the sequences."""
+    return tmp_path_factory.mktemp("out")
+
+
+@pytest.fixture(scope="module")
+def jobs(wardrobe: Path, out: Path) -> list[Job]:
+    """The jobs of a batch, whose garments are simply skinned in the place of a simulation."""
+    made: list[Job] = []
+
+    def skinned(todo: Iterable[Job], *_: Any) -> None:
+        for job in todo:
+            made.append(job)
+            _store_skinned(job)
+
+    (out / "windows.csv").write_text(WINDOWS)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(outfits, "simulate_all", skinned)
+        for _ in range(2):
+            simulate_outfits(wardrobe, _selection(out), out, frames=25)
+    return made
+
+
+def _selection(folder: Path) -> ClipSelection:
+    return ClipSelection(("walk", "run", "jump"), folder / "windows.csv")
+
+
+def _store_skinned(job: Job) -> None:
+    transforms = job.motion.window(0, 3).transforms()
+    for cloth, target in zip(job.cloths, job.targets, strict=True):
+        garment = cloth.garment
+        metadata = {"clip": job.motion.name, "garment": garment.name, "body": job.body.name, **job.labels}
+        metadata |= {"template": garment.template, "body_hash": rest_hash(job.body)}
+        if len(job.cloths) > 1:
+            metadata["layers"] = [each.garment.name for each in job.cloths]
+        save_sequence(
+            SimulatedSequence(
+                skin(garment.mesh.vertices, garment.smooth_weights, transforms),
+                garment.mesh.faces,
+                garment.mesh.vertices,
+                transforms,
+                30.0,
+                1,
+                metadata,
+            ),
+            target,
+        )
+
+
+def test_windows_of_a_split_are_dealt_to_its_outfits(jobs: list[Job]) -> None:
+    dealt = [(job.labels["outfit"], job.motion.name, job.labels["subject"]) for job in jobs]
+    assert dealt == [
+        ("o0000", "walk", "ann"),
+        ("o0001", "run", "bob"),
+        ("o0002", "walk", "ann"),
+        ("o0003", "jump", "cid"),
+    ]
+    assert [len(job.cloths) for job in jobs] == [1, 2, 1, 1]
+    assert [len(job.motion) - job.warm_up for job in jobs] == [25] * 4
+    assert [job.warm_up for job in jobs] == [15, 0, 15, 10]
+
+
+def test_outfits_are_read_again_with_their_bodies(jobs: list[Job], out: Path, body: Body) -> None:
+    found = load_outfit_sequences(out, ("train",))
+    assert [(s.name, s.clip, s.types) for s in found] == [
+        ("o0000", "walk", ("tshirt",)),
+        ("o0001", "run", ("trousers", "tshirt")),
+        ("o0002", "walk", ("trousers",)),
+    ]
+    both = found[1]
+    assert both.sizes == [len(cloth.garment.mesh.vertices) for cloth in jobs[1].cloths]
+    assert torch.equal(both.outfit.body.mesh.vertices, body.mesh.vertices)
+    expected = [
+        skin(g.mesh.vertices, g.smooth_weights, both.transforms) for g in (c.garment for c in jobs[1].cloths)
+    ]
+    assert (both.vertices - torch.cat(expected, dim=1)).norm(dim=-1).max() < 1e-4
+
+
+def test_a_sequence_without_its_layer_is_refused(jobs: list[Job], out: Path, tmp_path: Path) -> None:
+    assert jobs
+    copytree(out, tmp_path / "out")
+    (tmp_path / "out" / "run_o0001_tshirt.npz").unlink()
+    with pytest.raises(
+        InputError, match=r"run_o0001_trousers\.npz: was simulated with o0001_tshirt, of which"
+    ):
+        load_outfit_sequences(tmp_path / "out")
+
+
+def test_a_body_that_is_another_is_refused(jobs: list[Job], out: Path, tmp_path: Path, body: Body) -> None:
+    assert jobs
+    copytree(out, tmp_path / "out")
+    taller = replace(body, mesh=replace(body.mesh, vertices=1.1 * body.mesh.vertices))
+    save_body(taller, tmp_path / "out" / "bodies" / f"{body.name}.npz")
+    with pytest.raises(InputError, match="was simulated on another body than"):
+        load_outfit_sequences(tmp_path / "out")
+
+
+def test_splits_without_windows_and_bad_numbers_are_refused(wardrobe: Path, tmp_path: Path) -> None:
+    (tmp_path / "windows.csv").write_text(
+        WINDOWS.replace("train", "validation").replace("test", "validation")
+    )
+    with pytest.raises(InputError, match="no window for the splits of these outfits"):
+        simulate_outfits(wardrobe, _selection(tmp_path), tmp_path / "out")
+    with pytest.raises(InputError, match="--most-frames 0: has to be 1 or more"):
+        simulate_outfits(wardrobe, _selection(tmp_path), tmp_path / "out", frames=0)
+    with pytest.raises(InputError, match="name the windows with --windows"):
+        simulate_outfits(wardrobe, ClipSelection(("walk",)), tmp_path / "out")

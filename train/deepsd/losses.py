@@ -1,0 +1,124 @@
+"""What DeePSD is trained with: settings of its two phases, the error against data, and the priors."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import torch
+from torch import Tensor
+
+from rasterize.errors import InputError
+from train.deepsd.prediction import PosedOutfit
+from uvcloth.methods.deepsd.outfit_graph import OutfitGraph
+
+MILLI = 1000.0
+"""Lengths are logged in millimetres, energies in millijoules."""
+
+CENTI = 100.0
+"""The prior on deformations counts in centimetres."""
+
+
+@dataclass(frozen=True)
+class DataLosses:
+    """What the outfits' data teach, and the priors that they start from (paper sections 4.3 and 9)."""
+
+    poses_per_outfit: int = 8
+    """Poses that a step takes of each outfit it reads, the frame drawn and others at random (paper: 1)."""
+    points: float = 0.33
+    """Share of an outfit's points that a step compares, drawn anew (paper: 1); the descriptor sees all."""
+    error: Literal["distance", "squared"] = "distance"
+    """Compare points by their distance (the paper's program) or its square (paper, eq. 3)."""
+    closest_weights: float = 0.0
+    """Weight of the prior that blend weights are those of the closest skin (paper); of no use where they
+    start from the smooth ones."""
+    small_shapes: float = 1.0
+    """Weight of the prior that deformations are small, on their mean square in square centimetres."""
+    mirror: bool = True
+    """Learn from mirror images too, as outfits of their own (paper: no)."""
+    rest_frames: int = 15
+    """First frames of a training clip that do not teach, in which cloth comes down from the rest shape; the
+    warm-up after them does. In validation none of it counts."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for what cannot be trained with."""
+        if self.poses_per_outfit < 1:
+            raise InputError(f"--poses-per-outfit {self.poses_per_outfit}: has to be 1 or more")
+        if not 0 < self.points <= 1:
+            raise InputError(f"--points {self.points}: has to be more than 0, and 1 at most")
+        if self.rest_frames < 0:
+            raise InputError(f"--rest-frames {self.rest_frames}: has to be 0 or more")
+        for name in ("closest_weights", "small_shapes"):
+            value = getattr(self, name)
+            if not 0 <= value < math.inf:
+                raise InputError(f"--{name.replace('_', '-')} {value}: has to be 0 or more")
+
+
+def prior_share(epochs: float) -> float:
+    """How much the priors weigh after some epochs: all in the first, then a tenth of that with each."""
+    return 10.0 ** min(0.0, 1.0 - epochs)
+
+
+def data_losses(
+    outfits: Sequence[PosedOutfit],
+    truths: Sequence[Tensor],
+    graphs: Sequence[OutfitGraph],
+    rows: Sequence[Tensor],
+    losses: DataLosses,
+    epochs: float,
+) -> dict[str, Tensor]:
+    """The parts of the loss of the data phase, each outfit weighing alike.
+
+    truths: (Q, n, 3) m of the points predicted, rows (n,) of each outfit's. Errors are in mm (or mm2).
+    """
+    share = prior_share(epochs)
+    errors, weights, shapes = [], [], []
+    for outfit, truth, graph, own in zip(outfits, truths, graphs, rows, strict=True):
+        wrong = MILLI * (outfit.posed - truth)
+        if losses.error == "distance":
+            errors.append(wrong.norm(dim=-1).mean())
+        else:
+            errors.append(wrong.square().sum(-1).mean())
+        closest = graph.closest[own].to(outfit.weights)
+        weights.append((outfit.weights - closest).square().sum(-1).mean())
+        deformation = CENTI * sum(outfit.deformation.values(), truth.new_zeros(1, 3))
+        shapes.append(deformation.square().sum(-1).mean())
+    parts = {"error": torch.stack(errors).mean()}
+    if losses.closest_weights:
+        parts["weights"] = losses.closest_weights * share * torch.stack(weights).mean()
+    if losses.small_shapes:
+        parts["shapes"] = losses.small_shapes * share * torch.stack(shapes).mean()
+    return parts
+
+
+@dataclass(frozen=True)
+class PhysicsLosses:
+    """What physics teaches the branch chi, energies in joules of an outfit (paper eq. 4 to 6)."""
+
+    edge: float = 15.0
+    """N/m, resistance to stretch and compression (paper: 1; its program: 15)."""
+    bend: float = 1e-4
+    """J, resistance to differences of neighbouring normals (paper: 5e-4; its program: 1e-4)."""
+    bend_normals: Literal["vertex", "face"] = "vertex"
+    """Normals of vertices, less the mean of their neighbours' (paper), or those of faces (its program)."""
+    collision: float = 25.0
+    """N/m, of what lies too near to the skin or to what is worn beneath (paper: 2 to 10; its program: 25)."""
+    thickness: float = 0.005
+    """Metres that cloth keeps off them."""
+    small: float = 0.01
+    """N/m, on the deformation by chi itself."""
+    layers: bool = True
+    """Keep the pieces of an outfit off each other (paper: no)."""
+    pose_source: Literal["any", "own"] = "any"
+    """Poses drawn from all training frames, whoever wore what (paper), or from the outfit's own."""
+    poses_drawn: int = 8
+    """Poses that a step takes of each outfit it reads (paper: 1)."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for what no cloth has."""
+        for name in ("edge", "bend", "collision", "thickness", "small"):
+            value = getattr(self, name)
+            if not 0 <= value < math.inf:
+                raise InputError(f"--{name} {value}: has to be 0 or more")
+        if self.poses_drawn < 1:
+            raise InputError(f"--poses-drawn {self.poses_drawn}: has to be 1 or more")

@@ -1,0 +1,140 @@
+"""The objective of DeePSD's first phase: outfits in motion teach all but the branch of physics."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from train.deepsd.dataset import OutfitDataset, OutfitFrames
+from train.deepsd.losses import DataLosses, data_losses
+from train.deepsd.prediction import DrawnPoses, describe, pose_outfits
+from train.deepsd.validation import Validation
+from train.loop import Objective
+from uvcloth.checkpoint import save_checkpoint
+from uvcloth.geometry.records import CPU
+from uvcloth.methods.deepsd.config import DeePSDConfig
+from uvcloth.methods.deepsd.method import DeePSD, deepsd_checkpoint
+from uvcloth.methods.deepsd.network import Branch, DeePSDNetwork
+
+KEPT_POSES = 512
+"""Pose vectors of the training that a checkpoint keeps, at most."""
+
+
+class DeePSDObjective(Objective):
+    """What both phases share: the outfits, their validation, and the checkpoint."""
+
+    branches: tuple[Branch, ...]
+
+    def __init__(self, config: DeePSDConfig, dataset: OutfitDataset, device: torch.device = CPU) -> None:
+        self.config, self.dataset, self.device = config, dataset, device
+        self.validation = Validation(dataset.held, device)
+
+    @property
+    def samples(self) -> Tensor:
+        """The training outfits, or their frames, see `OutfitDataset.samples`."""
+        return self.dataset.samples
+
+    def picture(self, net: Any) -> Tensor:
+        """A few validation outfits: (H, W, 3) uint8."""
+        return self.validation.picture(net, self.branches)
+
+    def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
+        """Write the checkpoint of the network."""
+        vectors = self.dataset.vectors
+        some = torch.linspace(0, len(vectors) - 1, min(KEPT_POSES, len(vectors))).long()
+        method = DeePSD(self.config, net, vectors[some], self.branches)
+        dataset = self.dataset
+        notes = (
+            notes
+            | self._notes()
+            | {
+                "outfits": {
+                    "train": len({id(frames.outfit) for frames in dataset.training}),
+                    "validation": len(dataset.held),
+                },
+                "people": len({person for person in dataset.data.clips["train"].values() if person}),
+            }
+        )
+        save_checkpoint(deepsd_checkpoint(method, dataset.body, dataset.data, notes), run)
+
+    def _notes(self) -> dict[str, Any]:
+        """Settings of the phase, for the checkpoint."""
+        return {}
+
+
+class DataObjective(DeePSDObjective):
+    """The error against simulated outfits, and priors that fade after the first epoch (eq. 3, section 9)."""
+
+    branches = ("data",)
+
+    def __init__(
+        self, config: DeePSDConfig, losses: DataLosses, dataset: OutfitDataset, device: torch.device = CPU
+    ) -> None:
+        super().__init__(config, dataset, device)
+        self.losses = losses
+        self.seen = torch.zeros((), dtype=torch.int64)
+
+    def networks(self) -> dict[str, nn.Module]:
+        """A new network, whose branch of physics is not trained."""
+        net = DeePSDNetwork(self.config, len(self.dataset.body.skeleton.names))
+        if "physics" in net.branches:
+            net.branches["physics"].requires_grad_(False)
+        return {"net": net}
+
+    def steps(
+        self, networks: Mapping[str, Any], rows: Tensor
+    ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
+        """The losses of some outfits in some of their frames."""
+        outfits, frames = self.dataset.draw(rows.cpu(), self.losses.poses_per_outfit)
+        poses = DrawnPoses(
+            torch.stack([o.vectors[own] for o, own in zip(outfits, frames, strict=True)]).to(self.device),
+            torch.stack([o.transforms[own] for o, own in zip(outfits, frames, strict=True)]).to(self.device),
+        )
+        graphs = [outfit.graph for outfit in outfits]
+        points = self._points(outfits)
+        whole = self.config.graph_heads or self.losses.points == 1
+        described = describe(networks["net"], graphs, self.device, None if whole else points)
+        predicted = pose_outfits(networks["net"], described, poses, self.branches)
+        truths = [
+            outfit.vertices[own][:, some].to(self.device)
+            for outfit, own, some in zip(outfits, frames, points, strict=True)
+        ]
+        epochs = float(self.seen) / len(self.dataset.rows)
+        parts = data_losses(predicted, truths, graphs, points, self.losses, epochs)
+        self.seen += rows.numel() * self.losses.poses_per_outfit
+        yield "net", torch.stack(list(parts.values())).sum(), parts
+
+    def _points(self, outfits: Sequence[OutfitFrames]) -> list[Tensor]:
+        """The points of each outfit that a step compares: all where heads see neighbours."""
+        share = 1.0 if self.config.graph_heads else self.losses.points
+        sizes = [len(outfit.graph.points) for outfit in outfits]
+        if share == 1.0:
+            return [torch.arange(size) for size in sizes]
+        return [torch.randperm(size)[: max(1, round(share * size))].sort().values for size in sizes]
+
+    def validate(self, net: Any) -> dict[str, float]:
+        """Mean vertex error, mm, and measures of the cloth, see `Validation.measure`."""
+        return self.validation.measure(net, self.branches)
+
+    def _notes(self) -> dict[str, Any]:
+        return {"losses": asdict(self.losses)}
+
+    def settings(self) -> dict[str, Any]:
+        """Settings that must not change within a run."""
+        return {
+            "method": asdict(self.config),
+            "losses": asdict(self.losses),
+            "drawing": {"balanced": self.dataset.balanced},
+            "data": asdict(self.dataset.data),
+        }
+
+    def memory(self) -> dict[str, Tensor]:
+        """The frames seen so far, by which the priors fade."""
+        return {"seen": self.seen}
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        """Restore the state that `memory` gave."""
+        self.seen = memory["seen"].clone()

@@ -1,0 +1,138 @@
+"""`python -m train deepsd`: its settings and presets."""
+
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from tyro.conf import OmitArgPrefixes
+
+from rasterize.errors import InputError
+from train.deepsd.dataset import OutfitDataset, posed_outfit, read_outfits
+from train.deepsd.losses import DataLosses, PhysicsLosses
+from train.deepsd.mirror import mirror_outfit
+from train.deepsd.objective import DataObjective, DeePSDObjective
+from train.deepsd.physics import PhysicsObjective, load_start
+from train.loop import LoopConfig, check_run, fit, training_device
+from train.pbns.poses import poses_for
+from train.trainer import TrainerEntry
+from uvcloth.bodies.body import load_body
+from uvcloth.garments.garment import Outfit
+from uvcloth.garments.loading import load_outfit
+from uvcloth.garments.order import check_order
+from uvcloth.methods.deepsd.config import DeePSDConfig
+from uvcloth.methods.deepsd.method import ENTRY as METHOD
+
+LOSSES: dict[str, DataLosses] = {
+    "default": DataLosses(),
+    "paper": DataLosses(poses_per_outfit=1, points=1.0, error="squared", closest_weights=100.0, mirror=False),
+    "tiny": DataLosses(poses_per_outfit=2),
+}
+
+PHYSICS: dict[str, PhysicsLosses] = {
+    "default": PhysicsLosses(),
+    "paper": PhysicsLosses(edge=1.0, bend=5e-4, collision=10.0, layers=False, poses_drawn=1),
+    "tiny": PhysicsLosses(poses_drawn=2),
+}
+
+LOOPS: dict[str, LoopConfig] = {
+    "default": LoopConfig(steps=5000, batch=4, validate_every=500),
+    "paper": LoopConfig(
+        steps=60000,
+        batch=4,
+        double_every=0.2,
+        schedule="constant",
+        weight_decay=0.0,
+        average=0.0,
+        validate_every=2000,
+    ),
+    "tiny": LoopConfig(steps=8, batch=2, validate_every=4, average=0.9),
+}
+
+
+@dataclass(frozen=True)
+class DeePSDRun:
+    """Train DeePSD: outfits in motion teach it, then physics, which also fits it to one without data."""
+
+    out: Path
+    """Folder of the run: checkpoint, training state, TensorBoard."""
+    data: Path | None = None
+    """Folder of the outfits that `uvcloth simulate --outfits` moved, or in CLOTH3D's layout."""
+    physics_only: Annotated[str | None, tyro.conf.arg(metavar="RUN|shipped")] = None
+    """Go on from the network of this run: train the branch of physics alone, all else stays."""
+    outfit: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")] = ()
+    """Fit to these garments, the innermost first, in place of data, with --physics-only."""
+    poses: Annotated[
+        tuple[str, ...],
+        tyro.conf.arg(metavar="NPZ|DIR|CLIP ...", help_behavior_hint="(default: the built-in clips)"),
+    ] = ()
+    """Poses for --outfit, drawn by `uvcloth poses`, or the motion to draw them from."""
+    preset: str = "default"
+    """default, paper or tiny: where every setting below starts from."""
+    resume: bool = False
+    """Continue the run in `out` where it stopped."""
+    balanced: bool = True
+    """Draw outfits alike, however many frames there are of each; else frames alike (paper)."""
+    body: Path | None = None
+    """The body that --outfit is on, made by `uvcloth body`; default: the one in the package."""
+    network: OmitArgPrefixes[DeePSDConfig] = field(default_factory=DeePSDConfig)
+    """The network; with --physics-only it is that of the run."""
+    losses: OmitArgPrefixes[DataLosses] = field(default_factory=DataLosses)
+    physics: OmitArgPrefixes[PhysicsLosses] = field(default_factory=PhysicsLosses)
+    loop: OmitArgPrefixes[LoopConfig] = field(default_factory=LoopConfig)
+
+    def train(self) -> dict[str, float]:
+        """Train; returns the validation scores of the network kept."""
+        check_run(self.out, resume=self.resume)
+        if self.loop.devices > 1:
+            raise InputError("--devices: DeePSD is trained on one device, leave it out")
+        if (self.data is None) == (not self.outfit):
+            raise InputError("name either --data, or --outfit to fit to it without data")
+        if self.outfit and self.physics_only is None:
+            raise InputError(
+                "--outfit: is fitted to by physics alone, name a trained model, --physics-only RUN"
+            )
+        return fit(self._objective(), self.out, self.loop, resume=self.resume)
+
+    def _objective(self) -> DeePSDObjective:
+        """The objective of the phase that is asked for."""
+        device = training_device()
+        if self.physics_only is None:
+            assert self.data is not None
+            dataset = self._outfits(self.data)
+            if self.losses.mirror:
+                mirrored = tuple(mirror_outfit(outfit) for outfit in dataset.training)
+                dataset = replace(dataset, training=(*dataset.training, *mirrored))
+            return DataObjective(self.network, self.losses, dataset, device)
+        start = load_start(self.physics_only)
+        dataset = self._posed_outfit() if self.data is None else self._outfits(self.data)
+        return PhysicsObjective(start, self.physics, dataset, self.loop.batch, device)
+
+    def _outfits(self, folder: Path) -> OutfitDataset:
+        """The outfits of the data."""
+        return read_outfits(folder, self.losses.rest_frames, balanced=self.balanced)
+
+    def _posed_outfit(self) -> OutfitDataset:
+        """The user's outfit in the poses named."""
+        body = load_body(self.body)
+        say = partial(Console(stderr=True).print, highlight=False, markup=False)
+        garments = load_outfit(self.outfit, body, say)
+        check_order(garments)
+        return posed_outfit(Outfit(body, garments), poses_for(self.poses, body, self.out))
+
+
+ENTRY = TrainerEntry(
+    DeePSDRun,
+    {
+        name: {
+            "network": network,
+            "losses": LOSSES[name],
+            "physics": PHYSICS[name],
+            "loop": LOOPS[name],
+            "balanced": name != "paper",
+        }
+        for name, network in METHOD.presets.items()
+    },
+)

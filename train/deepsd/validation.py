@@ -1,0 +1,148 @@
+"""Validation of DeePSD on outfits that it is not trained on: errors, measures of the cloth, a picture."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from train.deepsd.dataset import OutfitFrames
+from train.deepsd.losses import MILLI
+from train.deepsd.prediction import DrawnPoses, PosedOutfit, describe, pose_outfits
+from uvcloth.bodies.collider import make_collider
+from uvcloth.bodies.posing import posed_skin
+from uvcloth.geometry.skinning import skin
+from uvcloth.methods.deepsd.network import Branch
+from uvcloth.physics.contact import ContactGarment, Obstacle
+from uvcloth.physics.energies import edge_change, fold_cosine
+from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+
+Energy = Callable[[OutfitFrames, PosedOutfit, Tensor], Tensor]
+"""The energy () of an outfit in Q poses, joint transforms (Q, J, 3, 4)."""
+
+OUTFITS = 48
+"""Validation outfits that are judged, at most."""
+
+POSES = 8
+"""Poses that each is judged in, at most."""
+
+INSIDE_POSES = 2
+"""Poses in which the vertices inside the body are counted, which is slow."""
+
+PICTURED = 4
+"""Validation outfits in the picture, each in one pose."""
+
+PICTURE_SIZE = (300, 400)
+"""Width and height of a pictured outfit, pixels."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """An outfit in the Q poses that it is judged in. truth: (Q, U, 3) m, none where it is not known."""
+
+    frames: OutfitFrames
+    poses: DrawnPoses
+    truth: Tensor
+    contact: ContactGarment
+
+    @property
+    def faces(self) -> Tensor:
+        """Its faces (F, 3)."""
+        return torch.cat(self.frames.graph.faces)
+
+    def bodies(self) -> Tensor:
+        """Its body's vertices (Q, V, 3) m."""
+        return posed_skin(self.frames.body, self.poses.transforms[0].cpu())
+
+
+class Validation:
+    """Outfits that are not trained on, in poses spread over their frames, alike at every validation."""
+
+    def __init__(self, held: Sequence[OutfitFrames], device: torch.device) -> None:
+        self.device = device
+        chosen = [held[index] for index in _spread(len(held), OUTFITS)]
+        self._obstacle = Obstacle(make_collider(chosen[0].body), chosen[0].body.mesh.vertices)
+        self._judged = [self._judge(each) for each in chosen]
+
+    def _judge(self, frames: OutfitFrames) -> Judged:
+        rows = _spread(len(frames.vectors), POSES)
+        body, graph = frames.body, frames.graph
+        rest = Obstacle(self._obstacle.collider, body.mesh.vertices)
+        return Judged(
+            frames,
+            DrawnPoses(
+                frames.vectors[rows][None].to(self.device), frames.transforms[rows][None].to(self.device)
+            ),
+            frames.vertices[rows] if len(frames.vertices) else frames.vertices,
+            rest.contact_garment(graph.points, torch.cat(graph.faces)),
+        )
+
+    @torch.no_grad()
+    def measure(self, net: Any, branches: Sequence[Branch], energy: Energy | None = None) -> dict[str, float]:
+        """Means over the outfits, each weighing alike.
+
+        energy_mJ: what `energy` gives. mean_mm, smooth_lbs_mm: vertex error, and that of smooth skinning,
+        where the truth is known. edge_mm, bend_cos: see uvcloth.physics.energies. inside_percent: of points.
+        """
+        found: dict[str, list[Tensor]] = {}
+        for judged, outfit in self._predicted(net, branches, self._judged):
+            measures = self._measures(judged, outfit.posed.cpu())
+            if energy is not None:
+                measures = {"energy_mJ": energy(judged.frames, outfit, judged.poses.transforms[0])} | measures
+            for name, value in measures.items():
+                found.setdefault(name, []).append(value.cpu())
+        return {name: float(torch.stack(values).mean()) for name, values in found.items()}
+
+    def _predicted(
+        self, net: Any, branches: Sequence[Branch], chosen: Sequence[Judged]
+    ) -> Iterator[tuple[Judged, PosedOutfit]]:
+        """Some outfits, each as it is predicted."""
+        for judged in chosen:
+            described = describe(net, [judged.frames.graph], self.device)
+            yield judged, pose_outfits(net, described, judged.poses, branches)[0]
+
+    def _measures(self, judged: Judged, posed: Tensor) -> dict[str, Tensor]:
+        """The measures of an outfit (Q, U, 3) m."""
+        graph = judged.frames.graph
+        measures = {}
+        if len(judged.truth):
+            skinned = skin(graph.points, graph.smooth, judged.poses.transforms[0].cpu())
+            measures["mean_mm"] = MILLI * (posed - judged.truth).norm(dim=-1).mean()
+            measures["smooth_lbs_mm"] = MILLI * (skinned - judged.truth).norm(dim=-1).mean()
+        bodies = judged.bodies()
+        some = _spread(len(posed), INSIDE_POSES)
+        inside = self._obstacle.inside_percent(posed[some].contiguous(), judged.contact, bodies[some])
+        return measures | {
+            "edge_mm": MILLI * edge_change(posed, graph.points, judged.faces).mean(),
+            "bend_cos": fold_cosine(posed, judged.faces).mean(),
+            "inside_percent": inside.mean(),
+        }
+
+    @torch.no_grad()
+    def picture(self, net: Any, branches: Sequence[Branch]) -> Tensor:
+        """A few outfits as predicted and, where it is known, as simulated below: (H, W, 3) uint8."""
+        chosen = [self._judged[index] for index in _spread(len(self._judged), PICTURED)]
+        rows: list[list[Any]] = [[], []]
+        for judged, outfit in self._predicted(net, branches, chosen):
+            middle = len(outfit.posed) // 2
+            body = judged.bodies()[middle]
+            rows[0].append(_drawn(judged.frames, outfit.posed[middle].cpu(), body))
+            if len(judged.truth):
+                rows[1].append(_drawn(judged.frames, judged.truth[middle], body))
+        return torch.from_numpy(contact_sheet([*rows[0], *rows[1]], columns=len(chosen)))
+
+
+def _drawn(frames: OutfitFrames, posed: Tensor, body: Tensor) -> Any:
+    """An outfit (U, 3) m on its body (V, 3) m, rendered."""
+    surfaces = [Surface(body, frames.body.mesh.faces, BODY_COLOR)]
+    for index, faces in enumerate(frames.graph.faces):
+        surfaces.append(Surface(posed, faces, GARMENT_COLORS[index % len(GARMENT_COLORS)]))
+    camera = three_quarter(body, aspect=PICTURE_SIZE[0] / PICTURE_SIZE[1])
+    return render(surfaces, camera, PICTURE_SIZE, float(body[:, 2].min()))
+
+
+def _spread(count: int, most: int) -> list[int]:
+    """At most so many of `count` indices, evenly spread."""
+    kept = min(count, most)
+    return [(2 * index + 1) * count // (2 * kept) for index in range(kept)]

@@ -1,0 +1,35 @@
+"""Skin of a posed body."""
+
+import torch
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+from uvcloth.geometry.skeleton import local_rotations
+from uvcloth.geometry.skinning import apply_transforms, blend_transforms, skin
+
+POSED_AT_ONCE = 64
+"""Frames whose pose shapes are added at once: they have a rest mesh each."""
+
+
+def posed_skin(body: Body, transforms: Tensor) -> Tensor:
+    """Vertices (B, V, 3) m of a body posed by joint transforms (B, J, 3, 4), on their device.
+
+    Linear blend skinning of the rest mesh, to which a body with pose shapes first adds those of the pose.
+    """
+    vertices, weights = body.mesh.vertices.to(transforms), body.weights.to(transforms)
+    if body.pose_shapes is None:
+        return skin(vertices, weights, transforms)
+    shapes = body.pose_shapes.to(transforms)
+    posed = [
+        apply_transforms(
+            blend_transforms(weights, some), vertices + _corrections(shapes, body.skeleton.parents, some)
+        )
+        for some in transforms.split(POSED_AT_ONCE)
+    ]
+    return torch.cat(posed)
+
+
+def _corrections(shapes: Tensor, parents: tuple[int, ...], transforms: Tensor) -> Tensor:
+    """Pose shapes of the pose, to add to the rest mesh: (B, V, 3) m."""
+    turns = local_rotations(parents, transforms[..., :3])[:, 1:] - torch.eye(3).to(transforms)
+    return (turns.flatten(1) @ shapes.flatten(1)).unflatten(1, (-1, 3))

@@ -1,0 +1,63 @@
+"""Settings of DeePSD: the paper's, ours, and a switch for each difference and each ablation."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from rasterize.errors import InputError
+
+
+@dataclass(frozen=True)
+class DeePSDConfig:
+    """Sizes of the network, what it reads and what it predicts."""
+
+    inputs: Literal["mesh", "body"] = "body"
+    """What a vertex brings: position and normal (mesh, paper), or besides its offset from the closest point
+    of the skin and its smooth blend weights (body)."""
+    blend_weights: Literal["learned", "smooth"] = "smooth"
+    """Predicted alone (learned, paper), or as a change of the smooth ones of the baseline."""
+    influences: int = 4
+    """Joints that may move a vertex, the strongest (paper: all): four are what every engine plays."""
+    deformation: Literal["blend_shapes", "offsets", "none"] = "blend_shapes"
+    """Blend shapes weighed by the pose's keys (paper), offsets from descriptor and pose (its Table 1), or
+    skinning alone (its Table 6)."""
+    convolutions: tuple[int, ...] = (32, 64, 128, 256)
+    """Channels of the graph convolutions."""
+    global_layers: tuple[int, ...] = (256,)
+    """Widths of the layers before max pooling over the outfit; empty for no global descriptor."""
+    weight_layers: tuple[int, ...] = (128, 64, 32)
+    """Widths of the hidden layers that predict blend weights."""
+    shape_layers: tuple[int, ...] = (256, 256, 256)
+    """Widths of the hidden layers that predict blend shapes."""
+    graph_heads: bool = False
+    """Graph convolutions instead of layers per vertex after the descriptor, too (its Table 1)."""
+    pose_layers: tuple[int, ...] = (256, 256, 256)
+    """Widths of the hidden layers of the pose embedding."""
+    keys: int = 128
+    """Pose keys, and blend shapes; 0 takes the pose itself as keys (its Table 1)."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for sizes that are none."""
+        if self.influences < 1:
+            raise InputError(f"--influences {self.influences}: has to be 1 or more")
+        if self.keys < 0:
+            raise InputError(f"--keys {self.keys}: has to be 0 or more")
+        if not self.convolutions:
+            raise InputError("--convolutions: has to be one number or more")
+        for name in ("convolutions", "global_layers", "weight_layers", "shape_layers", "pose_layers"):
+            for width in getattr(self, name):
+                if width < 1:
+                    raise InputError(f"--{name.replace('_', '-')} {width}: has to be 1 or more")
+
+
+PRESETS: dict[str, DeePSDConfig] = {
+    "default": DeePSDConfig(),
+    "paper": DeePSDConfig(inputs="mesh", blend_weights="learned", influences=99),
+    "tiny": DeePSDConfig(
+        convolutions=(8, 16),
+        global_layers=(16,),
+        weight_layers=(16,),
+        shape_layers=(16,),
+        pose_layers=(16,),
+        keys=8,
+    ),
+}

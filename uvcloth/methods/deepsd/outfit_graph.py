@@ -1,0 +1,132 @@
+"""Outfits as graphs that a network reads: many of different meshes packed one after another, none padded."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
+
+import torch
+from torch import Tensor
+
+from uvcloth.garments.garment import Outfit
+from uvcloth.geometry.mesh import first_of, join_meshes, unique_edges, vertex_normals, weld
+from uvcloth.geometry.operators import Operator
+from uvcloth.physics.surface import BodySurface
+
+
+@dataclass(frozen=True)
+class OutfitGraph:
+    """An outfit at rest, of N vertices; those at one place in one piece are one of its U points.
+
+    owner: (N,) int64, which point each vertex is. points: (U, 3) m. faces: (F, 3) into them, per piece.
+    offsets: (U, 3) m from the closest point of the skin. smooth, closest: (U, J) blend weights, the smooth
+    ones of the baseline and those of the closest vertex of the body. rows: (U + 1,) and columns: (E,) int64,
+    the neighbours of each point, itself among them, as compressed rows.
+    """
+
+    owner: Tensor
+    points: Tensor
+    faces: tuple[Tensor, ...]
+    offsets: Tensor
+    smooth: Tensor
+    closest: Tensor
+    rows: Tensor
+    columns: Tensor
+
+    @cached_property
+    def normals(self) -> Tensor:
+        """Unit vertex normals (U, 3)."""
+        return vertex_normals(self.points, torch.cat(self.faces))
+
+
+def outfit_graph(outfit: Outfit) -> OutfitGraph:
+    """Make the graph of an outfit of one garment or more."""
+    joined = join_meshes((garment.mesh.vertices, garment.mesh.faces) for garment in outfit.garments)
+    places = [
+        weld(garment.mesh.vertices) + start
+        for garment, start in zip(outfit.garments, joined.starts, strict=True)
+    ]
+    owner = torch.cat(places).unique(return_inverse=True)[1]
+    kept = first_of(owner)
+    points = joined.vertices[kept]
+    faces = tuple(
+        owner[garment.mesh.faces + start]
+        for garment, start in zip(outfit.garments, joined.starts, strict=True)
+    )
+    skin = BodySurface(outfit.body.mesh.vertices, outfit.body.mesh.faces).closest(points)
+    rows, columns = _neighbours(torch.cat(faces), len(points))
+    return OutfitGraph(
+        owner=owner,
+        points=points,
+        faces=faces,
+        offsets=points - skin.points,
+        smooth=torch.cat([garment.smooth_weights for garment in outfit.garments])[kept],
+        closest=torch.cat([garment.weights for garment in outfit.garments])[kept],
+        rows=rows,
+        columns=columns,
+    )
+
+
+def _neighbours(faces: Tensor, count: int) -> tuple[Tensor, Tensor]:
+    """Neighbours of each of `count` points and itself as compressed rows: (count + 1,) and (E,)."""
+    edges = unique_edges(faces)
+    edges = edges[edges[:, 0] != edges[:, 1]]
+    self_loops = torch.arange(count).expand(2, -1).T
+    both = torch.cat([edges, edges.flip(1), self_loops])
+    both = both[(both[:, 0] * count + both[:, 1]).argsort()]
+    rows = torch.zeros(count + 1, dtype=torch.int64)
+    rows[1:] = torch.bincount(both[:, 0], minlength=count).cumsum(0)
+    return rows, both[:, 1]
+
+
+@dataclass(frozen=True)
+class PackedOutfits:
+    """Points of several outfits, one outfit after another, on one device.
+
+    sizes: points of each outfit. outfit: (U,) int64, whose each point is. points, normals, offsets: (U, 3).
+    smooth: (U, J). average: the mean over a point's neighbours and itself.
+    """
+
+    sizes: tuple[int, ...]
+    outfit: Tensor
+    points: Tensor
+    normals: Tensor
+    offsets: Tensor
+    smooth: Tensor
+    average: Operator
+
+
+def pack(graphs: Sequence[OutfitGraph], device: torch.device) -> PackedOutfits:
+    """Pack one outfit or more for one pass of the network."""
+    sizes = tuple(len(graph.points) for graph in graphs)
+    starts = list(accumulate(sizes, initial=0))
+    entries = list(accumulate((len(graph.columns) for graph in graphs), initial=0))
+    rows = torch.cat(
+        [graph.rows[:-1] + entry for graph, entry in zip(graphs, entries[:-1], strict=True)]
+        + [torch.tensor(entries[-1:])]
+    )
+    columns = torch.cat([graph.columns + start for graph, start in zip(graphs, starts[:-1], strict=True)])
+    degrees = rows.diff()
+    share = 1.0 / degrees
+
+    def joined(name: str) -> Tensor:
+        return torch.cat([getattr(graph, name) for graph in graphs]).to(device)
+
+    return PackedOutfits(
+        sizes=sizes,
+        outfit=torch.arange(len(graphs)).repeat_interleave(torch.tensor(sizes)).to(device),
+        points=joined("points"),
+        normals=joined("normals"),
+        offsets=joined("offsets"),
+        smooth=joined("smooth"),
+        average=Operator(
+            _compressed(rows, columns, share.repeat_interleave(degrees)).to(device),
+            # Neighbourhood goes both ways: the transpose has the same places, and the share of the column.
+            _compressed(rows, columns, share[columns]).to(device),
+        ),
+    )
+
+
+def _compressed(rows: Tensor, columns: Tensor, values: Tensor) -> Tensor:
+    size = (len(rows) - 1, len(rows) - 1)
+    return torch.sparse_csr_tensor(rows, columns, values, size, check_invariants=False)

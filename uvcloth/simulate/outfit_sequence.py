@@ -1,0 +1,130 @@
+"""Sequences of outfits: several garments that moved together on a body of their own."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import torch
+from rich.progress import track
+from torch import Tensor
+
+from rasterize.errors import InputError
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.garments.fit import make_fitted
+from uvcloth.garments.garment import Outfit
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.motion.poses import SPLITS, rest_hash
+from uvcloth.simulate.sequence import MOTION_TOLERANCE, SimulatedSequence, load_sequence
+
+BODIES = "bodies"
+"""Folder, in a data folder, of the bodies that its outfits are on."""
+
+
+@dataclass(frozen=True)
+class OutfitSequence:
+    """An outfit over one clip, its N vertices those of its garments one after another, the innermost first.
+
+    name: of the outfit. types: what each garment is ("trousers", "dress"). split: one of SPLITS, subject: who
+    moves, "" where that is not known. transforms: (F, J, 3, 4) of the body. vertices: (F, N, 3) m, world.
+    warm_up: leading frames that are never scored. files: file name -> content hash.
+    """
+
+    name: str
+    outfit: Outfit
+    types: tuple[str, ...]
+    clip: str
+    subject: str
+    split: str
+    transforms: Tensor
+    vertices: Tensor
+    fps: float
+    warm_up: int
+    files: dict[str, str] = field(default_factory=dict)
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def sizes(self) -> list[int]:
+        """Vertices of each garment."""
+        return [len(garment.mesh.vertices) for garment in self.outfit.garments]
+
+
+def load_outfit_sequences(folder: Path, splits: Sequence[str] = SPLITS) -> list[OutfitSequence]:
+    """Read the outfits that `uvcloth simulate --outfits` moved, sorted by name and clip.
+
+    Raises InputError naming the file if one is damaged, of no outfit, on a body that the folder lacks, or of
+    another motion than the outfit's other garments; and the folder if it holds none in these splits.
+    """
+    paths = sorted(folder.glob("*.npz"))
+    if not paths:
+        raise InputError(f"{folder}: no sequence (*.npz) made by `uvcloth simulate` in this folder")
+    found: dict[tuple[str, str], dict[str, tuple[Path, SimulatedSequence]]] = {}
+    for path in track(paths, "reading sequences", transient=True):
+        sequence = load_sequence(path)
+        outfit = sequence.metadata.get("outfit")
+        if outfit is None:
+            raise InputError(f"{path}: of no outfit, it was not made by `uvcloth simulate --outfits`")
+        if sequence.metadata.get("split") in splits:
+            found.setdefault((str(outfit), sequence.clip), {})[sequence.garment] = (path, sequence)
+    if not found:
+        raise InputError(f"{folder}: holds no outfit for {' or '.join(splits)}")
+    bodies: dict[str, Body] = {}
+    dressed: dict[str, Outfit] = {}
+    sequences = []
+    for name, clip in track(sorted(found), "dressing bodies", transient=True):
+        parts = _layers(found[name, clip])
+        body = _body(folder, *parts[0], bodies)
+        if name not in dressed:
+            dressed[name] = _outfit((sequence for _, sequence in parts), body)
+        sequences.append(_join(name, dressed[name], parts))
+    return sequences
+
+
+def _layers(parts: dict[str, tuple[Path, SimulatedSequence]]) -> list[tuple[Path, SimulatedSequence]]:
+    """The garments of an outfit in order. Raises InputError if one is missing or moves otherwise."""
+    first_path, first = next(iter(parts.values()))
+    for layer in first.layers:
+        if layer not in parts:
+            raise InputError(f"{first_path}: was simulated with {layer}, of which the folder has no sequence")
+    ordered = [parts[layer] for layer in first.layers]
+    for path, other in ordered:
+        same = other.transforms.shape == first.transforms.shape and other.warm_up == first.warm_up
+        if not same or (other.transforms - first.transforms).abs().max() > MOTION_TOLERANCE:
+            raise InputError(f"{path}: moves otherwise than {first_path.name} of the same outfit")
+    return ordered
+
+
+def _body(folder: Path, path: Path, sequence: SimulatedSequence, known: dict[str, Body]) -> Body:
+    name = str(sequence.metadata["body"])
+    if name not in known:
+        known[name] = load_body(folder / BODIES / f"{name}.npz")
+    if rest_hash(known[name]) != sequence.metadata.get("body_hash"):
+        raise InputError(f"{path}: was simulated on another body than {folder / BODIES / f'{name}.npz'}")
+    return known[name]
+
+
+def _outfit(parts: Iterable[SimulatedSequence], body: Body) -> Outfit:
+    garments = []
+    for part in parts:
+        mesh = Mesh(part.rest, part.faces, torch.zeros(1, 2), torch.zeros_like(part.faces))
+        garments.append(make_fitted(part.garment, mesh, body, part.metadata.get("template"))[0])
+    return Outfit(body, tuple(garments))
+
+
+def _join(name: str, outfit: Outfit, parts: Sequence[tuple[Path, SimulatedSequence]]) -> OutfitSequence:
+    _, first = parts[0]
+    return OutfitSequence(
+        name=name,
+        outfit=outfit,
+        types=tuple(str(part.metadata.get("types", {}).get(part.garment, "")) for _, part in parts),
+        clip=first.clip,
+        subject=str(first.metadata.get("subject", "")),
+        split=str(first.metadata["split"]),
+        transforms=first.transforms,
+        vertices=torch.cat([part.vertices for _, part in parts], dim=1),
+        fps=first.fps,
+        warm_up=first.warm_up,
+        files={path.name: str(part.metadata.get("hash", "")) for path, part in parts},
+        metadata=first.metadata,
+    )

@@ -1,0 +1,149 @@
+"""Batch simulation of made outfits: each on its own body, over windows of its own split."""
+
+import shutil
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rasterize.atomic import atomic_write, make_folder
+from rasterize.errors import InputError
+from uvcloth.bodies.body import load_body
+from uvcloth.motion.index import Entry
+from uvcloth.motion.poses import SPLITS
+from uvcloth.simulate.batch import LEAD_IN, ONE_PER_CORE, Workers, simulate_all
+from uvcloth.simulate.cloth import join
+from uvcloth.simulate.engines import ENGINES
+from uvcloth.simulate.folder import keep_refused, rejected, require_engine, stored_sequences
+from uvcloth.simulate.outfit_sequence import BODIES
+from uvcloth.simulate.plan import ClipSelection, Job, Source, batch_sources, load_motion
+from uvcloth.simulate.run import RUN_UP
+from uvcloth.wardrobe.outfit_file import OutfitFile, load_outfit_file, outfit_files, wear
+
+
+@dataclass(frozen=True)
+class _Task:
+    """An outfit and the windows that it may be moved by, the first that is no faulty capture."""
+
+    outfit: OutfitFile
+    windows: Sequence[Source]
+
+    @property
+    def frames(self) -> int:
+        """Frames to simulate, about."""
+        window = self.windows[0].window
+        return (window.frames if window else 0) + RUN_UP + len(LEAD_IN)
+
+
+def simulate_outfits(
+    wardrobe: Path,
+    selection: ClipSelection,
+    out: Path,
+    frames: int | None = None,
+    engine: str = "newton",
+    workers: Workers = ONE_PER_CORE,
+) -> None:
+    """Simulate every outfit of a folder over one window of its split, its garments together, on its body.
+
+    The windows of a split are dealt to its outfits in turn. frames: simulate no more of a window. Written are
+    OUT/<clip>_<garment>.npz and OUT/bodies; what is there already is kept. Raises InputError as
+    `simulate_batch` does, for a folder without outfits, and for outfits of a split without windows.
+    """
+    if engine not in ENGINES:
+        raise InputError(f"--engine {engine}: expected one of {', '.join(ENGINES)}")
+    if frames is not None and frames < 1:
+        raise InputError(f"--most-frames {frames}: has to be 1 or more")
+    outfits = [load_outfit_file(path) for path in outfit_files(wardrobe)]
+    made_by = ENGINES[engine]()
+    require_engine(stored_sequences(out), made_by)
+    tasks = _deal(outfits, batch_sources(selection), frames)
+    todo = [task for task in tasks if not _done(task, out)]
+    if not todo:
+        print(f"{out}: every outfit is there already")
+        return
+    make_folder(out / BODIES)
+    expected = sum(
+        task.windows[0].window.frames + RUN_UP + len(LEAD_IN) for task in todo if task.windows[0].window
+    )
+    simulate_all(_jobs(todo, out), expected, made_by, workers)
+
+
+def _deal(outfits: Sequence[OutfitFile], sources: Sequence[Source], frames: int | None) -> list[_Task]:
+    """Deal windows to outfits, in turn within a split; validation and test are spread among the training."""
+    windows: dict[str, list[Source]] = {split: [] for split in SPLITS}
+    for source in sources:
+        if source.window is None:
+            raise InputError("--outfits: name the windows with --windows, the table of clips")
+        windows[source.window.split].append(replace(source, window=_cut(source.window, frames)))
+    dealt = dict.fromkeys(SPLITS, 0)
+    tasks = []
+    for outfit in outfits:
+        own = windows[outfit.split]
+        if not own:
+            continue
+        first = dealt[outfit.split] % len(own)
+        dealt[outfit.split] += 1
+        tasks.append(_Task(outfit, [*own[first:], *own[:first]]))
+    if not tasks:
+        raise InputError("--outfits: the table has no window for the splits of these outfits")
+    return tasks
+
+
+def _cut(window: Entry, frames: int | None) -> Entry:
+    return replace(window, frames=min(window.frames, frames or window.frames))
+
+
+def _done(task: _Task, out: Path) -> bool:
+    """True if every garment of an outfit has a sequence over one of its windows, or is refused."""
+    return any(
+        all(target.exists() or rejected(target).exists() for target in _targets(task.outfit, source, out))
+        for source in task.windows
+    )
+
+
+def _targets(outfit: OutfitFile, source: Source, out: Path) -> tuple[Path, ...]:
+    return tuple(out / f"{source.clip}_{piece.file.stem}.npz" for piece in outfit.pieces)
+
+
+def _jobs(tasks: Sequence[_Task], out: Path) -> Iterator[Job]:
+    """Yield a job for each outfit: what it wears and the motion are read when it is its turn."""
+    for task in tasks:
+        _keep_body(task.outfit.body, out)
+        job = _job(task, out)
+        if job is not None:
+            yield job
+
+
+def _job(task: _Task, out: Path) -> Job | None:
+    """The job of an outfit over the first of its windows that is no faulty capture; None if all are."""
+    worn = wear(task.outfit)
+    body = worn.body
+    cloths = tuple(join(garment, body) for garment in worn.garments)
+    for source in task.windows:
+        motion, warm_up, fault = load_motion(source, body, 0)
+        if fault is not None:
+            keep_refused({source.clip: fault}, out)
+            continue
+        assert source.window is not None
+        return Job(
+            motion,
+            warm_up,
+            body,
+            cloths,
+            _targets(task.outfit, source, out),
+            labels={
+                "outfit": task.outfit.name,
+                "types": {piece.file.stem: piece.design.kind for piece in task.outfit.pieces},
+                "split": task.outfit.split,
+                "subject": source.window.subject,
+                "action": source.window.action,
+            },
+        )
+    return None
+
+
+def _keep_body(path: Path, out: Path) -> None:
+    """Copy a body to the data, under the name that its sequences call it by."""
+    kept = out / BODIES / f"{load_body(path).name}.npz"
+    if not kept.exists():
+        with atomic_write(kept) as partial:
+            shutil.copyfile(path, partial)
