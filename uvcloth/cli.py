@@ -103,7 +103,7 @@ class Motion:
     """Say what a motion file is and how it is understood, and draw stick figures of it."""
 
     file: Positional[Annotated[str, arg(metavar="FILE|NAME")]]
-    """A motion file (BVH, glTF) or the name of a built-in clip."""
+    """A motion file (BVH, glTF, AMASS) or the name of a built-in clip."""
     out: Path = Path("motion.png")
     """The picture to write."""
     body: BodyFile = None
@@ -122,7 +122,7 @@ class Simulate:
     """Simulate garments over clips with a cloth engine; a rerun continues with what is missing."""
 
     clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]]
-    """Motion files (BVH, glTF) or names of built-in clips."""
+    """Motion files (BVH, glTF, AMASS) or names of built-in clips."""
     out: Path
     """Folder for the sequences, one npz per clip and garment."""
     garment: Garments = ("tops", "bottoms", "dress")
@@ -294,13 +294,19 @@ class Outfits:
     one over a lower one, as tshirt+skirt."""
     jobs: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: one per core)")] = None
     """Processes at the same time."""
+    picture: Annotated[Path | None, arg(metavar="PNG", help_behavior_hint="")] = None
+    """Also draw a contact sheet of the first 48."""
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
-        from uvcloth.commands.outfits import Wardrobe, make_wardrobe
+        from uvcloth.commands.outfit_sheet import draw_sheet
+        from uvcloth.commands.outfits import OutfitSettings, make_outfits
+        from uvcloth.wardrobe.outfit_file import outfit_files
 
-        make_wardrobe(
-            Wardrobe(
+        if self.picture is not None and self.picture.suffix.lower() != ".png":
+            raise InputError(f"--picture {self.picture}: a picture is written as .png")
+        make_outfits(
+            OutfitSettings(
                 out=self.out,
                 count=self.count,
                 seed=self.seed,
@@ -311,6 +317,8 @@ class Outfits:
                 jobs=self.jobs,
             )
         )
+        if self.picture is not None:
+            draw_sheet(outfit_files(self.out), self.picture)
 
 
 @dataclass(frozen=True)
@@ -318,7 +326,7 @@ class Rollout:
     """Move garments over a motion and write a file that engines and DCCs open."""
 
     motion: str
-    """A motion file (BVH, glTF) or the name of a built-in clip."""
+    """A motion file (BVH, glTF, AMASS) or the name of a built-in clip."""
     garment: Garments
     """Templates (tops, bottoms, dress, shirt) or garment files, the innermost first; contact keeps each out
     of the body and off what is beneath."""

@@ -18,6 +18,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import first_of
 from uvcloth.methods.deepsd.outfit_graph import OutfitGraph, outfit_graph
 from uvcloth.methods.rig import pose_vectors
+from uvcloth.simulate.cloth3d import is_cloth3d, load_cloth3d
 from uvcloth.simulate.outfit_sequence import OutfitSequence, load_outfit_sequences
 
 
@@ -46,12 +47,38 @@ class OutfitFrames:
 class OutfitDataset:
     """Outfits that teach and those that validate, all on bodies of one mesh and skeleton.
 
-    data: the record of files and clips for the checkpoint.
+    data: the record of files and clips for the checkpoint. balanced: whether outfits are drawn alike, however
+    many frames there are of each; if not, frames are.
     """
 
     training: tuple[OutfitFrames, ...]
     held: tuple[OutfitFrames, ...]
     data: TrainingData
+    balanced: bool = False
+
+    @property
+    def samples(self) -> Tensor:
+        """What a step may draw: numbers of outfits if they are balanced, otherwise of rows."""
+        return torch.arange(len(self.training) if self.balanced else len(self.rows))
+
+    def draw(self, samples: Tensor, each: int) -> tuple[list[OutfitFrames], list[Tensor]]:
+        """The outfits of samples (B,), and `each` frames of each one at random, with the sample's own first.
+
+        Where there is one outfit alone it is given once, with the frames of all.
+        """
+        if not self.balanced:
+            chosen = self.rows[samples]
+            outfits = [self.training[index] for index in chosen[:, 0].tolist()]
+            first = chosen[:, 1:]
+        else:
+            outfits = [self.training[index] for index in samples.tolist()]
+            first = torch.zeros(len(samples), 0, dtype=torch.int64)
+        counts = torch.tensor([len(outfit.vectors) for outfit in outfits])
+        others = (torch.rand(len(samples), each - first.shape[1]) * counts[:, None]).long()
+        frames = torch.cat([first, others], dim=1)
+        if len(self.training) == 1:
+            return outfits[:1], [frames.flatten()]
+        return outfits, list(frames)
 
     @cached_property
     def rows(self) -> Tensor:
@@ -79,12 +106,12 @@ class OutfitDataset:
         return self.training[0].body
 
 
-def read_outfits(folder: Path, rest_frames: int) -> OutfitDataset:
+def read_outfits(folder: Path, rest_frames: int, *, balanced: bool = False) -> OutfitDataset:
     """Read the training and validation outfits of a folder.
 
     rest_frames: leading frames that do not teach; of those that validate the whole warm-up does not count.
-    Raises InputError as `load_outfit_sequences` does, if a split has no outfit, and if bodies differ in mesh
-    or skeleton.
+    balanced: as OutfitDataset has it. Raises InputError as `load_outfit_sequences` does, if a split has no
+    outfit, and if bodies differ in mesh or skeleton.
     """
     sequences = outfit_sequences(folder)
     for split in TRAINING_SPLITS:
@@ -104,11 +131,13 @@ def read_outfits(folder: Path, rest_frames: int) -> OutfitDataset:
         },
     )
     training, held = (_grouped(sequences, split, rest_frames) for split in TRAINING_SPLITS)
-    return OutfitDataset(training, held, data)
+    return OutfitDataset(training, held, data, balanced)
 
 
 def outfit_sequences(folder: Path) -> list[OutfitSequence]:
-    """The training and validation sequences of a folder, whoever made it."""
+    """The training and validation sequences of a folder, simulated here or in the layout of CLOTH3D."""
+    if is_cloth3d(folder):
+        return load_cloth3d(folder, TRAINING_SPLITS)
     return load_outfit_sequences(folder, TRAINING_SPLITS)
 
 

@@ -34,8 +34,8 @@ class DeePSDObjective(Objective):
 
     @property
     def samples(self) -> Tensor:
-        """The training frames."""
-        return torch.arange(len(self.dataset.rows))
+        """The training outfits, or their frames, see `OutfitDataset.samples`."""
+        return self.dataset.samples
 
     def picture(self, net: Any) -> Tensor:
         """A few validation outfits: (H, W, 3) uint8."""
@@ -64,18 +64,6 @@ class DeePSDObjective(Objective):
         """Settings of the phase, for the checkpoint."""
         return {}
 
-    def _drawn(self, rows: Tensor, each: int) -> tuple[list[OutfitFrames], list[Tensor]]:
-        """The outfits of training frames (B,), and `each` frames of each one: its own, the others random."""
-        chosen = self.dataset.rows[rows.cpu()]
-        if len(self.dataset.training) == 1:
-            # One outfit is read once for all of them.
-            more = torch.randint(len(self.dataset.rows), (len(rows) * (each - 1),))
-            return [self.dataset.training[0]], [torch.cat([chosen[:, 1], more])]
-        outfits = [self.dataset.training[index] for index in chosen[:, 0].tolist()]
-        counts = torch.tensor([len(outfit.vectors) for outfit in outfits])
-        others = (torch.rand(len(rows), each - 1) * counts[:, None]).long()
-        return outfits, list(torch.cat([chosen[:, 1:], others], dim=1))
-
 
 class DataObjective(DeePSDObjective):
     """The error against simulated outfits, and priors that fade after the first epoch (eq. 3, section 9)."""
@@ -100,7 +88,7 @@ class DataObjective(DeePSDObjective):
         self, networks: Mapping[str, Any], rows: Tensor
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
         """The losses of some outfits in some of their frames."""
-        outfits, frames = self._drawn(rows, self.losses.poses_per_outfit)
+        outfits, frames = self.dataset.draw(rows.cpu(), self.losses.poses_per_outfit)
         poses = DrawnPoses(
             torch.stack([o.vectors[own] for o, own in zip(outfits, frames, strict=True)]).to(self.device),
             torch.stack([o.transforms[own] for o, own in zip(outfits, frames, strict=True)]).to(self.device),
@@ -139,6 +127,7 @@ class DataObjective(DeePSDObjective):
         return {
             "method": asdict(self.config),
             "losses": asdict(self.losses),
+            "drawing": {"balanced": self.dataset.balanced},
             "data": asdict(self.dataset.data),
         }
 

@@ -85,7 +85,7 @@ class PhysicsObjective(DeePSDObjective):
         self, networks: Mapping[str, Any], rows: Tensor
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
         """The energies of some outfits in drawn poses, mJ: the mean over outfits and poses."""
-        outfits, frames = self._drawn(rows, self.losses.poses_drawn)
+        outfits, frames = self.dataset.draw(rows.cpu(), self.losses.poses_drawn)
         poses = self._poses(outfits, frames)
         described = self._described(networks["net"], outfits)
         predicted = pose_outfits(networks["net"], described, poses)
@@ -144,6 +144,7 @@ class PhysicsObjective(DeePSDObjective):
         return {
             "method": asdict(self.config) | {"start": start},
             "losses": asdict(self.losses),
+            "drawing": {"balanced": self.dataset.balanced},
             "data": asdict(self.dataset.data),
             "garments": {outfit.name: fingerprint(outfit.graph.points) for outfit in self.dataset.training},
         }

@@ -27,7 +27,7 @@ from uvcloth.methods.deepsd.method import ENTRY as METHOD
 
 LOSSES: dict[str, DataLosses] = {
     "default": DataLosses(),
-    "paper": DataLosses(poses_per_outfit=1, points=1.0, error="squared", closest_weights=100.0),
+    "paper": DataLosses(poses_per_outfit=1, points=1.0, error="squared", closest_weights=100.0, mirror=False),
     "tiny": DataLosses(poses_per_outfit=2),
 }
 
@@ -38,7 +38,7 @@ PHYSICS: dict[str, PhysicsLosses] = {
 }
 
 LOOPS: dict[str, LoopConfig] = {
-    "default": LoopConfig(steps=5000, batch=4),
+    "default": LoopConfig(steps=5000, batch=4, validate_every=500),
     "paper": LoopConfig(
         steps=60000,
         batch=4,
@@ -59,7 +59,7 @@ class DeePSDRun:
     out: Path
     """Folder of the run: checkpoint, training state, TensorBoard."""
     data: Path | None = None
-    """Folder of the outfits that `uvcloth simulate --outfits` moved."""
+    """Folder of the outfits that `uvcloth simulate --outfits` moved, or in CLOTH3D's layout."""
     physics_only: Annotated[str | None, tyro.conf.arg(metavar="RUN|shipped")] = None
     """Go on from the network of this run: train the branch of physics alone, all else stays."""
     outfit: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")] = ()
@@ -73,6 +73,8 @@ class DeePSDRun:
     """default, paper or tiny: where every setting below starts from."""
     resume: bool = False
     """Continue the run in `out` where it stopped."""
+    balanced: bool = True
+    """Draw outfits alike, however many frames there are of each; else frames alike (paper)."""
     body: Path | None = None
     """The body that --outfit is on, made by `uvcloth body`; default: the one in the package."""
     network: OmitArgPrefixes[DeePSDConfig] = field(default_factory=DeePSDConfig)
@@ -99,17 +101,18 @@ class DeePSDRun:
         device = training_device()
         if self.physics_only is None:
             assert self.data is not None
-            dataset = read_outfits(self.data, self.losses.rest_frames)
+            dataset = self._outfits(self.data)
             if self.losses.mirror:
                 mirrored = tuple(mirror_outfit(outfit) for outfit in dataset.training)
                 dataset = replace(dataset, training=(*dataset.training, *mirrored))
             return DataObjective(self.network, self.losses, dataset, device)
         start = load_start(self.physics_only)
-        if self.data is None:
-            dataset = self._posed_outfit()
-        else:
-            dataset = read_outfits(self.data, self.losses.rest_frames)
+        dataset = self._posed_outfit() if self.data is None else self._outfits(self.data)
         return PhysicsObjective(start, self.physics, dataset, self.loop.batch, device)
+
+    def _outfits(self, folder: Path) -> OutfitDataset:
+        """The outfits of the data."""
+        return read_outfits(folder, self.losses.rest_frames, balanced=self.balanced)
 
     def _posed_outfit(self) -> OutfitDataset:
         """The user's outfit in the poses named."""
@@ -123,7 +126,13 @@ class DeePSDRun:
 ENTRY = TrainerEntry(
     DeePSDRun,
     {
-        name: {"network": network, "losses": LOSSES[name], "physics": PHYSICS[name], "loop": LOOPS[name]}
+        name: {
+            "network": network,
+            "losses": LOSSES[name],
+            "physics": PHYSICS[name],
+            "loop": LOOPS[name],
+            "balanced": name != "paper",
+        }
         for name, network in METHOD.presets.items()
     },
 )

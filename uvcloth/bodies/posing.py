@@ -30,6 +30,6 @@ def posed_skin(body: Body, transforms: Tensor) -> Tensor:
 
 
 def _corrections(shapes: Tensor, parents: tuple[int, ...], transforms: Tensor) -> Tensor:
-    """What the pose adds to the rest mesh: (B, V, 3) m."""
+    """Pose shapes of the pose, to add to the rest mesh: (B, V, 3) m."""
     turns = local_rotations(parents, transforms[..., :3])[:, 1:] - torch.eye(3).to(transforms)
     return (turns.flatten(1) @ shapes.flatten(1)).unflatten(1, (-1, 3))

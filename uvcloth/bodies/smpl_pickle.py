@@ -24,7 +24,7 @@ MOST_VALUES = 100_000_000
 
 
 class _Record:
-    """What a pickle calls a constructor with, and the state that it then sets."""
+    """Arguments that a pickle calls a constructor with, and the state that it then sets."""
 
     arguments: tuple[Any, ...]
     state: Any
@@ -38,7 +38,7 @@ class _Record:
         self.state = state
 
     def value(self) -> Any:
-        """What the record stands for."""
+        """Make the array or number that the record stands for. Raises InputError if there is none."""
         raise InputError(f"holds a {type(self).__name__.strip('_')} where an array was expected")
 
 

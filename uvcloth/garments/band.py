@@ -11,7 +11,7 @@ from rasterize.charts import face_components
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
-from uvcloth.garments.shells import joint
+from uvcloth.garments.shells import joint_of
 from uvcloth.garments.templates import load_template
 from uvcloth.geometry.mesh import boundary_edges, face_normals, weld
 
@@ -60,7 +60,7 @@ def holding_band(garment: Garment, body: Body) -> Band:
         held[used] |= hem_band(mesh.vertices[used], mesh.vertices[hem], BAND_WIDTH)
     area = face_normals(mesh.vertices, mesh.faces).norm(dim=1)
     banded = float((area * held[mesh.faces].float().mean(1)).sum())
-    on_shoulders = float(mesh.vertices[held][:, 2].mean()) > joint(body, "LeftArm")[2]
+    on_shoulders = float(mesh.vertices[held][:, 2].mean()) > joint_of(body, "left_upper_arm")[2]
     share = SHOULDER_SHARE if on_shoulders else WAIST_SHARE
     return Band(held, 1.0 + share * (float(area.sum()) - banded) / banded)
 

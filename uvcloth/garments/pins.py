@@ -11,7 +11,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.band import holding_band
 from uvcloth.garments.garment import Garment
-from uvcloth.garments.shells import joint
+from uvcloth.garments.shells import joint_of
 
 PIN_SETS = ("band", "waist", "neck", "none")
 """Named vertex sets: the holding band, or its part below or above the middle of the trunk."""
@@ -41,7 +41,7 @@ def pinned(garments: Sequence[Garment], body: Body, names: Sequence[str]) -> Ten
 
 def _place(garment: Garment, body: Body, place: str) -> Tensor:
     band = holding_band(garment, body).vertices
-    middle = 0.5 * float(joint(body, "Hips")[2] + joint(body, "LeftArm")[2])
+    middle = 0.5 * float(joint_of(body, "hips")[2] + joint_of(body, "left_upper_arm")[2])
     low = garment.mesh.vertices[:, 2] < middle
     return {"band": band, "waist": band & low, "neck": band & ~low}[place]
 

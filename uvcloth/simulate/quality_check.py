@@ -12,6 +12,7 @@ from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import unique_edges, weld
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.geometry.skinning import skin
+from uvcloth.motion.roles import joint_roles
 from uvcloth.physics.contact import Obstacle, Skin
 from uvcloth.physics.self_intersection import crossing_edges_percent
 from uvcloth.simulate.hems import unsupported_hem
@@ -30,16 +31,16 @@ MAX_CROSSING_PERCENT = 5.0
 """Percent of the edges that may run through the garment itself, averaged over the scored frames."""
 
 COLLIDER_BONES = (
-    ("LeftArm", "LeftForeArm"),
-    ("RightArm", "RightForeArm"),
-    ("LeftUpLeg", "LeftLeg"),
-    ("RightUpLeg", "RightLeg"),
-    ("LeftLeg", "LeftFoot"),
-    ("RightLeg", "RightFoot"),
-    ("LeftForeArm", "LeftHand"),
-    ("RightForeArm", "RightHand"),
+    ("left_upper_arm", "left_forearm"),
+    ("right_upper_arm", "right_forearm"),
+    ("left_thigh", "left_shin"),
+    ("right_thigh", "right_shin"),
+    ("left_shin", "left_foot"),
+    ("right_shin", "right_foot"),
+    ("left_forearm", "left_hand"),
+    ("right_forearm", "right_hand"),
 )
-"""Joints at which the bones of the collider's arms and legs start and end."""
+"""Roles of the joints at which the bones of the collider's arms and legs start and end."""
 
 
 def examine(
@@ -112,8 +113,9 @@ def _pierced_percent(sequence: SimulatedSequence, skeleton: Skeleton, touches: T
     transforms = sequence.transforms[sequence.warm_up :]
     vertices = sequence.vertices[sequence.warm_up :]
     pierced = torch.zeros(len(vertices), dtype=torch.bool)
+    roles = joint_roles(skeleton.names)
     for part, (start, end) in zip((*ARM_PARTS, *LEG_PARTS, *FOREARM_PARTS), COLLIDER_BONES, strict=True):
-        joint, child = skeleton.names.index(start), skeleton.names.index(end)
+        joint, child = roles[start], roles[end]
         moved = transforms[:, joint]
         heads, tails = (moved[..., :3] @ skeleton.heads[i] + moved[..., 3] for i in (joint, child))
         faces = sequence.faces[((touches >> part) & 1).bool()[sequence.faces].all(1)]

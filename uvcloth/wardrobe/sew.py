@@ -21,6 +21,7 @@ from uvcloth.physics.face_contact import FACE_CLEARANCE, POINT_SPACING
 from uvcloth.physics.layers import Layer
 from uvcloth.physics.surface import BodySurface
 from uvcloth.wardrobe.designs import Design
+from uvcloth.wardrobe.hang import hang
 from uvcloth.wardrobe.patterns import Pattern, cut_pattern, ease
 
 LEAST_OFF = 0.004
@@ -81,8 +82,7 @@ def sew(designs: Sequence[Design], meshing: Meshing, body: Body) -> tuple[Mesh, 
         vertices = torch.from_numpy(points).float()
         if not faces_outward(_mesh(vertices, faces), body):
             faces = faces.flip(1)
-        off = torch.from_numpy(ease(design, body, points)).float()
-        pieces.append(_worn(vertices, faces, off, pieces, body, surface))
+        pieces.append(_worn(design, vertices, faces, pieces, body, surface))
     return tuple(_panels(piece, body) if meshing.seams else piece for piece in pieces)
 
 
@@ -97,16 +97,21 @@ def _uneven(vertices: Array, faces: Indices, count: int) -> tuple[Array, Indices
 
 
 def _worn(
-    vertices: Tensor, faces: Tensor, off: Tensor, beneath: Sequence[Mesh], body: Body, surface: BodySurface
+    design: Design, vertices: Tensor, faces: Tensor, beneath: Sequence[Mesh], body: Body, surface: BodySurface
 ) -> Mesh:
-    """A piece moved to its ease, metres off the skin (N,), and over the pieces beneath."""
+    """A piece moved off the skin to its ease, and over the pieces beneath."""
     average = smoothing_matrix(faces, len(vertices))
     snug = _held(vertices, faces)
-    limit = _room(vertices, body, surface)
+    room = _room(vertices, body, surface)
+    points = vertices.numpy().astype(np.float64)
+    off = torch.from_numpy(ease(design, body, points)).float()
     for inner in beneath:
         off = torch.maximum(off, _thickness(vertices, inner, surface) + OVER)
     for _ in range(EASE_SMOOTHING):
-        off = torch.where(snug, off, torch.minimum(0.5 * off + 0.5 * (average @ off), limit))
+        off = torch.where(snug, off, torch.minimum(0.5 * off + 0.5 * (average @ off), room))
+    vertices = torch.from_numpy(
+        hang(design, body, points, off.double().numpy(), room.double().numpy())
+    ).float()
     vertices = offset_from_skin(vertices, faces, off, snug & ~_over(vertices, beneath), body)
     for inner in beneath:
         vertices = _over_piece(vertices, average, inner, surface)

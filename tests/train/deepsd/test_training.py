@@ -153,7 +153,7 @@ def test_losses_by_hand(dataset: OutfitDataset) -> None:
 def test_a_step_draws_frames_of_the_outfits_asked_for(dataset: OutfitDataset) -> None:
     objective = Quick(TINY, DataLosses(poses_per_outfit=4, points=0.5), dataset)
     torch.manual_seed(3)
-    outfits, frames = objective._drawn(torch.tensor([7, 2]), 4)
+    outfits, frames = dataset.draw(torch.tensor([7, 2]), 4)
     assert [outfit.name for outfit in outfits] == ["hips", "belt"]
     assert [own[0].item() for own in frames] == [2, 2]
     assert all(len(own) == 4 and own.max() < 5 for own in frames)
@@ -161,6 +161,20 @@ def test_a_step_draws_frames_of_the_outfits_asked_for(dataset: OutfitDataset) ->
         assert len(some.unique()) == len(some) == round(0.5 * len(outfit.graph.points))
     next(iter(objective.steps(objective.networks(), torch.tensor([7, 2]))))
     assert objective.memory()["seen"] == 8
+
+
+def test_balanced_outfits_are_drawn_alike(dataset: OutfitDataset) -> None:
+    """The belt has three frames and the hips five: each is one sample, its frames are drawn at random."""
+    belt, hips = dataset.training
+    short = replace(
+        belt, vertices=belt.vertices[:3], transforms=belt.transforms[:3], vectors=belt.vectors[:3]
+    )
+    balanced = replace(dataset, training=(short, hips), balanced=True)
+    assert balanced.samples.tolist() == [0, 1]
+    assert len(replace(balanced, balanced=False).samples) == 8
+    outfits, frames = balanced.draw(torch.tensor([1, 0]), 40)
+    assert [outfit.name for outfit in outfits] == ["hips", "belt"]
+    assert [own.unique().tolist() for own in frames] == [list(range(5)), list(range(3))]
 
 
 def test_resuming_gives_the_weights_of_an_uninterrupted_run(dataset: OutfitDataset, tmp_path: Path) -> None:
@@ -213,14 +227,14 @@ def test_training_lowers_the_error(dataset: OutfitDataset) -> None:
     net = objective.networks()["net"]
     optimizer = torch.optim.Adam(net.parameters(), lr=1e-2)
     errors = []
-    for step in range(60):
+    for step in range(30):
         torch.manual_seed(step)
         _, loss, parts = next(iter(objective.steps({"net": net}, torch.tensor([0, 5]))))
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
         errors.append(float(parts["error"].detach()))
-    assert sum(errors[-10:]) < 0.6 * sum(errors[:10])
+    assert sum(errors[-5:]) < 0.7 * sum(errors[:5])
     scores = objective.validate(net)
     assert list(scores)[:2] == ["mean_mm", "smooth_lbs_mm"]
     assert 1.0 < scores["smooth_lbs_mm"] < 20.0
@@ -282,7 +296,7 @@ def test_bodies_of_two_kinds_are_refused(
     monkeypatch.setattr(
         module,
         "outfit_sequences",
-        lambda _: [sequences[0], replace(sequences[1], outfit=other), sequences[2]],
+        lambda *_: [sequences[0], replace(sequences[1], outfit=other), sequences[2]],
     )
     with pytest.raises(
         InputError, match="outfit hips is on a body of another mesh or skeleton than outfit belt"
