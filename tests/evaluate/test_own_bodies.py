@@ -12,7 +12,7 @@ from evaluate.show import viewer_clips
 from rasterize.errors import InputError
 from tests.train.deepsd.outfits import MadeUp, save_outfits
 
-BAND = (0.1, 0.2)
+BAND = (0.05, 0.15)
 """Heights of a narrow band around the waist, where tops and bottoms overlap, m."""
 
 
