@@ -8,13 +8,10 @@ from numpy.typing import NDArray
 
 from rasterize.errors import InputError
 from uvcloth.garments.gltf_file import read_gltf_mesh
-from uvcloth.garments.obj_file import read_obj
+from uvcloth.garments.obj_file import read_obj, refuse_too_many
 from uvcloth.geometry.mesh import Mesh
 
 EXTENSIONS = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
-
-MOST_VERTICES = 200_000
-"""Of a garment: more than any renderer's cloth has, and than a rollout could carry."""
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -30,11 +27,8 @@ def read_mesh(path: Path) -> Mesh:
         raise InputError(f"{path}: a garment file ends in {', '.join(EXTENSIONS)} or .mhclo, {found}")
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    if path.suffix.lower() == ".obj":
-        # Lines are read one by one: a scan for them takes no time beside that.
-        _refuse_too_many(path, path.read_bytes().count(b"\nv "))
     mesh = _read(path)
-    _refuse_too_many(path, len(mesh.vertices))
+    refuse_too_many(path, len(mesh.vertices))
     if not len(mesh.vertices) or not len(mesh.faces):
         raise InputError(f"{path}: the garment is empty, it has {len(mesh.vertices)} vertices and no faces")
     broken = torch.nonzero(~torch.isfinite(mesh.vertices).all(dim=1))
@@ -43,14 +37,6 @@ def read_mesh(path: Path) -> Mesh:
     if not torch.isfinite(mesh.uvs).all():
         raise InputError(f"{path}: a texture coordinate is not a finite number")
     return mesh
-
-
-def _refuse_too_many(path: Path, vertices: int) -> None:
-    if vertices > MOST_VERTICES:
-        raise InputError(
-            f"{path}: the garment has {vertices:,} vertices, at most {MOST_VERTICES:,} can be dressed: "
-            "reduce the mesh first"
-        )
 
 
 def _read(path: Path) -> Mesh:
