@@ -108,7 +108,7 @@ def _action(moved: OutfitSequence) -> str:
 
 
 def _key(case: Case) -> str:
-    """What tells cases apart: the files of an outfit over a clip."""
+    """Name by which cases differ: the files of an outfit over a clip."""
     return "+".join(window.path.stem for window in case.windows)
 
 

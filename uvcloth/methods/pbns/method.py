@@ -120,7 +120,7 @@ class PBNS(Method):
         return PBNSPrepared(network, chosen, [len(each) for each in rows], network.blend_weights()[chosen])
 
     def _rows(self, names: Sequence[str]) -> list[Tensor]:
-        """Which of the model's vertices are those of each of some of its garments."""
+        """Rows of the model's vertices that are those of each of some of its garments."""
         parts = torch.arange(len(self.network.rest)).split(self.garments.sizes)
         own = dict(zip(self.garments.names, parts, strict=True))
         return [own[name] for name in names]
