@@ -37,6 +37,7 @@ JUDGING = (
     "evaluate/body_scores.py",
     "evaluate/stability.py",
     "evaluate/case.py",
+    "evaluate/outfits.py",
     "evaluate/judge.py",
 )
 """The sources and data that decide a score."""
