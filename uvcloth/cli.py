@@ -294,13 +294,19 @@ class Outfits:
     one over a lower one, as tshirt+skirt."""
     jobs: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: one per core)")] = None
     """Processes at the same time."""
+    picture: Annotated[Path | None, arg(metavar="PNG", help_behavior_hint="")] = None
+    """Also draw a contact sheet of the first 48."""
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
-        from uvcloth.commands.outfits import Wardrobe, make_wardrobe
+        from uvcloth.commands.outfit_sheet import draw_sheet
+        from uvcloth.commands.outfits import OutfitSettings, make_outfits
+        from uvcloth.wardrobe.outfit_file import outfit_files
 
-        make_wardrobe(
-            Wardrobe(
+        if self.picture is not None and self.picture.suffix.lower() != ".png":
+            raise InputError(f"--picture {self.picture}: a picture is written as .png")
+        make_outfits(
+            OutfitSettings(
                 out=self.out,
                 count=self.count,
                 seed=self.seed,
@@ -311,6 +317,8 @@ class Outfits:
                 jobs=self.jobs,
             )
         )
+        if self.picture is not None:
+            draw_sheet(outfit_files(self.out), self.picture)
 
 
 @dataclass(frozen=True)

@@ -47,11 +47,12 @@ FRAMING = 1.22
 
 @dataclass(frozen=True)
 class Surface:
-    """A mesh to draw. vertices: (V, 3) metres, Z up. faces: (F, 3) int64. color: sRGB in [0, 1]."""
+    """A mesh to draw. vertices: (V, 3) metres, Z up. faces: (F, 3) int64. color: sRGB in [0, 1], one for all
+    or one for each vertex (V, 3)."""
 
     vertices: Tensor
     faces: Tensor
-    color: Color
+    color: Color | Tensor
 
 
 @dataclass(frozen=True)
@@ -176,7 +177,10 @@ def _build(surfaces: Sequence[Surface], camera: Camera, floor: float, quality: Q
     if not torch.isfinite(vertices).all():
         raise InputError("a picture cannot be drawn: a vertex is not a finite number")
     colors = np.concatenate(
-        [np.tile(np.array(surface.color, np.float32), (len(surface.vertices), 1)) for surface in surfaces]
+        [
+            np.broadcast_to(np.asarray(surface.color, np.float32), (len(surface.vertices), 3))
+            for surface in surfaces
+        ]
     )
     points, normals = vertices.numpy(), vertex_normals(vertices, faces).numpy()
     embree = EmbreeScene()

@@ -58,7 +58,7 @@ def test_a_posed_body_is_that_of_smpls_equations(arrays: Arrays, file: Path, res
     betas = np.array([0.8, -0.5, 0.3])
     rest = np.zeros((24, 3))
     rest[1, 2], rest[2, 2] = rest_turn, -rest_turn
-    body = read_smpl(file).body(torch.from_numpy(betas), torch.from_numpy(rest), unwrapped=False)
+    body = read_smpl(file).resting(torch.from_numpy(rest)).body(torch.from_numpy(betas), unwrapped=False)
     pose, trans = a_pose(24), np.array([0.3, 1.0, -0.2])
     vertices, joints = smpl_vertices(arrays, betas, pose, trans)
 
@@ -83,7 +83,7 @@ def test_corrections_for_the_pose_survive_a_file_and_skinning_without_them_diffe
     coarse: Arrays, tmp_path: Path
 ) -> None:
     model = read_smpl(write_npz(tmp_path / "person.npz", coarse))
-    body = model.body(torch.zeros(0), unwrapped=False)
+    body = model.resting().body(torch.zeros(0), unwrapped=False)
     save_body(body, tmp_path / "b.npz")
     again = load_body(tmp_path / "b.npz")
     transforms = joint_transforms(
@@ -101,7 +101,7 @@ def test_corrections_for_the_pose_survive_a_file_and_skinning_without_them_diffe
 @pytest.mark.parametrize(("kind", "joints"), [("SMPL", 24), ("SMPL-H", 52), ("SMPL-X", 55)])
 def test_the_models_have_their_joints_regions_and_sides(kind: str, joints: int, tmp_path: Path) -> None:
     model = read_smpl(write_npz(tmp_path / "person.npz", smpl_arrays(kind, voxel=0.04)))
-    body = model.body(torch.zeros(10), unwrapped=False)
+    body = model.resting().body(torch.zeros(10), unwrapped=False)
     assert model.kind == kind
     assert body.skeleton.names == SMPL_JOINTS[kind]
     assert len(body.skeleton.names) == joints
@@ -125,7 +125,7 @@ def test_the_command_makes_a_body_with_texture_coordinates_and_a_layout(file: Pa
     again = load_body(tmp_path / "tall.npz")
     assert again.name == "tall"
     assert len(again.mesh.uvs) > len(again.mesh.vertices)
-    plain = read_smpl(file).body(torch.zeros(0), unwrapped=False)
+    plain = read_smpl(file).resting().body(torch.zeros(0), unwrapped=False)
     height, tall = (float(np.ptp(each.mesh.vertices[:, 2].numpy())) for each in (plain, again))
     assert tall == pytest.approx(1.1 * height, rel=1e-4)
     assert len(layout_of(body).islands.unique()) == 6

@@ -10,14 +10,19 @@ import trimesh
 
 from rasterize.exr import write_png
 from tests.export.glb_reader import GlbReader, require_clean
+from uvcloth.bodies.body import Body
 from uvcloth.export.alembic import write_abc
 from uvcloth.export.animation import Animation
 from uvcloth.export.gltf import write_glb
+from uvcloth.export.gltf_rig import write_rig_glb
 from uvcloth.export.obj import save_obj
 from uvcloth.export.obj_sequence import write_obj_sequence
+from uvcloth.export.rig import rig_of
 from uvcloth.export.usd import write_usd
+from uvcloth.export.usd_rig import write_rig_usd
 from uvcloth.garments.meshfile import read_mesh
 from uvcloth.geometry.authored import AuthoredMesh, UvSet, follow_triangles, part_of
+from uvcloth.methods.rig import PoseRig
 
 FACES = """o front
 g panel
@@ -267,3 +272,29 @@ def test_a_texture_that_is_not_there_is_named(tmp_path: Path) -> None:
     assert isinstance(again, AuthoredMesh)
     assert again.polygons.missing == ("made up.mtl",)
     assert [material.name for material in again.polygons.materials] == ["denim", "brass"]
+
+
+def test_a_rig_keeps_materials_and_pictures(drawn: AuthoredMesh, body: Body, tmp_path: Path) -> None:
+    count, joints = len(drawn.vertices), len(body.skeleton.names)
+    poses = torch.rand(4, 3 * joints, generator=torch.Generator().manual_seed(0))
+    rig = PoseRig(
+        name="made up",
+        garments=(("vest", drawn),),
+        owner=torch.arange(count),
+        weights=torch.eye(joints)[:1].expand(count, joints),
+        shapes=torch.full((1, count, 3), 0.1),
+        layers=((torch.ones(1, 3 * joints), torch.zeros(1)),),
+        parents=body.skeleton.parents,
+        poses=poses,
+    )
+    rigged = rig_of(rig, body, with_body=False).rig
+    write_rig_glb(rigged, tmp_path / "rig.glb")
+    gltf = GlbReader.load(tmp_path / "rig.glb").gltf
+    primitives = gltf.meshes[0].primitives
+    assert [gltf.materials[each.material].name for each in primitives] == ["denim", "brass"]
+    assert [len(each.targets) for each in primitives] == [1, 1]
+    assert all(each.attributes.JOINTS_0 is not None for each in primitives)
+    assert len(gltf.images) == 1
+    pytest.importorskip("pxr")
+    write_rig_usd(rigged, tmp_path / "rig.usdc")
+    assert (tmp_path / "rig_vest_cloth_1.png").read_bytes() == (tmp_path / "in" / "cloth 1.png").read_bytes()

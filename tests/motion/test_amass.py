@@ -78,7 +78,7 @@ def test_on_a_body_of_smpls_the_surface_is_that_of_smpls_equations(
 ) -> None:
     arrays, file = models[kind]
     betas = np.array([-0.5, 1.0])
-    body = read_smpl(file).body(torch.from_numpy(betas), unwrapped=False)
+    body = read_smpl(file).resting().body(torch.from_numpy(betas), unwrapped=False)
     found = motion()
     path = write(tmp_path / "sway.npz", newer(found) if kind == "SMPL-X" else found)
     clip = load_clip(path, body)

@@ -1,8 +1,10 @@
 """Samples in CLOTH3D's layout, made up over a made-up body: where cloth and body end up, what is refused."""
 
 import struct
+import sys
 from collections.abc import Callable
 from pathlib import Path
+from shutil import copytree
 from typing import Any
 
 import numpy as np
@@ -12,8 +14,9 @@ from scipy.io import savemat
 
 from rasterize.errors import InputError
 from tests.bodies.smpl_file import smpl_arrays, smpl_vertices, write_npz
+from train.__main__ import main
 from uvcloth.bodies.posing import posed_skin
-from uvcloth.simulate.cloth3d import cloth3d_samples, read_cloth3d_sample
+from uvcloth.simulate.cloth3d import cloth3d_samples, load_cloth3d, read_cloth3d_sample
 from uvcloth.simulate.outfit_sequence import OutfitSequence
 
 Arrays = dict[str, np.ndarray]
@@ -63,7 +66,7 @@ def write_cache(path: Path, vertices: np.ndarray, half: bool = True) -> None:
     path.write_bytes(head + vertices.astype("<f2" if half else "<f4").tobytes())
 
 
-def write_sample(folder: Path, arrays: Arrays, **changes: Any) -> Path:
+def write_sample(folder: Path, arrays: Arrays) -> Path:
     """A sample whose garments are patches of the skin itself, so that their places are known."""
     folder.mkdir(parents=True)
     rest = np.zeros((24, 3))
@@ -76,6 +79,12 @@ def write_sample(folder: Path, arrays: Arrays, **changes: Any) -> Path:
         lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]
         (folder / f"{name}.obj").write_text("\n".join(lines))
         write_cache(folder / f"{name}.pc16", moving[:, used])
+    write_info(folder)
+    return folder
+
+
+def write_info(folder: Path, **changes: Any) -> None:
+    """Write the facts of a sample; an entry that is changed to None is left out."""
     info = {
         "poses": poses().reshape(FRAMES, 72).T,
         "trans": TRANS.T,
@@ -89,7 +98,6 @@ def write_sample(folder: Path, arrays: Arrays, **changes: Any) -> Path:
         },
     }
     savemat(folder / "info.mat", {key: value for key, value in (info | changes).items() if value is not None})
-    return folder
 
 
 @pytest.fixture(scope="module")
@@ -171,6 +179,30 @@ def test_samples_are_found_and_nobody_is_in_two_splits(tmp_path: Path) -> None:
         cloth3d_samples(tmp_path / "nothing")
 
 
+def test_training_starts_with_a_folder_of_samples(
+    sample: Path,
+    model: tuple[Arrays, dict[str, Path]],
+    sequence: OutfitSequence,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for name in ("train/00001", "val/00002"):
+        copytree(sample, tmp_path / "data" / name)
+    words = "train deepsd --preset tiny --steps 1 --validate-every 1 --data"
+    monkeypatch.setattr(sys, "argv", [*words.split(), str(tmp_path / "data"), "--out", str(tmp_path / "run")])
+    with pytest.raises(InputError, match=r"data: lacks smpl/model_f and model_m"):
+        load_cloth3d(tmp_path / "data")
+    (tmp_path / "data" / "smpl").mkdir()
+    (tmp_path / "data" / "smpl" / "model_f.npz").symlink_to(model[1]["female"])
+    found = load_cloth3d(tmp_path / "data", ("validation",), every=3)
+    assert [(each.name, each.split) for each in found] == [("00002", "validation")]
+    torch.testing.assert_close(found[0].vertices, sequence.vertices[::3])
+    # Bodies of one model share the largest of what they hold.
+    assert found[0].outfit.body.pose_shapes is load_cloth3d(tmp_path / "data")[0].outfit.body.pose_shapes
+    main()
+    assert (tmp_path / "run" / "model.safetensors").is_file()
+
+
 def cut(path: Path, count: int) -> None:
     path.write_bytes(path.read_bytes()[:count])
 
@@ -215,9 +247,9 @@ DAMAGES: dict[str, Callable[[Path], Any]] = {
 
 @pytest.mark.parametrize("said", DAMAGES)
 def test_what_is_missing_or_damaged_is_one_sentence(
-    model: tuple[Arrays, dict[str, Path]], tmp_path: Path, said: str
+    sample: Path, model: tuple[Arrays, dict[str, Path]], tmp_path: Path, said: str
 ) -> None:
-    folder = write_sample(tmp_path / "01_05_s2", model[0])
+    folder = copytree(sample, tmp_path / sample.name)
     DAMAGES[said](folder)
     with pytest.raises(InputError, match=said) as caught:
         read_cloth3d_sample(folder, model[1])
@@ -240,9 +272,10 @@ def test_what_is_missing_or_damaged_is_one_sentence(
     ],
 )
 def test_a_faulty_info_is_one_sentence(
-    model: tuple[Arrays, dict[str, Path]], tmp_path: Path, changes: dict[str, Any], said: str
+    sample: Path, model: tuple[Arrays, dict[str, Path]], tmp_path: Path, changes: dict[str, Any], said: str
 ) -> None:
-    folder = write_sample(tmp_path / "01_05_s2", model[0], **changes)
+    folder = copytree(sample, tmp_path / sample.name)
+    write_info(folder, **changes)
     with pytest.raises(InputError, match=said) as caught:
         read_cloth3d_sample(folder, model[1])
     assert "\n" not in str(caught.value)

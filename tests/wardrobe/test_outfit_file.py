@@ -9,8 +9,8 @@ import pytest
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import load_body, save_body
-from uvcloth.commands.outfits import Wardrobe, make_wardrobe, split_of, wearer
-from uvcloth.wardrobe.outfit_file import load_outfit_file, load_pieces, outfit_files, wear
+from uvcloth.commands.outfits import OutfitSettings, make_outfits, split_of, wearer
+from uvcloth.wardrobe.outfit_file import load_outfit_file, load_pieces, on_body, outfit_files
 
 SHORTS = {"drop": 0.02, "length": 0.6, "ease": 0.01, "flare": 0.0}
 
@@ -93,8 +93,8 @@ def test_outfits_are_the_same_every_time_and_what_is_there_is_kept(tmp_path: Pat
     pytest.importorskip("pyacvd", reason="sewing needs the remesher of uvcloth[body]")
 
     def made(name: str, count: int, seed: int = 5) -> Path:
-        make_wardrobe(
-            Wardrobe(
+        make_outfits(
+            OutfitSettings(
                 out=tmp_path / name,
                 count=count,
                 seed=seed,
@@ -118,7 +118,7 @@ def test_outfits_are_the_same_every_time_and_what_is_there_is_kept(tmp_path: Pat
     assert (two / "o0001.json").stat().st_mtime_ns == kept
     with pytest.raises(InputError, match="was made with --seed 5"):
         made("one", 2, seed=6)
-    dressed = wear(load_outfit_file(one / "o0001.json"))
+    dressed = on_body(load_outfit_file(one / "o0001.json"))
     assert dressed.garments[0].name == "o0001_shorts"
     assert dressed.garments[0].template == "bottoms"
 
@@ -150,9 +150,9 @@ def test_splits_follow_the_number_and_share_no_body() -> None:
     ],
 )
 def test_settings_out_of_range_are_refused(tmp_path: Path, settings: dict[str, Any], sentence: str) -> None:
-    wardrobe = Wardrobe(**{"out": tmp_path / "out", "count": 1, **settings})
+    chosen = OutfitSettings(**{"out": tmp_path / "out", "count": 1, **settings})
     with pytest.raises(InputError, match=re.escape(sentence)):
-        make_wardrobe(wardrobe)
+        make_outfits(chosen)
     assert not list(tmp_path.rglob("*.json"))
 
 
@@ -161,4 +161,4 @@ def test_a_body_without_proxies_is_refused(tmp_path: Path) -> None:
 
     save_body(replace(load_body(), proxies={}), tmp_path / "bare.npz")
     with pytest.raises(InputError, match="has no garment proxy, outfits cannot be cut on it"):
-        make_wardrobe(Wardrobe(out=tmp_path / "out", count=1, bodies=(str(tmp_path / "bare.npz"),)))
+        make_outfits(OutfitSettings(out=tmp_path / "out", count=1, bodies=(str(tmp_path / "bare.npz"),)))

@@ -18,6 +18,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import first_of
 from uvcloth.methods.deepsd.outfit_graph import OutfitGraph, outfit_graph
 from uvcloth.methods.rig import pose_vectors
+from uvcloth.simulate.cloth3d import is_cloth3d, load_cloth3d
 from uvcloth.simulate.outfit_sequence import OutfitSequence, load_outfit_sequences
 
 
@@ -134,7 +135,9 @@ def read_outfits(folder: Path, rest_frames: int, *, balanced: bool = False) -> O
 
 
 def outfit_sequences(folder: Path) -> list[OutfitSequence]:
-    """The training and validation sequences of a folder, whoever made it."""
+    """The training and validation sequences of a folder, simulated here or in the layout of CLOTH3D."""
+    if is_cloth3d(folder):
+        return load_cloth3d(folder, TRAINING_SPLITS)
     return load_outfit_sequences(folder, TRAINING_SPLITS)
 
 

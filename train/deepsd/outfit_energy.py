@@ -10,9 +10,9 @@ from train.deepsd.dataset import OutfitFrames
 from train.deepsd.losses import PhysicsLosses
 from train.deepsd.prediction import PosedOutfit
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.operators import Operator
-from uvcloth.geometry.skinning import skin
 from uvcloth.methods.deepsd.outfit_graph import pack
 from uvcloth.physics.energies import RestShape, bend_energy, collision_energy, edge_energy, rest_shape
 
@@ -48,8 +48,7 @@ class OutfitEnergy:
             energies["bend"] = normal_energy(normals, cloth.average, losses.bend)
         else:
             energies["bend"] = bend_energy(posed, cloth.shape, losses.bend)
-        rest, weights = (each.to(self.device) for each in (frames.body.mesh.vertices, frames.body.weights))
-        self._parts.move(skin(rest, weights, transforms))
+        self._parts.move(posed_skin(frames.body, transforms))
         planes = self._parts.planes(posed, cloth.touches, losses.thickness)
         met = [collision_energy(planes.distance(posed), losses.thickness, losses.collision)]
         for layer in cloth.layers:

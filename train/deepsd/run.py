@@ -59,7 +59,7 @@ class DeePSDRun:
     out: Path
     """Folder of the run: checkpoint, training state, TensorBoard."""
     data: Path | None = None
-    """Folder of the outfits that `uvcloth simulate --outfits` moved."""
+    """Folder of the outfits that `uvcloth simulate --outfits` moved, or in CLOTH3D's layout."""
     physics_only: Annotated[str | None, tyro.conf.arg(metavar="RUN|shipped")] = None
     """Go on from the network of this run: train the branch of physics alone, all else stays."""
     outfit: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")] = ()

@@ -11,6 +11,7 @@ from train.deepsd.dataset import OutfitFrames
 from train.deepsd.losses import MILLI
 from train.deepsd.prediction import DrawnPoses, PosedOutfit, describe, pose_outfits
 from uvcloth.bodies.collider import make_collider
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.deepsd.network import Branch
 from uvcloth.physics.contact import ContactGarment, Obstacle
@@ -52,8 +53,7 @@ class Judged:
 
     def bodies(self) -> Tensor:
         """Its body's vertices (Q, V, 3) m."""
-        mesh, weights = self.frames.body.mesh, self.frames.body.weights
-        return skin(mesh.vertices, weights, self.poses.transforms[0].cpu())
+        return posed_skin(self.frames.body, self.poses.transforms[0].cpu())
 
 
 class Validation:

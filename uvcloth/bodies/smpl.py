@@ -4,7 +4,7 @@ SMPL: Loper et al., "SMPL: A Skinned Multi-Person Linear Model", 2015. A body is
 skinned: a template, shapes of a person, and shapes that correct the skin for the pose.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from uvcloth.bodies.smpl_pickle import plain, read_smpl_pickle
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms, world_rotations
-from uvcloth.geometry.skinning import apply_transforms, blend_transforms
+from uvcloth.geometry.skinning import apply_transforms, skin
 
 ARRAYS = ("v_template", "shapedirs", "posedirs", "weights", "J_regressor", "kintree_table", "f")
 """Arrays of a model file that make a body."""
@@ -52,27 +52,65 @@ class SmplModel:
     regressor: Tensor
     parents: tuple[int, ...]
 
-    def body(self, betas: Tensor, rest: Tensor | None = None, unwrapped: bool = True) -> Body:
+    def resting(self, pose: Tensor | None = None) -> "RestingModel":
+        """The model with another rest pose than its zero pose, the T, or with that.
+
+        pose: (J, 3) axis-angles relative to the parents, besides the turn to our axes.
+        """
+        turns = torch.zeros(len(self.parents), 3) if pose is None else pose.float()
+        return _resting(self, from_axis_angles(turns))
+
+
+@dataclass(frozen=True)
+class RestingModel:
+    """A model whose bodies all rest in one pose, and share what corrects their skin.
+
+    used: (V,) int64, vertices of the model in the largest piece of its surface. rotations: (J, 3, 3) of the
+    rest pose, world. correction: (V, 3) m, what the rest pose adds in the zero pose's axes. pose_shapes: as
+    of Body, from the rest pose. regions, sides: (F,) as of Body.
+    """
+
+    model: SmplModel
+    used: Tensor
+    faces: Tensor
+    rotations: Tensor
+    correction: Tensor
+    pose_shapes: Tensor
+    regions: Tensor
+    sides: Tensor
+
+    def body(self, betas: Tensor, unwrapped: bool = True) -> Body:
         """The body of a person: Z up, facing -Y, the pelvis where the model has it.
 
-        betas: (B,) shape parameters, B at most S. rest: (J, 3) axis-angles of the pose that is to be the rest
-        pose, relative to the parents, besides the turn to our axes; by default the zero pose, the T. On a
-        body with another rest pose, skin between two joints that it turns differs from SMPL's by millimetres,
-        in wide poses. unwrapped: False for a mesh without texture coordinates, which take seconds.
+        betas: (B,) shape parameters, B at most S. unwrapped: False for a mesh without texture coordinates,
+        which take seconds. With another rest pose than the zero pose, skin between two joints that it turns
+        differs from SMPL's by millimetres, in wide poses.
         Raises InputError for more shape parameters than there are, and for such as are not finite.
         """
-        if len(betas) > len(self.shapes):
-            raise InputError(f"{self.name}: has {len(self.shapes)} shape parameters, {len(betas)} were given")
+        model = self.model
+        if len(betas) > len(model.shapes):
+            raise InputError(
+                f"{model.name}: has {len(model.shapes)} shape parameters, {len(betas)} were given"
+            )
         if not torch.isfinite(betas).all():
-            raise InputError(f"{self.name}: a shape parameter is not a finite number")
-        vertices = self.template + torch.tensordot(betas.float(), self.shapes[: len(betas)], 1)
-        skeleton = Skeleton(SMPL_JOINTS[self.kind], self.parents, self.regressor @ vertices)
-        pose = torch.zeros(len(self.parents), 3) if rest is None else rest.float()
-        body = _resting(self, vertices, skeleton, from_axis_angles(pose))
-        if not unwrapped:
-            return body
-        uvs, face_uvs = unwrap(body.mesh.vertices, body.mesh.faces)
-        return replace(body, mesh=replace(body.mesh, uvs=uvs, face_uvs=face_uvs))
+            raise InputError(f"{model.name}: a shape parameter is not a finite number")
+        vertices = model.template + torch.tensordot(betas.float(), model.shapes[: len(betas)], 1)
+        heads = model.regressor @ vertices
+        transforms = _transforms(model, heads, self.rotations)
+        rest = skin(vertices[self.used] + self.correction, model.weights[self.used], transforms)[0]
+        uvs, face_uvs = torch.zeros(0, 2), torch.zeros(0, 3, dtype=torch.int64)
+        if unwrapped:
+            uvs, face_uvs = unwrap(rest, self.faces)
+        return Body(
+            name=model.name,
+            mesh=Mesh(rest, self.faces, uvs, face_uvs),
+            skeleton=Skeleton(SMPL_JOINTS[model.kind], model.parents, apply_transforms(transforms, heads)[0]),
+            weights=model.weights[self.used],
+            regions=self.regions,
+            sides=self.sides,
+            proxies={},
+            pose_shapes=self.pose_shapes,
+        )
 
 
 def read_smpl(path: Path) -> SmplModel:
@@ -149,8 +187,8 @@ def _tensor(array: np.ndarray) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(array, dtype=np.float32))
 
 
-def _resting(model: SmplModel, vertices: Tensor, skeleton: Skeleton, local: Tensor) -> Body:
-    """The body whose rest pose is that of rotations (J, 3, 3) relative to the parents.
+def _resting(model: SmplModel, local: Tensor) -> RestingModel:
+    """The model with the rest pose of rotations (J, 3, 3) relative to the parents.
 
     With G_j the world rotations of that pose, R_j - R0_j = G_p^T (L_j - 1) G_j: R_j is a local rotation from
     the zero pose, R0_j that of the rest pose, L_j the same from the rest pose, p the parent of j. Corrections
@@ -158,46 +196,41 @@ def _resting(model: SmplModel, vertices: Tensor, skeleton: Skeleton, local: Tens
     """
     kept = torch.from_numpy(largest_piece(model.faces.numpy()))
     used, faces = model.faces[kept].unique(return_inverse=True)
+    weights, template = model.weights[used], model.template[used]
     standing = from_axis_angles(torch.tensor(STANDING))
-    world = world_rotations(skeleton.parents, torch.cat([standing @ local[:1], local[1:]])[None])
-    transforms = joint_transforms(skeleton, world, (standing @ skeleton.heads[0])[None])
-    heads = apply_transforms(transforms, skeleton.heads)[0]
-    weights = model.weights[used]
-    blended = blend_transforms(weights, transforms)
-    corrections = model.pose_shapes[:, used].unflatten(0, (-1, 3, 3))
-    resting = torch.tensordot(local[1:] - torch.eye(3), corrections, 3)
-    rest = apply_transforms(blended, vertices[used] + resting)[0]
+    world = world_rotations(model.parents, torch.cat([standing @ local[:1], local[1:]])[None])[0]
+    shapes = model.pose_shapes[:, used].unflatten(0, (-1, 3, 3))
+    correction = torch.tensordot(local[1:] - torch.eye(3), shapes, 3)
 
-    above = world[0, list(skeleton.parents[1:])]
-    corrections = torch.einsum("jab,jbcvx->jacvx", above, corrections)
-    corrections = torch.einsum("jdc,jacvx->jadvx", world[0, 1:], corrections)
-    corrections = torch.einsum("vxy,jadvy->jadvx", blended[0, ..., :3], corrections)
-    corrections += _twice_skinned(vertices[used] + resting, weights, transforms[0], rest, skeleton.parents)
-    placed = Skeleton(skeleton.names, skeleton.parents, heads)
-    regions, sides = face_regions(placed, weights, faces)
-    return Body(
-        name=model.name,
-        mesh=Mesh(rest, faces, torch.zeros(0, 2), torch.zeros(0, 3, dtype=torch.int64)),
-        skeleton=placed,
-        weights=weights,
-        regions=regions,
-        sides=sides,
-        proxies={},
-        pose_shapes=corrections.flatten(0, 2).contiguous(),
+    shapes = torch.einsum("jab,jbcvx->jacvx", world[list(model.parents[1:])], shapes)
+    shapes = torch.einsum("jdc,jacvx->jadvx", world[1:], shapes)
+    shapes = torch.einsum("vxy,jadvy->jadvx", torch.einsum("vj,jxy->vxy", weights, world), shapes)
+    transforms = _transforms(model, model.regressor @ model.template, world)
+    shapes += _twice_skinned(template + correction, weights, transforms[0], model.parents)
+    skeleton = Skeleton(SMPL_JOINTS[model.kind], model.parents, model.regressor @ model.template)
+    regions, sides = face_regions(skeleton, weights, faces)
+    return RestingModel(
+        model, used, faces, world, correction, shapes.flatten(0, 2).contiguous(), regions, sides
     )
 
 
-def _twice_skinned(
-    vertices: Tensor, weights: Tensor, transforms: Tensor, rest: Tensor, parents: tuple[int, ...]
-) -> Tensor:
+def _transforms(model: SmplModel, heads: Tensor, rotations: Tensor) -> Tensor:
+    """Transforms (1, J, 3, 4) from the zero pose to world rotations (J, 3, 3), about the model's origin."""
+    skeleton = Skeleton(SMPL_JOINTS[model.kind], model.parents, heads)
+    pelvis = from_axis_angles(torch.tensor(STANDING)) @ heads[0]
+    return joint_transforms(skeleton, rotations[None], pelvis[None])
+
+
+def _twice_skinned(vertices: Tensor, weights: Tensor, transforms: Tensor, parents: tuple[int, ...]) -> Tensor:
     """Corrections for skinning to a rest pose and on from there: (J-1, 3, 3, V, 3) m, to first order.
 
-    vertices: (V, 3) m in the zero pose, skinned by transforms (J, 3, 4) to rest (V, 3). With d_j the way
-    from a rest vertex to where joint j alone would have it, sum w_j R_j d_j is missing, R_j being world
-    rotations from the rest pose: a local rotation L_k adds (L_k - 1) w_j d_j for all joints j from k down.
+    vertices: (V, 3) m in the zero pose, which transforms (J, 3, 4) skin to the rest pose; shapes of a person
+    hardly matter. With d_j the way from a rest vertex to where joint j alone would have it, sum w_j R_j d_j
+    is missing, R_j being world rotations from the rest pose: a local rotation L_k adds (L_k - 1) w_j d_j for
+    all joints j from k down.
     """
     alone = torch.einsum("jab,vb->jva", transforms[..., :3], vertices) + transforms[:, None, :, 3]
-    lost = weights.T[..., None] * (alone - rest)
+    lost = weights.T[..., None] * (alone - torch.einsum("vj,jva->va", weights, alone))
     for joint in range(len(parents) - 1, 0, -1):
         lost[parents[joint]] += lost[joint]
     return torch.einsum("ax,jvd->jadvx", torch.eye(3), lost[1:])

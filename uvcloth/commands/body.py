@@ -111,7 +111,7 @@ def _of_character(character: CharacterFile) -> Body:
 def _of_smpl(smpl: SmplFile) -> Body:
     model = read_smpl(smpl.path)
     with Console(stderr=True).status(f"unwrapping {smpl.path.name}"):
-        body = model.body(torch.tensor(smpl.betas))
+        body = model.resting().body(torch.tensor(smpl.betas))
     height = float(body.mesh.vertices[:, 2].max() - body.mesh.vertices[:, 2].min())
     print(f"{smpl.path.name}: {model.kind}, {len(model.shapes)} shape parameters, {height:.2f} m tall")
     return body

@@ -47,7 +47,7 @@ HELD_OUT = 6
 
 
 @dataclass(frozen=True)
-class Wardrobe:
+class OutfitSettings:
     """Outfits to make. bodies: npz files, or BUILTIN; without any, `drawn_bodies` are drawn from phenotypes.
 
     types: of OUTFITS, none for all. vertices: least and most of an outfit.
@@ -91,33 +91,33 @@ class Wardrobe:
 class _Job:
     number: int
     body: Path
-    wardrobe: Wardrobe
+    settings: OutfitSettings
 
 
 @dataclass(frozen=True)
 class _Made:
-    """What became of a job: why draws were refused, and why there is no outfit, "" if there is."""
+    """Result of a job: why draws were refused, and why there is no outfit, "" if there is."""
 
     refused: tuple[str, ...] = ()
     failed: str = ""
 
 
-def make_wardrobe(wardrobe: Wardrobe) -> None:
+def make_outfits(settings: OutfitSettings) -> None:
     """Make what is missing of a folder of outfits; each is there whole or not at all.
 
     Raises InputError for settings out of range, bodies that outfits cannot be cut on, and a folder that was
     made with other settings.
     """
-    wardrobe.check()
-    bodies = _bodies(wardrobe)
+    settings.check()
+    bodies = _bodies(settings)
     jobs = [
-        _Job(number, wearer(number, bodies, wardrobe.seed), wardrobe)
-        for number in range(1, wardrobe.count + 1)
+        _Job(number, wearer(number, bodies, settings.seed), settings)
+        for number in range(1, settings.count + 1)
     ]
     todo = [job for job in jobs if not _is_there(job)]
     console = Console(stderr=True)
     refused: list[str] = []
-    with _workers(wardrobe.jobs, len(todo)) as made, Progress(console=console) as progress:
+    with _workers(settings.jobs, len(todo)) as made, Progress(console=console) as progress:
         bar = progress.add_task(f"{len(todo)} outfits", total=len(todo))
         for done, each in enumerate(made(todo), start=1):
             refused += each.refused
@@ -126,7 +126,7 @@ def make_wardrobe(wardrobe: Wardrobe) -> None:
                 progress.console.print(each.failed, soft_wrap=True)
             if not console.is_terminal and (done % 25 == 0 or done == len(todo)):
                 print(f"{done} of {len(todo)} outfits", flush=True)
-    print(f"{wardrobe.out}: {len(jobs) - len(todo)} outfits were there, {len(todo)} were to be made")
+    print(f"{settings.out}: {len(jobs) - len(todo)} outfits were there, {len(todo)} were to be made")
     if refused:
         print(f"{len(refused)} draws were refused and drawn again, the last: {refused[-1]}")
 
@@ -141,7 +141,7 @@ def _make(job: _Job) -> _Made:
     import torch
 
     torch.set_num_threads(1)
-    settings = job.wardrobe
+    settings = job.settings
     types = settings.types or OUTFITS
     path = _path(job)
     try:
@@ -175,7 +175,7 @@ def _make(job: _Job) -> _Made:
 
 
 def _path(job: _Job) -> Path:
-    return job.wardrobe.out / f"o{job.number:04d}.json"
+    return job.settings.out / f"o{job.number:04d}.json"
 
 
 def _is_there(job: _Job) -> bool:
@@ -185,7 +185,7 @@ def _is_there(job: _Job) -> bool:
         return False
     outfit = load_outfit_file(path)
     made = (outfit.seed, outfit.vertex_range, outfit.body)
-    if made != (job.wardrobe.seed, job.wardrobe.vertices, job.body):
+    if made != (job.settings.seed, job.settings.vertices, job.body):
         raise InputError(
             f"{path}: was made with --seed {made[0]} --vertices {made[1][0]} {made[1][1]} on {made[2].stem}, "
             "use another folder for other settings"
@@ -224,20 +224,20 @@ def wearer(number: int, bodies: Sequence[Path], seed: int) -> Path:
         "validation": bodies[-2 * held : -held],
         "train": bodies[: -2 * held],
     }[split_of(number)]
-    return own[np.random.default_rng([seed, number]).integers(len(own))]
+    return own[int(np.random.default_rng([seed, number]).integers(len(own)))]
 
 
-def _bodies(wardrobe: Wardrobe) -> list[Path]:
+def _bodies(settings: OutfitSettings) -> list[Path]:
     """Files of the bodies in OUT/bodies, made or copied where they are not there."""
-    folder = wardrobe.out / "bodies"
-    if not wardrobe.bodies:
-        return _drawn_bodies(folder, wardrobe.drawn_bodies, wardrobe.seed)
-    names = [BUILTIN if name == BUILTIN else Path(name).stem for name in wardrobe.bodies]
+    folder = settings.out / "bodies"
+    if not settings.bodies:
+        return _drawn_bodies(folder, settings.drawn_bodies, settings.seed)
+    names = [BUILTIN if name == BUILTIN else Path(name).stem for name in settings.bodies]
     twice = [name for name, count in Counter(names).items() if count > 1]
     if twice:
         raise InputError(f"--body: two bodies are named {twice[0]}")
     files = []
-    for given, name in zip(wardrobe.bodies, names, strict=True):
+    for given, name in zip(settings.bodies, names, strict=True):
         body = load_body(None if given == BUILTIN else Path(given))
         if "tights" not in body.proxies:
             raise InputError(f"--body {given}: has no garment proxy, outfits cannot be cut on it")

@@ -104,8 +104,8 @@ def _on_rest_pose(path: Path, body: Body) -> tuple[Mesh, Diagnosis]:
         mesh, found = diagnose(path, read_mesh(path), body)
     except UnwearableError as error:
         raise _modelled_in_another(path, error.mesh, body) or error from error
-    if error := _modelled_in_another(path, mesh, body):
-        raise error
+    if otherwise := _modelled_in_another(path, mesh, body):
+        raise otherwise
     return mesh, found
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from rasterize.errors import InputError
 from uvcloth.garments.gltf_file import read_gltf_mesh
-from uvcloth.garments.obj_file import read_obj
+from uvcloth.garments.obj_file import read_obj, refuse_too_many
 from uvcloth.geometry.mesh import Mesh
 
 EXTENSIONS = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
@@ -19,7 +19,7 @@ def read_mesh(path: Path) -> Mesh:
 
     An OBJ and a glTF file give an AuthoredMesh, which keeps polygons, groups, materials and colours. A file
     without texture coordinates gives uvs (0, 2) and face_uvs (0, 3). Raises InputError for an unsupported
-    extension, an unreadable file, no faces, or a number that is not finite.
+    extension, an unreadable file, no faces, more than MOST_VERTICES, or a number that is not finite.
     """
     path = Path(path)
     if path.suffix.lower() not in EXTENSIONS:
@@ -28,6 +28,7 @@ def read_mesh(path: Path) -> Mesh:
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     mesh = _read(path)
+    refuse_too_many(path, len(mesh.vertices))
     if not len(mesh.vertices) or not len(mesh.faces):
         raise InputError(f"{path}: the garment is empty, it has {len(mesh.vertices)} vertices and no faces")
     broken = torch.nonzero(~torch.isfinite(mesh.vertices).all(dim=1))

@@ -13,6 +13,9 @@ from rasterize.errors import InputError
 from uvcloth.garments.materials import read_library, read_text
 from uvcloth.geometry.authored import AuthoredMesh, Labels, Polygons, SurfaceMaterial, UvSet
 
+MOST_VERTICES = 200_000
+"""Of a garment: a rollout could not carry more."""
+
 
 @dataclass
 class _Names:
@@ -30,15 +33,29 @@ class _Names:
         return Labels(tuple(self.index), np.array(self.of, dtype=np.int64))
 
 
+def refuse_too_many(path: Path, vertices: int) -> None:
+    """Raise InputError for a mesh of more than MOST_VERTICES."""
+    if vertices > MOST_VERTICES:
+        raise InputError(
+            f"{path}: the garment has {vertices:,} vertices, at most {MOST_VERTICES:,} can be dressed: "
+            "reduce the mesh first"
+        )
+
+
 def read_obj(path: Path) -> AuthoredMesh:
-    """Read an OBJ, its vertices float64 as they are. Raises InputError naming the line that is no OBJ."""
+    """Read an OBJ, its vertices float64 as they are.
+
+    Raises InputError naming the line that is no OBJ, and for more than MOST_VERTICES.
+    """
     vertices: list[list[float]] = []
     uvs: list[list[float]] = []
     corners: list[tuple[int, int]] = []
     sizes: list[int] = []
     objects, groups, used = _Names(), _Names(), _Names()
     libraries: list[str] = []
-    for number, line in enumerate(read_text(path), start=1):
+    lines = read_text(path)
+    refuse_too_many(path, sum(line.startswith("v ") for line in lines))
+    for number, line in enumerate(lines, start=1):
         try:
             match line.split():
                 case ["v", _, _, _, *_] as words:

@@ -38,6 +38,11 @@ def subdivide(mesh: Mesh, longest: float) -> Mesh:
     return mesh
 
 
+def halve_edges(points: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
+    """Halve every edge once: points (P, D) and faces (F, 3) -> (P + E, D), the middles last, and (4 F, 3)."""
+    return _halved(points, faces, torch.ones_like(faces, dtype=torch.bool), torch.arange(3).expand_as(faces))
+
+
 def _first_split(split: Tensor) -> Tensor:
     """Edge (F,) of each face from which on its halved edges (F, 3) bool follow one another."""
     after_whole = split & ~split.roll(1, 1)

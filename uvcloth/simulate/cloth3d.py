@@ -6,7 +6,7 @@ Bertiche et al., "CLOTH3D: Clothed 3D Humans", 2020. The layout is that of the d
 """
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -14,11 +14,12 @@ from typing import Any
 
 import numpy as np
 import torch
+from rich.progress import track
 from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.smpl import SmplModel, read_smpl
+from uvcloth.bodies.smpl import RestingModel, read_smpl
 from uvcloth.bodies.smpl_joints import SMPL_JOINTS, STANDING
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment, Outfit
@@ -28,6 +29,7 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import from_axis_angles, from_euler
 from uvcloth.geometry.skeleton import joint_transforms, world_rotations
 from uvcloth.motion.clip_splits import deal_splits
+from uvcloth.motion.poses import SPLITS
 from uvcloth.simulate.outfit_sequence import OutfitSequence
 
 INFO = "info.mat"
@@ -58,7 +60,38 @@ CACHES: dict[str, np.dtype] = {".pc16": np.dtype("<f2"), ".pc2": np.dtype("<f4")
 HEADER = struct.Struct("<12siiffi")
 SIGNATURE = b"POINTCACHE2\0"
 
+MODELS = "smpl"
+"""Folder, beside the samples, of the model files: model_f and model_m, .npz or .pkl."""
+
+EVERY = 10
+"""Frames of which one is read: neighbours teach the same, and thousands of samples fill memory."""
+
 SPLIT_FOLDERS = {"train": "train", "val": "validation", "validation": "validation", "test": "test"}
+
+
+def is_cloth3d(root: Path) -> bool:
+    """Test for a folder that holds samples."""
+    return bool(_folders(root))
+
+
+def load_cloth3d(root: Path, splits: Sequence[str] = SPLITS, every: int = EVERY) -> list[OutfitSequence]:
+    """Read the samples of a folder in some splits, on the models in its folder smpl, one frame of `every`.
+
+    Raises InputError as `cloth3d_samples` and `read_cloth3d_sample` do, and if the folder lacks both models.
+    """
+    models = {
+        gender: path
+        for gender in GENDERS
+        for suffix in (".npz", ".pkl")
+        if (path := root / MODELS / f"model_{gender[0]}{suffix}").is_file()
+    }
+    if not models:
+        raise InputError(f"{root}: lacks {MODELS}/model_f and model_m (.npz or .pkl), the models of SMPL")
+    chosen = [(folder, split) for folder, split in cloth3d_samples(root).items() if split in splits]
+    return [
+        read_cloth3d_sample(folder, models, split, every)
+        for folder, split in track(chosen, "reading samples", transient=True)
+    ]
 
 
 def cloth3d_samples(root: Path) -> dict[Path, str]:
@@ -68,7 +101,7 @@ def cloth3d_samples(root: Path) -> dict[Path, str]:
     the split. Other samples are dealt out, those of one person (01_05_s1 is of the person 01) together.
     Raises InputError if there are none.
     """
-    folders = sorted(found.parent for pattern in (f"*/{INFO}", f"*/*/{INFO}") for found in root.glob(pattern))
+    folders = _folders(root)
     if not folders:
         raise InputError(f"{root}: holds no sample of CLOTH3D, a folder with {INFO} and garments")
     dealt = deal_splits({_subject(folder) for folder in folders})
@@ -124,6 +157,10 @@ def read_cloth3d_sample(
     )
 
 
+def _folders(root: Path) -> list[Path]:
+    return sorted(found.parent for pattern in (f"*/{INFO}", f"*/*/{INFO}") for found in root.glob(pattern))
+
+
 def _subject(folder: Path) -> str:
     """Person of a sample: the first number of three, as in 01_05_s1; where there is no other, itself."""
     parts = folder.name.split("_")
@@ -173,8 +210,12 @@ def _number(folder: Path, info: Mapping[str, Any], name: str) -> float:
 
 
 @cache
-def _model(path: Path) -> SmplModel:
-    return read_smpl(path)
+def _model(path: Path) -> RestingModel:
+    """A model of SMPL, resting as garments do; all bodies of it share what corrects their skin."""
+    model = read_smpl(path)
+    if model.kind != "SMPL":
+        raise InputError(f"{path}: is a model of {model.kind}, samples of CLOTH3D are on SMPL")
+    return model.resting(_rest_pose())
 
 
 def _body(folder: Path, info: Mapping[str, Any], smpl: Mapping[str, Path]) -> tuple[Body, str]:
@@ -186,11 +227,9 @@ def _body(folder: Path, info: Mapping[str, Any], smpl: Mapping[str, Path]) -> tu
     if gender not in smpl:
         raise InputError(f"{folder}: is of a {gender} person, and no {gender} model of SMPL is given")
     model = _model(Path(smpl[gender]))
-    if model.kind != "SMPL":
-        raise InputError(f"{smpl[gender]}: is a model of {model.kind}, samples of CLOTH3D are on SMPL")
     shape = torch.from_numpy(_array(folder, info, "shape").reshape(-1))
     try:
-        body = model.body(shape, _rest_pose(), unwrapped=False)
+        body = model.body(shape, unwrapped=False)
     except InputError as error:
         raise InputError(f"{folder / INFO}: shape: {error}") from error
     pelvis = body.skeleton.heads[0]

@@ -17,7 +17,7 @@ from uvcloth.simulate.folder import keep_refused, rejected, require_engine, stor
 from uvcloth.simulate.outfit_sequence import BODIES
 from uvcloth.simulate.plan import ClipSelection, Job, Source, batch_sources, load_motion
 from uvcloth.simulate.run import RUN_UP
-from uvcloth.wardrobe.outfit_file import OutfitFile, load_outfit_file, outfit_files, wear
+from uvcloth.wardrobe.outfit_file import OutfitFile, load_outfit_file, on_body, outfit_files
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def _jobs(tasks: Sequence[_Task], out: Path) -> Iterator[Job]:
 
 def _job(task: _Task, out: Path) -> Job | None:
     """The job of an outfit over the first of its windows that is no faulty capture; None if all are."""
-    worn = wear(task.outfit)
+    worn = on_body(task.outfit)
     body = worn.body
     cloths = tuple(join(garment, body) for garment in worn.garments)
     for source in task.windows:

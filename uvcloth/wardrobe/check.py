@@ -57,7 +57,7 @@ def bare_garment(name: str, mesh: Mesh, body: Body) -> Garment:
 
 
 def _fault(mesh: Mesh, body: Body, surface: BodySurface) -> str:
-    """What is wrong with a piece by itself, "" if nothing is."""
+    """Sentence that says what is wrong with a piece by itself, "" if nothing is."""
     if not torch.isfinite(mesh.vertices).all():
         return "a vertex is not a finite number"
     welded = weld(mesh.vertices)[mesh.faces]

@@ -13,8 +13,8 @@ from uvcloth.wardrobe.sew import Meshing
 Alternatives = Sequence[tuple[float, float]]
 
 NONE: Alternatives = ((0.0, 0.0),)
-SHORT, LONG = (0.3, 0.85), (1.35, 2.04)
-"""Lengths of short and of long sleeves; between them a cuff would lie in the crook of the arm."""
+SHORT, LONG = (0.3, 0.85), (1.35, 1.85)
+"""Lengths of short and of long sleeves: no cuff lies in the crook of the arm or on the hand."""
 
 Intervals = Mapping[str, Alternatives]
 
@@ -74,11 +74,13 @@ DRAWN: Mapping[str, Mapping[str, Intervals]] = {
 }
 """By type of piece and part, where a number is drawn: in one of some intervals, others in all their range."""
 
-OVER_SKIRT: Intervals = {"hem": ((0.12, 0.24),), "flare": NONE}
-"""What is drawn otherwise for a top over a skirt, which would not lie over a skirt that flares."""
+OVER: Intervals = {"hem": ((-0.02, 0.12), (-0.02, 0.12), (0.3, 0.36))}
+OVER_SKIRT: Intervals = {"hem": ((0.06, 0.13), (0.06, 0.13), (0.3, 0.36)), "flare": NONE}
+"""Other intervals for a top over others: it covers their waist or leaves it bare, and does not reach
+far down on a skirt that flares."""
 
-UNDER_TOP: Intervals = {"drop": ((0.0, 0.05),)}
-"""What is drawn otherwise for what is worn under a top: a low waist would leave a gap."""
+UNDER_TOP: Intervals = {"drop": ((0.0, 0.04),)}
+"""Other intervals for a piece under a top."""
 
 UPPERS, LOWERS = ("tshirt", "top", "longsleeve", "jacket"), ("trousers", "shorts", "skirt")
 OUTFITS = (*KINDS, *(f"{upper}+{lower}" for upper in UPPERS for lower in LOWERS))
@@ -96,9 +98,10 @@ LOOSENESS_SPREAD = 0.12
 
 @dataclass(frozen=True)
 class DrawnOutfit:
-    """What was drawn. designs: the innermost first. fabric: numbers of `uvcloth.simulate.fabric.Fabric`.
+    """Outfit as it was drawn.
 
-    tightness: 0 loose to 1 tight.
+    designs: the innermost first. fabric: numbers of `uvcloth.simulate.fabric.Fabric`. tightness: 0 loose to 1
+    tight.
     """
 
     designs: tuple[Design, ...]
@@ -119,7 +122,7 @@ def draw(rng: np.random.Generator, types: Sequence[str], vertices: tuple[int, in
     for kind in kinds:
         otherwise: Intervals = {}
         if len(kinds) == 2:
-            over_skirt = OVER_SKIRT if kinds[0] == "skirt" else {}
+            over_skirt = OVER_SKIRT if kinds[0] == "skirt" else OVER
             otherwise = UNDER_TOP if kind in LOWERS else over_skirt
         designs.append(_design(rng, kind, tightness, otherwise))
     name = str(rng.choice(list(FABRICS)))
@@ -146,7 +149,7 @@ def _design(rng: np.random.Generator, kind: str, tightness: float, otherwise: In
         values: dict[str, Any] = {}
         for name, whole in limits(PARTS[part]).items():
             intervals = drawn.get(name, (whole,))
-            low, high = intervals[rng.integers(len(intervals))]
+            low, high = intervals[int(rng.integers(len(intervals)))]
             low, high = max(low, whole[0]), min(high, whole[1])
             share = rng.random()
             if name.endswith("ease"):

@@ -147,7 +147,7 @@ def load_pieces(outfit: OutfitFile) -> tuple[Mesh, ...]:
     return tuple(meshes)
 
 
-def wear(outfit: OutfitFile) -> Outfit:
+def on_body(outfit: OutfitFile) -> Outfit:
     """The outfit on its body, with blend weights; raises InputError as `load_pieces` and `load_body` do."""
     body = load_body(outfit.body)
     garments = tuple(

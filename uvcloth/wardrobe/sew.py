@@ -8,19 +8,20 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.charts import edge_keys, edges_of, weld_corners
+from rasterize.charts import edge_keys, edge_twins, edges_of, weld_corners
 from rasterize.gather import gather
 from rasterize.raycast import cast_rays
 from uvcloth.bodies.body import Body
 from uvcloth.garments.band import BAND_WIDTH, DROP, hem_band
 from uvcloth.garments.remesh import Array, Indices, remesh, surface_of
 from uvcloth.garments.templates import faces_outward, offset_from_skin, smoothing_matrix
-from uvcloth.geometry.mesh import Mesh, boundary_edges, face_normals
+from uvcloth.geometry.mesh import Mesh, boundary_edges, face_normals, vertex_normals
 from uvcloth.physics.exposure import spread
 from uvcloth.physics.face_contact import FACE_CLEARANCE, POINT_SPACING
 from uvcloth.physics.layers import Layer
 from uvcloth.physics.surface import BodySurface
 from uvcloth.wardrobe.designs import Design
+from uvcloth.wardrobe.hang import hang
 from uvcloth.wardrobe.patterns import Pattern, cut_pattern, ease
 
 LEAST_OFF = 0.004
@@ -40,6 +41,9 @@ ROOM = 0.3
 
 EASE_SMOOTHING = 8
 """Passes that smooth the ease over neighbours, so that a sleeve meets the trunk without a step."""
+
+SEAM_SMOOTHING = 8
+"""Passes that smooth the normals by which front and back are told apart."""
 
 OVER_PASSES = 8
 """Passes that move a piece off those beneath."""
@@ -81,9 +85,8 @@ def sew(designs: Sequence[Design], meshing: Meshing, body: Body) -> tuple[Mesh, 
         vertices = torch.from_numpy(points).float()
         if not faces_outward(_mesh(vertices, faces), body):
             faces = faces.flip(1)
-        off = torch.from_numpy(ease(design, body, points)).float()
-        pieces.append(_worn(vertices, faces, off, pieces, body, surface))
-    return tuple(_panels(piece, body) if meshing.seams else piece for piece in pieces)
+        pieces.append(_worn(design, vertices, faces, pieces, body, surface))
+    return tuple(_panels(piece) if meshing.seams else piece for piece in pieces)
 
 
 def _uneven(vertices: Array, faces: Indices, count: int) -> tuple[Array, Indices]:
@@ -97,16 +100,24 @@ def _uneven(vertices: Array, faces: Indices, count: int) -> tuple[Array, Indices
 
 
 def _worn(
-    vertices: Tensor, faces: Tensor, off: Tensor, beneath: Sequence[Mesh], body: Body, surface: BodySurface
+    design: Design, vertices: Tensor, faces: Tensor, beneath: Sequence[Mesh], body: Body, surface: BodySurface
 ) -> Mesh:
-    """A piece moved to its ease, metres off the skin (N,), and over the pieces beneath."""
+    """A piece moved off the skin to its ease, and over the pieces beneath."""
     average = smoothing_matrix(faces, len(vertices))
     snug = _held(vertices, faces)
-    limit = _room(vertices, body, surface)
+    room = _room(vertices, body, surface)
+    points = vertices.numpy().astype(np.float64)
+    off = torch.from_numpy(ease(design, body, points)).float()
     for inner in beneath:
         off = torch.maximum(off, _thickness(vertices, inner, surface) + OVER)
     for _ in range(EASE_SMOOTHING):
-        off = torch.where(snug, off, torch.minimum(0.5 * off + 0.5 * (average @ off), limit))
+        off = torch.where(snug, off, torch.minimum(0.5 * off + 0.5 * (average @ off), room))
+    vertices = torch.from_numpy(
+        hang(design, body, points, off.double().numpy(), room.double().numpy())
+    ).float()
+    if design.skirt is None:
+        # Smoothing along a small hem draws it together: where it fell it is to stay.
+        off = torch.where(snug, off, torch.maximum(off, surface.closest(vertices).signed_distance))
     vertices = offset_from_skin(vertices, faces, off, snug & ~_over(vertices, beneath), body)
     for inner in beneath:
         vertices = _over_piece(vertices, average, inner, surface)
@@ -190,21 +201,26 @@ def _off_skin(vertices: Tensor, surface: BodySurface) -> Tensor:
     return vertices
 
 
-def _panels(mesh: Mesh, body: Body) -> Mesh:
+def _panels(mesh: Mesh) -> Mesh:
     """A piece cut along its sides into a front and a back, each with its own vertices along the seams."""
-    in_front = face_normals(mesh.vertices, mesh.faces)[:, 1] < 0
     faces = mesh.faces.numpy()
+    in_front = _in_front(mesh).numpy()
+    pairs = edge_twins(faces, np.zeros(0, dtype=np.int64))
     directed, owner = edges_of(faces)
-    keys = edge_keys(directed, len(mesh.vertices))
-    order = np.argsort(keys, kind="stable")
-    same = keys[order][1:] == keys[order][:-1]
-    one, other = order[:-1][same], order[1:][same]
-    front = in_front.numpy()
-    cuts = keys[one][front[owner[one]] != front[owner[other]]]
-    copies = weld_corners(faces, cuts)
+    seam = in_front[owner[pairs[:, 0]]] != in_front[owner[pairs[:, 1]]]
+    copies = weld_corners(faces, edge_keys(directed, len(mesh.vertices))[pairs[seam, 0]])
     vertices = torch.zeros(int(copies.max()) + 1, 3)
     vertices[torch.from_numpy(copies).reshape(-1)] = mesh.vertices[mesh.faces.reshape(-1)]
     return _mesh(vertices, torch.from_numpy(copies))
+
+
+def _in_front(mesh: Mesh) -> Tensor:
+    """Mask (M,) of the faces of the front, by normals smoothed so that the seams wind less."""
+    average = smoothing_matrix(mesh.faces, len(mesh.vertices))
+    backwards = vertex_normals(mesh.vertices, mesh.faces)[:, 1]
+    for _ in range(SEAM_SMOOTHING):
+        backwards = 0.5 * backwards + 0.5 * (average @ backwards)
+    return backwards[mesh.faces].mean(1) < 0
 
 
 def _area(pattern: Pattern) -> float:

@@ -52,7 +52,8 @@ def save_outfits(folder: Path, outfits: Sequence[MadeUp], frames: int = 6, warm_
             )
             metadata = {
                 "clip": f"clip{seed}", "garment": name, "template": template, "layers": names,
-                "outfit": outfit.name, "split": outfit.split, "subject": f"person{seed}", "type": template,
+                "outfit": outfit.name, "split": outfit.split, "subject": f"person{seed}",
+                "types": dict(zip(names, outfit.garments, strict=True)),
                 "body": "ann", "body_hash": rest_hash(body),
             }  # fmt: skip
             sequence = SimulatedSequence(

@@ -296,7 +296,7 @@ def test_bodies_of_two_kinds_are_refused(
     monkeypatch.setattr(
         module,
         "outfit_sequences",
-        lambda _: [sequences[0], replace(sequences[1], outfit=other), sequences[2]],
+        lambda *_: [sequences[0], replace(sequences[1], outfit=other), sequences[2]],
     )
     with pytest.raises(
         InputError, match="outfit hips is on a body of another mesh or skeleton than outfit belt"

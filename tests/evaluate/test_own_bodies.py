@@ -1,0 +1,56 @@
+"""Outfits on bodies of their own are judged by type of garment, each on its body."""
+
+from pathlib import Path
+
+import pytest
+
+from evaluate.__main__ import summary
+from evaluate.compare import Selection
+from evaluate.outfits import compare_outfits, holds_outfits
+from evaluate.report import write_report
+from evaluate.show import viewer_clips
+from rasterize.errors import InputError
+from tests.train.deepsd.outfits import MadeUp, save_outfits
+
+BAND = (0.05, 0.15)
+"""Heights of a narrow band around the waist, where tops and bottoms overlap, m."""
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One outfit of two for the test, one for training that would be another."""
+    folder = tmp_path_factory.mktemp("outfits")
+    outfits = (
+        MadeUp("both", ("bottoms", "tops"), "test", BAND),
+        MadeUp("alone", ("tops",), "train", BAND),
+    )
+    save_outfits(folder, outfits, frames=5, warm_up=2)
+    return folder
+
+
+def test_figures_are_by_type_and_of_the_split(data: Path, tmp_path: Path) -> None:
+    assert holds_outfits(data)
+    results, shown = compare_outfits(["lbs_smooth"], Selection(data), tmp_path, machine="a test")
+    smooth = results["methods"]["lbs_smooth"]
+    assert list(smooth["actions"]) == ["clip0"]
+    cells = smooth["actions"]["clip0"]
+    assert cells.keys() == {"bottoms", "tops"}
+    # The made-up cloth is the smoothly skinned one, moved outwards by up to two centimetres.
+    assert 0.1 < cells["tops"]["vertex_mean_mm_raw"] < 20.0
+    assert cells["tops"]["frames"] == 3
+    whole = smooth["outfits"]["tops over bottoms"]["actions"]["clip0"]
+    assert set(whole["wrong_side_percent"]) == {"tops"}
+    assert results["windows"] == 2
+    assert results["body"] == "their own (1)"
+    assert "tops over bottoms" in summary(results)
+    report = write_report(tmp_path, results, viewer_clips(shown), [])
+    assert "Maps of" not in report.read_text()
+
+
+def test_what_cannot_be_judged_is_named(data: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="nothing to judge pbns on: model pbns is for tops over bottoms"):
+        compare_outfits(["pbns"], Selection(data), tmp_path, machine="a test")
+    with pytest.raises(InputError, match="no test action is called 'run', expected clip0"):
+        compare_outfits(["lbs"], Selection(data, actions=("run",)), tmp_path, machine="a test")
+    with pytest.raises(InputError, match="take no --garment"):
+        compare_outfits(["lbs"], Selection(data, files=("skirt.obj",)), tmp_path, machine="a test")
