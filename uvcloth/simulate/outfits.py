@@ -35,7 +35,7 @@ class _Task:
 
 
 def simulate_outfits(
-    wardrobe: Path,
+    folder: Path,
     selection: ClipSelection,
     out: Path,
     frames: int | None = None,
@@ -52,7 +52,7 @@ def simulate_outfits(
         raise InputError(f"--engine {engine}: expected one of {', '.join(ENGINES)}")
     if frames is not None and frames < 1:
         raise InputError(f"--most-frames {frames}: has to be 1 or more")
-    outfits = [load_outfit_file(path) for path in outfit_files(wardrobe)]
+    outfits = [load_outfit_file(path) for path in outfit_files(folder)]
     made_by = ENGINES[engine]()
     require_engine(stored_sequences(out), made_by)
     tasks = _deal(outfits, batch_sources(selection), frames)

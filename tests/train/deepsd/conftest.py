@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from tests.train.deepsd.outfits import MadeUp, save_outfits
+from train.deepsd import physics, validation
 from train.deepsd.dataset import OutfitDataset, read_outfits
 
 OUTFITS = (
@@ -12,6 +13,13 @@ OUTFITS = (
     MadeUp("hips", ("bottoms", "tops"), "train", (0.05, 0.15)),
     MadeUp("skirt", ("dress",), "validation", (-0.1, 0.0)),
 )
+
+
+@pytest.fixture(autouse=True)
+def _few_poses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Validation in two poses: each is a copy of the body in the physics phase."""
+    monkeypatch.setattr(validation, "POSES", 2)
+    monkeypatch.setattr(physics, "POSES", 2)
 
 
 @pytest.fixture(scope="session")

@@ -171,9 +171,10 @@ def test_only_chi_moves_and_resuming_is_exact(
 def test_physics_lowers_its_energy_and_starts_from_what_data_taught(
     dataset: OutfitDataset, start: TrainedStart
 ) -> None:
-    objective = Quick(start, replace(LOSSES, poses_drawn=3), dataset, 2)
+    losses = replace(LOSSES, poses_drawn=3, thickness=0.02, collision=100.0)
+    objective = Quick(start, losses, dataset, 2)
     net = objective.networks()["net"]
-    optimizer = torch.optim.Adam([p for p in net.parameters() if p.requires_grad], lr=1e-3)
+    optimizer = torch.optim.Adam([p for p in net.parameters() if p.requires_grad], lr=3e-3)
     energies = []
     for _ in range(12):
         torch.manual_seed(0)
@@ -184,7 +185,7 @@ def test_physics_lowers_its_energy_and_starts_from_what_data_taught(
         energies.append(float(loss.detach()))
         if len(energies) == 1:
             assert parts["small"] == 0.0
-    assert energies[-1] < 0.98 * energies[0]
+    assert energies[-1] < 0.95 * energies[0]
 
 
 def test_an_outfit_of_one_s_own_is_fitted_without_data(
