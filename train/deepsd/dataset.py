@@ -24,7 +24,7 @@ from uvcloth.simulate.outfit_sequence import OutfitSequence, load_outfit_sequenc
 
 @dataclass(frozen=True)
 class OutfitFrames:
-    """An outfit of U points in F frames that count.
+    """An outfit of U points in F scored frames.
 
     vertices: (F, U, 3) m, world, as simulated; none, (0, U, 3), where it is known in no pose. transforms:
     (F, J, 3, 4) of its body. vectors: (F, 3 J), the pose as the network sees it.
@@ -58,7 +58,7 @@ class OutfitDataset:
 
     @property
     def samples(self) -> Tensor:
-        """What a step may draw: numbers of outfits if they are balanced, otherwise of rows."""
+        """The rows that a step may draw: numbers of outfits if they are balanced, otherwise of rows."""
         return torch.arange(len(self.training) if self.balanced else len(self.rows))
 
     def draw(self, samples: Tensor, each: int) -> tuple[list[OutfitFrames], list[Tensor]]:
@@ -154,7 +154,7 @@ def posed_outfit(outfit: Outfit, poses: Poses) -> OutfitDataset:
 
 
 def _grouped(sequences: Sequence[OutfitSequence], split: str, rest_frames: int) -> tuple[OutfitFrames, ...]:
-    """The outfits of a split, each with the frames that count of all its sequences."""
+    """The outfits of a split, each with the scored frames of all its sequences."""
     own: dict[str, list[OutfitSequence]] = {}
     for sequence in sequences:
         if sequence.split == split:
@@ -165,7 +165,7 @@ def _grouped(sequences: Sequence[OutfitSequence], split: str, rest_frames: int) 
 
 
 def _frames(name: str, parts: Sequence[OutfitSequence], rest_frames: int | None) -> OutfitFrames:
-    """The frames that count of an outfit's sequences; without `rest_frames` none of their warm-up."""
+    """The scored frames of an outfit's sequences; without `rest_frames` none of their warm-up."""
     outfit = parts[0].outfit
     graph = outfit_graph(outfit)
     kept = first_of(graph.owner)

@@ -1,4 +1,4 @@
-"""What DeePSD is trained with: settings of its two phases, the error against data, and the priors."""
+"""Losses of DeePSD: settings of its two phases, the error against data, and the priors."""
 
 import math
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ CENTI = 100.0
 
 @dataclass(frozen=True)
 class DataLosses:
-    """What the outfits' data teach, and the priors that they start from (paper sections 4.3 and 9)."""
+    """Losses against the outfits' data, and the priors of the start (paper sections 4.3 and 9)."""
 
     poses_per_outfit: int = 8
     """Poses that a step takes of each outfit it reads, the frame drawn and others at random (paper: 1)."""
@@ -55,7 +55,7 @@ class DataLosses:
 
 
 def prior_share(epochs: float) -> float:
-    """How much the priors weigh after some epochs: all in the first, then a tenth of that with each."""
+    """The weight of the priors after some epochs: all in the first, then a tenth of that with each."""
     return 10.0 ** min(0.0, 1.0 - epochs)
 
 
@@ -93,7 +93,7 @@ def data_losses(
 
 @dataclass(frozen=True)
 class PhysicsLosses:
-    """What physics teaches the branch chi, energies in joules of an outfit (paper eq. 4 to 6)."""
+    """The energies that teach the branch chi, in joules of an outfit (paper eq. 4 to 6)."""
 
     edge: float = 15.0
     """N/m, resistance to stretch and compression (paper: 1; its program: 15)."""

@@ -24,7 +24,7 @@ KEPT_POSES = 512
 
 
 class DeePSDObjective(Objective):
-    """What both phases share: the outfits, their validation, and the checkpoint."""
+    """The part that both phases share: the outfits, their validation, and the checkpoint."""
 
     branches: tuple[Branch, ...]
 

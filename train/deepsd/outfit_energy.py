@@ -19,7 +19,7 @@ from uvcloth.physics.energies import RestShape, bend_energy, collision_energy, e
 
 @dataclass(frozen=True)
 class Cloth:
-    """What the energies need of an outfit at rest.
+    """An outfit at rest as the energies need it.
 
     touches: (U,) int32, the parts of the body that each point may touch. average: over neighbours.
     """
@@ -59,7 +59,7 @@ class OutfitEnergy:
         return {name: energy.mean() for name, energy in energies.items()}
 
     def _cloth(self, frames: OutfitFrames) -> Cloth:
-        """What the energies need of an outfit, worked out at its first visit."""
+        """The outfit at rest, worked out at its first visit."""
         if id(frames) not in self._known:
             graph, losses = frames.graph, self.losses
             points = graph.points.to(self.device)

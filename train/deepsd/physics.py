@@ -163,7 +163,7 @@ def load_start(run: str) -> TrainedStart:
 
 
 def _joined(before: TrainingData, now: TrainingData) -> TrainingData:
-    """What a model was made from that was trained twice."""
+    """The data of a model that was trained twice."""
     splits = before.clips | now.clips
     clips = {split: before.clips.get(split, {}) | now.clips.get(split, {}) for split in splits}
     return TrainingData(before.files | now.files, clips)

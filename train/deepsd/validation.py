@@ -38,8 +38,8 @@ PICTURE_SIZE = (300, 400)
 
 
 @dataclass(frozen=True)
-class Judged:
-    """An outfit in the Q poses that it is judged in. truth: (Q, U, 3) m, none where it is not known."""
+class HeldOutfit:
+    """An outfit in the Q poses that it is validated in. truth: (Q, U, 3) m, none where it is not known."""
 
     frames: OutfitFrames
     poses: DrawnPoses
@@ -63,13 +63,13 @@ class Validation:
         self.device = device
         chosen = [held[index] for index in _spread(len(held), OUTFITS)]
         self._obstacle = Obstacle(make_collider(chosen[0].body), chosen[0].body.mesh.vertices)
-        self._judged = [self._judge(each) for each in chosen]
+        self._held = [self._hold(each) for each in chosen]
 
-    def _judge(self, frames: OutfitFrames) -> Judged:
+    def _hold(self, frames: OutfitFrames) -> HeldOutfit:
         rows = _spread(len(frames.vectors), POSES)
         body, graph = frames.body, frames.graph
         rest = Obstacle(self._obstacle.collider, body.mesh.vertices)
-        return Judged(
+        return HeldOutfit(
             frames,
             DrawnPoses(
                 frames.vectors[rows][None].to(self.device), frames.transforms[rows][None].to(self.device)
@@ -86,50 +86,50 @@ class Validation:
         where the truth is known. edge_mm, bend_cos: see uvcloth.physics.energies. inside_percent: of points.
         """
         found: dict[str, list[Tensor]] = {}
-        for judged, outfit in self._predicted(net, branches, self._judged):
-            measures = self._measures(judged, outfit.posed.cpu())
+        for held, outfit in self._predicted(net, branches, self._held):
+            measures = self._measures(held, outfit.posed.cpu())
             if energy is not None:
-                measures = {"energy_mJ": energy(judged.frames, outfit, judged.poses.transforms[0])} | measures
+                measures = {"energy_mJ": energy(held.frames, outfit, held.poses.transforms[0])} | measures
             for name, value in measures.items():
                 found.setdefault(name, []).append(value.cpu())
         return {name: float(torch.stack(values).mean()) for name, values in found.items()}
 
     def _predicted(
-        self, net: Any, branches: Sequence[Branch], chosen: Sequence[Judged]
-    ) -> Iterator[tuple[Judged, PosedOutfit]]:
+        self, net: Any, branches: Sequence[Branch], chosen: Sequence[HeldOutfit]
+    ) -> Iterator[tuple[HeldOutfit, PosedOutfit]]:
         """Some outfits, each as it is predicted."""
-        for judged in chosen:
-            described = describe(net, [judged.frames.graph], self.device)
-            yield judged, pose_outfits(net, described, judged.poses, branches)[0]
+        for held in chosen:
+            described = describe(net, [held.frames.graph], self.device)
+            yield held, pose_outfits(net, described, held.poses, branches)[0]
 
-    def _measures(self, judged: Judged, posed: Tensor) -> dict[str, Tensor]:
+    def _measures(self, held: HeldOutfit, posed: Tensor) -> dict[str, Tensor]:
         """The measures of an outfit (Q, U, 3) m."""
-        graph = judged.frames.graph
+        graph = held.frames.graph
         measures = {}
-        if len(judged.truth):
-            skinned = skin(graph.points, graph.smooth, judged.poses.transforms[0].cpu())
-            measures["mean_mm"] = MILLI * (posed - judged.truth).norm(dim=-1).mean()
-            measures["smooth_lbs_mm"] = MILLI * (skinned - judged.truth).norm(dim=-1).mean()
-        bodies = judged.bodies()
+        if len(held.truth):
+            skinned = skin(graph.points, graph.smooth, held.poses.transforms[0].cpu())
+            measures["mean_mm"] = MILLI * (posed - held.truth).norm(dim=-1).mean()
+            measures["smooth_lbs_mm"] = MILLI * (skinned - held.truth).norm(dim=-1).mean()
+        bodies = held.bodies()
         some = _spread(len(posed), INSIDE_POSES)
-        inside = self._obstacle.inside_percent(posed[some].contiguous(), judged.contact, bodies[some])
+        inside = self._obstacle.inside_percent(posed[some].contiguous(), held.contact, bodies[some])
         return measures | {
-            "edge_mm": MILLI * edge_change(posed, graph.points, judged.faces).mean(),
-            "bend_cos": fold_cosine(posed, judged.faces).mean(),
+            "edge_mm": MILLI * edge_change(posed, graph.points, held.faces).mean(),
+            "bend_cos": fold_cosine(posed, held.faces).mean(),
             "inside_percent": inside.mean(),
         }
 
     @torch.no_grad()
     def picture(self, net: Any, branches: Sequence[Branch]) -> Tensor:
         """A few outfits as predicted and, where it is known, as simulated below: (H, W, 3) uint8."""
-        chosen = [self._judged[index] for index in _spread(len(self._judged), PICTURED)]
+        chosen = [self._held[index] for index in _spread(len(self._held), PICTURED)]
         rows: list[list[Any]] = [[], []]
-        for judged, outfit in self._predicted(net, branches, chosen):
+        for held, outfit in self._predicted(net, branches, chosen):
             middle = len(outfit.posed) // 2
-            body = judged.bodies()[middle]
-            rows[0].append(_drawn(judged.frames, outfit.posed[middle].cpu(), body))
-            if len(judged.truth):
-                rows[1].append(_drawn(judged.frames, judged.truth[middle], body))
+            body = held.bodies()[middle]
+            rows[0].append(_drawn(held.frames, outfit.posed[middle].cpu(), body))
+            if len(held.truth):
+                rows[1].append(_drawn(held.frames, held.truth[middle], body))
         return torch.from_numpy(contact_sheet([*rows[0], *rows[1]], columns=len(chosen)))
 
 
