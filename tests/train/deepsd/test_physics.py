@@ -34,7 +34,7 @@ from uvcloth.physics.contact import Obstacle
 pytest.importorskip("lightning")
 
 TINY = PRESETS["tiny"]
-LOOP = replace(LOOPS["tiny"], steps=2, batch=2, validate_every=4, weight_decay=0.5, schedule="constant")
+LOOP = replace(LOOPS["tiny"], steps=4, batch=2, validate_every=4, weight_decay=0.5, schedule="constant")
 LOSSES = PhysicsLosses(poses_drawn=2)
 
 
@@ -147,7 +147,7 @@ def test_only_chi_moves_and_resuming_is_exact(
 
     scores = fit(objective(), tmp_path / "whole", LOOP, resume=False)
     assert list(scores)[2:5] == ["energy_mJ", "mean_mm", "smooth_lbs_mm"]
-    fit(objective(), tmp_path / "parts", replace(LOOP, steps=1), resume=False)
+    fit(objective(), tmp_path / "parts", replace(LOOP, steps=2), resume=False)
     fit(objective(), tmp_path / "parts", LOOP, resume=True)
     parts, _ = load_tensors(tmp_path / "parts" / STATE)
     whole, _ = load_tensors(tmp_path / "whole" / STATE)
