@@ -32,7 +32,7 @@ LOSSES: dict[str, DataLosses] = {
 }
 
 PHYSICS: dict[str, PhysicsLosses] = {
-    "default": PhysicsLosses(),
+    "default": PhysicsLosses(collision=50.0, small=2.0),
     "paper": PhysicsLosses(edge=1.0, bend=5e-4, collision=10.0, layers=False, poses_drawn=1),
     "tiny": PhysicsLosses(poses_drawn=2),
 }
