@@ -115,7 +115,7 @@ def test_simulate_repeats_into_a_folder_of_its_own(monkeypatch, capsys, simulate
     from uvcloth.simulate import batch
 
     asked = []
-    monkeypatch.setattr(batch, "_simulate_all", lambda todo, *_: asked.extend(todo))
+    monkeypatch.setattr(batch, "simulate_all", lambda todo, *_: asked.extend(todo))
     words = ("simulate", "walk", "--garment", "tops", "--out", str(simulated), "--repeat")
     assert run(monkeypatch, *words) == 0
     assert [job.targets for job in asked] == [(simulated / "repeat" / "walk_tops.npz",)]

@@ -8,7 +8,8 @@ import torch
 
 from tests.train.physxnet.two_triangles import BODY, CONFIG, PIXELS, prepared, save_clip
 from train.clips import load_training_clips
-from train.physxnet.frames import Frames, body_vertices, load_frames, sheet_of
+from train.physxnet.frames import Frames, load_frames, sheet_of
+from uvcloth.bodies.posing import posed_skin
 
 BOTH = ("tops", "dress")
 ASIDE = torch.tensor([0.0, 0.015625, -0.03125]).expand(4, 3)
@@ -73,6 +74,6 @@ def test_values_lie_at_their_texels() -> None:
 def test_the_body_follows_its_transforms() -> None:
     lifted = torch.eye(3, 4).repeat(1, 2, 1, 1)
     lifted[0, 1, 2, 3] = 0.5
-    moved = body_vertices(BODY, lifted)[0] - BODY.mesh.vertices
+    moved = posed_skin(BODY, lifted)[0] - BODY.mesh.vertices
     upper = BODY.mesh.vertices[:, 2] > 0
     torch.testing.assert_close(moved[:, 2], 0.5 * upper)
