@@ -23,7 +23,7 @@ from uvcloth.checkpoint import load_checkpoint, load_tensors
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.records import CPU
 from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
-from uvcloth.methods.deepsd.network import DeePSDNetwork, deform, pose
+from uvcloth.methods.deepsd.network import DeePSDNetwork, pose
 from uvcloth.methods.deepsd.outfit_graph import outfit_graph, pack
 from uvcloth.methods.registry import load_method
 from uvcloth.simulate.outfit_sequence import BODIES
@@ -94,7 +94,8 @@ def test_what_is_trained_is_what_the_method_does(graph_heads: bool, dataset: Out
     (predicted,) = pose_outfits(net, describe(net, [graph], CPU), own, ("data",))
     packed = pack([graph], CPU)
     described = net.describe(packed)
-    moved = deform(net.shapes(described, packed, "data"), net.embed(own.vectors[0]))
+    shapes, keys = net.shapes(described, packed, "data"), net.embed(own.vectors[0])
+        moved = torch.einsum("bk,ukc->buc", keys, shapes)
     torch.testing.assert_close(predicted.deformation["data"], moved, atol=1e-6, rtol=0)
     expected = pose(graph.points, moved, net.blend_weights(described, packed), own.transforms[0])
     torch.testing.assert_close(predicted.posed, expected, atol=1e-6, rtol=0)

@@ -122,13 +122,6 @@ class DeePSDNetwork(nn.Module):
         return described
 
 
-def deform(shapes: Tensor, keys: Tensor) -> Tensor:
-    """Deformations (B, U, 3) m that keys (B, K) make of blend shapes (U, K, 3)."""
-    points, count = shapes.shape[:2]
-    columns = shapes.transpose(0, 1).reshape(count, 3 * points)
-    return (keys @ columns).view(len(keys), points, 3)
-
-
 def pose(points: Tensor, deformation: Tensor, weights: Tensor, transforms: Tensor) -> Tensor:
     """Posed points (B, U, 3) m (paper eq. 1): rest (U, 3), deformation (B, U, 3), weights (U, J)."""
     return apply_transforms(blend_transforms(weights, transforms), points + deformation)
