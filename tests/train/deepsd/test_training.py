@@ -95,7 +95,7 @@ def test_what_is_trained_is_what_the_method_does(graph_heads: bool, dataset: Out
     packed = pack([graph], CPU)
     described = net.describe(packed)
     shapes, keys = net.shapes(described, packed, "data"), net.embed(own.vectors[0])
-        moved = torch.einsum("bk,ukc->buc", keys, shapes)
+    moved = torch.einsum("bk,ukc->buc", keys, shapes)
     torch.testing.assert_close(predicted.deformation["data"], moved, atol=1e-6, rtol=0)
     expected = pose(graph.points, moved, net.blend_weights(described, packed), own.transforms[0])
     torch.testing.assert_close(predicted.posed, expected, atol=1e-6, rtol=0)
