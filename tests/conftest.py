@@ -4,8 +4,15 @@ import os
 from pathlib import Path
 
 import pytest
+import torch
 
 from uvcloth.bodies.body import Body, load_body
+
+
+@pytest.fixture(autouse=True)
+def seeded() -> None:
+    """The same random numbers in a test, whichever process it runs in and whatever ran there before."""
+    torch.manual_seed(0)
 
 
 @pytest.fixture(scope="session")
