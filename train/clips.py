@@ -13,10 +13,10 @@ from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData
 from uvcloth.motion.index import INDEX, Entry, read_index
 from uvcloth.simulate.sequence import (
-    MOTION_TOLERANCE,
     REST_TOLERANCE,
     SimulatedSequence,
     load_sequence,
+    require_same_motion,
 )
 
 TRAINING_SPLITS = ("train", "validation")
@@ -73,11 +73,8 @@ def load_training_clips(folder: Path, templates: List[str], body: Body) -> list[
 
 def _training_clip(clip: str, sequences: dict[Path, SimulatedSequence], entry: Entry | None) -> TrainingClip:
     """Join the sequences of one clip. Raises InputError naming the file of another motion."""
-    (first_path, first), *others = sequences.items()
-    for path, other in others:
-        same = other.transforms.shape == first.transforms.shape and other.warm_up == first.warm_up
-        if not same or (other.transforms - first.transforms).abs().max() > MOTION_TOLERANCE:
-            raise InputError(f"{path}: moves otherwise than {first_path.name} of the same clip {clip!r}")
+    require_same_motion(sequences, f"clip {clip!r}")
+    first = next(iter(sequences.values()))
     return TrainingClip(
         clip=clip,
         subject=entry.subject if entry else "",

@@ -1,6 +1,5 @@
 """Made outfits are dealt windows of their split, each on its own body, and read again as one."""
 
-import json
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -21,8 +20,8 @@ from uvcloth.simulate.outfit_sequence import load_outfit_sequences
 from uvcloth.simulate.outfits import simulate_outfits
 from uvcloth.simulate.plan import ClipSelection, Job
 from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
-from uvcloth.wardrobe.designs import KINDS, PARTS, limits
-from uvcloth.wardrobe.outfit_file import VERSION
+from uvcloth.wardrobe.designs import KINDS, PARTS, Design, limits
+from uvcloth.wardrobe.outfit_file import OutfitFile, PieceFile, save_outfit_file
 
 WINDOWS = """trial,subject,split,action,window_start,window_frames
 walk,ann,train,walk,20,40
@@ -49,30 +48,26 @@ def wardrobe(body: Body, tmp_path_factory: pytest.TempPathFactory) -> Path:
         pieces = []
         for kind in kinds:
             mesh = meshes["bottoms" if kind == "trousers" else "tops"]
-            save_obj(mesh, folder / f"{name}_{kind}.obj")
             middle = {part: {k: sum(v) / 2 for k, v in limits(PARTS[part]).items()} for part in KINDS[kind]}
-            pieces.append(
-                {
-                    "file": f"{name}_{kind}.obj",
-                    "type": kind,
-                    "vertices": len(mesh.vertices),
-                    "parameters": middle,
-                }
+            file = folder / f"{name}_{kind}.obj"
+            save_obj(mesh, file)
+            pieces.append(PieceFile(file, Design.of(kind, middle), len(mesh.vertices)))
+        save_outfit_file(
+            OutfitFile(
+                path=folder / f"{name}.json",
+                name=name,
+                split=split,
+                body=folder / "bodies" / "b01.npz",
+                seed=0,
+                pieces=tuple(pieces),
+                fabric_name="jersey",
+                fabric={"density": 0.2},
+                tightness=0.5,
+                even=True,
+                seams=False,
+                vertex_range=(1000, 8000),
             )
-        values = {
-            "version": VERSION,
-            "name": name,
-            "split": split,
-            "body": "bodies/b01.npz",
-            "seed": 0,
-            "vertex_range": [1000, 8000],
-            "even": True,
-            "seams": False,
-            "tightness": 0.5,
-            "fabric": {"name": "jersey", "parameters": {"density": 0.2}},
-            "pieces": pieces,
-        }
-        (folder / f"{name}.json").write_text(json.dumps(values))
+        )
     return folder
 
 

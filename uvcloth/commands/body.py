@@ -75,13 +75,8 @@ def make(
     elif phenotype:
         from uvcloth.bodies.anny import make_body
 
-        console = Console(stderr=True)
-        console.print("Anny's shapes are read once, two to six minutes; later bodies take seconds")
-        waiting = Progress(
-            SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn(), console=console
-        )
-        with waiting:
-            waiting.add_task("making the body", total=None)
+        with anny_progress() as progress:
+            progress.add_task("making the body", total=None)
             body = make_body(out.stem, dict(phenotype))
     else:
         body = replace(load_body(body_file), name=out.stem)
@@ -97,6 +92,14 @@ def make(
             with atomic_write(out) as partial:
                 document.write(partial)
     return body
+
+
+def anny_progress() -> Progress:
+    """Progress of making bodies with Anny, after a line that says how long the first one takes."""
+    console = Console(stderr=True)
+    console.print("Anny's shapes are read once, two to six minutes; later bodies take seconds")
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    return Progress(*columns, console=console)
 
 
 def _of_character(character: CharacterFile) -> Body:

@@ -12,15 +12,16 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body, save_body
+from uvcloth.commands.body import anny_progress
 from uvcloth.export.obj import save_obj
+from uvcloth.motion.poses import SPLITS
 from uvcloth.wardrobe.draw import OUTFITS
 from uvcloth.wardrobe.make import make_outfit
 from uvcloth.wardrobe.outfit_file import (
-    SPLITS,
     OutfitFile,
     PieceFile,
     load_outfit_file,
@@ -255,10 +256,7 @@ def _drawn_bodies(folder: Path, count: int, seed: int) -> list[Path]:
         return files
     from uvcloth.bodies.anny import make_body
 
-    console = Console(stderr=True)
-    console.print("Anny's shapes are read once, two to six minutes; later bodies take seconds")
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(*columns, console=console) as progress:
+    with anny_progress() as progress:
         task = progress.add_task("bodies", total=None)
         for number in missing:
             rng = np.random.default_rng([seed, number, len(PHENOTYPES)])

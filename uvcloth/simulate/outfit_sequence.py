@@ -16,7 +16,7 @@ from uvcloth.garments.fit import make_fitted
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.poses import SPLITS, rest_hash
-from uvcloth.simulate.sequence import MOTION_TOLERANCE, SimulatedSequence, load_sequence
+from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, require_same_motion
 
 BODIES = "bodies"
 """Folder, in a data folder, of the bodies that its outfits are on."""
@@ -88,10 +88,7 @@ def _layers(parts: dict[str, tuple[Path, SimulatedSequence]]) -> list[tuple[Path
         if layer not in parts:
             raise InputError(f"{first_path}: was simulated with {layer}, of which the folder has no sequence")
     ordered = [parts[layer] for layer in first.layers]
-    for path, other in ordered:
-        same = other.transforms.shape == first.transforms.shape and other.warm_up == first.warm_up
-        if not same or (other.transforms - first.transforms).abs().max() > MOTION_TOLERANCE:
-            raise InputError(f"{path}: moves otherwise than {first_path.name} of the same outfit")
+    require_same_motion(dict([(first_path, first), *ordered]), "outfit")
     return ordered
 
 

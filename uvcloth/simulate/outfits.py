@@ -7,7 +7,6 @@ from pathlib import Path
 
 from rasterize.atomic import atomic_write, make_folder
 from rasterize.errors import InputError
-from uvcloth.bodies.body import load_body
 from uvcloth.motion.index import Entry
 from uvcloth.motion.poses import SPLITS
 from uvcloth.simulate.batch import LEAD_IN, ONE_PER_CORE, Workers, simulate_all
@@ -107,7 +106,6 @@ def _targets(outfit: OutfitFile, source: Source, out: Path) -> tuple[Path, ...]:
 def _jobs(tasks: Sequence[_Task], out: Path) -> Iterator[Job]:
     """Yield a job for each outfit: what it wears and the motion are read when it is its turn."""
     for task in tasks:
-        _keep_body(task.outfit.body, out)
         job = _job(task, out)
         if job is not None:
             yield job
@@ -117,6 +115,7 @@ def _job(task: _Task, out: Path) -> Job | None:
     """The job of an outfit over the first of its windows that is no faulty capture; None if all are."""
     worn = on_body(task.outfit)
     body = worn.body
+    _keep_body(task.outfit.body, out / BODIES / f"{body.name}.npz")
     cloths = tuple(join(garment, body) for garment in worn.garments)
     for source in task.windows:
         motion, warm_up, fault = load_motion(source, body, 0)
@@ -141,9 +140,8 @@ def _job(task: _Task, out: Path) -> Job | None:
     return None
 
 
-def _keep_body(path: Path, out: Path) -> None:
-    """Copy a body to the data, under the name that its sequences call it by."""
-    kept = out / BODIES / f"{load_body(path).name}.npz"
+def _keep_body(path: Path, kept: Path) -> None:
+    """Copy a body's file to the data, where its sequences look for it."""
     if not kept.exists():
         with atomic_write(kept) as partial:
             shutil.copyfile(path, partial)

@@ -1,6 +1,7 @@
 """Simulated sequences: one garment over one clip, and its file, the training data."""
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -70,6 +71,18 @@ class SimulatedSequence:
     def clip(self) -> str:
         """Name of the clip."""
         return str(self.metadata["clip"])
+
+
+def require_same_motion(sequences: Mapping[Path, SimulatedSequence], whole: str) -> None:
+    """Raise InputError naming the first file whose body moves otherwise than that of the first one.
+
+    whole: what the sequences, by their files, are parts of, in words.
+    """
+    (first_path, first), *others = sequences.items()
+    for path, other in others:
+        same = other.transforms.shape == first.transforms.shape and other.warm_up == first.warm_up
+        if not same or (other.transforms - first.transforms).abs().max() > MOTION_TOLERANCE:
+            raise InputError(f"{path}: moves otherwise than {first_path.name} of the same {whole}")
 
 
 def content_hash(sequence: SimulatedSequence) -> str:

@@ -15,11 +15,10 @@ from uvcloth.garments.fit import make_fitted
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.meshfile import read_mesh
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.motion.poses import SPLITS
 from uvcloth.wardrobe.designs import Design
 
 VERSION = "uvcloth-outfit-1"
-
-SPLITS = ("train", "validation", "test")
 
 
 @dataclass(frozen=True)
