@@ -100,13 +100,13 @@ def test_a_clip_of_an_index_lies_in_the_folder_of_clips(tmp_path: Path) -> None:
         (tmp_path / name).write_text("a clip")
     index = tmp_path / "index.csv"
     for file in ("../a.bvh", str(tmp_path / "a.bvh")):
-        index.write_text(f"{','.join(COLUMNS)},file\na,ann,train,walk,0,10,{file}\n")
+        index.write_text(f"{HEADER.strip()},file\na,ann,train,walk,0,10,{file}\n")
         with pytest.raises(InputError, match="is not read, it lies outside clips"):
             clip_file(read_index(index)["a"], tmp_path / "clips")
     for trial in ("../a", "clips/a"):
-        index.write_text(f"{','.join(COLUMNS)}\n{trial},ann,train,walk,0,10\n")
+        index.write_text(f"{HEADER}{trial},ann,train,walk,0,10\n")
         with pytest.raises(InputError, match=r"index\.csv: the trial .* is no part of a file's name"):
             read_index(index)
-    index.write_text(f"{','.join(COLUMNS)}\n*,ann,train,walk,0,10\n")
+    index.write_text(f"{HEADER}*,ann,train,walk,0,10\n")
     with pytest.raises(InputError, match=r"lacks the clip \*"):
         clip_file(read_index(index)["*"], tmp_path / "clips")
