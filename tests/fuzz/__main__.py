@@ -30,7 +30,7 @@ def main() -> int:
     options = parser.parse_args()
     if options.replay:
         return _replay(options.replay, options.seed, options.out)
-    console, tallies = Console(), []
+    console, tallies = Console(width=120), []
     numbers = range(options.first, options.first + options.cases)
     try:
         with Progress(console=console) as progress:

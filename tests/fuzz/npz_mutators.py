@@ -1,4 +1,4 @@
-"""Damage to npz files: arrays of another kind, headers that claim too much, members that unpack to gigabytes."""
+"""Damage to npz files: arrays of another kind, headers that claim much, members that unpack to gigabytes."""
 
 import io
 import struct
