@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 
 from rasterize.errors import InputError
+from rasterize.reproducible import fix_summation_order
 
 BAD_INPUT = 2
 INTERRUPTED = 130
@@ -19,6 +20,7 @@ def run_command(program: str, command: Callable[[], None]) -> int:
     0 when it returns; 2 with the sentence of an InputError, or of a disk that is full or refuses, on
     stderr; 130 after Ctrl-C. Any other exception is a bug and keeps its traceback.
     """
+    fix_summation_order()
     try:
         command()
     except InputError as error:
