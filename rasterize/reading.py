@@ -33,5 +33,5 @@ def file_below(root: Path, folder: Path, name: str) -> Path:
     except (OSError, RuntimeError, ValueError):  # Loops of links, names that no system takes.
         inside = False
     if not inside:
-        raise InputError(f"{name} (outside the folder {root}, not read)")
+        raise InputError(f"{name} is not read, it lies outside {root.resolve().name or root}")
     return path

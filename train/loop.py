@@ -15,9 +15,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from torch import Tensor, nn
 
-from rasterize.atomic import make_folder
+from rasterize.atomic import make_folder, require_there
 from rasterize.errors import InputError
-from train.interrupt import waiting_interrupt
+from rasterize.interruption import uninterrupted
 from uvcloth.checkpoint import load_tensors, save_tensors
 
 STATE = Path("training") / "state.safetensors"
@@ -168,12 +168,11 @@ def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) ->
     if resume:
         _load_state(training)
     done = training.done
-    with waiting_interrupt() as interrupted:
+    with uninterrupted() as interrupted:
         _train(training, interrupted)
-    if interrupted():
-        _save_state(training)
-        Console(stderr=True).print(f"interrupted at step {done.step}; continue with --resume")
-        raise KeyboardInterrupt
+        if interrupted():
+            _save_state(training)
+            Console(stderr=True).print(f"interrupted at step {done.step}; continue with --resume")
     if not done.errors or done.errors[-1]["step"] != done.step:
         Console(stderr=True).print(f"step {done.step}: {_validate(training)}")
     _save_state(training)
@@ -240,6 +239,7 @@ def _train(training: Training, interrupted: Callable[[], bool]) -> None:
     with _progress(fabric.is_global_zero) as bar:
         task = bar.add_task("training", total=1.0)
         while not interrupted() and (share := _share(config, done)) < 1.0:
+            require_there(training.run)
             set_rates(training.optimizers, config, share)
             parts = _step(training, samples, batch_after(config, share))
             done.seconds = fabric.broadcast(time.monotonic() - begun)

@@ -166,7 +166,7 @@ def _beside(path: Path, name: str) -> Path:
     try:
         return file_below(path.parent, path.parent, name)
     except InputError as error:
-        raise InputError(f"{path}: its obj_file is {error}") from error
+        raise InputError(f"{path}: its obj_file {error}") from error
 
 
 def _mark(chosen: NDArray[np.bool_], words: list[str]) -> None:

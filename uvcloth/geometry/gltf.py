@@ -91,7 +91,7 @@ class Gltf:
         try:
             return read_content(file_below(folder, folder, unquote(uri)))
         except InputError as error:
-            raise self._error(f"its buffer cannot be read: {error}") from error
+            raise self._error(f"its buffer {error}") from error
 
     def _error(self, sentence: str) -> InputError:
         return InputError(f"{self.path}: {sentence}")

@@ -36,6 +36,11 @@ def check_joints(path: Path, names: Sequence[str]) -> None:
         raise InputError(f"{path}: a joint's name is longer than {LONGEST_NAME} characters")
 
 
+def in_order(parents: Sequence[int]) -> bool:
+    """Test that every joint comes after the one above it."""
+    return all(-1 <= parent < joint for joint, parent in enumerate(parents))
+
+
 def joint_transforms(skeleton: Skeleton, rotations: Tensor, translation: Tensor) -> Tensor:
     """Forward kinematics from world rotations relative to the rest pose.
 

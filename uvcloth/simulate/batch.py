@@ -6,13 +6,15 @@ from concurrent.futures import CancelledError
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
 from rich.text import Text
 
-from rasterize.atomic import make_folder
+from rasterize.atomic import require_there, sole_writer
+from rasterize.children import kill_children
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.loading import load_garment_for_data
@@ -88,7 +90,8 @@ def simulate_batch(
     Sequences that `examine` refuses go to OUT/rejected with the reason in their metadata, all layers of an
     outfit together; captures that are faulty are not simulated and named in OUT/refused.csv.
     Raises InputError for unreadable clips, garments or windows, for garments that cannot be simulated or
-    cross as layers, for sequences that would share a file, if OUT cannot be written or was made from other
+    cross as layers, for sequences that would share a file, if OUT cannot be written, is written by another
+    process, or was made from other
     windows, layers, settings or on another body, for a scheduler that does not answer, or if the engine or
     the `simulate` extra is missing.
     """
@@ -104,16 +107,16 @@ def simulate_batch(
     names = [tuple(cloth.garment.name for cloth in outfit) for outfit in cloths]
     require_same(stored_sequences(out), body, made_by, names)
     todo, refused = plan(sources, cloths, out / REPEAT if repeat else out, body, repeat)
-    make_folder(out)
-    if selection.windows is not None:
-        keep_index(selection.windows, out / INDEX)
-    if refused:
-        keep_refused(refused, out)
-        print("\n".join(f"{clip}: refused, {reason}" for clip, reason in refused.items()))
-    if not todo:
-        print(f"{out}: every sequence is there already")
-        return
-    simulate_all(todo, sum(map(_frames, todo)), made_by, workers)
+    with sole_writer(out):
+        if selection.windows is not None:
+            keep_index(selection.windows, out / INDEX)
+        if refused:
+            keep_refused(refused, out)
+            print("\n".join(f"{clip}: refused, {reason}" for clip, reason in refused.items()))
+        if not todo:
+            print(f"{out}: every sequence is there already")
+            return
+        simulate_all(todo, sum(map(_frames, todo)), made_by, workers)
 
 
 def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Workers) -> None:
@@ -136,7 +139,7 @@ def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Work
             cluster = LocalCluster(
                 n_workers=count, threads_per_worker=1, dashboard_address="localhost:0", silence_logs=50
             )
-            stack.callback(_close, cluster)
+            stack.push(partial(_close, cluster))
         client = stack.enter_context(_connect(cluster))
         progress = stack.enter_context(_progress())
         bar = progress.add_task("simulating", total=frames)
@@ -242,8 +245,12 @@ def _store(sequence: SimulatedSequence, reason: str | None, target: Path) -> str
     return f"{target}: {', '.join(figures)}"
 
 
-def _close(cluster: Any) -> None:
-    """End the workers; one that is slow to go, on a busy machine, is killed with this process."""
+def _close(cluster: Any, kind: type[BaseException] | None, *_: Any) -> None:
+    """End the workers: those that still simulate, after an error or an interruption, are killed."""
+    if kind is not None:
+        for nanny in cluster.workers.values():
+            nanny.close_gracefully()
+        kill_children()
     with suppress(TimeoutError):
         cluster.close(timeout=30)
 
