@@ -15,7 +15,8 @@ def read_content(path: Path) -> bytes:
     try:
         if not path.is_file():
             # What is no file, such as a pipe, might never end.
-            raise InputError(f"{path}: {'is not a file' if path.exists() else 'no such file'}")
+            there = ", what is there is a folder or a device" if path.exists() else ""
+            raise InputError(f"{path}: no such file{there}")
         return path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error

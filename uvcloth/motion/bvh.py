@@ -10,8 +10,9 @@ import torch
 from rasterize.errors import InputError
 from rasterize.reading import read_content
 from uvcloth.geometry.rotations import from_euler
+from uvcloth.geometry.skeleton import MOST_JOINTS, check_joints
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.hierarchy import MOST_JOINTS, Hierarchy, check_joints, to_clip
+from uvcloth.motion.hierarchy import Hierarchy, to_clip
 
 END_SITE = -2
 """Stands for an end site on the stack of open joints."""
