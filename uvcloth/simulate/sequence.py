@@ -38,8 +38,9 @@ class SimulatedSequence:
     warm_up: number of leading frames that only let the cloth settle and are never scored.
     metadata: JSON values: clip, garment (its name), template (whose motion it takes, or null), source
     ("template" or "file"), body, body_hash, engine, versions, settings, seed, and what
-    `examine` measured; wall_seconds in memory alone, as the same input is to give the same file; of garments that were simulated together also layers (their names, innermost first)
-    and wrong_side_percent (by the name of each inner one). A file adds hash, that of what is read from it,
+    `examine` measured; of garments that were simulated together also layers (their names, innermost first)
+    and wrong_side_percent (by the name of each inner one). wall_seconds is in memory alone, as the same input
+    is to give the same file. A file adds hash, that of what is read from it,
     and scored_frames, how many frames are scored.
     """
 

@@ -1,4 +1,4 @@
-"""Processes that simulate, on this machine or those of a dask scheduler, and what happens when one is lost."""
+"""Processes that simulate, on this machine or those of a dask scheduler, and those that are lost."""
 
 import os
 import time
@@ -46,10 +46,10 @@ ONE_PER_CORE = Workers()
 
 @contextmanager
 def connected(workers: Workers, at_most: int | None) -> Iterator[Any]:
-    """Client of the workers, which are started on this machine, no more than `at_most`, or elsewhere already.
+    """Client of the workers: those of a scheduler, or of this machine, no more than `at_most`.
 
-    Those of this machine end with the block. Raises InputError without dask, and for a scheduler that does not
-    answer.
+    Those of this machine end with the block. Raises InputError without dask, and for a scheduler that does
+    not answer.
     """
     try:
         import dask
@@ -89,8 +89,8 @@ def results(
     """Do `work` on jobs in the client's workers, and yield each job and its result as it is done.
 
     todo: is asked for the next job when there is room for it. look: is called now and then, and may raise. A
-    job whose worker dies, or that dask forgets, is begun anew. Raises InputError if the scheduler is lost, or a
-    job is lost for the ATTEMPTS-th time.
+    job whose worker dies, or that dask forgets, is begun anew. Raises InputError if the scheduler is lost, or
+    a job is lost for the ATTEMPTS-th time.
     """
     from dask.distributed import as_completed
     from distributed.comm import CommClosedError
