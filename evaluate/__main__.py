@@ -89,7 +89,7 @@ class Evaluate:
             if body is not None:
                 spaces = interpolations(candidates, shown, body)
                 motion = motion_maps(candidates, self.data, shown, body)
-        report = write_report(self.out, results, viewer_clips(shown), images, body, spaces, motion)
+        report = write_report(self.out, results, viewer_clips(shown), images, spaces, motion)
         print(summary(results))
         print(f"{metrics}\n{report}")
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from rasterize.errors import InputError
 from rasterize.interruption import Terminated, interruptible
+from rasterize.reproducible import fix_summation_order
 
 BAD_INPUT, INTERRUPTED, TERMINATED = 2, 130, 143
 
@@ -25,6 +26,7 @@ def run_command(program: str, command: Callable[[], None]) -> int:
     stderr; 130 after Ctrl-C, 143 after SIGTERM, when the process ends within two seconds (see
     `interruptible`). Any other exception is a bug and keeps its traceback.
     """
+    fix_summation_order()
     try:
         with interruptible(lambda code: f"{_line(program, ENDED[code])}\n".encode()):
             command()

@@ -169,7 +169,19 @@ class Simulate:
         from uvcloth.simulate.workers import Workers
 
         selection = ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options)
+        if self.most_frames is not None and self.outfits is None:
+            raise InputError("--most-frames: is for --outfits, choose the frames of clips with --windows")
         if self.outfits is not None:
+            unused = {
+                "--body": self.body is not None,
+                "--garment": self.garment != Simulate.garment,
+                "--layered": self.layered,
+                "--repeat": self.repeat,
+            }
+            for option in (name for name, given in unused.items() if given):
+                raise InputError(
+                    f"{option}: has no meaning with --outfits, whose files say what is worn by whom"
+                )
             from uvcloth.simulate.outfits import simulate_outfits
 
             workers = Workers(self.jobs, self.scheduler)

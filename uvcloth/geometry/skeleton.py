@@ -19,6 +19,11 @@ class Skeleton:
     heads: Tensor
 
 
+def in_order(parents: Sequence[int]) -> bool:
+    """Test that every joint comes after the one above it."""
+    return all(-1 <= parent < joint for joint, parent in enumerate(parents))
+
+
 def joint_transforms(skeleton: Skeleton, rotations: Tensor, translation: Tensor) -> Tensor:
     """Forward kinematics from world rotations relative to the rest pose.
 

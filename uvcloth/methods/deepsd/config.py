@@ -13,10 +13,11 @@ class DeePSDConfig:
     inputs: Literal["mesh", "body"] = "body"
     """What a vertex brings: position and normal (mesh, paper), or besides its offset from the closest point
     of the skin and its smooth blend weights (body)."""
-    blend_weights: Literal["learned", "smooth"] = "smooth"
-    """Predicted alone (learned, paper), or as a change of the smooth ones of the baseline."""
+    blend_weights: Literal["learned", "smooth", "fixed"] = "smooth"
+    """Predicted alone (learned, paper), as a change of the smooth ones of the baseline, or those (fixed)."""
     influences: int = 4
-    """Joints that may move a vertex, the strongest (paper: all): four are what every engine plays."""
+    """Joints that may move a vertex, the strongest (paper: all): four are what every engine plays. The weight
+    of the next one is taken off each, so that weights are continuous over the cloth."""
     deformation: Literal["blend_shapes", "offsets", "none"] = "blend_shapes"
     """Blend shapes weighed by the pose's keys (paper), offsets from descriptor and pose (its Table 1), or
     skinning alone (its Table 6)."""
