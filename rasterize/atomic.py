@@ -71,10 +71,21 @@ def atomic_write(path: Path) -> Iterator[Path]:
     Raises InputError naming `path` if another process writes it, or the system refuses anything in the block.
     """
     path = Path(path)
+    with atomic_files(path) as folder:
+        yield folder / path.name
+
+
+@contextmanager
+def atomic_files(path: Path) -> Iterator[Path]:
+    """Temporary folder to write `path` and files beside it to: they appear together, or none does.
+
+    Otherwise as `atomic_write`.
+    """
+    path = Path(path)
     try:
         partial = Partial(path)
         try:
-            yield partial.finished / path.name
+            yield partial.finished
             put_in_place([partial])
         finally:
             partial.remove()
