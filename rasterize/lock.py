@@ -1,7 +1,7 @@
 """Locks on files, which end with the process that holds them, however it ends.
 
-They are the system's own: no number of a process is compared, which another may have by now, and where a share
-knows locks (NFS, SMB) they hold between machines. Where a file system knows none, every lock is free.
+They are the system's own: no number of a process is compared, which another may have by now, and where a
+share knows locks (NFS, SMB) they hold between machines. Where a file system knows none, every lock is free.
 """
 
 import errno
