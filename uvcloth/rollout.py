@@ -149,7 +149,9 @@ class PreparedRollout:
                             fresh = tuple(None if place in torn else move for place, move in enumerate(moves))
                             resolved, moved = self._resolved(frame, fresh)
                         frame, moves = resolved, moved
-                        frame = replace(frame, difficulties=frame.difficulties + _difficulties(frame, longest))
+                        frame = replace(
+                            frame, difficulties=frame.difficulties + _difficulties(frame, longest)
+                        )
                     if method.autoregressive and frame.replaced:
                         # What it remembers may be as broken as what it predicted.
                         state = method.init(self.prepared, part)
