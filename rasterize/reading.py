@@ -8,6 +8,9 @@ from rasterize.errors import InputError
 ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:|[/\\]")
 """Beginning of a web address, of a drive, or of an absolute path."""
 
+LONGEST_NAME = 1000
+"""Characters of such a name."""
+
 
 def read_content(path: Path) -> bytes:
     """Read a file. Raises InputError naming it if it is missing, a folder or a device, or cannot be read."""
@@ -29,9 +32,11 @@ def file_below(root: Path, folder: Path, name: str) -> Path:
     """
     path = folder / name
     try:
-        inside = not ADDRESS.match(name) and path.resolve().is_relative_to(root.resolve())
+        plain = name.isprintable() and len(name) <= LONGEST_NAME and not ADDRESS.match(name)
+        inside = plain and path.resolve().is_relative_to(root.resolve())
     except (OSError, RuntimeError, ValueError):  # Loops of links, names that no system takes.
         inside = False
     if not inside:
-        raise InputError(f"{name} is not read, it lies outside {root.resolve().name or root}")
+        shown = "".join(letter if letter.isprintable() else " " for letter in name[:80])
+        raise InputError(f"{shown} is not read, it lies outside {root.resolve().name or root}")
     return path

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
-from uvcloth.geometry.gltf import Gltf, read_gltf
+from uvcloth.geometry.gltf import Gltf, one_line, read_gltf
 from uvcloth.geometry.gltf_document import LARGEST
 from uvcloth.geometry.gltf_rig import Rig, chain, inverse_bind, read_rig, resting_worlds
 from uvcloth.geometry.mesh import Mesh
@@ -89,7 +89,7 @@ def _parts(file: Gltf, rig: Rig, index: int) -> Iterable[Part]:
     """Parts, one after the other, of the mesh of a node, none if the skeleton does not move it."""
     node = file.entries("nodes")[index]
     mesh = file.entries("meshes")[node["mesh"]]
-    name = str(node.get("name") or mesh.get("name") or f"mesh {node['mesh']}")
+    name = one_line(node.get("name") or mesh.get("name") or f"mesh {node['mesh']}")
     number = {joint: place for place, joint in enumerate(rig.nodes)}
     if "skin" in node:
         skin = file.entries("skins")[node["skin"]]
@@ -175,7 +175,7 @@ def _part(
     material = primitive.get("material")
     return Part(
         name=name,
-        material="" if material is None else str(file.entries("materials")[material].get("name", "")),
+        material="" if material is None else one_line(file.entries("materials")[material].get("name", "")),
         mesh=Mesh(
             torch.from_numpy(placed.astype(np.float32)),
             torch.from_numpy(faces),

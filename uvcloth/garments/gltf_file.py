@@ -13,7 +13,7 @@ from rasterize.errors import InputError
 from uvcloth.garments.materials import Pictures
 from uvcloth.garments.size import refuse_too_many
 from uvcloth.geometry.authored import AuthoredMesh, Labels, Polygons, SurfaceMaterial, Texture, UvSet
-from uvcloth.geometry.gltf import Gltf, decode_data, read_gltf
+from uvcloth.geometry.gltf import Gltf, decode_data, one_line, read_gltf
 from uvcloth.geometry.gltf_rig import local_transform
 
 SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
@@ -97,7 +97,7 @@ def _parts(gltf: Gltf, node: dict[str, Any], place: np.ndarray) -> Iterator[_Par
     if "mesh" not in node:
         return
     mesh = gltf.entries("meshes")[node["mesh"]]
-    name = str(node.get("name", mesh.get("name", "")))
+    name = one_line(node.get("name", mesh.get("name", "")))
     shared: dict[tuple[tuple[str, int], ...], list[dict[str, Any]]] = {}
     for primitive in mesh["primitives"]:
         if primitive.get("mode", TRIANGLES) == TRIANGLES:
@@ -166,9 +166,10 @@ def _materials(gltf: Gltf, sets: int) -> tuple[tuple[SurfaceMaterial, ...], tupl
                 textures[source] = _texture(gltf, pictures, source)
             texture = textures[source] if source is not None and uv_set < sets else None
             if texture is None:
-                missing.append(f"the picture of material {entry.get('name', index)}")
+                missing.append(f"the picture of material {one_line(entry.get('name', index))}")
         color = (red ** (1 / 2.2), green ** (1 / 2.2), blue ** (1 / 2.2), alpha)
-        found.append(SurfaceMaterial(str(entry.get("name", f"material_{index}")), color, texture, uv_set))
+        label = one_line(entry.get("name", f"material_{index}"))
+        found.append(SurfaceMaterial(label, color, texture, uv_set))
     return tuple(found), (*missing, *pictures.missing)
 
 
@@ -176,7 +177,7 @@ def _texture(gltf: Gltf, pictures: Pictures, index: int) -> Texture | None:
     """An image of a file, None if it is not there or of another kind than PNG and JPEG."""
     image = gltf.entries("images")[index]
     uri = image.get("uri", "")
-    name = str(image.get("name", f"texture_{index}"))
+    name = one_line(image.get("name", f"texture_{index}"))
     if uri and not uri.startswith("data:"):
         return pictures.texture(gltf.path.parent, unquote(uri))
     suffix = SUFFIXES.get(image.get("mimeType", uri[5:].partition(",")[0].partition(";")[0]))

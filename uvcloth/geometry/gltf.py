@@ -18,6 +18,9 @@ MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
 TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
+LONGEST_NAME = 200
+"""Characters of a name that are kept."""
+
 COMPRESSIONS = {"KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"}
 """Extensions without which there are no arrays to read."""
 
@@ -95,6 +98,12 @@ class Gltf:
 
     def _error(self, sentence: str) -> InputError:
         return InputError(f"{self.path}: {sentence}")
+
+
+def one_line(name: Any) -> str:
+    """A name of a file's, in one line of at most LONGEST_NAME characters, none of which is a control code."""
+    text = "".join(letter if letter.isprintable() else " " for letter in str(name)[:LONGEST_NAME])
+    return " ".join(text.split())
 
 
 def decode_data(uri: str) -> bytes:

@@ -140,7 +140,8 @@ def _check(value: Any, rule: Any, place: str, document: dict[str, Any]) -> None:
     match rule:
         case Index():
             _require(_is_count(value), place, value, f"an index of {rule.of}")
-            count = len(document.get(rule.of) or [])
+            entries = document.get(rule.of)
+            count = len(entries) if isinstance(entries, list) else 0
             _require(value < count, place, value, f"one of the {count} {rule.of}")
         case Numbers():
             right = isinstance(value, list) and len(value) == rule.count and all(map(_is_number, value))

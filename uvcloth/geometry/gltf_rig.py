@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from rasterize.errors import InputError
-from uvcloth.geometry.gltf import Gltf
+from uvcloth.geometry.gltf import Gltf, one_line
 from uvcloth.geometry.gltf_document import LARGEST
 from uvcloth.geometry.rotations import from_quaternions
 from uvcloth.geometry.skeleton import check_joints
@@ -46,7 +46,7 @@ def read_rig(file: Gltf, skin: dict[str, Any]) -> Rig:
     Raises InputError naming the file for too many joints, and for a joint whose bind pose is flat.
     """
     above = file.above
-    names = [str(file.entries("nodes")[node].get("name", f"node {node}")) for node in skin["joints"]]
+    names = [one_line(file.entries("nodes")[node].get("name", f"node {node}")) for node in skin["joints"]]
     check_joints(file.path, names)
     joints = parents_first(skin["joints"], above)
     number = {node: index for index, node in enumerate(joints)}
@@ -55,8 +55,7 @@ def read_rig(file: Gltf, skin: dict[str, Any]) -> Rig:
     ]
     place = {node: index for index, node in enumerate(skin["joints"])}
     names = [names[place[node]] for node in joints]
-    twice = {name for name, count in Counter(names).items() if count > 1}
-    unique = tuple(f"{name} {i}" if name in twice else name for i, name in enumerate(names))
+    unique = _told_apart(names)
     resting = resting_worlds(file, joints)
     if "inverseBindMatrices" not in skin:
         bind = np.stack([resting[node] for node in joints])
@@ -73,6 +72,13 @@ def read_rig(file: Gltf, skin: dict[str, Any]) -> Rig:
     axes[:3, :3] = size * _nearest_axes(placing[:3, :3] / size)
     _require_solid(file, unique, axes @ own)
     return Rig(unique, tuple(parents), joints, axes @ own, axes)
+
+
+def _told_apart(names: Sequence[str]) -> tuple[str, ...]:
+    """The names, with their number where two are alike."""
+    counts = Counter(names)
+    numbered = [f"{name} {i}" if counts[name] > 1 else name for i, name in enumerate(names)]
+    return tuple(numbered) if len(set(numbered)) == len(names) else _told_apart(numbered)
 
 
 def inverse_bind(file: Gltf, skin: dict[str, Any]) -> np.ndarray:
