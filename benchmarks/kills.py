@@ -5,7 +5,7 @@ Run from the checkout with PYTHONPATH=. on Linux as
     OMP_NUM_THREADS=1 python benchmarks/kills.py [--times 100] [--only simulate train-pbns ...] [--seed 0]
 
 Each run is a fork of one process that has imported everything, so that a kill hits the work and not Python's
-start. Inputs are made up and tiny. The table of docs/robustness.md comes from here.
+start. Inputs are made up and tiny, and `simulate` has an engine that only skins. The table of docs/robustness.md comes from here.
 """
 
 import importlib
@@ -23,6 +23,7 @@ import evaluate.__main__
 import train.__main__
 import uvcloth.cli
 from rasterize.command import run_command
+from tests.kills.engine import Following
 from tests.kills.trial import PROGRAMS, Command, try_command
 from tests.train.deepsd.conftest import OUTFITS
 from tests.train.deepsd.outfits import save_outfits
@@ -32,6 +33,7 @@ from uvcloth.bodies.body import load_body
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.poses import save_poses
 from uvcloth.simulate import batch
+from uvcloth.simulate.engines import ENGINES
 
 FORMATS = ("npz", "glb", "usdc", "abc", "pc2", "obj", "mp4", "gif", "png")
 MOVING = ("--motion", "walk", "--frames", "0:4")
@@ -44,7 +46,10 @@ def commands(inputs: Path) -> list[Command]:
     tiny = ("--preset", "tiny", "--save-seconds", "0.1", "--out", "OUT")
     resume = ("--resume",)
     return [
-        *(Command(f"rollout-{kind}", "uvcloth", (*rollout, "--out", f"OUT/a.{kind}")) for kind in FORMATS),
+        *(
+            Command(f"rollout-{kind}", "uvcloth", (*rollout, "--no-contact", "--out", f"OUT/a.{kind}"))
+            for kind in FORMATS
+        ),
         Command("rollout-four", "uvcloth", (*rollout, "--out", *(f"OUT/a.{kind}" for kind in FORMATS[:4]))),
         Command(
             "simulate", "uvcloth",
@@ -101,6 +106,7 @@ def prepare() -> None:
     # A new process would import all of this once more.
     dask.config.set({"distributed.worker.multiprocessing-method": "fork"})
     batch.LEAD_IN = LeadIn(rest=1, blend=1, ramp=1)
+    ENGINES["newton"] = Following
     validation.POSES = physics.POSES = 2
     PROGRAMS.update(
         uvcloth=uvcloth.cli.main,

@@ -40,6 +40,10 @@ class Partial:
                 continue
             except HeldError as error:
                 raise _is_written(path, error) from error
+            except BaseException:
+                with suppress(OSError):
+                    self.folder.rmdir()
+                raise
             break
         try:
             _clear(self.folder)

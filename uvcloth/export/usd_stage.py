@@ -13,6 +13,9 @@ from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.render import Color
 
+WRITTEN_AT_ONCE = 2**20
+"""Bytes, more than OpenUSD collects before it writes."""
+
 
 @contextmanager
 def writing(path: Path, fps: float, frames: int) -> Iterator[Any]:
@@ -33,6 +36,9 @@ def writing(path: Path, fps: float, frames: int) -> Iterator[Any]:
         yield stage
         stage.Save()
     except Tf.ErrorException as error:
+        # OpenUSD calls its own file corrupt where the disk is full: the system is asked for its reason.
+        with path.with_suffix(".room").open("wb") as room:
+            room.write(bytes(WRITTEN_AT_ONCE))
         raise OSError(f"OpenUSD: {str(error).strip().splitlines()[-1]}") from error
 
 
