@@ -91,7 +91,7 @@ def load_checkpoint(folder: Path, body: Body | None = None) -> Checkpoint:
     folder = Path(folder)
     path = folder / CONFIG
     try:
-        meta = json.loads(path.read_text())
+        meta = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise InputError(f"{folder}: not a trained model, it has no {CONFIG}") from error
     except (OSError, ValueError) as error:
