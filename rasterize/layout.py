@@ -8,12 +8,19 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.archive import load_arrays, require_finite, save_arrays
+from rasterize.archive import load_arrays, save_arrays
 from rasterize.charts import boundary_loops, edge_keys, edges_of, face_components, weld_corners
 from rasterize.errors import InputError
+from rasterize.fields import check_fields, indices, numbers, whole
 from rasterize.flatten import flatten
 
 LAYOUT_FORMAT = "rasterize-layout-1"
+FIELDS = {
+    "faces": whole("K"),
+    "uvs": numbers("U", 2, least=0.0, most=1.0),
+    "face_uvs": indices("K", 3, of="U"),
+    "islands": whole("K"),
+}
 
 
 @dataclass(frozen=True)
@@ -141,12 +148,10 @@ def save_layout(layout: Layout, path: Path) -> None:
 
 
 def load_layout(path: Path) -> Layout:
-    """Read a layout npz. Raises InputError if it is missing, damaged, not a layout, or not finite."""
-    data = load_arrays(path, LAYOUT_FORMAT, "a UV layout", ("faces", "uvs", "face_uvs", "islands"))
-    require_finite(path, data)
-    return Layout(
-        faces=torch.from_numpy(data["faces"].astype(np.int64)),
-        uvs=torch.from_numpy(data["uvs"]),
-        face_uvs=torch.from_numpy(data["face_uvs"].astype(np.int64)),
-        islands=torch.from_numpy(data["islands"].astype(np.int64)),
-    )
+    """Read a layout npz.
+
+    Raises InputError naming the file, and the array, if it is missing, damaged, not a layout, or holds
+    arrays that do not fit together, are out of range or not finite.
+    """
+    arrays = load_arrays(path, LAYOUT_FORMAT, "a UV layout")
+    return Layout(**{name: torch.from_numpy(a) for name, a in check_fields(path, arrays, FIELDS).items()})

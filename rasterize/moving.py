@@ -5,15 +5,16 @@ cloth moves smoothly. These are whole numbers, so that nothing adds up: in every
 alike, each coordinate is within half a step of what it was.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-from rasterize.archive import load_arrays, require_finite
+from rasterize.archive import load_arrays
 from rasterize.errors import InputError
+from rasterize.fields import Field, check_fields, numbers, whole
 
 QUANTIZATION_STEP = 5.7e-5
 """Metres between two coordinates; half the diagonal of such a cube, the largest error, is 0.0494 mm."""
@@ -23,6 +24,8 @@ PACKED_ARRAYS = ("changes", "parents", "origin")
 
 MAX_COORDINATE = 1.0e4
 """Metres from the origin within which points are packed."""
+
+MAX_STEPS = round(MAX_COORDINATE / QUANTIZATION_STEP)
 
 
 def pack(points: np.ndarray, faces: np.ndarray) -> dict[str, np.ndarray]:
@@ -55,7 +58,7 @@ def pack(points: np.ndarray, faces: np.ndarray) -> dict[str, np.ndarray]:
 def unpack(changes: np.ndarray, parents: np.ndarray, origin: np.ndarray) -> np.ndarray:
     """Unpack the arrays of `pack` into points (F, N, 3) m, float32.
 
-    Raises ValueError or IndexError if they do not fit together.
+    Raises ValueError if they do not fit together.
     """
     if changes.dtype == np.float32:
         return changes
@@ -72,17 +75,24 @@ def unpack(changes: np.ndarray, parents: np.ndarray, origin: np.ndarray) -> np.n
     )
 
 
-def load_moving(path: Path, format: str, expected: str, names: Sequence[str]) -> dict[str, np.ndarray]:
-    """Read an npz as `load_arrays` does, its points unpacked as "vertices" (F, N, 3) m.
+def load_moving(path: Path, format: str, expected: str, fields: Mapping[str, Field]) -> dict[str, np.ndarray]:
+    """Read some fields of an npz as `check_fields` does, and its points, unpacked, as "vertices" (F, N, 3) m.
 
-    Raises InputError also for points that do not fit together and for numbers that are not finite.
+    fields: in which F and N are the sizes of the points. Raises InputError as `load_arrays` and
+    `check_fields` do, and for points that do not fit together.
     """
-    data = load_arrays(path, format, expected, (*PACKED_ARRAYS, *names))
+    arrays = load_arrays(path, format, expected)
+    packed = arrays.get("changes", np.zeros(0)).dtype == np.uint8
+    changes = whole(2, "N", 3, "F", most=255, dtype=np.uint8) if packed else numbers("F", "N", 3)
+    points = {"changes": changes, "parents": whole("N"), "origin": whole(3, least=-MAX_STEPS, most=MAX_STEPS)}
+    data = check_fields(path, arrays, {**points, **fields})
+    count = len(data["parents"])
+    if (data["parents"] > count).any():
+        raise InputError(f"{path}: parents holds {data['parents'].max()}, expected 0 to {count}")
     try:
         data["vertices"] = unpack(*(data.pop(name) for name in PACKED_ARRAYS))
-    except (ValueError, TypeError, IndexError) as error:
+    except ValueError as error:
         raise InputError(f"{path}: its vertices do not fit together, expected {expected}") from error
-    require_finite(path, data)
     return data
 
 
@@ -100,8 +110,13 @@ def _parents(faces: np.ndarray, count: int) -> np.ndarray:
 
 def _levels(parents: np.ndarray) -> Iterator[np.ndarray]:
     """Points in the order of their distance, in edges, from the first of their piece, without the first."""
-    level = np.flatnonzero(parents == len(parents))
-    while len(level):
-        level = np.flatnonzero(np.isin(parents, level))
-        if len(level):
-            yield level
+    count = len(parents)
+    # By every turn, points look twice as far up; after these turns only points in a circle have not ended.
+    above, depth = np.append(parents, count), np.append(np.ones(count, dtype=np.int64), 0)
+    for _ in range(count.bit_length()):
+        depth, above = depth + depth[above], above[above]
+    if (above < count).any():
+        raise ValueError("points are predicted by one another in a circle")
+    order = np.argsort(depth[:count], kind="stable")
+    starts = np.flatnonzero(np.diff(depth[order])) + 1
+    yield from np.split(order, starts)[1:]

@@ -164,11 +164,24 @@ class Simulate:
         if not (self.clips or self.windows) or not self.garment:
             raise InputError("simulate: name at least one clip, or a table with --windows, and one garment")
         from uvcloth.bodies.body import load_body
-        from uvcloth.simulate.batch import Workers, simulate_batch
+        from uvcloth.simulate.batch import simulate_batch
         from uvcloth.simulate.plan import ClipSelection
+        from uvcloth.simulate.workers import Workers
 
         selection = ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options)
+        if self.most_frames is not None and self.outfits is None:
+            raise InputError("--most-frames: is for --outfits, choose the frames of clips with --windows")
         if self.outfits is not None:
+            unused = {
+                "--body": self.body is not None,
+                "--garment": self.garment != Simulate.garment,
+                "--layered": self.layered,
+                "--repeat": self.repeat,
+            }
+            for option in (name for name, given in unused.items() if given):
+                raise InputError(
+                    f"{option}: has no meaning with --outfits, whose files say what is worn by whom"
+                )
             from uvcloth.simulate.outfits import simulate_outfits
 
             workers = Workers(self.jobs, self.scheduler)

@@ -162,12 +162,12 @@ def fake_clip(frames: int = 30) -> ViewerClip:
     net = truth + torch.cat([0 * time, 0 * time, time * 0.015], dim=-1)
     transforms = torch.cat([torch.eye(3).expand(frames, 1, 3, 3), path[:, :, :, None]], dim=-1)
     meshes = {"simulation": truth, "lbs": rest + path, "net": net}
-    return ViewerClip("salsa dance", "dress", 15.0, 2, faces, transforms, meshes)
+    return ViewerClip("salsa dance", "dress", 15.0, 2, faces, fake_body(), transforms, meshes)
 
 
 def write_fake(out: Path) -> Path:
     pictures = [Picture("jump: simulation beside net", PIXEL)]
-    return write_report(out, fake_results(), [fake_clip(), fake_clip(20)], pictures, fake_body())
+    return write_report(out, fake_results(), [fake_clip(), fake_clip(20)], pictures)
 
 
 def test_standings_compare_with_the_better_lbs() -> None:

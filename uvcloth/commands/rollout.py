@@ -19,7 +19,7 @@ from uvcloth.bodies.seen import seen
 from uvcloth.commands.summary import Summary, Totals
 from uvcloth.export.pictures import SHEETS, sheet_interval
 from uvcloth.export.size import announce
-from uvcloth.export.writer import open_writer
+from uvcloth.export.writer import close_together, open_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.proxy import ProxiedOutfit
@@ -142,13 +142,11 @@ def animate(
             if not totals.frames:
                 raise InputError(f"{error}; nothing is written; --keep-going goes on") from error
             broken = error
-        # Only when every file is whole may the first of them appear.
         with totals.timed("writing"):
             for writer in writers:
                 if hidden:
                     writer.hide(hidden.faces())
-                writer.finish()
-    # Only now, when the writers are closed, do they know their files.
+            close_together(writers)
     written = tuple(path for writer in writers for path in writer.written)
     if broken:
         raise _kept_so_far(broken, totals.frames, written)

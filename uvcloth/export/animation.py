@@ -8,14 +8,22 @@ import numpy as np
 import torch
 
 from rasterize.archive import load_arrays, save_arrays
-from rasterize.errors import InputError
+from rasterize.fields import check_fields, indices, names, numbers
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import to_quaternions
 from uvcloth.geometry.skeleton import Skeleton
+from uvcloth.motion.clip import FPS_RANGE
 
 ANIMATION_FORMAT = "uvcloth-animation-1"
+FIELDS = {
+    "fps": numbers(least=FPS_RANGE[0], most=FPS_RANGE[1], dtype=np.float64),
+    "names": names("K"),
+    "transforms": numbers("F", "J", 3, 4),
+}
+"""Arrays of an animation's file, but for those of each garment."""
+
 FRAMES_AT_ONCE = 32
 """Frames that are in memory at once."""
 
@@ -77,28 +85,35 @@ def write_npz(animation: Animation, path: Path) -> None:
 
 
 def load_animation(path: Path) -> Animation:
-    """Read an animation npz, without its body. Raises InputError if it is not one."""
-    data = load_arrays(path, ANIMATION_FORMAT, "an animation made by `uvcloth rollout`")
-    try:
-        names = tuple(str(name) for name in data["names"])
-        return Animation(
-            names=names,
-            meshes=tuple(
-                Mesh(
-                    torch.from_numpy(data[f"{name}_rest"]),
-                    torch.from_numpy(data[f"{name}_faces"].astype(np.int64)),
-                    torch.from_numpy(data[f"{name}_uvs"]),
-                    torch.from_numpy(data[f"{name}_face_uvs"].astype(np.int64)),
-                )
-                for name in names
-            ),
-            vertices=tuple(data[f"{name}_vertices"] for name in names),
-            body=None,
-            transforms=data["transforms"],
-            fps=float(data["fps"]),
-        )
-    except KeyError as error:
-        raise InputError(f"{path}: the animation file lacks the array {error}") from error
+    """Read an animation npz, without its body.
+
+    Raises InputError naming the file, and the array, if it is not one, or holds arrays that do not fit
+    together, are out of range or not finite.
+    """
+    arrays = load_arrays(path, ANIMATION_FORMAT, "an animation made by `uvcloth rollout`")
+    data = check_fields(path, arrays, FIELDS)
+    garments = [_garment(path, arrays, str(name), len(data["transforms"])) for name in data["names"]]
+    return Animation(
+        names=tuple(map(str, data["names"])),
+        meshes=tuple(mesh for mesh, _ in garments),
+        vertices=tuple(vertices for _, vertices in garments),
+        body=None,
+        transforms=data["transforms"],
+        fps=float(data["fps"]),
+    )
+
+
+def _garment(path: Path, arrays: dict[str, np.ndarray], name: str, frames: int) -> tuple[Mesh, np.ndarray]:
+    """Mesh of a garment in a file, and its vertices (F, N, 3)."""
+    fields = {
+        f"{name}_rest": numbers("N", 3),
+        f"{name}_faces": indices("M", 3, of="N"),
+        f"{name}_uvs": numbers("U", 2),
+        f"{name}_face_uvs": indices("G", 3, of="U"),
+        f"{name}_vertices": numbers("F", "N", 3),
+    }
+    rest, faces, uvs, face_uvs, vertices = check_fields(path, arrays, fields, F=frames).values()
+    return Mesh(*(torch.from_numpy(array) for array in (rest, faces, uvs, face_uvs))), vertices
 
 
 def local_pose(

@@ -19,6 +19,9 @@ MAX_UNSAVED = 64_000_000
 POSES_AT_ONCE = 1024
 """Frames whose local poses are computed at once."""
 
+WRITTEN_AT_ONCE = 2**20
+"""Bytes, more than OpenUSD collects before it writes."""
+
 
 class SavedInParts:
     """A stage whose samples leave memory while they are added: `add` their bytes after each."""
@@ -53,6 +56,9 @@ def writing(path: Path, fps: float, frames: int) -> Iterator[Any]:
         yield stage
         stage.Save()
     except Tf.ErrorException as error:
+        # OpenUSD calls its own file corrupt where the disk is full: the system is asked for its reason.
+        with path.with_suffix(".room").open("wb") as room:
+            room.write(bytes(WRITTEN_AT_ONCE))
         raise OSError(f"OpenUSD: {str(error).strip().splitlines()[-1]}") from error
 
 

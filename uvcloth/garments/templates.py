@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from rasterize.archive import load_arrays, save_arrays
+from rasterize.archive import load_arrays, save_arrays, smallest_indices
 from rasterize.errors import InputError
 from rasterize.gather import gather
 from uvcloth.bodies.body import Body
@@ -149,23 +149,18 @@ def save_template(template: Template, path: Path) -> None:
     """Write a template to one npz. Raises InputError if it cannot be written."""
     arrays: dict[str, np.ndarray] = {
         "format": np.array(TEMPLATE_FORMAT),
-        "faces": _smallest(template.faces.numpy()),
+        "faces": smallest_indices(template.faces.numpy()),
         "uvs": template.uvs.numpy().astype(np.float32),
-        "face_uvs": _smallest(template.face_uvs.numpy()),
-        "anchor_faces": _smallest(template.anchor_faces.numpy()),
+        "face_uvs": smallest_indices(template.face_uvs.numpy()),
+        "anchor_faces": smallest_indices(template.anchor_faces.numpy()),
         "anchor_barycentrics": template.anchor_barycentrics.numpy().astype(np.float32),
         "clearance": template.clearance.numpy().astype(np.float32),
         "snug": template.snug.numpy(),
         "band": template.band.numpy(),
     }
     if template.bodice is not None:
-        arrays["bodice_edges"] = _smallest(template.bodice.edges)
+        arrays["bodice_edges"] = smallest_indices(template.bodice.edges)
         arrays["bodice_along"] = template.bodice.along.astype(np.float32)
-        arrays["bodice_faces"] = _smallest(template.bodice.faces)
-        arrays["bodice_loop"] = _smallest(template.bodice.loop)
+        arrays["bodice_faces"] = smallest_indices(template.bodice.faces)
+        arrays["bodice_loop"] = smallest_indices(template.bodice.loop)
     save_arrays(path, arrays)
-
-
-def _smallest(indices: NDArray[np.int64]) -> np.ndarray:
-    """Indices in the smallest type that holds them."""
-    return indices.astype(np.min_scalar_type(indices.max()))

@@ -35,6 +35,11 @@ def from_quaternions(quaternions: Tensor) -> Tensor:
     return torch.eye(3).to(cross) + scale * (w[..., None, None] * cross + cross @ cross)
 
 
+def are_unit(quaternions: Tensor) -> bool:
+    """Test that quaternions (..., 4), from a file, are of length one, within a thousandth."""
+    return bool(((quaternions.double().norm(dim=-1) - 1.0).abs() < 1e-3).all())
+
+
 def to_axis_angles(rotations: Tensor) -> Tensor:
     """Axes times angles, radians, of rotations (..., 3, 3): (..., 3)."""
     from kornia.geometry.conversions import rotation_matrix_to_axis_angle

@@ -18,7 +18,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.smpl_joints import FACE, HANDS, SMPL_JOINTS, STANDING, TRUNK_AND_LIMBS
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, world_rotations
-from uvcloth.motion.clip import Clip
+from uvcloth.motion.clip import FPS_RANGE, Clip
 from uvcloth.motion.retarget import on_floor, resample
 
 EXPECTED = (
@@ -36,8 +36,6 @@ PARTS = {
 """Arrays of newer files, and the joints whose axis-angles each holds."""
 
 FIELDS = ("poses", "trans", *RATES, *PARTS)
-
-FPS_RANGE = (1.0, 1000.0)
 
 PARENTS = {
     "spine1": "pelvis", "spine2": "spine1", "spine3": "spine2", "neck": "spine3", "head": "neck",

@@ -7,6 +7,9 @@ from torch import Tensor
 
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 
+FPS_RANGE = (1.0, 1000.0)
+"""Least and greatest frame rate of a motion, frames per second."""
+
 
 @dataclass(frozen=True)
 class Clip:

@@ -10,20 +10,31 @@ import torch
 
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
+from rasterize.fields import check_fields, indices, names, numbers
 from uvcloth.bodies.body import Body
-from uvcloth.geometry.rotations import from_quaternions, to_quaternions
-from uvcloth.geometry.skeleton import Skeleton
+from uvcloth.geometry.rotations import are_unit, from_quaternions, to_quaternions
+from uvcloth.geometry.skeleton import Skeleton, in_order
 from uvcloth.motion.amass import carried_over, fits_unchanged, is_amass, read_amass
 from uvcloth.motion.bvh import read_bvh
-from uvcloth.motion.clip import Clip
+from uvcloth.motion.clip import FPS_RANGE, Clip
 from uvcloth.motion.gltf import read_gltf_motion
 from uvcloth.motion.options import MotionOptions
 from uvcloth.motion.posture import check_posture
 from uvcloth.motion.rest import Rest, find_rest
-from uvcloth.motion.retarget import required_roles, retarget
+from uvcloth.motion.retarget import require_limbs, required_roles, retarget
 from uvcloth.motion.roles import assign_roles, read_role_map
 
 CLIP_FORMAT = "uvcloth-clip-1"
+FIELDS = {
+    "name": names(),
+    "joint_names": names("J"),
+    "joint_parents": indices("J", of="J", least=-1),
+    "joint_heads": numbers("J", 3),
+    "quaternions": numbers("T", "J", 4),
+    "translation": numbers("T", 3),
+    "fps": numbers(least=FPS_RANGE[0], most=FPS_RANGE[1], dtype=np.float64),
+}
+"""Arrays of a clip's file that are read: T frames, J joints."""
 
 
 def builtin_clips() -> dict[str, Path]:
@@ -75,6 +86,7 @@ def load_source(path_or_name: str | Path, body: Body, options: MotionOptions = D
     clip = read_motion(path_or_name)
     try:
         roles = required_roles(clip.skeleton, f"clip {clip.name}", clip_roles(clip, options))
+        require_limbs(clip.skeleton, roles)
         return MotionSource(clip, roles, find_rest(clip, roles, body, options.up, options.rest_frame))
     except InputError as error:
         raise InputError(f"{path_or_name}: {error}") from error
@@ -131,34 +143,23 @@ def save_clip(clip: Clip, path: Path, notice: str = "") -> None:
 def read_clip(path: Path) -> Clip:
     """Read what `save_clip` wrote: the clip on its own skeleton, in its own units and axes.
 
-    Raises InputError naming the file if it is missing, truncated, another format, without frames, or
-    holds arrays that do not fit together or are not finite.
+    Raises InputError naming the file, and the array, if it is missing, damaged, another format, without
+    frames, or holds arrays that do not fit together, are out of range or not finite.
     """
-    data = load_arrays(path, CLIP_FORMAT, "a motion clip saved by uvcloth")
-    try:
-        names = tuple(str(name) for name in data["joint_names"])
-        parents = tuple(int(parent) for parent in data["joint_parents"])
-        heads, quaternions, translation = data["joint_heads"], data["quaternions"], data["translation"]
-        fps, name = float(data["fps"]), str(data["name"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: the clip lacks a readable array {error}") from error
-    joints, frames = len(names), len(translation)
-    shapes = (heads.shape, quaternions.shape, translation.shape)
-    if shapes != ((joints, 3), (frames, joints, 4), (frames, 3)) or len(parents) != joints:
-        raise InputError(f"{path}: the clip's arrays do not fit together")
-    if frames == 0:
+    data = check_fields(path, load_arrays(path, CLIP_FORMAT, "a motion clip saved by uvcloth"), FIELDS)
+    parents = tuple(data["joint_parents"].tolist())
+    if not len(data["translation"]):
         raise InputError(f"{path}: the clip has zero frames")
-    if not all(parent < joint for joint, parent in enumerate(parents)) or not 0 < fps < np.inf:
-        raise InputError(f"{path}: the clip's joint order or frame rate is not valid")
-    for values, what in ((heads, "joint head"), (quaternions, "rotation"), (translation, "root position")):
-        if not np.isfinite(values).all():
-            raise InputError(f"{path}: a {what} of the clip is not a finite number")
-    if not np.allclose(np.linalg.norm(quaternions, axis=-1), 1.0, atol=1e-3):
+    if not (parents and in_order(parents)):
+        raise InputError(f"{path}: the clip has no joints, or one before the joint above it")
+    quaternions = torch.from_numpy(data["quaternions"])
+    if not are_unit(quaternions):
         raise InputError(f"{path}: a rotation of the clip is no unit quaternion")
+    skeleton = Skeleton(tuple(map(str, data["joint_names"])), parents, torch.from_numpy(data["joint_heads"]))
     return Clip(
-        name=name,
-        skeleton=Skeleton(names, parents, torch.from_numpy(heads)),
-        rotations=from_quaternions(torch.from_numpy(quaternions).double()).float(),
-        translation=torch.from_numpy(translation),
-        fps=fps,
+        name=str(data["name"]),
+        skeleton=skeleton,
+        rotations=from_quaternions(quaternions.double()).float(),
+        translation=torch.from_numpy(data["translation"]),
+        fps=float(data["fps"]),
     )

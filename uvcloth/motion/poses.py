@@ -8,32 +8,37 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.archive import load_arrays, require_finite, save_arrays
+from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
+from rasterize.fields import check_fields, flags, indices, names, numbers, whole
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.fingerprint import fingerprint
-from uvcloth.geometry.rotations import from_quaternions, to_quaternions
+from uvcloth.geometry.rotations import are_unit, from_quaternions, to_quaternions
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 
 SPLITS = ("train", "validation", "test")
 
 POSES_FORMAT = "uvcloth-poses-2"
-POSE_ARRAYS = (
-    "joint_names",
-    "quaternions",
-    "clip_names",
-    "subjects",
-    "clips",
-    "frames",
-    "mirrored",
-    "splits",
-    "donors",
-)
 DONORS = 4
 """Poses that a recombined one is made of."""
 
+FIELDS = {
+    "joint_names": names("J"),
+    "quaternions": numbers("M", "J", 4),
+    "clip_names": names("C"),
+    "subjects": names("C"),
+    "clips": indices("M", of="C"),
+    "frames": whole("M"),
+    "mirrored": flags("M"),
+    "splits": whole("M", most=len(SPLITS) - 1),
+    "donors": indices("M", DONORS, of="M", least=-1),
+    "apart": numbers(least=0.0, dtype=np.float64),
+    "body_name": names(),
+    "body_hash": names(),
+}
+"""Arrays of a file: M poses, J joints, C clips."""
+
 PER_POSE = ("rotations", "clips", "frames", "mirrored", "splits", "donors")
-POSE_SCALARS = ("apart", "body_name", "body_hash")
 
 
 @dataclass(frozen=True)
@@ -125,52 +130,29 @@ def load_poses(path: Path, body: Body) -> PoseDatabase:
     another skeleton, or holds arrays that do not fit together or are not finite.
     """
     path = Path(path)
-    data = load_arrays(path, POSES_FORMAT, "poses drawn by `uvcloth poses`", (*POSE_ARRAYS, *POSE_SCALARS))
-    require_finite(path, data)
-    names = tuple(str(name) for name in data["joint_names"].reshape(-1))
-    if names != body.skeleton.names:
+    data = check_fields(path, load_arrays(path, POSES_FORMAT, "poses drawn by `uvcloth poses`"), FIELDS)
+    joints = tuple(map(str, data["joint_names"]))
+    if joints != body.skeleton.names:
         raise InputError(
             f"{path}: the poses are of another skeleton than the body {body.name} "
-            f"({len(names)} joints {', '.join(names[:3])}, ...)"
+            f"({len(joints)} joints {', '.join(joints[:3])}, ...)"
         )
-    _check(path, data, len(names))
+    if not len(data["quaternions"]):
+        raise InputError(f"{path}: holds no poses")
+    quaternions = torch.from_numpy(data["quaternions"])
+    if not are_unit(quaternions):
+        raise InputError(f"{path}: a rotation of the poses is no unit quaternion")
     return PoseDatabase(
-        joints=names,
-        rotations=from_quaternions(torch.from_numpy(data["quaternions"]).double()).float(),
+        joints=joints,
+        rotations=from_quaternions(quaternions.double()).float(),
         clip_names=tuple(str(name) for name in data["clip_names"]),
         subjects=tuple(str(name) for name in data["subjects"]),
-        clips=torch.from_numpy(data["clips"].astype(np.int64)),
-        frames=torch.from_numpy(data["frames"].astype(np.int64)),
+        clips=torch.from_numpy(data["clips"]),
+        frames=torch.from_numpy(data["frames"]),
         mirrored=torch.from_numpy(data["mirrored"]),
-        splits=torch.from_numpy(data["splits"].astype(np.int64)),
-        donors=torch.from_numpy(data["donors"].astype(np.int64)),
+        splits=torch.from_numpy(data["splits"]),
+        donors=torch.from_numpy(data["donors"]),
         apart=float(data["apart"]),
         body_name=str(data["body_name"]),
         body_hash=str(data["body_hash"]),
     )
-
-
-def _check(path: Path, data: dict[str, np.ndarray], joints: int) -> None:
-    """Raise InputError unless shapes, kinds and ranges are those of poses of `joints` joints."""
-    quaternions, clip_names = data["quaternions"], data["clip_names"]
-    count = len(quaternions) if quaternions.ndim else 0
-    if count == 0:
-        raise InputError(f"{path}: holds no poses")
-    flat = all(data[name].shape == (count,) for name in ("clips", "frames", "mirrored", "splits"))
-    single = all(data[name].ndim == 0 for name in POSE_SCALARS)
-    kinds = [data[name].dtype.kind for name in ("quaternions", "mirrored", "apart")] == ["f", "b", "f"]
-    whole = all(data[name].dtype.kind in "iu" for name in ("clips", "frames", "splits"))
-    named = clip_names.ndim == 1 and data["subjects"].shape == clip_names.shape
-    fit = quaternions.shape == (count, joints, 4) and named and flat and single
-    if not (fit and kinds and whole):
-        raise InputError(f"{path}: the arrays of the poses do not fit together")
-    donors = data["donors"]
-    if donors.shape != (count, DONORS) or donors.dtype.kind != "i":
-        raise InputError(f"{path}: the arrays of the poses do not fit together")
-    if donors.min() < -1 or donors.max() >= count:
-        raise InputError(f"{path}: donors holds an index out of range")
-    for name, end in (("clips", len(clip_names)), ("splits", len(SPLITS)), ("frames", np.inf)):
-        if data[name].min() < 0 or data[name].max() >= end:
-            raise InputError(f"{path}: {name} holds an index out of range")
-    if not np.allclose(np.linalg.norm(quaternions, axis=-1), 1.0, atol=1e-3):
-        raise InputError(f"{path}: a rotation of the poses is no unit quaternion")

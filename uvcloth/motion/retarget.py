@@ -4,6 +4,7 @@ Rotations are transferred, not positions: capture skeletons leave bones out or g
 poses are first brought to a common one, the T-pose of the capture skeleton.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -121,6 +122,17 @@ def required_roles(
             "name them with --joints (`uvcloth motion FILE` shows which are known)"
         )
     return roles
+
+
+def require_limbs(skeleton: Skeleton, roles: Mapping[str, int]) -> None:
+    """Raise InputError naming an arm or a leg bone without length, whose direction would be anything."""
+    for bone, tip in LIMB_BONES.items():
+        if tip not in roles or bone.endswith("hand"):
+            continue
+        length = float((skeleton.heads[roles[tip]] - skeleton.heads[roles[bone]]).norm())
+        if not 0.0 < length < math.inf:
+            names = f"{skeleton.names[roles[bone]]} to {skeleton.names[roles[tip]]}"
+            raise InputError(f"the {bone.replace('_', ' ')} ({names}) has no length")
 
 
 def in_body_axes(clip: Clip, roles: Mapping[str, int]) -> Clip:

@@ -12,14 +12,39 @@ from torch import Tensor
 
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
+from rasterize.fields import check_fields, indices, is_file_name, numbers, text
+from rasterize.json_file import parse_json, require_kinds
 from rasterize.moving import load_moving, pack, unpack
 from uvcloth.geometry.fingerprint import fingerprint
+from uvcloth.motion.clip import FPS_RANGE
 
 SEQUENCE_FORMAT = "uvcloth-sequence-3"
 EXPECTED_FILE = (
     "a sequence that this version's `uvcloth simulate` made, simulate older ones again into a new folder"
 )
-SEQUENCE_ARRAYS = ("faces", "rest", "transforms", "fps", "warm_up", "metadata")
+FIELDS = {
+    "faces": indices("M", 3, of="N"),
+    "rest": numbers("N", 3),
+    "transforms": numbers("F", "J", 3, 4),
+    "fps": numbers(least=FPS_RANGE[0], most=FPS_RANGE[1], dtype=np.float64),
+    "warm_up": indices(of="F"),
+    "metadata": text(),
+}
+"""Arrays of a sequence's file besides the points; F frames, N vertices."""
+
+METADATA = {
+    **dict.fromkeys(("clip", "garment"), str),
+    **dict.fromkeys(("body?", "body_hash?", "engine?", "hash?", "outfit?", "rejected?"), str),
+    **dict.fromkeys(("types?", "versions?", "settings?"), dict),
+    "wrong_side_percent?": {"*": float},
+    "scored_frames?": int,
+    "template?": (str, type(None)),
+    "layers?": [str],
+}
+"""Kinds of the metadata that are read."""
+
+FILE_NAMES = ("clip", "garment", "body", "outfit")
+"""Metadata that are parts of the names of files."""
 
 MOTION_TOLERANCE = 1e-3
 """Largest difference of joint transforms, metres or matrix entries, between sequences of one motion."""
@@ -37,9 +62,10 @@ class SimulatedSequence:
     transforms: (F, J, 3, 4) joint transforms of the body, so that its vertices can be recomputed.
     warm_up: number of leading frames that only let the cloth settle and are never scored.
     metadata: JSON values: clip, garment (its name), template (whose motion it takes, or null), source
-    ("template" or "file"), body, body_hash, engine, versions, settings, seed, wall_seconds, and what
+    ("template" or "file"), body, body_hash, engine, versions, settings, seed, and what
     `examine` measured; of garments that were simulated together also layers (their names, innermost first)
-    and wrong_side_percent (by the name of each inner one). A file adds hash, that of what is read from it,
+    and wrong_side_percent (by the name of each inner one). wall_seconds is in memory alone, as the same input
+    is to give the same file. A file adds hash, that of what is read from it,
     and scored_frames, how many frames are scored.
     """
 
@@ -95,7 +121,7 @@ def save_sequence(sequence: SimulatedSequence, path: Path) -> None:
     packed = pack(sequence.vertices.numpy(), sequence.faces.numpy())
     kept = replace(sequence, vertices=torch.from_numpy(unpack(**packed)))
     metadata = {
-        **sequence.metadata,
+        **{key: value for key, value in sequence.metadata.items() if key != "wall_seconds"},
         "hash": content_hash(kept),
         "scored_frames": max(len(sequence.vertices) - sequence.warm_up, 0),
     }
@@ -117,12 +143,13 @@ def save_sequence(sequence: SimulatedSequence, path: Path) -> None:
 def load_sequence(path: Path) -> SimulatedSequence:
     """Read a sequence npz.
 
-    Raises InputError if it is not one, holds a value that is not finite, or does not name clip and garment.
+    Raises InputError naming the file, and the array, if it is not one, holds arrays that do not fit
+    together, are out of range or not finite, or does not name clip and garment.
     """
-    data = load_moving(path, SEQUENCE_FORMAT, EXPECTED_FILE, SEQUENCE_ARRAYS)
+    data = load_moving(path, SEQUENCE_FORMAT, EXPECTED_FILE, FIELDS)
     return SimulatedSequence(
         vertices=torch.from_numpy(data["vertices"]),
-        faces=torch.from_numpy(data["faces"].astype(np.int64)),
+        faces=torch.from_numpy(data["faces"]),
         rest=torch.from_numpy(data["rest"]),
         transforms=torch.from_numpy(data["transforms"]),
         fps=float(data["fps"]),
@@ -136,16 +163,16 @@ def read_metadata(path: Path) -> dict[str, Any]:
 
     Raises InputError as `load_sequence` does.
     """
-    return _metadata(
-        path, str(load_arrays(path, SEQUENCE_FORMAT, EXPECTED_FILE, ("metadata",), only=True)["metadata"])
-    )
+    arrays = load_arrays(path, SEQUENCE_FORMAT, EXPECTED_FILE, ("metadata",), only=True)
+    data = check_fields(path, arrays, {"metadata": FIELDS["metadata"]})
+    return _metadata(path, str(data["metadata"]))
 
 
 def _metadata(path: Path, text: str) -> dict[str, Any]:
-    try:
-        metadata = json.loads(text)
-    except ValueError as error:
-        raise InputError(f"{path}: the metadata is not readable as JSON") from error
-    if not (isinstance(metadata, dict) and {"clip", "garment"} <= metadata.keys()):
-        raise InputError(f"{path}: the metadata does not name the clip and the garment")
+    metadata = parse_json(text, f"{path}: the metadata", "those of a sequence")
+    require_kinds(metadata, METADATA, f"{path}: the metadata")
+    named = [metadata[name] for name in FILE_NAMES if name in metadata] + metadata.get("layers", [])
+    wrong = [name for name in named if not is_file_name(name)]
+    if wrong:
+        raise InputError(f"{path}: the metadata names {wrong[0]!r:.40}, which is no part of a file's name")
     return metadata
