@@ -81,7 +81,13 @@ class Course:
             self.milliseconds.append(1000.0 * (now - self.begun) / SPAN)
             self.memory.append(anonymous_memory())
             self.apart.append(sum(self.sums) / max(len(self.sums), 1))
+            Console().print(self.line(frame.index + 1))
             self.sums, self.begun = [], now
+
+    def line(self, frames: int) -> str:
+        """The last measurement, after so many frames, in words."""
+        spent, memory, apart = self.milliseconds[-1], self.memory[-1], self.apart[-1]
+        return f"{frames} frames: {spent:.1f} ms, {memory:.0f} MB, {apart:.2f} mm apart"
 
 
 def main(frames: int = 100_000, models: tuple[str, ...] = MODELS, writing: bool = True) -> None:
