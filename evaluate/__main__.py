@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 import tyro
 
+from rasterize.atomic import sole_writer
 from rasterize.command import run_command
 from rasterize.errors import InputError
 
@@ -49,6 +50,12 @@ class Evaluate:
         """Judge, and write metrics.json and the report. Raises InputError for what cannot be judged."""
         if not all(find_spec(module) for module in ("jinja2", "markupsafe", "PIL", "sklearn")):
             raise InputError("the report needs Jinja, Pillow and scikit-learn: install uvcloth[report]")
+        if self.frames is not None and self.frames < 1:
+            raise InputError(f"--frames: {self.frames} is not a number of frames")
+        with sole_writer(self.out):
+            self._judge()
+
+    def _judge(self) -> None:
         from evaluate.candidates import Candidate, load_candidates
         from evaluate.compare import Selection, compare
         from evaluate.garment_space import interpolations
@@ -60,8 +67,6 @@ class Evaluate:
         from uvcloth.bodies.body import load_body
         from uvcloth.commands.threads import limited_threads
 
-        if self.frames is not None and self.frames < 1:
-            raise InputError(f"--frames: {self.frames} is not a number of frames")
         selection = Selection(self.data, self.actions, self.garment, self.frames, self.split)
         used = f"{machine()}, threads used: {self.threads}"
         # Outfits on bodies of their own have no body in common.
@@ -84,7 +89,7 @@ class Evaluate:
             if body is not None:
                 spaces = interpolations(candidates, shown, body)
                 motion = motion_maps(candidates, self.data, shown, body)
-        report = write_report(self.out, results, viewer_clips(shown), images, body, spaces, motion)
+        report = write_report(self.out, results, viewer_clips(shown), images, spaces, motion)
         print(summary(results))
         print(f"{metrics}\n{report}")
 

@@ -26,8 +26,7 @@ from evaluate.standings import (
 )
 from evaluate.viewer import ViewerClip, pack_body, pack_clip
 from rasterize.atomic import atomic_write
-from uvcloth.bodies.body import Body
-from uvcloth.rollout import BATCH
+from uvcloth.bodies.stream import BATCH
 
 TEMPLATES = Path(__file__).with_name("templates")
 METRICS = "metrics.json"
@@ -106,15 +105,13 @@ def write_report(
     results: Results,
     viewer_sequences: Sequence[ViewerClip],
     pictures: Sequence[Picture],
-    body: Body | None = None,
     spaces: Sequence[Picture] = (),
     motion: Sequence[MotionMap] = (),
 ) -> Path:
     """Write OUT/report.html from evaluation results and return its path.
 
-    viewer_sequences: windows to scrub through. pictures: shown in order. body: drawn under the garments
-    in the viewer. spaces: interpolated garments. motion: training and test motion. Raises InputError if the
-    folder cannot be written.
+    viewer_sequences: windows to scrub through. pictures: shown in order. spaces: interpolated garments.
+    motion: training and test motion. Raises InputError if the folder cannot be written.
     """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -126,7 +123,11 @@ def write_report(
         lstrip_blocks=True,
     )
     environment.filters["figure"] = number
-    packed = [pack_clip(clip, list(results["methods"])) for clip in viewer_sequences]
+    bodies = list({id(clip.body): clip.body for clip in viewer_sequences}.values())
+    packed = [
+        pack_clip(clip, list(results["methods"]), next(i for i, b in enumerate(bodies) if b is clip.body))
+        for clip in viewer_sequences
+    ]
     page = environment.get_template("report.html").render(
         results=results,
         methods=list(results["methods"]),
@@ -152,7 +153,7 @@ def write_report(
         long=LONG,
         viewer_headers=[header for header, _ in packed],
         viewer_blobs=[blob for _, blob in packed],
-        viewer_body=pack_body(body) if body is not None and packed else None,
+        viewer_bodies=[pack_body(body) for body in bodies],
         viewer_script=(TEMPLATES / "viewer.js").read_text(encoding="utf-8"),
         three=(TEMPLATES / "three.min.js").read_text(encoding="utf-8"),
         pictures=pictures,

@@ -75,7 +75,9 @@ def viewer_clips(shown: Sequence[Shown]) -> list[ViewerClip]:
     clips = []
     for name in outfits_shown(shown):
         s = max((s for s in shown if s.outfit_name == name), key=lambda s: s.mean_speed)
-        clips.append(ViewerClip(s.action, name, s.fps, s.stride, s.faces, s.transforms, s.meshes))
+        clips.append(
+            ViewerClip(s.action, name, s.fps, s.stride, s.faces, s.outfit.body, s.transforms, s.meshes)
+        )
     return clips
 
 

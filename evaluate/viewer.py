@@ -27,8 +27,8 @@ INFLUENCES = 4
 class ViewerClip:
     """One window to scrub through: the same garment from the simulation and from the methods.
 
-    meshes: by name, the simulation first, each (F, N, 3) metres, world. faces: (M, 3).
-    transforms: (F, J, 3, 4) joint transforms of the body. stride: of the frames shown, the first being
+    meshes: by name, the simulation first, each (F, N, 3) metres, world. faces: (M, 3). body: drawn under the
+    garment. transforms: (F, J, 3, 4) of its joints. stride: of the frames shown, the first being
     the first of the window that counts. fps: frames per second shown.
     """
 
@@ -37,12 +37,16 @@ class ViewerClip:
     fps: float
     stride: int
     faces: Tensor
+    body: Body
     transforms: Tensor
     meshes: Mapping[str, Tensor]
 
 
-def pack_clip(clip: ViewerClip, methods: Sequence[str]) -> tuple[dict[str, Any], str]:
-    """A JSON header and the base64 text of one clip. methods: all of the page, as their colours go."""
+def pack_clip(clip: ViewerClip, methods: Sequence[str], body: int) -> tuple[dict[str, Any], str]:
+    """A JSON header and the base64 text of one clip.
+
+    methods: all of the page, as their colours go. body: the number of the clip's on the page.
+    """
     positions = [mesh.numpy() for mesh in clip.meshes.values()]
     low = np.min([mesh.min((0, 1)) for mesh in positions], axis=0)
     extent = np.max([mesh.max((0, 1)) for mesh in positions], axis=0) - low
@@ -60,6 +64,7 @@ def pack_clip(clip: ViewerClip, methods: Sequence[str]) -> tuple[dict[str, Any],
         "frames": frames,
         "vertices": vertices,
         "faces": len(clip.faces),
+        "body": body,
         "joints": transforms.shape[1],
         "origin": [float(value) for value in low],
         "quantum": quantum,

@@ -5,9 +5,15 @@ import sys
 from collections.abc import Callable
 
 from rasterize.errors import InputError
+from rasterize.interruption import Terminated, interruptible
+from rasterize.reproducible import fix_summation_order
 
-BAD_INPUT = 2
-INTERRUPTED = 130
+BAD_INPUT, INTERRUPTED, TERMINATED = 2, 130, 143
+
+ENDED = {
+    INTERRUPTED: "interrupted; finished work is in place",
+    TERMINATED: "terminated; finished work is in place",
+}
 
 REFUSED_BY_THE_SYSTEM = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM}
 """Errors of the system, not of the program: full disk, quota, read-only folder, no permission."""
@@ -17,14 +23,19 @@ def run_command(program: str, command: Callable[[], None]) -> int:
     """Run a command and return its exit code: `sys.exit(run_command("uvcloth", main))`.
 
     0 when it returns; 2 with the sentence of an InputError, or of a disk that is full or refuses, on
-    stderr; 130 after Ctrl-C. Any other exception is a bug and keeps its traceback.
+    stderr; 130 after Ctrl-C, 143 after SIGTERM, when the process ends within two seconds (see
+    `interruptible`). Any other exception is a bug and keeps its traceback.
     """
+    fix_summation_order()
     try:
-        command()
+        with interruptible(lambda code: f"{_line(program, ENDED[code])}\n".encode()):
+            command()
     except InputError as error:
         return _report(program, str(error), BAD_INPUT)
+    except Terminated:
+        return _report(program, ENDED[TERMINATED], TERMINATED)
     except KeyboardInterrupt:
-        return _report(program, "interrupted; finished work is in place", INTERRUPTED)
+        return _report(program, ENDED[INTERRUPTED], INTERRUPTED)
     except OSError as error:
         if error.errno not in REFUSED_BY_THE_SYSTEM:
             raise
@@ -35,5 +46,9 @@ def run_command(program: str, command: Callable[[], None]) -> int:
 
 def _report(program: str, sentence: str, code: int) -> int:
     """Print one sentence to stderr, on one line, and return the exit code."""
-    print(f"{program}: {' '.join(sentence.split())}", file=sys.stderr)
+    print(_line(program, sentence), file=sys.stderr)
     return code
+
+
+def _line(program: str, sentence: str) -> str:
+    return f"{program}: {' '.join(sentence.split())}"

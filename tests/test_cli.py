@@ -14,7 +14,7 @@ from tests.export.glb_reader import GlbReader
 from uvcloth import cli
 from uvcloth.motion.library import load_clip
 
-HEAVY = ("torch", "warp", "newton", "lightning", "scipy", "trimesh", "pxr", "kornia", "anny")
+HEAVY = ("torch", "warp", "newton", "lightning", "scipy", "trimesh", "pxr", "anny")
 
 
 @pytest.fixture
@@ -258,3 +258,18 @@ def test_unknown_options_exit_with_two(monkeypatch):
     with pytest.raises(SystemExit) as exit_:
         run(monkeypatch, "demo", "--colour", "red")
     assert exit_.value.code == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--outfits", "made", "--repeat"), "--repeat: has no meaning with --outfits"),
+        (("--outfits", "made", "--garment", "tops"), "--garment: has no meaning with --outfits"),
+        (("--most-frames", "5"), "--most-frames: is for --outfits"),
+    ],
+)
+def test_options_that_would_do_nothing_are_refused(monkeypatch, capsys, tmp_path, words, sentence):
+    command = ("simulate", "walk", *words, "--out", str(tmp_path / "out"))
+    assert run(monkeypatch, *command) == 2
+    assert sentence in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -1,7 +1,9 @@
 """`python -m train METHOD --out RUN`: fit a method to simulated sequences, or PBNS to physics alone."""
 
+import os
 import sys
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import MISSING, fields, replace
 from importlib.util import find_spec
 from typing import Any
@@ -9,6 +11,7 @@ from typing import Any
 import tyro
 from rich.console import Console
 
+from rasterize.atomic import sole_writer
 from rasterize.command import run_command
 from rasterize.errors import InputError
 from train.loop import format_scores
@@ -29,7 +32,11 @@ def main() -> None:
     run = tyro.cli(entry.run, args=arguments, default=default, prog=f"python -m train {method}")
     if find_spec("lightning") is None:
         raise InputError("training needs Lightning: install uvcloth[train]")
-    scores = run.train()
+    # Of several processes that Lightning starts for one run, the first claims its folder.
+    ranks = ("LOCAL_RANK", "NODE_RANK", "GROUP_RANK")
+    first = all(os.environ.get(rank, "0") == "0" for rank in ranks)
+    with sole_writer(run.out) if first else nullcontext():
+        scores = run.train()
     Console().print(f"{run.out}: kept that of step {scores['step']:.0f}, validation: {format_scores(scores)}")
 
 

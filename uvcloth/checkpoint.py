@@ -17,7 +17,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 from torch import Tensor, nn
 
-from rasterize.atomic import atomic_write
+from rasterize.atomic import atomic_files, atomic_write
 from rasterize.errors import InputError
 from rasterize.json_file import parse_json, read_json, require_kinds
 from uvcloth.bodies.body import Body
@@ -83,7 +83,7 @@ def body_identity(body: Body) -> dict[str, str]:
 
 
 def save_checkpoint(checkpoint: Checkpoint, folder: Path) -> None:
-    """Write a checkpoint folder, each file beside and renamed. Raises InputError if it cannot be written."""
+    """Write a checkpoint folder, both files or neither. Raises InputError if it cannot be written."""
     folder = Path(folder)
     meta = {
         "version": VERSION,
@@ -95,9 +95,9 @@ def save_checkpoint(checkpoint: Checkpoint, folder: Path) -> None:
         "data": asdict(checkpoint.data),
         "notes": checkpoint.notes,
     }
-    save_tensors(checkpoint.tensors, {}, folder / WEIGHTS)
-    with atomic_write(folder / CONFIG) as partial:
-        partial.write_text(json.dumps(meta, indent=2) + "\n", encoding="utf-8")
+    with atomic_files(folder / CONFIG) as unfinished:
+        save_tensors(checkpoint.tensors, {}, unfinished / WEIGHTS)
+        (unfinished / CONFIG).write_text(json.dumps(meta, indent=2) + "\n", encoding="utf-8")
 
 
 def load_checkpoint(folder: Path, body: Body | None = None) -> Checkpoint:

@@ -164,11 +164,24 @@ class Simulate:
         if not (self.clips or self.windows) or not self.garment:
             raise InputError("simulate: name at least one clip, or a table with --windows, and one garment")
         from uvcloth.bodies.body import load_body
-        from uvcloth.simulate.batch import Workers, simulate_batch
+        from uvcloth.simulate.batch import simulate_batch
         from uvcloth.simulate.plan import ClipSelection
+        from uvcloth.simulate.workers import Workers
 
         selection = ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options)
+        if self.most_frames is not None and self.outfits is None:
+            raise InputError("--most-frames: is for --outfits, choose the frames of clips with --windows")
         if self.outfits is not None:
+            unused = {
+                "--body": self.body is not None,
+                "--garment": self.garment != Simulate.garment,
+                "--layered": self.layered,
+                "--repeat": self.repeat,
+            }
+            for option in (name for name, given in unused.items() if given):
+                raise InputError(
+                    f"{option}: has no meaning with --outfits, whose files say what is worn by whom"
+                )
             from uvcloth.simulate.outfits import simulate_outfits
 
             workers = Workers(self.jobs, self.scheduler)
@@ -360,7 +373,7 @@ class Rollout:
     """Show in the browser what is being computed; then Ctrl-C ends."""
     port: Port = 8080
     """Port of the live view."""
-    host: Host = "localhost"
+    host: Host = "127.0.0.1"
     """Address that the live view listens on; 0.0.0.0 lets other machines in."""
     hide_skin: bool = False
     """Leave out the faces of the body that garments cover closely in every frame, and those that clothes of
@@ -424,7 +437,7 @@ class View:
     """Sequences made by `uvcloth simulate`, shown beside the prediction, with its error as a heat map."""
     port: Port = 8080
     """Port of the page."""
-    host: Host = "localhost"
+    host: Host = "127.0.0.1"
     """Address to listen on; 0.0.0.0 lets other machines in."""
     threads: Annotated[int, arg(metavar="N")] = 1
     """Of the processor."""

@@ -56,10 +56,9 @@
     };
   }
 
-  async function loadBody() {
-    if (!byId("viewer-body")) return null;
-    const header = json("viewer-body-header");
-    const buffer = await inflate("viewer-body");
+  async function loadBody(index) {
+    const header = json(`viewer-body-header-${index}`);
+    const buffer = await inflate(`viewer-body-${index}`);
     const { vertices, faces, influences } = header;
     let at = vertices * 12;
     const rest = new Float32Array(buffer, 0, vertices * 3);
@@ -207,6 +206,15 @@
     return mesh;
   }
 
+  /* The body of a clip, or null while it is unpacked, after which the page is drawn again. */
+  function bodyOf(header) {
+    if (!(header.body in bodies)) {
+      bodies[header.body] = null;
+      loadBody(header.body).then((loaded) => { bodies[header.body] = skinnedBody(loaded, header.joints); draw(); });
+    }
+    return bodies[header.body];
+  }
+
   function poseBody(mesh, clip, frame) {
     const { first, next, share } = between(clip, frame);
     const size = clip.header.joints * 12, T = clip.transforms;
@@ -247,7 +255,8 @@
 
   /* ---- state and controls ---- */
   const state = { clip: 0, left: 0, right: headers[0].meshes.length - 1, frame: 0, playing: false };
-  let current = null, body = null, bodyMesh = null;
+  const bodies = {};
+  let current = null;
   const slider = byId("viewer-frame");
 
   function draw() {
@@ -273,11 +282,9 @@
     const centre = new THREE.Vector3(0, 0, 0.95);
     for (let i = 0; i < truth.length; i += 3) { centre.x += truth[i] * 3 / truth.length; centre.y += truth[i + 1] * 3 / truth.length; }
     follow(centre);
-    if (body && !bodyMesh) bodyMesh = skinnedBody(body, header.joints);
-    if (bodyMesh) {
-      bodyMesh.visible = byId("viewer-show-body").checked;
-      poseBody(bodyMesh, current, state.frame);
-    }
+    const own = bodyOf(header);
+    for (const mesh of Object.values(bodies)) if (mesh) mesh.visible = mesh === own && byId("viewer-show-body").checked;
+    if (own) poseBody(own, current, state.frame);
     drawSides();
   }
 
@@ -369,5 +376,4 @@
   }
   window.addEventListener("hashchange", followHash);
   followHash();
-  loadBody().then((loaded) => { body = loaded; draw(); });
 })();

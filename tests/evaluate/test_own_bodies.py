@@ -44,7 +44,11 @@ def test_figures_are_by_type_and_of_the_split(data: Path, tmp_path: Path) -> Non
     assert results["body"] == "their own (1)"
     assert "tops over bottoms" in summary(results)
     report = write_report(tmp_path, results, viewer_clips(shown), [])
-    assert "Maps of" not in report.read_text()
+    page = report.read_text()
+    assert "Maps of" not in page
+    # One body, which both garments and the outfit are shown on.
+    assert 'id="viewer-body-0"' in page
+    assert 'id="viewer-body-1"' not in page
 
 
 def test_what_cannot_be_judged_is_named(data: Path, tmp_path: Path) -> None:

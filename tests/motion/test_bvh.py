@@ -137,6 +137,12 @@ def test_a_damaged_word_gives_a_clip_or_the_one_error(tmp_path: Path, data: st.D
         ("CHANNELS 3 Zrotation", "CHANNELS 4 Zrotation", "line 9"),
         ("CHANNELS 3 Zrotation", "CHANNELS 3 Wrotation", "line 9"),
         ("MOTION", "", "no MOTION"),
+        ("Frames: 3", "Frames: 1000000000", "expected 1000000000 frames, found 3"),
+        ("Frame Time: 0.0333333", "Frame Time: 10", "frame time is 10.0 s, expected 0.0001 to 0.5"),
+        ("OFFSET 4.0", "OFFSET 1e39", "line 8"),
+        ("JOINT RightUpLeg", "JOINT " + 300 * "x", "longer than 256"),
+        ("OFFSET 0 1 0\n", "OFFSET 0 1 0\nCHANNELS 1 Xrotation\n", "line 25"),
+        ("CHANNELS 3 Zrotation Yrotation Xrotation", "CHANNELS 3 Xposition Xposition Xrotation", "twice"),
     ],
 )
 def test_what_is_wrong_is_said(tmp_path: Path, old: str, new: str, said: str) -> None:
@@ -146,6 +152,29 @@ def test_what_is_wrong_is_said(tmp_path: Path, old: str, new: str, said: str) ->
     path = tmp_path / "wrong.bvh"
     path.write_text(text.replace(old, new, 1))
     with pytest.raises(InputError, match=rf"wrong\.bvh.*{said}"):
+        read_bvh(path)
+
+
+def test_a_value_that_single_precision_cannot_hold_is_named(tmp_path: Path) -> None:
+    joints = performer()
+    lines = bvh_text(joints, still(joints, frames=30)).splitlines()
+    words = lines[-10].split()
+    lines[-10] = " ".join([words[0], "1e39", *words[2:]])
+    path = tmp_path / "far.bvh"
+    path.write_text("\n".join(lines))
+    place = rf"far\.bvh, line {len(lines) - 9}: frame 20, joint Hips: yposition is beyond 1e\+09"
+    with pytest.raises(InputError, match=place):
+        read_bvh(path)
+
+
+def test_endless_nesting_is_refused_at_once(tmp_path: Path) -> None:
+    count = 30_000
+    joint = "JOINT j{}\n{{\nOFFSET 0 1 0\nCHANNELS 3 Zrotation Yrotation Xrotation\n"
+    nested = "".join(joint.format(index) for index in range(count)) + count * "}\n"
+    root = "HIERARCHY\nROOT r\n{\nOFFSET 0 0 0\nCHANNELS 3 Zrotation Yrotation Xrotation\n"
+    path = tmp_path / "deep.bvh"
+    path.write_text(f"{root}{nested}}}\nMOTION\nFrames: 1\nFrame Time: 0.033\n{(3 * count + 3) * '0 '}\n")
+    with pytest.raises(InputError, match=r"deep\.bvh: has more than 2,000 joints"):
         read_bvh(path)
 
 

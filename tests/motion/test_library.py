@@ -100,6 +100,28 @@ def test_a_bvh_file_loads_by_path_and_its_faults_name_it(tmp_path: Path, body: B
         load_clip(path, body)
 
 
+def test_bones_without_length_are_refused(tmp_path: Path, body: Body) -> None:
+    joints = [(name, parent, (0.0, 0.0, 0.0), channels) for name, parent, _, channels in performer()]
+    path = tmp_path / "point.bvh"
+    path.write_text(bvh_text(joints, still(joints)))
+    with pytest.raises(
+        InputError, match=r"point\.bvh: the left thigh \(LeftUpLeg to LeftLeg\) has no length"
+    ):
+        load_clip(path, body)
+
+
+def test_a_person_beyond_what_single_precision_holds_is_refused(tmp_path: Path, body: Body) -> None:
+    joints = performer()
+    values = still(joints)
+    values[1, 0] = 1e8
+    path = tmp_path / "orbit.bvh"
+    path.write_text(bvh_text(joints, values))
+    with pytest.raises(
+        InputError, match=r"orbit\.bvh: frame 1: the person is more than 100 km from the origin"
+    ):
+        load_clip(path, body)
+
+
 def test_an_unknown_name_lists_the_known_ones(body: Body) -> None:
     with pytest.raises(InputError, match=r"moonwalk.*dance, jump, run, spin, twirl, walk"):
         load_clip("moonwalk", body)

@@ -4,11 +4,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from rich.console import Console
 
-from rasterize.atomic import make_folder
+from rasterize.atomic import atomic_files
 from rasterize.errors import InputError
 from uvcloth.bodies.body import load_body
 from uvcloth.export.embedding import write_embedding
@@ -104,20 +103,13 @@ def _write(model: PoseRig, rigged: Rigged, out: Path) -> tuple[Path, ...]:
 
     All of these files appear or none.
     """
-    make_folder(out.parent)
-    try:
-        with TemporaryDirectory(prefix=f".{out.name}.", suffix=".partial", dir=out.parent) as folder:
-            unfinished = Path(folder) / out.name
-            RIG_WRITERS[out.suffix.lower()](rigged.rig, unfinished)
-            if len(model.shapes) and not len(rigged.rig.transforms):
-                write_embedding(model, rigged, unfinished.with_suffix(".onnx"))
-            parts = sorted(Path(folder).iterdir(), key=lambda part: (part.name != out.name, part.name))
-            for part in parts:
-                if (out.parent / part.name).is_dir():
-                    raise InputError(f"{out.parent / part.name}: cannot be written (is a folder)")
-            return tuple(part.replace(out.parent / part.name) for part in parts)
-    except OSError as error:
-        raise InputError(f"{out}: cannot be written ({error.strerror or error})") from error
+    with atomic_files(out) as folder:
+        unfinished = folder / out.name
+        RIG_WRITERS[out.suffix.lower()](rigged.rig, unfinished)
+        if len(model.shapes) and not len(rigged.rig.transforms):
+            write_embedding(model, rigged, unfinished.with_suffix(".onnx"))
+        names = sorted((part.name for part in folder.iterdir()), key=lambda name: (name != out.name, name))
+    return tuple(out.with_name(name) for name in names)
 
 
 def _line(what: str, costs: Sequence[Cost]) -> str:

@@ -4,6 +4,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
@@ -14,6 +15,8 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
+from rasterize.atomic import sole_writer
+from rasterize.children import end_with_parent, kill_children
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body, save_body
 from uvcloth.commands.body import anny_progress
@@ -110,6 +113,11 @@ def make_outfits(settings: OutfitSettings) -> None:
     made with other settings.
     """
     settings.check()
+    with sole_writer(settings.out):
+        _make_missing(settings)
+
+
+def _make_missing(settings: OutfitSettings) -> None:
     bodies = _bodies(settings)
     jobs = [
         _Job(number, wearer(number, bodies, settings.seed), settings)
@@ -196,17 +204,27 @@ def _is_there(job: _Job) -> bool:
 
 @contextmanager
 def _workers(jobs: int | None, work: int) -> Iterator[Callable[[Sequence[_Job]], Iterator[_Made]]]:
-    """Function that makes outfits, in processes or here where one is enough, and yields what `_make` does."""
+    """Function that makes outfits, in processes or here where one is enough, and yields what `_make` does.
+
+    Raises InputError if a process is lost.
+    """
     count = min(jobs or os.cpu_count() or 1, work)
     if count <= 1:
         yield lambda todo: map(_make, todo)
         return
     # Threads of torch and warp do not survive a fork.
-    with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=end_with_parent) as pool:
         try:
             yield lambda todo: (done.result() for done in as_completed([pool.submit(_make, j) for j in todo]))
-        except BaseException:
+        except BaseException as error:
+            # What they have half written is cleared with the folder.
+            kill_children()
             pool.shutdown(wait=True, cancel_futures=True)
+            if isinstance(error, BrokenProcessPool):
+                raise InputError(
+                    "a process that made outfits has ended; what is finished is kept, run the command again "
+                    "to go on"
+                ) from error
             raise
 
 

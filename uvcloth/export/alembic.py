@@ -1,5 +1,6 @@
 """Alembic: garments and body as polygon meshes over time, for DCCs and for engines that train on caches."""
 
+import mmap
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,6 +15,9 @@ from uvcloth.geometry.authored import polygons_of
 from uvcloth.geometry.mesh import Mesh
 
 BYTES_PER_POINT, BYTES_PER_FACE = 12, 40
+
+DATE, NO_DATE = b"_ai_DateWritten=", b"Thu Jan  1 00:00:00 1970"
+"""What comes before the moment of writing in the file's metadata, and what is put in its place."""
 
 
 def write_abc(animation: Animation, path: Path) -> None:
@@ -33,6 +37,17 @@ def write_abc(animation: Animation, path: Path) -> None:
         _write_mesh(archive, name, mesh, frames, sampling)
     if animation.body is not None:
         _write_mesh(archive, "body", animation.body.mesh, posed_body(animation), sampling)
+    del archive
+    _undate(path)
+
+
+def _undate(path: Path) -> None:
+    """Take the moment of writing out of a finished file: the same frames give the same bytes."""
+    with path.open("r+b") as stream, mmap.mmap(stream.fileno(), 0) as content:
+        place = content.rfind(DATE)
+        if place >= 0:
+            start = place + len(DATE)
+            content[start : start + len(NO_DATE)] = NO_DATE
 
 
 def _reserve(path: Path, animation: Animation) -> None:

@@ -1,7 +1,5 @@
 """Writing of animation files and pictures: a file appears whole or not at all."""
 
-import shutil
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -10,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from torch import Tensor
 
-from rasterize.atomic import make_folder
+from rasterize.atomic import Partial, put_in_place
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.seen import seen
@@ -63,21 +61,22 @@ class FrameWriter:
     """Writer of frames of garments and of the body's joints; `close` leaves the file (see open_writer)."""
 
     def __init__(
-        self, path: Path, garments: Sequence[tuple[str, Mesh]], joints: int, folder: Path, sink: Sink
+        self, path: Path, garments: Sequence[tuple[str, Mesh]], joints: int, partial: Partial, sink: Sink
     ) -> None:
         self.path = path
         self.written: tuple[Path, ...] = ()
         """Files that close() left."""
         self._garments, self._joints = tuple(garments), joints
-        self._folder, self._sink, self._frames = folder, sink, 0
-        self._finished = folder / "finished"
+        self._partial, self._sink, self._frames, self._is_finished = partial, sink, 0, False
 
     def add(self, vertices: Sequence[Tensor], transforms: Tensor | None = None) -> None:
         """Append one frame, or a batch of frames in order.
 
         vertices: per garment (N, 3) or (B, N, 3) metres. transforms: (J, 3, 4) or (B, J, 3, 4), unused and
-        optional without a body. Raises InputError if the disk is full or a vertex is not a finite number.
+        optional without a body. Raises InputError if the disk is full, if the folder of the file has been
+        removed, or if a vertex is not a finite number.
         """
+        self._partial.require_there()
         rows = [
             values.detach().cpu().numpy().astype(np.float32, copy=False).reshape(-1, len(mesh.vertices), 3)
             for values, (_, mesh) in zip(vertices, self._garments, strict=True)
@@ -104,38 +103,31 @@ class FrameWriter:
         self._sink.hide(faces)
 
     def finish(self) -> None:
-        """Write the file, which appears with `close`. Raises InputError if the disk is full or no frame came.
+        """Write the file, which appears with `close`.
 
-        Several writers that finish before any of them closes leave all of their files or none.
+        Raises InputError if the disk is full or no frame came.
         """
         try:
             if not self._frames:
                 raise InputError(f"{self.path}: there is no frame to write")
-            self._finished.mkdir()
-            self._sink.finish(self._finished / self.path.name)
+            self._partial.require_there()
+            self._sink.finish(self._partial.finished / self.path.name)
         except OSError as error:
             raise _cannot_write(self.path, error) from error
+        self._is_finished = True
 
     def close(self) -> None:
         """Move the file to its place, finished first if need be, and drop the frames.
 
         Raises InputError as `finish` does.
         """
-        try:
-            if not self._finished.exists():
-                self.finish()
-            self.written = tuple(
-                part.replace(self.path.parent / part.name) for part in sorted(self._finished.iterdir())
-            )
-        except OSError as error:
-            raise _cannot_write(self.path, error) from error
-        finally:
-            self.discard()
+        if not self.written:
+            close_together([self])
 
     def discard(self) -> None:
         """Drop the frames and leave nothing."""
         self._sink.discard()
-        shutil.rmtree(self._folder, ignore_errors=True)
+        self._partial.remove()
 
     def __enter__(self) -> "FrameWriter":
         return self
@@ -150,6 +142,23 @@ class FrameWriter:
             self.close()
         else:
             self.discard()
+
+
+def close_together(writers: Sequence[FrameWriter]) -> None:
+    """Close writers so that all of their files appear or none.
+
+    Raises InputError as `FrameWriter.finish` does.
+    """
+    try:
+        for writer in writers:
+            if not writer._is_finished:
+                writer.finish()
+        written = put_in_place([writer._partial for writer in writers])
+        for writer, paths in zip(writers, written, strict=True):
+            writer.written = paths
+    finally:
+        for writer in writers:
+            writer.discard()
 
 
 def open_writer(
@@ -180,24 +189,23 @@ def open_writer(
             f"{path}: the format {path.suffix or '(none)'} is not supported, use one of {supported}"
         )
     require_own_names(path, [name for name, _ in garments])
-    make_folder(path.parent)
     try:
-        folder = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=".partial", dir=path.parent))
+        partial = Partial(path)
     except OSError as error:
         raise _cannot_write(path, error) from error
     sink: Sink
     body = body and seen(body)
     try:
         if suffix in WRITERS:
-            sink = Spool(folder, garments, body, fps, WRITERS[suffix])
+            sink = Spool(partial.folder, garments, body, fps, WRITERS[suffix])
         elif body is None or motion is None:
             raise ValueError("pictures need the body and its motion")
         else:
-            sink = Pictures(folder / path.name, garments, body, fps, motion, coarse)
+            sink = Pictures(partial.folder / path.name, garments, body, fps, motion, coarse)
     except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
+        partial.remove()
         raise
-    return FrameWriter(path, garments, 0 if body is None else len(body.skeleton.names), folder, sink)
+    return FrameWriter(path, garments, 0 if body is None else len(body.skeleton.names), partial, sink)
 
 
 def require_own_names(path: Path, garments: Sequence[str]) -> None:

@@ -48,7 +48,7 @@ def _place(garment: Garment, body: Body, place: str) -> Tensor:
 
 def _listed(path: Path, count: int, outfit: str) -> Tensor:
     try:
-        numbers = np.array(path.read_text(encoding="utf-8").split(), dtype=np.int64)
+        numbers = np.array(path.read_text(encoding="utf-8-sig").split(), dtype=np.int64)
     except OSError as error:
         places = ", ".join(PIN_SETS)
         raise InputError(

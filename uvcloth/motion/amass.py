@@ -93,9 +93,7 @@ def read_amass(path: Path) -> Clip:
     rotations = world_rotations(skeleton.parents, local) @ standing.mT
     # SMPL turns the body about its pelvis, which lies off the origin that trans moves, in the model's axes.
     pelvis = standing.mT @ skeleton.heads[0].double()
-    return Clip(
-        path.stem, skeleton, rotations.float(), (torch.from_numpy(trans) + pelvis).float(), _fps(path, arrays)
-    )
+    return Clip(path.stem, skeleton, rotations.float(), torch.from_numpy(trans) + pelvis, _fps(path, arrays))
 
 
 def zero_pose(names: tuple[str, ...]) -> Skeleton:

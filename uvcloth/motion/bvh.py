@@ -10,6 +10,7 @@ import torch
 from rasterize.errors import InputError
 from rasterize.reading import read_content
 from uvcloth.geometry.rotations import from_euler
+from uvcloth.geometry.skeleton import MOST_JOINTS, check_joints
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.hierarchy import Hierarchy, to_clip
 
@@ -17,8 +18,14 @@ END_SITE = -2
 """Stands for an end site on the stack of open joints."""
 
 CHANNEL_NAMES = frozenset(axis + kind for axis in "xyz" for kind in ("position", "rotation"))
-FRAME_TIME_RANGE = (1e-4, 10.0)
-"""Least and greatest time of a frame, seconds."""
+FRAME_TIME_RANGE = (1e-4, 0.5)
+"""Least and greatest time of a frame, seconds: slower ones tell no motion, and make many frames of few."""
+
+SHOWN = 60
+"""Characters of a file that an error repeats."""
+
+LARGEST = 1e9
+"""Of an offset or a value, in the file's units or degrees: float32 holds its square."""
 
 
 @dataclass
@@ -41,7 +48,7 @@ def read_bvh(path: Path) -> Clip:
     End sites are left out.
 
     Raises InputError naming the file and the line, frame or joint if the file is missing, truncated,
-    without frames, or holds a value that is not a finite number.
+    without frames, or holds a value that is not a finite number or beyond LARGEST.
     """
     path = Path(path)
     lines = _lines(path)
@@ -50,7 +57,7 @@ def read_bvh(path: Path) -> Clip:
         raise InputError(f"{path}: not a whole BVH file, it has no MOTION section")
     hierarchy = _parse_hierarchy(path, lines[:motion])
     values, fps = _parse_motion(path, lines, motion, hierarchy)
-    positions = _positions(hierarchy, values)
+    positions = _positions(path, hierarchy, values)
     return to_clip(
         path.stem,
         Hierarchy(
@@ -78,12 +85,17 @@ def _parse_hierarchy(path: Path, lines: list[str]) -> _Hierarchy:
     hierarchy = _Hierarchy()
     open_blocks: list[int] = []
     for number, line in enumerate(lines, start=1):
+        if len(hierarchy.names) > MOST_JOINTS:
+            break
         words = line.replace("{", " ").split()
         if words:
             try:
                 _parse_line(hierarchy, open_blocks, words[0].upper(), words[1:])
             except (ValueError, IndexError) as error:
-                raise InputError(f"{path}, line {number}: cannot be understood: {line.strip()!r}") from error
+                raise InputError(
+                    f"{path}, line {number}: cannot be understood: {line.strip()[:SHOWN]!r}"
+                ) from error
+    check_joints(path, hierarchy.names)
     if open_blocks or not hierarchy.names:
         raise InputError(f"{path}: the HIERARCHY section is not complete")
     if hierarchy.parents.count(-1) != 1:
@@ -96,6 +108,8 @@ def _parse_hierarchy(path: Path, lines: list[str]) -> _Hierarchy:
 
 def _parse_line(hierarchy: _Hierarchy, open_blocks: list[int], keyword: str, rest: list[str]) -> None:
     """Add one line to the hierarchy; `open_blocks` is the stack of open joints, END_SITE for an end site."""
+    if END_SITE in open_blocks[-1:] and keyword in ("ROOT", "JOINT", "CHANNELS"):
+        raise ValueError("an end site holds nothing but its offset")
     if keyword in ("ROOT", "JOINT"):
         hierarchy.parents.append(open_blocks[-1] if open_blocks else -1)
         open_blocks.append(len(hierarchy.names))
@@ -107,7 +121,7 @@ def _parse_line(hierarchy: _Hierarchy, open_blocks: list[int], keyword: str, res
         open_blocks.pop()
     elif keyword == "OFFSET" and open_blocks[-1] != END_SITE:
         offset = [float(word) for word in rest]
-        if len(offset) != 3 or not np.isfinite(offset).all():
+        if len(offset) != 3 or not all(abs(value) <= LARGEST for value in offset):
             raise ValueError("an offset is three finite numbers")
         hierarchy.offsets[open_blocks[-1]] = offset
     elif keyword == "CHANNELS":
@@ -143,13 +157,14 @@ def _parse_motion(
         raise _bad_row(path, rows, len(hierarchy.channels)) from error
     if values.shape[1] != len(hierarchy.channels):
         raise _bad_row(path, rows, len(hierarchy.channels))
-    bad = np.argwhere(~np.isfinite(values))
+    bad = np.argwhere(~(np.abs(values) <= LARGEST))
     if len(bad):
         frame, column = bad[0]
         joint, channel = hierarchy.channels[column]
+        fault = f"beyond {LARGEST:g}" if np.isfinite(values[frame, column]) else "not a finite number"
         raise InputError(
             f"{path}, line {rows[frame][0]}: frame {frame}, joint {hierarchy.names[joint]}: "
-            f"{channel} is not a finite number"
+            f"{channel} is {fault}"
         )
     return values, _nominal_fps(1.0 / seconds)
 
@@ -165,7 +180,9 @@ def _bad_row(path: Path, rows: list[tuple[int, str]], expected: int) -> InputErr
             try:
                 float(word)
             except ValueError:
-                return InputError(f"{path}, line {number}: frame {frame} holds {word!r}, expected a number")
+                return InputError(
+                    f"{path}, line {number}: frame {frame} holds {word[:SHOWN]!r}, expected a number"
+                )
     return InputError(f"{path}: the frames cannot be understood")
 
 
@@ -177,24 +194,23 @@ def _nominal_fps(fps: float) -> float:
 def _rotations(path: Path, hierarchy: _Hierarchy, values: np.ndarray) -> np.ndarray:
     """Rotations (T, J, 3, 3) relative to the parent."""
     local = np.tile(np.eye(3), (len(values), len(hierarchy.names), 1, 1))
-    for joint, name in enumerate(hierarchy.names):
-        columns, axes = _columns(hierarchy, joint, "rotation")
-        if columns:
-            if len(axes) > 3 or any(axis == following for axis, following in pairwise(axes)):
-                raise InputError(
-                    f"{path}: joint {name} has the rotation channels {axes.upper()}, "
-                    "expected up to three with no axis twice in a row"
-                )
-            local[:, joint] = from_euler(axes, torch.from_numpy(np.radians(values[:, columns]))).numpy()
+    for joint, (columns, axes) in _columns(hierarchy, "rotation").items():
+        if len(axes) > 3 or any(axis == following for axis, following in pairwise(axes)):
+            raise InputError(
+                f"{path}: joint {hierarchy.names[joint]} has the rotation channels {axes.upper()}, "
+                "expected up to three with no axis twice in a row"
+            )
+        local[:, joint] = from_euler(axes, torch.from_numpy(np.radians(values[:, columns]))).numpy()
     return local
 
 
-def _positions(hierarchy: _Hierarchy, values: np.ndarray) -> np.ndarray:
+def _positions(path: Path, hierarchy: _Hierarchy, values: np.ndarray) -> np.ndarray:
     """Positions (T, J, 3) relative to the parent; channels of a bone that are all zero say nothing."""
     positions = np.tile(np.array(hierarchy.offsets), (len(values), 1, 1))
-    for joint, parent in enumerate(hierarchy.parents):
-        columns, axes = _columns(hierarchy, joint, "position")
-        if parent < 0 or values[:, columns].any():
+    for joint, (columns, axes) in _columns(hierarchy, "position").items():
+        if len(set(axes)) < len(axes):
+            raise InputError(f"{path}: joint {hierarchy.names[joint]} has a position channel twice")
+        if hierarchy.parents[joint] < 0 or values[:, columns].any():
             positions[:, joint, ["xyz".index(axis) for axis in axes]] = values[:, columns]
     return positions
 
@@ -206,11 +222,11 @@ def _offsets(hierarchy: _Hierarchy, positions: np.ndarray) -> np.ndarray:
     return offsets
 
 
-def _columns(hierarchy: _Hierarchy, joint: int, kind: str) -> tuple[list[int], str]:
-    """Columns of a joint's channels of one kind, and their axes ("zyx"), in the listed order."""
-    chosen = [
-        (column, channel[0])
-        for column, (owner, channel) in enumerate(hierarchy.channels)
-        if owner == joint and channel.endswith(kind)
-    ]
-    return [column for column, _ in chosen], "".join(axis for _, axis in chosen)
+def _columns(hierarchy: _Hierarchy, kind: str) -> dict[int, tuple[list[int], str]]:
+    """Columns of the channels of one kind by joint, and their axes ("zyx"), in the listed order."""
+    found: dict[int, tuple[list[int], str]] = {}
+    for column, (joint, channel) in enumerate(hierarchy.channels):
+        if channel.endswith(kind):
+            columns, axes = found.get(joint, ([], ""))
+            found[joint] = ([*columns, column], axes + channel[0])
+    return found

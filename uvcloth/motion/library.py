@@ -21,7 +21,7 @@ from uvcloth.motion.gltf import read_gltf_motion
 from uvcloth.motion.options import MotionOptions
 from uvcloth.motion.posture import check_posture
 from uvcloth.motion.rest import Rest, find_rest
-from uvcloth.motion.retarget import required_roles, retarget
+from uvcloth.motion.retarget import require_limbs, required_roles, retarget
 from uvcloth.motion.roles import assign_roles, read_role_map
 
 CLIP_FORMAT = "uvcloth-clip-1"
@@ -86,6 +86,7 @@ def load_source(path_or_name: str | Path, body: Body, options: MotionOptions = D
     clip = read_motion(path_or_name)
     try:
         roles = required_roles(clip.skeleton, f"clip {clip.name}", clip_roles(clip, options))
+        require_limbs(clip.skeleton, roles)
         return MotionSource(clip, roles, find_rest(clip, roles, body, options.up, options.rest_frame))
     except InputError as error:
         raise InputError(f"{path_or_name}: {error}") from error

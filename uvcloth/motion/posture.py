@@ -16,6 +16,9 @@ MOST = 0.5
 HEAD_HEIGHT = 0.6
 """Height of the head over the feet, in lengths of a thigh, below which a person lies."""
 
+FARTHEST = 1e5
+"""Metres from the origin beyond which a person is not followed: single precision leaves 8 mm there."""
+
 BENT = 0.25
 """Sine of the bend from which a knee is bent."""
 
@@ -25,10 +28,15 @@ ADVICE = "name a frame in which the person stands with --rest-frame, or the join
 def check_posture(clip: Clip, lying: bool = False) -> None:
     """Raise InputError if a clip on a body's skeleton cannot be how a person moved.
 
+    No frame may be FARTHEST from the origin.
     Over most of the frames the feet have to be below the hips and these below the head (not asked where
     `lying`), the knees to bend forwards where they bend, and left arm and left leg to be on one side.
     """
     positions = clip.positions()
+    away = ~(positions.norm(dim=-1).amax(1) <= FARTHEST)
+    if bool(away.any()):
+        frame = int(away.int().argmax())
+        raise InputError(f"frame {frame}: the person is more than {FARTHEST / 1000:.0f} km from the origin")
     roles = joint_roles(clip.skeleton.names)
     upright = _upright(positions, roles)
     if upright <= MOST and not lying:

@@ -4,6 +4,7 @@ Rotations are transferred, not positions: capture skeletons leave bones out or g
 poses are first brought to a common one, the T-pose of the capture skeleton.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -123,6 +124,17 @@ def required_roles(
     return roles
 
 
+def require_limbs(skeleton: Skeleton, roles: Mapping[str, int]) -> None:
+    """Raise InputError naming an arm or a leg bone without length, whose direction would be anything."""
+    for bone, tip in LIMB_BONES.items():
+        if tip not in roles or bone.endswith("hand"):
+            continue
+        length = float((skeleton.heads[roles[tip]] - skeleton.heads[roles[bone]]).norm())
+        if not 0.0 < length < math.inf:
+            names = f"{skeleton.names[roles[bone]]} to {skeleton.names[roles[tip]]}"
+            raise InputError(f"the {bone.replace('_', ' ')} ({names}) has no length")
+
+
 def in_body_axes(clip: Clip, roles: Mapping[str, int]) -> Clip:
     """Clip with Z up and its rest pose facing -Y; units stay."""
     turned = body_axes(clip.skeleton.heads, roles).to(clip.rotations)
@@ -130,7 +142,7 @@ def in_body_axes(clip: Clip, roles: Mapping[str, int]) -> Clip:
         clip,
         skeleton=replace(clip.skeleton, heads=clip.skeleton.heads @ turned.T),
         rotations=turned @ clip.rotations @ turned.T,
-        translation=clip.translation @ turned.T,
+        translation=clip.translation @ turned.T.to(clip.translation),
     )
 
 

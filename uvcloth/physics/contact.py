@@ -112,14 +112,26 @@ class Skin:
     """Nearest skin of N vertices.
 
     distance: (N,) m to it, negative inside, or a lower bound of that. normals: (N, 3) and offsets: (N,) m,
-    the plane through it, as the product of its points with the normal.
-    squeezed: (N,) bool, where two parts leave less than SQUEEZE_GAP between them.
+    the plane through it, as the product of its points with the normal. gap: (N,) m, the room between the two
+    parts that a vertex is nearest to where they face each other, negative where they overlap.
     """
 
     distance: Tensor
     normals: Tensor
     offsets: Tensor
-    squeezed: Tensor
+    gap: Tensor
+
+    @property
+    def squeezed(self) -> Tensor:
+        """Mask of the vertices that two parts leave less than SQUEEZE_GAP: (N,) bool."""
+        return self.gap < SQUEEZE_GAP
+
+    def room(self, clearance: float) -> Tensor:
+        """Metres (N,) to keep off the skin: the clearance, or where two parts leave less, the middle.
+
+        Where they overlap, anywhere in the overlap is as good; no step in it, since gaps close slowly.
+        """
+        return torch.where(self.gap > 0, 0.5 * self.gap, self.gap).clamp(max=clearance)
 
     @property
     def inside(self) -> Tensor:
@@ -174,8 +186,8 @@ class Obstacle:
         start = vertices if before is None else vertices + _warm_start(before)
         skin = self.skin(start, garment, exact=PLANE_DISTANCE)
         inside_before = int(skin.inside.sum())
-        held = (skin.distance < PLANE_DISTANCE) & ~skin.squeezed
-        offsets = torch.where(held, skin.offsets + SKIN_CLEARANCE, FREE)
+        held = skin.distance < PLANE_DISTANCE
+        offsets = torch.where(held, skin.offsets + skin.room(SKIN_CLEARANCE), FREE)
         normals = skin.normals.clone() if garment.over else skin.normals
         for beneath in garment.over:
             rows, distance, directions = beneath.find(start)
@@ -187,7 +199,7 @@ class Obstacle:
             vertices[rows] += (FINAL_CLEARANCE - distance).clamp(min=0)[:, None] * directions
         self._follow(skin, vertices, vertices - start, garment)
         for _ in range(MAX_PUSHES):
-            need = torch.where(skin.squeezed, 0.0, FINAL_CLEARANCE - skin.distance).clamp(min=0)
+            need = (skin.room(FINAL_CLEARANCE) - skin.distance).clamp(min=0)
             if not bool(need.any()):
                 break
             move = need[:, None] * skin.normals
@@ -237,7 +249,7 @@ class Obstacle:
         skin.distance[rows] = found.distance
         near = torch.nonzero(found.distance < reach).squeeze(1)
         skin.normals[rows[near]], skin.offsets[rows[near]] = found.normals[near], found.offsets[near]
-        skin.squeezed[rows] = found.squeezed
+        skin.gap[rows] = found.gap
 
     def _search(self, vertices: Tensor, touches: Tensor, reach: Tensor, exact: float = math.inf) -> Skin:
         """The nearest skin of N vertices within their reach (N,), m; exact as in `skin`."""
@@ -246,7 +258,7 @@ class Obstacle:
         query = (*map(array, (touches, vertices, reach)), exact, SQUEEZE_GAP)
         results = map(array, (distance, normals, offsets, gap))
         launch(kernels.closest_touched, len(vertices), vertices.device, self._parts.ids, *query, *results)
-        return Skin(distance, normals, offsets, gap < SQUEEZE_GAP)
+        return Skin(distance, normals, offsets, gap)
 
 
 def _warm_start(move: Tensor) -> Tensor:

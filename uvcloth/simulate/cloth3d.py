@@ -126,10 +126,10 @@ def read_cloth3d_sample(
     upright = from_euler("z", torch.tensor([_number(folder, info, "zrot")]))
     pieces = _pieces(folder, info)
     garments = tuple(_garment(folder, name, body, upright) for name in pieces)
-    moved, files = [], {INFO: fingerprint((folder / INFO).read_bytes())}
+    moved, files = [], {f"{folder.name}/{INFO}": fingerprint((folder / INFO).read_bytes())}
     for garment in garments:
         cache_file, vertices = _cache(folder, garment, len(poses), every)
-        files[cache_file.name] = fingerprint(vertices)
+        files[f"{folder.name}/{cache_file.name}"] = fingerprint(vertices)
         moved.append(vertices)
     transforms = _transforms(body, poses[::every], trans[::every], upright)
     vertices = (torch.cat(moved, dim=1) + trans[::every, None]) @ upright.T

@@ -28,7 +28,7 @@ class OutfitSequence:
 
     name: of the outfit. types: what each garment is ("trousers", "dress"). split: one of SPLITS, subject: who
     moves, "" where that is not known. transforms: (F, J, 3, 4) of the body. vertices: (F, N, 3) m, world.
-    warm_up: leading frames that are never scored. files: file name -> content hash.
+    warm_up: leading frames that are never scored. files: file, from the data folder, -> content hash.
     """
 
     name: str

@@ -5,17 +5,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from rasterize.atomic import atomic_write, make_folder
+from rasterize.atomic import atomic_write, make_folder, sole_writer
 from rasterize.errors import InputError
 from uvcloth.motion.index import Entry
 from uvcloth.motion.poses import SPLITS
-from uvcloth.simulate.batch import LEAD_IN, ONE_PER_CORE, Workers, simulate_all
+from uvcloth.simulate.batch import LEAD_IN, simulate_all
 from uvcloth.simulate.cloth import join
 from uvcloth.simulate.engines import ENGINES
 from uvcloth.simulate.folder import keep_refused, rejected, require_engine, stored_sequences
 from uvcloth.simulate.outfit_sequence import BODIES
 from uvcloth.simulate.plan import ClipSelection, Job, Source, batch_sources, load_motion
 from uvcloth.simulate.run import RUN_UP
+from uvcloth.simulate.workers import ONE_PER_CORE, Workers
 from uvcloth.wardrobe.outfit_file import OutfitFile, load_outfit_file, on_body, outfit_files
 
 
@@ -55,15 +56,16 @@ def simulate_outfits(
     made_by = ENGINES[engine]()
     require_engine(stored_sequences(out), made_by)
     tasks = _deal(outfits, batch_sources(selection), frames)
-    todo = [task for task in tasks if not _done(task, out)]
-    if not todo:
-        print(f"{out}: every outfit is there already")
-        return
-    make_folder(out / BODIES)
-    expected = sum(
-        task.windows[0].window.frames + RUN_UP + len(LEAD_IN) for task in todo if task.windows[0].window
-    )
-    simulate_all(_jobs(todo, out), expected, made_by, workers)
+    with sole_writer(out):
+        todo = [task for task in tasks if not _done(task, out)]
+        if not todo:
+            print(f"{out}: every outfit is there already")
+            return
+        make_folder(out / BODIES)
+        expected = sum(
+            task.windows[0].window.frames + RUN_UP + len(LEAD_IN) for task in todo if task.windows[0].window
+        )
+        simulate_all(_jobs(todo, out), expected, made_by, workers, out)
 
 
 def _deal(outfits: Sequence[OutfitFile], sources: Sequence[Source], frames: int | None) -> list[_Task]:

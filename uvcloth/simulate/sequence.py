@@ -62,9 +62,10 @@ class SimulatedSequence:
     transforms: (F, J, 3, 4) joint transforms of the body, so that its vertices can be recomputed.
     warm_up: number of leading frames that only let the cloth settle and are never scored.
     metadata: JSON values: clip, garment (its name), template (whose motion it takes, or null), source
-    ("template" or "file"), body, body_hash, engine, versions, settings, seed, wall_seconds, and what
+    ("template" or "file"), body, body_hash, engine, versions, settings, seed, and what
     `examine` measured; of garments that were simulated together also layers (their names, innermost first)
-    and wrong_side_percent (by the name of each inner one). A file adds hash, that of what is read from it,
+    and wrong_side_percent (by the name of each inner one). wall_seconds is in memory alone, as the same input
+    is to give the same file. A file adds hash, that of what is read from it,
     and scored_frames, how many frames are scored.
     """
 
@@ -120,7 +121,7 @@ def save_sequence(sequence: SimulatedSequence, path: Path) -> None:
     packed = pack(sequence.vertices.numpy(), sequence.faces.numpy())
     kept = replace(sequence, vertices=torch.from_numpy(unpack(**packed)))
     metadata = {
-        **sequence.metadata,
+        **{key: value for key, value in sequence.metadata.items() if key != "wall_seconds"},
         "hash": content_hash(kept),
         "scored_frames": max(len(sequence.vertices) - sequence.warm_up, 0),
     }

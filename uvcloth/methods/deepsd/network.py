@@ -17,6 +17,9 @@ Branch = Literal["data", "physics"]
 LEAST_WEIGHT = 1e-4
 """Blend weight from which a joint without any is changed, where the smooth weights are."""
 
+TINY_WEIGHT = 1e-7
+"""Added to every weight that is kept: joints of equal weights, all of them, keep equal ones."""
+
 FIRST_SHAPE = 0.1
 """Factor on the last layer of new blend shapes: the smoothly skinned outfit is what training starts near."""
 
@@ -35,7 +38,8 @@ class DeePSDNetwork(nn.Module):
         local = config.convolutions[-1]
         self.pooled = _linears([local, *config.global_layers])
         described = local + (config.global_layers[-1] if config.global_layers else 0)
-        self.weights = _linears([described, *config.weight_layers, joints])
+        learned = config.blend_weights != "smooth"
+        self.weights = _linears([described, *config.weight_layers, joints] if learned else [])
         poses = 3 * joints
         self.embedding = _linears([poses, *config.pose_layers, config.keys] if config.keys else [])
         keys = config.keys or poses
@@ -49,7 +53,7 @@ class DeePSDNetwork(nn.Module):
             for layers in self.branches.values():
                 _last(layers).weight.mul_(FIRST_SHAPE)
                 _last(layers).bias.zero_()
-            if config.blend_weights == "smooth":
+            if config.blend_weights == "changed":
                 _last(self.weights).weight.mul_(FIRST_SHAPE)
                 _last(self.weights).bias.zero_()
 
@@ -74,14 +78,23 @@ class DeePSDNetwork(nn.Module):
 
     def blend_weights(self, described: Tensor, outfits: PackedOutfits) -> Tensor:
         """Blend weights Omega of U points (U, J): rows sum to one, at most the config's influences each."""
-        scores = self._head(self.weights, described, outfits)
         if self.config.blend_weights == "smooth":
+            return self._strongest(outfits.smooth)
+        scores = self._head(self.weights, described, outfits)
+        if self.config.blend_weights == "changed":
             scores = scores + (outfits.smooth + LEAST_WEIGHT).log()
-        shares = torch.softmax(scores, dim=1)
+        return self._strongest(torch.softmax(scores, dim=1))
+
+    def _strongest(self, shares: Tensor) -> Tensor:
+        """The config's influences of each point, less the strongest of those left out (U, J).
+
+        A joint comes and goes with no weight, so that neighbours of other joints have no seam between them.
+        """
         if self.config.influences >= self.joints:
             return shares
-        kept, index = shares.topk(self.config.influences, dim=1)
-        return torch.zeros_like(shares).scatter(1, index, kept / kept.sum(1, keepdim=True))
+        strongest, index = shares.topk(self.config.influences + 1, dim=1)
+        kept = strongest[:, :-1] - strongest[:, -1:] + TINY_WEIGHT
+        return torch.zeros_like(shares).scatter(1, index[:, :-1], kept / kept.sum(1, keepdim=True))
 
     def shapes(self, described: Tensor, outfits: PackedOutfits, branch: Branch) -> Tensor:
         """Blend shapes of U points by a branch, Psi or chi: (U, K, 3) m."""

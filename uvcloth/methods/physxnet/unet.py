@@ -7,12 +7,20 @@ KERNEL = 4
 """Kernel of every strided convolution: it halves or doubles a map exactly (pix2pix, the paper's [12])."""
 
 
+class GroupNorm(nn.GroupNorm):
+    """Group normalization with the same sums on any number of threads, unlike torch's with channels last."""
+
+    def forward(self, input: Tensor) -> Tensor:
+        """Normalize maps (B, C, H, W)."""
+        return super().forward(input.contiguous())
+
+
 def normalization(kind: str, channels: int) -> nn.Module:
     """A normalization layer by name: "batch", "group" (of eight channels), "instance" or "none"."""
     if kind == "batch":
         return nn.BatchNorm2d(channels)
     if kind == "group":
-        return nn.GroupNorm(max(1, channels // 8), channels)
+        return GroupNorm(max(1, channels // 8), channels)
     if kind == "instance":
         return nn.InstanceNorm2d(channels, affine=True)
     if kind == "none":
