@@ -165,7 +165,7 @@ def _read(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
                 f"its member {found} bytes"
             )
         values = np.empty(count, header.dtype)
-        place = memoryview(values.view(np.uint8)) if said else memoryview(b"")
+        place = values.view(np.uint8).data if said else memoryview(b"")
         for start in range(0, said, CHUNK):
             place[start : start + CHUNK] = stream.read(min(CHUNK, said - start))
         # Only at its end is a member's checksum compared.
