@@ -1,7 +1,7 @@
-"""Writing of files: they appear whole or not at all, from one process at a time, and kills leave nothing for long.
+"""Writing of files: they appear whole or not at all, each from one process at a time.
 
-What is not finished lies in a hidden folder beside the file, `.NAME.partial`, which its process has locked. The
-next process that writes the file finds the folder of one that was killed unlocked, and clears it.
+What is not finished lies in a hidden folder beside the file, `.NAME.partial`, which its process has locked.
+The next process that writes the file finds the folder of one that was killed unlocked, and clears it.
 """
 
 import os
@@ -40,6 +40,10 @@ class Partial:
                 continue
             except HeldError as error:
                 raise _is_written(path, error) from error
+            except BaseException:
+                with suppress(OSError):
+                    self.folder.rmdir()
+                raise
             break
         try:
             _clear(self.folder)
@@ -71,10 +75,21 @@ def atomic_write(path: Path) -> Iterator[Path]:
     Raises InputError naming `path` if another process writes it, or the system refuses anything in the block.
     """
     path = Path(path)
+    with atomic_files(path) as folder:
+        yield folder / path.name
+
+
+@contextmanager
+def atomic_files(path: Path) -> Iterator[Path]:
+    """Temporary folder to write `path` and files beside it to: they appear together, or none does.
+
+    Otherwise as `atomic_write`.
+    """
+    path = Path(path)
     try:
         partial = Partial(path)
         try:
-            yield partial.finished / path.name
+            yield partial.finished
             put_in_place([partial])
         finally:
             partial.remove()
@@ -85,8 +100,8 @@ def atomic_write(path: Path) -> Iterator[Path]:
 def put_in_place(partials: Sequence[Partial]) -> list[tuple[Path, ...]]:
     """Move the finished files to their places, all of them or none: where one fails, older ones come back.
 
-    Returns where those of each are. Raises InputError if one cannot be moved, or a folder is gone. Ctrl-C waits
-    for the end; only a process that is killed between the first move and the last leaves some of them.
+    Returns where those of each are. Raises InputError if one cannot be moved, or a folder is gone. Ctrl-C
+    waits for the end; only a process that is killed between the first move and the last leaves some of them.
     """
     moves = [_moves(partial) for partial in partials]
     together = list(chain.from_iterable(moves))
@@ -132,9 +147,9 @@ def _keep(path: Path, name: Path) -> None:
 def sole_writer(folder: Path) -> Iterator[None]:
     """Claim a folder, which is made if need be, for this process alone until the block ends.
 
-    What killed processes left unfinished in it and up to two folders below is cleared, at the beginning and at
-    the end; a folder that was made and stayed empty is removed. Raises InputError if another process has claimed
-    it, or if it cannot be made.
+    What killed processes left unfinished in it and up to two folders below is cleared, at the beginning and
+    at the end; a folder that was made and stayed empty is removed. Raises InputError if another process has
+    claimed it, or if it cannot be made.
     """
     folder = Path(folder)
     made = not folder.exists()

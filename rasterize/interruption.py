@@ -21,7 +21,7 @@ class Terminated(KeyboardInterrupt):
 
 @contextmanager
 def interruptible(last_words: Callable[[int], bytes]) -> Iterator[None]:
-    """Raise Terminated on SIGTERM, and end the process SECONDS after the first Ctrl-C or SIGTERM at the latest.
+    """Raise Terminated on SIGTERM, and end the process at the latest SECONDS after it or Ctrl-C.
 
     last_words: is given the exit code that then is used, and returns text for stderr. A thread counts the
     seconds, as the main one may be in a long computation. Outside of the main thread, which alone hears of

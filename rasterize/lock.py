@@ -1,7 +1,7 @@
 """Locks on files, which end with the process that holds them, however it ends.
 
-They are the system's own: no number of a process is compared, which another may have by now, and where a share
-knows locks (NFS, SMB) they hold between machines. Where a file system knows none, every lock is free.
+They are the system's own: no number of a process is compared, which another may have by now, and where a
+share knows locks (NFS, SMB) they hold between machines. Where a file system knows none, every lock is free.
 """
 
 import errno
@@ -44,15 +44,19 @@ class Lock:
             try:
                 if not _lock(self._file):
                     raise _held(self._file)
-                # Between opening and locking it its holder may have released it, and thereby removed it.
-                if self.is_there():
-                    os.ftruncate(self._file, 0)
-                    os.write(self._file, f"{os.getpid()} {socket.gethostname()}\n".encode())
-                    return
             except BaseException:
                 os.close(self._file)
                 raise
+            # Between opening and locking it its holder may have released it, and thereby removed it.
+            if self.is_there():
+                break
             os.close(self._file)
+        try:
+            os.ftruncate(self._file, 0)
+            os.write(self._file, f"{os.getpid()} {socket.gethostname()}\n".encode())
+        except BaseException:
+            self.release()
+            raise
 
     def is_there(self) -> bool:
         """True if the file is still at its path."""

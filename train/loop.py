@@ -173,7 +173,8 @@ def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) ->
         if interrupted():
             _save_state(training)
             Console(stderr=True).print(f"interrupted at step {done.step}; continue with --resume")
-    if not done.errors or done.errors[-1]["step"] != done.step:
+    if not _validated(done):
+        _save_state(training)
         Console(stderr=True).print(f"step {done.step}: {_validate(training)}")
     _save_state(training)
     return done.errors[-1] if config.keep == "last" else min(done.errors, key=_first)
@@ -238,6 +239,8 @@ def _train(training: Training, interrupted: Callable[[], bool]) -> None:
     saved = time.monotonic()
     with _progress(fabric.is_global_zero) as bar:
         task = bar.add_task("training", total=1.0)
+        if done.step and done.step % config.validate_every == 0 and not _validated(done):
+            shown = _validate(training)
         while not interrupted() and (share := _share(config, done)) < 1.0:
             require_there(training.run)
             set_rates(training.optimizers, config, share)
@@ -254,6 +257,8 @@ def _train(training: Training, interrupted: Callable[[], bool]) -> None:
                 losses = " ".join(f"{key} {value:.3f}" for key, value in values.items())
                 bar.update(task, completed=share, description=f"step {done.step} {losses} {shown}")
             if done.step % config.validate_every == 0:
+                # A run that is ended in a validation, which may take minutes, goes on with it.
+                _save_state(training)
                 shown = _validate(training)
                 bar.console.print(f"step {done.step}, {done.seconds / 60:.1f} min: {shown}")
                 done.seconds = time.monotonic() - begun
@@ -280,6 +285,11 @@ def _step(training: Training, samples: Tensor, batch: int) -> dict[str, Tensor]:
     done.step += 1
     done.epochs += 1.0 / (len(samples) // min(batch, len(samples)))
     return parts
+
+
+def _validated(done: Progressed) -> bool:
+    """True if the last step was validated."""
+    return bool(done.errors) and done.errors[-1]["step"] == done.step
 
 
 def _validate(training: Training) -> str:

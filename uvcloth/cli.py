@@ -164,8 +164,9 @@ class Simulate:
         if not (self.clips or self.windows) or not self.garment:
             raise InputError("simulate: name at least one clip, or a table with --windows, and one garment")
         from uvcloth.bodies.body import load_body
-        from uvcloth.simulate.batch import Workers, simulate_batch
+        from uvcloth.simulate.batch import simulate_batch
         from uvcloth.simulate.plan import ClipSelection
+        from uvcloth.simulate.workers import Workers
 
         selection = ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options)
         if self.most_frames is not None and self.outfits is None:

@@ -23,7 +23,7 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate import batch, quality_check
 from uvcloth.simulate import plan as planning
-from uvcloth.simulate.batch import Workers, progress_text, simulate_batch
+from uvcloth.simulate.batch import progress_text, simulate_batch
 from uvcloth.simulate.fabric import Fabric
 from uvcloth.simulate.folder import refused_captures
 from uvcloth.simulate.newton import Newton
@@ -37,6 +37,7 @@ from uvcloth.simulate.sequence import (
     read_metadata,
     save_sequence,
 )
+from uvcloth.simulate.workers import Workers, forgotten
 
 HEADER = "trial,subject,split,action,window_start,window_frames\n"
 
@@ -247,12 +248,11 @@ def test_places_and_numbers_that_cannot_be_are_refused(body: Body, tmp_path: Pat
         simulate_batch(ClipSelection(["walk"]), [["tops"]], tmp_path / "out", body, workers=nowhere)
 
 
-@pytest.mark.parametrize(
-    "lost", [FutureCancelledError("simulate-1", "lost"), KilledWorker("simulate-1", None, 3)]
-)
-def test_a_worker_that_is_lost_is_reported(lost: Exception) -> None:
-    """A process that is killed, or paused for long as by a laptop that sleeps, ends its jobs in this way."""
-    job, future = SimpleNamespace(motion=SimpleNamespace(name="walk")), Future[None]()
-    future.set_exception(lost)
-    with pytest.raises(InputError, match=r"walk: the process that simulated it has ended .* run the command"):
-        batch._finished(future, cast(Job, job))
+def test_a_job_that_is_forgotten_is_told_from_one_that_kills_its_workers() -> None:
+    """Processes that are paused for long, as by a laptop that sleeps, are forgotten."""
+    job, paused, killed = cast(Job, SimpleNamespace(motion=SimpleNamespace(name="walk"))), Future(), Future()
+    paused.set_exception(FutureCancelledError("simulate-1", "lost"))
+    killed.set_exception(KilledWorker("simulate-1", None, 3))
+    assert forgotten(paused, job)
+    with pytest.raises(InputError, match=r"walk: every process that simulated it has ended .* run the comm"):
+        forgotten(killed, job)

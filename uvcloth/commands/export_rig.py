@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from rasterize.atomic import Partial, put_in_place
+from rasterize.atomic import atomic_files
 from rasterize.errors import InputError
 from uvcloth.bodies.body import load_body
 from uvcloth.export.embedding import write_embedding
@@ -103,19 +103,13 @@ def _write(model: PoseRig, rigged: Rigged, out: Path) -> tuple[Path, ...]:
 
     All of these files appear or none.
     """
-    try:
-        partial = Partial(out)
-        try:
-            unfinished = partial.finished / out.name
-            RIG_WRITERS[out.suffix.lower()](rigged.rig, unfinished)
-            if len(model.shapes) and not len(rigged.rig.transforms):
-                write_embedding(model, rigged, unfinished.with_suffix(".onnx"))
-            (written,) = put_in_place([partial])
-        finally:
-            partial.remove()
-    except OSError as error:
-        raise InputError(f"{out}: cannot be written ({error.strerror or error})") from error
-    return tuple(sorted(written, key=lambda path: (path.name != out.name, path.name)))
+    with atomic_files(out) as folder:
+        unfinished = folder / out.name
+        RIG_WRITERS[out.suffix.lower()](rigged.rig, unfinished)
+        if len(model.shapes) and not len(rigged.rig.transforms):
+            write_embedding(model, rigged, unfinished.with_suffix(".onnx"))
+        names = sorted((part.name for part in folder.iterdir()), key=lambda name: (name != out.name, name))
+    return tuple(out.with_name(name) for name in names)
 
 
 def _line(what: str, costs: Sequence[Cost]) -> str:

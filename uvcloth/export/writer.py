@@ -103,7 +103,10 @@ class FrameWriter:
         self._sink.hide(faces)
 
     def finish(self) -> None:
-        """Write the file, which appears with `close`. Raises InputError if the disk is full or no frame came."""
+        """Write the file, which appears with `close`.
+
+        Raises InputError if the disk is full or no frame came.
+        """
         try:
             if not self._frames:
                 raise InputError(f"{self.path}: there is no frame to write")

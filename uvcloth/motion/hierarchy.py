@@ -54,7 +54,7 @@ def to_clip(name: str, hierarchy: Hierarchy) -> Clip:
             torch.from_numpy(heads[kept].astype(np.float32)),
         ),
         rotations=torch.from_numpy(world[:, kept].astype(np.float32)),
-        translation=torch.from_numpy(path[:, root].astype(np.float32)),
+        translation=torch.from_numpy(path[:, root].astype(np.float64)),
         fps=hierarchy.fps,
     )
 

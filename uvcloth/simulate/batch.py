@@ -1,20 +1,15 @@
 """Batch simulation: many sequences in parallel processes, on this machine or on a dask cluster."""
 
-import os
 from collections.abc import Callable, Iterable, Sequence, Sized
-from concurrent.futures import CancelledError
-from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
 from rich.text import Text
 
 from rasterize.atomic import require_there, sole_writer
-from rasterize.children import kill_children
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.loading import load_garment_for_data
@@ -36,17 +31,7 @@ from uvcloth.simulate.plan import ClipSelection, Job, batch_sources, plan
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
 from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
-
-UNWATCHED = {
-    "distributed.worker.profile.enabled": False,
-    "distributed.admin.tick.interval": "1s",
-    "distributed.admin.system-monitor.interval": "10s",
-    "distributed.admin.system-monitor.gil.enabled": False,
-}
-"""Settings of dask that keep it from watching its workers many times a second, on the cores that simulate."""
-
-JOBS_PER_CORE = 2
-"""Simulations that are submitted per core: one runs, one waits."""
+from uvcloth.simulate.workers import ONE_PER_CORE, Workers, connected, results
 
 SPEED_SECONDS = 3600.0
 """Seconds of the past over which the speed is measured that predicts the end."""
@@ -55,20 +40,6 @@ FRAMES_TOPIC = "uvcloth-frames"
 """Topic under which workers report frames."""
 
 LEAD_IN = LeadIn()
-
-
-@dataclass(frozen=True)
-class Workers:
-    """Processes that simulate: `jobs` on this machine, None for one per core, or those of a dask scheduler.
-
-    scheduler: its address.
-    """
-
-    jobs: int | None = None
-    scheduler: str | None = None
-
-
-ONE_PER_CORE = Workers()
 
 
 def simulate_batch(
@@ -91,9 +62,8 @@ def simulate_batch(
     outfit together; captures that are faulty are not simulated and named in OUT/refused.csv.
     Raises InputError for unreadable clips, garments or windows, for garments that cannot be simulated or
     cross as layers, for sequences that would share a file, if OUT cannot be written, is written by another
-    process, or was made from other
-    windows, layers, settings or on another body, for a scheduler that does not answer, or if the engine or
-    the `simulate` extra is missing.
+    process, or was made from other windows, layers, settings or on another body, for a scheduler that does
+    not answer, or if the engine or the `simulate` extra is missing.
     """
     if engine not in ENGINES:
         raise InputError(f"--engine {engine}: expected one of {', '.join(ENGINES)}")
@@ -116,72 +86,26 @@ def simulate_batch(
         if not todo:
             print(f"{out}: every sequence is there already")
             return
-        simulate_all(todo, sum(map(_frames, todo)), made_by, workers)
+        simulate_all(todo, sum(map(_frames, todo)), made_by, workers, out)
 
 
-def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Workers) -> None:
+def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Workers, folder: Path) -> None:
     """Simulate in order, as many at a time as there are cores, and keep each sequence as it is done.
 
-    todo: is asked for the next job when there is room for it. frames: of all jobs. Raises InputError without
-    dask, and if a worker is lost.
+    todo: is asked for the next job when there is room for it. frames: of all jobs. folder: of their targets.
+    Raises InputError without dask, as soon as the folder is gone, and as `results` does.
     """
-    try:
-        import dask
-        from dask.distributed import LocalCluster, as_completed
-    except ModuleNotFoundError as error:
-        raise InputError("simulating needs dask and Newton: install uvcloth[simulate]") from error
-    with ExitStack() as stack:
-        stack.enter_context(dask.config.set(UNWATCHED))
-        cluster: Any = workers.scheduler
-        if cluster is None:
-            count = workers.jobs or os.cpu_count() or 1
-            count = min(count, len(todo)) if isinstance(todo, Sized) else count
-            cluster = LocalCluster(
-                n_workers=count, threads_per_worker=1, dashboard_address="localhost:0", silence_logs=50
-            )
-            stack.push(partial(_close, cluster))
-        client = stack.enter_context(_connect(cluster))
-        progress = stack.enter_context(_progress())
+    count = len(todo) if isinstance(todo, Sized) else None
+    with connected(workers, count) as client, _progress() as progress:
         bar = progress.add_task("simulating", total=frames)
         client.subscribe_topic(FRAMES_TOPIC, lambda event: progress.advance(bar, event[1]))
-        queue, running = iter(todo), as_completed()
-        waiting: dict[Any, Job] = {}
-
-        def submit() -> None:
-            """Submit a few jobs: all at once would fill the scheduler's memory with motion and cloth."""
-            while len(waiting) < JOBS_PER_CORE * max(sum(client.nthreads().values()), 1):
-                job = next(queue, None)
-                if job is None:
-                    return
-                future = client.submit(_simulate_job, job, engine, pure=False)
-                waiting[future] = job
-                running.add(future)
-
-        submit()
-        for future in running:
-            job = waiting.pop(future)
-            sequences, reason = _finished(future, job)
+        work, look = partial(_simulate_job, engine=engine), partial(require_there, folder)
+        for job, (sequences, reason) in results(client, todo, work, look):
             progress.advance(bar, _frames(job) - len(sequences[0].vertices))
             for sequence, target in zip(sequences, job.targets, strict=True):
                 progress.console.print(_store(sequence, reason, target), soft_wrap=True)
-            future.release()
-            submit()
             if not progress.console.is_terminal:
                 print(progress_text(progress.tasks[0], datetime.now()), flush=True)
-
-
-def _finished(future: Any, job: Job) -> tuple[list[SimulatedSequence], str | None]:
-    """The sequences of a finished job and why they are refused. Raises InputError if its worker is lost."""
-    from dask.distributed import KilledWorker
-
-    try:
-        result: tuple[list[SimulatedSequence], str | None] = future.result()
-    except (CancelledError, KilledWorker) as error:
-        raise InputError(
-            f"{job.motion.name}: the process that simulated it has ended or was not heard of for too "
-            "long; what is finished is kept, run the command again to go on"
-        ) from error
-    return result
 
 
 def _cloths(outfits: Sequence[Sequence[str]], body: Body) -> list[tuple[Cloth, ...]]:
@@ -196,16 +120,6 @@ def _cloths(outfits: Sequence[Sequence[str]], body: Body) -> list[tuple[Cloth, .
         return cloth
 
     return [tuple(load(name) for name in outfit) for outfit in outfits]
-
-
-def _connect(cluster: Any) -> Any:
-    """Connect a client to a local cluster, or to the scheduler at an address."""
-    from dask.distributed import Client
-
-    try:
-        return Client(cluster)
-    except (OSError, ValueError) as error:
-        raise InputError(f"--scheduler {cluster}: no dask scheduler answers there ({error})") from error
 
 
 def _simulate_job(job: Job, engine: Engine) -> tuple[list[SimulatedSequence], str | None]:
@@ -243,16 +157,6 @@ def _store(sequence: SimulatedSequence, reason: str | None, target: Path) -> str
     for name, share in sequence.metadata.get("wrong_side_percent", {}).items():
         figures.append(f"{share:.2f} % on the wrong side of {name}")
     return f"{target}: {', '.join(figures)}"
-
-
-def _close(cluster: Any, kind: type[BaseException] | None, *_: Any) -> None:
-    """End the workers: those that still simulate, after an error or an interruption, are killed."""
-    if kind is not None:
-        for nanny in cluster.workers.values():
-            nanny.close_gracefully()
-        kill_children()
-    with suppress(TimeoutError):
-        cluster.close(timeout=30)
 
 
 def _frames(job: Job) -> int:

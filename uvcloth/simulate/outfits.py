@@ -9,13 +9,14 @@ from rasterize.atomic import atomic_write, make_folder, sole_writer
 from rasterize.errors import InputError
 from uvcloth.motion.index import Entry
 from uvcloth.motion.poses import SPLITS
-from uvcloth.simulate.batch import LEAD_IN, ONE_PER_CORE, Workers, simulate_all
+from uvcloth.simulate.batch import LEAD_IN, simulate_all
 from uvcloth.simulate.cloth import join
 from uvcloth.simulate.engines import ENGINES
 from uvcloth.simulate.folder import keep_refused, rejected, require_engine, stored_sequences
 from uvcloth.simulate.outfit_sequence import BODIES
 from uvcloth.simulate.plan import ClipSelection, Job, Source, batch_sources, load_motion
 from uvcloth.simulate.run import RUN_UP
+from uvcloth.simulate.workers import ONE_PER_CORE, Workers
 from uvcloth.wardrobe.outfit_file import OutfitFile, load_outfit_file, on_body, outfit_files
 
 
@@ -64,7 +65,7 @@ def simulate_outfits(
         expected = sum(
             task.windows[0].window.frames + RUN_UP + len(LEAD_IN) for task in todo if task.windows[0].window
         )
-        simulate_all(_jobs(todo, out), expected, made_by, workers)
+        simulate_all(_jobs(todo, out), expected, made_by, workers, out)
 
 
 def _deal(outfits: Sequence[OutfitFile], sources: Sequence[Source], frames: int | None) -> list[_Task]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
@@ -89,7 +90,7 @@ class Choices:
         else:
             sequence, garments = None, chosen.garments
             clip = load_clip(chosen.motion, body)
-            transforms, fps = clip.transforms(), clip.fps
+            transforms, fps = clip.transforms(torch.float64), clip.fps
         if not garments:
             raise InputError("choose a garment")
         outfit = Outfit(body, load_outfit(garments, body))
@@ -102,13 +103,14 @@ class Choices:
         # What was simulated is compared vertex by vertex.
         as_is = sequence is not None or not chosen.contact
         proxied = ProxiedOutfit.as_is(outfit) if as_is else with_proxies(outfit, method)
+        frames = rollout_proxied(method, proxied, transforms, fps, chosen.contact, keep_going=True)
         return Performance(
             title=Path(chosen.motion).stem,
             body=body,
             meshes=proxied.meshes,
             count=len(transforms),
             fps=fps,
-            frames=rollout_proxied(method, proxied, transforms, fps, chosen.contact, keep_going=True),
+            frames=(frame.in_world() for frame in frames),
             truth=truth,
         )
 
