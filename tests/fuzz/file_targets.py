@@ -27,7 +27,7 @@ from uvcloth.motion.library import load_clip
 
 def good_bvh(folder: Path) -> Path:
     joints = performer()
-    values = still(joints, 4) + np.random.default_rng(0).uniform(-9, 9, (4, 1))
+    values = still(joints, 4) + np.random.default_rng(0).uniform(-0.9, 0.9, (4, 1))
     (folder / "walk.bvh").write_text(bvh_text(joints, values))
     return folder / "walk.bvh"
 
