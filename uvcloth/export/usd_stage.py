@@ -7,14 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from rasterize.atomic import require_room
 from uvcloth.export.animation import local_pose
 from uvcloth.geometry.authored import polygons_of
 from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.render import Color
-
-WRITTEN_AT_ONCE = 2**20
-"""Bytes, more than OpenUSD collects before it writes."""
 
 
 @contextmanager
@@ -37,8 +35,7 @@ def writing(path: Path, fps: float, frames: int) -> Iterator[Any]:
         stage.Save()
     except Tf.ErrorException as error:
         # OpenUSD calls its own file corrupt where the disk is full: the system is asked for its reason.
-        with path.with_suffix(".room").open("wb") as room:
-            room.write(bytes(WRITTEN_AT_ONCE))
+        require_room(path.parent)
         raise OSError(f"OpenUSD: {str(error).strip().splitlines()[-1]}") from error
 
 
