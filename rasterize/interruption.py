@@ -20,14 +20,16 @@ SECONDS = 1.5
 def interruptible(last_words: Callable[[int], bytes]) -> Iterator[None]:
     """End the process when the block is left after Ctrl-C or SIGTERM, at the latest SECONDS after them.
 
-    Both raise KeyboardInterrupt in the block. last_words: is given the exit code, 130 or 143, and returns text
-    for stderr. A thread counts the seconds, as the main one may be in a long computation; nothing that is
+    Both raise KeyboardInterrupt in the block. last_words: is given the exit code, 130 or 143, and returns
+    """End the process when the block is left after Ctrl-C or SIGTERM, or SECONDS after them.
     registered for the end of Python runs. Outside of the main thread, which alone hears of signals, nothing
     changes.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
+    # Of semaphores that the process leaves, Python's tracker of them clears the last, and warns.
+    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
     # On Windows signals are written to sockets only. Both stay open: a second signal may come at any time.
     receiver, sender = socket.socketpair()
     sender.setblocking(False)
