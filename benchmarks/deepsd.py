@@ -173,7 +173,7 @@ def tables(reports: Sequence[Path]) -> list[Table]:
     judged = [
         (f"{report.name}: {name}", results, method)
         for report in reports
-        for results in [json.loads((report / METRICS).read_text())]
+        for results in [json.loads((report / METRICS).read_text(encoding="utf-8"))]
         for name, method in results["methods"].items()
     ]
     whole = Table("before contact, all garments", *MEASURES)

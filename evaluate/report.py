@@ -26,7 +26,7 @@ from evaluate.standings import (
 )
 from evaluate.viewer import ViewerClip, pack_body, pack_clip
 from rasterize.atomic import atomic_write
-from uvcloth.rollout import BATCH
+from uvcloth.bodies.stream import BATCH
 
 TEMPLATES = Path(__file__).with_name("templates")
 METRICS = "metrics.json"

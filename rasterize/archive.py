@@ -30,7 +30,7 @@ MOST_RATIO = 100
 MOST_ROWS = 1_000_000
 """Greatest size of an axis of an array without values, which takes no space in a file."""
 
-TYPES = re.compile(r"(?P<order>[<>|=]?)(?P<kind>[biufU])(?P<size>[1-9]\d{0,8})|(?P<flag>\|?\?)")
+TYPES = re.compile(r"(?P<order>[<>|=]?)(?P<kind>[biufU])(?P<size>[1-9]\d{0,6})|(?P<flag>\|?\?)")
 SIZES = {"b": (1,), "i": (1, 2, 4, 8), "u": (1, 2, 4, 8), "f": (2, 4, 8)}
 """Bytes of the numbers that are read, by kind; texts (U) may have any length."""
 
@@ -72,10 +72,10 @@ def load_arrays(
     Raises InputError with the path if it is missing, damaged, not an npz, another format, or lacks an array.
     """
     data = read_arrays(path, expected, ("format", *names) if only else None)
-    found = data.get("format", np.array("nothing"))
-    if found.ndim or str(found) != format:
-        said = str(found)[:40] if found.ndim == 0 else "in several values"
-        raise InputError(f"{path}: expected {expected} (format {format}), found format {said!r}")
+    found = str(data.get("format", "nothing"))
+    if found != format:
+        said = found if found.isprintable() and len(found) < 100 else "of another kind"
+        raise InputError(f"{path}: expected {expected} (format {format}), found format {said}")
     missing = [name for name in names if name not in data]
     if missing:
         raise InputError(f"{path}: lacks the array {', '.join(missing)}, expected {expected}")

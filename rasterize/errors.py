@@ -1,5 +1,14 @@
 """The one error for bad input; every command prints its sentence and exits with code 2."""
 
+LONGEST = 120
+"""Characters of what another library says that an error repeats."""
+
 
 class InputError(ValueError):
     """Bad input from a user: the message is one sentence that names the file and the place."""
+
+
+def said(error: BaseException) -> str:
+    """What an error of another library says, on one line and not longer than LONGEST; its kind if nothing."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."

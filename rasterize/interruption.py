@@ -18,12 +18,12 @@ SECONDS = 1.5
 
 @contextmanager
 def interruptible(last_words: Callable[[int], bytes]) -> Iterator[None]:
-    """End the process when the block is left after Ctrl-C or SIGTERM, at the latest SECONDS after them.
+    """End the process when the block is left after Ctrl-C or SIGTERM, or SECONDS after them.
 
     Both raise KeyboardInterrupt in the block. last_words: is given the exit code, 130 or 143, and returns
-    """End the process when the block is left after Ctrl-C or SIGTERM, or SECONDS after them.
-    registered for the end of Python runs. Outside of the main thread, which alone hears of signals, nothing
-    changes.
+    text for stderr. A thread counts the seconds, as the main one may be in a long computation; nothing that
+    is registered for the end of Python runs. Outside of the main thread, which alone hears of signals,
+    nothing changes.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

@@ -1,11 +1,13 @@
 """JSON read within limits of size and depth, without values that later code would not expect."""
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 from rasterize.errors import InputError
 from rasterize.reading import read_content
+from rasterize.settings import NAMES, is_a
 
 MOST_BYTES = 64 * 2**20
 """Greatest size of a JSON file."""
@@ -80,3 +82,34 @@ def _require_plain(value: Any) -> None:
         if not level:
             return
     raise ValueError(f"nested deeper than {MOST_DEPTH}")
+
+
+def require_kinds(value: Any, kind: Any, place: str) -> None:
+    """Check the kinds of JSON values.
+
+    kind: a type, a tuple of types, [kind] for a list of values of one kind, or a mapping by key: of keys that
+    end in "?", which may be missing, and "*", which stands for every other key. place: where the value
+    stands, which errors begin with. Raises InputError naming the place and what was expected there.
+    """
+    if isinstance(kind, dict):
+        require_kinds(value, dict, place)
+        for key, inner in kind.items():
+            name = key.removesuffix("?")
+            if key == "*":
+                for other in value.keys() - kind.keys():
+                    require_kinds(value[other], inner, f"{place}, {other[:40]!r}")
+            elif name in value:
+                require_kinds(value[name], inner, f"{place}, {name}")
+            elif name == key:
+                raise InputError(f"{place}: lacks {key!r}")
+    elif isinstance(kind, list):
+        require_kinds(value, list, place)
+        for number, each in enumerate(value):
+            require_kinds(each, kind[0], f"{place}, entry {number}")
+    else:
+        kinds = kind if isinstance(kind, tuple) else (kind,)
+        if not any(is_a(value, each) for each in kinds):
+            expected = " or ".join(NAMES[each] for each in kinds if each in NAMES)
+            raise InputError(f"{place}: is {json.dumps(value)[:40]}, expected {expected}")
+        if isinstance(value, float) and not math.isfinite(value):
+            raise InputError(f"{place}: is {value}, expected a finite number")

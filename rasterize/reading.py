@@ -8,6 +8,9 @@ from rasterize.errors import InputError
 ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:|[/\\]")
 """Beginning of a web address, of a drive, or of an absolute path."""
 
+LONGEST_NAME = 1000
+"""Characters of such a name."""
+
 
 def read_content(path: Path) -> bytes:
     """Read a file. Raises InputError naming it if it is missing, a folder or a device, or cannot be read."""
@@ -15,7 +18,8 @@ def read_content(path: Path) -> bytes:
     try:
         if not path.is_file():
             # What is no file, such as a pipe, might never end.
-            raise InputError(f"{path}: {'is not a file' if path.exists() else 'no such file'}")
+            there = ", what is there is a folder or a device" if path.exists() else ""
+            raise InputError(f"{path}: no such file{there}")
         return path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
@@ -28,9 +32,11 @@ def file_below(root: Path, folder: Path, name: str) -> Path:
     """
     path = folder / name
     try:
-        inside = not ADDRESS.match(name) and path.resolve().is_relative_to(root.resolve())
+        plain = name.isprintable() and len(name) <= LONGEST_NAME and not ADDRESS.match(name)
+        inside = plain and path.resolve().is_relative_to(root.resolve())
     except (OSError, RuntimeError, ValueError):  # Loops of links, names that no system takes.
         inside = False
     if not inside:
-        raise InputError(f"{name} is not read, it lies outside {root.resolve().name or root}")
+        shown = "".join(letter if letter.isprintable() else " " for letter in name[:80])
+        raise InputError(f"{shown} is not read, it lies outside {root.resolve().name or root}")
     return path

@@ -19,11 +19,28 @@ from torch import Tensor, nn
 
 from rasterize.atomic import atomic_files, atomic_write
 from rasterize.errors import InputError
+from rasterize.json_file import parse_json, read_json, require_kinds
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.fingerprint import fingerprint
 
 VERSION = 3
 """Raised whenever a model of an older version can no longer be read or would no longer mean the same."""
+
+KINDS = {
+    "method": str,
+    "config": dict,
+    "body": {"*": str},
+    "garments": [str],
+    "data": {"files": {"*": str}, "clips": {"*": {"*": str}}},
+    "notes": dict,
+}
+"""Kinds of the values of config.json."""
+
+DTYPES = (
+    *(torch.float16, torch.bfloat16, torch.float32, torch.float64, torch.bool),
+    *(torch.uint8, torch.int8, torch.int16, torch.int32, torch.int64),
+)
+"""Types of tensors that are read."""
 
 WEIGHTS = "model.safetensors"
 CONFIG = "config.json"
@@ -90,36 +107,29 @@ def load_checkpoint(folder: Path, body: Body | None = None) -> Checkpoint:
     """
     folder = Path(folder)
     path = folder / CONFIG
-    try:
-        meta = json.loads(path.read_text())
-    except FileNotFoundError as error:
-        raise InputError(f"{folder}: not a trained model, it has no {CONFIG}") from error
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: not readable as JSON") from error
-    if not isinstance(meta, dict) or meta.get("version") != VERSION:
-        found = meta.get("version") if isinstance(meta, dict) else None
+    if not path.exists():
+        raise InputError(f"{folder}: not a trained model, it has no {CONFIG}")
+    meta = read_json(path, "the description of a trained model")
+    if meta.get("version") != VERSION:
         raise InputError(
-            f"{path}: a model of version {found}, this program reads version {VERSION}; train it anew"
+            f"{path}: a model of version {meta.get('version')!s:.40}, this program reads version {VERSION}; "
+            "train it anew"
         )
+    require_kinds(meta, KINDS, f"{path}: the model's description")
     tensors, _ = load_tensors(folder / WEIGHTS)
-    try:
-        checkpoint = Checkpoint(
-            method=str(meta["method"]),
-            config=dict(meta["config"]),
-            tensors=tensors,
-            body=dict(meta["body"]),
-            garments=tuple(meta["garments"]),
-            data=TrainingData(
-                files=dict(meta["data"]["files"]),
-                clips={split: dict(clips) for split, clips in dict(meta["data"]["clips"]).items()},
-            ),
-            notes=dict(meta["notes"]),
-        )
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: the model's description lacks or garbles {error}") from error
+    checkpoint = Checkpoint(
+        method=meta["method"],
+        config=meta["config"],
+        tensors=tensors,
+        body=meta["body"],
+        garments=tuple(meta["garments"]),
+        data=TrainingData(files=meta["data"]["files"], clips=meta["data"]["clips"]),
+        notes=meta["notes"],
+    )
     if body is not None and body_identity(body)["topology"] != checkpoint.body.get("topology"):
         raise InputError(
-            f"{folder}: the model was trained on the mesh and rig of body {checkpoint.body.get('name')!r}, "
+            f"{folder}: the model was trained on the mesh and rig of body "
+            f"{checkpoint.body.get('name')!r:.100}, "
             f"body {body.name!r} has another"
         )
     return checkpoint
@@ -135,14 +145,36 @@ def restored(
     """The method that is created of a checkpoint's config, with its weights.
 
     config: the method's config dataclass. networks: what of the method takes the weights. Raises InputError
-    if weights and config do not fit each other.
+    if weights and config do not fit each other, before the method is created.
     """
     try:
-        method = create(stored_config(checkpoint, config))
+        settings = stored_config(checkpoint, config)
+        require_weights_of(lambda: networks(create(settings)), checkpoint.tensors)
+        method = create(settings)
         networks(method).load_state_dict(checkpoint.tensors)
     except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise misfit(folder, error) from error
     return method
+
+
+def require_weights_of(create: Callable[[], nn.Module], tensors: Mapping[str, Tensor]) -> None:
+    """Raise ValueError unless tensors are those of the network that `create` makes.
+
+    It is made without memory for its weights: a file's claims about sizes cost nothing.
+    """
+    with torch.device("meta"):
+        expected = create().state_dict()
+    different = sorted(expected.keys() ^ tensors.keys())
+    if different:
+        said = "is missing" if different[0] in expected else "is none of the network"
+        raise ValueError(f"{different[0]!r:.80} {said}")
+    for name, tensor in tensors.items():
+        wanted = expected[name]
+        if wanted.shape != tensor.shape or wanted.is_floating_point() != tensor.is_floating_point():
+            raise ValueError(
+                f"{name} is {tuple(tensor.shape)} {tensor.dtype}, "
+                f"the network has {tuple(wanted.shape)} {wanted.dtype}"
+            )
 
 
 def stored_config(checkpoint: Checkpoint, config: Callable[..., Any]) -> Any:
@@ -159,7 +191,9 @@ def stored_config(checkpoint: Checkpoint, config: Callable[..., Any]) -> Any:
 
 def misfit(folder: Path, error: Exception) -> InputError:
     """The error to raise where weights and config of a model in a folder do not fit each other."""
-    first = str(error).partition("\n")[0]
+    first = str(error).partition("\n")[0][:300]
+    if isinstance(error, InputError):
+        return InputError(f"{folder / CONFIG}: {first}")
     return InputError(f"{folder}: weights and config of the model do not fit each other ({first})")
 
 
@@ -176,15 +210,17 @@ def load_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     try:
         with safe_open(path, framework="pt") as archive:
             tensors = {name: archive.get_tensor(name) for name in archive.keys()}  # noqa: SIM118
-            metadata = json.loads((archive.metadata() or {}).get("json", "{}"))
+            metadata = (archive.metadata() or {}).get("json", "{}")
     except FileNotFoundError as error:
         raise InputError(f"{path}: no such file") from error
-    except (OSError, SafetensorError, ValueError) as error:
+    except (OSError, SafetensorError, ValueError, RuntimeError) as error:
         raise InputError(f"{path}: not a readable safetensors file") from error
     for name, tensor in tensors.items():
+        if tensor.dtype not in DTYPES:
+            raise InputError(f"{path}: {name!r:.80} is of the type {tensor.dtype}, which is not read")
         if tensor.is_floating_point() and not torch.isfinite(tensor).all():
-            raise InputError(f"{path}: {name} holds a value that is not a finite number")
-    return tensors, metadata
+            raise InputError(f"{path}: {name!r:.80} holds a value that is not a finite number")
+    return tensors, parse_json(metadata, f"{path}: the metadata", "JSON values")
 
 
 def _package_version() -> str:

@@ -9,7 +9,8 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
-from uvcloth.bodies.frames import LEAD, BodyFrames, body_frames, side_by_side
+from uvcloth.bodies.frames import BodyFrames, side_by_side
+from uvcloth.bodies.stream import posed_batches
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
 from uvcloth.geometry.records import CPU, to_device
@@ -24,18 +25,30 @@ if TYPE_CHECKING:
 LONGEST, TORN = 4.0, 0.01
 """A garment is torn when more than this share of its edges has more than so many times its rest length."""
 
-BATCH = 8
-"""Frames that the body is posed for, and that a method without memory predicts, at once."""
+SHORT = 0.001
+"""Metres at rest below which an edge counts as that long: how far one in a seam is stretched nobody sees."""
+
+DEEP = 0.01
+"""Metres inside the body from which contact has left a vertex too deep."""
+
+CROWDED = 0.05
+"""A body runs through itself where its parts squeeze more than this share of the vertices."""
+
+JUMPED = "the motion jumps, and the garments start anew"
+STRETCHED = f"an edge of a garment has more than {LONGEST:.0f} times its length"
+LEFT_INSIDE = f"cloth is left more than {1000 * DEEP:.0f} mm inside the body"
+SQUEEZED = f"the body runs through itself where more than {100 * CROWDED:.0f} % of the cloth lies"
 
 
 @dataclass(frozen=True)
 class RolloutFrame:
     """One frame.
 
-    raw, vertices: per garment (N, 3) m, world, as predicted and after contact. transforms: (J, 3, 4) and
-    body_vertices: (V, 3) of the body. milliseconds: "body", "network" and "contact". contacts: what contact
-    did to each garment. replaced: the garments whose prediction was no garment, in words; they are those of
-    linear blend skinning.
+    raw, vertices: per garment (N, 3) m, as predicted and after contact. transforms: (J, 3, 4) and
+    body_vertices: (V, 3) of the body. All places are relative to the origin (3,) m, world, float64.
+    milliseconds: "body", "network" and "contact". contacts: what contact did to each garment. replaced: the
+    garments whose prediction was no garment, in words; they are those of linear blend skinning. difficulties:
+    what made the frame hard, in words that are the same in every frame.
     """
 
     index: int
@@ -43,9 +56,22 @@ class RolloutFrame:
     vertices: tuple[Tensor, ...]
     transforms: Tensor
     body_vertices: Tensor
+    origin: Tensor
     milliseconds: Mapping[str, float]
     contacts: "tuple[Contacts, ...]" = ()
     replaced: tuple[str, ...] = ()
+    difficulties: tuple[str, ...] = ()
+
+    def in_world(self) -> "RolloutFrame":
+        """The frame with all places in the world, in float32."""
+        return replace(
+            self,
+            raw=tuple(_displaced(vertices, self.origin) for vertices in self.raw),
+            vertices=tuple(_displaced(vertices, self.origin) for vertices in self.vertices),
+            transforms=_transformed(self.transforms, self.origin),
+            body_vertices=_displaced(self.body_vertices, self.origin),
+            origin=torch.zeros_like(self.origin),
+        )
 
 
 @dataclass(frozen=True)
@@ -71,11 +97,32 @@ class PreparedRollout:
         keep_going: bool = False,
     ) -> Iterator[RolloutFrame]:
         """Predict the outfit over a motion, frame after frame; see `rollout`. One rollout at a time."""
+        for frame in self.around_root(transforms, fps, truth, every, keep_going):
+            yield frame.in_world()
+
+    def around_root(
+        self,
+        transforms: Iterable[Tensor],
+        fps: float,
+        truth: Sequence[tuple[Tensor, ...]] = (),
+        every: int = 1,
+        keep_going: bool = False,
+    ) -> Iterator[RolloutFrame]:
+        """The same frames as they are computed: around origins that follow the body's root."""
         method, state, start = self.method, None, 0
         needs_contact = True
-        moves: tuple[Tensor | None, ...] = (None,) * len(self.outfit.garments)
-        for frames, body_ms in _posed(self.outfit, transforms, fps):
-            state = method.init(self.prepared, frames[:1]) if start == 0 else state
+        nothing: tuple[Tensor | None, ...] = (None,) * len(self.outfit.garments)
+        moves = nothing
+        origin = torch.zeros(3, dtype=torch.float64)
+        for batch in posed_batches(self.outfit.body, transforms, fps):
+            frames, begins = batch.frames, batch.begins
+            if begins:
+                state, moves, needs_contact = method.init(self.prepared, frames[:1]), nothing, True
+            else:
+                state = method.displaced(
+                    self.prepared, state, (origin - batch.origin)[None].to(frames.vertices)
+                )
+            origin = batch.origin
             for indices, part in _parts(frames, start, method.autoregressive, every):
                 begun = time.perf_counter()
                 state, garments = method.step(self.prepared, state, part)
@@ -88,22 +135,32 @@ class PreparedRollout:
                         vertices=raw,
                         transforms=part.transforms[offset, -1],
                         body_vertices=part.vertices[offset, -1],
-                        milliseconds={"body": body_ms, "network": network_ms, "contact": 0.0},
+                        origin=origin,
+                        milliseconds={"body": batch.milliseconds, "network": network_ms, "contact": 0.0},
+                        difficulties=(JUMPED,) if begins and index == start > 0 else (),
                     )
                     frame = self._without(frame, self.limits.not_finite(raw), keep_going)
                     wanted = index % every == 0
                     if wanted or needs_contact:
                         resolved, moved = self._resolved(frame, moves)
-                        if torn := self.limits.torn(resolved.vertices):
+                        longest, torn = self.limits.stretched(resolved.vertices)
+                        if torn:
                             frame = self._without(frame, torn, keep_going)
                             fresh = tuple(None if place in torn else move for place, move in enumerate(moves))
                             resolved, moved = self._resolved(frame, fresh)
                         frame, moves = resolved, moved
+                        frame = replace(
+                            frame, difficulties=frame.difficulties + _difficulties(frame, longest)
+                        )
                     if method.autoregressive and frame.replaced:
                         # What it remembers may be as broken as what it predicted.
                         state = method.init(self.prepared, part)
                     if method.autoregressive and (index < len(truth) or self.contact or frame.replaced):
-                        seen = truth[index] if index < len(truth) else frame.vertices
+                        seen = (
+                            tuple(_displaced(vertices, -origin) for vertices in truth[index])
+                            if index < len(truth)
+                            else frame.vertices
+                        )
                         batched = tuple(vertices[None].to(raw[0].device) for vertices in seen)
                         following = method.feed_back(self.prepared, state, batched)
                         needs_contact, state = following is not state, following
@@ -217,17 +274,12 @@ def rollout_proxied(
     every: int = 1,
     keep_going: bool = False,
 ) -> Iterator[RolloutFrame]:
-    """Predict an outfit as `rollout` does, and yield frames of the meshes that are shown, on the CPU."""
-    for predicted in rollout(
-        method,
-        proxied.outfit,
-        transforms,
-        fps,
-        contact,
-        device=device,
-        every=every,
-        keep_going=keep_going,
-    ):
+    """Predict an outfit as `rollout` does, and yield frames of the meshes that are shown, on the CPU.
+
+    Their places are relative to origins that follow the body's root.
+    """
+    prepared = prepare_rollout(method, proxied.outfit, contact, device)
+    for predicted in prepared.around_root(transforms, fps, every=every, keep_going=keep_going):
         frame = to_device(predicted, CPU)
         if proxied.contact is None:
             yield frame
@@ -252,42 +304,47 @@ def roll_out_together(
     Yields, frame after frame until the first of them ends, the garments (B, N, 3) m of all. outfit: on that
     device. under: (T, N, 3) m of each motion, what is worn beneath, for a method that needs it.
     """
-    streams = [_posed(outfit, motion, fps) for motion in motions]
+    streams = [posed_batches(outfit.body, motion, fps, jumps=False) for motion in motions]
     state: Any = None
     index = 0
+    before = torch.zeros(len(motions), 3, dtype=torch.float64)
     for batches in zip(*streams, strict=False):
-        for parts in zip(*(_single(frames) for frames, _ in batches), strict=False):
+        origins = torch.stack([batch.origin for batch in batches])
+        for turn, parts in enumerate(zip(*(_single(batch.frames) for batch in batches), strict=False)):
             frames = side_by_side(parts)
             if under:
-                frames = replace(frames, under=torch.stack([vertices[index] for vertices in under]))
-            state = method.init(prepared, frames) if index == 0 else state
+                beneath = zip(under, origins, strict=True)
+                placed = [_displaced(vertices[index], -origin) for vertices, origin in beneath]
+                frames = replace(frames, under=torch.stack(placed))
+            if index == 0:
+                state = method.init(prepared, frames)
+            elif turn == 0:
+                state = method.displaced(prepared, state, (before - origins).to(frames.vertices))
             state, garments = method.step(prepared, state, frames)
-            yield garments
+            yield tuple(_displaced(vertices, origins[:, None]) for vertices in garments)
             index += 1
+        before = origins
 
 
-def _posed(outfit: Outfit, transforms: Iterable[Tensor], fps: float) -> Iterator[tuple[BodyFrames, float]]:
-    """The body in batches of frames, and how long posing took per frame, ms; keeps LEAD frames behind."""
-    led: list[Tensor] = []
-    fresh: list[Tensor] = []
-    posed: Tensor | None = None
+def _displaced(points: Tensor, shift: Tensor) -> Tensor:
+    """Points (..., 3) m displaced by a shift in float64 that broadcasts to them."""
+    return (points.double() + shift.to(points.device)).to(points.dtype)
 
-    def pose() -> tuple[BodyFrames, float]:
-        begun = time.perf_counter()
-        frames = body_frames(outfit.body, torch.stack(led + fresh), fps, posed)
-        return frames, 1000.0 * (time.perf_counter() - begun) / len(fresh)
 
-    for index, transform in enumerate(transforms):
-        if not torch.isfinite(transform).all():
-            raise InputError(f"frame {index} of the motion: a joint's transform is not a finite number")
-        fresh.append(transform.to(outfit.body.mesh.vertices.device))
-        led = led or fresh * LEAD
-        if len(fresh) == BATCH:
-            frames, spent = pose()
-            yield frames, spent
-            led, fresh, posed = (led + fresh)[-LEAD:], [], frames.vertices[-LEAD:, -1]
-    if fresh:
-        yield pose()
+def _transformed(transforms: Tensor, shift: Tensor) -> Tensor:
+    """Transforms (..., 3, 4) followed by a shift (3,) in float64, m."""
+    return torch.cat([transforms[..., :3], _displaced(transforms[..., 3], shift)[..., None]], dim=-1)
+
+
+def _difficulties(frame: RolloutFrame, longest: float) -> tuple[str, ...]:
+    """What made a frame hard, after contact, whose longest edge has so many times its rest length."""
+    vertices = sum(len(garment) for garment in frame.vertices)
+    faults = {
+        STRETCHED: longest > LONGEST,
+        LEFT_INSIDE: any(contacts.deepest > DEEP for contacts in frame.contacts),
+        SQUEEZED: sum(contacts.squeezed for contacts in frame.contacts) > CROWDED * vertices,
+    }
+    return tuple(words for words, true in faults.items() if true)
 
 
 def _single(frames: BodyFrames) -> Iterator[BodyFrames]:
@@ -328,14 +385,16 @@ class EdgeLimits:
             if not torch.isfinite(vertices).all()
         }
 
-    def torn(self, garments: tuple[Tensor, ...]) -> dict[int, str]:
-        """Places of the garments that are torn, and what happened to each in words."""
-        reasons = {}
+    def stretched(self, garments: tuple[Tensor, ...]) -> tuple[float, dict[int, str]]:
+        """The longest edge, in times its rest length, and what happened to each torn garment, by place."""
+        longest, reasons = 0.0, {}
         for place, (vertices, edges, lengths) in enumerate(
             zip(garments, self.edges, self.lengths, strict=True)
         ):
-            long = float((edge_lengths(vertices, edges) > LONGEST * lengths).float().mean())
-            if long > TORN:
-                share = f"{100 * long:.0f} % of its edges have"
-                reasons[place] = f"is torn, {share} more than {LONGEST:.0f} times their length"
-        return reasons
+            now = edge_lengths(vertices, edges)
+            share = float((now > LONGEST * lengths).float().mean())
+            longest = max(longest, float((now / lengths.clamp(min=SHORT)).max()))
+            if share > TORN:
+                found = f"{100 * share:.0f} % of its edges have"
+                reasons[place] = f"is torn, {found} more than {LONGEST:.0f} times their length"
+        return longest, reasons

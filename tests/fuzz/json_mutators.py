@@ -1,6 +1,7 @@
 """Damage to JSON: values of other kinds, keys that are missing or doubled, nesting."""
 
 import json
+from copy import deepcopy
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -22,9 +23,9 @@ VALUES: tuple[Any, ...] = (
 def replace_value(document: Any, random: Random) -> tuple[Any, str]:
     places = list(_places(document))
     if not places:
-        return random.choice(VALUES), "another document"
+        return deepcopy(random.choice(VALUES)), "another document"
     holder, key = random.choice(places)
-    holder[key] = random.choice(VALUES)
+    holder[key] = deepcopy(random.choice(VALUES))
     return document, f"{key!r} becomes {str(holder[key])[:40]!r}"
 
 
@@ -61,7 +62,7 @@ def exchange_values(document: Any, random: Random) -> tuple[Any, str]:
     if len(places) < 2:
         return document, "no two values"
     (a, here), (b, there) = random.sample(places, 2)
-    a[here], b[there] = b[there], json.loads(json.dumps(a[here]))
+    a[here], b[there] = deepcopy(b[there]), deepcopy(a[here])
     return document, f"{here!r} and {there!r} exchanged"
 
 
@@ -127,12 +128,12 @@ def _readable(path: Path) -> Any:
         return {}
 
 
-def _places(value: Any) -> Any:
-    """Every holder and key of a document."""
-    if isinstance(value, dict | list):
+def _places(value: Any, depth: int = 0) -> Any:
+    """Every holder and key of a document, but for the depths that an earlier mutation made."""
+    if isinstance(value, dict | list) and depth < 50:
         for key in list(value) if isinstance(value, dict) else range(len(value)):
             yield value, key
-            yield from _places(value[key])
+            yield from _places(value[key], depth + 1)
 
 
 JSON: tuple[Mutator, ...] = (

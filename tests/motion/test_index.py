@@ -91,3 +91,22 @@ def test_the_benchmark_keeps_people_apart(mocap_folder: Path) -> None:
     assert splits == {"train": 149, "validation": 8, "test": 12, "unused": 37}
     assert sum(entry.frames for entry in entries.values() if entry.split == "train") == 17373
     assert all(clip_file(entry, mocap_folder).stem == clip for clip, entry in entries.items())
+
+
+def test_a_clip_of_an_index_lies_in_the_folder_of_clips(tmp_path: Path) -> None:
+    """Neither a name nor a file of an index leads elsewhere."""
+    (tmp_path / "clips").mkdir()
+    for name in ("a.bvh", "clips/a.bvh"):
+        (tmp_path / name).write_text("a clip")
+    index = tmp_path / "index.csv"
+    for file in ("../a.bvh", str(tmp_path / "a.bvh")):
+        index.write_text(f"{HEADER.strip()},file\na,ann,train,walk,0,10,{file}\n")
+        with pytest.raises(InputError, match="is not read, it lies outside clips"):
+            clip_file(read_index(index)["a"], tmp_path / "clips")
+    for trial in ("../a", "clips/a"):
+        index.write_text(f"{HEADER}{trial},ann,train,walk,0,10\n")
+        with pytest.raises(InputError, match=r"index\.csv: the trial .* is no part of a file's name"):
+            read_index(index)
+    index.write_text(f"{HEADER}*,ann,train,walk,0,10\n")
+    with pytest.raises(InputError, match=r"lacks the clip \*"):
+        clip_file(read_index(index)["*"], tmp_path / "clips")

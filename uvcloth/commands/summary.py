@@ -15,6 +15,9 @@ INVISIBLE = 0.05
 MOST_FILES = 12
 """Files that a summary lists one by one: an OBJ sequence is one for each frame."""
 
+MOST_SPANS = 5
+"""Spans of difficult frames that a summary lists one by one."""
+
 MOST_LISTED = 5
 """Broken frames that a summary lists one by one."""
 
@@ -29,7 +32,7 @@ class Summary:
     is. replaced: garments that were no garments in a frame, in words. inside_before,
     inside_after: percent of the garment vertices inside the body before contact (and after what it carries
     over from frame to frame) and after it, but for those squeezed between parts of the body; squeezed:
-    percent of those. None without contact.
+    percent of those. None without contact. difficult: what made frames hard, with the frames, in words.
     """
 
     written: tuple[Path, ...]
@@ -43,6 +46,7 @@ class Summary:
     squeezed: float | None
     every: int = 1
     replaced: tuple[str, ...] = ()
+    difficult: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
         """The summary as text for a terminal."""
@@ -61,6 +65,7 @@ class Summary:
             lines.append(f"... and {len(self.replaced) - MOST_LISTED} more")
         if self.replaced:
             lines.append("these were replaced by linear blend skinning")
+        lines.extend(self.difficult)
         if self.inside_before is not None:
             inside = f"{self.inside_before:.2f} % before contact, {self.inside_after:.2f} % after"
             squeezed = f"squeezed between parts of the body {self.squeezed:.2f} %"
@@ -80,6 +85,29 @@ class Summary:
 
 
 @dataclass
+class FrameSpans:
+    """Frames as spans, in the order in which they came; no more than are listed are kept."""
+
+    count: int = 0
+    last: int = -1
+    listed: list[tuple[int, int]] = field(default_factory=list)
+
+    def add(self, frame: int) -> None:
+        """Add a frame after all others."""
+        if self.listed and self.listed[-1][1] == frame - 1:
+            self.listed[-1] = (self.listed[-1][0], frame)
+        elif len(self.listed) < MOST_SPANS:
+            self.listed.append((frame, frame))
+        self.count, self.last = self.count + 1, frame
+
+    def __str__(self) -> str:
+        spans = ", ".join(str(first) if first == end else f"{first}-{end}" for first, end in self.listed)
+        if self.listed[-1][1] < self.last:
+            spans += f", ... to {self.last} ({self.count} in all)"
+        return f"frame {spans}" if self.count == 1 else f"frames {spans}"
+
+
+@dataclass
 class Totals:
     """Sums over the frames of a rollout so far; counts are of vertices."""
 
@@ -90,6 +118,7 @@ class Totals:
     skin: float = 0.0
     worst: tuple[float, int] = (0.0, 0)
     replaced: list[str] = field(default_factory=list)
+    difficult: dict[str, "FrameSpans"] = field(default_factory=lambda: defaultdict(FrameSpans))
     milliseconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
 
     def add(self, frame: RolloutFrame) -> None:
@@ -102,6 +131,8 @@ class Totals:
             self.inside_after += contacts.inside_after
             self.squeezed += contacts.squeezed
         self.replaced.extend(frame.replaced)
+        for words in frame.difficulties:
+            self.difficult[words].add(frame.index)
 
     def add_skin(self, percent: float, frame: int) -> None:
         """Add the share of the skin that shows in a frame."""
@@ -133,4 +164,5 @@ class Totals:
             squeezed=percent(self.squeezed),
             every=every,
             replaced=tuple(self.replaced),
+            difficult=tuple(f"difficult at {spans}: {words}" for words, spans in self.difficult.items()),
         )

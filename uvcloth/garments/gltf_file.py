@@ -1,6 +1,6 @@
 """Meshes of glTF files of users: all triangles of the scene, as their nodes place them."""
 
-import base64
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,9 +9,12 @@ from urllib.parse import unquote
 import numpy as np
 import torch
 
-from uvcloth.garments.materials import read_texture
+from rasterize.errors import InputError
+from uvcloth.garments.materials import Pictures
+from uvcloth.garments.size import refuse_too_many
 from uvcloth.geometry.authored import AuthoredMesh, Labels, Polygons, SurfaceMaterial, Texture, UvSet
-from uvcloth.geometry.gltf import Gltf, read_gltf
+from uvcloth.geometry.gltf import Gltf, decode_data, one_line, read_gltf, require_few
+from uvcloth.geometry.gltf_rig import local_transform
 
 SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
 
@@ -37,10 +40,17 @@ class _Part:
 def read_gltf_mesh(path: Path) -> AuthoredMesh:
     """Read the triangles of a .glb or .gltf, its vertices float64, in the order of nodes and accessors.
 
-    Raises InputError for a file that is none or lacks data, and what broken JSON makes a reader trip over.
+    Raises InputError for a file that is none, lacks data, or has too many vertices or faces.
     """
     gltf = read_gltf(path)
-    parts = [part for node, place in _placed(gltf) for part in _parts(gltf, node, place)]
+    parts: list[_Part] = []
+    vertices, faces_so_far = 0, 0
+    for node, place in _placed(gltf):
+        for part in _parts(gltf, node, place):
+            parts.append(part)
+            require_few(path, len(parts))
+            vertices, faces_so_far = vertices + len(part.vertices), faces_so_far + len(part.faces)
+            refuse_too_many(path, vertices, faces_so_far)
     counts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     if not parts:
         parts = [_Part(np.zeros((0, 3)), (), None, np.zeros((0, 3), int), np.zeros(0, int), "")]
@@ -49,7 +59,7 @@ def read_gltf_mesh(path: Path) -> AuthoredMesh:
     sets = min(len(part.uvs) for part in parts)
     colored = all(part.colors is not None for part in parts)
     corners = faces.reshape(-1).astype(np.int64)
-    materials, missing = _materials(gltf)
+    materials, missing = _materials(gltf, sets)
     polygons = Polygons(
         sizes=np.full(len(faces), 3),
         corners=corners,
@@ -70,114 +80,109 @@ def read_gltf_mesh(path: Path) -> AuthoredMesh:
 def _placed(gltf: Gltf) -> list[tuple[dict[str, Any], np.ndarray]]:
     """Nodes of the scene with their transforms (4, 4), parents first."""
     nodes, scenes = gltf.entries("nodes"), gltf.entries("scenes")
-    children = {child for node in nodes for child in node.get("children", [])}
-    roots = [index for index in range(len(nodes)) if index not in children]
+    roots = [index for index in range(len(nodes)) if index not in gltf.above]
     if scenes:
         roots = scenes[gltf.document.get("scene", 0)].get("nodes", [])
     found: list[tuple[dict[str, Any], np.ndarray]] = []
     waiting = [(root, np.eye(4)) for root in reversed(roots)]
     while waiting and len(found) <= len(nodes):
         index, above = waiting.pop()
-        place = above @ _local(nodes[index])
+        place = above @ local_transform(nodes[index])
         found.append((nodes[index], place))
         waiting.extend((child, place) for child in reversed(nodes[index].get("children", [])))
     return found
 
 
-def _local(node: dict[str, Any]) -> np.ndarray:
-    """Transform (4, 4) of a node in its parent."""
-    if "matrix" in node:
-        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
-    x, y, z, w = node.get("rotation", (0.0, 0.0, 0.0, 1.0))
-    turn = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    place = np.eye(4)
-    place[:3, :3] = turn * np.array(node.get("scale", (1.0, 1.0, 1.0)))
-    place[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
-    return place
-
-
-def _parts(gltf: Gltf, node: dict[str, Any], place: np.ndarray) -> list[_Part]:
+def _parts(gltf: Gltf, node: dict[str, Any], place: np.ndarray) -> Iterator[_Part]:
     """The triangles of a node's mesh; primitives that share their attributes share their vertices."""
     if "mesh" not in node:
-        return []
+        return
     mesh = gltf.entries("meshes")[node["mesh"]]
-    name = str(node.get("name", mesh.get("name", "")))
+    name = one_line(node.get("name", mesh.get("name", "")))
     shared: dict[tuple[tuple[str, int], ...], list[dict[str, Any]]] = {}
     for primitive in mesh["primitives"]:
         if primitive.get("mode", TRIANGLES) == TRIANGLES:
             shared.setdefault(tuple(sorted(primitive["attributes"].items())), []).append(primitive)
-    parts = []
     for attributes, primitives in shared.items():
         of = dict(attributes)
-        positions = gltf.array(of["POSITION"]).astype(np.float64)
+        if "POSITION" not in of:
+            raise InputError(f"{gltf.path}: mesh {name} has no positions")
+        positions = gltf.array(of["POSITION"], "VEC3").astype(np.float64)
+        refuse_too_many(gltf.path, len(positions), sum(_corners(gltf, each) for each in primitives) // 3)
         faces = [_faces(gltf, primitive, len(positions)) for primitive in primitives]
         uvs: list[np.ndarray] = []
         while (key := f"TEXCOORD_{len(uvs)}") in of:
             # glTF measures the second coordinate from the top of the picture.
-            uvs.append(gltf.array(of[key]) * [1, -1] + [0, 1])
-        parts.append(
-            _Part(
-                vertices=positions @ place[:3, :3].T + place[:3, 3],
-                uvs=tuple(uvs),
-                colors=_colors(gltf.array(of["COLOR_0"])) if "COLOR_0" in of else None,
-                faces=np.concatenate(faces),
-                material=np.repeat([p.get("material", -1) for p in primitives], [len(f) for f in faces]),
-                name=name,
-            )
+            uvs.append(gltf.array(of[key], "VEC2") * [1, -1] + [0, 1])
+        colors = _colors(gltf.array(of["COLOR_0"], "VEC3", "VEC4")) if "COLOR_0" in of else None
+        if any(len(each) != len(positions) for each in (*uvs, *(() if colors is None else (colors,)))):
+            raise InputError(f"{gltf.path}: mesh {name} has attributes of other counts than its vertices")
+        yield _Part(
+            vertices=positions @ place[:3, :3].T + place[:3, 3],
+            uvs=tuple(uvs),
+            colors=colors,
+            faces=np.concatenate(faces),
+            material=np.repeat([p.get("material", -1) for p in primitives], [len(f) for f in faces]),
+            name=name,
         )
-    return parts
+
+
+def _corners(gltf: Gltf, primitive: dict[str, Any]) -> int:
+    """Corners that a primitive says to have."""
+    accessor = primitive.get("indices", primitive["attributes"]["POSITION"])
+    return int(gltf.entries("accessors")[accessor]["count"])
 
 
 def _faces(gltf: Gltf, primitive: dict[str, Any], count: int) -> np.ndarray:
-    """Faces (F, 3) of a primitive. Raises ValueError if they name a vertex that it does not have."""
-    indices = gltf.array(primitive["indices"]).reshape(-1) if "indices" in primitive else np.arange(count)
+    """Faces (F, 3) of a primitive. Raises InputError if they name a vertex that it does not have."""
+    indices = gltf.array(primitive["indices"], "SCALAR")[:, 0] if "indices" in primitive else np.arange(count)
     faces = indices[: len(indices) // 3 * 3].astype(np.int64).reshape(-1, 3)
-    if faces.size and faces.max() >= count:
-        raise ValueError(f"a face names vertex {faces.max()} of {count}")
+    if faces.size and not 0 <= faces.min() <= faces.max() < count:
+        raise InputError(f"{gltf.path}: a face names a vertex beyond the {count} of its mesh")
     return faces
 
 
 def _colors(values: np.ndarray) -> np.ndarray:
     """Colours (N, 4) of three or four linear channels, as sRGB."""
+    values = values.clip(0.0, 1.0)
     rgba = np.concatenate([values[:, :3] ** (1 / 2.2), np.ones_like(values[:, :1])], axis=1)
     rgba[:, 3:] = values[:, 3:] if values.shape[1] > 3 else 1.0
     return rgba.astype(np.float32)
 
 
-def _materials(gltf: Gltf) -> tuple[tuple[SurfaceMaterial, ...], tuple[str, ...]]:
-    """Materials of a file, and the pictures that are missing."""
+def _materials(gltf: Gltf, sets: int) -> tuple[tuple[SurfaceMaterial, ...], tuple[str, ...]]:
+    """Materials of a file with so many sets of texture coordinates, and the pictures that are missing."""
     found, missing = [], []
+    pictures = Pictures(gltf.path.parent)
+    textures: dict[int, Texture | None] = {}
     for index, entry in enumerate(gltf.entries("materials")):
         rough = entry.get("pbrMetallicRoughness", {})
-        red, green, blue, alpha = rough.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0))
+        factor = rough.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0))
+        red, green, blue, alpha = (min(max(channel, 0.0), 1.0) for channel in factor)
         texture, uv_set = None, 0
         if "baseColorTexture" in rough:
             uv_set = rough["baseColorTexture"].get("texCoord", 0)
             source = gltf.entries("textures")[rough["baseColorTexture"]["index"]].get("source")
-            texture = None if source is None else _texture(gltf, source)
+            if source is not None and source not in textures:
+                textures[source] = _texture(gltf, pictures, source)
+            texture = textures[source] if source is not None and uv_set < sets else None
             if texture is None:
-                missing.append(f"the picture of material {entry.get('name', index)}")
+                missing.append(f"the picture of material {one_line(entry.get('name', index))}")
         color = (red ** (1 / 2.2), green ** (1 / 2.2), blue ** (1 / 2.2), alpha)
-        found.append(SurfaceMaterial(str(entry.get("name", f"material_{index}")), color, texture, uv_set))
-    return tuple(found), tuple(missing)
+        label = one_line(entry.get("name", f"material_{index}"))
+        found.append(SurfaceMaterial(label, color, texture, uv_set))
+    return tuple(found), (*missing, *pictures.missing)
 
 
-def _texture(gltf: Gltf, index: int) -> Texture | None:
+def _texture(gltf: Gltf, pictures: Pictures, index: int) -> Texture | None:
     """An image of a file, None if it is not there or of another kind than PNG and JPEG."""
     image = gltf.entries("images")[index]
-    uri = str(image.get("uri", ""))
-    name = str(image.get("name", f"texture_{index}"))
+    uri = image.get("uri", "")
+    name = one_line(image.get("name", f"texture_{index}"))
     if uri and not uri.startswith("data:"):
-        return read_texture(gltf.path.parent / unquote(uri))
-    head, _, data = uri.partition(",")
-    suffix = SUFFIXES.get(image.get("mimeType", head[5:].partition(";")[0]))
-    if suffix is None:
+        return pictures.texture(gltf.path.parent, unquote(uri))
+    suffix = SUFFIXES.get(image.get("mimeType", uri[5:].partition(",")[0].partition(";")[0]))
+    if suffix is None or not (uri or "bufferView" in image):
         return None
-    content = base64.b64decode(data) if uri else gltf.view(image["bufferView"])
+    content = decode_data(uri) if uri else bytes(gltf.view(image["bufferView"]))
     return Texture(Path(name).stem, suffix, content)

@@ -1,10 +1,12 @@
 """SurfaceMaterial files of users: Wavefront .mtl and MakeHuman's .mhmat, and the pictures that they name."""
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 from rasterize.errors import InputError
+from rasterize.reading import file_below, read_content
 from uvcloth.geometry.authored import SurfaceMaterial, Texture
 
 OPTIONS = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2}
@@ -16,44 +18,73 @@ def read_text(path: Path) -> list[str]:
 
     Raises InputError if there is no such file or it cannot be read.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    text = read_content(path).decode("utf-8", errors="replace").replace("\r\n", "\n")
     return text.replace("\\\n", " ").splitlines()
 
 
-def read_library(path: Path) -> tuple[dict[str, SurfaceMaterial], tuple[str, ...]]:
-    """Read the materials of an .mtl by name, and which files are not there, the .mtl itself among them."""
-    if not path.is_file():
-        return {}, (path.name,)
+class Pictures:
+    """Picture files that materials name, each read once: in the folder `root` or below, and nowhere else.
+
+    missing: those that are not there, or lie elsewhere, and files of materials.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.missing: list[str] = []
+        self._read: dict[Path, Texture] = {}
+
+    def file(self, folder: Path, name: str) -> Path | None:
+        """A file that another one in `folder` names, None if it is missing."""
+        try:
+            path = file_below(self.root, folder, name)
+            if path.is_file():
+                return path
+            self.missing.append(name)
+        except InputError as error:
+            self.missing.append(str(error))
+        except OSError:
+            self.missing.append(name)
+        return None
+
+    def texture(self, folder: Path, name: str) -> Texture | None:
+        """A picture as it is, None if it is missing."""
+        path = self.file(folder, name)
+        if path is not None and path not in self._read:
+            try:
+                self._read[path] = Texture(path.stem, path.suffix.lower(), read_content(path))
+            except InputError:
+                self.missing.append(name)
+        return None if path is None else self._read.get(path)
+
+
+def read_libraries(pictures: Pictures, names: Iterable[str]) -> dict[str, SurfaceMaterial]:
+    """Read the materials of .mtl files in the root of the pictures by name, none of one that is missing."""
+    paths = [pictures.file(pictures.root, name) for name in dict.fromkeys(names)]
     materials: dict[str, SurfaceMaterial] = {}
-    missing: list[str] = []
-    name = ""
-    for words in _words(path):
-        if words[0] == "newmtl":
-            name = " ".join(words[1:])
-            materials[name] = SurfaceMaterial(name)
-        elif name in materials:
-            materials[name] = _with(materials[name], words, path.parent, missing)
-    return materials, tuple(missing)
+    for path in filter(None, paths):
+        current: str | None = None
+        for words in _words(path):
+            if words[0] == "newmtl":
+                current = " ".join(words[1:])
+                materials[current] = SurfaceMaterial(current)
+            elif current is not None:
+                materials[current] = _with(materials[current], words, path.parent, pictures)
+    return materials
 
 
-def read_mhmat(path: Path) -> tuple[SurfaceMaterial, tuple[str, ...]]:
-    """Read a material of MakeHuman, and which files are not there; a plain one if it is not itself."""
+def read_mhmat(pictures: Pictures, name: str) -> SurfaceMaterial | None:
+    """Read a material of MakeHuman in the root of the pictures, None if it is missing."""
+    path = pictures.file(pictures.root, name)
+    if path is None:
+        return None
     material = SurfaceMaterial(path.stem)
-    if not path.is_file():
-        return material, (path.name,)
-    missing: list[str] = []
     keys = {"diffuseColor": "Kd", "opacity": "d", "diffuseTexture": "map_Kd"}
     for words in _words(path):
         if words[0] == "name" and words[1:]:
             material = replace(material, name=" ".join(words[1:]))
         elif words[0] in keys:
-            material = _with(material, [keys[words[0]], *words[1:]], path.parent, missing)
-    return material, tuple(missing)
+            material = _with(material, [keys[words[0]], *words[1:]], path.parent, pictures)
+    return material
 
 
 def _words(path: Path) -> Iterator[list[str]]:
@@ -64,22 +95,19 @@ def _words(path: Path) -> Iterator[list[str]]:
             yield words
 
 
-def _with(material: SurfaceMaterial, words: list[str], folder: Path, missing: list[str]) -> SurfaceMaterial:
-    """The material with what a line says; a picture that is not there is added to `missing`."""
+def _with(material: SurfaceMaterial, words: list[str], folder: Path, pictures: Pictures) -> SurfaceMaterial:
+    """The material with what a line of a file in `folder` says."""
     try:
         match words:
             case ["Kd", red, green, blue, *_]:
-                return replace(material, color=(float(red), float(green), float(blue), material.color[3]))
+                return replace(material, color=(_share(red), _share(green), _share(blue), material.color[3]))
             case ["d", opacity]:
-                return replace(material, color=(*material.color[:3], float(opacity)))
+                return replace(material, color=(*material.color[:3], _share(opacity)))
             case ["Tr", transparency]:
-                return replace(material, color=(*material.color[:3], 1.0 - float(transparency)))
+                return replace(material, color=(*material.color[:3], 1.0 - _share(transparency)))
             case ["map_Kd", *rest]:
                 name = " ".join(_after_options(rest)).replace("\\", "/")
-                texture = read_texture(folder / name)
-                if texture is None:
-                    missing.append(name)
-                return replace(material, texture=texture)
+                return replace(material, texture=pictures.texture(folder, name))
     except ValueError:
         # A material is no reason to refuse a garment.
         return material
@@ -92,9 +120,9 @@ def _after_options(words: list[str]) -> list[str]:
     return words
 
 
-def read_texture(path: Path) -> Texture | None:
-    """Read a picture file as it is, None if it is not there."""
-    try:
-        return Texture(path.stem, path.suffix.lower(), path.read_bytes())
-    except OSError:
-        return None
+def _share(word: str) -> float:
+    """A number brought into 0 to 1. Raises ValueError for a word that is no finite number."""
+    value = float(word)
+    if not math.isfinite(value):
+        raise ValueError(word)
+    return min(max(value, 0.0), 1.0)

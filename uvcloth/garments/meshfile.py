@@ -1,14 +1,18 @@
 """Mesh files of users, read with their own vertex order and texture coordinates."""
 
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from rasterize.errors import InputError
+from rasterize.errors import InputError, said
+from rasterize.reading import read_content
 from uvcloth.garments.gltf_file import read_gltf_mesh
-from uvcloth.garments.obj_file import read_obj, refuse_too_many
+from uvcloth.garments.obj_file import read_obj
+from uvcloth.garments.size import refuse_too_many
+from uvcloth.geometry.gltf_document import LARGEST
 from uvcloth.geometry.mesh import Mesh
 
 EXTENSIONS = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
@@ -19,23 +23,28 @@ def read_mesh(path: Path) -> Mesh:
 
     An OBJ and a glTF file give an AuthoredMesh, which keeps polygons, groups, materials and colours. A file
     without texture coordinates gives uvs (0, 2) and face_uvs (0, 3). Raises InputError for an unsupported
-    extension, an unreadable file, no faces, more than MOST_VERTICES, or a number that is not finite.
+    extension, an unreadable file, no faces, a face of vertices that there are not, more than MOST_VERTICES,
+    or a number that is not finite or beyond LARGEST.
     """
     path = Path(path)
     if path.suffix.lower() not in EXTENSIONS:
         found = f"not in '{path.suffix}'" if path.suffix else "this name has no ending"
         raise InputError(f"{path}: a garment file ends in {', '.join(EXTENSIONS)} or .mhclo, {found}")
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
     mesh = _read(path)
-    refuse_too_many(path, len(mesh.vertices))
+    refuse_too_many(path, len(mesh.vertices), len(mesh.faces))
     if not len(mesh.vertices) or not len(mesh.faces):
         raise InputError(f"{path}: the garment is empty, it has {len(mesh.vertices)} vertices and no faces")
-    broken = torch.nonzero(~torch.isfinite(mesh.vertices).all(dim=1))
+    wrong = mesh.faces[((mesh.faces < 0) | (mesh.faces >= len(mesh.vertices))).any(dim=1)]
+    if len(wrong):
+        raise InputError(
+            f"{path}: a face is of the vertices {wrong[0].tolist()}, there are 0 to {len(mesh.vertices) - 1}"
+        )
+    broken = torch.nonzero(~(mesh.vertices.abs() <= LARGEST).all(dim=1))
     if len(broken):
-        raise InputError(f"{path}: vertex {int(broken[0])} is not a finite number")
-    if not torch.isfinite(mesh.uvs).all():
-        raise InputError(f"{path}: a texture coordinate is not a finite number")
+        fault = f"beyond {LARGEST:g}" if mesh.vertices[broken[0]].isfinite().all() else "not a finite number"
+        raise InputError(f"{path}: vertex {int(broken[0])} is {fault}")
+    if not (mesh.uvs.abs() <= LARGEST).all():
+        raise InputError(f"{path}: a texture coordinate is not a finite number, or beyond {LARGEST:g}")
     return mesh
 
 
@@ -48,14 +57,15 @@ def _read(path: Path) -> Mesh:
     except InputError:
         raise
     except Exception as error:  # Readers raise whatever a broken file makes them trip over.
-        reason = error or type(error).__name__
-        raise InputError(f"{path}: not a readable {kind[1:].upper()} file ({reason})") from error
+        raise InputError(f"{path}: not a readable {kind[1:].upper()} file ({said(error)})") from error
 
 
 def _read_with_trimesh(path: Path) -> Mesh:
     import trimesh
 
-    scene = trimesh.load_scene(path, process=False)
+    content = BytesIO(read_content(path))
+    # Without a path it opens no other files.
+    scene = trimesh.load_scene(content, file_type=path.suffix[1:].lower(), process=False, skip_materials=True)
     parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
     counts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     if not parts:

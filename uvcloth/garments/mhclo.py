@@ -10,11 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from rasterize.errors import InputError
+from rasterize.errors import InputError, said
+from rasterize.reading import file_below
 from uvcloth.bodies.body import BASE_MESH, Body
-from uvcloth.garments.materials import read_mhmat, read_text
+from uvcloth.garments.materials import Pictures, read_mhmat, read_text
 from uvcloth.garments.meshfile import read_mesh
 from uvcloth.geometry.authored import AuthoredMesh
 from uvcloth.geometry.mesh import Mesh
@@ -23,6 +25,12 @@ SUFFIX = ".mhclo"
 
 SAME = 1e-6
 """Metres within which a vertex of the body is one of the base mesh."""
+
+LARGEST = 1e6
+"""Of an offset or a place."""
+
+MOST_OF_BASE = 100_000
+"""Vertices that any base mesh may have."""
 
 BODY_AXES = {"x": 0, "y": 2, "z": 1}
 """Axis of the body (Z up) along each axis of MakeHuman (Y up, facing +Z)."""
@@ -35,7 +43,7 @@ class Binding:
     obj: file of the faces. corners: (N, 3) base-mesh vertices. weights: (N, 3). offsets: (N, 3) decimetres, Y
     up, facing +Z. scales: by axis "x", "y", "z" two base-mesh vertices and their distance there, decimetres.
     depth: layer, larger is farther out. deleted: (K,) base-mesh vertices that the clothes hide. material:
-    file of theirs, None where none is named.
+    name of its file, "" where none is named.
     """
 
     obj: Path
@@ -45,7 +53,7 @@ class Binding:
     scales: dict[str, tuple[int, int, float]]
     depth: int
     deleted: Tensor
-    material: Path | None
+    material: str
 
     def place(self, base: Tensor) -> Tensor:
         """Garment vertices (N, 3) m on base-mesh vertices (B, 3) m, Z up, facing -Y."""
@@ -72,8 +80,8 @@ class Binding:
 def fit_clothes(path: Path, body: Body) -> tuple[Mesh, Binding]:
     """Read clothes and place them on a body: their mesh as the OBJ has it, in metres, Z up, and the binding.
 
-    Raises InputError naming the file if it cannot be read, is bound to another base mesh or to vertices that
-    there are not, or if the body does not know its base mesh.
+    Raises InputError naming the file if it cannot be read, is bound to another base mesh, to vertices that
+    there are not or to places that are none, or if the body does not know its base mesh.
     """
     if body.base is None:
         raise InputError(
@@ -90,16 +98,19 @@ def fit_clothes(path: Path, body: Body) -> tuple[Mesh, Binding]:
     if last >= len(body.base):
         raise InputError(f"{path}: is bound to vertex {last}, the base mesh has {len(body.base)} vertices")
     mesh = replace(mesh, vertices=binding.place(body.base))
-    return _with_material(mesh, binding.material) if binding.material else mesh, binding
+    if not bool((mesh.vertices.abs() <= LARGEST).all()):
+        raise InputError(f"{path}: binds a vertex to a place beyond {LARGEST:g} m")
+    return _with_material(mesh, path.parent, binding.material) if binding.material else mesh, binding
 
 
-def _with_material(mesh: Mesh, path: Path) -> Mesh:
+def _with_material(mesh: Mesh, folder: Path, name: str) -> Mesh:
     """The mesh all of one material, or as it is, with a note, where its file is not there."""
     if not isinstance(mesh, AuthoredMesh):
         return mesh
-    material, missing = read_mhmat(path)
-    polygons = replace(mesh.polygons, missing=mesh.polygons.missing + missing)
-    if path.is_file():
+    pictures = Pictures(folder)
+    material = read_mhmat(pictures, name)
+    polygons = replace(mesh.polygons, missing=(*mesh.polygons.missing, *pictures.missing))
+    if material is not None:
         polygons = replace(polygons, materials=(material,), material=np.zeros_like(polygons.material))
     return replace(mesh, polygons=polygons)
 
@@ -111,7 +122,7 @@ def read_binding(path: Path) -> Binding:
     scales: dict[str, tuple[int, int, float]] = {}
     files = {"obj_file": "", "material": ""}
     depth, section = 0, ""
-    deleted: list[int] = []
+    deleted = np.zeros(MOST_OF_BASE, dtype=np.bool_)
     for number, line in enumerate(read_text(path), start=1):
         try:
             match line.split():
@@ -120,7 +131,7 @@ def read_binding(path: Path) -> Binding:
                 case ["verts" | "delete_verts" as section, *_]:
                     continue
                 case ["basemesh", name] if name != BASE_MESH:
-                    raise InputError(f"{path}: made for the base mesh {name}, expected {BASE_MESH}")
+                    raise InputError(f"{path}: made for the base mesh {name[:40]}, expected {BASE_MESH}")
                 case ["obj_file" | "material" as key, *words]:
                     files[key] = " ".join(words)
                 case ["x_scale" | "y_scale" | "z_scale" as key, one, other, distance]:
@@ -130,36 +141,42 @@ def read_binding(path: Path) -> Binding:
                 case [_, *_] as words if section == "verts" and words[0].isdigit():
                     bound.append(_vertex(words))
                 case [_, *_] as words if section == "delete_verts":
-                    deleted.extend(_range(words))
+                    _mark(deleted, words)
         except ValueError as error:
             if isinstance(error, InputError):
                 raise
-            raise InputError(f"{path}, line {number}: not a readable MHCLO file ({error})") from error
+            raise InputError(f"{path}, line {number}: not a readable MHCLO file ({said(error)})") from error
     if not files["obj_file"] or not bound:
         raise InputError(f"{path}: not a readable MHCLO file, it names no obj_file or binds no vertices")
     rows = torch.tensor(bound, dtype=torch.float64)
     return Binding(
-        obj=path.parent / files["obj_file"],
+        obj=_beside(path, files["obj_file"]),
         corners=rows[:, :3].long(),
         weights=rows[:, 3:6].float(),
         offsets=rows[:, 6:].float(),
         scales=scales,
         depth=depth,
-        deleted=torch.tensor(deleted, dtype=torch.int64),
-        material=path.parent / files["material"] if files["material"] else None,
+        deleted=torch.from_numpy(np.flatnonzero(deleted)),
+        material=files["material"],
     )
 
 
-def _range(words: list[str]) -> list[int]:
-    """Vertices of a line such as `3 5 - 7`: 3, 5, 6, 7."""
-    found: list[int] = []
+def _beside(path: Path, name: str) -> Path:
+    """The OBJ that an .mhclo names. Raises InputError if it lies in another folder."""
+    try:
+        return file_below(path.parent, path.parent, name)
+    except InputError as error:
+        raise InputError(f"{path}: its obj_file {error}") from error
+
+
+def _mark(chosen: NDArray[np.bool_], words: list[str]) -> None:
+    """Mark the vertices of a line such as `3 5 - 7`: 3, 5, 6, 7."""
+    first = 0
     for place, word in enumerate(words):
-        if word == "-":
-            continue
-        last = _index(word)
-        first = found[-1] + 1 if place and words[place - 1] == "-" and found else last
-        found.extend(range(first, last + 1))
-    return found
+        if word != "-":
+            last = _index(word)
+            first = first if place and words[place - 1] == "-" else last
+            chosen[first : last + 1] = True
 
 
 def _vertex(words: list[str]) -> list[float]:
@@ -169,14 +186,14 @@ def _vertex(words: list[str]) -> list[float]:
     if len(words) < 6:
         raise ValueError("expected three vertices, three weights and three offsets")
     numbers = [float(word) for word in (*words, "0", "0", "0")[:9]]
-    if not all(map(math.isfinite, numbers)):
-        raise ValueError("a number is not finite")
+    if not all(abs(number) <= LARGEST for number in numbers):
+        raise ValueError(f"a number is not finite, or beyond {LARGEST:g}")
     return [*(float(_index(word)) for word in words[:3]), *numbers[3:]]
 
 
 def _index(word: str) -> int:
     index = int(word)
-    if not 0 <= index < 1_000_000:
+    if not 0 <= index < MOST_OF_BASE:
         raise ValueError(f"vertex {index}")
     return index
 

@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from rasterize.errors import InputError
-from uvcloth.garments.materials import read_library, read_text
+from rasterize.errors import InputError, said
+from uvcloth.garments.materials import Pictures, read_libraries, read_text
+from uvcloth.garments.size import refuse_too_many
 from uvcloth.geometry.authored import AuthoredMesh, Labels, Polygons, SurfaceMaterial, UvSet
 
-MOST_VERTICES = 200_000
-"""Of a garment: a rollout could not carry more."""
+LARGEST_INDEX = 2**31
+"""That a face may name, whatever there is."""
 
 
 @dataclass
@@ -31,15 +32,6 @@ class _Names:
 
     def labels(self) -> Labels:
         return Labels(tuple(self.index), np.array(self.of, dtype=np.int64))
-
-
-def refuse_too_many(path: Path, vertices: int) -> None:
-    """Raise InputError for a mesh of more than MOST_VERTICES."""
-    if vertices > MOST_VERTICES:
-        raise InputError(
-            f"{path}: the garment has {vertices:,} vertices, at most {MOST_VERTICES:,} can be dressed: "
-            "reduce the mesh first"
-        )
 
 
 def read_obj(path: Path) -> AuthoredMesh:
@@ -76,47 +68,39 @@ def read_obj(path: Path) -> AuthoredMesh:
                 case ["mtllib", *words]:
                     libraries.append(" ".join(words))
         except ValueError as error:
-            raise InputError(f"{path}, line {number}: not a readable OBJ file ({error})") from error
+            raise InputError(f"{path}, line {number}: not a readable OBJ file ({said(error)})") from error
     points = np.array([row[:3] for row in vertices], dtype=np.float64).reshape(-1, 3)
-    texture = np.array(uvs, dtype=np.float32).reshape(-1, 2)
+    with np.errstate(over="ignore"):  # What is not finite is refused with the mesh.
+        texture = np.array(uvs, dtype=np.float32).reshape(-1, 2)
     pairs = np.array(corners, dtype=np.int64).reshape(-1, 2)
     for kind, indices, count in (("vertex", pairs[:, 0], len(points)), ("vt", pairs[:, 1], len(texture))):
         if indices.size and not (-1 if kind == "vt" else 0) <= indices.min() <= indices.max() < count:
             raise InputError(f"{path}: a face names a {kind} that the file does not have")
     textured = len(texture) > 0 and bool((pairs[:, 1] >= 0).all())
-    materials, missing = _materials(path, libraries, tuple(used.index))
+    pictures = Pictures(path.parent)
+    found = read_libraries(pictures, libraries)
     polygons = Polygons(
         sizes=np.array(sizes, dtype=np.int64),
         corners=pairs[:, 0],
         uv_sets=(UvSet(texture, pairs[:, 1]),) if textured else (),
         objects=objects.labels(),
         groups=groups.labels(),
-        materials=materials,
+        materials=tuple(found.get(name, SurfaceMaterial(name)) for name in used.index),
         material=used.labels().of,
         colors=_colors(vertices),
-        missing=missing,
+        missing=tuple(pictures.missing),
     )
     return AuthoredMesh.of(torch.from_numpy(points), polygons)
 
 
-def _materials(
-    path: Path, libraries: list[str], names: tuple[str, ...]
-) -> tuple[tuple[SurfaceMaterial, ...], tuple[str, ...]]:
-    """The materials of some names, plain where no library has them, and the files that are missing."""
-    found: dict[str, SurfaceMaterial] = {}
-    missing: tuple[str, ...] = ()
-    for library in libraries:
-        materials, lost = read_library(path.parent / library)
-        found |= materials
-        missing += lost
-    return tuple(found.get(name, SurfaceMaterial(name)) for name in names), missing
-
-
 def _colors(vertices: list[list[float]]) -> np.ndarray | None:
-    """Colours (N, 4) of vertex lines `x y z r g b`, None unless all have them."""
+    """Colours (N, 4) of vertex lines `x y z r g b`, None unless all have them, 0 to 1."""
     if not vertices or min(map(len, vertices)) < 6:
         return None
-    colors = np.array([row[3:6] for row in vertices], dtype=np.float32)
+    rows = np.array([row[3:6] for row in vertices])
+    if not ((rows >= 0) & (rows <= 1)).all():
+        return None
+    colors = rows.astype(np.float32)
     return np.concatenate([colors, np.ones_like(colors[:, :1])], axis=1)
 
 
@@ -129,6 +113,6 @@ def _corner(corner: str, vertices: int, uvs: int) -> tuple[int, int]:
 
 def _index(word: str, count: int) -> int:
     index = int(word)
-    if index == 0 or index < -count:
+    if index == 0 or index < -count or index > LARGEST_INDEX:
         raise ValueError(f"index {index}")
     return index - 1 if index > 0 else count + index

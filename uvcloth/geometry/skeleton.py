@@ -2,9 +2,18 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import torch
 from torch import Tensor
+
+from rasterize.errors import InputError
+
+MOST_JOINTS = 2000
+"""Of a skeleton in a file: film characters with faces have some 1,500."""
+
+LONGEST_NAME = 256
+"""Characters of a joint's name in a file."""
 
 
 @dataclass(frozen=True)
@@ -17,6 +26,14 @@ class Skeleton:
     names: tuple[str, ...]
     parents: tuple[int, ...]
     heads: Tensor
+
+
+def check_joints(path: Path, names: Sequence[str]) -> None:
+    """Raise InputError naming the file of a skeleton of more than MOST_JOINTS, or with an endless name."""
+    if len(names) > MOST_JOINTS:
+        raise InputError(f"{path}: has more than {MOST_JOINTS:,} joints, the most that are read")
+    if max(map(len, names), default=0) > LONGEST_NAME:
+        raise InputError(f"{path}: a joint's name is longer than {LONGEST_NAME} characters")
 
 
 def in_order(parents: Sequence[int]) -> bool:

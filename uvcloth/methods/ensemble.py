@@ -66,6 +66,11 @@ class Ensemble(Method):
         changed = any(after is not before for after, before in zip(following, state, strict=True))
         return following if changed else state
 
+    def displaced(self, prepared: tuple[Any, ...], state: tuple[Any, ...], shift: Tensor) -> tuple[Any, ...]:
+        """The state of each with its places displaced by (B, 3) m."""
+        parts = zip(self.methods, prepared, state, strict=True)
+        return tuple(method.displaced(ready, before, shift) for method, ready, before in parts)
+
 
 def _layers(outfit: Outfit) -> tuple[Outfit, ...]:
     """Each garment by itself, over the one before it."""

@@ -57,6 +57,10 @@ class Method(Protocol):
         """
         return state
 
+    def displaced(self, prepared: Any, state: Any, shift: Tensor) -> Any:
+        """The state with all places in it displaced by (B, 3) m: coordinates follow the body's root."""
+        return state
+
     def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> PoseRig | None:
         """The method as blend weights and blend shapes on a body, for engines; None where it is none.
 

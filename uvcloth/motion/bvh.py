@@ -10,8 +10,9 @@ import torch
 from rasterize.errors import InputError
 from rasterize.reading import read_content
 from uvcloth.geometry.rotations import from_euler
+from uvcloth.geometry.skeleton import MOST_JOINTS, check_joints
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.hierarchy import MOST_JOINTS, Hierarchy, check_joints, to_clip
+from uvcloth.motion.hierarchy import Hierarchy, to_clip
 
 END_SITE = -2
 """Stands for an end site on the stack of open joints."""
@@ -19,6 +20,9 @@ END_SITE = -2
 CHANNEL_NAMES = frozenset(axis + kind for axis in "xyz" for kind in ("position", "rotation"))
 FRAME_TIME_RANGE = (1e-4, 0.5)
 """Least and greatest time of a frame, seconds: slower ones tell no motion, and make many frames of few."""
+
+SHOWN = 60
+"""Characters of a file that an error repeats."""
 
 LARGEST = 1e9
 """Of an offset or a value, in the file's units or degrees: float32 holds its square."""
@@ -88,7 +92,9 @@ def _parse_hierarchy(path: Path, lines: list[str]) -> _Hierarchy:
             try:
                 _parse_line(hierarchy, open_blocks, words[0].upper(), words[1:])
             except (ValueError, IndexError) as error:
-                raise InputError(f"{path}, line {number}: cannot be understood: {line.strip()!r}") from error
+                raise InputError(
+                    f"{path}, line {number}: cannot be understood: {line.strip()[:SHOWN]!r}"
+                ) from error
     check_joints(path, hierarchy.names)
     if open_blocks or not hierarchy.names:
         raise InputError(f"{path}: the HIERARCHY section is not complete")
@@ -174,7 +180,9 @@ def _bad_row(path: Path, rows: list[tuple[int, str]], expected: int) -> InputErr
             try:
                 float(word)
             except ValueError:
-                return InputError(f"{path}, line {number}: frame {frame} holds {word!r}, expected a number")
+                return InputError(
+                    f"{path}, line {number}: frame {frame} holds {word[:SHOWN]!r}, expected a number"
+                )
     return InputError(f"{path}: the frames cannot be understood")
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+import torch
 from torch import Tensor
 
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
@@ -15,7 +16,8 @@ class Clip:
     """Motion of one skeleton.
 
     rotations: (T, J, 3, 3) world rotations relative to the skeleton's rest pose.
-    translation: (T, 3) world position of the root joint, metres. fps: frames per second.
+    translation: (T, 3) world position of the root joint, metres, float64 where it is read so. fps: frames per
+    second.
     """
 
     name: str
@@ -27,14 +29,16 @@ class Clip:
     def __len__(self) -> int:
         return len(self.rotations)
 
-    def transforms(self) -> Tensor:
-        """Rest-to-posed transforms of every joint and frame: (T, J, 3, 4)."""
-        return joint_transforms(self.skeleton, self.rotations, self.translation)
+    def transforms(self, dtype: torch.dtype = torch.float32) -> Tensor:
+        """Rest-to-posed transforms of every joint and frame: (T, J, 3, 4); float64 is exact far away too."""
+        wide = torch.promote_types(self.translation.dtype, dtype)
+        return joint_transforms(self.skeleton, self.rotations.to(wide), self.translation.to(wide)).to(dtype)
 
     def positions(self) -> Tensor:
-        """Posed joints: (T, J, 3)."""
-        transforms = self.transforms()
-        return (transforms[..., :3] @ self.skeleton.heads[:, :, None]).squeeze(-1) + transforms[..., 3]
+        """Posed joints: (T, J, 3), as precise as the translation."""
+        transforms = self.transforms(self.translation.dtype)
+        heads = self.skeleton.heads.to(transforms)
+        return (transforms[..., :3] @ heads[:, :, None]).squeeze(-1) + transforms[..., 3]
 
     def window(self, start: int, frames: int) -> "Clip":
         """Frames start .. start + frames as a clip of its own."""

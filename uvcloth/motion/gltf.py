@@ -7,13 +7,13 @@ import numpy as np
 
 from rasterize.errors import InputError
 from uvcloth.geometry.gltf import Gltf, read_gltf
+from uvcloth.geometry.gltf_document import LARGEST
 from uvcloth.geometry.gltf_rig import (
     REST,
     Rig,
     chain,
     compose,
     local_transform,
-    nodes_above,
     parents_first,
     read_rig,
     worlds,
@@ -24,6 +24,12 @@ from uvcloth.motion.hierarchy import Hierarchy, to_clip
 FPS_RANGE = (30.0, 120.0)
 """Least and greatest rate that keys are sampled at, frames per second."""
 
+SHEAR = 1e-4
+"""How far columns may be from standing upright on one another before that is put right."""
+
+SPARSEST, MOST_OF_FEW = 100, 1_000_000
+"""Transforms of nodes that are sampled for a value in the file, at most, and beyond these."""
+
 
 def read_gltf_motion(path: Path) -> Clip:
     """Read the first animation of a glTF file that moves a skin, as a clip in metres, Y up.
@@ -33,17 +39,11 @@ def read_gltf_motion(path: Path) -> Clip:
     the animation cannot be read.
     """
     file = read_gltf(path)
-    try:
-        return _read(file)
-    except (KeyError, IndexError, TypeError, ValueError) as error:
-        raise InputError(f"{path}: the glTF file cannot be understood ({error!r})") from error
-
-
-def _read(file: Gltf) -> Clip:
-    above = nodes_above(file)
+    above = file.above
     skin = max(file.entries("skins"), key=lambda entry: len(entry["joints"]), default=None)
     if skin is None:
         raise InputError(f"{file.path}: has no skin, so no skeleton whose motion could be taken")
+    rig = read_rig(file, skin)
     moved = set(skin["joints"])
     for joint in skin["joints"]:
         moved |= set(chain(joint, above))
@@ -58,9 +58,10 @@ def _read(file: Gltf) -> Clip:
     if animation is None:
         raise InputError(f"{file.path}: has no animation of its skeleton")
     order = parents_first(moved, above)
-    times, fps = _times(file, animation)
-    world = worlds(order, above, {node: _local(file, animation, node, times) for node in order})
-    return to_clip(file.path.stem, _hierarchy(file, read_rig(file, skin), world, fps))
+    times, fps = _times(file, animation, len(order))
+    with np.errstate(all="ignore"):  # What comes of broken keys is refused below.
+        world = worlds(order, above, {node: _local(file, animation, node, times) for node in order})
+        return to_clip(file.path.stem, _hierarchy(file, rig, world, fps))
 
 
 def _hierarchy(file: Gltf, rig: Rig, world: dict[int, np.ndarray], fps: float) -> Hierarchy:
@@ -69,6 +70,14 @@ def _hierarchy(file: Gltf, rig: Rig, world: dict[int, np.ndarray], fps: float) -
         raise InputError(f"{file.path}: the skin has {rig.parents.count(-1)} root joints, expected one")
     moved = np.stack([world[node] for node in rig.nodes], axis=1)
     turned = _rotations(moved) @ np.swapaxes(_rotations(rig.bind), 1, 2)
+    turned, solid = _nearest_rotations(turned)
+    bad = np.argwhere(~((np.abs(moved).max(axis=(2, 3)) <= LARGEST) & solid))
+    if len(bad):
+        frame, joint = bad[0]
+        raise InputError(
+            f"{file.path}: frame {frame}, joint {rig.names[joint]}: no movement of a body, or beyond "
+            f"{LARGEST:g}"
+        )
     heads = rig.bind[:, :3, 3]
     rotations, positions, offsets = turned.copy(), moved[..., :3, 3].copy(), heads.copy()
     for joint, parent in enumerate(rig.parents):
@@ -87,13 +96,42 @@ def _rotations(transforms: np.ndarray) -> np.ndarray:
     return np.asarray(linear / np.linalg.norm(linear, axis=-2, keepdims=True))
 
 
-def _times(file: Gltf, animation: dict[str, Any]) -> tuple[np.ndarray, float]:
-    """Times (T,) of the frames, seconds, and their rate."""
-    keys = np.unique(np.concatenate([file.array(s["input"])[:, 0] for s in animation["samplers"]]))
-    steps = np.diff(keys.astype(np.float64))
+def _nearest_rotations(linear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The rotations nearest to (T, J, 3, 3), which scales above may shear, and which of them there are."""
+    rotations = linear.copy()
+    finite = np.isfinite(linear).all(axis=(2, 3))
+    sheared = finite & (np.abs(linear @ np.swapaxes(linear, 2, 3) - np.eye(3)).max(axis=(2, 3)) > SHEAR)
+    left, size, right = np.linalg.svd(linear[sheared])
+    rotations[sheared] = left @ right
+    solid = finite & (np.linalg.det(np.where(finite[..., None, None], rotations, 0.0)) > 0)
+    solid[sheared] &= size[:, 2] > SHEAR
+    return rotations, solid
+
+
+def _times(file: Gltf, animation: dict[str, Any], nodes: int) -> tuple[np.ndarray, float]:
+    """Times (T,) of the frames of so many nodes, seconds, and their rate."""
+    keys = np.unique(np.concatenate([_keys(file, sampler) for sampler in animation["samplers"]]))
+    if not len(keys):
+        raise InputError(f"{file.path}: the animation has no keys")
+    steps = np.diff(keys)
     fps = float(np.clip(np.round(1.0 / np.median(steps)), *FPS_RANGE)) if len(steps) else FPS_RANGE[0]
     frames = int((keys[-1] - keys[0]) * fps + 1e-3) + 1
+    outputs = {sampler["output"] for sampler in animation["samplers"]}
+    held = sum(file.entries("accessors")[output]["count"] for output in outputs)
+    if frames * nodes > SPARSEST * held + MOST_OF_FEW:
+        raise InputError(
+            f"{file.path}: the animation has {len(keys)} keys in {keys[-1] - keys[0]:.0f} s, too few to tell "
+            "how somebody moves"
+        )
     return keys[0] + np.arange(frames) / fps, fps
+
+
+def _keys(file: Gltf, sampler: dict[str, Any]) -> np.ndarray:
+    """Times (K,) of the keys of a sampler, seconds."""
+    keys = file.array(sampler["input"], "SCALAR")[:, 0].astype(np.float64)
+    if (np.diff(keys) < 0).any() or not (np.abs(keys) <= LARGEST).all():
+        raise InputError(f"{file.path}: the keys of the animation do not follow one another")
+    return keys
 
 
 def _local(file: Gltf, animation: dict[str, Any], index: int, times: np.ndarray) -> np.ndarray:
@@ -105,21 +143,24 @@ def _local(file: Gltf, animation: dict[str, Any], index: int, times: np.ndarray)
     for channel in animation["channels"]:
         if channel["target"].get("node") == index and channel["target"]["path"] in REST:
             sampler = animation["samplers"][channel["sampler"]]
-            values[channel["target"]["path"]] = _sampled(file, sampler, times)
+            kind = "VEC4" if channel["target"]["path"] == "rotation" else "VEC3"
+            values[channel["target"]["path"]] = _sampled(file, sampler, kind, times)
     return compose(**values)
 
 
-def _sampled(file: Gltf, sampler: dict[str, Any], times: np.ndarray) -> np.ndarray:
+def _sampled(file: Gltf, sampler: dict[str, Any], kind: str, times: np.ndarray) -> np.ndarray:
     """Values of a sampler at times (T,): (T, 3) or, unit quaternions, (T, 4)."""
-    keys = file.array(sampler["input"])[:, 0].astype(np.float64)
-    values = file.array(sampler["output"]).astype(np.float64)
+    keys = _keys(file, sampler)
+    values = file.array(sampler["output"], kind).astype(np.float64)
     mode = sampler.get("interpolation", "LINEAR")
+    if len(values) != len(keys) * (3 if mode == "CUBICSPLINE" else 1):
+        raise InputError(
+            f"{file.path}: a sampler of the animation has {len(keys)} keys, {len(values)} values"
+        )
     tangents = None
     if mode == "CUBICSPLINE":
         values = values.reshape(len(keys), 3, -1)
         tangents, values = values[:, [0, 2]], values[:, 1]
-    if not np.isfinite(values).all():
-        raise InputError(f"{file.path}: a key of the animation is not a finite number")
     before = (np.searchsorted(keys, times, side="right") - 1).clip(0, len(keys) - 1)
     after = (before + 1).clip(max=len(keys) - 1)
     step = keys[after] - keys[before]

@@ -2,12 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 
-from rasterize.errors import InputError
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
 
@@ -16,12 +14,6 @@ HELD_JOINTS = 0.6
 
 MOVING = 0.002
 """Way that such a child goes relative to its parent, over the length of all bones."""
-
-MOST_JOINTS = 2000
-"""Of a skeleton: film characters with faces have some 1,500."""
-
-LONGEST_NAME = 256
-"""Characters of a joint's name."""
 
 
 @dataclass(frozen=True)
@@ -39,14 +31,6 @@ class Hierarchy:
     rotations: np.ndarray
     positions: np.ndarray
     fps: float
-
-
-def check_joints(path: Path, names: Sequence[str]) -> None:
-    """Raise InputError naming the file of a skeleton of more than MOST_JOINTS, or with an endless name."""
-    if len(names) > MOST_JOINTS:
-        raise InputError(f"{path}: has more than {MOST_JOINTS:,} joints, the most that are read")
-    if max(map(len, names), default=0) > LONGEST_NAME:
-        raise InputError(f"{path}: a joint's name is longer than {LONGEST_NAME} characters")
 
 
 def to_clip(name: str, hierarchy: Hierarchy) -> Clip:
@@ -70,7 +54,7 @@ def to_clip(name: str, hierarchy: Hierarchy) -> Clip:
             torch.from_numpy(heads[kept].astype(np.float32)),
         ),
         rotations=torch.from_numpy(world[:, kept].astype(np.float32)),
-        translation=torch.from_numpy(path[:, root].astype(np.float32)),
+        translation=torch.from_numpy(path[:, root].astype(np.float64)),
         fps=hierarchy.fps,
     )
 

@@ -1,11 +1,15 @@
 """Index of a benchmark: windows of clips, their person, and their split (training, validation, test)."""
 
 import csv
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from glob import escape
 from pathlib import Path
 
 from rasterize.errors import InputError
+from rasterize.fields import LONGEST, is_file_name
+from rasterize.reading import file_below
 from uvcloth.motion.poses import SPLITS
 
 INDEX = "index.csv"
@@ -15,6 +19,13 @@ UNUSED = "unused"
 """Split of clips that are neither for training, nor for validation, nor for the test."""
 
 COLUMNS = ("trial", "subject", "split", "action", "window_start", "window_frames")
+
+
+WHOLE = re.compile(r"\s*[+-]?[0-9]{1,18}\s*")
+"""A whole number as it is written in a table; `int` reads others, too."""
+
+MOST_FRAMES = 100_000_000
+"""Greatest start and length of a window."""
 
 
 @dataclass(frozen=True)
@@ -41,8 +52,8 @@ def read_index(path: Path) -> dict[str, Entry]:
     is none, for a person in two of SPLITS, and for a window that starts before the clip or is empty.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            rows = csv.DictReader(stream)
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            rows = csv.DictReader(stream, restval="")
             _require_columns(path, rows.fieldnames or ())
             entries: dict[str, Entry] = {}
             for row in rows:
@@ -68,9 +79,10 @@ def clip_file(entry: Entry, folder: Path) -> Path:
     """
     name = f"{entry.clip}.bvh"
     if entry.file:
-        found = [folder / entry.file]
+        found = [file_below(folder, folder, entry.file)]
     else:
-        found = [path for pattern in (name, f"*/{name}") for path in sorted(folder.glob(pattern))]
+        patterns = (escape(name), f"*/{escape(name)}")
+        found = [path for pattern in patterns for path in sorted(folder.glob(pattern))]
     if len(found) > 1:
         raise InputError(f"{folder}: holds two clips {entry.clip} ({found[0]} and {found[1]})")
     if not found or not found[0].is_file():
@@ -105,19 +117,24 @@ def _require_one_split_each(path: Path, entries: Iterable[Entry]) -> None:
 
 def _entry(path: Path, row: dict[str, str]) -> Entry:
     clip = row["trial"]
+    if not is_file_name(clip):
+        raise InputError(f"{path}: the trial {clip!r:.40} is no part of a file's name")
+    for column in ("subject", "action", "file"):
+        if not row.get(column, "").isprintable() or len(row.get(column, "")) > LONGEST:
+            raise InputError(f"{path}: the {column} of {clip} is no printable text of {LONGEST} at most")
     if not row["subject"]:
         raise InputError(f"{path}: does not say who moves in {clip} (column subject)")
     if row["split"] not in (*SPLITS, UNUSED):
         raise InputError(
-            f"{path}: the split of {clip} is {row['split']!r}, expected {', '.join(SPLITS)} or {UNUSED}"
+            f"{path}: the split of {clip} is {row['split']!r:.40}, expected {', '.join(SPLITS)} or {UNUSED}"
         )
-    try:
-        start, frames = int(row["window_start"]), int(row["window_frames"])
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{path}: the window of {clip} is not given in whole frames") from error
-    if start < 0 or frames < 1:
+    window = (row["window_start"], row["window_frames"])
+    if not all(WHOLE.fullmatch(number) for number in window):
+        raise InputError(f"{path}: the window of {clip} is not given in whole frames")
+    start, frames = map(int, window)
+    if not 0 <= start <= MOST_FRAMES or not 1 <= frames <= MOST_FRAMES:
         raise InputError(
             f"{path}: the window of {clip} starts at {start} and has {frames} frames, "
-            "expected a start of at least 0 and at least 1 frame"
+            f"expected a start of at least 0 and at least 1 frame, {MOST_FRAMES} at most"
         )
-    return Entry(clip, row["subject"], row["split"], row["action"], start, frames, row.get("file") or "")
+    return Entry(clip, row["subject"], row["split"], row["action"], start, frames, row.get("file", ""))

@@ -142,7 +142,7 @@ def in_body_axes(clip: Clip, roles: Mapping[str, int]) -> Clip:
         clip,
         skeleton=replace(clip.skeleton, heads=clip.skeleton.heads @ turned.T),
         rotations=turned @ clip.rotations @ turned.T,
-        translation=clip.translation @ turned.T,
+        translation=clip.translation @ turned.T.to(clip.translation),
     )
 
 

@@ -1,6 +1,5 @@
 """Roles of joints: which is the left thigh, in the names of any capture system, character or engine."""
 
-import json
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,6 +7,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from rasterize.errors import InputError
+from rasterize.json_file import read_json
 
 MIDDLE_NAMES = {
     "hips": ("hips", "hip", "pelvis"),
@@ -115,17 +115,13 @@ def read_role_map(path: Path) -> dict[str, str]:
 
     Raises InputError naming the file if it is none, and the role if there is no such role.
     """
-    try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except ValueError as error:
-        raise InputError(f"{path}: not a JSON file ({error})") from error
-    if not isinstance(content, dict) or not all(isinstance(name, str) for name in content.values()):
-        raise InputError(f'{path}: expected roles and joint names, as in {{"hips": "Pelvis", ...}}')
+    expected = 'roles and joint names, as in {"hips": "Pelvis", ...}'
+    content = read_json(path, expected)
+    if not all(isinstance(name, str) for name in content.values()):
+        raise InputError(f"{path}: expected {expected}")
     for role in content:
         if role not in ROLES:
-            raise InputError(f"{path}: {role} is no role; there are {', '.join(ROLES)}")
+            raise InputError(f"{path}: {role!r:.40} is no role; there are {', '.join(ROLES)}")
     return content
 
 

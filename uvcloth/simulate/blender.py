@@ -155,7 +155,9 @@ def find_blender() -> Blender:
         )
     command = [python, "-c", "import bpy; print(bpy.app.version_string)"]
     try:
-        answer = subprocess.run(command, capture_output=True, text=True, env=_environment(), check=False)
+        answer = subprocess.run(
+            command, capture_output=True, encoding="utf-8", errors="replace", env=_environment(), check=False
+        )
     except OSError as error:
         raise InputError(
             f"{PYTHON_VARIABLE}={python}: cannot be run ({error.strerror}), expected {wanted}"

@@ -13,7 +13,7 @@ from torch import Tensor
 from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from rasterize.fields import check_fields, indices, is_file_name, numbers, text
-from rasterize.json_file import parse_json
+from rasterize.json_file import parse_json, require_kinds
 from rasterize.moving import load_moving, pack, unpack
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.motion.clip import FPS_RANGE
@@ -32,19 +32,18 @@ FIELDS = {
 }
 """Arrays of a sequence's file besides the points; F frames, N vertices."""
 
-NAMES = ("clip", "garment")
-"""Metadata without which a sequence is none."""
-
-METADATA: dict[str, tuple[type, ...]] = {
-    **dict.fromkeys((*NAMES, "body", "body_hash", "engine", "hash", "outfit", "rejected"), (str,)),
-    **dict.fromkeys(("types", "versions", "settings", "wrong_side_percent"), (dict,)),
-    **dict.fromkeys(("scored_frames",), (int,)),
-    **dict.fromkeys(("template",), (str, type(None))),
-    **dict.fromkeys(("layers",), (list,)),
+METADATA = {
+    **dict.fromkeys(("clip", "garment"), str),
+    **dict.fromkeys(("body?", "body_hash?", "engine?", "hash?", "outfit?", "rejected?"), str),
+    **dict.fromkeys(("types?", "versions?", "settings?"), dict),
+    "wrong_side_percent?": {"*": float},
+    "scored_frames?": int,
+    "template?": (str, type(None)),
+    "layers?": [str],
 }
-"""Types of the metadata that are read, where they are there."""
+"""Kinds of the metadata that are read."""
 
-FILE_NAMES = (*NAMES, "body", "outfit")
+FILE_NAMES = ("clip", "garment", "body", "outfit")
 """Metadata that are parts of the names of files."""
 
 MOTION_TOLERANCE = 1e-3
@@ -171,14 +170,9 @@ def read_metadata(path: Path) -> dict[str, Any]:
 
 def _metadata(path: Path, text: str) -> dict[str, Any]:
     metadata = parse_json(text, f"{path}: the metadata", "those of a sequence")
-    if not all(isinstance(metadata.get(name), str) for name in NAMES):
-        raise InputError(f"{path}: the metadata does not name the clip and the garment")
-    for name, types in METADATA.items():
-        if name in metadata and not isinstance(metadata[name], types):
-            expected = types[0].__name__
-            raise InputError(f"{path}: the metadata's {name} is {metadata[name]!r:.40}, expected {expected}")
-    used = [metadata[name] for name in FILE_NAMES if name in metadata] + metadata.get("layers", [])
-    wrong = [name for name in used if not (isinstance(name, str) and is_file_name(name))]
+    require_kinds(metadata, METADATA, f"{path}: the metadata")
+    named = [metadata[name] for name in FILE_NAMES if name in metadata] + metadata.get("layers", [])
+    wrong = [name for name in named if not is_file_name(name)]
     if wrong:
         raise InputError(f"{path}: the metadata names {wrong[0]!r:.40}, which is no part of a file's name")
     return metadata

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
@@ -68,7 +69,19 @@ class Choices:
         )
 
     def perform(self, chosen: Chosen) -> Performance:
-        """Load what was chosen, and begin its rollout. Raises InputError where it does not go together."""
+        """Load what was chosen, and begin its rollout.
+
+        Raises InputError where it does not go together, and for what is not among the choices, which a page
+        other than ours may ask for.
+        """
+        for what, offered in (
+            (chosen.motion, self.motions),
+            (chosen.model, self.models),
+            (chosen.body, self.bodies),
+            *((name, self.garments) for name in chosen.garments),
+        ):
+            if what not in offered:
+                raise InputError(f"{what} is not among the choices")
         body = load_body(None if chosen.body == DEFAULT_BODY else Path(chosen.body))
         if chosen.motion in self.sequences:
             sequence = load_sequence(Path(chosen.motion))
@@ -77,7 +90,7 @@ class Choices:
         else:
             sequence, garments = None, chosen.garments
             clip = load_clip(chosen.motion, body)
-            transforms, fps = clip.transforms(), clip.fps
+            transforms, fps = clip.transforms(torch.float64), clip.fps
         if not garments:
             raise InputError("choose a garment")
         outfit = Outfit(body, load_outfit(garments, body))
@@ -90,13 +103,14 @@ class Choices:
         # What was simulated is compared vertex by vertex.
         as_is = sequence is not None or not chosen.contact
         proxied = ProxiedOutfit.as_is(outfit) if as_is else with_proxies(outfit, method)
+        frames = rollout_proxied(method, proxied, transforms, fps, chosen.contact, keep_going=True)
         return Performance(
             title=Path(chosen.motion).stem,
             body=body,
             meshes=proxied.meshes,
             count=len(transforms),
             fps=fps,
-            frames=rollout_proxied(method, proxied, transforms, fps, chosen.contact, keep_going=True),
+            frames=(frame.in_world() for frame in frames),
             truth=truth,
         )
 

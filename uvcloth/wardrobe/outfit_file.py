@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
+from rasterize.fields import is_file_name
+from rasterize.json_file import read_json, require_kinds
+from rasterize.reading import file_below
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.fit import make_fitted
 from uvcloth.garments.garment import Outfit
@@ -19,6 +20,29 @@ from uvcloth.motion.poses import SPLITS
 from uvcloth.wardrobe.designs import Design
 
 VERSION = "uvcloth-outfit-1"
+KINDS = {
+    "version": str,
+    "name": str,
+    "split": str,
+    "body": str,
+    "seed": int,
+    "pieces": [{"file": str, "type": str, "vertices": int, "parameters": {"*": {"*": float}}}],
+    "fabric": {"name": str, "parameters": {"*": float}},
+    "tightness": float,
+    "even": bool,
+    "seams": bool,
+    "vertex_range": [int],
+}
+"""Kinds of the values of a file."""
+
+FABRIC = ("density", "stretch", "poisson", "bend", "friction", "drag")
+"""Numbers of `uvcloth.simulate.fabric.Fabric`."""
+
+MOST_FABRIC = 1e6
+"""Greatest value of one of them."""
+
+MOST_VERTICES = 1_000_000
+"""Of a piece, and of the range that they were drawn from."""
 
 
 @dataclass(frozen=True)
@@ -68,38 +92,26 @@ def load_outfit_file(path: Path) -> OutfitFile:
     value, a number that is not finite, or a piece or body that is not there.
     """
     path = Path(path)
-    values = _read(path)
-    try:
-        found = values["version"]
-        if found != VERSION:
-            raise InputError(f"{path}: expected version {VERSION}, found {found}")
-        pieces = tuple(_piece(path, entry) for entry in values["pieces"])
-        outfit = OutfitFile(
-            path=path,
-            name=str(values["name"]),
-            split=str(values["split"]),
-            body=path.parent / str(values["body"]),
-            seed=int(values["seed"]),
-            pieces=pieces,
-            fabric_name=str(values["fabric"]["name"]),
-            fabric={key: float(value) for key, value in values["fabric"]["parameters"].items()},
-            tightness=float(values["tightness"]),
-            even=bool(values["even"]),
-            seams=bool(values["seams"]),
-            vertex_range=(int(values["vertex_range"][0]), int(values["vertex_range"][1])),
-        )
-    except KeyError as error:
-        raise InputError(f"{path}: the outfit lacks {error}") from error
-    except (TypeError, ValueError, AttributeError, IndexError) as error:
-        raise InputError(f"{path}: not an outfit made by `uvcloth outfits` ({error})") from error
-    if outfit.split not in SPLITS:
-        raise InputError(f"{path}: split {outfit.split}, expected one of {', '.join(SPLITS)}")
-    if not pieces:
-        raise InputError(f"{path}: the outfit has no pieces")
-    for file in (outfit.body, *(piece.file for piece in pieces)):
-        if not file.is_file():
-            raise InputError(f"{path}: names {file.name}, which is not there")
-    return outfit
+    values = read_json(path, "an outfit made by `uvcloth outfits`")
+    if values.get("version") != VERSION:
+        raise InputError(f"{path}: expected version {VERSION}, found {values.get('version')!s:.40}")
+    require_kinds(values, KINDS, f"{path}: the outfit")
+    _require_ranges(path, values)
+    least, most = values["vertex_range"]
+    return OutfitFile(
+        path=path,
+        name=values["name"],
+        split=values["split"],
+        body=_file(path, values["body"]),
+        seed=values["seed"],
+        pieces=tuple(_piece(path, entry) for entry in values["pieces"]),
+        fabric_name=values["fabric"]["name"],
+        fabric={key: float(value) for key, value in values["fabric"]["parameters"].items()},
+        tightness=float(values["tightness"]),
+        even=values["even"],
+        seams=values["seams"],
+        vertex_range=(least, most),
+    )
 
 
 def save_outfit_file(outfit: OutfitFile) -> None:
@@ -157,27 +169,43 @@ def on_body(outfit: OutfitFile) -> Outfit:
 
 
 def _piece(path: Path, entry: Mapping[str, Any]) -> PieceFile:
-    design = Design.of(str(entry["type"]), entry["parameters"], f"{path}: {entry['file']}")
-    return PieceFile(path.parent / str(entry["file"]), design, int(entry["vertices"]))
+    design = Design.of(entry["type"], entry["parameters"], f"{path}: {entry['file']!s:.100}")
+    return PieceFile(_file(path, entry["file"]), design, entry["vertices"])
 
 
-def _read(path: Path) -> dict[str, Any]:
+def _file(path: Path, name: str) -> Path:
+    """A file that an outfit names, in its folder. Raises InputError if it is not there or elsewhere."""
     try:
-        values = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path}: not a readable JSON file ({error})") from error
-    if not isinstance(values, dict):
-        raise InputError(f"{path}: not an outfit made by `uvcloth outfits`")
-    if not _finite(values):
-        raise InputError(f"{path}: holds a number that is not finite")
-    return values
+        file = file_below(path.parent, path.parent, name)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    if not file.is_file():
+        raise InputError(f"{path}: names {file.name}, which is not there")
+    return file
 
 
-def _finite(values: Any) -> bool:
-    if isinstance(values, dict):
-        return all(map(_finite, values.values()))
-    if isinstance(values, list):
-        return all(map(_finite, values))
-    return not isinstance(values, float) or bool(np.isfinite(values))
+def _require_ranges(path: Path, values: Mapping[str, Any]) -> None:
+    """Raise InputError for a value of the right kind that no outfit has."""
+    if values["split"] not in SPLITS:
+        raise InputError(f"{path}: split {values['split']!r:.40}, expected one of {', '.join(SPLITS)}")
+    if not values["pieces"]:
+        raise InputError(f"{path}: the outfit has no pieces")
+    for name in (values["name"], values["fabric"]["name"]):
+        if not is_file_name(name):
+            raise InputError(f"{path}: {name!r:.40} is no part of a file's name")
+    if not 0.0 <= values["tightness"] <= 1.0:
+        raise InputError(f"{path}: tightness is {values['tightness']}, expected 0 to 1")
+    bounds = values["vertex_range"]
+    if len(bounds) != 2 or not 0 < bounds[0] <= bounds[1] <= MOST_VERTICES:
+        raise InputError(
+            f"{path}: vertex_range is {bounds!s:.40}, expected two numbers from 1 to {MOST_VERTICES}"
+        )
+    parameters = values["fabric"]["parameters"]
+    if unknown := parameters.keys() - set(FABRIC):
+        raise InputError(
+            f"{path}: {min(unknown)!r:.40} is no number of a fabric; there are {', '.join(FABRIC)}"
+        )
+    if wrong := [name for name, value in parameters.items() if not 0.0 <= value <= MOST_FABRIC]:
+        raise InputError(
+            f"{path}: the fabric's {wrong[0]} is {parameters[wrong[0]]}, expected 0 to {MOST_FABRIC:g}"
+        )

@@ -4,6 +4,16 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rasterize.errors import InputError
+from rasterize.settings import require_settings
+
+RANGES = {
+    "influences": (1, 1000),
+    "keys": (0, 4096),
+    **dict.fromkeys(
+        ("convolutions", "global_layers", "weight_layers", "shape_layers", "pose_layers"), (1, 4096)
+    ),
+}
+MOST_LAYERS = 64
 
 
 @dataclass(frozen=True)
@@ -13,8 +23,8 @@ class DeePSDConfig:
     inputs: Literal["mesh", "body"] = "body"
     """What a vertex brings: position and normal (mesh, paper), or besides its offset from the closest point
     of the skin and its smooth blend weights (body)."""
-    blend_weights: Literal["learned", "smooth", "fixed"] = "smooth"
-    """Predicted alone (learned, paper), as a change of the smooth ones of the baseline, or those (fixed)."""
+    blend_weights: Literal["learned", "changed", "smooth"] = "smooth"
+    """Predicted alone (learned, paper), as a change of the smooth ones of the baseline, or those."""
     influences: int = 4
     """Joints that may move a vertex, the strongest (paper: all): four are what every engine plays. The weight
     of the next one is taken off each, so that weights are continuous over the cloth."""
@@ -38,16 +48,14 @@ class DeePSDConfig:
 
     def __post_init__(self) -> None:
         """Raises InputError for sizes that are none."""
-        if self.influences < 1:
-            raise InputError(f"--influences {self.influences}: has to be 1 or more")
-        if self.keys < 0:
-            raise InputError(f"--keys {self.keys}: has to be 0 or more")
+        require_settings(self, RANGES)
         if not self.convolutions:
             raise InputError("--convolutions: has to be one number or more")
+        if self.deformation == "none" and self.blend_weights == "smooth":
+            raise InputError("--deformation none: leaves nothing to learn, with --blend-weights smooth")
         for name in ("convolutions", "global_layers", "weight_layers", "shape_layers", "pose_layers"):
-            for width in getattr(self, name):
-                if width < 1:
-                    raise InputError(f"--{name.replace('_', '-')} {width}: has to be 1 or more")
+            if len(getattr(self, name)) > MOST_LAYERS:
+                raise InputError(f"--{name.replace('_', '-')}: has to be {MOST_LAYERS} numbers at most")
 
 
 PRESETS: dict[str, DeePSDConfig] = {

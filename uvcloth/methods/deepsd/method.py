@@ -15,7 +15,14 @@ from torch import Tensor
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
-from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, misfit, stored_config
+from uvcloth.checkpoint import (
+    Checkpoint,
+    TrainingData,
+    body_identity,
+    misfit,
+    require_weights_of,
+    stored_config,
+)
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.skinning import skin_each
 from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
@@ -170,12 +177,16 @@ def load_deepsd(checkpoint: Checkpoint, folder: Path) -> DeePSD:
     try:
         config = stored_config(checkpoint, DeePSDConfig)
         poses = checkpoint.tensors["poses"].float()
-        network = DeePSDNetwork(config, poses.shape[1] // 3)
+        if poses.ndim != 2 or poses.shape[1] % 3:
+            raise ValueError(f"poses of the shape {tuple(poses.shape)}, expected (M, 3 J)")
+        joints = poses.shape[1] // 3
         state = {
             name.removeprefix("network."): tensor
             for name, tensor in checkpoint.tensors.items()
-            if name.startswith("network.")
+            if name != "poses"
         }
+        require_weights_of(lambda: DeePSDNetwork(config, joints), state)
+        network = DeePSDNetwork(config, joints)
         network.load_state_dict(state)
         branches = tuple(branch for branch in BRANCHES if branch in checkpoint.notes["branches"])
     except (KeyError, IndexError, TypeError, ValueError, RuntimeError) as error:

@@ -5,11 +5,22 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rasterize.errors import InputError
+from rasterize.settings import require_settings
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
 from uvcloth.methods.motion_guided.garment_maps import GarmentMaps, Skinning, garment_maps
 from uvcloth.methods.motion_guided.latent import Dynamics, LinearSpace, ShapeSpace, Space
 from uvcloth.methods.motion_guided.seeds import sample_seeds
+
+RANGES: dict[str, tuple[float, float]] = {
+    **dict.fromkeys(("size", "width", "hidden", "latent"), (1, 1024)),
+    **dict.fromkeys(("stem", "motion_stem", "layers"), (1, 64)),
+    **dict.fromkeys(("seeds", "near"), (1, 10_000)),
+    "vertices": (1, 1_000_000),
+    "dropout": (0.0, 0.99),
+    "sigma": (0.0, 10.0),
+}
+"""Least and greatest value of every number."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +74,9 @@ class MotionGuidedConfig:
     """Metres within which a seed's plane pushes the garment."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for maps that cannot be halved down to 2 x 2, or inputs that do not fit."""
+        """Raises InputError for values out of range, maps that cannot be halved down to 2 x 2, and
+        inputs that do not fit."""
+        require_settings(self, RANGES)
         if self.linear and not self.local_offsets:
             raise InputError("--no-local-offsets: a linear space needs these, add --no-linear")
         if self.size < 4 or self.size & (self.size - 1):

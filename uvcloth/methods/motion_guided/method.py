@@ -61,6 +61,17 @@ class MotionGuidedState:
     seeds: PosedSeeds
     residual: Tensor
 
+    def displaced(self, shift: Tensor) -> "MotionGuidedState":
+        """The state displaced by (B, 3) m."""
+        return replace(
+            self,
+            past=replace(self.past, texels=self.past.texels + shift[:, None, None]),
+            transforms=torch.cat(
+                [self.transforms[..., :3], (self.transforms[..., 3] + shift[:, None])[..., None]], dim=-1
+            ),
+            seeds=replace(self.seeds, points=self.seeds.points + shift[:, None]),
+        )
+
 
 @dataclass(frozen=True)
 class MotionGuided(Method):
@@ -150,6 +161,12 @@ class MotionGuided(Method):
             replace(before, past=before.past.corrected(maps, vertices, before.transforms))
             for maps, before, vertices in zip(prepared.maps, state, garments, strict=True)
         )
+
+    def displaced(
+        self, prepared: MotionGuidedPrepared, state: tuple[MotionGuidedState, ...], shift: Tensor
+    ) -> tuple[MotionGuidedState, ...]:
+        """Displace the last garments, and body and seeds beneath them, by (B, 3) m."""
+        return tuple(before.displaced(shift) for before in state)
 
     def garment_space(self, garment: Garment, body: Body) -> "DecodedSpace | None":
         """The space of shapes of the first stage."""

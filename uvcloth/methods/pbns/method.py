@@ -15,11 +15,21 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
+from rasterize.fields import check_fields, indices, numbers
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
-from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, misfit, stored_config
+from uvcloth.checkpoint import (
+    WEIGHTS,
+    Checkpoint,
+    TrainingData,
+    body_identity,
+    misfit,
+    require_weights_of,
+    stored_config,
+)
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import JoinedMesh, Mesh, join_meshes, weld
+from uvcloth.geometry.skeleton import in_order
 from uvcloth.geometry.skinning import apply_transforms, blend_transforms
 from uvcloth.methods.method import Method, MethodEntry, for_inference, require_supported
 from uvcloth.methods.pbns.network import PBNSConfig, PBNSNetwork
@@ -28,6 +38,14 @@ from uvcloth.methods.rig import PoseRig, pose_vectors
 SAME_SHAPE = 0.002
 """Metres between joints or rest vertices that still count as the same body and garment."""
 
+
+MESH_FIELDS = {
+    "vertices": numbers("N", 3),
+    "faces": indices("M", 3, of="N"),
+    "uvs": numbers("U", 2),
+    "face_uvs": indices("G", 3, of="U"),
+}
+"""Tensors of a garment's mesh in a checkpoint."""
 
 HALF_PRECISION = ("layers.", "shapes", "poses")
 """Tensors that are saved in half precision: they are most of a file, and blend shapes lose micrometres."""
@@ -205,34 +223,48 @@ def pbns_checkpoint(method: PBNS, body: Body, data: TrainingData, notes: dict[st
 
 def load_pbns(checkpoint: Checkpoint, folder: Path) -> PBNS:
     """The trained method of a checkpoint. Raises InputError if its parts do not fit each other."""
+    garments = _outfit(checkpoint, folder / WEIGHTS)
     tensors = checkpoint.tensors
     try:
         config = stored_config(checkpoint, PBNSConfig)
-        meshes = tuple(
-            Mesh(**{field.name: tensors[f"mesh.{index}.{field.name}"] for field in fields(Mesh)})
-            for index in range(len(checkpoint.garments))
-        )
-        garments = RestOutfit(
-            checkpoint.garments, meshes, tensors["heads"], tuple(tensors["parents"].tolist())
-        )
         state = {k.removeprefix("network."): v for k, v in tensors.items() if k.startswith("network.")}
         counts = (len(state["owner"]), len(state["strongest"]), len(garments.heads), len(state["poses"]))
+        require_weights_of(lambda: PBNSNetwork(config, *counts), state)
         network = PBNSNetwork(config, *counts)
         network.load_state_dict(state)
         _require_fit(network, garments)
-    except (KeyError, IndexError, TypeError, ValueError, RuntimeError) as error:
+    except (KeyError, TypeError, ValueError, RuntimeError) as error:
         raise misfit(folder, error) from error
     return PBNS(config, network.eval(), garments)
 
 
+def _outfit(checkpoint: Checkpoint, path: Path) -> RestOutfit:
+    """The outfit of a checkpoint. Raises InputError if its meshes or its joints are none."""
+    arrays = {
+        name: tensor.numpy() for name, tensor in checkpoint.tensors.items() if not name.startswith("network.")
+    }
+    meshes = []
+    for index in range(len(checkpoint.garments)):
+        mesh = {f"mesh.{index}.{name}": field for name, field in MESH_FIELDS.items()}
+        found = check_fields(path, arrays, mesh).values()
+        meshes.append(Mesh(*(torch.from_numpy(array) for array in found)))
+    joints = check_fields(path, arrays, {"heads": numbers("J", 3), "parents": indices("J", of="J", least=-1)})
+    parents = tuple(joints["parents"].tolist())
+    if not in_order(parents) or not meshes:
+        raise InputError(f"{path}: has no garments, or a joint before the one above it")
+    return RestOutfit(checkpoint.garments, tuple(meshes), torch.from_numpy(joints["heads"]), parents)
+
+
 def _require_fit(network: PBNSNetwork, garments: RestOutfit) -> None:
-    """Raise ValueError, IndexError or RuntimeError unless a network has the outfit's vertices and joints."""
+    """Raise ValueError unless a network has the outfit's vertices and joints."""
     if not sum(garments.sizes) == len(network.rest) == len(network.owner):
         raise ValueError(f"{sum(garments.sizes)} vertices, weights for {len(network.owner)}")
     joints = len(garments.heads)
-    if not (len(garments.parents) == network.joints == joints and max(garments.parents) < joints):
-        raise ValueError(f"{joints} joints, {len(garments.parents)} parents, poses of {network.joints}")
-    network.blend_weights()
+    if network.joints != joints:
+        raise ValueError(f"{joints} joints, poses of {network.joints}")
+    for values, end in ((network.owner, len(network.strongest)), (network.strongest, joints)):
+        if values.numel() and not 0 <= values.min() <= values.max() < end:
+            raise ValueError(f"an index is out of range, expected 0 to {end - 1}")
 
 
 PRESETS: dict[str, PBNSConfig] = {

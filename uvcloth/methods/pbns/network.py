@@ -7,7 +7,7 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 
-from rasterize.errors import InputError
+from rasterize.settings import require_settings
 
 SHARPNESS = 100.0
 """Of blend weights while they are trained: a step of 0.01 moves about a hundredth of the weight."""
@@ -34,9 +34,7 @@ class PBNSConfig:
 
     def __post_init__(self) -> None:
         """Raises InputError for sizes that are none."""
-        for name in ("width", "layers", "influences"):
-            if getattr(self, name) < 1:
-                raise InputError(f"--{name} {getattr(self, name)}: has to be 1 or more")
+        require_settings(self, {"width": (1, 4096), "layers": (1, 64), "influences": (1, 1000)})
 
 
 class PBNSNetwork(nn.Module):

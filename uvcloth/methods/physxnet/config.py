@@ -4,7 +4,18 @@ from dataclasses import dataclass
 from typing import Literal
 
 from rasterize.errors import InputError
+from rasterize.settings import require_settings
 from uvcloth.bodies.frames import HISTORY
+
+RANGES: dict[str, tuple[float, float]] = {
+    "size": (1, 1024),
+    "width": (1, 1024),
+    "levels": (1, 10),
+    "dropout": (0.0, 0.99),
+    "history": (0, 16),
+    "reach": (0.0, 1e6),
+}
+"""Least and greatest value of every number."""
 
 LIKE = {"shirt": "tops"}
 """By template, the one whose motion serves it where a network was not trained on it."""
@@ -46,8 +57,11 @@ class PhysXNetConfig:
     """The templates with a decoder each."""
 
     def __post_init__(self) -> None:
-        """Raises InputError if the levels do not halve the size evenly."""
-        if self.size <= 0 or self.size % 2**self.levels:
+        """Raises InputError for values out of range, and if the levels do not halve the size evenly."""
+        require_settings(self, RANGES)
+        if not self.templates or len(set(self.templates)) < len(self.templates):
+            raise InputError("--templates: has to be one template or more, each once")
+        if self.size % 2**self.levels:
             raise InputError(
                 f"--size {self.size}: has to be a multiple of {2**self.levels} for --levels {self.levels}"
             )
