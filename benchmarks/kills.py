@@ -75,7 +75,8 @@ def commands(inputs: Path) -> list[Command]:
             "scores",
         ),
         Command(
-            "train-physxnet", "train", ("physxnet", "--data", clips, "--templates", "tops", "bottoms", *tiny), "weights", resume
+            "train-physxnet", "train",
+            ("physxnet", "--data", clips, "--templates", "tops", "bottoms", *tiny), "weights", resume,
         ),
         Command(
             "train-motion_guided", "train",
