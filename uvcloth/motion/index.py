@@ -52,7 +52,7 @@ def read_index(path: Path) -> dict[str, Entry]:
     is none, for a person in two of SPLITS, and for a window that starts before the clip or is empty.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
+        with path.open(newline="", encoding="utf-8-sig") as stream:
             rows = csv.DictReader(stream)
             _require_columns(path, rows.fieldnames or ())
             entries: dict[str, Entry] = {}
