@@ -30,7 +30,7 @@ MOST_RATIO = 100
 MOST_ROWS = 1_000_000
 """Greatest size of an axis of an array without values, which takes no space in a file."""
 
-TYPES = re.compile(r"(?P<order>[<>|=]?)(?P<kind>[biufU])(?P<size>[1-9]\d{0,8})|(?P<flag>\|?\?)")
+TYPES = re.compile(r"(?P<order>[<>|=]?)(?P<kind>[biufU])(?P<size>[1-9]\d{0,6})|(?P<flag>\|?\?)")
 SIZES = {"b": (1,), "i": (1, 2, 4, 8), "u": (1, 2, 4, 8), "f": (2, 4, 8)}
 """Bytes of the numbers that are read, by kind; texts (U) may have any length."""
 

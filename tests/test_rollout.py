@@ -72,7 +72,7 @@ def test_streams_every_frame_with_its_true_history(autoregressive):
     assert [frame.index for frame in frames] == list(range(len(motion)))
     whole = body_frames(worn.body, with_lead(motion).double(), FPS)
     shown = torch.cat([part.acceleration for part in method.seen])
-    # What float32 makes of it: the posed body is within half a metre of the origin, and 900 per second squared.
+    # What float32 makes of it: places within half a metre of the origin, times 900 per second squared.
     torch.testing.assert_close(shown.double(), whole.acceleration, atol=1e-4, rtol=0)
     assert max(len(part) for part in method.seen) == (1 if autoregressive else BATCH)
     for frame, transforms in zip(frames, motion, strict=True):

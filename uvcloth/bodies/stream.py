@@ -1,7 +1,7 @@
 """A body posed over a motion, batch after batch, in coordinates around its root.
 
-float32 tells places apart by 0.1 micrometres near the origin, by 1 mm at 10 km. What follows is computed around
-the root, which is subtracted in float64.
+float32 tells places apart by 0.1 micrometres near the origin, by 1 mm at 10 km. What follows is computed
+around the root, which is subtracted in float64.
 """
 
 import time
@@ -72,10 +72,10 @@ def posed_batches(
         led, fresh, posed, begins = (led + fresh)[-LEAD:], [], frames.vertices[-LEAD:, -1], False
         return batch
 
-    for index, transform in enumerate(transforms):
-        if not torch.isfinite(transform).all():
+    for index, given in enumerate(transforms):
+        if not torch.isfinite(given).all():
             raise InputError(f"frame {index} of the motion: a joint's transform is not a finite number")
-        transform = transform.detach().double().cpu()
+        transform = given.detach().double().cpu()
         now = (transform[..., :3] @ heads[..., None]).squeeze(-1) + transform[..., 3]
         moved = (now - (now if joints is None else joints)) * fps
         if jumps and float((moved - velocity).norm(dim=1).mean()) > JUMP:

@@ -133,8 +133,11 @@ def animate(
                 with totals.timed("writing"):
                     for writer in writers:
                         writer.add(placed.vertices, placed.transforms)
-                rate = totals.frames / (perf_counter() - start)
-                progress.update(task, advance=1, rate=f"{rate:.1f} frames per second")
+                progress.update(
+                    task,
+                    advance=1,
+                    rate=f"{totals.frames / (perf_counter() - start):.1f} frames per second",
+                )
         except BrokenRolloutError as error:
             if not totals.frames:
                 raise InputError(f"{error}; nothing is written; --keep-going goes on") from error

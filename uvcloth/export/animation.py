@@ -116,12 +116,14 @@ def _garment(path: Path, arrays: dict[str, np.ndarray], name: str, frames: int) 
     return Mesh(*(torch.from_numpy(array) for array in (rest, faces, uvs, face_uvs))), vertices
 
 
-def local_pose(skeleton: Skeleton, transforms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def local_pose(
+    skeleton: Skeleton, transforms: np.ndarray, before: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Poses of joints relative to their parents: transforms (F, J, 3, 4) -> translations and rotations.
 
     Translations (F, J, 3) in metres; rotations (F, J, 4) as unit quaternions x, y, z, w that never jump to
-    their negative from one frame to the next. At rest every joint has the world's orientation, so that a
-    bind pose is a shift.
+    their negative from one frame to the next, nor from those of the frame before (J, 4). At rest every joint
+    has the world's orientation, so that a bind pose is a shift.
     """
     turns = transforms[..., :3].astype(np.float64)
     heads = skeleton.heads.numpy().astype(np.float64)
@@ -133,6 +135,7 @@ def local_pose(skeleton: Skeleton, transforms: np.ndarray) -> tuple[np.ndarray, 
     translations[:, child] = (inverse @ (positions[:, child] - positions[:, parent])[..., None])[..., 0]
     rotations[:, child] = inverse @ turns[:, child]
     quaternions = to_quaternions(torch.from_numpy(rotations)).numpy()
-    flips = np.sign((quaternions[1:] * quaternions[:-1]).sum(-1, keepdims=True))
-    quaternions[1:] *= np.cumprod(np.where(flips == 0, 1, flips), axis=0)
+    earlier = np.concatenate([quaternions[:1] if before is None else before[None], quaternions[:-1]])
+    flips = np.sign((quaternions * earlier).sum(-1, keepdims=True))
+    quaternions *= np.cumprod(np.where(flips == 0, 1, flips), axis=0)
     return translations.astype(np.float32), quaternions.astype(np.float32)

@@ -10,6 +10,7 @@ from uvcloth.bodies.body import BODY_INFLUENCES
 from uvcloth.export.animation import Animation
 from uvcloth.export.usd_materials import add_subsets
 from uvcloth.export.usd_stage import (
+    SavedInParts,
     add_skeleton,
     animate_skeleton,
     bind,
@@ -52,6 +53,7 @@ def _write_garment(stage: Any, animation: Animation, index: int, prim: str) -> A
     points, extent = geometry.GetPointsAttr(), geometry.GetExtentAttr()
     normals = geometry.GetNormalsAttr()
     geometry.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    samples = SavedInParts(stage)
     for frames in animation.chunks():
         positions = np.array(vertices[frames])
         turned = vertex_normals(torch.from_numpy(positions), mesh.faces).numpy()
@@ -60,6 +62,5 @@ def _write_garment(stage: Any, animation: Animation, index: int, prim: str) -> A
             points.Set(Vt.Vec3fArray.FromNumpy(positions[offset]), frame)
             normals.Set(Vt.Vec3fArray.FromNumpy(turned[offset]), frame)
             extent.Set(Vt.Vec3fArray.FromNumpy(bounds[offset]), frame)
-        # Saved samples leave memory.
-        stage.Save()
+        samples.add(positions.nbytes + turned.nbytes + bounds.nbytes)
     return geometry

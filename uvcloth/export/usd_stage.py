@@ -13,8 +13,28 @@ from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.render import Color
 
+MAX_UNSAVED = 64_000_000
+"""Bytes of samples that are kept in memory: a stage repeats its tables of them each time that it is saved."""
+
+POSES_AT_ONCE = 1024
+"""Frames whose local poses are computed at once."""
+
 WRITTEN_AT_ONCE = 2**20
 """Bytes, more than OpenUSD collects before it writes."""
+
+
+class SavedInParts:
+    """A stage whose samples leave memory while they are added: `add` their bytes after each."""
+
+    def __init__(self, stage: Any) -> None:
+        self._stage, self._unsaved = stage, 0
+
+    def add(self, size: int) -> None:
+        """Count so many bytes of samples, and save the stage when they are many."""
+        self._unsaved += size
+        if self._unsaved > MAX_UNSAVED:
+            self._stage.Save()
+            self._unsaved = 0
 
 
 @contextmanager
@@ -116,11 +136,16 @@ def animate_skeleton(stage: Any, rig: Any, skeleton: Skeleton, transforms: np.nd
     motion = UsdSkel.Animation.Define(stage, rig.GetPath().AppendChild("motion"))
     motion.CreateJointsAttr(rig.GetJointsAttr().Get())
     motion.CreateScalesAttr(Vt.Vec3hArray(len(skeleton.names), Gf.Vec3h(1)))
-    translations, rotations = local_pose(skeleton, transforms)
     shift, turn = motion.CreateTranslationsAttr(), motion.CreateRotationsAttr()
-    for frame in range(len(transforms)):
-        shift.Set(Vt.Vec3fArray.FromNumpy(translations[frame]), frame)
-        turn.Set(Vt.QuatfArray.FromNumpy(rotations[frame]), frame)
+    samples, last = SavedInParts(stage), None
+    for start in range(0, len(transforms), POSES_AT_ONCE):
+        some = np.array(transforms[start : start + POSES_AT_ONCE])
+        translations, rotations = local_pose(skeleton, some, last)
+        for offset in range(len(some)):
+            shift.Set(Vt.Vec3fArray.FromNumpy(translations[offset]), start + offset)
+            turn.Set(Vt.QuatfArray.FromNumpy(rotations[offset]), start + offset)
+        samples.add(translations.nbytes + rotations.nbytes)
+        last = rotations[-1]
     UsdSkel.BindingAPI.Apply(rig.GetPrim()).CreateAnimationSourceRel().SetTargets([motion.GetPath()])
     return motion
 

@@ -16,7 +16,8 @@ class Clip:
     """Motion of one skeleton.
 
     rotations: (T, J, 3, 3) world rotations relative to the skeleton's rest pose.
-    translation: (T, 3) world position of the root joint, metres, float64 as it is read. fps: frames per second.
+    translation: (T, 3) world position of the root joint, metres, float64 where it is read so. fps: frames per
+    second.
     """
 
     name: str

@@ -141,8 +141,8 @@ def refused_captures(folder: Path) -> dict[str, str]:
     if not path.exists():
         return {}
     try:
-        with path.open(newline="", encoding="utf-8-sig") as stream:
-            return {row["clip"]: row["reason"] for row in csv.DictReader(stream)}
+        with path.open(newline="", encoding="utf-8") as stream:
+            return {row["clip"]: row["reason"] for row in csv.DictReader(stream, restval="")}
     except (OSError, UnicodeDecodeError, csv.Error, KeyError) as error:
         raise InputError(f"{path}: not a table with the columns clip and reason") from error
 
