@@ -1,6 +1,7 @@
 """Exit codes and messages of every command: one sentence for bad input, never a traceback for it."""
 
 import errno
+import io
 import sys
 from collections.abc import Callable
 
@@ -27,6 +28,7 @@ def run_command(program: str, command: Callable[[], None]) -> int:
     `interruptible`). Any other exception is a bug and keeps its traceback.
     """
     fix_summation_order()
+    _print_any_name()
     try:
         with interruptible(lambda code: f"{_line(program, ENDED[code])}\n".encode()):
             command()
@@ -40,6 +42,13 @@ def run_command(program: str, command: Callable[[], None]) -> int:
         place = f"{error.filename}: " if error.filename else ""
         return _report(program, f"{place}cannot be written or read ({error.strerror})", BAD_INPUT)
     return 0
+
+
+def _print_any_name() -> None:
+    """Have names printed with backslashes where the terminal's encoding lacks a letter, not refused."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _report(program: str, sentence: str, code: int) -> int:

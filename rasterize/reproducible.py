@@ -3,8 +3,8 @@
 import os
 
 MKL_MODE = "AVX2,STRICT"
-"""Mode of Intel's MKL, with which torch multiplies matrices on x86: one order of summation, whatever the number
-of threads and the place in memory. It costs nothing measurable on AVX2; torch has no such switch itself."""
+"""Mode of Intel's MKL, with which torch multiplies matrices on x86: one order of summation, whatever the
+number of threads and the place in memory. It costs nothing measurable on AVX2; torch has no such switch."""
 
 
 def fix_summation_order() -> None:

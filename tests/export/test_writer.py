@@ -100,6 +100,8 @@ def test_bad_frames_are_refused(animation: Animation, tmp_path: Path) -> None:
             writer.add((broken,))
     with pytest.raises(InputError, match="two meshes are called shirt"):
         open_writer(tmp_path / "a.glb", garments * 2, None, 30.0)
+    with pytest.raises(InputError, match="two meshes are called Shirt and shirt"):
+        open_writer(tmp_path / "a.glb", [*garments, ("Shirt", animation.meshes[0])], None, 30.0)
     assert not list(tmp_path.iterdir())
 
 

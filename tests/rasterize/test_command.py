@@ -1,6 +1,9 @@
 """Every command ends the same way: an exit code and at most one sentence."""
 
 import errno
+import os
+import subprocess
+import sys
 
 import pytest
 
@@ -46,3 +49,17 @@ def test_one_sentence_and_the_code(capsys, error, code, sentence):
 def test_bugs_keep_their_traceback(error):
     with pytest.raises(type(error)):
         run_command("uvcloth", failing(error))
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252", "utf-8"])
+def test_names_of_any_script_are_printed_on_any_terminal(encoding):
+    code = (
+        "import sys; from rasterize.command import run_command; from rasterize.errors import InputError\n"
+        r"def main(): print('\u0141\u00f3d\u017a \udc80.obj'); raise InputError('\u670d.obj: no such file')"
+        "\nsys.exit(run_command('uvcloth', main))"
+    )
+    plain = os.environ | {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0", "LC_ALL": "C"}
+    ended = subprocess.run([sys.executable, "-c", code], env=plain, capture_output=True, check=False)
+    assert ended.returncode == 2
+    assert (b"Traceback" in ended.stderr, ended.stderr.strip().endswith(b": no such file")) == (False, True)
+    assert ended.stdout.strip().endswith(rb"\udc80.obj")

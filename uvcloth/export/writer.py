@@ -209,11 +209,16 @@ def open_writer(
 
 
 def require_own_names(path: Path, garments: Sequence[str]) -> None:
-    """Raise InputError naming the file if two of its garments have one name, or one is called body."""
+    """Raise InputError naming the file if two of its garments have one name, or one is called body.
+
+    Names that differ in capitals alone are one: on Windows and macOS, so are files.
+    """
     names = [*garments, "body"]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise InputError(f"{path}: two meshes are called {twice[0]}, each needs its own name")
+    folded = [name.casefold() for name in names]
+    for each in sorted(folded):
+        if folded.count(each) > 1:
+            same = " and ".join(sorted({name for name in names if name.casefold() == each}))
+            raise InputError(f"{path}: two meshes are called {same}, each needs its own name")
 
 
 def _cannot_write(path: Path, error: OSError) -> InputError:

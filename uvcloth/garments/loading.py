@@ -90,7 +90,7 @@ def load_garment_for_data(
     several garments.
     """
     path = Path(name)
-    template = path.stem.rpartition("_")[2]
+    template = path.stem.rpartition("_")[2].casefold()
     if name not in TEMPLATES and template in TEMPLATES:
         raise InputError(
             f"{path}: its data would be mistaken for those of the template {template}, rename the file"

@@ -18,7 +18,7 @@ def read_text(path: Path) -> list[str]:
 
     Raises InputError if there is no such file or it cannot be read.
     """
-    text = read_content(path).decode("utf-8", errors="replace").replace("\r\n", "\n")
+    text = read_content(path).decode("utf-8-sig", errors="replace").replace("\r\n", "\n")
     return text.replace("\\\n", " ").splitlines()
 
 

@@ -109,14 +109,18 @@ def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Work
 
 
 def _cloths(outfits: Sequence[Sequence[str]], body: Body) -> list[tuple[Cloth, ...]]:
-    """Load the garments, ready to simulate. Raises InputError also if two of them have one name."""
-    taken: set[str] = set()
+    """Load the garments, ready to simulate. Raises InputError also if two of them have one name.
+
+    Names that differ in capitals alone are one: on Windows and macOS, so are their files.
+    """
+    taken: dict[str, str] = {}
 
     def load(name: str) -> Cloth:
         cloth = join(load_garment_for_data(name, body, print), body)
-        if cloth.garment.name in taken:
-            raise InputError(f"garment {name}: another one is also named {cloth.garment.name}")
-        taken.add(cloth.garment.name)
+        same = cloth.garment.name.casefold()
+        if same in taken:
+            raise InputError(f"garment {name}: another one is also named {taken[same]}")
+        taken[same] = cloth.garment.name
         return cloth
 
     return [tuple(load(name) for name in outfit) for outfit in outfits]

@@ -134,13 +134,14 @@ def plan(
     """
     todo: list[Job] = []
     refused: dict[str, str] = {}
-    written: dict[Path, str] = {}
+    written: dict[str, str] = {}
     for source in track(sources, "reading clips", transient=True):
         targets = [tuple(out / f"{source.clip}_{c.garment.name}.npz" for c in outfit) for outfit in outfits]
         for target in (target for each in targets for target in each):
-            if target in written:
-                raise InputError(f"{target}: both {written[target]} and {source.name} would be written there")
-            written[target] = source.name
+            file = str(target).casefold()
+            if file in written:
+                raise InputError(f"{target}: both {written[file]} and {source.name} would be written there")
+            written[file] = source.name
         missing = [
             (outfit, each)
             for outfit, each in zip(outfits, targets, strict=True)

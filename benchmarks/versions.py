@@ -1,0 +1,110 @@
+"""Tests with the lowest and the newest versions of every dependency that pyproject.toml allows.
+
+PYTHONPATH=. python benchmarks/versions.py --folder ../versions [--only newest-3.13] [--tests tests/motion]
+
+Needs uv (`pip install uv`) and the Pythons, which uv finds or brings. Environments are made once, outside the
+checkout; on Linux each takes 7 GB where only PyTorch's CUDA build is to be had.
+"""
+
+import os
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+ENVIRONMENTS = {
+    "lowest-3.11": ("3.11", "lowest-direct"),
+    "newest-3.12": ("3.12", "highest"),
+    "newest-3.13": ("3.13", "highest"),
+}
+"""The Python of each, and how uv resolves the direct dependencies."""
+
+TESTS = (
+    "tests/rasterize",
+    "tests/geometry",
+    "tests/motion/test_bvh.py",
+    "tests/garments/test_loading.py",
+    "tests/bodies/test_body.py",
+    "tests/physics/test_judged.py",
+    "tests/simulate/test_newton.py",
+    "tests/methods/physxnet",
+    "tests/train/test_resume.py",
+    "tests/export/test_usd.py",
+    "tests/export/test_alembic.py",
+    "tests/export/test_gltf.py",
+    "tests/export/test_pictures.py",
+    "tests/export/test_embedding.py",
+    "tests/view/test_page.py",
+    "tests/test_checkpoint.py",
+)
+"""Tests that between them call every library; `--tests tests` runs all."""
+
+SHOWN = ("torch", "numpy", "scipy", "warp-lang", "newton", "usd-core")
+
+
+@dataclass(frozen=True)
+class Options:
+    """Make the environments that are not there, and run tests in each."""
+
+    folder: Path
+    """Where the environments are kept."""
+    only: tuple[str, ...] = tuple(ENVIRONMENTS)
+    """Some of lowest-3.11, newest-3.12 and newest-3.13."""
+    tests: tuple[str, ...] = TESTS
+    """What pytest runs."""
+    uv: str = "uv"
+    """The program."""
+
+
+def main() -> None:
+    options = tyro.cli(Options)
+    table = Table("environment", *SHOWN, "tests", "minutes")
+    for name in options.only:
+        python = made(name, options)
+        begun = time.perf_counter()
+        outcome = run_tests(python, options.tests)
+        minutes = (time.perf_counter() - begun) / 60
+        table.add_row(name, *versions(python), outcome, f"{minutes:.0f}")
+    Console().print(table)
+
+
+def made(name: str, options: Options) -> Path:
+    """The Python of an environment, which is made if it is not there."""
+    version, resolution = ENVIRONMENTS[name]
+    folder = options.folder / name
+    python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
+    complete = folder / "complete"
+    if not complete.exists():
+        subprocess.run([options.uv, "venv", "--clear", "--python", version, folder], check=True)
+        wanted = ["--requirements", "pyproject.toml", "--all-extras", "--resolution", resolution]
+        subprocess.run([options.uv, "pip", "install", "--python", python, *wanted], check=True)
+        complete.touch()
+    return python
+
+
+def versions(python: Path) -> list[str]:
+    """Versions of the packages that are shown."""
+    code = f"from importlib.metadata import version; print(*map(version, {SHOWN}))"
+    answer = subprocess.run([python, "-c", code], capture_output=True, encoding="utf-8", check=True)
+    return answer.stdout.split()
+
+
+def run_tests(python: Path, tests: tuple[str, ...]) -> str:
+    """The last line of pytest, whose output is passed on."""
+    command = [python, "-X", "faulthandler", "-m", "pytest", "-p", "no:cacheprovider", "--verbose", *tests]
+    quiet = os.environ | {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": "1"}
+    last = ""
+    with subprocess.Popen(command, stdout=subprocess.PIPE, encoding="utf-8", env=quiet) as process:
+        for line in process.stdout or ():
+            print(line, end="", flush=True)
+            last = line.strip("= \n") or last
+    return last if process.returncode in (0, 1) else f"ended with {process.returncode}"
+
+
+if __name__ == "__main__":
+    main()
