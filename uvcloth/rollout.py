@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -56,11 +56,11 @@ class RolloutFrame:
     vertices: tuple[Tensor, ...]
     transforms: Tensor
     body_vertices: Tensor
-    origin: Tensor
     milliseconds: Mapping[str, float]
     contacts: "tuple[Contacts, ...]" = ()
     replaced: tuple[str, ...] = ()
     difficulties: tuple[str, ...] = ()
+    origin: Tensor = field(default_factory=lambda: torch.zeros(3, dtype=torch.float64))
 
     def in_world(self) -> "RolloutFrame":
         """The frame with all places in the world, in float32."""
