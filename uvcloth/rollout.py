@@ -31,13 +31,13 @@ SHORT = 0.001
 DEEP = 0.01
 """Metres inside the body from which contact has left a vertex too deep."""
 
-CROWDED = 0.05
+MUCH_SQUEEZED = 0.05
 """A body runs through itself where its parts squeeze more than this share of the vertices."""
 
 JUMPED = "the motion jumps, and the garments start anew"
 STRETCHED = f"an edge of a garment has more than {LONGEST:.0f} times its length"
 LEFT_INSIDE = f"cloth is left more than {1000 * DEEP:.0f} mm inside the body"
-SQUEEZED = f"the body runs through itself where more than {100 * CROWDED:.0f} % of the cloth lies"
+SQUEEZED = f"the body runs through itself where more than {100 * MUCH_SQUEEZED:.0f} % of the cloth lies"
 
 
 @dataclass(frozen=True)
@@ -342,7 +342,7 @@ def _difficulties(frame: RolloutFrame, longest: float) -> tuple[str, ...]:
     faults = {
         STRETCHED: longest > LONGEST,
         LEFT_INSIDE: any(contacts.deepest > DEEP for contacts in frame.contacts),
-        SQUEEZED: sum(contacts.squeezed for contacts in frame.contacts) > CROWDED * vertices,
+        SQUEEZED: sum(contacts.squeezed for contacts in frame.contacts) > MUCH_SQUEEZED * vertices,
     }
     return tuple(words for words, true in faults.items() if true)
 
