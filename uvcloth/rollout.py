@@ -337,7 +337,7 @@ def _transformed(transforms: Tensor, shift: Tensor) -> Tensor:
 
 
 def _difficulties(frame: RolloutFrame, longest: float) -> tuple[str, ...]:
-    """What made a frame hard, after contact, whose longest edge has so many times its rest length."""
+    """Words for what made a frame hard, after contact; longest: its longest edge, in rest lengths."""
     vertices = sum(len(garment) for garment in frame.vertices)
     faults = {
         STRETCHED: longest > LONGEST,
