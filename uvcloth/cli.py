@@ -373,7 +373,7 @@ class Rollout:
     """Show in the browser what is being computed; then Ctrl-C ends."""
     port: Port = 8080
     """Port of the live view."""
-    host: Host = "localhost"
+    host: Host = "127.0.0.1"
     """Address that the live view listens on; 0.0.0.0 lets other machines in."""
     hide_skin: bool = False
     """Leave out the faces of the body that garments cover closely in every frame, and those that clothes of
@@ -437,7 +437,7 @@ class View:
     """Sequences made by `uvcloth simulate`, shown beside the prediction, with its error as a heat map."""
     port: Port = 8080
     """Port of the page."""
-    host: Host = "localhost"
+    host: Host = "127.0.0.1"
     """Address to listen on; 0.0.0.0 lets other machines in."""
     threads: Annotated[int, arg(metavar="N")] = 1
     """Of the processor."""

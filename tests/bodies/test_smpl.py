@@ -277,7 +277,7 @@ FAULTS = {
     "v_template has the shape": lambda a: {**a, "v_template": a["v_template"][:-1]},
     "posedirs has the shape": lambda a: {**a, "posedirs": a["posedirs"][..., :9]},
     "J_regressor has the shape": lambda a: {**a, "J_regressor": a["J_regressor"].T},
-    "f names a vertex": lambda a: {**a, "f": a["f"] + 5},
+    r"f holds \d+, expected 0 to": lambda a: {**a, "f": a["f"] + 5},
     "lacks posedirs, f": lambda a: {k: v for k, v in a.items() if k not in ("posedirs", "f")},
     "v_template holds a value that is not a finite": lambda a: {**a, "v_template": a["v_template"] * np.nan},
     "weights of a vertex": lambda a: {**a, "weights": a["weights"] * 2},
@@ -301,3 +301,21 @@ def test_a_truncated_or_missing_npz_is_one_sentence(file: Path, tmp_path: Path) 
     for broken in (path, tmp_path / "none.npz", tmp_path / "none.pkl"):
         with pytest.raises(InputError, match=broken.name):
             read_smpl(broken)
+
+
+def test_a_pickle_takes_no_time_or_memory_for_a_number_in_it(coarse: Arrays, tmp_path: Path) -> None:
+    """Pairs of pairs, 60 deep, as a key or as the parts of an array; a place of 10^8 in the memo."""
+    pairs = b"\x80\x02}N" + b"2\x86" * 60
+    far = b"\x80\x02}r" + (100_000_000).to_bytes(4, "little") + b"."
+    sizes = b"\x80\x05\x96" + (2**40).to_bytes(8, "little") + b"."
+    for content in (pairs + b"Ns.", far, sizes):
+        path = tmp_path / "person.pkl"
+        path.write_bytes(content)
+        with pytest.raises(InputError, match=r"person\.pkl: "):
+            read_smpl(path)
+    nested: Any = 0.0
+    for _ in range(60):
+        nested = (nested, nested)
+    path = write_pickle(tmp_path / "person.pkl", {**coarse, "f": nested})
+    with pytest.raises(InputError, match="f holds a tuple where an array was expected"):
+        read_smpl(path)

@@ -4,8 +4,10 @@ import json
 import re
 import shutil
 import subprocess
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
+from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -248,6 +250,44 @@ def test_page_has_outfits_as_one(tmp_path: Path) -> None:
     (net,) = (row for row in standings(results) if row.garment == "tops over bottoms" and row.method == "net")
     assert (net.before.against, net.before.won, net.before.of) == (pytest.approx(0.5), 2, 2)
     assert "tops over bottoms net" in summary(results)
+
+
+def tags(page: str) -> Counter[tuple[str, ...]]:
+    """The page's tags with the names of their attributes."""
+    found: Counter[tuple[str, ...]] = Counter()
+
+    class Reader(HTMLParser):
+        def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+            found[tag, *(name for name, _ in attrs)] += 1
+
+    Reader().feed(page)
+    return found
+
+
+def test_names_are_text_whatever_is_in_them(tmp_path: Path) -> None:
+    """Of garments, outfits, methods, actions, clips: the page has the tags that it has with plain ones."""
+
+    def written(names: Mapping[str, str], out: Path) -> str:
+        results = fake_results()
+        results["outfits"] = {"tops over bottoms": {"garments": ["bottoms", "tops"]}}
+        results["simulation"]["outfits"]["tops over bottoms"] = dressed_outfit(0.0, 1.0)
+        results["methods"]["net"]["outfits"]["tops over bottoms"] = dressed_outfit(10.0, 5.0)
+        results["missing"] = {"walking": {"dress": "12_01 was refused"}}
+        text, clip = json.dumps(results), fake_clip(3)
+        for plain, name in names.items():
+            text = re.sub(rf"\b{plain}(?!\w)", lambda _, name=name: json.dumps(name)[1:-1], text)
+        meshes = {names.get(mesh, mesh): points for mesh, points in clip.meshes.items()}
+        clip = replace(clip, action=names["salsa dance"], garment=names["dress"], meshes=meshes)
+        pictures = [Picture(f"{names['walking']}: simulation beside net", PIXEL)]
+        return write_report(out, json.loads(text), [clip], pictures).read_text()
+
+    plain = ("dress", "net", "walking", "salsa dance", "bottoms", "fake <body>", "12_01", "a test")
+    attacks = ("<script>alert({})</script>", '"><img src=x onerror=alert({})>', "</script><b id='{}'>")
+    odd = {name: attacks[k % len(attacks)].format(k) for k, name in enumerate(plain)}
+    harmless = tags(written({name: f"n{k}" for k, name in enumerate(plain)}, tmp_path / "plain"))
+    page = written(odd, tmp_path / "odd")
+    assert tags(page) == harmless
+    assert "alert(0)" in page
 
 
 def test_page_says_which_methods_are_quasi_static(tmp_path: Path) -> None:

@@ -51,7 +51,7 @@ def check_weights(weights: torch.Tensor, vertices: int, joints: int, what: str) 
 
 def check_skeleton(skeleton: Skeleton) -> None:
     count = len(skeleton.names)
-    require(count > 0 and len(set(skeleton.names)) == count, "joint names missing or doubled")
+    require(count > 0, "no joints")
     require_numbers(skeleton.heads, (count, 3), "joint heads")
     require(len(skeleton.parents) == count, "parents of other joints")
     require(all(-1 <= p < j for j, p in enumerate(skeleton.parents)), "a parent after its joint")
@@ -95,7 +95,7 @@ def check_clip(clip: Clip) -> None:
     check_skeleton(clip.skeleton)
     require(len(clip) > 0, "no frames")
     check_rotations(clip.rotations, (-1, len(clip.skeleton.names), 3, 3))
-    require_numbers(clip.translation, (len(clip), 3), "translation")
+    require_numbers(clip.translation.double(), (len(clip), 3), "translation", torch.float64)
     require(0.1 <= clip.fps <= 10_000, f"{clip.fps} frames per second")
 
 

@@ -6,12 +6,14 @@ from random import Random
 from tests.fuzz.byte_mutators import BYTES, PLACES
 from tests.fuzz.json_mutators import JSON
 from tests.fuzz.npz_mutators import NPZ
+from tests.fuzz.pickle_mutators import PICKLE
 from tests.fuzz.safetensors_mutators import SAFETENSORS
 from tests.fuzz.target import Mutator
 from tests.fuzz.text_mutators import TEXT
 
 OWN_KINDS: dict[str, tuple[Mutator, ...]] = {
     ".npz": NPZ,
+    ".pkl": PICKLE,
     ".json": JSON,
     ".gltf": JSON,
     ".safetensors": SAFETENSORS,

@@ -5,6 +5,7 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from random import Random
 
@@ -103,7 +104,7 @@ def change_values(path: Path, random: Random) -> str:
         flat = array.copy().reshape(-1)
         if flat.dtype.kind in "US":
             return np.array(random.choice(("", "x", "a" * 10_000, "../x", "{", "NaN", DEEP)))
-        if flat.size == 0:
+        if flat.size == 0 or flat.dtype.kind not in "fiubc":
             return array
         count = random.choice((1, 1, 3, flat.size))
         rows = np.array([random.randrange(flat.size) for _ in range(min(count, 200))])
@@ -397,13 +398,19 @@ def _write(path: Path, members: Members, random: Random) -> None:
             archive.writestr(info, content)
 
 
+@cache
+def _packed_zeros() -> bytes:
+    """16 MB of zeros, packed so that they may follow one another in a stream."""
+    packer = zlib.compressobj(9, zlib.DEFLATED, -15)
+    return packer.compress(bytes(1 << 24)) + packer.flush(zlib.Z_FULL_FLUSH)
+
+
 def _write_bomb(path: Path, members: Members, name: str, header: bytes, size: int, claim: int) -> None:
     """Write an archive with a last member that unpacks to a header and `size` zeros, and claims `claim`."""
     packer = zlib.compressobj(9, zlib.DEFLATED, -15)
     start = packer.compress(header) + packer.flush(zlib.Z_FULL_FLUSH)
-    block = packer.compress(bytes(1 << 24)) + packer.flush(zlib.Z_FULL_FLUSH)
-    # Four gigabytes' worth of blocks, however much is claimed, keep the file small and quickly written.
-    packed = start + block * (min(size, 4 << 30) >> 24) + packer.flush(zlib.Z_FINISH)
+    # Four gigabytes' worth of zeros, however much is claimed, keep the file small and quickly written.
+    packed = start + _packed_zeros() * (min(size, 4 << 30) >> 24) + packer.flush(zlib.Z_FINISH)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for other, content in members:
             archive.NameToInfo.pop(other, None)

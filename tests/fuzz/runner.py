@@ -11,6 +11,9 @@ from tests.fuzz.case import Corpus
 from tests.fuzz.target import Target
 from tests.fuzz.worker import FINE, Outcome, Worker, judge
 
+MEMORY_DISK = Path("/dev/shm")
+"""Folder of a disk in memory, where there is one: cases are many small files."""
+
 
 @dataclass
 class Tally:
@@ -48,7 +51,8 @@ def try_reader(
     Raises what reader or check raise where they fail on the files as they are.
     """
     tally = Tally(target.name)
-    with TemporaryDirectory(prefix="fuzz") as folder, Worker(target) as worker:
+    place = MEMORY_DISK if MEMORY_DISK.is_dir() else None
+    with TemporaryDirectory(prefix="fuzz", dir=place) as folder, Worker(target) as worker:
         corpus = Corpus(target, Path(folder))
         # Here, before the worker is forked, so that what they import late is imported once.
         target.check(target.read(corpus.copy(Path(folder) / "case")))

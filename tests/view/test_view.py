@@ -1,9 +1,11 @@
 """The live view without a browser: the scene that one would be sent, and how it follows the controls."""
 
+import html
 import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 from urllib.request import urlopen
 
@@ -14,6 +16,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from tests.small_body import small_body
+from uvcloth.cli import Rollout, View
 from uvcloth.commands.view import LiveAudience
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.rollout import RolloutFrame
@@ -194,6 +197,43 @@ def test_what_cannot_be_is_said_on_the_page(viewer: Viewer) -> None:
     viewer.offer(choices, Chosen("absent.bvh", ("tops",), "lbs", "default"))
     tick_until(viewer, lambda: "absent.bvh" in viewer._state.content)
     assert "Traceback" not in viewer._state.content
+
+
+@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="the system does not list its sockets")
+def test_the_page_is_served_to_this_machine_alone(viewer: Viewer) -> None:
+    """The system's list of what listens, addresses in hexadecimal."""
+    rows = [
+        line.split()
+        for table in ("tcp", "tcp6")
+        for line in Path("/proc/net", table).read_text().splitlines()[1:]
+    ]
+    ends = [row[1].split(":") for row in rows if row[3] == "0A"]
+    assert [address for address, port in ends if int(port, 16) == viewer.server.get_port()] == ["0100007F"]
+    assert (View.host, Rollout.host) == ("127.0.0.1", "127.0.0.1")
+
+
+def test_names_of_files_are_text_on_the_page(viewer: Viewer) -> None:
+    name = "<script>alert(1)</script>![x](/etc/passwd)"
+    viewer.show(Computation(lambda: rising(name, 0.1)).start())
+    tick_until(viewer, lambda: viewer.shown == COUNT - 1)
+    assert viewer._state.content == f"{html.escape(name)}: {COUNT} frames"
+    choices = Choices.of(motions=[f"{name}.bvh"], models=["lbs"])
+    viewer.offer(choices, Chosen(f"{name}.bvh", ("tops",), "lbs", "default"))
+    tick_until(viewer, lambda: "no such file" in viewer._state.content)
+    assert html.escape(name) in viewer._state.content
+    assert "<script" not in viewer._state.content
+
+
+def test_what_was_not_offered_is_not_opened() -> None:
+    choices = Choices.of(models=["lbs"])
+    for chosen in (
+        Chosen("/etc/passwd.bvh", ("tops",), "lbs", "default"),
+        Chosen("walk", ("/etc/passwd.obj",), "lbs", "default"),
+        Chosen("walk", ("tops",), "/etc", "default"),
+        Chosen("walk", ("tops",), "lbs", "/etc/passwd.npz"),
+    ):
+        with pytest.raises(InputError, match=r"/etc.* is not among the choices"):
+            choices.perform(chosen)
 
 
 def test_a_choice_is_rolled_out_as_the_command_would() -> None:

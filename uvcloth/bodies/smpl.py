@@ -15,6 +15,7 @@ from torch import Tensor
 from rasterize.archive import read_arrays
 from rasterize.charts import largest_piece
 from rasterize.errors import InputError
+from rasterize.fields import Field, check_fields, numbers
 from rasterize.layout import unwrap
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.regions import face_regions
@@ -24,6 +25,16 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms, world_rotations
 from uvcloth.geometry.skinning import apply_transforms, skin
+
+FIELDS = {
+    "weights": numbers("V", "J", least=-1.0, most=2.0, dtype=np.float64),
+    "v_template": numbers("V", 3),
+    "shapedirs": numbers("V", 3, "S"),
+    "J_regressor": numbers("J", "V"),
+    "kintree_table": Field((2, "J"), "numbers", np.int64, -1, 2**32),
+    "f": Field(("F", 3), "numbers", np.int64, 0, "V"),
+}
+"""Arrays of a model file besides posedirs: V vertices, J joints, S shapes."""
 
 ARRAYS = ("v_template", "shapedirs", "posedirs", "weights", "J_regressor", "kintree_table", "f")
 """Arrays of a model file that make a body."""
@@ -141,28 +152,19 @@ def _numbers(path: Path, name: str, value: Any) -> np.ndarray:
 
 
 def _model(path: Path, arrays: dict[str, np.ndarray]) -> SmplModel:
-    weights, faces, kintree = arrays["weights"], arrays["f"], arrays["kintree_table"]
-    vertices, joints = weights.shape if weights.ndim == 2 else (0, 0)
+    weights = arrays["weights"]
+    joints = weights.shape[1] if weights.ndim == 2 else 0
     kind = next((kind for kind, names in SMPL_JOINTS.items() if len(names) == joints), None)
     if kind is None:
         counts = ", ".join(f"{len(names)} ({kind})" for kind, names in SMPL_JOINTS.items())
         raise InputError(
             f"{path}: weights has the shape {weights.shape}, expected a column for each of {counts} joints"
         )
-    expected = {
-        "v_template": (vertices, 3),
-        "shapedirs": (vertices, 3, arrays["shapedirs"].shape[-1]),
-        "posedirs": (vertices, 3, 9 * (joints - 1)),
-        "J_regressor": (joints, vertices),
-        "kintree_table": (2, joints),
-        "f": (len(faces), 3),
-    }
-    for name, shape in expected.items():
-        if arrays[name].shape != shape:
-            raise InputError(f"{path}: {name} has the shape {arrays[name].shape}, expected {shape}")
-    if not len(faces) or faces.min() < 0 or faces.max() >= vertices:
-        raise InputError(f"{path}: f names a vertex that the model does not have")
-    parents = (-1, *(int(parent) for parent in kintree[0, 1:]))
+    arrays = check_fields(path, arrays, FIELDS | {"posedirs": numbers("V", 3, 9 * (joints - 1))}, J=joints)
+    weights, faces = arrays["weights"], arrays["f"]
+    if not len(faces):
+        raise InputError(f"{path}: f has no faces")
+    parents = (-1, *arrays["kintree_table"][0, 1:].tolist())
     if not all(0 <= parent < joint for joint, parent in enumerate(parents) if joint):
         raise InputError(f"{path}: kintree_table has a joint before the one above it")
     shapes = arrays["shapedirs"]
@@ -174,7 +176,7 @@ def _model(path: Path, arrays: dict[str, np.ndarray]) -> SmplModel:
         name=path.stem,
         kind=kind,
         template=_tensor(arrays["v_template"]),
-        faces=torch.from_numpy(faces.astype(np.int64)),
+        faces=torch.from_numpy(faces),
         shapes=_tensor(np.moveaxis(shapes, -1, 0)),
         pose_shapes=_tensor(np.moveaxis(arrays["posedirs"], -1, 0)),
         weights=_tensor(weights / weights.sum(1, keepdims=True)),

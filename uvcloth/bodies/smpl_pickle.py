@@ -8,8 +8,10 @@ records afterwards. Nothing of numpy, scipy or chumpy is called while the file i
 import io
 import math
 import pickle
+import pickletools
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from rasterize.reading import read_content
 DTYPES = ("f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8")
 """Types of values that arrays may have, besides booleans."""
 
-MOST_VALUES = 100_000_000
+MOST_VALUES = 10_000_000
 """Values of a sparse matrix, zeros included, beyond which it is none of SMPL's."""
 
 
@@ -28,10 +30,11 @@ class _Record:
 
     arguments: tuple[Any, ...]
     state: Any
+    made: Any
 
     def __new__(cls, *arguments: Any) -> "_Record":
         record = super().__new__(cls)
-        record.arguments, record.state = arguments, None
+        record.arguments, record.state, record.made = arguments, None, None
         return record
 
     def __setstate__(self, state: Any) -> None:
@@ -55,7 +58,8 @@ class _Type(_Record):
         if code in ("b1", "?"):
             return np.dtype(bool)
         if not isinstance(code, str) or code.lstrip("<>=|") not in DTYPES:
-            raise InputError(f"holds an array of the type {code!r}, expected numbers")
+            said = repr(code)[:20] if isinstance(code, str) else "none"
+            raise InputError(f"holds an array of the type {said}, expected numbers")
         return np.dtype(code.lstrip("<>=|")).newbyteorder(">" if order == ">" or code[0] == ">" else "<")
 
 
@@ -114,7 +118,7 @@ class _Sparse(_Record):
     def value(self) -> np.ndarray:
         parts = _attributes(self)
         shape = _shape(parts.get("_shape", parts.get("shape")))
-        data, rows, starts = (np.asarray(plain(parts.get(name))) for name in ("data", "indices", "indptr"))
+        data, rows, starts = (_plain_array(parts.get(name)) for name in ("data", "indices", "indptr"))
         whole = len(shape) == 2 and len(starts) == shape[1] + 1 and len(data) == len(rows) == starts[-1]
         if not whole or math.prod(shape) > MOST_VALUES:
             raise InputError("holds a sparse matrix whose parts do not fit together")
@@ -127,7 +131,7 @@ class _Ch(_Record):
     """A chumpy.Ch: an array and what chumpy knew of its derivatives."""
 
     def value(self) -> np.ndarray:
-        return np.asarray(plain(_attributes(self).get("x")))
+        return _plain_array(_attributes(self).get("x"))
 
 
 class _Select(_Record):
@@ -135,7 +139,7 @@ class _Select(_Record):
 
     def value(self) -> np.ndarray:
         parts = _attributes(self)
-        source, places = (np.asarray(plain(parts.get(name))) for name in ("a", "idxs"))
+        source, places = (_plain_array(parts.get(name)) for name in ("a", "idxs"))
         shape = parts.get("preferred_shape")
         chosen = source.ravel()[places]
         return chosen if shape is None else chosen.reshape(_shape(shape))
@@ -158,8 +162,48 @@ ALLOWED = {name: record for record, names in RECORDS.items() for name in names}
 """Names that a pickle may use, as Python 2 and 3 write them, and the record that each stands for."""
 
 
-class _Reader(pickle.Unpickler):
-    """An unpickler whose every name is a record."""
+class _Reader(pickle._Unpickler):
+    """An unpickler whose every name is a record, and whose every key is a text or a number.
+
+    It is the one in Python, whose memory and time do not depend on a number in the file: the one in C makes
+    a table as long as the largest number that a value is remembered by.
+    """
+
+    stack: list[Any]
+    append: Callable[[Any], None]
+    pop_mark: Callable[[], list[Any]]
+    dispatch: ClassVar[dict[int, Callable[[Any], None]]] = dict(pickle._Unpickler.dispatch)
+
+    def load_setitem(self) -> None:
+        """Put one entry into a dictionary."""
+        value, key = self.stack.pop(), self.stack.pop()
+        self.stack[-1][_key(key)] = value
+
+    def load_setitems(self) -> None:
+        """Put entries into a dictionary."""
+        items = self.pop_mark()
+        self.stack[-1].update(_dictionary(items))
+
+    def load_dict(self) -> None:
+        """Make a dictionary of entries."""
+        items = self.pop_mark()
+        self.append(_dictionary(items))
+
+    def load_additems(self) -> None:
+        """Put values into a set."""
+        items = self.pop_mark()
+        self.stack[-1].update(map(_key, items))
+
+    def load_frozenset(self) -> None:
+        """Make a set of values."""
+        items = self.pop_mark()
+        self.append(frozenset(map(_key, items)))
+
+    dispatch[pickle.ADDITEMS[0]] = load_additems
+    dispatch[pickle.FROZENSET[0]] = load_frozenset
+    dispatch[pickle.SETITEM[0]] = load_setitem
+    dispatch[pickle.SETITEMS[0]] = load_setitems
+    dispatch[pickle.DICT[0]] = load_dict
 
     def find_class(self, module: str, name: str) -> type[_Record]:
         found = ALLOWED.get(f"{module}.{name}")
@@ -178,6 +222,7 @@ def read_smpl_pickle(path: Path) -> dict[str, Any]:
     """
     content = read_content(Path(path))
     try:
+        _require_whole(content)
         found = _Reader(io.BytesIO(content), encoding="latin1").load()
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
@@ -192,14 +237,44 @@ def read_smpl_pickle(path: Path) -> dict[str, Any]:
     return {name: value for name, value in found.items() if isinstance(name, str)}
 
 
+def _require_whole(content: bytes) -> None:
+    """Raise ValueError if an operation's argument, for which memory would be taken, is not there."""
+    for _ in pickletools.genops(content):
+        pass
+
+
+def _dictionary(items: list[Any]) -> dict[Any, Any]:
+    return {_key(key): value for key, value in zip(items[::2], items[1::2], strict=True)}
+
+
+def _key(key: Any) -> Any:
+    """A key; others than texts and numbers may be nested so that their hash takes for ever."""
+    if not isinstance(key, str | bytes | int | float):
+        raise pickle.UnpicklingError(f"a key of the type {type(key).__name__}")
+    return key
+
+
 def plain(value: Any) -> Any:
-    """The array or number that a record stands for; other values stay. Raises InputError if it is damaged."""
+    """The array or number that a record stands for, made once; other values stay.
+
+    Raises InputError if it is damaged, and for lists and objects, which stand for none.
+    """
+    if isinstance(value, list | tuple | dict | set):
+        raise InputError(f"holds a {type(value).__name__} where an array was expected")
+    if not isinstance(value, _Record):
+        return value
     try:
-        return value.value() if isinstance(value, _Record) else value
+        if value.made is None:
+            value.made = value.value()
+        return value.made
     except InputError:
         raise
     except (ValueError, TypeError, IndexError, OverflowError, MemoryError, RecursionError) as error:
         raise InputError(f"holds an array that is not whole ({error})") from error
+
+
+def _plain_array(value: Any) -> np.ndarray:
+    return np.asarray(plain(value))
 
 
 def _attributes(record: _Record) -> dict[Any, Any]:
@@ -211,7 +286,7 @@ def _attributes(record: _Record) -> dict[Any, Any]:
 def _shape(shape: Any) -> tuple[int, ...]:
     sizes = tuple(plain(size) for size in shape) if isinstance(shape, tuple | list) else ()
     if not sizes or not all(isinstance(size, int | np.integer) and size >= 0 for size in sizes):
-        raise InputError(f"holds an array of the shape {shape!r}")
+        raise InputError("holds an array of a shape that is none")
     return tuple(int(size) for size in sizes)
 
 

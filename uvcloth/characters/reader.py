@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
-from uvcloth.geometry.gltf import Gltf, one_line, read_gltf
+from uvcloth.geometry.gltf import Gltf, one_line, read_gltf, require_few
 from uvcloth.geometry.gltf_document import LARGEST
 from uvcloth.geometry.gltf_rig import Rig, chain, inverse_bind, read_rig, resting_worlds
 from uvcloth.geometry.mesh import Mesh
@@ -69,10 +69,13 @@ def read_character(path: Path) -> Character:
         raise InputError(f"{file.path}: has no skin: its meshes hang on no skeleton, rig it first")
     rig = read_rig(file, skin)
     parts: list[Part] = []
+    vertices = 0
     for index, node in enumerate(file.entries("nodes")):
         for part in _parts(file, rig, index) if "mesh" in node else ():
             parts.append(part)
-            _require_room(file, sum(len(each.mesh.vertices) for each in parts), len(rig.names))
+            require_few(file.path, len(parts))
+            vertices += len(part.mesh.vertices)
+            _require_room(file, vertices, len(rig.names))
     if not parts:
         raise InputError(f"{file.path}: no mesh hangs on its skeleton")
     heads = torch.from_numpy(rig.bind[:, :3, 3].astype(np.float32))

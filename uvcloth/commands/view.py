@@ -13,7 +13,7 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.rollout import RolloutFrame
 from uvcloth.view.choices import DEFAULT_BODY, Choices, Chosen
 from uvcloth.view.computation import Computation, Performance
-from uvcloth.view.viewer import Viewer
+from uvcloth.view.viewer import HOST, Viewer
 
 
 def view(
@@ -23,7 +23,7 @@ def view(
     *,
     body_file: Path | None = None,
     data: Sequence[Path] = (),
-    host: str = "localhost",
+    host: str = HOST,
     port: int = 8080,
 ) -> None:
     """Serve a page on which clips, garments, models and bodies are chosen and played, until Ctrl-C.

@@ -13,7 +13,7 @@ from rasterize.errors import InputError
 from uvcloth.garments.materials import Pictures
 from uvcloth.garments.size import refuse_too_many
 from uvcloth.geometry.authored import AuthoredMesh, Labels, Polygons, SurfaceMaterial, Texture, UvSet
-from uvcloth.geometry.gltf import Gltf, decode_data, one_line, read_gltf
+from uvcloth.geometry.gltf import Gltf, decode_data, one_line, read_gltf, require_few
 from uvcloth.geometry.gltf_rig import local_transform
 
 SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
@@ -44,12 +44,13 @@ def read_gltf_mesh(path: Path) -> AuthoredMesh:
     """
     gltf = read_gltf(path)
     parts: list[_Part] = []
+    vertices, faces_so_far = 0, 0
     for node, place in _placed(gltf):
         for part in _parts(gltf, node, place):
             parts.append(part)
-            refuse_too_many(
-                path, sum(len(each.vertices) for each in parts), sum(len(each.faces) for each in parts)
-            )
+            require_few(path, len(parts))
+            vertices, faces_so_far = vertices + len(part.vertices), faces_so_far + len(part.faces)
+            refuse_too_many(path, vertices, faces_so_far)
     counts = np.cumsum([0, *(len(part.vertices) for part in parts)])
     if not parts:
         parts = [_Part(np.zeros((0, 3)), (), None, np.zeros((0, 3), int), np.zeros(0, int), "")]

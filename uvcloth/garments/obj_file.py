@@ -97,9 +97,10 @@ def _colors(vertices: list[list[float]]) -> np.ndarray | None:
     """Colours (N, 4) of vertex lines `x y z r g b`, None unless all have them, 0 to 1."""
     if not vertices or min(map(len, vertices)) < 6:
         return None
-    colors = np.array([row[3:6] for row in vertices]).astype(np.float32)
-    if not ((colors >= 0) & (colors <= 1)).all():
+    rows = np.array([row[3:6] for row in vertices])
+    if not ((rows >= 0) & (rows <= 1)).all():
         return None
+    colors = rows.astype(np.float32)
     return np.concatenate([colors, np.ones_like(colors[:, :1])], axis=1)
 
 

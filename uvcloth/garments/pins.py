@@ -55,7 +55,7 @@ def _listed(path: Path, count: int, outfit: str) -> Tensor:
             f"--pins {path}: neither a readable file of vertex numbers nor one of {places}"
         ) from error
     except (ValueError, OverflowError) as error:
-        raise InputError(f"{path}: expected vertex numbers, {error}") from error
+        raise InputError(f"{path}: expected vertex numbers, {str(error)[:80]!r}") from error
     if len(numbers) and not 0 <= numbers.min() <= numbers.max() < count:
         wrong = int(numbers[(numbers < 0) | (numbers >= count)][0])
         raise InputError(f"{path}: vertex {wrong} is none of the {count} of {outfit}")

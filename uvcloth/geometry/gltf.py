@@ -21,6 +21,9 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 LONGEST_NAME = 200
 """Characters of a name that are kept."""
 
+MOST_MESHES = 2000
+"""Meshes, each of one material, that the nodes of a scene may place."""
+
 COMPRESSIONS = {"KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"}
 """Extensions without which there are no arrays to read."""
 
@@ -104,6 +107,12 @@ def one_line(name: Any) -> str:
     """A name of a file's, in one line of at most LONGEST_NAME characters, none of which is a control code."""
     text = "".join(letter if letter.isprintable() else " " for letter in str(name)[:LONGEST_NAME])
     return " ".join(text.split())
+
+
+def require_few(path: Path, meshes: int) -> None:
+    """Raise InputError naming the file for more than MOST_MESHES in its scene."""
+    if meshes > MOST_MESHES:
+        raise InputError(f"{path}: has more than {MOST_MESHES:,} meshes, join them first")
 
 
 def decode_data(uri: str) -> bytes:

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 
 from rasterize.errors import InputError
 from uvcloth.geometry.gltf import Gltf, one_line
 from uvcloth.geometry.gltf_document import LARGEST
-from uvcloth.geometry.rotations import from_quaternions
 from uvcloth.geometry.skeleton import check_joints
 
 FLAT = 1e-6
@@ -149,11 +147,25 @@ def local_transform(node: dict[str, Any]) -> np.ndarray:
 def compose(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Transforms (..., 4, 4) of shifts (..., 3), unit quaternions (..., 4) x, y, z, w and scales (..., 3)."""
     local = np.zeros((*translation.shape[:-1], 4, 4))
-    turned = from_quaternions(torch.from_numpy(np.asarray(rotation, dtype=np.float64))).numpy()
-    local[..., :3, :3] = turned * scale[..., None, :]
+    local[..., :3, :3] = _turns(rotation) * scale[..., None, :]
     local[..., :3, 3] = translation
     local[..., 3, 3] = 1.0
     return local
+
+
+def _turns(quaternions: np.ndarray) -> np.ndarray:
+    """Rotations (..., 3, 3) of quaternions (..., 4) x, y, z, w of any length above zero.
+
+    In numpy: files have thousands of nodes, which a tensor each would make slow.
+    """
+    q = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    (x, y, z), w = np.moveaxis(q[..., :3], -1, 0), q[..., 3]
+    rows = [
+        *(1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
+        *(2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
+        *(2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
+    ]
+    return np.stack(rows, axis=-1).reshape(*q.shape[:-1], 3, 3)
 
 
 def _nearest_axes(rotation: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from rasterize.archive import list_arrays, read_arrays
 from rasterize.errors import InputError
+from rasterize.fields import MOST
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.smpl_joints import FACE, HANDS, SMPL_JOINTS, STANDING, TRUNK_AND_LIMBS
 from uvcloth.geometry.rotations import from_axis_angles
@@ -158,7 +159,7 @@ def _turns(path: Path, arrays: Mapping[str, np.ndarray]) -> tuple[tuple[str, ...
     for part, joints in PARTS.items():
         if part in arrays:
             values = _floats(path, part, arrays)
-            frames = len(arrays["root_orient"])
+            frames = arrays["root_orient"].shape[0] if arrays["root_orient"].ndim else 0
             if values.shape != (frames, 3 * len(joints)):
                 raise InputError(
                     f"{path}: {part} has the shape {values.shape}, expected ({frames}, {3 * len(joints)})"
@@ -173,8 +174,9 @@ def _floats(path: Path, name: str, arrays: Mapping[str, np.ndarray]) -> np.ndarr
     if arrays[name].dtype.kind not in "fiu":
         raise InputError(f"{path}: {name} holds no numbers")
     values = arrays[name].astype(np.float64)
-    if not np.isfinite(values).all():
-        bad = f" in frame {int(np.argwhere(~np.isfinite(values))[0][0])}" if values.ndim > 1 else ""
+    usual = np.abs(values) <= MOST
+    if not usual.all():
+        bad = f" in frame {int(np.argwhere(~usual)[0][0])}" if values.ndim > 1 else ""
         raise InputError(f"{path}: {name} holds a value that is not a finite number{bad}")
     return values
 

@@ -24,6 +24,9 @@ from uvcloth.motion.hierarchy import Hierarchy, to_clip
 FPS_RANGE = (30.0, 120.0)
 """Least and greatest rate that keys are sampled at, frames per second."""
 
+SHEAR = 1e-4
+"""How far columns may be from standing upright on one another before that is put right."""
+
 SPARSEST, MOST_OF_FEW = 100, 1_000_000
 """Transforms of nodes that are sampled for a value in the file, at most, and beyond these."""
 
@@ -67,7 +70,8 @@ def _hierarchy(file: Gltf, rig: Rig, world: dict[int, np.ndarray], fps: float) -
         raise InputError(f"{file.path}: the skin has {rig.parents.count(-1)} root joints, expected one")
     moved = np.stack([world[node] for node in rig.nodes], axis=1)
     turned = _rotations(moved) @ np.swapaxes(_rotations(rig.bind), 1, 2)
-    bad = np.argwhere(~((np.abs(moved).max(axis=(2, 3)) <= LARGEST) & np.isfinite(turned).all(axis=(2, 3))))
+    turned, solid = _nearest_rotations(turned)
+    bad = np.argwhere(~((np.abs(moved).max(axis=(2, 3)) <= LARGEST) & solid))
     if len(bad):
         frame, joint = bad[0]
         raise InputError(
@@ -90,6 +94,18 @@ def _rotations(transforms: np.ndarray) -> np.ndarray:
     """Rotations of transforms (..., 4, 4) that turn, scale and move."""
     linear = transforms[..., :3, :3]
     return np.asarray(linear / np.linalg.norm(linear, axis=-2, keepdims=True))
+
+
+def _nearest_rotations(linear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The rotations nearest to (T, J, 3, 3), which scales above may shear, and which of them there are."""
+    rotations = linear.copy()
+    finite = np.isfinite(linear).all(axis=(2, 3))
+    sheared = finite & (np.abs(linear @ np.swapaxes(linear, 2, 3) - np.eye(3)).max(axis=(2, 3)) > SHEAR)
+    left, size, right = np.linalg.svd(linear[sheared])
+    rotations[sheared] = left @ right
+    solid = finite & (np.linalg.det(np.where(finite[..., None, None], rotations, 0.0)) > 0)
+    solid[sheared] &= size[:, 2] > SHEAR
+    return rotations, solid
 
 
 def _times(file: Gltf, animation: dict[str, Any], nodes: int) -> tuple[np.ndarray, float]:

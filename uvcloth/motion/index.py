@@ -8,7 +8,7 @@ from glob import escape
 from pathlib import Path
 
 from rasterize.errors import InputError
-from rasterize.fields import is_file_name
+from rasterize.fields import LONGEST, is_file_name
 from rasterize.reading import file_below
 from uvcloth.motion.poses import SPLITS
 
@@ -52,8 +52,8 @@ def read_index(path: Path) -> dict[str, Entry]:
     is none, for a person in two of SPLITS, and for a window that starts before the clip or is empty.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            rows = csv.DictReader(stream)
+        with path.open(newline="", encoding="utf-8-sig") as stream:
+            rows = csv.DictReader(stream, restval="")
             _require_columns(path, rows.fieldnames or ())
             entries: dict[str, Entry] = {}
             for row in rows:
@@ -116,16 +116,19 @@ def _require_one_split_each(path: Path, entries: Iterable[Entry]) -> None:
 
 
 def _entry(path: Path, row: dict[str, str]) -> Entry:
-    clip = row["trial"] or ""
+    clip = row["trial"]
     if not is_file_name(clip):
         raise InputError(f"{path}: the trial {clip!r:.40} is no part of a file's name")
+    for column in ("subject", "action", "file"):
+        if not row.get(column, "").isprintable() or len(row.get(column, "")) > LONGEST:
+            raise InputError(f"{path}: the {column} of {clip} is no printable text of {LONGEST} at most")
     if not row["subject"]:
         raise InputError(f"{path}: does not say who moves in {clip} (column subject)")
     if row["split"] not in (*SPLITS, UNUSED):
         raise InputError(
             f"{path}: the split of {clip} is {row['split']!r:.40}, expected {', '.join(SPLITS)} or {UNUSED}"
         )
-    window = (row["window_start"] or "", row["window_frames"] or "")
+    window = (row["window_start"], row["window_frames"])
     if not all(WHOLE.fullmatch(number) for number in window):
         raise InputError(f"{path}: the window of {clip} is not given in whole frames")
     start, frames = map(int, window)
@@ -134,6 +137,4 @@ def _entry(path: Path, row: dict[str, str]) -> Entry:
             f"{path}: the window of {clip} starts at {start} and has {frames} frames, "
             f"expected a start of at least 0 and at least 1 frame, {MOST_FRAMES} at most"
         )
-    return Entry(
-        clip, row["subject"], row["split"], row["action"] or "", start, frames, row.get("file") or ""
-    )
+    return Entry(clip, row["subject"], row["split"], row["action"], start, frames, row.get("file", ""))

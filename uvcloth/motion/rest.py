@@ -190,7 +190,7 @@ def _estimate(clip: Clip, positions: Tensor, roles: Roles, body: Body, up: Tenso
     on_body = joint_roles(body.skeleton.names)
     shared = {role: joint for role, joint in on_body.items() if role in roles}
     target = joint_frames(_straight_legs(body, on_body)[None].double(), shared)
-    across = (positions[:, roles["left_thigh"]] - positions[:, roles["right_thigh"]]).mean(0)
+    across = (positions[:, roles["left_thigh"]] - positions[:, roles["right_thigh"]]).mean(0).to(up)
     left = nearest_axis(across - (across @ up) * up)
     to_body = torch.stack([left, torch.linalg.cross(up, left), up]).double()
 

@@ -142,7 +142,7 @@ def refused_captures(folder: Path) -> dict[str, str]:
         return {}
     try:
         with path.open(newline="", encoding="utf-8") as stream:
-            return {row["clip"]: row["reason"] for row in csv.DictReader(stream)}
+            return {row["clip"]: row["reason"] for row in csv.DictReader(stream, restval="")}
     except (OSError, UnicodeDecodeError, csv.Error, KeyError) as error:
         raise InputError(f"{path}: not a table with the columns clip and reason") from error
 

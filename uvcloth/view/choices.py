@@ -69,7 +69,19 @@ class Choices:
         )
 
     def perform(self, chosen: Chosen) -> Performance:
-        """Load what was chosen, and begin its rollout. Raises InputError where it does not go together."""
+        """Load what was chosen, and begin its rollout.
+
+        Raises InputError where it does not go together, and for what is not among the choices, which a page
+        other than ours may ask for.
+        """
+        for what, offered in (
+            (chosen.motion, self.motions),
+            (chosen.model, self.models),
+            (chosen.body, self.bodies),
+            *((name, self.garments) for name in chosen.garments),
+        ):
+            if what not in offered:
+                raise InputError(f"{what} is not among the choices")
         body = load_body(None if chosen.body == DEFAULT_BODY else Path(chosen.body))
         if chosen.motion in self.sequences:
             sequence = load_sequence(Path(chosen.motion))

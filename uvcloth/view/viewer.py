@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable
 from contextlib import redirect_stdout
+from html import escape
 from io import StringIO
 from typing import Any
 
@@ -20,6 +21,9 @@ NO_HEAT = "none"
 ASIDE = -1.2
 """Metres along x from the predicted body to the simulated one."""
 
+HOST = "127.0.0.1"
+"""Where the page is served: to this machine alone, for whoever reaches it chooses what is computed."""
+
 IDLE_SECONDS = 0.1
 """Time between two looks at the controls while nothing plays."""
 
@@ -30,7 +34,7 @@ class Viewer:
     Everything but the computation happens in the thread that ticks, so that nothing needs a lock.
     """
 
-    def __init__(self, host: str = "localhost", port: int = 8080) -> None:
+    def __init__(self, host: str = HOST, port: int = 8080) -> None:
         try:
             import viser
         except ModuleNotFoundError as error:
@@ -55,7 +59,7 @@ class Viewer:
         self._drawn: tuple[int, str] = (-1, NO_HEAT)
         self._closed = threading.Event()
         gui: Any = self.server.gui
-        self._state = gui.add_markdown("")
+        self._state = gui.add_html("")
         self._playing = gui.add_checkbox("Play", True)
         self._frame = gui.add_slider("Frame", min=0, max=1, step=1, initial_value=0)
         self._speed = gui.add_slider("Speed", min=0.1, max=2.0, step=0.1, initial_value=1.0)
@@ -147,16 +151,16 @@ class Viewer:
         self._frame.value = 0
 
     def _tell(self, computation: Computation) -> None:
-        """Say how far the computation is."""
+        """Say how far the computation is; names of files are text, whatever is in them."""
         performance, done = computation.performance, len(computation.frames)
         if computation.failure:
-            text = f"**{computation.failure}**"
+            text = f"<b>{escape(computation.failure)}</b>"
         elif performance is None:
             text = "preparing ..."
         elif computation.complete:
-            text = f"{performance.title}: {done} frames"
+            text = f"{escape(performance.title)}: {done} frames"
         else:
-            text = f"{performance.title}: {done} of {performance.count} frames computed"
+            text = f"{escape(performance.title)}: {done} of {performance.count} frames computed"
         if self._state.content != text:
             self._state.content = text
 

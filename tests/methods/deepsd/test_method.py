@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from uvcloth.methods.deepsd.network import DeePSDNetwork
 from uvcloth.methods.registry import load_method
 from uvcloth.methods.rig import pose_vectors
 
-TINY = replace(PRESETS["tiny"], influences=2)
+TINY = replace(PRESETS["tiny"], blend_weights="changed", influences=2)
 JOINTS = 2
 
 
@@ -112,6 +113,20 @@ def test_without_blend_shapes_it_is_skinning_and_still_a_rig() -> None:
     still = torch.eye(3, 4).expand(1, JOINTS, 3, 4)
     (made,) = predicted(method, outfit, body_frames(outfit.body, with_lead(still), 30.0))
     torch.testing.assert_close(made[0], outfit.garments[0].mesh.vertices)
+
+
+def test_joints_come_and_go_with_no_weight() -> None:
+    network = DeePSDNetwork(replace(PRESETS["tiny"], influences=2), 4)
+    apart = 1e-4 * torch.tensor([1.0, -1.0])
+    smooth = torch.tensor([0.5, 0.25, 0.25, 0.0]).repeat(2, 1)
+    smooth[:, 1] += apart
+    smooth[:, 2] -= apart
+    weights = network.blend_weights(torch.zeros(2, 1), SimpleNamespace(smooth=smooth))
+    torch.testing.assert_close(weights.sum(1), torch.ones(2))
+    assert ((weights > 0).sum(1) == 2).all()
+    assert (weights[0] - weights[1]).abs().max() < 1e-3
+    alike = network.blend_weights(torch.zeros(1, 1), SimpleNamespace(smooth=torch.full((1, 4), 0.25)))
+    torch.testing.assert_close(alike.sort().values, torch.tensor([[0.0, 0.0, 0.5, 0.5]]))
 
 
 def test_offsets_are_no_rig() -> None:

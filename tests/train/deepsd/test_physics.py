@@ -209,7 +209,7 @@ def test_an_outfit_of_one_s_own_is_fitted_without_data(
 
 
 def test_what_does_not_do_is_refused(dataset: OutfitDataset, start: TrainedStart, tmp_path: Path) -> None:
-    flat = replace(TINY, deformation="none")
+    flat = replace(TINY, deformation="none", blend_weights="changed")
     with pytest.raises(InputError, match="--physics-only: a network without a deformation"):
         Quick(trained(flat, 31), LOSSES, dataset, 2)
     with pytest.raises(InputError, match="is for a skeleton of 24 joints, body 'default' has 31"):

@@ -245,7 +245,8 @@ def test_training_lowers_the_error(dataset: OutfitDataset) -> None:
     "config",
     [
         replace(TINY, deformation="offsets"),
-        replace(TINY, deformation="none"),
+        replace(TINY, deformation="none", blend_weights="changed"),
+        replace(TINY, blend_weights="changed"),
         replace(TINY, keys=0),
         replace(TINY, global_layers=()),
         replace(TINY, graph_heads=True),

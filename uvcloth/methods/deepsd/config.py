@@ -23,8 +23,8 @@ class DeePSDConfig:
     inputs: Literal["mesh", "body"] = "body"
     """What a vertex brings: position and normal (mesh, paper), or besides its offset from the closest point
     of the skin and its smooth blend weights (body)."""
-    blend_weights: Literal["learned", "smooth", "fixed"] = "smooth"
-    """Predicted alone (learned, paper), as a change of the smooth ones of the baseline, or those (fixed)."""
+    blend_weights: Literal["learned", "changed", "smooth"] = "smooth"
+    """Predicted alone (learned, paper), as a change of the smooth ones of the baseline, or those."""
     influences: int = 4
     """Joints that may move a vertex, the strongest (paper: all): four are what every engine plays. The weight
     of the next one is taken off each, so that weights are continuous over the cloth."""
@@ -51,6 +51,8 @@ class DeePSDConfig:
         require_settings(self, RANGES)
         if not self.convolutions:
             raise InputError("--convolutions: has to be one number or more")
+        if self.deformation == "none" and self.blend_weights == "smooth":
+            raise InputError("--deformation none: leaves nothing to learn, with --blend-weights smooth")
         for name in ("convolutions", "global_layers", "weight_layers", "shape_layers", "pose_layers"):
             if len(getattr(self, name)) > MOST_LAYERS:
                 raise InputError(f"--{name.replace('_', '-')}: has to be {MOST_LAYERS} numbers at most")

@@ -38,7 +38,8 @@ class DeePSDNetwork(nn.Module):
         local = config.convolutions[-1]
         self.pooled = _linears([local, *config.global_layers])
         described = local + (config.global_layers[-1] if config.global_layers else 0)
-        self.weights = _linears([described, *config.weight_layers, joints])
+        learned = config.blend_weights != "smooth"
+        self.weights = _linears([described, *config.weight_layers, joints] if learned else [])
         poses = 3 * joints
         self.embedding = _linears([poses, *config.pose_layers, config.keys] if config.keys else [])
         keys = config.keys or poses
@@ -52,7 +53,7 @@ class DeePSDNetwork(nn.Module):
             for layers in self.branches.values():
                 _last(layers).weight.mul_(FIRST_SHAPE)
                 _last(layers).bias.zero_()
-            if config.blend_weights == "smooth":
+            if config.blend_weights == "changed":
                 _last(self.weights).weight.mul_(FIRST_SHAPE)
                 _last(self.weights).bias.zero_()
 
@@ -77,10 +78,10 @@ class DeePSDNetwork(nn.Module):
 
     def blend_weights(self, described: Tensor, outfits: PackedOutfits) -> Tensor:
         """Blend weights Omega of U points (U, J): rows sum to one, at most the config's influences each."""
-        if self.config.blend_weights == "fixed":
+        if self.config.blend_weights == "smooth":
             return self._strongest(outfits.smooth)
         scores = self._head(self.weights, described, outfits)
-        if self.config.blend_weights == "smooth":
+        if self.config.blend_weights == "changed":
             scores = scores + (outfits.smooth + LEAST_WEIGHT).log()
         return self._strongest(torch.softmax(scores, dim=1))
 

@@ -1,0 +1,115 @@
+"""Readers of JSON, tables and lists: outfits, role maps, indices, pins."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from tests.fuzz.target import Target, require
+from tests.small_body import small_body
+from uvcloth.bodies.body import save_body
+from uvcloth.garments.garment import Garment
+from uvcloth.garments.pins import pinned
+from uvcloth.motion.index import Entry, read_index
+from uvcloth.motion.poses import SPLITS
+from uvcloth.motion.roles import ROLES, read_role_map
+from uvcloth.wardrobe.designs import KINDS, PARTS, Design, limits
+from uvcloth.wardrobe.outfit_file import OutfitFile, PieceFile, load_outfit_file, save_outfit_file
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+INDEX = """trial,subject,split,action,window_start,window_frames,file
+walk,ann,train,walking,0,115,sub/walk.bvh
+jump,cid,validation,"jumping, high",0,54,
+run,bob,test,running,20,70,
+idle,bob,unused,,0,1,
+"""
+ROLE_MAP = '{"hips": "Pelvis", "left_thigh": "LThigh", "right_thigh": "RThigh", "head": "Head"}'
+
+
+def good_outfit(folder: Path) -> Path:
+    (folder / "bodies").mkdir()
+    save_body(small_body(), folder / "bodies" / "b01.npz")
+    (folder / "o0001_gown.obj").write_text(TRIANGLE)
+    parts = {
+        part: {name: sum(span) / 2 for name, span in limits(PARTS[part]).items()} for part in KINDS["gown"]
+    }
+    outfit = OutfitFile(
+        path=folder / "o0001.json",
+        name="o0001",
+        split="train",
+        body=folder / "bodies" / "b01.npz",
+        seed=3,
+        pieces=(PieceFile(folder / "o0001_gown.obj", Design.of("gown", parts), 3),),
+        fabric_name="jersey",
+        fabric={"density": 0.2, "stretch": 40.0, "bend": 1.5e-5},
+        tightness=0.5,
+        even=True,
+        seams=False,
+        vertex_range=(1000, 2500),
+    )
+    save_outfit_file(outfit)
+    return outfit.path
+
+
+def check_outfit(outfit: OutfitFile) -> None:
+    require(outfit.split in SPLITS and len(outfit.pieces) > 0, "no split, or no pieces")
+    require(0 <= outfit.tightness <= 1 and type(outfit.seed) is int, "tightness or seed")
+    require(type(outfit.even) is bool and type(outfit.seams) is bool, "a flag that is none")
+    require(0 < outfit.vertex_range[0] <= outfit.vertex_range[1] <= 10**6, "vertex range")
+    require(all(np.isfinite(value) and value >= 0 for value in outfit.fabric.values()), "fabric")
+    folder = outfit.path.parent.resolve()
+    for file in (outfit.body, *(piece.file for piece in outfit.pieces)):
+        require(file.resolve().is_relative_to(folder) and file.is_file(), "a file elsewhere")
+    for piece in outfit.pieces:
+        require(set(piece.design.parameters()) == set(KINDS[piece.design.kind]), "parts of another piece")
+
+
+def good_role_map(folder: Path) -> Path:
+    (folder / "map.json").write_text(ROLE_MAP)
+    return folder / "map.json"
+
+
+def check_role_map(found: dict[str, Any]) -> None:
+    require(set(found) <= set(ROLES), "a role that is none")
+    require(all(isinstance(name, str) for name in found.values()), "a joint name that is no text")
+
+
+def good_index(folder: Path) -> Path:
+    (folder / "index.csv").write_text(INDEX)
+    return folder / "index.csv"
+
+
+def check_index(entries: dict[str, Entry]) -> None:
+    splits: dict[str, str] = {}
+    for clip, entry in entries.items():
+        texts = (entry.clip, entry.subject, entry.split, entry.action, entry.file)
+        require(all(isinstance(text, str) for text in texts), "a text that is none")
+        require(clip == entry.clip and clip.isprintable() and "/" not in clip, "a clip's name")
+        require(0 <= entry.start < 2**31 and 0 < entry.frames < 2**31, "a window")
+        require(entry.split in (*SPLITS, "unused"), "a split that is none")
+        if entry.split != "unused":
+            require(splits.setdefault(entry.subject, entry.split) == entry.split, "a person in two splits")
+
+
+def good_pins(folder: Path) -> Path:
+    (folder / "pins.txt").write_text("0 1 2\n5\n7\n")
+    return folder / "pins.txt"
+
+
+def read_pins(path: Path) -> torch.Tensor:
+    body = small_body()
+    box = Garment("box", None, body.mesh, body.weights, body.weights, "file")
+    return pinned([box], body, [str(path)])
+
+
+def check_pins(held: torch.Tensor) -> None:
+    require(held.shape == (8,) and held.dtype == torch.bool, "pins of another garment")
+
+
+TARGETS = [
+    Target("outfit", good_outfit, load_outfit_file, check_outfit),
+    Target("role_map", good_role_map, read_role_map, check_role_map),
+    Target("index", good_index, read_index, check_index),
+    Target("pins", good_pins, read_pins, check_pins),
+]
