@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import torch
@@ -31,13 +31,13 @@ SHORT = 0.001
 DEEP = 0.01
 """Metres inside the body from which contact has left a vertex too deep."""
 
-CROWDED = 0.05
+MUCH_SQUEEZED = 0.05
 """A body runs through itself where its parts squeeze more than this share of the vertices."""
 
 JUMPED = "the motion jumps, and the garments start anew"
 STRETCHED = f"an edge of a garment has more than {LONGEST:.0f} times its length"
 LEFT_INSIDE = f"cloth is left more than {1000 * DEEP:.0f} mm inside the body"
-SQUEEZED = f"the body runs through itself where more than {100 * CROWDED:.0f} % of the cloth lies"
+SQUEEZED = f"the body runs through itself where more than {100 * MUCH_SQUEEZED:.0f} % of the cloth lies"
 
 
 @dataclass(frozen=True)
@@ -56,11 +56,11 @@ class RolloutFrame:
     vertices: tuple[Tensor, ...]
     transforms: Tensor
     body_vertices: Tensor
-    origin: Tensor
     milliseconds: Mapping[str, float]
     contacts: "tuple[Contacts, ...]" = ()
     replaced: tuple[str, ...] = ()
     difficulties: tuple[str, ...] = ()
+    origin: Tensor = field(default_factory=lambda: torch.zeros(3, dtype=torch.float64))
 
     def in_world(self) -> "RolloutFrame":
         """The frame with all places in the world, in float32."""
@@ -337,12 +337,12 @@ def _transformed(transforms: Tensor, shift: Tensor) -> Tensor:
 
 
 def _difficulties(frame: RolloutFrame, longest: float) -> tuple[str, ...]:
-    """What made a frame hard, after contact, whose longest edge has so many times its rest length."""
+    """Words for what made a frame hard, after contact; longest: its longest edge, in rest lengths."""
     vertices = sum(len(garment) for garment in frame.vertices)
     faults = {
         STRETCHED: longest > LONGEST,
         LEFT_INSIDE: any(contacts.deepest > DEEP for contacts in frame.contacts),
-        SQUEEZED: sum(contacts.squeezed for contacts in frame.contacts) > CROWDED * vertices,
+        SQUEEZED: sum(contacts.squeezed for contacts in frame.contacts) > MUCH_SQUEEZED * vertices,
     }
     return tuple(words for words, true in faults.items() if true)
 

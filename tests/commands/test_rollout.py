@@ -20,7 +20,7 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.contact import Contacts
-from uvcloth.rollout import BrokenRolloutError
+from uvcloth.rollout import BrokenRolloutError, RolloutFrame
 
 FRAMES = 4
 
@@ -38,7 +38,7 @@ def scene(monkeypatch, body):
 
     def rollout(method, proxied, transforms, fps, contact, device, every, keep_going):
         for joints in still:
-            yield SimpleNamespace(
+            yield RolloutFrame(
                 raw=(raw,),
                 vertices=(resolved,),
                 transforms=joints,
@@ -104,9 +104,10 @@ def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
 
     def rollout(method, proxied, transforms, fps, contact, device, every, keep_going):
         aside = torch.tensor([0.0, 0.0 if contact else 0.02, 0.0])
-        for joints in transforms:
+        for joints in transforms.float():
             worn = skin(shirt.mesh.vertices, shirt.smooth_weights, joints[None])[0] + aside
-            yield SimpleNamespace(
+            yield RolloutFrame(
+                raw=(worn,),
                 vertices=(worn,),
                 transforms=joints,
                 body_vertices=skin(body.mesh.vertices, body.weights, joints[None])[0],

@@ -166,7 +166,7 @@ def test_cloth_between_two_limbs_that_leave_it_no_room_is_left_calm() -> None:
 
 
 def test_room_between_two_limbs_has_no_step() -> None:
-    """A sheet between two blocks, 3 mm from the lower one, as they come closer: it moves no more than they do.
+    """A sheet between two blocks, 3 mm from the lower one, that come closer: it moves no more than they do.
 
     Where the gap of 4 mm decided whether it was held, it moved by millimetres.
     """
