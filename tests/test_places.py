@@ -1,11 +1,15 @@
 """Garments do not depend on where the body is, nor on what was before a jump of the motion."""
 
 from dataclasses import replace
+from functools import cache
+from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
+from tests.motion.bvh_text import bvh_text, performer
 from tests.test_rollout import FPS, Recorder, falling, outfit
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.stream import BATCH, posed_batches
@@ -33,13 +37,18 @@ def moved(clip: Clip, shift: Tensor) -> Clip:
     return replace(clip, translation=clip.translation.double() + shift)
 
 
+@cache
+def dressed(*garments: str) -> Outfit:
+    body = load_body()
+    return Outfit(body, tuple(fit_template(garment, body) for garment in garments))
+
+
 @pytest.mark.parametrize("name", METHODS)
 def test_garments_are_the_same_ten_kilometres_away(name: str) -> None:
     """To 0.1 mm is asked; every method that ships, over two changes of the origin, also after contact."""
-    body = load_body()
-    method, clip = load_method(name, body), load_clip("run", body).window(20, 2 * BATCH + 3)
-    worn = Outfit(body, tuple(fit_template(garment, body) for garment in METHODS[name]))
-    prepared = prepare_rollout(method, worn)
+    worn = dressed(*METHODS[name])
+    clip = load_clip("run", worn.body).window(20, 2 * BATCH + 3)
+    prepared = prepare_rollout(load_method(name, worn.body), worn)
     here, there = (
         list(prepared.around_root(moved(clip, shift).transforms(torch.float64), clip.fps))
         for shift in (torch.zeros(3), FAR)
@@ -48,6 +57,25 @@ def test_garments_are_the_same_ten_kilometres_away(name: str) -> None:
         torch.testing.assert_close(far.origin, near.origin + FAR, atol=1e-9, rtol=0)
         for one, other in zip((*near.raw, *near.vertices), (*far.raw, *far.vertices), strict=True):
             assert (one - other).abs().max() < 1e-4
+
+
+def test_a_motion_file_is_read_as_exactly_ten_kilometres_away(tmp_path: Path) -> None:
+    """In inches, with six digits after the point: the body takes the same steps to 0.1 micrometres."""
+    joints = performer()
+    values = np.zeros((12, sum(len(joint[3]) for joint in joints)))
+    values[:, 0] = np.linspace(0.0, 3.0, 12) ** 2
+    values[:, 1] = 40.0
+    steps = []
+    for place in (0.0, 400_000.0):
+        path = tmp_path / f"{place}.bvh"
+        far = values.copy()
+        far[:, 0] += place
+        path.write_text(bvh_text(joints, far), encoding="utf-8")
+        clip = load_clip(path, load_body())
+        steps.append(clip.translation - clip.translation[0])
+    assert clip.translation[0].norm() > 9_000
+    assert steps[0].norm(dim=1).max() > 0.1
+    torch.testing.assert_close(steps[1], steps[0], atol=1e-7, rtol=0)
 
 
 def test_a_frame_in_the_world_is_where_the_motion_leads() -> None:
@@ -79,9 +107,8 @@ def test_falling_is_no_jump() -> None:
 
 
 def ran(motion: Tensor) -> list[RolloutFrame]:
-    body = load_body()
-    worn = Outfit(body, (fit_template("dress", body),))
-    return list(rollout(load_method("motion_guided", body), worn, motion, FPS))
+    worn = dressed("dress")
+    return list(rollout(load_method("motion_guided", worn.body), worn, motion, FPS))
 
 
 def test_a_garment_starts_anew_where_the_motion_jumps() -> None:
@@ -101,7 +128,7 @@ def test_a_garment_starts_anew_where_the_motion_jumps() -> None:
 
 
 def test_difficult_frames_are_summed_up_as_spans() -> None:
-    frame = ran(load_clip("walk", load_body()).transforms()[:1])[0]
+    frame = next(rollout(Recorder(), outfit(), falling(1), FPS, contact=False))
     totals = Totals()
     for index in (3, 4, 5, 9, 20, 21, *range(30, 60, 2)):
         totals.add(replace(frame, index=index, difficulties=("the body is upside down",)))

@@ -95,7 +95,7 @@ def check_clip(clip: Clip) -> None:
     check_skeleton(clip.skeleton)
     require(len(clip) > 0, "no frames")
     check_rotations(clip.rotations, (-1, len(clip.skeleton.names), 3, 3))
-    require_numbers(clip.translation.float(), (len(clip), 3), "translation")
+    require_numbers(clip.translation.double(), (len(clip), 3), "translation", torch.float64)
     require(0.1 <= clip.fps <= 10_000, f"{clip.fps} frames per second")
 
 
