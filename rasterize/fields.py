@@ -135,7 +135,7 @@ def _converted(
         most = sizes[field.most] - 1 if isinstance(field.most, str) else field.most
         if array.dtype.kind == "f" and not np.isfinite(array).all():
             raise InputError(f"{path}: {name} holds a value that is not a finite number")
-        low, high = array.min(), array.max()
+        low, high = array.min().item(), array.max().item()
         if low < field.least or high > most:
             wrong = low if low < field.least else high
             raise InputError(f"{path}: {name} holds {wrong:g}, expected {field.least:g} to {most:g}")

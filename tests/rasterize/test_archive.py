@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rasterize.archive import load_arrays, read_arrays, require_finite, save_arrays
+from rasterize.archive import load_arrays, read_arrays, require_finite, save_arrays, smallest_indices
 from rasterize.errors import InputError
 
 NOISE = np.random.default_rng(0).normal(size=(40, 3)).astype(np.float32)
@@ -145,3 +145,10 @@ def test_an_array_twice_and_what_is_no_array_are_named(path: Path, tmp_path: Pat
     with pytest.raises(InputError, match=r"b\.npz: noise is no array of numpy's"):
         read_arrays(tmp_path / "b.npz", "noise")
     assert read_arrays(tmp_path / "b.npz", "noise", ("faces",)) == {}
+
+
+@pytest.mark.parametrize(("largest", "dtype"), [(0, "u1"), (255, "u1"), (65_535, "u2"), (65_536, "u4")])
+def test_indices_are_kept_whole_in_the_smallest_type(largest: int, dtype: str) -> None:
+    packed = smallest_indices(np.array([0, largest]))
+    assert packed.dtype == np.dtype(dtype)
+    assert packed.tolist() == [0, largest]

@@ -365,5 +365,5 @@ def test_a_model_of_another_topology_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["width", "layers", "influences"])
 def test_sizes_that_are_none_are_refused(name: str) -> None:
-    with pytest.raises(InputError, match=f"--{name} 0: has to be 1 or more"):
+    with pytest.raises(InputError, match=f"--{name} 0: has to be from 1 to"):
         PBNSConfig(**{name: 0})

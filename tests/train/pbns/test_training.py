@@ -416,7 +416,7 @@ def test_one_command_trains_a_model_that_dresses(
     [
         (("--preset", "silk"), "--preset silk: expected one of default, paper, tiny"),
         (("--preset", "tiny", "--edge", "-1"), r"--edge -1\.0: has to be 0 or more"),
-        (("--preset", "tiny", "--width", "0"), "--width 0: has to be 1 or more"),
+        (("--preset", "tiny", "--width", "0"), "--width 0: has to be from 1 to 4096"),
         (("--preset", "tiny", "--learning-rate", "nan"), "--learning-rate nan: has to be more than 0"),
         (("--preset", "tiny", "--average", "2"), r"--average 2\.0: has to be 0 or more, and less than 1"),
         (("--preset", "tiny", "--pins", "waist"), "--pins waist: names no vertex of tops"),
