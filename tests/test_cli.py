@@ -14,7 +14,7 @@ from tests.export.glb_reader import GlbReader
 from uvcloth import cli
 from uvcloth.motion.library import load_clip
 
-HEAVY = ("torch", "warp", "newton", "lightning", "scipy", "trimesh", "pxr", "anny")
+HEAVY = ("torch", "warp", "newton", "lightning", "scipy", "trimesh", "pxr", "kornia", "anny")
 
 
 @pytest.fixture

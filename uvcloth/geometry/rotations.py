@@ -1,6 +1,8 @@
-"""Rotation matrices: applied to vectors, and to and from quaternions, axis-angles and Euler angles."""
+"""Rotation matrices: applied to vectors, and to and from quaternions, axis-angles and Euler angles.
 
-import math
+The conversions that need care are kornia's, imported where they are used: that takes a second, which who
+reads a clip as it is does not pay.
+"""
 
 import torch
 from torch import Tensor
@@ -18,21 +20,10 @@ def rotate_back(frames: Tensor, vectors: Tensor) -> Tensor:
 
 def to_quaternions(rotations: Tensor) -> Tensor:
     """Unit quaternions x, y, z, w of rotations (..., 3, 3): (..., 4), in float64."""
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (row.unbind(-1) for row in rotations.double().unbind(-2))
-    # Four times the products of all components; each row is the quaternion times one of them.
-    products = torch.stack(
-        [
-            torch.stack([1 + xx - yy - zz, xy + yx, xz + zx, zy - yz], dim=-1),
-            torch.stack([xy + yx, 1 - xx + yy - zz, yz + zy, xz - zx], dim=-1),
-            torch.stack([xz + zx, yz + zy, 1 - xx - yy + zz, yx - xy], dim=-1),
-            torch.stack([zy - yz, xz - zx, yx - xy, 1 + xx + yy + zz], dim=-1),
-        ],
-        dim=-2,
-    )
-    # A component that is far from zero: w for angles up to 120 degrees, else the greatest of the others.
-    far = torch.stack([xx, yy, zz], dim=-1).argmax(-1)
-    row = torch.where(xx + yy + zz > 0, 3, far)[..., None, None].expand(*far.shape, 1, 4)
-    return torch.nn.functional.normalize(products.gather(-2, row).squeeze(-2), dim=-1)
+    from kornia.geometry.conversions import rotation_matrix_to_quaternion
+
+    quaternions = rotation_matrix_to_quaternion(rotations.double()).roll(-1, dims=-1)
+    return torch.nn.functional.normalize(quaternions, dim=-1)
 
 
 def from_quaternions(quaternions: Tensor) -> Tensor:
@@ -51,20 +42,16 @@ def are_unit(quaternions: Tensor) -> bool:
 
 def to_axis_angles(rotations: Tensor) -> Tensor:
     """Axes times angles, radians, of rotations (..., 3, 3): (..., 3)."""
-    quaternions = to_quaternions(rotations)
-    axis, cosine = quaternions[..., :3], quaternions[..., 3:]
-    sine = axis.norm(dim=-1, keepdim=True)
-    # The shorter way round. As the angle goes to zero, angle / sine goes to two.
-    angle = 2 * torch.atan2(torch.where(cosine < 0, -sine, sine), cosine.abs())
-    return (axis * torch.where(sine > 0, angle / sine, 2.0)).to(rotations)
+    from kornia.geometry.conversions import rotation_matrix_to_axis_angle
+
+    return rotation_matrix_to_axis_angle(rotations.reshape(-1, 3, 3)).view(*rotations.shape[:-2], 3)
 
 
 def from_axis_angles(axis_angles: Tensor) -> Tensor:
     """Rotations (..., 3, 3) of axes times angles (..., 3), radians."""
-    angle = axis_angles.norm(dim=-1, keepdim=True)
-    # sin(angle / 2) / angle, also at zero.
-    share = 0.5 * torch.sinc(angle / (2 * math.pi))
-    return from_quaternions(torch.cat([share * axis_angles, (0.5 * angle).cos()], dim=-1))
+    from kornia.geometry.conversions import axis_angle_to_rotation_matrix
+
+    return axis_angle_to_rotation_matrix(axis_angles.reshape(-1, 3)).view(*axis_angles.shape[:-1], 3, 3)
 
 
 def from_euler(axes: str, angles: Tensor) -> Tensor:

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 import torch
+from skimage.draw import line_aa
 from torch import Tensor
 
 from uvcloth.geometry.skeleton import Skeleton
@@ -60,18 +61,14 @@ def _facing(positions: Tensor, body: Tensor, roles: Mapping[str, int], on_body: 
 def _draw(picture: np.ndarray, points: Tensor, skeleton: Skeleton, roles: Mapping[str, int]) -> None:
     """Draw the bones between points (J, 2), metres, in grey where no roles are given."""
     pixel = HEIGHT / (2 * REACH)
-    places = torch.tensor([WIDTH / 2, HEIGHT / 2]) + pixel * points * torch.tensor([1.0, -1.0])
+    across = (WIDTH / 2 + pixel * points[:, 0]).round().long().tolist()
+    down = (HEIGHT / 2 - pixel * points[:, 1]).round().long().tolist()
     side_of = {joint: role.partition("_")[0] for role, joint in roles.items()}
     for joint, parent in enumerate(skeleton.parents):
         if parent >= 0:
             color = {"left": LEFT, "right": RIGHT}.get(side_of.get(joint, ""), MIDDLE) if roles else GREY
-            share = _line(places[parent].numpy(), places[joint].numpy())[..., None]
-            picture[:] = (1 - share) * picture + share * np.array(color)
-
-
-def _line(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Opacity (HEIGHT, WIDTH) of a line one pixel wide between places (2,), across and down in pixels."""
-    pixels = np.stack(np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT)), axis=-1)
-    along = end - start
-    share = ((pixels - start) @ along / max(along @ along, 1e-9)).clip(0.0, 1.0)
-    return (1.0 - np.linalg.norm(pixels - start - share[..., None] * along, axis=-1)).clip(0.0, 1.0)
+            ends = down[parent], across[parent], down[joint], across[joint]
+            rows, columns, opacity = line_aa(*ends)  # type: ignore[no-untyped-call]
+            inside = (rows >= 0) & (rows < HEIGHT) & (columns >= 0) & (columns < WIDTH)
+            rows, columns, share = rows[inside], columns[inside], opacity[inside, None]
+            picture[rows, columns] = (1 - share) * picture[rows, columns] + share * np.array(color)
