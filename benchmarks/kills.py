@@ -5,10 +5,12 @@ Run from the checkout with PYTHONPATH=. on Linux as
     OMP_NUM_THREADS=1 python benchmarks/kills.py [--times 100] [--only simulate train-pbns ...] [--seed 0]
 
 Each run is a fork of one process that has imported everything, so that a kill hits the work and not Python's
-start. Inputs are made up and tiny, and `simulate` has an engine that only skins. The table of docs/robustness.md comes from here.
+start. Inputs are made up and tiny, and `simulate` has an engine that only skins. The table of
+docs/robustness.md comes from here.
 """
 
 import importlib
+import multiprocessing
 import sys
 import tempfile
 from dataclasses import dataclass
@@ -30,6 +32,7 @@ from tests.train.deepsd.outfits import save_outfits
 from tests.train.simulated import database_of, save_clips
 from train.deepsd import physics, validation
 from uvcloth.bodies.body import load_body
+from uvcloth.commands import outfits
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.poses import save_poses
 from uvcloth.simulate import batch
@@ -42,7 +45,7 @@ MOVING = ("--motion", "walk", "--frames", "0:4")
 def commands(inputs: Path) -> list[Command]:
     """Every command, on made-up inputs."""
     rollout = ("rollout", *MOVING, "--garment", "tops", "--model", "lbs")
-    poses, clips, outfits = (str(inputs / name) for name in ("poses.npz", "clips", "outfits"))
+    poses, clips, moved = (str(inputs / name) for name in ("poses.npz", "clips", "outfits"))
     tiny = ("--preset", "tiny", "--save-seconds", "0.1", "--out", "OUT")
     resume = ("--resume",)
     return [
@@ -72,7 +75,8 @@ def commands(inputs: Path) -> list[Command]:
             "scores",
         ),
         Command(
-            "train-physxnet", "train", ("physxnet", "--data", clips, *tiny), "weights", resume
+            "train-physxnet", "train",
+            ("physxnet", "--data", clips, "--templates", "tops", "bottoms", *tiny), "weights", resume,
         ),
         Command(
             "train-motion_guided", "train",
@@ -81,7 +85,7 @@ def commands(inputs: Path) -> list[Command]:
         Command(
             "train-pbns", "train", ("pbns", "--garment", "tops", "--poses", poses, *tiny), "weights", resume
         ),
-        Command("train-deepsd", "train", ("deepsd", "--data", outfits, *tiny), "weights", resume),
+        Command("train-deepsd", "train", ("deepsd", "--data", moved, *tiny), "weights", resume),
     ]  # fmt: skip
 
 
@@ -105,6 +109,7 @@ def prepare() -> None:
         importlib.import_module(module)
     # A new process would import all of this once more.
     dask.config.set({"distributed.worker.multiprocessing-method": "fork"})
+    outfits.get_context = lambda method: multiprocessing.get_context("fork")
     batch.LEAD_IN = LeadIn(rest=1, blend=1, ramp=1)
     ENGINES["newton"] = Following
     validation.POSES = physics.POSES = 2

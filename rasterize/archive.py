@@ -34,8 +34,11 @@ TYPES = re.compile(r"(?P<order>[<>|=]?)(?P<kind>[biufU])(?P<size>[1-9]\d{0,6})|(
 SIZES = {"b": (1,), "i": (1, 2, 4, 8), "u": (1, 2, 4, 8), "f": (2, 4, 8)}
 """Bytes of the numbers that are read, by kind; texts (U) may have any length."""
 
-ENTRY = r"\s*'(descr|fortran_order|shape)'\s*:\s*('[^']*'|True|False|\(\s*(?:\d{1,18}L?\s*,?\s*){0,32}\))\s*"
-HEADER = re.compile(rf"\{{{ENTRY},{ENTRY},{ENTRY},?\s*\}}\s*")
+SHAPE = r"\(\s*+(?:\d{1,18}+L?(?:\s*+,\s*+\d{1,18}+L?){0,31}+\s*+,?)?\s*+\)"
+ENTRY = rf"\s*+'(descr|fortran_order|shape)'\s*+:\s*+('[^']*+'|True|False|{SHAPE})\s*+"
+HEADER = re.compile(rf"\{{{ENTRY},{ENTRY},{ENTRY},?\s*+\}}\s*+")
+"""A header as numpy writes it. Nothing is tried twice, so that time does not grow with damage."""
+
 MAGIC = b"\x93NUMPY"
 MOST_HEADER = 10_000
 CHUNK = 1 << 20
@@ -162,7 +165,7 @@ def _read(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
                 f"its member {found} bytes"
             )
         values = np.empty(count, header.dtype)
-        place = memoryview(values.view(np.uint8)) if said else memoryview(b"")
+        place = values.view(np.uint8).data if said else memoryview(b"")
         for start in range(0, said, CHUNK):
             place[start : start + CHUNK] = stream.read(min(CHUNK, said - start))
         # Only at its end is a member's checksum compared.

@@ -15,7 +15,10 @@ from rasterize.errors import InputError
 from rasterize.interruption import uninterrupted
 from rasterize.lock import HeldError, Lock
 
-SUFFIX = ".partial"
+SUFFIX, FINISHED = ".partial", "finished"
+ROOM = 2**20
+"""Bytes by which a disk is tried: more than libraries collect before they write."""
+
 LOCK = ".uvcloth.lock"
 """Name of the lock in a folder that is written to, hidden or not."""
 
@@ -30,7 +33,7 @@ class Partial:
     def __init__(self, path: Path) -> None:
         make_folder(path.parent)
         self.folder = path.with_name(f".{path.name}{SUFFIX}")
-        self.finished = self.folder / "finished"
+        self.finished = self.folder / FINISHED
         while True:
             self.folder.mkdir(exist_ok=True)
             try:
@@ -172,6 +175,15 @@ def sole_writer(folder: Path) -> Iterator[None]:
                 folder.rmdir()
 
 
+def require_room(folder: Path) -> None:
+    """Raise the system's OSError if a disk is full: libraries do not always say why they could not write."""
+    probe = folder / "room"
+    try:
+        probe.write_bytes(bytes(ROOM))
+    finally:
+        probe.unlink(missing_ok=True)
+
+
 def require_there(folder: Path) -> None:
     """Raise InputError if a folder that is written to is gone."""
     if not folder.is_dir():
@@ -187,6 +199,9 @@ def make_folder(path: Path) -> None:
 
 
 def _cannot_write(path: Path, error: OSError) -> InputError:
+    hidden = path.parent.parent
+    if path.parent.name == FINISHED and hidden.name.endswith(SUFFIX):
+        path = hidden.with_name(path.name)
     return InputError(f"{path}: cannot be written ({error.strerror or error})")
 
 

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Callable
 
 from rasterize.errors import InputError
-from rasterize.interruption import Terminated, interruptible
+from rasterize.interruption import interruptible
 from rasterize.reproducible import fix_summation_order
 
 BAD_INPUT, INTERRUPTED, TERMINATED = 2, 130, 143
@@ -32,8 +32,6 @@ def run_command(program: str, command: Callable[[], None]) -> int:
             command()
     except InputError as error:
         return _report(program, str(error), BAD_INPUT)
-    except Terminated:
-        return _report(program, ENDED[TERMINATED], TERMINATED)
     except KeyboardInterrupt:
         return _report(program, ENDED[INTERRUPTED], INTERRUPTED)
     except OSError as error:

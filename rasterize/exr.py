@@ -5,8 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rasterize.atomic import atomic_write
+from rasterize.atomic import atomic_write, require_room
 from rasterize.errors import InputError
+
+END_OF_PNG = b"\0\0\0\0IEND\xae\x42\x60\x82"
 
 
 def write_exr(path: Path, channels: Mapping[str, np.ndarray], half: bool = True) -> None:
@@ -39,7 +41,12 @@ def _write(path: Path, pixels: np.ndarray, kind: str, names: list[str]) -> None:
         if output is None:
             raise InputError(f"{path}: OpenImageIO writes no such format, expected a name in .exr or .png")
         written = output.open(str(partial), spec) and output.write_image(np.ascontiguousarray(pixels))
-        if not (output.close() and written):
+        written = bool(output.close() and written)
+        # A disk that is full for the last bytes of a PNG goes unnoticed there.
+        if written and partial.suffix.lower() == ".png":
+            written = partial.read_bytes().endswith(END_OF_PNG)
+        if not written:
+            require_room(partial.parent)
             raise InputError(f"{path}: cannot be written ({output.geterror()})")
 
 

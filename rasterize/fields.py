@@ -29,7 +29,8 @@ class Field:
 
     shape: numbers, or letters for sizes that agree within the file. kind: of KINDS. dtype: to which it is
     converted, None to keep it. least, most: between which every value lies, both included; most may be a
-    size's letter, for indices below it. optional: whether it may be missing.
+    size's letter, for indices below it. optional: whether it may be missing. may_be_empty: whether its first
+    axis may have no rows instead.
     """
 
     shape: tuple[int | str, ...]
@@ -38,10 +39,15 @@ class Field:
     least: float = -MOST
     most: float | str = MOST
     optional: bool = False
+    may_be_empty: bool = False
 
     def if_there(self) -> "Field":
         """The field as one that may be missing."""
         return replace(self, optional=True)
+
+    def or_empty(self) -> "Field":
+        """The field as one that may have no rows, whatever others have."""
+        return replace(self, may_be_empty=True)
 
 
 def numbers(*shape: int | str, least: float = -MOST, most: float = MOST, dtype: type = np.float32) -> Field:
@@ -110,6 +116,8 @@ def _require_kind(path: Path, name: str, array: np.ndarray, field: Field) -> Non
 
 def _require_shape(path: Path, name: str, array: np.ndarray, field: Field, sizes: dict[str, int]) -> None:
     """Raise InputError for another shape than the field's; letters that are new take their sizes from it."""
+    if field.may_be_empty and array.shape == (0, *field.shape[1:]):
+        return
     expected = tuple(sizes.get(size, size) if isinstance(size, str) else size for size in field.shape)
     fits = array.ndim == len(expected) and all(
         isinstance(size, str) or size == there for size, there in zip(expected, array.shape, strict=True)

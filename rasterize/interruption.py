@@ -3,6 +3,7 @@
 import os
 import signal
 import socket
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,33 +16,46 @@ SECONDS = 1.5
 """Time for a command to end by itself after it was interrupted."""
 
 
-class Terminated(KeyboardInterrupt):
-    """SIGTERM, raised as Ctrl-C is."""
-
-
 @contextmanager
 def interruptible(last_words: Callable[[int], bytes]) -> Iterator[None]:
-    """Raise Terminated on SIGTERM, and end the process at the latest SECONDS after it or Ctrl-C.
+    """End the process when the block is left after Ctrl-C or SIGTERM, or SECONDS after them.
 
-    last_words: is given the exit code that then is used, and returns text for stderr. A thread counts the
-    seconds, as the main one may be in a long computation. Outside of the main thread, which alone hears of
-    signals, nothing changes.
+    Both raise KeyboardInterrupt in the block. last_words: is given the exit code, 130 or 143, and returns
+    text for stderr. A thread counts the seconds, as the main one may be in a long computation; nothing that
+    is registered for the end of Python runs. Outside of the main thread, which alone hears of signals,
+    nothing changes.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    # On Windows signals are written to sockets only.
+    # Of semaphores that the process leaves, Python's tracker of them clears the last, and warns.
+    os.environ.setdefault("PYTHONWARNINGS", "ignore:resource_tracker")
+    # On Windows signals are written to sockets only. Both stay open: a second signal may come at any time.
     receiver, sender = socket.socketpair()
     sender.setblocking(False)
     threading.Thread(target=_count_down, args=(receiver, last_words), daemon=True).start()
-    terminate = signal.signal(signal.SIGTERM, _terminate)
+    received: list[int] = []
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        received.append(number)
+        raise KeyboardInterrupt
+
+    heard = [number for number in SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, interrupt) for number in heard}
     wakeup = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
     try:
         yield
+    except BaseException:
+        if received:
+            sys.stdout.flush()
+            _end(received[0], last_words)
+        raise
     finally:
-        signal.set_wakeup_fd(wakeup)
-        signal.signal(signal.SIGTERM, terminate)
-        sender.close()
+        if not received:
+            signal.set_wakeup_fd(wakeup)
+            for number, handler in before.items():
+                signal.signal(number, handler)
+            sender.close()
 
 
 @contextmanager
@@ -73,16 +87,16 @@ def uninterrupted() -> Iterator[Callable[[], bool]]:
         signal.raise_signal(noted[0])
 
 
-def _terminate(number: int, frame: FrameType | None) -> None:
-    raise Terminated
-
-
 def _count_down(receiver: socket.socket, last_words: Callable[[int], bytes]) -> None:
     """End the process some time after the first byte that is the number of a signal of SIGNALS."""
-    with receiver:
-        while (number := receiver.recv(1)) and number[0] not in SIGNALS:
-            continue
+    while (number := receiver.recv(1)) and number[0] not in SIGNALS:
+        continue
     if number:
         time.sleep(SECONDS)
-        os.write(2, last_words(128 + number[0]))
-        os._exit(128 + number[0])
+        _end(number[0], last_words)
+    receiver.close()
+
+
+def _end(number: int, last_words: Callable[[int], bytes]) -> None:
+    os.write(2, last_words(128 + number))
+    os._exit(128 + number)

@@ -1,4 +1,6 @@
 import json
+import resource
+from dataclasses import replace
 
 import pytest
 import torch
@@ -16,6 +18,11 @@ from uvcloth.checkpoint import (
     save_checkpoint,
     save_tensors,
 )
+from uvcloth.methods.motion_guided.config import MotionGuidedConfig
+from uvcloth.methods.motion_guided.method import Both, MotionGuided, motion_guided_checkpoint
+from uvcloth.methods.physxnet.config import PhysXNetConfig
+from uvcloth.methods.physxnet.method import PhysXNet, physxnet_checkpoint
+from uvcloth.methods.registry import load_method
 
 
 @pytest.fixture
@@ -90,3 +97,35 @@ def test_a_weight_that_is_not_finite_is_refused(tmp_path):
     save_tensors({"weight": torch.tensor([1.0, torch.nan])}, {}, tmp_path / "x.safetensors")
     with pytest.raises(InputError, match="weight"):
         load_tensors(tmp_path / "x.safetensors")
+
+
+def test_a_config_that_asks_for_a_large_network_takes_no_memory(body, tmp_path):
+    """The network of the config is compared with the weights before it is built."""
+    tiny = MotionGuided.untrained(MotionGuidedConfig(size=8, width=8, hidden=16, seeds=61, near=16))
+    checkpoint = motion_guided_checkpoint(tiny.config, Both(tiny).state_dict(), body, TrainingData(), {})
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    for change, said in (
+        ({"motion_stem": 1_000_000_000}, "--motion-stem 1000000000: has to be from 1 to 64"),
+        ({"motion_stem": 60, "width": 1024}, "do not fit each other"),
+        ({"vertices": 1_000_000, "latent": 1024}, "do not fit each other"),
+        ({"norm": "x"}, "--norm 'x': has to be one of batch, group, instance, none"),
+        ({"linear": "yes"}, "--linear 'yes': has to be true or false"),
+        ({"size": 8.0}, r"--size 8\.0: has to be a whole number"),
+    ):
+        save_checkpoint(replace(checkpoint, config=checkpoint.config | change), tmp_path)
+        with pytest.raises(InputError, match=said):
+            load_method(tmp_path, body)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000
+
+
+def test_words_of_a_config_that_name_nothing_are_refused(body, tmp_path):
+    config = PhysXNetConfig(size=8, width=2, levels=2)
+    checkpoint = physxnet_checkpoint(PhysXNet.untrained(config), body, TrainingData(), {})
+    save_checkpoint(replace(checkpoint, config={**checkpoint.config, "frame": "x"}), tmp_path)
+    with pytest.raises(InputError, match=r"config\.json: --frame 'x': has to be one of world, body"):
+        load_method(tmp_path, body)
+    save_checkpoint(checkpoint, tmp_path)
+    text = (tmp_path / CONFIG).read_text()
+    (tmp_path / CONFIG).write_text(text.replace('"frame": "body"', '"frame": ' + "[" * 10**5 + "]" * 10**5))
+    with pytest.raises(InputError, match=r"config\.json: not readable as JSON.*nested too deep"):
+        load_method(tmp_path, body)

@@ -23,7 +23,7 @@ HARD_LIMIT = 300.0
 PROGRAMS: dict[str, Callable[[], int]] = {}
 """Entry points by program."""
 
-UNEQUAL = ("seconds", "minutes", "date", "_ms", "fps_", "time")
+UNEQUAL = ("seconds", "minutes", "date", "_ms", "ms_")
 """Parts of keys of a metrics.json that depend on the clock."""
 
 

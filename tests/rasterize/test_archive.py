@@ -1,11 +1,14 @@
 """npz files: what is written comes back, and no damage ends in anything but the one sentence."""
 
+import resource
+import zipfile
+import zlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rasterize.archive import load_arrays, require_finite, save_arrays
+from rasterize.archive import load_arrays, read_arrays, require_finite, save_arrays
 from rasterize.errors import InputError
 
 NOISE = np.random.default_rng(0).normal(size=(40, 3)).astype(np.float32)
@@ -56,3 +59,89 @@ def test_a_float_that_is_not_finite_is_named(path: Path) -> None:
     require_finite(path, {"name": np.array("x"), "faces": np.arange(3), "noise": NOISE})
     with pytest.raises(InputError, match=r"a\.npz: fps holds a value that is not a finite number"):
         require_finite(path, {"noise": NOISE, "fps": np.array(np.inf)})
+
+
+def with_header(path: Path, header: str, data: bytes = b"") -> Path:
+    """An npz whose array noise has a header of its own."""
+    text = header.encode("latin1") + b"\n"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("noise.npy", b"\x93NUMPY\1\0" + len(text).to_bytes(2, "little") + text + data)
+    return path
+
+
+CLAIM = "{{'descr': '{}', 'fortran_order': False, 'shape': {}, }}"
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        (CLAIM.format("<f4", "(10000000000,)"), r"noise has the shape \(10000000000,\) of 4 bytes each"),
+        (CLAIM.format("<f4", "(99999999999999999999999,)"), "noise has a header that says no type"),
+        (CLAIM.format("<f4", "(0, 999999999999)"), "noise has the shape"),
+        (CLAIM.format("<f4", "(-1,)"), "noise has a header that says no type"),
+        (CLAIM.format("<U9999999", "(3,)"), "noise has the shape"),
+        (CLAIM.format("<U999999999", "()"), "noise is of the type '<U999999999', expected numbers or texts"),
+        (CLAIM.format("<c8", "(0,)"), "noise is of the type '<c8'"),
+        (CLAIM.format("|O", "()"), "noise is pickled, expected plain arrays; nothing is unpickled"),
+        (CLAIM.format("<f4", "(" + "1" * 9000), "noise has a header that says no type"),
+        (CLAIM.format("<f4", "(3" + " " * 9000 + ";"), "noise has a header that says no type"),
+        ("[1, 2]", "noise has a header that says no type"),
+        ("(" * 5000, "noise has a header that says no type"),
+        ("__import__('os').abort()", "noise has a header that says no type"),
+        (" " * 20_000, "noise has a header of 20001 bytes, expected at most 10000"),
+    ],
+)
+def test_no_claim_of_a_header_is_believed(tmp_path: Path, header: str, said: str) -> None:
+    path = with_header(tmp_path / "a.npz", header)
+    with pytest.raises(InputError, match=rf"a\.npz: {said}") as caught:
+        read_arrays(path, "noise")
+    assert "\n" not in str(caught.value)
+
+
+def test_an_archive_that_unpacks_to_gigabytes_is_refused_before_memory_is_taken(tmp_path: Path) -> None:
+    """300 MB of zeros in 300 kB; a member that claims less than it holds is damaged."""
+    path, size = tmp_path / "a.npz", 300 << 20
+    header = CLAIM.format("|u1", f"({size},)").encode() + b"\n"
+    packer = zlib.compressobj(9, zlib.DEFLATED, -15)
+    start = packer.compress(b"\x93NUMPY\1\0" + len(header).to_bytes(2, "little") + header)
+    block = zlib.compressobj(9, zlib.DEFLATED, -15)
+    zeros = block.compress(bytes(1 << 20)) + block.flush(zlib.Z_FULL_FLUSH)
+    packed = start + packer.flush(zlib.Z_FULL_FLUSH) + 300 * zeros + packer.flush()
+    whole = size + len(header) + 10
+    for claim, said in ((whole, "unpacks to 300 MB, expected at most 256"), (1000, "not a readable npz")):
+        with zipfile.ZipFile(path, "w") as archive:
+            member = zipfile.ZipInfo("noise.npy")
+            member.compress_type, member.compress_size, member.file_size = 8, len(packed), claim
+            member.CRC = member.header_offset = 0
+            assert archive.fp is not None
+            archive.fp.write(member.FileHeader() + packed)
+            archive.filelist.append(member)
+            archive.start_dir = archive.fp.tell()
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        with pytest.raises(InputError, match=rf"a\.npz: {said}"):
+            read_arrays(path, "noise")
+        assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 20_000
+
+
+def test_arrays_of_another_order_come_back_in_the_machines(tmp_path: Path) -> None:
+    values = {"big": NOISE.astype(">f8"), "fortran": np.asfortranarray(NOISE), "flag": np.array(True)}
+    np.savez(tmp_path / "a.npz", **values, text=np.array("söme"))
+    found = read_arrays(tmp_path / "a.npz", "noise")
+    assert found["big"].dtype == np.dtype("f8")
+    assert found["fortran"].flags.c_contiguous
+    assert bool(found["flag"]) is True
+    assert str(found["text"]) == "söme"
+    assert np.array_equal(found["big"], NOISE)
+    assert np.array_equal(found["fortran"], NOISE)
+
+
+def test_an_array_twice_and_what_is_no_array_are_named(path: Path, tmp_path: Path) -> None:
+    with zipfile.ZipFile(path, "a") as archive, pytest.warns(UserWarning, match="Duplicate"):
+        archive.writestr("noise.npy", b"")
+    with pytest.raises(InputError, match=r"a\.npz: holds the array noise twice"):
+        read_arrays(path, "noise")
+    with zipfile.ZipFile(tmp_path / "b.npz", "w") as archive:
+        archive.writestr("noise.npy", b"text")
+    with pytest.raises(InputError, match=r"b\.npz: noise is no array of numpy's"):
+        read_arrays(tmp_path / "b.npz", "noise")
+    assert read_arrays(tmp_path / "b.npz", "noise", ("faces",)) == {}

@@ -6,7 +6,6 @@ import pytest
 
 from rasterize.command import run_command
 from rasterize.errors import InputError
-from rasterize.interruption import Terminated
 
 
 def failing(error: BaseException):
@@ -26,7 +25,6 @@ def test_success_is_silent(capsys):
     [
         (InputError("walk.bvh: no\n  frames"), 2, "uvcloth: walk.bvh: no frames\n"),
         (KeyboardInterrupt(), 130, "uvcloth: interrupted; finished work is in place\n"),
-        (Terminated(), 143, "uvcloth: terminated; finished work is in place\n"),
         (
             OSError(errno.ENOSPC, "No space left on device", "out.glb"),
             2,

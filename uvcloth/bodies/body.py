@@ -33,7 +33,7 @@ def _mesh_fields(prefix: str) -> dict[str, Field]:
         f"{prefix}vertices": numbers("V", 3),
         f"{prefix}faces": indices("F", 3, of="V"),
         f"{prefix}uvs": numbers("U", 2),
-        f"{prefix}face_uvs": indices("G", 3, of="U"),
+        f"{prefix}face_uvs": indices("F", 3, of="U").or_empty(),
     }
 
 

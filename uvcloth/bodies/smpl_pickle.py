@@ -169,6 +169,9 @@ class _Reader(pickle._Unpickler):
     a table as long as the largest number that a value is remembered by.
     """
 
+    stack: list[Any]
+    append: Callable[[Any], None]
+    pop_mark: Callable[[], list[Any]]
     dispatch: ClassVar[dict[int, Callable[[Any], None]]] = dict(pickle._Unpickler.dispatch)
 
     def load_setitem(self) -> None:

@@ -109,7 +109,7 @@ def _garment(path: Path, arrays: dict[str, np.ndarray], name: str, frames: int) 
         f"{name}_rest": numbers("N", 3),
         f"{name}_faces": indices("M", 3, of="N"),
         f"{name}_uvs": numbers("U", 2),
-        f"{name}_face_uvs": indices("G", 3, of="U"),
+        f"{name}_face_uvs": indices("M", 3, of="U").or_empty(),
         f"{name}_vertices": numbers("F", "N", 3),
     }
     rest, faces, uvs, face_uvs, vertices = check_fields(path, arrays, fields, F=frames).values()

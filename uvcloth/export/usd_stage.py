@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rasterize.atomic import require_room
 from uvcloth.export.animation import local_pose
 from uvcloth.geometry.authored import polygons_of
 from uvcloth.geometry.mesh import Mesh, vertex_normals
@@ -18,9 +19,6 @@ MAX_UNSAVED = 64_000_000
 
 POSES_AT_ONCE = 1024
 """Frames whose local poses are computed at once."""
-
-WRITTEN_AT_ONCE = 2**20
-"""Bytes, more than OpenUSD collects before it writes."""
 
 
 class SavedInParts:
@@ -57,8 +55,7 @@ def writing(path: Path, fps: float, frames: int) -> Iterator[Any]:
         stage.Save()
     except Tf.ErrorException as error:
         # OpenUSD calls its own file corrupt where the disk is full: the system is asked for its reason.
-        with path.with_suffix(".room").open("wb") as room:
-            room.write(bytes(WRITTEN_AT_ONCE))
+        require_room(path.parent)
         raise OSError(f"OpenUSD: {str(error).strip().splitlines()[-1]}") from error
 
 

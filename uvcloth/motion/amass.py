@@ -159,7 +159,7 @@ def _turns(path: Path, arrays: Mapping[str, np.ndarray]) -> tuple[tuple[str, ...
     for part, joints in PARTS.items():
         if part in arrays:
             values = _floats(path, part, arrays)
-            frames = len(arrays["root_orient"])
+            frames = arrays["root_orient"].shape[0] if arrays["root_orient"].ndim else 0
             if values.shape != (frames, 3 * len(joints)):
                 raise InputError(
                     f"{path}: {part} has the shape {values.shape}, expected ({frames}, {3 * len(joints)})"

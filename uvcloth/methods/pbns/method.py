@@ -43,7 +43,7 @@ MESH_FIELDS = {
     "vertices": numbers("N", 3),
     "faces": indices("M", 3, of="N"),
     "uvs": numbers("U", 2),
-    "face_uvs": indices("G", 3, of="U"),
+    "face_uvs": indices("M", 3, of="U").or_empty(),
 }
 """Tensors of a garment's mesh in a checkpoint."""
 
