@@ -9,6 +9,6 @@ class InputError(ValueError):
 
 
 def said(error: BaseException) -> str:
-    """What an error of another library says, on one line and not longer than LONGEST; its kind if nothing."""
+    """Text of another library's error, on one line, not longer than LONGEST; its kind where it is empty."""
     text = " ".join(str(error).split()) or type(error).__name__
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
