@@ -46,7 +46,7 @@ CHUNK = 1 << 20
 
 @dataclass(frozen=True)
 class Header:
-    """What the header of an array says: its type, its shape, whether its first axis is the fastest, and how
+    """Header of an array: its type, its shape, whether its first axis is the fastest, and how
     many bytes the header has itself."""
 
     dtype: np.dtype
@@ -77,8 +77,8 @@ def load_arrays(
     data = read_arrays(path, expected, ("format", *names) if only else None)
     found = str(data.get("format", "nothing"))
     if found != format:
-        said = found if found.isprintable() and len(found) < 100 else "of another kind"
-        raise InputError(f"{path}: expected {expected} (format {format}), found format {said}")
+        named = found if found.isprintable() and len(found) < 100 else "of another kind"
+        raise InputError(f"{path}: expected {expected} (format {format}), found format {named}")
     missing = [name for name in names if name not in data]
     if missing:
         raise InputError(f"{path}: lacks the array {', '.join(missing)}, expected {expected}")
@@ -158,16 +158,16 @@ def _read(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
     with archive.open(member) as stream:
         header = _header(stream, _name(member))
         count = math.prod(header.shape)
-        said, found = count * header.dtype.itemsize, member.file_size - header.size
-        if said != found or (count == 0 and max(header.shape) > MOST_ROWS):
+        claimed, found = count * header.dtype.itemsize, member.file_size - header.size
+        if claimed != found or (count == 0 and max(header.shape) > MOST_ROWS):
             raise InputError(
                 f"{_name(member)} has the shape {header.shape} of {header.dtype.itemsize} bytes each, "
                 f"its member {found} bytes"
             )
         values = np.empty(count, header.dtype)
-        place = values.view(np.uint8).data if said else memoryview(b"")
-        for start in range(0, said, CHUNK):
-            place[start : start + CHUNK] = stream.read(min(CHUNK, said - start))
+        place = values.view(np.uint8).data if claimed else memoryview(b"")
+        for start in range(0, claimed, CHUNK):
+            place[start : start + CHUNK] = stream.read(min(CHUNK, claimed - start))
         # Only at its end is a member's checksum compared.
         stream.read(1)
     array = _plain(values.astype(header.dtype.newbyteorder("="), copy=False), _name(member))

@@ -8,7 +8,7 @@ class InputError(ValueError):
     """Bad input from a user: the message is one sentence that names the file and the place."""
 
 
-def said(error: BaseException) -> str:
+def cause(error: BaseException) -> str:
     """Text of another library's error, on one line, not longer than LONGEST; its kind where it is empty."""
     text = " ".join(str(error).split()) or type(error).__name__
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."

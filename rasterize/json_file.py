@@ -47,8 +47,8 @@ def parse_json(text: str, source: str, expected: str) -> dict[str, Any]:
         found = json.loads(text, object_pairs_hook=_object, parse_int=_whole)
         _require_plain(found)
     except (ValueError, RecursionError) as error:
-        said = "nested too deep" if isinstance(error, RecursionError) else error
-        raise InputError(f"{source}: not readable as JSON, expected {expected} ({said})") from error
+        reason = "nested too deep" if isinstance(error, RecursionError) else error
+        raise InputError(f"{source}: not readable as JSON, expected {expected} ({reason})") from error
     if not isinstance(found, dict):
         raise InputError(f"{source}: not a JSON object, expected {expected}")
     return found

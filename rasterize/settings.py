@@ -25,14 +25,14 @@ def require_settings(settings: Any, ranges: Mapping[str, tuple[float, float]]) -
 
 
 def _require(option: str, value: Any, kind: Any, limits: tuple[float, float] | None) -> None:
-    said = f"{option} {str(value)!r:.40}" if isinstance(value, str) else f"{option} {value!s:.40}"
+    given = f"{option} {str(value)!r:.40}" if isinstance(value, str) else f"{option} {value!s:.40}"
     if get_origin(kind) is Literal:
         if value not in get_args(kind):
-            raise InputError(f"{said}: has to be one of {', '.join(get_args(kind))}")
+            raise InputError(f"{given}: has to be one of {', '.join(get_args(kind))}")
     elif not is_a(value, kind):
-        raise InputError(f"{said}: has to be {NAMES[kind]}")
+        raise InputError(f"{given}: has to be {NAMES[kind]}")
     if limits is not None and not limits[0] <= value <= limits[1]:
-        raise InputError(f"{said}: has to be from {limits[0]:g} to {limits[1]:g}")
+        raise InputError(f"{given}: has to be from {limits[0]:g} to {limits[1]:g}")
 
 
 def is_a(value: Any, kind: type) -> bool:

@@ -166,8 +166,8 @@ def require_weights_of(create: Callable[[], nn.Module], tensors: Mapping[str, Te
         expected = create().state_dict()
     different = sorted(expected.keys() ^ tensors.keys())
     if different:
-        said = "is missing" if different[0] in expected else "is none of the network"
-        raise ValueError(f"{different[0]!r:.80} {said}")
+        difference = "is missing" if different[0] in expected else "is none of the network"
+        raise ValueError(f"{different[0]!r:.80} {difference}")
     for name, tensor in tensors.items():
         wanted = expected[name]
         if wanted.shape != tensor.shape or wanted.is_floating_point() != tensor.is_floating_point():

@@ -58,8 +58,8 @@ class _Type(_Record):
         if code in ("b1", "?"):
             return np.dtype(bool)
         if not isinstance(code, str) or code.lstrip("<>=|") not in DTYPES:
-            said = repr(code)[:20] if isinstance(code, str) else "none"
-            raise InputError(f"holds an array of the type {said}, expected numbers")
+            kind = repr(code)[:20] if isinstance(code, str) else "none"
+            raise InputError(f"holds an array of the type {kind}, expected numbers")
         return np.dtype(code.lstrip("<>=|")).newbyteorder(">" if order == ">" or code[0] == ">" else "<")
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from rasterize.errors import InputError, said
+from rasterize.errors import InputError, cause
 from rasterize.reading import read_content
 from uvcloth.garments.gltf_file import read_gltf_mesh
 from uvcloth.garments.obj_file import read_obj
@@ -57,7 +57,7 @@ def _read(path: Path) -> Mesh:
     except InputError:
         raise
     except Exception as error:  # Readers raise whatever a broken file makes them trip over.
-        raise InputError(f"{path}: not a readable {kind[1:].upper()} file ({said(error)})") from error
+        raise InputError(f"{path}: not a readable {kind[1:].upper()} file ({cause(error)})") from error
 
 
 def _read_with_trimesh(path: Path) -> Mesh:

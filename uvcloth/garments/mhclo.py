@@ -13,7 +13,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from rasterize.errors import InputError, said
+from rasterize.errors import InputError, cause
 from rasterize.reading import file_below
 from uvcloth.bodies.body import BASE_MESH, Body
 from uvcloth.garments.materials import Pictures, read_mhmat, read_text
@@ -145,7 +145,7 @@ def read_binding(path: Path) -> Binding:
         except ValueError as error:
             if isinstance(error, InputError):
                 raise
-            raise InputError(f"{path}, line {number}: not a readable MHCLO file ({said(error)})") from error
+            raise InputError(f"{path}, line {number}: not a readable MHCLO file ({cause(error)})") from error
     if not files["obj_file"] or not bound:
         raise InputError(f"{path}: not a readable MHCLO file, it names no obj_file or binds no vertices")
     rows = torch.tensor(bound, dtype=torch.float64)

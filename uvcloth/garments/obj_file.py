@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from rasterize.errors import InputError, said
+from rasterize.errors import InputError, cause
 from uvcloth.garments.materials import Pictures, read_libraries, read_text
 from uvcloth.garments.size import refuse_too_many
 from uvcloth.geometry.authored import AuthoredMesh, Labels, Polygons, SurfaceMaterial, UvSet
@@ -68,7 +68,7 @@ def read_obj(path: Path) -> AuthoredMesh:
                 case ["mtllib", *words]:
                     libraries.append(" ".join(words))
         except ValueError as error:
-            raise InputError(f"{path}, line {number}: not a readable OBJ file ({said(error)})") from error
+            raise InputError(f"{path}, line {number}: not a readable OBJ file ({cause(error)})") from error
     points = np.array([row[:3] for row in vertices], dtype=np.float64).reshape(-1, 3)
     with np.errstate(over="ignore"):  # What is not finite is refused with the mesh.
         texture = np.array(uvs, dtype=np.float32).reshape(-1, 2)

@@ -93,7 +93,7 @@ def results(
     a job is lost for the ATTEMPTS-th time.
     """
     from dask.distributed import as_completed
-    from distributed.comm import CommClosedError
+    from distributed.comm.core import CommClosedError
 
     queue, running = iter(todo), as_completed()
     waiting: dict[Any, tuple[Job, int]] = {}
