@@ -118,8 +118,8 @@ def open_case(
     """Load what was simulated together and check that it was with these garments on this body.
 
     texels: of each garment's map by its name, None without one. frames: judge at most so many, None for all.
-    Raises InputError naming the file if a mesh, a rest shape or the skeleton differs, garments do not move
-    with the same body, or no frame counts.
+    Raises InputError naming the file if a mesh, a rest shape or the skeleton differs, or garments do not
+    move with the same body.
     """
     sequences = tuple(
         _load(window, garment, outfit.body) for window, garment in zip(windows, outfit.garments, strict=True)
@@ -127,8 +127,6 @@ def open_case(
     for window, (first, other) in zip(windows[1:], pairwise(sequences), strict=True):
         if first.warm_up != other.warm_up or not torch.equal(first.transforms, other.transforms):
             raise InputError(f"{window.path}: was not simulated together with {windows[0].path}")
-    if sequences[0].warm_up >= len(sequences[0].vertices):
-        raise InputError(f"{windows[0].path}: has no frame after its {sequences[0].warm_up} warm-up frames")
     return make_case(windows, sequences, outfit, texels, frames)
 
 

@@ -444,7 +444,7 @@ def test_bad_input_is_one_sentence(
     garment = tube_garment("tops")
     sequence = simulated(garment, "a", torch.zeros(3))
     save_sequence(SimulatedSequence(**{**vars(sequence), "warm_up": 1000}), short / "a_tops.npz")
-    assert "a_tops.npz: has no frame after its 1000 warm-up frames" in refused("lbs", short)
+    assert "a_tops.npz: warm_up holds 1000, expected 0 to 19" in refused("lbs", short)
     grown = SimulatedSequence(**{**vars(sequence), "rest": 1.2 * sequence.rest})
     save_sequence(grown, short / "a_tops.npz")
     assert "another body" in refused("lbs", short)

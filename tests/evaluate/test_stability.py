@@ -45,6 +45,9 @@ class Straying(Method):
     def feed_back(self, prepared: Garment, state: Tensor, garments: tuple[Tensor, ...]) -> Tensor:
         return garments[0]
 
+    def displaced(self, prepared: Garment, state: Tensor, shift: Tensor) -> Tensor:
+        return state + shift[:, None]
+
 
 @pytest.fixture
 def window() -> SimulatedSequence:

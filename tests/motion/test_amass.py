@@ -144,7 +144,7 @@ def test_on_our_body_limbs_point_where_the_file_says(tmp_path: Path, body: Body)
         (2, "left_thigh", "left_shin", (0, 0, -1)),
         (3, "right_upper_arm", "right_forearm", (0, 0, -1)),
     ):
-        assert float(bone(frame, start, end) @ torch.tensor(wanted).float()) > 0.99, (frame, start)
+        assert float(bone(frame, start, end).float() @ torch.tensor(wanted).float()) > 0.99, (frame, start)
 
 
 def test_the_command_describes_and_draws_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -26,7 +26,7 @@ def table(folder: Path, rows: str, header: str = HEADER) -> Path:
         ("walk,a,test,walking,0,30\nwalk,a,test,walking,0,30\n", "two rows for the clip walk"),
         ("walk,a,extra,walking,0,30\n", "the split of walk is 'extra', expected train, validation, test or"),
         ("walk,,test,walking,0,30\n", "does not say who moves in walk"),
-        ("walk,a\n", "the split of walk is None"),
+        ("walk,a\n", "the split of walk is '', expected train"),
     ],
 )
 def test_an_index_says_what_is_wrong_with_it(tmp_path: Path, rows: str, words: str) -> None:

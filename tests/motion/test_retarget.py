@@ -114,7 +114,7 @@ def test_the_axes_of_the_file_do_not_matter(tmp_path: Path, axes: list[list[int]
         clip,
         skeleton=replace(clip.skeleton, heads=clip.skeleton.heads @ turn.T),
         rotations=turn @ clip.rotations @ turn.T,
-        translation=clip.translation @ turn.T,
+        translation=clip.translation @ turn.double().T,
     )
     first, second = retarget(clip, body), retarget(turned, body)
     torch.testing.assert_close(second.rotations, first.rotations, atol=1e-5, rtol=0)
@@ -126,10 +126,12 @@ def test_a_rotated_root_turns_the_whole_clip(tmp_path: Path, body: Body) -> None
     clip = clip_of(tmp_path, joints, moving(joints))
     about_y = torch.from_numpy(Rotation.from_euler("y", 0.7).as_matrix()).float()
     about_z = torch.from_numpy(Rotation.from_euler("z", 0.7).as_matrix()).float()
-    turned = replace(clip, rotations=about_y @ clip.rotations, translation=clip.translation @ about_y.T)
+    turned = replace(
+        clip, rotations=about_y @ clip.rotations, translation=clip.translation @ about_y.double().T
+    )
     first, second = retarget(clip, body), retarget(turned, body)
     torch.testing.assert_close(second.rotations, about_z @ first.rotations, atol=1e-5, rtol=0)
-    torch.testing.assert_close(second.translation, first.translation @ about_z.T, atol=1e-5, rtol=0)
+    torch.testing.assert_close(second.translation, first.translation @ about_z.double().T, atol=1e-5, rtol=0)
 
 
 def test_limbs_point_where_the_performers_do_and_the_path_is_scaled_by_the_legs(

@@ -168,7 +168,7 @@ def _motion_axis(positions: Tensor, roles: Roles) -> Tensor:
 
 def _motion_axis_beside(resting: Tensor, positions: Tensor, roles: Roles) -> Tensor:
     """Axis of the motion: the zero pose's, unless the person stands on the floor of another one."""
-    axes = torch.cat([torch.eye(3), -torch.eye(3)])
+    axes, positions = torch.cat([torch.eye(3), -torch.eye(3)]), positions.to(resting)
     shares = _upright_shares(positions, roles)
     axis = axes[int(shares.argmax())]
     if float(shares[int((axes @ resting).argmax())]) > 0.5 or float(shares.max()) <= 0.5:
