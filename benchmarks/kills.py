@@ -5,7 +5,7 @@ Run from the checkout with PYTHONPATH=. on Linux as
     OMP_NUM_THREADS=1 python benchmarks/kills.py [--times 100] [--only simulate train-pbns ...] [--seed 0]
 
 Each run is a fork of one process that has imported everything, so that a kill hits the work and not Python's
-start. Inputs are made up and tiny, and `simulate` has an engine that only skins. The table of
+start. Inputs are made up and tiny, and `simulate` has an engine that computes next to nothing. The table of
 docs/robustness.md comes from here.
 """
 
@@ -35,7 +35,7 @@ from uvcloth.bodies.body import load_body
 from uvcloth.commands import outfits
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.poses import save_poses
-from uvcloth.simulate import batch
+from uvcloth.simulate import batch, unfinished
 from uvcloth.simulate.engines import ENGINES
 
 FORMATS = ("npz", "glb", "usdc", "abc", "pc2", "obj", "mp4", "gif", "png")
@@ -56,7 +56,7 @@ def commands(inputs: Path) -> list[Command]:
         Command("rollout-four", "uvcloth", (*rollout, "--out", *(f"OUT/a.{kind}" for kind in FORMATS[:4]))),
         Command(
             "simulate", "uvcloth",
-            ("simulate", "walk", "--frames", "0:3", "--garment", "tops", "--jobs", "1", "--out", "OUT"),
+            ("simulate", "walk", "--frames", "0:40", "--garment", "tops", "--jobs", "1", "--out", "OUT"),
         ),
         Command(
             "poses", "uvcloth", ("poses", "walk", "--every", "12", "--recombine", "4", "--out", "OUT/p.npz")
@@ -111,6 +111,7 @@ def prepare() -> None:
     dask.config.set({"distributed.worker.multiprocessing-method": "fork"})
     outfits.get_context = lambda method: multiprocessing.get_context("fork")
     batch.LEAD_IN = LeadIn(rest=1, blend=1, ramp=1)
+    unfinished.SECONDS = 0.1
     ENGINES["newton"] = Following
     validation.POSES = physics.POSES = 2
     PROGRAMS.update(

@@ -55,10 +55,11 @@ class Header:
     size: int
 
 
-def save_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write arrays to a compressed npz. Raises InputError if it cannot be written or the disk is full."""
+def save_arrays(path: Path, arrays: Mapping[str, np.ndarray], compressed: bool = True) -> None:
+    """Write arrays to an npz. Raises InputError if it cannot be written or the disk is full."""
+    save = np.savez_compressed if compressed else np.savez
     with atomic_write(path) as partial, partial.open("wb") as stream:
-        np.savez_compressed(stream, allow_pickle=False, **arrays)
+        save(stream, allow_pickle=False, **arrays)
 
 
 def smallest_indices(values: np.ndarray) -> np.ndarray:

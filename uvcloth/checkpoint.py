@@ -87,7 +87,7 @@ def save_checkpoint(checkpoint: Checkpoint, folder: Path) -> None:
     folder = Path(folder)
     meta = {
         "version": VERSION,
-        "uvcloth": _package_version(),
+        "uvcloth": package_version(),
         "method": checkpoint.method,
         "config": checkpoint.config,
         "body": checkpoint.body,
@@ -223,7 +223,7 @@ def load_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     return tensors, parse_json(metadata, f"{path}: the metadata", "JSON values")
 
 
-def _package_version() -> str:
+def package_version() -> str:
     """The version of this package."""
     try:
         return version("uvcloth")

@@ -5,14 +5,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from torch import Tensor
-
-from uvcloth.simulate.engine import Scene
+from uvcloth.simulate.engine import Frame, Scene
 
 
 @dataclass(frozen=True)
 class Following:
-    """Cloth that goes where the body carries it, a frame in some seconds."""
+    """Cloth that comes nearer to where the body carries it, a frame in some seconds, from where it was."""
 
     seconds: float = 0.05
 
@@ -20,8 +18,14 @@ class Following:
         """Describe the engine, as `Engine` says."""
         return {"engine": "following", "versions": {}, "settings": {}}
 
-    def simulate(self, scene: Scene) -> Iterator[Tensor]:
+    def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
         """Yield the frames as `Engine` says."""
-        for vertices in scene.skinned:
+        if after is None:
+            after = Frame(0, scene.rest, scene.rest[None])
+            yield after
+        assert after.memory is not None
+        (vertices,) = after.memory
+        for index in range(after.index + 1, len(scene.skinned)):
             time.sleep(self.seconds)
-            yield vertices
+            vertices = vertices.lerp(scene.skinned[index], 0.3)
+            yield Frame(index, vertices, vertices[None])

@@ -23,11 +23,12 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate import batch, quality_check
 from uvcloth.simulate import plan as planning
-from uvcloth.simulate.batch import progress_text, simulate_batch
+from uvcloth.simulate.batch import simulate_batch
 from uvcloth.simulate.fabric import Fabric
 from uvcloth.simulate.folder import refused_captures
 from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.plan import ClipSelection, Job
+from uvcloth.simulate.progress import FramesBar, progress_text
 from uvcloth.simulate.quality_check import MAX_INSIDE_PERCENT, examine
 from uvcloth.simulate.sequence import (
     SEQUENCE_FORMAT,
@@ -229,6 +230,17 @@ def test_the_end_is_predicted_from_the_speed_of_all_workers() -> None:
     assert progress_text(progress.tasks[0], now).startswith("3 of 7203 frames")
     assert progress_text(progress.tasks[0], now).endswith(f"done {end:%a %d %b %H:%M}")
     assert seconds_per_frame == pytest.approx(2.0, rel=0.5)
+
+
+def test_frames_that_were_kept_or_lost_change_what_is_left(capsys: pytest.CaptureFixture[str]) -> None:
+    bar = FramesBar(100)
+    for made in (0, 1, 2):
+        bar.report("walk_dress", made)
+    bar.report("run_dress", 40)
+    assert (bar.task.completed, bar.task.total) == (2, 60)
+    bar.report("walk_dress", 0)
+    assert (bar.task.completed, bar.task.total) == (2, 62)
+    assert capsys.readouterr().out == "run_dress: goes on after frame 40\n"
 
 
 def test_garments_that_would_share_files_or_cross_are_refused(body: Body, tmp_path: Path) -> None:

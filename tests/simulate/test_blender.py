@@ -169,7 +169,7 @@ def test_a_blender_that_ends_early_says_why(tmp_path: Path) -> None:
     points, faces = sheet(0.1, 0.1, 2, 2)
     ends = fake(tmp_path / "python", "head -c 48 /dev/zero; echo 'MemoryError' >&2")
     frames = Blender(ends, "4.5.0").simulate(scene(points, faces, 2 / FPS))
-    assert torch.equal(next(frames), torch.zeros(4, 3))
+    assert torch.equal(next(frames).vertices, torch.zeros(4, 3))
     with pytest.raises(InputError, match=r"Blender ended at frame 1 of 3 \(MemoryError\)"):
         next(frames)
 

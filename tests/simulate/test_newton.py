@@ -9,6 +9,7 @@ import trimesh
 
 pytest.importorskip("newton", reason="the `simulate` extra is not installed")
 
+from tests.simulate.physics.scenes import play
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.simulate.engine import Scene
 from uvcloth.simulate.newton import MAX_SUBSTEPS, Newton
@@ -48,8 +49,7 @@ def sheet_over_a_ball(frames: int, height: float) -> Scene:
 def test_a_sheet_comes_to_lie_on_a_ball_the_same_way_twice(tmp_path: Path) -> None:
     engine = Newton()
     scene = sheet_over_a_ball(20, height=0.14)
-    first = torch.stack(list(engine.simulate(scene)))
-    second = torch.stack(list(engine.simulate(scene)))
+    first, second = play(engine, scene), play(engine, scene)
     assert torch.equal(first, second)
     distance = first[-1].norm(dim=1)
     assert float(distance.min()) > 0.118
@@ -57,11 +57,30 @@ def test_a_sheet_comes_to_lie_on_a_ball_the_same_way_twice(tmp_path: Path) -> No
     assert float(first[-1, :, 2].min()) < 0.10
 
 
+def test_it_goes_on_from_any_frame_as_if_it_had_not_stopped() -> None:
+    whole = sheet_over_a_ball(10, height=0.13)
+    way = torch.arange(10.0)[:, None, None] ** 2 * torch.tensor([0.003, -0.001, 0.002])
+    moving = replace(
+        whole, skinned=whole.skinned + way, collider=whole.collider + way, band=whole.rest[:, 0] > 0.16
+    )
+    frames = list(Newton().simulate(moving))
+    truth = torch.stack([frame.vertices for frame in frames])
+    assert [frame.index for frame in frames] == list(range(10))
+    assert float((truth[-1] - truth[0] - way[-1]).norm(dim=1).max()) > 0.02
+    for stopped in (5, 9):
+        rest = list(Newton().simulate(moving, after=frames[stopped]))
+        assert [frame.index for frame in rest] == list(range(stopped + 1, 10))
+        if rest:
+            assert torch.equal(torch.stack([frame.vertices for frame in rest]), truth[stopped + 1 :])
+    still = replace(frames[5], memory=frames[5].memory * torch.tensor([1.0, 0.0])[:, None, None])
+    assert not torch.equal(next(Newton().simulate(moving, after=still)).vertices, truth[6])
+
+
 def test_what_may_not_touch_does_not_and_fast_scenes_take_more_substeps() -> None:
     scene = sheet_over_a_ball(12, height=0.14)
     apart = replace(scene, touches=torch.zeros_like(scene.touches))
     engine = Newton()
-    fallen = list(engine.simulate(apart))[-1]
+    fallen = play(engine, apart)[-1]
     assert float(fallen[:, 2].max()) < 0.0
     still, fast = torch.zeros(4, 3), torch.full((4, 3), 2.0 * engine.substeps * engine.stride)
     assert engine.substeps_for(still, still) == engine.substeps
@@ -82,6 +101,6 @@ def test_layers_keep_apart_and_the_outer_one_farther_off_the_ball() -> None:
         skinned=torch.cat([inner.skinned, outer.skinned], dim=1),
         touches=inner.touches.repeat(1, 2),
     )
-    below, above = torch.stack(list(Newton().simulate(both))).split(count, dim=1)
+    below, above = play(Newton(), both).split(count, dim=1)
     assert wrong_side_percent(above, below, inner.faces) == 0.0
     assert float(above[-1].norm(dim=1).min()) > 0.127

@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 import torch
-from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
@@ -17,7 +16,7 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
 from uvcloth.simulate.cloth import join
-from uvcloth.simulate.engine import Scene
+from uvcloth.simulate.engine import Frame, Scene
 from uvcloth.simulate.layers import LAYER_THICKNESS, inner_thickness
 from uvcloth.simulate.run import simulate
 
@@ -33,14 +32,14 @@ class Carrying:
     def describe(self) -> dict[str, Any]:
         return {"engine": "carrying"}
 
-    def simulate(self, scene: Scene) -> Iterator[Tensor]:
+    def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
         assert (
             scene.touches.shape[1] == len(scene.rest) == len(scene.mass_factor) == len(scene.inner_thickness)
         )
         assert int(scene.faces.max()) == len(scene.rest) - 1
         assert torch.equal(scene.mass_factor > 1.0, scene.band)
-        for vertices in scene.skinned:
-            yield vertices + torch.tensor([0.0, 0.0, self.up])
+        for index, vertices in enumerate(scene.skinned):
+            yield Frame(index, vertices + torch.tensor([0.0, 0.0, self.up]))
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
 from uvcloth.simulate.cloth import join
-from uvcloth.simulate.engine import Scene
+from uvcloth.simulate.engine import Frame, Scene
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
 from uvcloth.simulate.sequence import SimulatedSequence
@@ -81,10 +81,10 @@ def test_only_parts_that_the_garment_touches_are_in_its_scene(name: str, parts: 
         def describe(self) -> dict[str, Any]:
             return {}
 
-        def simulate(self, scene: Scene) -> Iterator[Tensor]:
+        def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
             assert len(scene.collider_parts) == len(scene.touches) == parts
             assert scene.touches.any(1).all()
-            yield from scene.skinned
+            yield from (Frame(index, vertices) for index, vertices in enumerate(scene.skinned))
 
     clip = load_clip("walk", body).window(0, 3)
     simulate(

@@ -1,13 +1,9 @@
 """Batch simulation: many sequences in parallel processes, on this machine or on a dask cluster."""
 
-from collections.abc import Callable, Iterable, Sequence, Sized
+from collections.abc import Iterable, Sequence, Sized
 from dataclasses import replace
-from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
-
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
-from rich.text import Text
 
 from rasterize.atomic import require_there, sole_writer
 from rasterize.errors import InputError
@@ -28,13 +24,12 @@ from uvcloth.simulate.folder import (
     stored_sequences,
 )
 from uvcloth.simulate.plan import ClipSelection, Job, batch_sources, plan
+from uvcloth.simulate.progress import FramesBar
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
 from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
+from uvcloth.simulate.unfinished import Place, clear_finished
 from uvcloth.simulate.workers import ONE_PER_CORE, Workers, connected, results
-
-SPEED_SECONDS = 3600.0
-"""Seconds of the past over which the speed is measured that predicts the end."""
 
 FRAMES_TOPIC = "uvcloth-frames"
 """Topic under which workers report frames."""
@@ -78,6 +73,7 @@ def simulate_batch(
     require_same(stored_sequences(out), body, made_by, names)
     todo, refused = plan(sources, cloths, out / REPEAT if repeat else out, body, repeat)
     with sole_writer(out):
+        clear_finished(out)
         if selection.windows is not None:
             keep_index(selection.windows, out / INDEX)
         if refused:
@@ -96,16 +92,18 @@ def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Work
     Raises InputError without dask, as soon as the folder is gone, and as `results` does.
     """
     count = len(todo) if isinstance(todo, Sized) else None
-    with connected(workers, count) as client, _progress() as progress:
-        bar = progress.add_task("simulating", total=frames)
-        client.subscribe_topic(FRAMES_TOPIC, lambda event: progress.advance(bar, event[1]))
-        work, look = partial(_simulate_job, engine=engine), partial(require_there, folder)
+    with connected(workers, count) as client, FramesBar(frames) as bar:
+        client.subscribe_topic(FRAMES_TOPIC, lambda event: bar.report(*event[1]))
+        work, look = (
+            partial(_simulate_job, engine=engine, folder=folder, here=Path.cwd()),
+            partial(require_there, folder),
+        )
         for job, (sequences, reason) in results(client, todo, work, look):
-            progress.advance(bar, _frames(job) - len(sequences[0].vertices))
+            bar.advance(_frames(job) - len(sequences[0].vertices))
             for sequence, target in zip(sequences, job.targets, strict=True):
-                progress.console.print(_store(sequence, reason, target), soft_wrap=True)
-            if not progress.console.is_terminal:
-                print(progress_text(progress.tasks[0], datetime.now()), flush=True)
+                bar.print(_store(sequence, reason, target))
+            clear_finished(folder)
+            bar.print_progress()
 
 
 def _cloths(outfits: Sequence[Sequence[str]], body: Body) -> list[tuple[Cloth, ...]]:
@@ -126,17 +124,25 @@ def _cloths(outfits: Sequence[Sequence[str]], body: Body) -> list[tuple[Cloth, .
     return [tuple(load(name) for name in outfit) for outfit in outfits]
 
 
-def _simulate_job(job: Job, engine: Engine) -> tuple[list[SimulatedSequence], str | None]:
+def _simulate_job(
+    job: Job, engine: Engine, folder: Path, here: Path
+) -> tuple[list[SimulatedSequence], str | None]:
     """Simulate and examine a job in a worker process, on one core, and report frames as they are made.
 
-    Returns the sequences, and the reasons why they are refused, None if they are not.
+    folder: of its targets. here: the folder that paths start from, which may be another for workers. Returns
+    the sequences, and the reasons why they are refused, None if they are not.
     """
     import torch
     from dask.distributed import get_worker
 
     torch.set_num_threads(1)
-    report: Callable[[int], None] = lambda made: get_worker().log_event(FRAMES_TOPIC, made)  # noqa: E731
-    made = simulate(job.motion, job.warm_up, job.cloths, job.body, engine, LEAD_IN, report)
+    # The last of the targets is written last: where it is, all are.
+    place = Place(here / folder, here / job.targets[-1])
+
+    def report(made: int) -> None:
+        get_worker().log_event(FRAMES_TOPIC, (place.target.stem, made))
+
+    made = simulate(job.motion, job.warm_up, job.cloths, job.body, engine, LEAD_IN, report, place)
     examined = [
         examine(sequence, cloth.garment, job.body) for sequence, cloth in zip(made, job.cloths, strict=True)
     ]
@@ -165,28 +171,3 @@ def _store(sequence: SimulatedSequence, reason: str | None, target: Path) -> str
 
 def _frames(job: Job) -> int:
     return len(job.motion) + len(LEAD_IN)
-
-
-def progress_text(task: Task, now: datetime) -> str:
-    """Text on the speed of all workers together and the end; what was there before does not count."""
-    if not task.speed or task.remaining is None:
-        return "measuring"
-    end = now + timedelta(seconds=task.remaining / task.speed)
-    done = f"{task.completed:.0f} of {task.total:.0f} frames"
-    return f"{done}, {task.speed:.2f} per second, done {end:%a %d %b %H:%M}"
-
-
-class _ProgressText(ProgressColumn):
-    """Column of `progress_text`, once a second."""
-
-    max_refresh = 1.0
-
-    def render(self, task: Task) -> Text:
-        """Text for a task."""
-        return Text(progress_text(task, datetime.now()))
-
-
-def _progress() -> Progress:
-    return Progress(
-        TextColumn("{task.description}"), BarColumn(), _ProgressText(), speed_estimate_period=SPEED_SECONDS
-    )

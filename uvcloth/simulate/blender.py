@@ -25,7 +25,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.geometry.mesh import face_normals, unique_edges
-from uvcloth.simulate.engine import GRAVITY, Scene
+from uvcloth.simulate.engine import GRAVITY, Frame, Scene
 from uvcloth.simulate.fabric import AIR_DENSITY, Fabric
 
 PYTHON_VARIABLE = "UVCLOTH_BLENDER_PYTHON"
@@ -80,17 +80,20 @@ class Blender:
         settings = {key: value for key, value in asdict(self).items() if key not in ("python", "version")}
         return {"engine": "blender.cloth", "versions": {"blender": self.version}, "settings": settings}
 
-    def simulate(self, scene: Scene) -> Iterator[Tensor]:
-        """Yield the frames as `Engine` says; Blender ends when the iterator does.
+    def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
+        """Yield the frames as `Engine` says, without a memory; Blender ends when the iterator does.
 
-        Raises InputError if Blender ends before the last frame.
+        Raises InputError if Blender ends before the last frame, ValueError if `after` is given.
         """
+        if after is not None:
+            raise ValueError("Blender's cloth begins at the first frame")
         arrays = _arrays(scene)
         settings = json.dumps(self._settings(scene))
         with tempfile.TemporaryDirectory(prefix="uvcloth-blender-") as folder:
             path = Path(folder) / "scene.npz"
             np.savez(path, allow_pickle=False, settings=np.array(settings), **arrays)
-            yield from _frames(self.python, path, len(scene.skinned), len(scene.rest))
+            for index, vertices in enumerate(_frames(self.python, path, len(scene.skinned), len(scene.rest))):
+                yield Frame(index, vertices)
 
     def _settings(self, scene: Scene) -> dict[str, Any]:
         """Blender's settings.

@@ -31,8 +31,8 @@ class Cloth:
     faces: Tensor
 
     def whole(self, simulated: Tensor, skinned: Tensor) -> Tensor:
-        """Whole mesh (N, 3) m from simulated vertices (n, 3) m; what no face uses is skinned (N, 3) m."""
-        return torch.where((self.places < 0)[:, None], skinned, simulated[self.places])
+        """Whole meshes (F, N, 3) m from simulated vertices (F, n, 3) m; what no face uses is skinned."""
+        return torch.where((self.places < 0)[:, None], skinned, simulated[:, self.places])
 
 
 def join(garment: Garment, body: Body) -> Cloth:

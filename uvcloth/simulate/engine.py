@@ -36,6 +36,19 @@ class Scene:
     fps: float
 
 
+@dataclass(frozen=True)
+class Frame:
+    """Cloth at one frame of a scene.
+
+    index: of the frame. vertices: (N, 3) m. memory: (K, N, 3) all that the engine remembers there, from which
+    it makes the frames after it again, the same to the byte; None if it cannot.
+    """
+
+    index: int
+    vertices: Tensor
+    memory: Tensor | None = None
+
+
 class Engine(Protocol):
     """A cloth engine: its description for the metadata, and the simulation."""
 
@@ -43,6 +56,10 @@ class Engine(Protocol):
         """Engine, exact versions and settings, as JSON values."""
         ...
 
-    def simulate(self, scene: Scene) -> Iterator[Tensor]:
-        """Yield the cloth's vertices (N, 3) at every frame of the scene, in order."""
+    def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
+        """Yield every frame of the scene, in order.
+
+        after: a frame with a memory that an equal engine made of an equal scene; only those after it are
+        yielded.
+        """
         ...

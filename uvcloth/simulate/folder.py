@@ -44,6 +44,11 @@ def rejected(target: Path) -> Path:
     return target.parent / REJECTED / target.name
 
 
+def is_finished(target: Path) -> bool:
+    """True if a sequence is there, or kept apart as refused."""
+    return target.exists() or rejected(target).exists()
+
+
 def sequence_files(folder: Path) -> Iterator[tuple[Path, bool]]:
     """Yield every sequence file in a data folder, and whether it is a second simulation."""
     for part in (folder, folder / REPEAT):

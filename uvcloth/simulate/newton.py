@@ -12,7 +12,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from rasterize.warp_start import start_warp
-from uvcloth.simulate.engine import GRAVITY, Scene
+from uvcloth.simulate.engine import GRAVITY, Frame, Scene
 from uvcloth.simulate.fabric import AIR_DENSITY, Fabric
 
 STRIDE_SHARE = 0.85
@@ -62,11 +62,13 @@ class Newton:
             "settings": asdict(self),
         }
 
-    def simulate(self, scene: Scene) -> Iterator[Tensor]:
+    def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
         """Yield the frames as `Engine` says. Raises InputError if the `simulate` extra is not installed.
 
-        Positions and velocities are relative to the mean of the skinned garment, which moves evenly between
-        two frames, so that strides bound how cloth moves on the body and not how the body walks.
+        Positions and velocities, the memory of a frame, are relative to the mean of the skinned garment,
+        which moves evenly between two frames, so that strides bound how cloth moves on the body and not how
+        the body walks. The solver remembers nothing else: contacts are found anew in each substep, in trees
+        that are built at rest and refitted.
         """
         start_warp()
         try:
@@ -96,14 +98,17 @@ class Newton:
         now, later = model.state(), model.state()
         forces = _Forces(self, scene, model)
         collider = _Collider(scene, model, bodies)
-        wind = torch.zeros(1, 3)
-        yield scene.rest + path[0]
-        for frame in range(1, len(scene.collider)):
+        drifts = torch.cat([torch.zeros_like(path[:1]), path.diff(dim=0) * scene.fps])
+        if after is None:
+            after = Frame(0, scene.rest + path[0], _memory(now))
+            yield after
+        else:
+            _recall(after, now)
+        for frame in range(after.index + 1, len(scene.collider)):
             collider.begin(frame)
             forces.begin(frame)
-            drift = (path[frame] - path[frame - 1]) * scene.fps
-            wp.to_torch(now.particle_qd).add_(wind - drift)
-            wind = drift
+            wind = drifts[frame]
+            wp.to_torch(now.particle_qd).add_(drifts[frame - 1] - wind)
             count = self.substeps_for(
                 scene.skinned[frame] - scene.skinned[frame - 1], wp.to_torch(now.particle_qd) / scene.fps
             )
@@ -116,12 +121,25 @@ class Newton:
                 pipeline.collide(now, contacts)
                 solver.step(now, later, control, contacts, step)
                 now, later = later, now
-            yield wp.to_torch(now.particle_q) + path[frame]
+            yield Frame(frame, wp.to_torch(now.particle_q) + path[frame], _memory(now))
 
     def substeps_for(self, *moves: Tensor) -> int:
         """Number of substeps of a frame in which cloth and skinned garment move by `moves`, (N, 3) m each."""
         farthest = max(float(move.norm(dim=1).max()) for move in moves)
         return max(self.substeps, min(math.ceil(1.2 * farthest / self.stride), MAX_SUBSTEPS))
+
+
+def _memory(state: Any) -> Tensor:
+    """Positions and velocities of a state, (2, N, 3)."""
+    return torch.stack([wp.to_torch(state.particle_q), wp.to_torch(state.particle_qd)])
+
+
+def _recall(frame: Frame, state: Any) -> None:
+    """Set a state to what was remembered at a frame."""
+    if frame.memory is None:
+        raise ValueError("a frame without a memory cannot be gone on from")
+    for place, values in zip((state.particle_q, state.particle_qd), frame.memory, strict=True):
+        wp.to_torch(place).copy_(values)
 
 
 def _model(settings: Newton, scene: Scene) -> tuple[Any, list[Any]]:

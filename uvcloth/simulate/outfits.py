@@ -12,10 +12,11 @@ from uvcloth.motion.poses import SPLITS
 from uvcloth.simulate.batch import LEAD_IN, simulate_all
 from uvcloth.simulate.cloth import join
 from uvcloth.simulate.engines import ENGINES
-from uvcloth.simulate.folder import keep_refused, rejected, require_engine, stored_sequences
+from uvcloth.simulate.folder import is_finished, keep_refused, require_engine, stored_sequences
 from uvcloth.simulate.outfit_sequence import BODIES
 from uvcloth.simulate.plan import ClipSelection, Job, Source, batch_sources, load_motion
 from uvcloth.simulate.run import RUN_UP
+from uvcloth.simulate.unfinished import clear_finished
 from uvcloth.simulate.workers import ONE_PER_CORE, Workers
 from uvcloth.wardrobe.outfit_file import OutfitFile, load_outfit_file, on_body, outfit_files
 
@@ -57,6 +58,7 @@ def simulate_outfits(
     require_engine(stored_sequences(out), made_by)
     tasks = _deal(outfits, batch_sources(selection), frames)
     with sole_writer(out):
+        clear_finished(out)
         todo = [task for task in tasks if not _done(task, out)]
         if not todo:
             print(f"{out}: every outfit is there already")
@@ -95,10 +97,7 @@ def _cut(window: Entry, frames: int | None) -> Entry:
 
 def _done(task: _Task, out: Path) -> bool:
     """True if every garment of an outfit has a sequence over one of its windows, or is refused."""
-    return any(
-        all(target.exists() or rejected(target).exists() for target in _targets(task.outfit, source, out))
-        for source in task.windows
-    )
+    return any(all(map(is_finished, _targets(task.outfit, source, out))) for source in task.windows)
 
 
 def _targets(outfit: OutfitFile, source: Source, out: Path) -> tuple[Path, ...]:

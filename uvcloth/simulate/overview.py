@@ -13,6 +13,7 @@ from uvcloth.motion.index import INDEX, Entry, read_index
 from uvcloth.motion.poses import SPLITS
 from uvcloth.simulate.folder import REPEAT, Stored, refused_captures, sequence_files
 from uvcloth.simulate.sequence import read_metadata
+from uvcloth.simulate.unfinished import unfinished_files, unfinished_frames
 
 MAX_NAMED = 12
 """Most missing clips of each split that are named."""
@@ -33,7 +34,8 @@ def overview(folder: Path) -> RenderableType:
             stored.append(Stored(path, read_metadata(path), repeat))
         except InputError as error:
             unreadable.append(str(error))
-    if not stored and not unreadable:
+    unfinished = dict(map(unfinished_frames, unfinished_files(folder)))
+    if not stored and not unreadable and not unfinished:
         raise InputError(f"{folder}: no sequence (*.npz) made by `uvcloth simulate` in this folder")
     index = read_index(folder / INDEX) if (folder / INDEX).is_file() else {}
     kept = [each for each in stored if each.reason is None]
@@ -47,6 +49,7 @@ def overview(folder: Path) -> RenderableType:
         *(f"refused: {each.path.relative_to(folder)}, {each.reason}" for each in stored if each.reason),
         *(f"refused before it was simulated: {clip}, {reason}" for clip, reason in captures.items()),
         *(f"unreadable: {sentence}" for sentence in unreadable),
+        *_unfinished(unfinished),
         *_missing(index, stored, captures),
     ]
     return Group(Text("\n".join(lines)), _table(index, kept), Text("\n".join(after)))
@@ -112,6 +115,17 @@ def _engine(each: Stored) -> str:
 
 def _counted(what: str, names: Iterable[str]) -> list[str]:
     return [f"{what}: {name}, {count} sequences" for name, count in Counter(names).most_common()]
+
+
+def _unfinished(frames: Mapping[str, int]) -> list[str]:
+    """Line on sequences that were interrupted or are under way, with the frames that are there of each."""
+    if not frames:
+        return []
+    named = [f"{name} {count}" for name, count in frames.items()][:MAX_NAMED]
+    return [
+        f"unfinished: {len(frames)} sequences, {sum(frames.values()):,} frames ({', '.join(named)}"
+        f"{', ...' * (len(frames) > MAX_NAMED)}); the same `uvcloth simulate` goes on with them"
+    ]
 
 
 def _missing(index: Mapping[str, Entry], stored: list[Stored], captures: Mapping[str, str]) -> list[str]:

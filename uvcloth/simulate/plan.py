@@ -16,7 +16,7 @@ from uvcloth.motion.library import DEFAULTS, load_clip
 from uvcloth.motion.options import MotionOptions
 from uvcloth.motion.poses import SPLITS
 from uvcloth.simulate.cloth import Cloth
-from uvcloth.simulate.folder import rejected
+from uvcloth.simulate.folder import is_finished
 from uvcloth.simulate.run import run_up
 
 REPEAT_LEAD_FRAMES = 20
@@ -145,7 +145,7 @@ def plan(
         missing = [
             (outfit, each)
             for outfit, each in zip(outfits, targets, strict=True)
-            if not all(target.exists() or rejected(target).exists() for target in each)
+            if not all(map(is_finished, each))
         ]
         if missing:
             motion, warm_up, fault = load_motion(source, body, REPEAT_LEAD_FRAMES if earlier else 0)

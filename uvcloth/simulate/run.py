@@ -1,6 +1,5 @@
 """Simulation of garments over one motion, one alone or several together."""
 
-import time
 from collections.abc import Callable, Sequence
 from itertools import compress
 from typing import Any
@@ -21,6 +20,7 @@ from uvcloth.simulate.cloth import Cloth
 from uvcloth.simulate.engine import Engine, Scene
 from uvcloth.simulate.layers import inner_thickness
 from uvcloth.simulate.sequence import SimulatedSequence
+from uvcloth.simulate.unfinished import Place, move
 
 RUN_UP = 15
 """Frames of the clip before a window that are simulated and not scored, while cloth forgets its start."""
@@ -39,35 +39,34 @@ def simulate(
     body: Body,
     engine: Engine,
     parts: LeadIn,
-    progress: Callable[[int], None] = lambda frames: None,
+    progress: Callable[[int], None] = lambda made: None,
+    place: Place | None = None,
 ) -> tuple[SimulatedSequence, ...]:
     """Simulate one garment or more, innermost first, from rest over a clip on the body's skeleton.
 
     warm_up: leading frames of the clip that are not scored (its run-up). The lead-in is added here. Several
     garments touch each other; the metadata then name the layers, and the percentage of each outer one's
-    vertices that are on the wrong side of an inner one.
+    vertices that are on the wrong side of an inner one. progress: is told the number of frames that are
+    there. place: where they are kept while others are made, to go on from when this is called again.
     """
-    started = time.perf_counter()
     transforms = lead_in(clip, body, parts).transforms()
     references = [skin(c.garment.mesh.vertices, c.garment.smooth_weights, transforms) for c in cloths]
-    frames: list[list[Tensor]] = [[] for _ in cloths]
     scene = _scene(cloths, references, transforms, body, clip.fps)
-    for index, vertices in enumerate(engine.simulate(scene)):
-        shares = vertices.split([len(cloth.kept) for cloth in cloths])
-        for made, cloth, share, skinned in zip(frames, cloths, shares, references, strict=True):
-            made.append(cloth.whole(share, skinned[index]))
-        progress(1)
-        if not torch.isfinite(vertices).all():
-            break
+    made = move(engine, scene, place, progress)
+    frames = len(made.vertices)
+    shares = made.vertices.split([len(cloth.kept) for cloth in cloths], dim=1)
+    moved = [
+        cloth.whole(share, skinned[:frames])
+        for cloth, share, skinned in zip(cloths, shares, references, strict=True)
+    ]
     warm_up += len(parts)
-    scored = slice(warm_up, None if torch.isfinite(vertices).all() else -1)
-    moved = [torch.stack(made) for made in frames]
+    scored = slice(warm_up, None if torch.isfinite(made.vertices[-1]).all() else -1)
     shared: dict[str, Any] = {
         "clip": clip.name,
         "body": body.name,
         "body_hash": rest_hash(body),
         "seed": 0,
-        "wall_seconds": round(time.perf_counter() - started, 2),
+        "wall_seconds": round(made.seconds, 2),
         **engine.describe(),
     }
     if len(cloths) > 1:
@@ -77,7 +76,7 @@ def simulate(
             vertices=vertices,
             faces=cloth.garment.mesh.faces,
             rest=cloth.garment.mesh.vertices,
-            transforms=transforms[: len(vertices)],
+            transforms=transforms[:frames],
             fps=clip.fps,
             warm_up=warm_up,
             metadata={

@@ -75,7 +75,7 @@ def scene(
 
 def play(engine: Engine, made: Scene) -> Tensor:
     """The cloth at every frame: (F, N, 3)."""
-    return torch.stack(list(engine.simulate(made)))
+    return torch.stack([frame.vertices for frame in engine.simulate(made)])
 
 
 def turned_about_y(points: Tensor, degrees: float) -> Tensor:

@@ -1,0 +1,164 @@
+"""Unfinished sequences: frames are kept while they are simulated, so that what was killed goes on with them.
+
+They lie in a hidden file beside the sequence to be, `.NAME.unfinished`, until that is there.
+"""
+
+import json
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rasterize.archive import load_arrays, save_arrays
+from rasterize.atomic import require_there
+from rasterize.errors import InputError
+from rasterize.fields import check_fields, numbers, text
+from uvcloth.checkpoint import package_version
+from uvcloth.geometry.fingerprint import fingerprint
+from uvcloth.simulate.engine import Engine, Frame, Scene
+from uvcloth.simulate.folder import is_finished
+
+SUFFIX = ".unfinished"
+
+SECONDS = 20.0
+"""Seconds of simulation that are lost at most, and those of one frame."""
+
+FORMAT, EXPECTED_FILE = "uvcloth-unfinished-1", "frames that `uvcloth simulate` keeps"
+
+
+@dataclass(frozen=True)
+class Place:
+    """Place of a sequence that is simulated: the folder of the data, and the sequence's file in it."""
+
+    folder: Path
+    target: Path
+
+    @property
+    def file(self) -> Path:
+        """File of what is unfinished."""
+        return self.target.with_name(f".{self.target.stem}{SUFFIX}")
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Cloth over the first F frames of a scene.
+
+    vertices: (F, N, 3) m. seconds: that they took. memory: (K, N, 3) of the engine at the last one.
+    """
+
+    vertices: Tensor
+    seconds: float
+    memory: Tensor | None = None
+
+
+def move(
+    engine: Engine, scene: Scene, place: Place | None, report: Callable[[int], None] = lambda made: None
+) -> Moved:
+    """Simulate a scene, up to the first frame that is not finite if there is one.
+
+    place: where frames are kept every SECONDS, and gone on with if they are of an equal scene, engine and
+    version of this package; nothing is kept where the folder is not there, as on another machine, or what
+    cannot be written. report: is told the number of frames that are there, first of those that were kept.
+    """
+    key = "" if place is None else _key(engine, scene)
+    kept = None if place is None else _load(place.file, key, len(scene.rest))
+    frames = [] if kept is None else list(kept.vertices)
+    started = time.monotonic() - (0.0 if kept is None else kept.seconds)
+    after = None if kept is None else Frame(len(frames) - 1, frames[-1], kept.memory)
+    report(len(frames))
+    saved = time.monotonic()
+    for frame in engine.simulate(scene, after):
+        frames.append(frame.vertices)
+        report(len(frames))
+        if not torch.isfinite(frame.vertices).all():
+            break
+        if place is not None and frame.memory is not None and time.monotonic() - saved > SECONDS:
+            moved = Moved(torch.stack(frames), time.monotonic() - started, frame.memory)
+            with suppress(InputError):
+                _save(moved, key, place)
+            saved = time.monotonic()
+    return Moved(torch.stack(frames), time.monotonic() - started)
+
+
+def clear_finished(folder: Path) -> None:
+    """Remove from a data folder what was kept of sequences that are finished."""
+    for file in unfinished_files(folder):
+        if is_finished(_target(file)):
+            with suppress(OSError):
+                file.unlink()
+
+
+def unfinished_files(folder: Path) -> list[Path]:
+    """Files of what is unfinished in a data folder, sorted."""
+    return sorted(chain.from_iterable(folder.glob(depth + f".*{SUFFIX}") for depth in ("", "*/")))
+
+
+def unfinished_frames(file: Path) -> tuple[str, int]:
+    """Name of an unfinished sequence, and how many frames of it are there; none in a damaged file."""
+    try:
+        frames = len(_read(file)["vertices"])
+    except InputError:
+        frames = 0
+    return _target(file).stem, frames
+
+
+def _target(file: Path) -> Path:
+    """The sequence's file of an unfinished one."""
+    return file.with_name(f"{file.name[1:].removesuffix(SUFFIX)}.npz")
+
+
+def _key(engine: Engine, scene: Scene) -> str:
+    """Hash of all that frames depend on."""
+    tensors = (
+        *(scene.rest, scene.faces, scene.band, scene.mass_factor, scene.inner_thickness, scene.skinned),
+        *(scene.collider, scene.touches, *scene.collider_parts),
+    )
+    sizes = [list(tensor.shape) for tensor in tensors]
+    said = json.dumps([package_version(), engine.describe(), scene.fps, sizes], sort_keys=True)
+    return fingerprint(said, *tensors)
+
+
+def _save(moved: Moved, key: str, place: Place) -> None:
+    """Write what is unfinished. Raises InputError if that cannot be, or the folder is gone."""
+    assert moved.memory is not None
+    require_there(place.folder)
+    arrays = {
+        "format": np.array(FORMAT),
+        "key": np.array(key),
+        "vertices": moved.vertices.numpy(),
+        "memory": moved.memory.numpy(),
+        "seconds": np.array(moved.seconds),
+    }
+    save_arrays(place.file, arrays, compressed=False)
+
+
+def _load(file: Path, key: str, vertices: int) -> Moved | None:
+    """What is kept, None if it is nothing, damaged or of another key. vertices: how many the cloth has."""
+    try:
+        data = _read(file, N=vertices)
+    except InputError:
+        return None
+    if str(data["key"]) != key:
+        return None
+    points, memory = torch.from_numpy(data["vertices"]), torch.from_numpy(data["memory"])
+    return Moved(points, float(data["seconds"]), memory)
+
+
+def _read(file: Path, **sizes: int) -> dict[str, np.ndarray]:
+    """Arrays of a file. Raises InputError as `load_arrays` and `check_fields` do."""
+    fields = {
+        "key": text(),
+        "vertices": numbers("F", "N", 3),
+        "memory": numbers("K", "N", 3),
+        "seconds": numbers(least=0.0, dtype=np.float64),
+    }
+    data = check_fields(file, load_arrays(file, FORMAT, EXPECTED_FILE), fields, **sizes)
+    if not len(data["vertices"]):
+        raise InputError(f"{file}: holds no frame")
+    return data
