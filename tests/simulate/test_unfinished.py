@@ -2,15 +2,18 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import pytest
 import torch
+from rich.console import Console
 
 from uvcloth.simulate import unfinished
 from uvcloth.simulate.engine import Frame, Scene
 from uvcloth.simulate.folder import rejected
+from uvcloth.simulate.overview import overview
 from uvcloth.simulate.unfinished import (
     Place,
     clear_finished,
@@ -91,6 +94,9 @@ def test_it_goes_on_where_it_was_stopped(scene: Scene, place: Place) -> None:
     stop(Falling(), scene, place)
     assert unfinished_files(place.folder) == [place.file]
     assert unfinished_frames(place.file) == (NAME, 5)
+    text = StringIO()
+    Console(width=160, file=text).print(overview(place.folder))
+    assert f"unfinished: 1 sequences, 5 frames ({NAME} 5)" in text.getvalue()
     moved, told = made(Falling(), scene, place)
     assert torch.equal(moved, truth)
     assert told == [5, 6, 7, 8]
