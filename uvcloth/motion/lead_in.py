@@ -8,10 +8,17 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.rotations import from_axis_angles, to_axis_angles
+from uvcloth.motion.arms import arm_depth
 from uvcloth.motion.clip import Clip
 
 HELD_FRAMES = 18
 """Frames that a pose is held for, after those of the ramp, in which it stands as well."""
+
+TURNING_SHARES = (1.0, 0.67, 0.42, 0.25, 0.0)
+"""Shares of the ramp's frames, the last ones, in which joints turn, as they are tried."""
+
+ARM_CLEARANCE = 0.02
+"""Metres that bones of forearms and hands keep from the torso's skin where joints turn in fewer frames."""
 
 
 @dataclass(frozen=True)
@@ -31,34 +38,21 @@ def lead_in(clip: Clip, body: Body, parts: LeadIn) -> Clip:
 
     The body stands at rest under its first position, facing its first heading, turns smoothly into the first
     pose moved back along the first frame's velocity, and reaches that velocity just as the clip begins.
+
+    Moved back, a swinging arm may be in the torso, where no person's is and a sleeve comes off it. Where the
+    bones of a forearm or hand get in, joints turn in the last frames of the ramp alone: in the most that keep
+    ARM_CLEARANCE, or what the clip's first frame keeps, or else in those in which bones get in least.
     """
-    first, second = clip.rotations[0], clip.rotations[min(1, len(clip) - 1)]
-    spin = to_axis_angles(second @ first.transpose(-1, -2))
-    drift = clip.translation[min(1, len(clip) - 1)] - clip.translation[0]
-    u = torch.arange(parts.ramp, 0, -1).float() / parts.ramp
-    back = parts.ramp * (u - u**3 + 0.5 * u**4)
-    ramp_rotations = from_axis_angles(-back[:, None, None] * spin) @ first
-    ramp_translation = clip.translation[0] - back[:, None] * drift
-
-    heading = _heading(clip.rotations[0, 0])
-    height = float(clip.skeleton.heads[0, 2] - body.mesh.vertices[:, 2].min())
-    start = torch.cat([ramp_translation[0, :2], torch.tensor([height])])
-    turn = to_axis_angles(heading.transpose(-1, -2) @ ramp_rotations[0])
-    t = torch.arange(1, parts.blend + 1).float() / (parts.blend + 1)
-    share = t**3 * (10 - 15 * t + 6 * t**2)
-    blend_rotations = heading @ from_axis_angles(share[:, None, None] * turn)
-    blend_translation = start + share[:, None] * (ramp_translation[0] - start)
-
-    joints = len(clip.skeleton.names)
-    rest_rotations = heading.expand(parts.rest, joints, 3, 3)
-    rest_translation = start.expand(parts.rest, 3)
-    return Clip(
-        clip.name,
-        clip.skeleton,
-        torch.cat([rest_rotations, blend_rotations, ramp_rotations, clip.rotations]),
-        torch.cat([rest_translation, blend_translation, ramp_translation, clip.translation]),
-        clip.fps,
-    )
+    translation = _translation(clip, body, parts)
+    tried = []
+    for share in TURNING_SHARES:
+        rotations = _rotations(clip, parts, max(1, round(share * parts.ramp)))
+        depth = _depth(_joined(rotations, translation, clip.window(0, 1)), body)
+        allowed = depth[-1].clamp(min=-ARM_CLEARANCE if tried else 0.0)
+        if (depth[:-1] <= allowed).all():
+            return _joined(rotations, translation, clip)
+        tried.append((float(depth[:-1].max()), rotations))
+    return _joined(min(tried, key=lambda each: each[0])[1], translation, clip)
 
 
 def pose_from_rest(clip: Clip, body: Body) -> Clip:
@@ -68,6 +62,54 @@ def pose_from_rest(clip: Clip, body: Body) -> Clip:
     posed = lead_in(clip, body, LeadIn())
     held = torch.tensor([*range(len(posed)), *[-1] * HELD_FRAMES])
     return replace(posed, rotations=posed.rotations[held], translation=posed.translation[held])
+
+
+def _rotations(clip: Clip, parts: LeadIn, turning: int) -> Tensor:
+    """Rotations (len(parts), J, 3, 3); turning: frames of the ramp in which joints turn."""
+    first, second = clip.rotations[0], clip.rotations[min(1, len(clip) - 1)]
+    spin = to_axis_angles(second @ first.transpose(-1, -2))
+    ramp = from_axis_angles(-_back(parts, turning)[:, None, None] * spin) @ first
+    heading = _heading(clip.rotations[0, 0])
+    turn = to_axis_angles(heading.transpose(-1, -2) @ ramp[0])
+    blend = heading @ from_axis_angles(_share(parts)[:, None, None] * turn)
+    return torch.cat([heading.expand(parts.rest, len(clip.skeleton.names), 3, 3), blend, ramp])
+
+
+def _translation(clip: Clip, body: Body, parts: LeadIn) -> Tensor:
+    """Path (len(parts), 3) m of the root."""
+    drift = clip.translation[min(1, len(clip) - 1)] - clip.translation[0]
+    ramp = clip.translation[0] - _back(parts, parts.ramp)[:, None] * drift
+    height = float(clip.skeleton.heads[0, 2] - body.mesh.vertices[:, 2].min())
+    start = torch.cat([ramp[0, :2], torch.tensor([height])])
+    blend = start + _share(parts)[:, None] * (ramp[0] - start)
+    return torch.cat([start.expand(parts.rest, 3), blend, ramp])
+
+
+def _back(parts: LeadIn, last: int) -> Tensor:
+    """Frames (parts.ramp,) by which the ramp is behind the clip's first one, if it moves in its last ones."""
+    u = (torch.arange(parts.ramp, 0, -1).float() / last).clamp(max=1.0)
+    return last * (u - u**3 + 0.5 * u**4)
+
+
+def _share(parts: LeadIn) -> Tensor:
+    """Shares (parts.blend,) of the way from rest to the ramp, smooth at both ends."""
+    t = torch.arange(1, parts.blend + 1).float() / (parts.blend + 1)
+    return t**3 * (10 - 15 * t + 6 * t**2)
+
+
+def _joined(rotations: Tensor, translation: Tensor, clip: Clip) -> Clip:
+    """The clip with frames in front of it."""
+    return replace(
+        clip,
+        rotations=torch.cat([rotations, clip.rotations]),
+        translation=torch.cat([translation, clip.translation]),
+    )
+
+
+def _depth(motion: Clip, body: Body) -> Tensor:
+    """Metres (F, A) as `arm_depth` says, wherever the motion is."""
+    near = replace(motion, translation=motion.translation - motion.translation[:1])
+    return arm_depth(body, near.transforms())
 
 
 def _heading(rotation: Tensor) -> Tensor:
