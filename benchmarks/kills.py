@@ -47,7 +47,7 @@ def commands(inputs: Path) -> list[Command]:
     rollout = ("rollout", *MOVING, "--garment", "tops", "--model", "lbs")
     poses, clips, moved = (str(inputs / name) for name in ("poses.npz", "clips", "outfits"))
     tiny = ("--preset", "tiny", "--save-seconds", "0.1", "--out", "OUT")
-    resume = ("--resume",)
+    resume, pair = ("--resume",), ("--jobs", "2")
     return [
         *(
             Command(f"rollout-{kind}", "uvcloth", (*rollout, "--no-contact", "--out", f"OUT/a.{kind}"))
@@ -56,14 +56,16 @@ def commands(inputs: Path) -> list[Command]:
         Command("rollout-four", "uvcloth", (*rollout, "--out", *(f"OUT/a.{kind}" for kind in FORMATS[:4]))),
         Command(
             "simulate", "uvcloth",
-            ("simulate", "walk", "--frames", "0:40", "--garment", "tops", "--jobs", "1", "--out", "OUT"),
+            ("simulate", "walk", "--frames", "0:20", "--garment", "tops", "bottoms", *pair, "--out", "OUT"),
+            indifferent=("--jobs", "1"),
         ),
         Command(
             "poses", "uvcloth", ("poses", "walk", "--every", "12", "--recombine", "4", "--out", "OUT/p.npz")
         ),
         Command(
             "outfits", "uvcloth",
-            ("outfits", "--count", "2", "--body", "builtin", "--type", "skirt", "--out", "OUT"),
+            ("outfits", "--count", "2", "--body", "builtin", "--type", "skirt", *pair, "--out", "OUT"),
+            indifferent=("--jobs", "1"),
         ),
         Command("export-glb", "uvcloth", ("export", "--model", "pbns", *MOVING, "--out", "OUT/r.glb")),
         Command("export-usdc", "uvcloth", ("export", "--model", "pbns", *MOVING, "--out", "OUT/r.usdc")),

@@ -32,7 +32,8 @@ class Command:
     """A command: words of its line, in which OUT stands for its folder, and how its results are compared.
 
     results: "bytes" of every file, "weights" of a training, "scores" of an evaluation. again: what is added
-    when it is run again in a folder that holds a training state.
+    when it is run again in a folder that holds a training state. indifferent: what is added to one of two
+    undisturbed runs, and has to make no difference.
     """
 
     name: str
@@ -40,6 +41,7 @@ class Command:
     words: tuple[str, ...]
     results: str = "bytes"
     again: tuple[str, ...] = ()
+    indifferent: tuple[str, ...] = ()
 
 
 @dataclass
@@ -58,7 +60,7 @@ def try_command(command: Command, times: int, folder: Path, seed: int) -> Tally:
     for number in range(2):
         out = folder / f"{command.name}-{number}"
         begun = time.monotonic()
-        code = _ended(_start(command, out))
+        code = _ended(_start(command, out, command.indifferent * number))
         tally.seconds = time.monotonic() - begun
         if code:
             tally.faults.append(f"undisturbed: code {code}, {_said(out)}")
