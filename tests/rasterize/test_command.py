@@ -75,7 +75,8 @@ def test_output_that_nobody_reads_is_no_traceback(ending):
     with subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:
-        assert process.stdout and process.stderr
+        assert process.stdout
+        assert process.stderr
         process.stdout.readline()
         process.stdout.close()
         assert (process.wait(), process.stderr.read()) == (141, b"")
