@@ -44,7 +44,7 @@ def lead_in(clip: Clip, body: Body, parts: LeadIn) -> Clip:
     ARM_CLEARANCE, or what the clip's first frame keeps, or else in those in which bones get in least.
     """
     translation = _translation(clip, body, parts)
-    tried = []
+    tried: list[tuple[float, Tensor]] = []
     for share in TURNING_SHARES:
         rotations = _rotations(clip, parts, max(1, round(share * parts.ramp)))
         depth = _depth(_joined(rotations, translation, clip.window(0, 1)), body)
