@@ -1,4 +1,4 @@
-"""How deep the bones of forearms and hands are in the torso."""
+"""Depth of the bones of forearms and hands in the torso."""
 
 import math
 

@@ -27,7 +27,7 @@ from uvcloth.simulate.folder import is_finished
 SUFFIX = ".unfinished"
 
 SECONDS = 20.0
-"""Seconds of simulation that are lost at most, and those of one frame."""
+"""Seconds of simulation after which frames are kept: no more is lost, but for one frame."""
 
 FORMAT, EXPECTED_FILE = "uvcloth-unfinished-1", "frames that `uvcloth simulate` keeps"
 
@@ -120,17 +120,17 @@ def _key(engine: Engine, scene: Scene) -> str:
         *(scene.collider, scene.touches, *scene.collider_parts),
     )
     sizes = [list(tensor.shape) for tensor in tensors]
-    said = json.dumps([package_version(), engine.describe(), scene.fps, sizes], sort_keys=True)
-    return fingerprint(said, *tensors)
+    settings = json.dumps([package_version(), engine.describe(), scene.fps, sizes], sort_keys=True)
+    return fingerprint(settings, *tensors)
 
 
 def _save(moved: Moved, key: str, place: Place) -> None:
-    """Write what is unfinished. Raises InputError if that cannot be, or the folder is gone."""
+    """Write frames to their place. Raises InputError if that cannot be, or the folder is gone."""
     assert moved.memory is not None
     require_there(place.folder)
     arrays = {
         "format": np.array(FORMAT),
-        "key": np.array(key),
+        "hash": np.array(fingerprint(key, moved.vertices, moved.memory)),
         "vertices": moved.vertices.numpy(),
         "memory": moved.memory.numpy(),
         "seconds": np.array(moved.seconds),
@@ -139,21 +139,21 @@ def _save(moved: Moved, key: str, place: Place) -> None:
 
 
 def _load(file: Path, key: str, vertices: int) -> Moved | None:
-    """What is kept, None if it is nothing, damaged or of another key. vertices: how many the cloth has."""
+    """Frames that are kept, None without, if they are damaged or of another key. vertices: of the cloth."""
     try:
         data = _read(file, N=vertices)
     except InputError:
         return None
-    if str(data["key"]) != key:
-        return None
     points, memory = torch.from_numpy(data["vertices"]), torch.from_numpy(data["memory"])
+    if data["hash"] != fingerprint(key, points, memory):
+        return None
     return Moved(points, float(data["seconds"]), memory)
 
 
 def _read(file: Path, **sizes: int) -> dict[str, np.ndarray]:
     """Arrays of a file. Raises InputError as `load_arrays` and `check_fields` do."""
     fields = {
-        "key": text(),
+        "hash": text(),
         "vertices": numbers("F", "N", 3),
         "memory": numbers("K", "N", 3),
         "seconds": numbers(least=0.0, dtype=np.float64),
