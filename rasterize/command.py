@@ -2,6 +2,7 @@
 
 import errno
 import io
+import os
 import sys
 from collections.abc import Callable
 
@@ -9,7 +10,7 @@ from rasterize.errors import InputError
 from rasterize.interruption import interruptible
 from rasterize.reproducible import fix_summation_order
 
-BAD_INPUT, INTERRUPTED, TERMINATED = 2, 130, 143
+BAD_INPUT, INTERRUPTED, UNREAD, TERMINATED = 2, 130, 141, 143
 
 ENDED = {
     INTERRUPTED: "interrupted; finished work is in place",
@@ -25,17 +26,25 @@ def run_command(program: str, command: Callable[[], None]) -> int:
 
     0 when it returns; 2 with the sentence of an InputError, or of a disk that is full or refuses, on
     stderr; 130 after Ctrl-C, 143 after SIGTERM, when the process ends within two seconds (see
-    `interruptible`). Any other exception is a bug and keeps its traceback.
+    `interruptible`); 141, silently, when nobody reads the output any more (`| head`). Any other exception is
+    a bug and keeps its traceback.
     """
     fix_summation_order()
     _print_any_name()
     try:
         with interruptible(lambda code: f"{_line(program, ENDED[code])}\n".encode()):
-            command()
+            try:
+                command()
+            finally:
+                sys.stdout.flush()
     except InputError as error:
         return _report(program, str(error), BAD_INPUT)
     except KeyboardInterrupt:
         return _report(program, ENDED[INTERRUPTED], INTERRUPTED)
+    except BrokenPipeError:
+        # The interpreter flushes stdout once more when it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return UNREAD
     except OSError as error:
         if error.errno not in REFUSED_BY_THE_SYSTEM:
             raise

@@ -466,8 +466,9 @@ class Poses:
     out: Path
     """The npz to write."""
     clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP|DIR ...", help_behavior_hint="")]] = ()
-    """Motion files (BVH), folders of them or names of built-in clips; without any, and without --windows, the
-    built-in ones. An index.csv in a folder says which clips are for training, validation and the test."""
+    """Motion files (BVH, AMASS), folders of them or names of built-in clips; without any, and without
+    --windows, the built-in ones. An index.csv in a folder says which clips are for training, validation and
+    the test."""
     windows: Annotated[Path | None, arg(metavar="CSV", help_behavior_hint="")] = None
     """Such an index by any name: poses are drawn from the clips that it gives to a split."""
     clips_from: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None

@@ -77,8 +77,15 @@ def test_files_and_names_go_together(tmp_path: Path) -> None:
     assert [(source.name, source.split) for source in sources] == [("a", "train"), ("walk", "validation")]
 
 
+def test_folders_of_amass_hold_motions_and_shapes(tmp_path: Path) -> None:
+    for name in ("01/01_01_poses.npz", "01/shape.npz", "02/walk_stageii.npz", "02/neutral_stagei.npz"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    assert [source.name for source in find_sources([str(tmp_path)])] == ["01_01_poses", "walk_stageii"]
+
+
 def test_what_is_wrong_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="holds no BVH files"):
+    with pytest.raises(InputError, match=r"holds no motion files \(\*\.bvh, "):
         find_sources([str(tmp_path)])
     absent = folder_of(tmp_path / "absent", ["a"], "b,bob,train,walk,0,9\n")
     with pytest.raises(InputError, match=r"absent: lacks the clip b \(b\.bvh\)"):

@@ -63,3 +63,20 @@ def test_names_of_any_script_are_printed_on_any_terminal(encoding):
     assert ended.returncode == 2
     assert (b"Traceback" in ended.stderr, ended.stderr.strip().endswith(b": no such file")) == (False, True)
     assert ended.stdout.strip().endswith(rb"\udc80.obj")
+
+
+@pytest.mark.parametrize("ending", ["pass", "raise SystemExit(0)"])
+def test_output_that_nobody_reads_is_no_traceback(ending):
+    code = (
+        "import sys; from rasterize.command import run_command\n"
+        f"def main():\n    print('frame\\n' * 100_000)\n    {ending}\n"
+        "sys.exit(run_command('uvcloth', main))"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout
+        assert process.stderr
+        process.stdout.readline()
+        process.stdout.close()
+        assert (process.wait(), process.stderr.read()) == (141, b"")

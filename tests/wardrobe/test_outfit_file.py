@@ -98,14 +98,14 @@ def test_a_piece_that_is_missing_unknown_or_another_is_named(tmp_path: Path) -> 
 def test_outfits_are_the_same_every_time_and_what_is_there_is_kept(tmp_path: Path) -> None:
     pytest.importorskip("pyacvd", reason="sewing needs the remesher of uvcloth[body]")
 
-    def made(name: str, count: int, seed: int = 5) -> Path:
+    def made(name: str, count: int, seed: int = 5, kind: str = "shorts") -> Path:
         make_outfits(
             OutfitSettings(
                 out=tmp_path / name,
                 count=count,
                 seed=seed,
                 bodies=("builtin",),
-                types=("shorts",),
+                types=(kind,),
                 vertices=(1000, 1100),
                 jobs=1,
             )
@@ -124,6 +124,8 @@ def test_outfits_are_the_same_every_time_and_what_is_there_is_kept(tmp_path: Pat
     assert (two / "o0001.json").stat().st_mtime_ns == kept
     with pytest.raises(InputError, match="was made with --seed 5"):
         made("one", 2, seed=6)
+    with pytest.raises(InputError, match="is of type shorts, --type asks for others"):
+        made("one", 2, kind="skirt")
     dressed = on_body(load_outfit_file(one / "o0001.json"))
     assert dressed.garments[0].name == "o0001_shorts"
     assert dressed.garments[0].template == "bottoms"

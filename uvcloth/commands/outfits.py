@@ -193,12 +193,15 @@ def _is_there(job: _Job) -> bool:
     if not path.is_file():
         return False
     outfit = load_outfit_file(path)
+    worn = "+".join(piece.design.kind for piece in reversed(outfit.pieces))
     made = (outfit.seed, outfit.vertex_range, outfit.body)
     if made != (job.settings.seed, job.settings.vertices, job.body):
         raise InputError(
             f"{path}: was made with --seed {made[0]} --vertices {made[1][0]} {made[1][1]} on {made[2].stem}, "
             "use another folder for other settings"
         )
+    if worn not in (job.settings.types or OUTFITS):
+        raise InputError(f"{path}: is of type {worn}, --type asks for others, use another folder for them")
     return True
 
 

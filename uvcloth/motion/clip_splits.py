@@ -13,6 +13,9 @@ from uvcloth.motion.poses import SPLITS
 HELD_OUT = 0.15
 """Shares of the clips without an index that are for validation and for the test, each."""
 
+AMASS = ("*_poses.npz", "*_stageii.npz")
+"""Names of the motions in the folders of AMASS, older and newer; beside them lie shapes without a motion."""
+
 
 @dataclass(frozen=True)
 class Source:
@@ -33,11 +36,12 @@ def find_sources(
 ) -> list[Source]:
     """Find the clips of files, folders, built-in names and an index, sorted by name, each for one split.
 
-    A folder gives its BVH files and those of the folders in it. If an index.csv lies in it, that decides:
-    its clips are for what it says, and those that it calls unused or does not name are left out. windows: an
-    index that decides so over the clips of the folder `clips_from`. Of the clips without an index, HELD_OUT
-    each are for validation and for the test, whole clips, evenly spread over the names: of two the second is
-    for validation, a single one is for training. No clips and no index are the built-in ones.
+    A folder gives its BVH and AMASS files (`AMASS`) and those of the folders in it. If an index.csv lies in
+    it, that decides: its clips are for what it says, and those that it calls unused or does not name are left
+    out. windows: an index that decides so over the clips of the folder `clips_from`. Of the clips without an
+    index, HELD_OUT each are for validation and for the test, whole clips, evenly spread over the names: of
+    two the second is for validation, a single one is for training. No clips and no index are the built-in
+    ones.
 
     Raises InputError for a folder without clips, an index that is not one or whose clips are not there, one
     without its folder or the reverse, and two clips of one name.
@@ -69,10 +73,11 @@ def find_sources(
 
 
 def _in_folder(folder: Path) -> dict[str, str]:
-    """Name -> file of the BVH files of a folder and the folders in it."""
-    files = [path for pattern in ("*.bvh", "*/*.bvh") for path in sorted(folder.glob(pattern))]
+    """Name -> file of the BVH and AMASS files of a folder and the folders in it."""
+    patterns = ("*.bvh", *AMASS)
+    files = [path for name in patterns for deep in (name, f"*/{name}") for path in sorted(folder.glob(deep))]
     if not files:
-        raise InputError(f"{folder}: holds no BVH files")
+        raise InputError(f"{folder}: holds no motion files ({', '.join(patterns)})")
     named = {path.stem: str(path) for path in files}
     for path in files:
         if named[path.stem] != str(path):
