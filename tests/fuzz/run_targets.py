@@ -56,9 +56,11 @@ def good_state(folder: Path) -> Path:
 
 
 def resumed(run: Path) -> State:
-    """The run after one more step than the file has."""
+    """The run of a file, which takes one more step."""
     state = training()
     memory = load_state(state, run)
+    for name, tensor in (state.tensors() | memory).items():
+        require(torch.isfinite(tensor).all(), f"{name} is not finite")
     state.networks["net"](torch.ones(4, 2)).square().sum().backward()
     state.optimizers["net"].step()
     return State(state.networks, state.optimizers, state.average, memory, state.done, state.settings)
@@ -69,7 +71,6 @@ def check_state(state: State) -> None:
     require(state.tensors().keys() == expected.keys(), "other tensors")
     for name, tensor in state.tensors().items():
         require(tensor.shape == expected[name].shape, f"{name} of another shape")
-        require(torch.isfinite(tensor).all(), f"{name} is not finite")
     done = state.done
     require(type(done.step) is int and done.step >= 0, "steps")
     require(min(done.seconds, done.epochs) >= 0 and not np.isnan(done.best), "progress")

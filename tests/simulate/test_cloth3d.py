@@ -215,6 +215,12 @@ def without_vertex(folder: Path) -> None:
     (folder / "Tshirt.obj").write_text("\n".join(["v 0 0 0", *lines]))
 
 
+def all_in_one_place(folder: Path) -> None:
+    lines = (folder / "Tshirt.obj").read_text().splitlines()
+    same = ["v 1 1 1" if line.startswith("v ") else line for line in lines]
+    (folder / "Tshirt.obj").write_text("\n".join(same))
+
+
 def with_nan(folder: Path) -> None:
     path = folder / "Tshirt.pc16"
     content = bytearray(path.read_bytes())
@@ -238,6 +244,7 @@ DAMAGES: dict[str, Callable[[Path], Any]] = {
     r"Tshirt\.obj, line 1: not a readable OBJ": lambda folder: (folder / "Tshirt.obj").write_text(
         "v a b c\n"
     ),
+    r"Tshirt\.obj: edges of 0 mm on average": all_in_one_place,
     r"Tshirt\.pc16: is of 6 frames by its header, holds 5 whole": lambda folder: cut(
         folder / "Tshirt.pc16", -40
     ),

@@ -26,7 +26,7 @@ from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.obj_file import read_obj
 from uvcloth.geometry.fingerprint import fingerprint
-from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh, edge_lengths, unique_edges
 from uvcloth.geometry.rotations import from_axis_angles, from_euler
 from uvcloth.geometry.skeleton import joint_transforms, world_rotations
 from uvcloth.motion.clip_splits import deal_splits
@@ -41,6 +41,9 @@ FPS = 30.0
 
 MOST_METRES, MOST_SETTING = 1.0e4, 100.0
 """Greatest numbers of a file: metres or radians of a frame, and others, such as parameters of a shape."""
+
+LEAST_EDGE = 0.001
+"""Metres that edges of a garment have at least, on average: weights spread from vertex to vertex."""
 
 REST_SPREAD = 0.15
 """Radians that each hip is turned outwards in the pose in which garments rest, arms as in the zero pose."""
@@ -279,6 +282,9 @@ def _garment(folder: Path, name: str, body: Body, upright: Tensor) -> Garment:
         raise InputError(f"{path}: has no faces")
     if not (found.vertices.abs() <= MOST_METRES).all():
         raise InputError(f"{path}: a vertex is not a finite number, or beyond {MOST_METRES:g} m")
+    edge = float(edge_lengths(found.vertices, unique_edges(found.faces)).mean())
+    if edge < LEAST_EDGE:
+        raise InputError(f"{path}: edges of {1000 * edge:.2g} mm on average, expected a garment in metres")
     # The files rest turned by zrot, in which the motion is not.
     mesh = Mesh(found.vertices.float() @ upright, found.faces, found.uvs, found.face_uvs)
     template = TEMPLATES.get(name)
