@@ -363,7 +363,7 @@ def _settings(training: Training) -> dict[str, Any]:
 
 
 def _state(training: Training) -> State:
-    """What the file of a run's state holds."""
+    """State of a run, as its file holds it."""
     return State(
         networks={name: network.module for name, network in training.networks.items()},
         optimizers=training.optimizers,

@@ -266,7 +266,7 @@ def _pieces(folder: Path, info: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def _fabric(folder: Path, name: str, piece: Mapping[str, Any]) -> str:
-    """What a garment is made of; "" where the file does not say."""
+    """Fabric of a garment; "" where the file does not say."""
     fabric = piece.get("fabric", "")
     if not isinstance(fabric, str) or not fabric.isprintable() or len(fabric) > LONGEST:
         raise InputError(f"{folder / INFO}: the fabric of the {name} is no printable text")
