@@ -15,16 +15,16 @@ from evaluate.candidates import Candidate
 from evaluate.case import Case
 from evaluate.metrics import distance_scores, frame_scores, layer_scores
 from evaluate.stability import stability_scores, uses_feedback
-from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import LEAD, body_frames, with_lead
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.fingerprint import fingerprint
+from uvcloth.geometry.kept import keep_arrays, kept_arrays
 from uvcloth.rollout import PreparedRollout, prepare_rollout
 from uvcloth.simulate.sequence import MOTION_TOLERANCE, SimulatedSequence, content_hash, load_sequence
 
-SCORES_FORMAT = "uvcloth-judged-5"
+SCORES_FORMAT = "uvcloth-judged-6"
 
 ENCODED_AT_ONCE = 16
 """Frames that are written in a method's representation at the same time: bounds the memory of large maps."""
@@ -170,7 +170,7 @@ def cached(out: Path, case: Case, name: str, setting: str, work: Callable[[], Ca
     path = Path(out) / "partial" / f"{case.name}_{name}_{key}.npz"
     truth = case.truth[:: case.stride]
     if path.is_file():
-        data = load_arrays(path, SCORES_FORMAT, "a judged window")
+        data = kept_arrays(path, SCORES_FORMAT, "a judged window")
         parts = {
             part.name: {
                 name.removeprefix(_prefix(index)): torch.from_numpy(values)
@@ -183,10 +183,10 @@ def cached(out: Path, case: Case, name: str, setting: str, work: Callable[[], Ca
     judged = work()
     # Offsets from the simulation are small, so half precision keeps them well within a millimetre.
     offset = (judged.shown - truth).half()
-    arrays = {"format": np.array(SCORES_FORMAT), "offset": offset.numpy()}
+    arrays = {"offset": offset.numpy()}
     for index, scores in enumerate(judged.parts.values()):
         arrays |= {f"{_prefix(index)}{key}": values.numpy() for key, values in scores.items()}
-    save_arrays(path, arrays)
+    keep_arrays(path, SCORES_FORMAT, arrays)
     # A rerun, which reads the file, is to give the same report.
     return CaseScores(judged.parts, truth + offset.float())
 

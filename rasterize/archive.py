@@ -20,6 +20,7 @@ import numpy as np
 
 from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
+from rasterize.reading import require_file
 
 FREE_BYTES = 256 * 2**20
 """Bytes to which any archive may unpack."""
@@ -116,13 +117,12 @@ def require_finite(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 @contextmanager
 def _opened(path: Path, expected: str) -> Iterator[zipfile.ZipFile]:
+    require_file(path)
     try:
         with zipfile.ZipFile(path) as archive:
             yield archive
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
     # Between them, zipfile and zlib raise all of these for damaged bytes.
     except (
         *(OSError, ValueError, EOFError, RuntimeError, OverflowError, IndexError),

@@ -7,6 +7,7 @@ import numpy as np
 
 from rasterize.atomic import atomic_write, require_room
 from rasterize.errors import InputError
+from rasterize.reading import require_file
 
 END_OF_PNG = b"\0\0\0\0IEND\xae\x42\x60\x82"
 
@@ -55,8 +56,7 @@ def read_exr(path: Path) -> dict[str, np.ndarray]:
     import OpenImageIO
 
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
+    require_file(path)
     source = OpenImageIO.ImageInput.open(str(path))
     if source is None:
         raise InputError(f"{path}: not a readable image ({OpenImageIO.geterror()})")

@@ -14,15 +14,23 @@ LONGEST_NAME = 1000
 
 def read_content(path: Path) -> bytes:
     """Read a file. Raises InputError naming it if it is missing, a folder or a device, or cannot be read."""
-    path = Path(path)
+    require_file(path)
     try:
-        if not path.is_file():
-            # What is no file, such as a pipe, might never end.
-            there = ", what is there is a folder or a device" if path.exists() else ""
-            raise InputError(f"{path}: no such file{there}")
-        return path.read_bytes()
+        return Path(path).read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def require_file(path: Path) -> None:
+    """Raise InputError unless a path is a file: a pipe or a device might never end."""
+    path = Path(path)
+    try:
+        if path.is_file():
+            return
+        there = ", what is there is a folder or a device" if path.exists() else ""
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    raise InputError(f"{path}: no such file{there}")
 
 
 def file_below(root: Path, folder: Path, name: str) -> Path:

@@ -6,7 +6,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol
 
@@ -18,16 +18,10 @@ from torch import Tensor, nn
 from rasterize.atomic import make_folder, require_there
 from rasterize.errors import InputError
 from rasterize.interruption import uninterrupted
-from uvcloth.checkpoint import load_tensors, save_tensors
-
-STATE = Path("training") / "state.safetensors"
-"""The training state of a run, for an exact resume."""
+from train.state import STATE, Progressed, State, load_state, save_state
 
 PROGRESS_KEYS = ("step", "minutes")
 """Keys beside the scores of a validation."""
-
-CONTENTS = ("data", "body", "garments")
-"""Parts of the settings that hold hashes."""
 
 LOG_EVERY = 10
 """Steps between entries in the log."""
@@ -107,7 +101,7 @@ class Objective(Protocol):
     def settings(self) -> dict[str, Any]:
         """Settings that must not change within a run: parts such as "method" and "losses", of JSON values.
 
-        Of CONTENTS, what differs is not named.
+        Of CONTENTS (`train/state.py`), what differs is not named.
         """
         ...
 
@@ -129,17 +123,6 @@ def training_device() -> torch.device:
     if not torch.cuda.is_available():
         return torch.device("cpu")
     return torch.device("cuda", int(os.environ.get("LOCAL_RANK", "0")))
-
-
-@dataclass
-class Progressed:
-    """The progress of a run: optimizer steps, epochs and seconds of training, and the scores so far."""
-
-    step: int = 0
-    epochs: float = 0.0
-    seconds: float = 0.0
-    best: float = math.inf
-    errors: list[dict[str, float]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -166,7 +149,7 @@ def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) ->
     check_run(run, resume=resume)
     training = _begin(objective, run, config)
     if resume:
-        _load_state(training)
+        objective.remember(load_state(_state(training), run))
     done = training.done
     with uninterrupted() as interrupted:
         _train(training, interrupted)
@@ -379,69 +362,19 @@ def _settings(training: Training) -> dict[str, Any]:
     return settings
 
 
-def _require_same_settings(run: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
-    """Raise InputError naming the first setting that a run was started with another value of."""
-    for part, values in now.items():
-        old = before.get(part)
-        if old == values:
-            continue
-        if part in CONTENTS or not isinstance(old, dict):
-            raise InputError(f"{run}: was started with other {part}")
-        key = next(key for key in (old | values) if old.get(key) != values.get(key))
-        raise InputError(f"{run}: was started with {part}.{key} = {old.get(key)}, not {values.get(key)}")
+def _state(training: Training) -> State:
+    """State of a run, as its file holds it."""
+    return State(
+        networks={name: network.module for name, network in training.networks.items()},
+        optimizers=training.optimizers,
+        average=training.average if training.config.average else None,
+        memory=training.objective.memory(),
+        done=training.done,
+        settings=_settings(training),
+    )
 
 
 def _save_state(training: Training) -> None:
     """Write the training state, on the main process alone."""
-    if not training.fabric.is_global_zero:
-        return
-    tensors = {f"memory/{key}": value for key, value in training.objective.memory().items()}
-    for name, network in training.networks.items():
-        tensors |= {f"network/{name}/{key}": value for key, value in network.module.state_dict().items()}
-        for index, state in training.optimizers[name].state_dict()["state"].items():
-            tensors |= {f"optimizer/{name}/{index}/{key}": value for key, value in state.items()}
-    if training.config.average:
-        tensors |= {f"average/{key}": value for key, value in training.average.state_dict().items()}
-    done = asdict(training.done)
-    done["best"] = None if math.isinf(training.done.best) else training.done.best
-    save_tensors(tensors, {"done": done, "settings": _settings(training)}, training.run / STATE)
-
-
-def _load_state(training: Training) -> None:
-    """Read the training state. Raises InputError if it is of other settings or another network."""
-    run = training.run
-    tensors, meta = load_tensors(run / STATE)
-    _require_same_settings(run, meta["settings"], _settings(training))
-
-    def part(prefix: str) -> dict[str, Tensor]:
-        return {key[len(prefix) :]: value for key, value in tensors.items() if key.startswith(prefix)}
-
-    try:
-        for name, network in training.networks.items():
-            network.module.load_state_dict(part(f"network/{name}/"))
-            _load_optimizer(training.optimizers[name], part(f"optimizer/{name}/"))
-        if training.config.average:
-            training.average.load_state_dict(part("average/"))
-    except (RuntimeError, ValueError, KeyError) as error:
-        first = str(error).splitlines()[0]
-        raise InputError(f"{run}: was started with another network ({first})") from error
-    training.objective.remember(part("memory/"))
-    done, saved = training.done, meta["done"]
-    done.step, done.epochs = saved["step"], saved["epochs"]
-    done.seconds, done.errors = saved["seconds"], saved["errors"]
-    done.best = math.inf if saved["best"] is None else saved["best"]
-
-
-def _load_optimizer(optimizer: Any, saved: Mapping[str, Tensor]) -> None:
-    """Restore an optimizer from tensors named INDEX/ENTRY; its parameter groups stay."""
-    state: dict[int, dict[str, Tensor]] = {}
-    for key, value in saved.items():
-        index, _, entry = key.partition("/")
-        state.setdefault(int(index), {})[entry] = value
-    groups = optimizer.state_dict()["param_groups"]
-    optimizer.load_state_dict({"state": state, "param_groups": groups})
-    # The fused optimizer walks weights and moments by their place in memory.
-    for weight, moments in optimizer.state.items():
-        for key, value in moments.items():
-            if value.shape == weight.shape:
-                moments[key] = torch.empty_like(weight).copy_(value)
+    if training.fabric.is_global_zero:
+        save_state(_state(training), training.run)

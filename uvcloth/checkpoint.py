@@ -20,6 +20,7 @@ from torch import Tensor, nn
 from rasterize.atomic import atomic_files, atomic_write
 from rasterize.errors import InputError
 from rasterize.json_file import parse_json, read_json, require_kinds
+from rasterize.reading import require_file
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.fingerprint import fingerprint
 
@@ -164,6 +165,11 @@ def require_weights_of(create: Callable[[], nn.Module], tensors: Mapping[str, Te
     """
     with torch.device("meta"):
         expected = create().state_dict()
+    require_like(tensors, expected)
+
+
+def require_like(tensors: Mapping[str, Tensor], expected: Mapping[str, Tensor]) -> None:
+    """Raise ValueError naming the first tensor that has another name, shape or kind than is expected."""
     different = sorted(expected.keys() ^ tensors.keys())
     if different:
         difference = "is missing" if different[0] in expected else "is none of the network"
@@ -207,12 +213,11 @@ def save_tensors(tensors: Mapping[str, Tensor], metadata: Mapping[str, Any], pat
 def load_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     """Read what `save_tensors` wrote. Raises InputError if it is missing, damaged or not finite."""
     path = Path(path)
+    require_file(path)
     try:
         with safe_open(path, framework="pt") as archive:
             tensors = {name: archive.get_tensor(name) for name in archive.keys()}  # noqa: SIM118
             metadata = (archive.metadata() or {}).get("json", "{}")
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
     except (OSError, SafetensorError, ValueError, RuntimeError) as error:
         raise InputError(f"{path}: not a readable safetensors file") from error
     for name, tensor in tensors.items():

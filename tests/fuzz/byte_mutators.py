@@ -156,6 +156,18 @@ def dangling_link(path: Path, random: Random) -> str:
     return "a symbolic link to nowhere"
 
 
+def pipe_instead(path: Path, random: Random) -> str:
+    path.unlink()
+    os.mkfifo(path)
+    return "a pipe that nobody writes to"
+
+
+def device_instead(path: Path, random: Random) -> str:
+    path.unlink()
+    path.symlink_to(random.choice(("/dev/zero", "/dev/urandom")))
+    return "a device without end"
+
+
 def moved_behind_link(path: Path, random: Random) -> str:
     """A good file at the end of a symbolic link, which is as good as the file."""
     shutil.move(path, path.with_name("elsewhere"))
@@ -176,4 +188,7 @@ BYTES: tuple[Mutator, ...] = tuple(
         *(insert_noise, append_noise, put_word, put_float, zeros),
     )
 )
-PLACES: tuple[Mutator, ...] = (empty, missing, folder_instead, link_loop, dangling_link, moved_behind_link)
+PLACES: tuple[Mutator, ...] = (
+    *(empty, missing, folder_instead, link_loop, dangling_link, pipe_instead, device_instead),
+    moved_behind_link,
+)

@@ -5,6 +5,7 @@ from random import Random
 
 from tests.fuzz.byte_mutators import BYTES, PLACES
 from tests.fuzz.json_mutators import JSON
+from tests.fuzz.matlab_mutators import MATLAB
 from tests.fuzz.npz_mutators import NPZ
 from tests.fuzz.pickle_mutators import PICKLE
 from tests.fuzz.safetensors_mutators import SAFETENSORS
@@ -14,6 +15,7 @@ from tests.fuzz.text_mutators import TEXT
 OWN_KINDS: dict[str, tuple[Mutator, ...]] = {
     ".npz": NPZ,
     ".pkl": PICKLE,
+    ".mat": MATLAB,
     ".json": JSON,
     ".gltf": JSON,
     ".safetensors": SAFETENSORS,

@@ -1,5 +1,6 @@
 """Running of cases: the outcomes of one reader counted, its failures kept."""
 
+import os
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -74,8 +75,16 @@ def replay(target: Target, number: int, seed: int, folder: Path) -> tuple[Path, 
     return path, words, judge(target, path)
 
 
+def _copy(source: str, target: str) -> None:
+    """Copy a file, or make a pipe like it."""
+    if Path(source).is_fifo():
+        os.mkfifo(target)
+    else:
+        shutil.copy2(source, target)
+
+
 def _keep(case: Path, folder: Path, words: str, outcome: Outcome) -> None:
     shutil.rmtree(folder, ignore_errors=True)
-    shutil.copytree(case, folder, symlinks=True)
+    shutil.copytree(case, folder, symlinks=True, copy_function=_copy)
     text = f"{words}\n{outcome.kind}: {outcome.words}\n\n{outcome.details}\n"
     (folder / "outcome.txt").write_text(text, encoding="utf-8", errors="surrogateescape")

@@ -4,14 +4,17 @@ import os
 import signal
 import time
 from pathlib import Path
+from random import Random
 
 import pytest
 
 from rasterize.errors import InputError
+from tests.fuzz.byte_mutators import pipe_instead
+from tests.fuzz.case import Corpus
 from tests.fuzz.registry import TARGETS
 from tests.fuzz.runner import try_reader
 from tests.fuzz.target import Target, require
-from tests.fuzz.worker import Worker
+from tests.fuzz.worker import FINE, Worker
 
 CASES = 200
 """Of each reader; `make fuzz` tries 10,000."""
@@ -22,6 +25,21 @@ def test_mutated_files_end_as_documented(target: Target) -> None:
     tally = try_reader(target, range(int(CASES * target.share)))
     assert [(number, words, outcome.kind, outcome.words) for number, words, outcome in tally.failures] == []
     assert tally.kinds["refused"] > 0.2 * tally.kinds.total(), "mutations that a reader hardly ever sees"
+
+
+def test_a_pipe_in_the_place_of_any_file_is_refused_at_once(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr("tests.fuzz.worker.WALL_SECONDS", 10.0)
+    outcomes = {}
+    for name, target in TARGETS.items():
+        corpus = Corpus(target, tmp_path / name)
+        files = [path.relative_to(corpus.good) for path in corpus.good.rglob("*") if path.is_file()]
+        with Worker(target) as worker:
+            for file in files:
+                path = corpus.copy(tmp_path / name / "case")
+                pipe_instead(tmp_path / name / "case" / file, Random(0))
+                outcomes[f"{name}, {file}"] = worker.judge(path).kind
+    assert {place: kind for place, kind in outcomes.items() if kind not in FINE} == {}
+    assert sum(kind == "refused" for kind in outcomes.values()) >= len(TARGETS)
 
 
 def good_file(folder: Path) -> Path:
@@ -92,7 +110,6 @@ def test_a_reader_that_fails_is_told_from_one_that_does_not(read, kind, tmp_path
 
 def test_a_case_is_known_by_its_number(tmp_path: Path) -> None:
     """The same seed and number make the same file; another number another one."""
-    from tests.fuzz.case import Corpus
 
     def mutated(number: int, folder: str) -> tuple[str, list[bytes]]:
         corpus = Corpus(TARGETS["clip"], tmp_path / folder)

@@ -32,7 +32,7 @@ def table(folder: Path, rows: str, header: str = HEADER) -> Path:
 def test_an_index_says_what_is_wrong_with_it(tmp_path: Path, rows: str, words: str) -> None:
     with pytest.raises(InputError, match=rf"index\.csv: .*{words}"):
         read_index(table(tmp_path, rows))
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match="a folder or a device"):
         read_index(tmp_path)
 
 

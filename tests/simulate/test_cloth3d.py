@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from scipy.io import savemat
+from scipy.io import loadmat, savemat
 
 from rasterize.errors import InputError
 from tests.bodies.smpl_file import smpl_arrays, smpl_vertices, write_npz
 from train.__main__ import main
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.simulate.cloth3d import cloth3d_samples, load_cloth3d, read_cloth3d_sample
+from uvcloth.simulate.matlab_file import read_matlab
 from uvcloth.simulate.outfit_sequence import OutfitSequence
 
 Arrays = dict[str, np.ndarray]
@@ -214,6 +215,12 @@ def without_vertex(folder: Path) -> None:
     (folder / "Tshirt.obj").write_text("\n".join(["v 0 0 0", *lines]))
 
 
+def all_in_one_place(folder: Path) -> None:
+    lines = (folder / "Tshirt.obj").read_text().splitlines()
+    same = ["v 1 1 1" if line.startswith("v ") else line for line in lines]
+    (folder / "Tshirt.obj").write_text("\n".join(same))
+
+
 def with_nan(folder: Path) -> None:
     path = folder / "Tshirt.pc16"
     content = bytearray(path.read_bytes())
@@ -237,6 +244,7 @@ DAMAGES: dict[str, Callable[[Path], Any]] = {
     r"Tshirt\.obj, line 1: not a readable OBJ": lambda folder: (folder / "Tshirt.obj").write_text(
         "v a b c\n"
     ),
+    r"Tshirt\.obj: edges of 0 mm on average": all_in_one_place,
     r"Tshirt\.pc16: is of 6 frames by its header, holds 5 whole": lambda folder: cut(
         folder / "Tshirt.pc16", -40
     ),
@@ -281,6 +289,44 @@ def test_a_faulty_info_is_one_sentence(
     with pytest.raises(InputError, match=said) as caught:
         read_cloth3d_sample(folder, model[1])
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_a_matlab_file_is_read_as_scipy_reads_it(compressed: bool, tmp_path: Path) -> None:
+    random = np.random.default_rng(0)
+    numbers = {
+        f"a{index}": (100 * random.standard_normal(shape)).astype(kind)
+        for index, kind in enumerate(("f4", "f8", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8"))
+        for shape in ((3, 4),)
+    }
+    cloth = {"fabric": "silk", "length": 2.5, "inner": {"flat": [1, 2, 3]}}
+    written = {
+        **numbers,
+        "one": 7,
+        "cube": np.arange(24.0).reshape(2, 3, 4),
+        "no": np.zeros((0, 3)),
+        "s": cloth,
+    }
+    savemat(tmp_path / "a.mat", written, do_compression=compressed, long_field_names=True)
+    expected = loadmat(tmp_path / "a.mat", simplify_cells=True)
+    found = read_matlab(tmp_path / "a.mat")
+    assert found.keys() == {name for name in expected if not name.startswith("__")}
+    for name, value in found.items():
+        if name != "s":
+            assert value.shape == np.shape(expected[name])
+            np.testing.assert_array_equal(value, expected[name])
+    assert found["s"]["fabric"] == "silk"
+    assert found["s"]["inner"]["flat"].tolist() == [1, 2, 3]
+
+
+def test_a_garment_is_no_path_to_another_folder(
+    sample: Path, model: tuple[Arrays, dict[str, Path]], tmp_path: Path
+) -> None:
+    folder = copytree(sample, tmp_path / sample.name)
+    path = folder / "info.mat"
+    path.write_bytes(path.read_bytes().replace(b"Tshirt", b"../../"))
+    with pytest.raises(InputError, match=r"info\.mat: not a readable MATLAB file \(the name '\.\./\.\./'"):
+        read_cloth3d_sample(folder, model[1])
 
 
 def test_another_model_than_smpl_is_refused(sample: Path, tmp_path: Path) -> None:

@@ -10,9 +10,10 @@ import torch
 
 from rasterize.errors import InputError
 from tests.train.simulated import save_clips
-from train.loop import STATE, fit, rows_of_step
+from train.loop import fit, rows_of_step
 from train.physxnet.objective import PhysXNetObjective
 from train.physxnet.run import LOOPS, LOSSES
+from train.state import STATE
 from uvcloth.checkpoint import load_tensors
 from uvcloth.methods.physxnet.config import PRESETS
 

@@ -10,7 +10,8 @@ import torch
 from torch import Tensor, nn
 
 from rasterize.errors import InputError
-from train.loop import STATE, LoopConfig, Objective, fit
+from train.loop import LoopConfig, Objective, fit
+from train.state import STATE
 from uvcloth.checkpoint import load_tensors
 
 pytest.importorskip("lightning")

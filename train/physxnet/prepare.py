@@ -8,10 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.archive import load_arrays, save_arrays
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.fingerprint import fingerprint
+from uvcloth.geometry.kept import keep_arrays, kept_arrays
 from uvcloth.geometry.mesh import unique_edges
 from uvcloth.geometry.records import from_arrays, to_arrays
 from uvcloth.methods.physxnet.texels import (
@@ -23,7 +22,7 @@ from uvcloth.methods.physxnet.texels import (
     template_texels,
 )
 
-PREPARED_FORMAT = "uvcloth-prepared-1"
+PREPARED_FORMAT = "uvcloth-prepared-2"
 PREPARED_FILE = "prepared.npz"
 
 
@@ -41,21 +40,22 @@ def prepare(folder: Path, body: Body, templates: tuple[str, ...], size: int) -> 
     """Read what an earlier start of this run prepared, or cast the rays and write it to the folder.
 
     Only the making needs ray casting: a folder that was prepared here can be trained anywhere.
+    Raises InputError naming the file if it is damaged.
     """
     identity = _identity(body, templates, size)
     path = Path(folder) / PREPARED_FILE
     if path.exists():
-        arrays = load_arrays(path, PREPARED_FORMAT, "the correspondences of a training run")
+        arrays = kept_arrays(path, PREPARED_FORMAT, "the correspondences of a training run")
         if str(arrays["identity"]) == identity:
-            return _read(arrays, templates, path)
+            return _read(arrays, templates)
     prepared = make(body, templates, size)
-    arrays = {"format": np.array(PREPARED_FORMAT), "identity": np.array(identity)}
+    arrays = {"identity": np.array(identity)}
     arrays |= to_arrays(prepared.texels, "texels")
     for name in templates:
         arrays |= to_arrays(prepared.templates[name], f"template.{name}")
         arrays |= to_arrays(prepared.decoders[name], f"worn.{name}")
         arrays[f"edges.{name}"] = prepared.edges[name].numpy()
-    save_arrays(path, arrays)
+    keep_arrays(path, PREPARED_FORMAT, arrays)
     return prepared
 
 
@@ -87,14 +87,11 @@ def _identity(body: Body, templates: tuple[str, ...], size: int) -> str:
     )
 
 
-def _read(arrays: dict[str, np.ndarray], templates: tuple[str, ...], path: Path) -> Prepared:
-    """The preparation in a file. Raises InputError if it lacks an array."""
-    try:
-        return Prepared(
-            texels=from_arrays(BodyTexels, arrays, "texels"),
-            templates={name: from_arrays(TemplateTexels, arrays, f"template.{name}") for name in templates},
-            decoders={name: from_arrays(GarmentDecoder, arrays, f"worn.{name}") for name in templates},
-            edges={name: torch.from_numpy(arrays[f"edges.{name}"]) for name in templates},
-        )
-    except KeyError as error:
-        raise InputError(f"{path}: lacks the array {error}; delete the file to make it anew") from error
+def _read(arrays: dict[str, np.ndarray], templates: tuple[str, ...]) -> Prepared:
+    """The preparation in a file."""
+    return Prepared(
+        texels=from_arrays(BodyTexels, arrays, "texels"),
+        templates={name: from_arrays(TemplateTexels, arrays, f"template.{name}") for name in templates},
+        decoders={name: from_arrays(GarmentDecoder, arrays, f"worn.{name}") for name in templates},
+        edges={name: torch.from_numpy(arrays[f"edges.{name}"]) for name in templates},
+    )

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
+from rasterize.reading import read_content
 from uvcloth.bodies.body import Body
 from uvcloth.garments.band import holding_band
 from uvcloth.garments.garment import Garment
@@ -48,12 +49,16 @@ def _place(garment: Garment, body: Body, place: str) -> Tensor:
 
 def _listed(path: Path, count: int, outfit: str) -> Tensor:
     try:
-        numbers = np.array(path.read_text(encoding="utf-8-sig").split(), dtype=np.int64)
-    except OSError as error:
+        text = read_content(path).decode("utf-8-sig")
+    except InputError as error:
         places = ", ".join(PIN_SETS)
         raise InputError(
             f"--pins {path}: neither a readable file of vertex numbers nor one of {places}"
         ) from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: expected vertex numbers in UTF-8") from error
+    try:
+        numbers = np.array(text.split(), dtype=np.int64)
     except (ValueError, OverflowError) as error:
         raise InputError(f"{path}: expected vertex numbers, {str(error)[:80]!r}") from error
     if len(numbers) and not 0 <= numbers.min() <= numbers.max() < count:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rasterize.errors import InputError
 from rasterize.fields import LONGEST, is_file_name
-from rasterize.reading import file_below
+from rasterize.reading import file_below, require_file
 from uvcloth.motion.poses import SPLITS
 
 INDEX = "index.csv"
@@ -51,6 +51,7 @@ def read_index(path: Path) -> dict[str, Entry]:
     Raises InputError if it is missing or not such a table, for a clip that it names twice, for a split that
     is none, for a person in two of SPLITS, and for a window that starts before the clip or is empty.
     """
+    require_file(path)
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             rows = csv.DictReader(stream, restval="")
@@ -61,8 +62,6 @@ def read_index(path: Path) -> dict[str, Entry]:
                 if entry.clip in entries:
                     raise InputError(f"{path}: has two rows for the clip {entry.clip}")
                 entries[entry.clip] = entry
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
     except (UnicodeDecodeError, csv.Error) as error:

@@ -18,6 +18,7 @@ from rich.progress import track
 from torch import Tensor
 
 from rasterize.errors import InputError
+from rasterize.fields import LONGEST
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.smpl import RestingModel, read_smpl
 from uvcloth.bodies.smpl_joints import SMPL_JOINTS, STANDING
@@ -25,17 +26,24 @@ from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.obj_file import read_obj
 from uvcloth.geometry.fingerprint import fingerprint
-from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.mesh import Mesh, edge_lengths, unique_edges
 from uvcloth.geometry.rotations import from_axis_angles, from_euler
 from uvcloth.geometry.skeleton import joint_transforms, world_rotations
 from uvcloth.motion.clip_splits import deal_splits
 from uvcloth.motion.poses import SPLITS
+from uvcloth.simulate.matlab_file import read_matlab
 from uvcloth.simulate.outfit_sequence import OutfitSequence
 
 INFO = "info.mat"
 
 FPS = 30.0
 """Frames per second of the data set; its files do not say."""
+
+MOST_METRES, MOST_SETTING = 1.0e4, 100.0
+"""Greatest numbers of a file: metres or radians of a frame, and others, such as parameters of a shape."""
+
+LEAST_EDGE = 0.001
+"""Metres that edges of a garment have at least, on average: weights spread from vertex to vertex."""
 
 REST_SPREAD = 0.15
 """Radians that each hip is turned outwards in the pose in which garments rest, arms as in the zero pose."""
@@ -152,7 +160,7 @@ def read_cloth3d_sample(
             "tightness": np.atleast_1d(_array(folder, info, "tightness")).tolist()
             if "tightness" in info
             else [],
-            "fabric": {name: str(piece.get("fabric", "")) for name, piece in pieces.items()},
+            "fabric": {name: _fabric(folder, name, piece) for name, piece in pieces.items()},
         },
     )
 
@@ -168,33 +176,29 @@ def _subject(folder: Path) -> str:
 
 
 def _info(folder: Path) -> dict[str, Any]:
-    from scipy.io import loadmat
-
-    path = folder / INFO
-    if not path.is_file():
+    if not (folder / INFO).is_file():
         raise InputError(f"{folder}: lacks {INFO}, no sample of CLOTH3D")
-    try:
-        return loadmat(path, simplify_cells=True)
-    # Damaged bytes end in nearly anything, as scipy follows them.
-    except Exception as error:
-        raise InputError(f"{path}: not a readable MATLAB file") from error
+    return read_matlab(folder / INFO)
 
 
-def _array(folder: Path, info: Mapping[str, Any], name: str) -> np.ndarray:
+def _array(folder: Path, info: Mapping[str, Any], name: str, most: float = MOST_SETTING) -> np.ndarray:
+    """Numbers of a file, none of them beyond `most`."""
     if name not in info:
         raise InputError(f"{folder / INFO}: lacks {name}")
-    values = np.asarray(info[name])
-    if values.dtype.kind not in "fiub":
+    values = info[name]
+    if not isinstance(values, np.ndarray):
         raise InputError(f"{folder / INFO}: {name} holds no numbers")
     values = values.astype(np.float64)
     if not np.isfinite(values).all():
         raise InputError(f"{folder / INFO}: {name} holds a value that is not a finite number")
+    if (np.abs(values) > most).any():
+        raise InputError(f"{folder / INFO}: {name} holds a value beyond {most:g}")
     return values
 
 
 def _frames(folder: Path, info: Mapping[str, Any], name: str, size: int) -> Tensor:
     """Values (F, size) of the frames; a file of one frame has no axis for them."""
-    values = _array(folder, info, name)
+    values = _array(folder, info, name, MOST_METRES)
     if values.ndim == 1:
         values = values[:, None]
     if values.ndim != 2 or len(values) != size or values.shape[1] == 0:
@@ -261,6 +265,14 @@ def _pieces(folder: Path, info: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     }
 
 
+def _fabric(folder: Path, name: str, piece: Mapping[str, Any]) -> str:
+    """Fabric of a garment; "" where the file does not say."""
+    fabric = piece.get("fabric", "")
+    if not isinstance(fabric, str) or not fabric.isprintable() or len(fabric) > LONGEST:
+        raise InputError(f"{folder / INFO}: the fabric of the {name} is no printable text")
+    return fabric
+
+
 def _garment(folder: Path, name: str, body: Body, upright: Tensor) -> Garment:
     path = folder / f"{name}.obj"
     if not path.is_file():
@@ -268,8 +280,11 @@ def _garment(folder: Path, name: str, body: Body, upright: Tensor) -> Garment:
     found = read_obj(path)
     if not len(found.vertices) or not len(found.faces):
         raise InputError(f"{path}: has no faces")
-    if not torch.isfinite(found.vertices).all():
-        raise InputError(f"{path}: a vertex is not a finite number")
+    if not (found.vertices.abs() <= MOST_METRES).all():
+        raise InputError(f"{path}: a vertex is not a finite number, or beyond {MOST_METRES:g} m")
+    edge = float(edge_lengths(found.vertices, unique_edges(found.faces)).mean())
+    if edge < LEAST_EDGE:
+        raise InputError(f"{path}: edges of {1000 * edge:.2g} mm on average, expected a garment in metres")
     # The files rest turned by zrot, in which the motion is not.
     mesh = Mesh(found.vertices.float() @ upright, found.faces, found.uvs, found.face_uvs)
     template = TEMPLATES.get(name)
@@ -296,9 +311,12 @@ def _cache(folder: Path, garment: Garment, frames: int, every: int) -> tuple[Pat
         raise InputError(f"{path}: is of {samples} frames by its header, holds {whole} whole ones")
     stored = np.memmap(path, kind, "r", HEADER.size, (samples, points, 3))
     vertices = torch.from_numpy(stored[::every].astype(np.float32))
-    if not torch.isfinite(vertices).all():
-        bad = int((~torch.isfinite(vertices)).flatten(1).any(1).int().argmax())
-        raise InputError(f"{path}: a vertex of frame {bad * every} is not a finite number")
+    far = ~(vertices.abs() <= MOST_METRES).flatten(1).all(1)
+    if far.any():
+        raise InputError(
+            f"{path}: a vertex of frame {int(far.int().argmax()) * every} is not a finite number, "
+            f"or beyond {MOST_METRES:g} m"
+        )
     return path, vertices
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
+from rasterize.reading import require_file
 from uvcloth.bodies.body import Body
 from uvcloth.motion.index import read_index
 from uvcloth.motion.poses import rest_hash
@@ -145,6 +146,7 @@ def refused_captures(folder: Path) -> dict[str, str]:
     path = folder / REFUSED
     if not path.exists():
         return {}
+    require_file(path)
     try:
         with path.open(newline="", encoding="utf-8") as stream:
             return {row["clip"]: row["reason"] for row in csv.DictReader(stream, restval="")}

@@ -17,8 +17,9 @@ from train.deepsd.outfit_energy import OutfitEnergy, normal_energy
 from train.deepsd.physics import PhysicsObjective, TrainedStart, load_start
 from train.deepsd.prediction import PosedOutfit
 from train.deepsd.run import LOOPS, DeePSDRun
-from train.loop import STATE, fit
+from train.loop import fit
 from train.pbns.poses import Poses
+from train.state import STATE
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.checkpoint import Checkpoint, TrainingData, load_checkpoint, load_tensors, save_checkpoint

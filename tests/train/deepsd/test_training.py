@@ -17,7 +17,8 @@ from train.deepsd.losses import DataLosses, data_losses, prior_share
 from train.deepsd.objective import DataObjective
 from train.deepsd.prediction import DrawnPoses, PosedOutfit, describe, pose_outfits
 from train.deepsd.run import LOOPS
-from train.loop import STATE, LoopConfig, batch_after, fit, rows_of_step
+from train.loop import LoopConfig, batch_after, fit, rows_of_step
+from train.state import STATE
 from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import load_checkpoint, load_tensors
 from uvcloth.garments.garment import Garment, Outfit

@@ -11,7 +11,7 @@ import torch
 from rasterize.errors import InputError
 from tests.train.simulated import save_clips
 from train.__main__ import main
-from train.loop import STATE, fit
+from train.loop import fit
 from train.motion_guided.dataset import GarmentDataset
 from train.motion_guided.objective import (
     DynamicsObjective,
@@ -20,6 +20,7 @@ from train.motion_guided.objective import (
     load_shape_space,
 )
 from train.motion_guided.run import LOOPS, LOSSES
+from train.state import STATE
 from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import load_checkpoint, load_tensors
 from uvcloth.methods.motion_guided.config import PRESETS

@@ -16,12 +16,13 @@ from tests.train.simulated import database_of, swaying
 from train.__main__ import main
 from train.batched_collision import LAYER_SEARCH_DISTANCE
 from train.cloth_energy import ClothMaterial
-from train.loop import STATE, fit
+from train.loop import fit
 from train.pbns import objective as pbns
 from train.pbns import poses
 from train.pbns.objective import AttachmentConfig, PBNSObjective
 from train.pbns.poses import POSES_FILE, Poses, poses_for
 from train.pbns.run import LOOPS
+from train.state import STATE
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData, load_checkpoint, load_tensors
 from uvcloth.garments.garment import Outfit

@@ -1,0 +1,38 @@
+"""Results that are kept for a rerun: npz files that are taken back only as they were written."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from rasterize.archive import load_arrays, save_arrays
+from rasterize.errors import InputError
+from uvcloth.geometry.fingerprint import fingerprint
+
+CONTENT = "content"
+"""Array with the hash of the others."""
+
+
+def keep_arrays(path: Path, format: str, arrays: Mapping[str, np.ndarray]) -> None:
+    """Write arrays and their hash to a compressed npz. Raises InputError if it cannot be written."""
+    whole = {"format": np.array(format), **arrays}
+    save_arrays(path, {**whole, CONTENT: np.array(_content(whole))})
+
+
+def kept_arrays(path: Path, format: str, expected: str) -> dict[str, np.ndarray]:
+    """Read the arrays that `keep_arrays` wrote.
+
+    Raises InputError as `load_arrays` does, and if any of them has changed since.
+    """
+    arrays = load_arrays(path, format, f"{expected}; delete the file to make it anew")
+    if str(arrays.pop(CONTENT, "")) != _content(arrays):
+        raise InputError(f"{path}: is not as it was written, expected {expected}; delete it to make it anew")
+    return arrays
+
+
+def _content(arrays: Mapping[str, np.ndarray]) -> str:
+    """Hash of names, types, shapes and values."""
+    parts: list[str | bytes] = []
+    for name, array in sorted(arrays.items()):
+        parts += [f"{name} {array.dtype.str} {array.shape} ", np.ascontiguousarray(array).tobytes()]
+    return fingerprint(*parts)
