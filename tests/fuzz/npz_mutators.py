@@ -1,6 +1,7 @@
 """Damage to npz files: arrays of another kind, headers that claim much, members that unpack to gigabytes."""
 
 import io
+import lzma
 import struct
 import zipfile
 import zlib
@@ -358,6 +359,13 @@ def _change_array(path: Path, random: Random, change: Callable[[np.ndarray], np.
     return f"{members[index][0]}: {words}"
 
 
+DAMAGED = (
+    *(OSError, ValueError, EOFError, RuntimeError, struct.error),
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError),
+)
+"""What zipfile raises for archives that an earlier mutation has damaged."""
+
+
 def _members(path: Path) -> Members:
     """Members of an archive, none where an earlier mutation left no archive."""
     try:
@@ -365,7 +373,7 @@ def _members(path: Path) -> Members:
             return [
                 (info.filename, archive.read(info)) for info in archive.infolist() if info.file_size < 10**8
             ]
-    except (OSError, ValueError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error, struct.error):
+    except DAMAGED:
         return []
 
 
