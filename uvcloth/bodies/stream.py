@@ -21,7 +21,7 @@ BATCH = 8
 JUMP = 10.0
 """Change of the joints' velocity from one frame to the next, m/s on average, with which a motion jumps.
 
-No person moves so (the most in 66 CMU clips at 30 fps is 6.2, in a cartwheel); cuts and lost markers do.
+No person moves so (at most 8.2 in 68 of 69 CMU clips, at 10 to 120 fps); cuts and lost markers do.
 """
 
 
