@@ -1,6 +1,7 @@
 """Damage to JSON: values of other kinds, keys that are missing or doubled, nesting."""
 
 import json
+import sys
 from copy import deepcopy
 from pathlib import Path
 from random import Random
@@ -34,7 +35,10 @@ def scale_number(document: Any, random: Random) -> tuple[Any, str]:
     if not places:
         return document, "no number"
     holder, key = random.choice(places)
-    holder[key] *= random.choice((-1, 0, 2, 10, 1000, 10**6, 10**9, 0.5))
+    factor = random.choice((-1, 0, 2, 10, 1000, 10**6, 10**9, 0.5))
+    # An earlier mutation may have left an integer that no float holds.
+    huge = isinstance(holder[key], int) and abs(holder[key]) > sys.float_info.max
+    holder[key] *= -1 if huge else factor
     return document, f"{key!r} becomes {holder[key]}"
 
 
