@@ -47,7 +47,7 @@ def commands(inputs: Path) -> list[Command]:
     rollout = ("rollout", *MOVING, "--garment", "tops", "--model", "lbs")
     poses, clips, moved = (str(inputs / name) for name in ("poses.npz", "clips", "outfits"))
     tiny = ("--preset", "tiny", "--save-seconds", "0.1", "--out", "OUT")
-    resume, pair = ("--resume",), ("--jobs", "2")
+    resume, one, pair = ("--resume",), ("--jobs", "1"), ("--jobs", "2")
     return [
         *(
             Command(f"rollout-{kind}", "uvcloth", (*rollout, "--no-contact", "--out", f"OUT/a.{kind}"))
@@ -56,8 +56,9 @@ def commands(inputs: Path) -> list[Command]:
         Command("rollout-four", "uvcloth", (*rollout, "--out", *(f"OUT/a.{kind}" for kind in FORMATS[:4]))),
         Command(
             "simulate", "uvcloth",
-            ("simulate", "walk", "--frames", "0:20", "--garment", "tops", "bottoms", *pair, "--out", "OUT"),
-            indifferent=("--jobs", "1"),
+            # Two workers that are forked, not spawned as otherwise, inherit one another's pipes.
+            ("simulate", "walk", "--frames", "0:20", "--garment", "tops", "bottoms", *one, "--out", "OUT"),
+            indifferent=pair,
         ),
         Command(
             "poses", "uvcloth", ("poses", "walk", "--every", "12", "--recombine", "4", "--out", "OUT/p.npz")
@@ -65,7 +66,7 @@ def commands(inputs: Path) -> list[Command]:
         Command(
             "outfits", "uvcloth",
             ("outfits", "--count", "2", "--body", "builtin", "--type", "skirt", *pair, "--out", "OUT"),
-            indifferent=("--jobs", "1"),
+            indifferent=one,
         ),
         Command("export-glb", "uvcloth", ("export", "--model", "pbns", *MOVING, "--out", "OUT/r.glb")),
         Command("export-usdc", "uvcloth", ("export", "--model", "pbns", *MOVING, "--out", "OUT/r.usdc")),
