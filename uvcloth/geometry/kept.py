@@ -13,10 +13,10 @@ CONTENT = "content"
 """Array with the hash of the others."""
 
 
-def keep_arrays(path: Path, format: str, arrays: Mapping[str, np.ndarray]) -> None:
-    """Write arrays and their hash to a compressed npz. Raises InputError if it cannot be written."""
+def keep_arrays(path: Path, format: str, arrays: Mapping[str, np.ndarray], compressed: bool = True) -> None:
+    """Write arrays and their hash to an npz. Raises InputError if it cannot be written."""
     whole = {"format": np.array(format), **arrays}
-    save_arrays(path, {**whole, CONTENT: np.array(_content(whole))})
+    save_arrays(path, {**whole, CONTENT: np.array(_content(whole))}, compressed)
 
 
 def kept_arrays(path: Path, format: str, expected: str) -> dict[str, np.ndarray]:

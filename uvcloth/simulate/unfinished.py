@@ -15,12 +15,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.archive import load_arrays, save_arrays
 from rasterize.atomic import require_there
 from rasterize.errors import InputError
 from rasterize.fields import check_fields, numbers, text
 from uvcloth.checkpoint import package_version
 from uvcloth.geometry.fingerprint import fingerprint
+from uvcloth.geometry.kept import keep_arrays, kept_arrays
 from uvcloth.simulate.engine import Engine, Frame, Scene
 from uvcloth.simulate.folder import is_finished
 
@@ -129,13 +129,12 @@ def _save(moved: Moved, key: str, place: Place) -> None:
     assert moved.memory is not None
     require_there(place.folder)
     arrays = {
-        "format": np.array(FORMAT),
-        "hash": np.array(fingerprint(key, moved.vertices, moved.memory)),
+        "key": np.array(key),
         "vertices": moved.vertices.numpy(),
         "memory": moved.memory.numpy(),
         "seconds": np.array(moved.seconds),
     }
-    save_arrays(place.file, arrays, compressed=False)
+    keep_arrays(place.file, FORMAT, arrays, compressed=False)
 
 
 def _load(file: Path, key: str, vertices: int) -> Moved | None:
@@ -144,21 +143,21 @@ def _load(file: Path, key: str, vertices: int) -> Moved | None:
         data = _read(file, N=vertices)
     except InputError:
         return None
-    points, memory = torch.from_numpy(data["vertices"]), torch.from_numpy(data["memory"])
-    if data["hash"] != fingerprint(key, points, memory):
+    if data["key"] != key:
         return None
+    points, memory = torch.from_numpy(data["vertices"]), torch.from_numpy(data["memory"])
     return Moved(points, float(data["seconds"]), memory)
 
 
 def _read(file: Path, **sizes: int) -> dict[str, np.ndarray]:
-    """Arrays of a file. Raises InputError as `load_arrays` and `check_fields` do."""
+    """Arrays of a file. Raises InputError as `kept_arrays` and `check_fields` do."""
     fields = {
-        "hash": text(),
+        "key": text(),
         "vertices": numbers("F", "N", 3),
         "memory": numbers("K", "N", 3),
         "seconds": numbers(least=0.0, dtype=np.float64),
     }
-    data = check_fields(file, load_arrays(file, FORMAT, EXPECTED_FILE), fields, **sizes)
+    data = check_fields(file, kept_arrays(file, FORMAT, EXPECTED_FILE), fields, **sizes)
     if not len(data["vertices"]):
         raise InputError(f"{file}: holds no frame")
     return data
