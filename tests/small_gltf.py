@@ -12,6 +12,7 @@ from tests.small_body import small_body
 
 WIDTHS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}
 KINDS = {"f": 5126, "u1": 5121, "u2": 5123}
+INDEX_KINDS = {"u1": 5121, "u2": 5123, "u4": 5125}
 
 PIXEL = base64.b64decode(
     "iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAYAAAAfFcSJAAAADUlEQVR42mNk+M9QDwADhgGAWjR9awAAAABJRU5ErkJggg=="
@@ -100,6 +101,42 @@ def document() -> tuple[dict[str, Any], bytes]:
         "bufferViews": [*views, picture],
         "buffers": [{"byteLength": len(content)}],
     }, content
+
+
+def sparse_document(zeros: bool) -> tuple[dict[str, Any], bytes]:
+    """The same, every accessor sparse: on zeros without a buffer view, or on a view with wrong values."""
+    written, content = document()
+    numbers = {code: np.dtype(kind) for kind, code in KINDS.items()}
+    widths = {name: width for width, name in WIDTHS.items()}
+
+    def add(values: np.ndarray) -> int:
+        nonlocal content
+        written["bufferViews"].append({"buffer": 0, "byteOffset": len(content), "byteLength": values.nbytes})
+        content += values.tobytes() + bytes(-values.nbytes % 4)
+        return len(written["bufferViews"]) - 1
+
+    for number, entry in enumerate(written["accessors"]):
+        start = written["bufferViews"][entry["bufferView"]]["byteOffset"]
+        kind, width = numbers[entry["componentType"]], widths[entry["type"]]
+        values = np.frombuffer(content, kind, entry["count"] * width, start).reshape(-1, width)
+        replaced = np.flatnonzero(values.any(axis=1)) if zeros else np.arange(0, len(values), 2)
+        if zeros:
+            del entry["bufferView"]
+        else:
+            wrong = values.copy()
+            wrong[replaced] += 1
+            content = content[:start] + wrong.tobytes() + content[start + wrong.nbytes :]
+        index = np.dtype(("u1", "u2", "u4")[number % 3])
+        entry["sparse"] = {
+            "count": len(replaced),
+            "indices": {
+                "bufferView": add(replaced.astype(index)),
+                "componentType": INDEX_KINDS[index.str[1:]],
+            },
+            "values": {"bufferView": add(values[replaced])},
+        }
+    written["buffers"][0]["byteLength"] = len(content)
+    return written, content
 
 
 def write_glb(path: Path, written: dict[str, Any], content: bytes) -> Path:

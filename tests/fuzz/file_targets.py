@@ -12,7 +12,7 @@ from tests.fuzz.target import Target, require, require_indices, require_numbers
 from tests.garments.test_mhclo import HEAD, ROWS, written
 from tests.motion.bvh_text import bvh_text, performer, still
 from tests.small_body import small_body
-from tests.small_gltf import PIXEL, document, write_glb, write_gltf
+from tests.small_gltf import PIXEL, document, sparse_document, write_glb, write_gltf
 from uvcloth.bodies.body import load_body
 from uvcloth.characters.reader import Character, read_character
 from uvcloth.garments.meshfile import read_mesh
@@ -49,6 +49,14 @@ def good_glb(folder: Path) -> Path:
 
 def good_gltf(folder: Path) -> Path:
     return write_gltf(folder / "box.gltf", *document())
+
+
+def sparse_glb(folder: Path) -> Path:
+    return write_glb(folder / "box.glb", *sparse_document(zeros=False))
+
+
+def sparse_gltf(folder: Path) -> Path:
+    return write_gltf(folder / "box.gltf", *sparse_document(zeros=True))
 
 
 def good_obj(folder: Path) -> Path:
@@ -152,6 +160,9 @@ TARGETS = [
     Target("gltf_character", good_gltf, read_character, check_character, share=0.5),
     Target("glb_mesh", good_glb, read_mesh, check_garment, GLB, share=0.5),
     Target("gltf_mesh", good_gltf, read_mesh, check_garment, share=0.5),
+    Target("sparse_motion", sparse_glb, read_gltf_motion, check_clip, GLB, share=0.25),
+    Target("sparse_character", sparse_gltf, read_character, check_character, share=0.25),
+    Target("sparse_mesh", sparse_gltf, read_mesh, check_garment, share=0.25),
     Target("obj", good_obj, read_mesh, check_garment),
     saved("ply", "ply", 0.5),
     saved("ply_text", "ply", 0.5, encoding="ascii"),

@@ -3,14 +3,16 @@
 import base64
 import json
 from collections.abc import Callable
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from rasterize.errors import InputError
-from tests.small_gltf import document, write_glb, write_gltf
+from tests.small_gltf import document, sparse_document, write_glb, write_gltf
 from uvcloth.characters.reader import read_character
 from uvcloth.garments.meshfile import read_mesh
 from uvcloth.geometry.authored import AuthoredMesh
@@ -61,7 +63,7 @@ def test_the_unchanged_file_is_what_was_written(tmp_path: Path) -> None:
         (put("accessors", 0, "bufferView", 99), r"bufferView is 99, expected one of the 12 bufferViews"),
         (put("accessors", 0, "componentType", 5130), "accessor 0 is VEC3 of 5130"),
         (put("accessors", 0, "type", "VEC2"), "accessor 0 is VEC2 of 5126, expected VEC3"),
-        (put("accessors", 0, "sparse", {"count": 1}), "accessor 0 is sparse"),
+        (put("accessors", 0, "sparse", {"count": 1}), r"accessors\[0\]\.sparse has no indices"),
         (put("bufferViews", 0, "byteLength", 10**12), r"bufferViews\[0\] reaches beyond"),
         (put("bufferViews", 0, "byteOffset", -8), r"byteOffset is -8"),
         (put("bufferViews", 0, "byteStride", 0), "elements that overlap"),
@@ -73,7 +75,8 @@ def test_the_unchanged_file_is_what_was_written(tmp_path: Path) -> None:
         (put("nodes", 0, "translation", [1e39, 0, 0]), r"expected 3 numbers"),
         (put("scene", 3), "scene is 3, expected one of the 1 scenes"),
         (put("asset", "version", "1.0"), r"is glTF 1\.0, expected 2\.0"),
-        (put("extensionsRequired", ["KHR_draco_mesh_compression"]), "is compressed"),
+        (put("extensionsRequired", ["KHR_draco_mesh_compression"]), r"is compressed \(KHR_draco_mesh"),
+        (put("extensionsRequired", ["EXT_meshopt_compression"]), r"is compressed \(EXT_meshopt_comp"),
         (put("materials", 0, "pbrMetallicRoughness", []), "pbrMetallicRoughness is .*, expected an object"),
     ],
 )
@@ -82,6 +85,84 @@ def test_what_a_file_claims_is_checked(change: Callable[[Document], None], said:
     change(written)
     with pytest.raises(InputError, match=rf"lie\.glb: .*{said}"):
         read_all(write_glb(tmp_path / "lie.glb", written, content))
+
+
+@pytest.mark.parametrize("zeros", [False, True])
+def test_sparse_accessors_hold_what_whole_ones_do(zeros: bool, tmp_path: Path) -> None:
+    whole = write_glb(tmp_path / "box.glb", *document())
+    (tmp_path / "sparse").mkdir()
+    sparse = write_glb(tmp_path / "sparse" / "box.glb", *sparse_document(zeros))
+    meshes, characters = (
+        [read_mesh(path) for path in (whole, sparse)],
+        [*map(read_character, (whole, sparse))],
+    )
+    assert torch.equal(meshes[0].vertices, meshes[1].vertices)
+    assert torch.equal(meshes[0].faces, meshes[1].faces)
+    assert torch.equal(meshes[0].uvs, meshes[1].uvs)
+    assert torch.equal(characters[0].heads, characters[1].heads)
+    for name in ("mesh.vertices", "weights"):
+        expected, found = (attrgetter(name)(character.parts[0]) for character in characters)
+        assert torch.equal(expected, found), name
+    clips = [read_gltf_motion(path) for path in (whole, sparse)]
+    assert torch.equal(clips[0].rotations, clips[1].rotations)
+    assert torch.equal(clips[0].translation, clips[1].translation)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (put("accessors", 0, "sparse", "count", 0), "accessor 0 is sparse with 0 indices of 5121"),
+        (put("accessors", 0, "sparse", "count", 9), "accessor 0 is sparse with 9 indices of 5121"),
+        (
+            put("accessors", 0, "sparse", "indices", "componentType", 5126),
+            "4 indices of 5126, expected 1 to 8",
+        ),
+        (put("accessors", 0, "sparse", "indices", "bufferView", 99), "bufferView is 99, expected one of the"),
+        (put("accessors", 0, "sparse", "indices", "byteOffset", 1), r"accessor 0\.sparse\.indices reaches"),
+        (put("accessors", 0, "sparse", "values", "byteOffset", 10**9), r"accessor 0\.sparse\.values reaches"),
+        (
+            put("accessors", 0, "sparse", "indices", "bufferView", 4),
+            "indices that do not increase or are bey",
+        ),
+        (put("accessors", 0, "count", 6), "indices that do not increase or are beyond its 6"),
+    ],
+)
+def test_what_a_sparse_accessor_claims_is_checked(
+    change: Callable[[Document], None], said: str, tmp_path: Path
+) -> None:
+    written, content = sparse_document(zeros=False)
+    change(written)
+    with pytest.raises(InputError, match=rf"lie\.glb: .*{said}"):
+        read_all(write_glb(tmp_path / "lie.glb", written, content))
+
+
+def test_zeros_without_data_are_few(tmp_path: Path) -> None:
+    written, content = sparse_document(zeros=True)
+    written["accessors"][0]["count"] = 10**12
+    path = write_glb(tmp_path / "zeros.glb", written, content)
+    with pytest.raises(InputError, match=r"accessor 0 has 1000000000000 elements without data"):
+        read_character(path)
+    written["accessors"][0]["count"] = 8
+    written["extensionsUsed"] = ["KHR_draco_mesh_compression"]
+    with pytest.raises(InputError, match=r"accessor 0 is compressed \(KHR_draco_mesh_compression\)"):
+        read_mesh(write_glb(path, written, content))
+
+
+def test_quantized_positions_are_placed_by_their_node(tmp_path: Path) -> None:
+    written, content = document()
+    expected = read_mesh(write_glb(tmp_path / "box.glb", written, content)).vertices
+    attributes, view = written["meshes"][0]["primitives"][0]["attributes"], written["bufferViews"][0]
+    quantized = np.rint(expected.numpy() * 10_000).astype("<i2")
+    start = view["byteOffset"]
+    padded = np.zeros((8, 4), "<i2")
+    padded[:, :3] = quantized
+    content = content[:start] + padded.tobytes() + content[start + padded.nbytes :]
+    view |= {"byteLength": padded.nbytes, "byteStride": 8}
+    written["accessors"][attributes["POSITION"]]["componentType"] = 5122
+    written["nodes"][2]["scale"] = [1e-4, 1e-4, 1e-4]
+    written["extensionsRequired"] = ["KHR_mesh_quantization"]
+    found = read_mesh(write_glb(tmp_path / "quantized.glb", written, content)).vertices
+    assert (found - expected).abs().max() <= 0.5e-4
 
 
 @pytest.mark.parametrize(
@@ -114,6 +195,11 @@ def test_keys_far_apart_do_not_make_frames_without_end(tmp_path: Path) -> None:
     start = written["bufferViews"][times]["byteOffset"]
     far = np.array([0.0, 0.5, 1e8], np.float32).tobytes()
     path = write_glb(tmp_path / "slow.glb", written, content[:start] + far + content[start + 12 :])
+    with pytest.raises(InputError, match=r"slow\.glb: the animation has 3 keys in 100000000 s"):
+        read_gltf_motion(path)
+    turns = written["animations"][0]["samplers"][0]["output"]
+    written["accessors"][turns]["count"] = 10**12
+    write_glb(path, written, content[:start] + far + content[start + 12 :])
     with pytest.raises(InputError, match=r"slow\.glb: the animation has 3 keys in 100000000 s"):
         read_gltf_motion(path)
 

@@ -16,6 +16,7 @@ from uvcloth.geometry.gltf_document import check_document, parents_of
 
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942
 TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
+INDEX_TYPES = {code: TYPES[code] for code in (5121, 5123, 5125)}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 LONGEST_NAME = 200
@@ -23,6 +24,9 @@ LONGEST_NAME = 200
 
 MOST_MESHES = 2000
 """Meshes, each of one material, that the nodes of a scene may place."""
+
+MOST_ZEROS = 1_000_000
+"""Elements of an accessor that has no buffer view, and so no bytes in the file for most of them."""
 
 COMPRESSIONS = {"KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"}
 """Extensions without which there are no arrays to read."""
@@ -49,31 +53,88 @@ class Gltf:
     def array(self, accessor: int, *kinds: str) -> np.ndarray:
         """Values of an accessor of one of some kinds ("VEC3"): (count, width), normalized integers as floats.
 
-        Raises InputError for another kind, for data that are not in the file, for sparse ones and for numbers
-        that are not finite.
+        Those of a sparse one are put in their places; without a buffer view the others are zeros. Raises
+        InputError for another kind, for data that are not in the file, for more than MOST_ZEROS zeros and for
+        numbers that are not finite.
         """
         entry = self.entries("accessors")[accessor]
         if entry["type"] not in kinds or entry["componentType"] not in TYPES:
             found = f"{entry['type']:.10} of {entry['componentType']}"
             raise self._error(f"accessor {accessor} is {found}, expected {' or '.join(kinds)}")
-        if "sparse" in entry or "bufferView" not in entry:
-            raise self._error(f"accessor {accessor} is sparse or compressed, which is not read")
-        view = self.entries("bufferViews")[entry["bufferView"]]
-        kind = np.dtype(TYPES[entry["componentType"]]).newbyteorder("<")
-        width, count, start = WIDTHS[entry["type"]], entry["count"], entry.get("byteOffset", 0)
-        step = view.get("byteStride", width * kind.itemsize)
-        if step < width * kind.itemsize:
-            raise self._error(f"accessor {accessor} has elements that overlap, {step} bytes apart")
-        content = self.view(entry["bufferView"])
-        if count and start + (count - 1) * step + width * kind.itemsize > len(content):
-            raise self._error(f"accessor {accessor} reaches beyond the end of its buffer view")
-        values = np.ndarray((count, width), kind, content, start if count else 0, (step, kind.itemsize))
+        kind, shape = np.dtype(TYPES[entry["componentType"]]), (entry["count"], WIDTHS[entry["type"]])
+        if "bufferView" in entry:
+            step = self.entries("bufferViews")[entry["bufferView"]].get("byteStride")
+            values = self._elements(f"accessor {accessor}", entry, kind, shape, step)
+        else:
+            values = self._zeros(accessor, kind, shape)
+        if "sparse" in entry:
+            values = self._substituted(accessor, values)
         if kind.kind == "f" and not np.isfinite(values).all():
             raise self._error(f"accessor {accessor} holds a value that is not a finite number")
         if entry.get("normalized") and kind.kind != "f":
             largest = 2 ** (8 * kind.itemsize - (kind.kind == "i")) - 1
             return np.maximum(values / largest, -1.0)
-        return values.astype(kind.newbyteorder("="))
+        return values.astype(kind)
+
+    def held(self, accessor: int) -> int:
+        """How many elements of an accessor the file may have bytes for, whatever it says."""
+        entry = self.entries("accessors")[accessor]
+        sparse = entry.get("sparse", {"count": 0})
+        parts = [(entry["count"], entry), (sparse["count"], sparse.get("values", {}))]
+        return sum(min(count, len(self.view(p["bufferView"]))) for count, p in parts if "bufferView" in p)
+
+    def _zeros(self, accessor: int, kind: np.dtype, shape: tuple[int, int]) -> np.ndarray:
+        """What an accessor without a buffer view holds."""
+        compressed = sorted(COMPRESSIONS.intersection(self.document.get("extensionsUsed", [])))
+        if compressed:
+            raise self._error(f"accessor {accessor} is {_compressed_by(compressed[0])}")
+        if shape[0] > MOST_ZEROS:
+            raise self._error(
+                f"accessor {accessor} has {shape[0]} elements without data, expected {MOST_ZEROS:,} at most"
+            )
+        return np.zeros(shape, kind)
+
+    def _substituted(self, accessor: int, values: np.ndarray) -> np.ndarray:
+        """The values (count, width) of a sparse accessor, some of which it replaces."""
+        sparse = self.entries("accessors")[accessor]["sparse"]
+        place, chosen, count = f"accessor {accessor}", sparse["indices"], sparse["count"]
+        if chosen["componentType"] not in INDEX_TYPES or not 0 < count <= len(values):
+            raise self._error(
+                f"{place} is sparse with {count} indices of {chosen['componentType']}, expected 1 to "
+                f"{len(values)} of 5121, 5123 or 5125"
+            )
+        index_kind = np.dtype(INDEX_TYPES[chosen["componentType"]])
+        indices = self._elements(f"{place}.sparse.indices", chosen, index_kind, (count, 1))[:, 0]
+        indices = indices.astype(np.int64)
+        if (np.diff(indices) <= 0).any() or indices[-1] >= len(values):
+            raise self._error(
+                f"{place} is sparse with indices that do not increase or are beyond its {len(values)}"
+            )
+        replaced = values.copy()
+        replaced[indices] = self._elements(
+            f"{place}.sparse.values", sparse["values"], values.dtype, (count, values.shape[1])
+        )
+        return replaced
+
+    def _elements(
+        self,
+        place: str,
+        part: dict[str, Any],
+        kind: np.dtype,
+        shape: tuple[int, int],
+        step: int | None = None,
+    ) -> np.ndarray:
+        """Numbers of a kind and shape (count, width) in a buffer view, so many bytes from one to the next."""
+        (count, width), start = shape, part.get("byteOffset", 0)
+        size = width * kind.itemsize
+        step = size if step is None else step
+        if step < size:
+            raise self._error(f"{place} has elements that overlap, {step} bytes apart")
+        content = self.view(part["bufferView"])
+        if count and start + (count - 1) * step + size > len(content):
+            raise self._error(f"{place} reaches beyond the end of its buffer view")
+        start = start if count else 0
+        return np.ndarray(shape, kind.newbyteorder("<"), content, start, (step, kind.itemsize))
 
     def view(self, index: int) -> memoryview:
         """Bytes of a buffer view, such as an image. Raises InputError if they are not in the file."""
@@ -101,6 +162,10 @@ class Gltf:
 
     def _error(self, sentence: str) -> InputError:
         return InputError(f"{self.path}: {sentence}")
+
+
+def _compressed_by(extension: str) -> str:
+    return f"compressed ({extension}), which is not read: export it without compression"
 
 
 def one_line(name: Any) -> str:
@@ -137,7 +202,7 @@ def read_gltf(path: Path) -> Gltf:
         check_document(document)
         compressed = sorted(COMPRESSIONS.intersection(document.get("extensionsRequired", [])))
         if compressed:
-            raise InputError(f"is compressed ({compressed[0]}), which is not read")
+            raise InputError(f"is {_compressed_by(compressed[0])}")
         return Gltf(path, document, binary, parents_of(document))
     except InputError as error:
         raise InputError(f"{path}: {error}") from error

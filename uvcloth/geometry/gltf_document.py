@@ -72,11 +72,19 @@ ACCESSOR = {
     "count": Needed(COUNT),
     "type": Needed(str),
     "normalized": bool,
+    "sparse": {
+        "count": Needed(COUNT),
+        "indices": Needed(
+            {"bufferView": Needed(Index("bufferViews")), "byteOffset": COUNT, "componentType": Needed(COUNT)}
+        ),
+        "values": Needed({"bufferView": Needed(Index("bufferViews")), "byteOffset": COUNT}),
+    },
 }
 SURFACE = {"baseColorFactor": Numbers(4), "baseColorTexture": TEXTURE}
 RULES = {
     "asset": Needed(ASSET),
     "extensionsRequired": [str],
+    "extensionsUsed": [str],
     "scene": Index("scenes"),
     "scenes": [{"nodes": [Index("nodes")]}],
     "nodes": [NODE],

@@ -117,7 +117,7 @@ def _times(file: Gltf, animation: dict[str, Any], nodes: int) -> tuple[np.ndarra
     fps = float(np.clip(np.round(1.0 / np.median(steps)), *FPS_RANGE)) if len(steps) else FPS_RANGE[0]
     frames = int((keys[-1] - keys[0]) * fps + 1e-3) + 1
     outputs = {sampler["output"] for sampler in animation["samplers"]}
-    held = sum(file.entries("accessors")[output]["count"] for output in outputs)
+    held = sum(file.held(output) for output in outputs)
     if frames * nodes > SPARSEST * held + MOST_OF_FEW:
         raise InputError(
             f"{file.path}: the animation has {len(keys)} keys in {keys[-1] - keys[0]:.0f} s, too few to tell "
