@@ -77,6 +77,11 @@ class MakeBody:
     """Meshes or materials of the character that cloth lies on, whatever their names say."""
     drop: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint="")] = ()
     """Meshes or materials of the character to leave out."""
+    unit: Annotated[
+        Literal["m", "dm", "cm", "mm", "inches", "feet"] | None,
+        arg(metavar="m|dm|cm|mm|inches|feet", help_behavior_hint="(default: by its height)"),
+    ] = None
+    """Unit of the character's file, for one who is no adult and not in metres."""
     smpl: Annotated[Path | None, arg(metavar="NPZ|PKL", help_behavior_hint="")] = None
     """A model file of SMPL, SMPL-H or SMPL-X of one gender; docs/field_data.md says what is read."""
     betas: Annotated[tuple[float, ...], arg(metavar="N ...", help_behavior_hint="(default: all 0)")] = ()
@@ -88,9 +93,11 @@ class MakeBody:
         from uvcloth.commands.body import CharacterFile, SmplFile, make
 
         chosen = {key: value for key, value in asdict(self.phenotype).items() if value is not None}
-        if self.character is None and (self.joints or self.keep or self.drop):
-            raise InputError("body: --joints, --keep and --drop are about a --character")
-        character = self.character and CharacterFile(self.character, self.joints, self.keep, self.drop)
+        if self.character is None and (self.joints or self.keep or self.drop or self.unit):
+            raise InputError("body: --joints, --keep, --drop and --unit are about a --character")
+        character = self.character and CharacterFile(
+            self.character, self.joints, self.keep, self.drop, self.unit
+        )
         if self.smpl is None and self.betas:
             raise InputError("body: --betas are about an --smpl model")
         smpl = self.smpl and SmplFile(self.smpl, self.betas)

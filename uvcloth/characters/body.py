@@ -78,16 +78,18 @@ def body_from_character(
     chosen: Mapping[str, str] | None = None,
     keep: Iterable[str] = (),
     drop: Iterable[str] = (),
+    unit: str | None = None,
 ) -> CharacterBody:
     """Make a body of a rigged character in a glTF file.
 
     pattern: the body whose surface is fitted, with its proxies and base mesh. chosen: joint names by role.
-    keep, drop: as `sort_parts` takes them. Raises InputError naming the file as `read_character`,
-    `rig_character` and `sort_parts` do, and for proportions that the surface cannot take.
+    keep, drop: as `sort_parts` takes them. unit: as `rig_character` takes it. Raises InputError
+    naming the file as `read_character`, `rig_character` and `sort_parts` do, and for proportions that the
+    surface cannot take.
     """
     character = read_character(path)
     try:
-        rigged = rig_character(character, chosen or {}, pattern)
+        rigged = rig_character(character, chosen or {}, pattern, unit)
         parts = sort_parts(rigged.parts, rigged.skeleton.names, keep, drop)
         target = _joined(parts.surface)
         rough = rough_fit(pattern, rigged.skeleton, target)

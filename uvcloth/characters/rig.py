@@ -5,6 +5,7 @@ ours; where it has none, ours lies between its neighbours as in the package's bo
 to that of the package's body, limb by limb, so that garments and methods meet what they know.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -31,8 +32,14 @@ HEADS = ("head", "upper_neck", "lower_neck")
 HEIGHTS = (0.5, 3.0)
 """Metres that a character may be tall."""
 
-UNITS = {"m": 1.0, "cm": 0.01, "dm": 0.1, "inches": 0.0254, "mm": 0.001, "hundreds of metres": 100.0}
-"""Units that a file may be in, the first that makes a height of these taken; glTF's is the metre."""
+UNITS = {
+    **{"m": 1.0, "cm": 0.01, "dm": 0.1, "mm": 0.001},
+    **{"inches": 0.0254, "feet": 0.3048, "hundreds of metres": 100.0},
+}
+"""Metres in the units that a file may be in; glTF's is the metre."""
+
+USUAL = 1.7
+"""Metres of the height that the unit is taken for which a character in other units than metres is nearest."""
 
 LEAST_BONE = 0.01
 """Metres below which a limb has no direction."""
@@ -54,11 +61,14 @@ class RiggedCharacter:
     turned: float
 
 
-def rig_character(character: Character, chosen: Mapping[str, str], pattern: Body) -> RiggedCharacter:
+def rig_character(
+    character: Character, chosen: Mapping[str, str], pattern: Body, unit: str | None = None
+) -> RiggedCharacter:
     """Put a character on the skeleton of a body.
 
-    chosen: joint names by role where names do not tell. Raises InputError naming the roles that no joint has,
-    and for a character that does not stand or whose limbs have no length.
+    chosen: joint names by role where names do not tell. unit: of the file, a key of UNITS, None for the one
+    that makes the likeliest height. Raises InputError naming the roles that no joint has, and for a character
+    that does not stand, has no human height or limbs without length.
     """
     roles = _needed_roles(character, chosen)
     if standing_axis(character.heads, roles) is None:
@@ -66,11 +76,12 @@ def rig_character(character: Character, chosen: Mapping[str, str], pattern: Body
     turn = body_axes(character.heads, roles).float()
     points = torch.cat([part.mesh.vertices for part in character.parts]) @ turn.T
     tall = float(points[:, 2].max() - points[:, 2].min())
-    unit_name = next((name for name, size in UNITS.items() if HEIGHTS[0] <= tall * size <= HEIGHTS[1]), None)
-    if unit_name is None:
+    unit_name = unit or _likeliest_unit(tall)
+    metres = tall * UNITS[unit_name]
+    if not HEIGHTS[0] <= metres <= HEIGHTS[1]:
         raise InputError(
-            f"the character is {tall:.3g} units tall, no human height whether a unit is one of "
-            f"{', '.join(UNITS)}"
+            f"the character is {tall:.3g} units tall, {metres:.3g} m in {unit_name}, expected "
+            f"{HEIGHTS[0]} to {HEIGHTS[1]} m; say another unit with --unit, or scale it"
         )
     known_at = character.heads @ turn.T * UNITS[unit_name]
     ours = joint_roles(pattern.skeleton.names)
@@ -97,6 +108,14 @@ def rig_character(character: Character, chosen: Mapping[str, str], pattern: Body
         unit=unit_name,
         turned=turned,
     )
+
+
+def _likeliest_unit(tall: float) -> str:
+    """Unit of a file whose character is so many of them tall: the metre, if that makes a human height."""
+    heights = {name: tall * size for name, size in UNITS.items()}
+    if HEIGHTS[0] <= heights["m"] <= HEIGHTS[1]:
+        return "m"
+    return min(heights, key=lambda name: abs(math.log(max(heights[name], LEAST_BONE) / USUAL)))
 
 
 def _needed_roles(character: Character, chosen: Mapping[str, str]) -> dict[str, int]:

@@ -10,7 +10,7 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
-from uvcloth.bodies.body import Body, load_body, save_body
+from uvcloth.bodies.body import Body, load_body, require_metres, save_body
 from uvcloth.bodies.seen import seen
 from uvcloth.bodies.smpl import read_smpl
 from uvcloth.characters.body import body_from_character
@@ -27,12 +27,14 @@ class CharacterFile:
     """A rigged character in a glTF file, and how to read it.
 
     joints: JSON of roles and joint names. keep, drop: meshes that cloth lies on, and such as are left out.
+    unit: of its file, None to find it.
     """
 
     path: Path
     joints: Path | None = None
     keep: Sequence[str] = ()
     drop: Sequence[str] = ()
+    unit: str | None = None
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,9 @@ def _of_character(character: CharacterFile) -> Body:
     chosen = {} if character.joints is None else read_role_map(character.joints)
     console = Console(stderr=True)
     with console.status(f"fitting our surface to {character.path.name}"):
-        made = body_from_character(character.path, load_body(), chosen, character.keep, character.drop)
+        made = body_from_character(
+            character.path, load_body(), chosen, character.keep, character.drop, character.unit
+        )
     print("\n".join(made.lines()))
     return made.body
 
@@ -115,6 +119,7 @@ def _of_smpl(smpl: SmplFile) -> Body:
     model = read_smpl(smpl.path)
     with Console(stderr=True).status(f"unwrapping {smpl.path.name}"):
         body = model.resting().body(torch.tensor(smpl.betas))
+    require_metres(smpl.path, body.mesh.vertices)
     height = float(body.mesh.vertices[:, 2].max() - body.mesh.vertices[:, 2].min())
     print(f"{smpl.path.name}: {model.kind}, {len(model.shapes)} shape parameters, {height:.2f} m tall")
     return body

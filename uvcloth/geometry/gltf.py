@@ -77,14 +77,14 @@ class Gltf:
         return values.astype(kind)
 
     def held(self, accessor: int) -> int:
-        """How many elements of an accessor the file may have bytes for, whatever it says."""
+        """Number of elements of an accessor that the file may have bytes for, whatever it says."""
         entry = self.entries("accessors")[accessor]
         sparse = entry.get("sparse", {"count": 0})
         parts = [(entry["count"], entry), (sparse["count"], sparse.get("values", {}))]
         return sum(min(count, len(self.view(p["bufferView"]))) for count, p in parts if "bufferView" in p)
 
     def _zeros(self, accessor: int, kind: np.dtype, shape: tuple[int, int]) -> np.ndarray:
-        """What an accessor without a buffer view holds."""
+        """Zeros, as an accessor without a buffer view holds."""
         compressed = sorted(COMPRESSIONS.intersection(self.document.get("extensionsUsed", [])))
         if compressed:
             raise self._error(f"accessor {accessor} is {_compressed_by(compressed[0])}")

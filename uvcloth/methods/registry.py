@@ -16,6 +16,7 @@ from uvcloth.methods.method import Method, MethodEntry
 from uvcloth.methods.motion_guided import method as motion_guided
 from uvcloth.methods.pbns import method as pbns
 from uvcloth.methods.physxnet import method as physxnet
+from uvcloth.methods.resized import for_size
 
 METHODS: dict[str, MethodEntry] = {
     **lbs.ENTRIES,
@@ -50,7 +51,8 @@ def model_folder(name_or_run: str | Path) -> Path | None:
 def load_method(name_or_run: str | Path, body: Body) -> Method:
     """A method that needs no training or ships trained by its name, or a trained one from its run folder.
 
-    A trained method is named after its folder, so that several can stand in one report. Raises InputError for
+    A trained method is named after its folder, so that several can stand in one report. One that ships sees
+    a body that is no adult's as large as one. Raises InputError for
     an unknown name, and for a checkpoint that is damaged, of another method or version, or of another body.
     """
     name, folder = str(name_or_run), model_folder(name_or_run)
@@ -72,4 +74,5 @@ def load_method(name_or_run: str | Path, body: Body) -> Method:
             f"{folder / CONFIG}: a model of method {checkpoint.method!r}, expected one of {expected}"
         )
     # Every method is a frozen dataclass with a name, which the protocol cannot say.
-    return replace(loaders[checkpoint.method](checkpoint, folder), name=folder.resolve().name)  # type: ignore[type-var]
+    method: Method = replace(loaders[checkpoint.method](checkpoint, folder), name=folder.resolve().name)  # type: ignore[type-var]
+    return for_size(method, body) if folder.parent == SHIPPED else method

@@ -1,12 +1,13 @@
 """Contact of a whole outfit with the body and among its garments."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
+from uvcloth.bodies.stature import beside_adults
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.records import to_device
 from uvcloth.physics.contact import Contacts, Obstacle
@@ -25,17 +26,20 @@ class ResolvedOutfit:
 class OutfitContact:
     """Contact of an outfit, frame by frame: garments off the collider, edges at rest length.
 
-    The innermost comes first, and each other one stays on the outer side of where it ends.
+    The innermost comes first, and each other one stays on the outer side of where it ends. Distances that are
+    kept are those of adults; a body of another size is resolved as the nearest of theirs, in proportion.
     """
 
     def __init__(self, body: Body, meshes: Sequence[Mesh]) -> None:
         """Prepare the garments at rest, the innermost first; everything runs on the body's device."""
-        body_vertices = body.mesh.vertices
-        self.obstacle = Obstacle(to_device(make_collider(body), body_vertices.device), body_vertices)
-        self.layers = [Layer(mesh.vertices, mesh.faces) for mesh in meshes[:-1]]
+        self._size = beside_adults(body)
+        rest = self._as_adult(body.mesh.vertices)
+        self.obstacle = Obstacle(to_device(make_collider(body), rest.device), rest)
+        points = [self._as_adult(mesh.vertices) for mesh in meshes]
+        self.layers = [Layer(own, mesh.faces) for own, mesh in zip(points[:-1], meshes[:-1], strict=True)]
         self.garments = [
-            self.obstacle.contact_garment(mesh.vertices, mesh.faces, self.layers[:index])
-            for index, mesh in enumerate(meshes)
+            self.obstacle.contact_garment(own, mesh.faces, self.layers[:index])
+            for index, (own, mesh) in enumerate(zip(points, meshes, strict=True))
         ]
 
     def resolve(
@@ -45,13 +49,20 @@ class OutfitContact:
 
         moves: (N, 3) m, the corrections of the frame before, None in the first.
         """
-        self.obstacle.update(body_vertices)
+        self.obstacle.update(self._as_adult(body_vertices))
         finished, contacts = [], []
         for index, (vertices, garment) in enumerate(zip(raw, self.garments, strict=True)):
-            after, found = self.obstacle.resolve(vertices, garment, moves[index])
+            before = moves[index]
+            after, found = self.obstacle.resolve(
+                self._as_adult(vertices), garment, None if before is None else self._as_adult(before)
+            )
             for layer in self.layers[index : index + 1]:
                 layer.update(after)
-            finished.append(after)
-            contacts.append(found)
+            finished.append(after if self._size == 1.0 else after * self._size)
+            contacts.append(replace(found, deepest=found.deepest * self._size))
         apart = (after - before for after, before in zip(finished, raw, strict=True))
         return ResolvedOutfit(tuple(finished), tuple(contacts), tuple(apart))
+
+    def _as_adult(self, points: Tensor) -> Tensor:
+        """Points (N, 3) m around a body of any size, around one of an adult's."""
+        return points if self._size == 1.0 else points / self._size

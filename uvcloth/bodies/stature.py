@@ -1,0 +1,18 @@
+"""Height of a body, beside the adults that limits and models are for."""
+
+from uvcloth.bodies.body import Body
+
+ADULTS = (1.4, 2.2)
+"""Metres of the bodies whose motion and clothes the models that ship, and limits of speed, are for."""
+
+
+def stature(body: Body) -> float:
+    """Height of a body at rest, metres."""
+    heights = body.mesh.vertices[:, 2]
+    return float(heights.max() - heights.min())
+
+
+def beside_adults(body: Body) -> float:
+    """Height of a body over that of the nearest adult: 1 for adults, 0.5 for a person of 0.7 m."""
+    tall = stature(body)
+    return tall / min(max(tall, ADULTS[0]), ADULTS[1])
