@@ -19,6 +19,18 @@ MOST = 1e9
 LONGEST = 1000
 """Characters of a name."""
 
+LONGEST_FILE_NAME = 220
+"""Bytes of the name of a file, in UTF-8; systems allow 255."""
+
+FORBIDDEN = frozenset('<>:"|?*/\\')
+"""Characters that the name of a file may not have on Windows."""
+
+DEVICES = frozenset(
+    ["CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"]
+    + [port + digit for port in ("COM", "LPT") for digit in "123456789¹²³"]
+)
+"""Names that are those of devices on Windows, in any case and with any ending."""
+
 KINDS = {"numbers": "fiu", "whole numbers": "iu", "truth values": "b", "names": "U", "text": "U"}
 """Kinds of values in words, and the numpy kinds that are read as each."""
 
@@ -81,10 +93,34 @@ def text() -> Field:
 
 
 def is_file_name(name: str) -> bool:
-    """Test for a name that is safe as a part of a file's: printable, not long, without folders."""
+    """Test for a name that is safe as a file's, or a part of it, on every system.
+
+    Printable, without folders, not of a device, with no end or character that Windows forbids, and of less
+    than LONGEST_FILE_NAME bytes, so that a suffix and a mark of what is unfinished find room.
+    """
     return (
-        name.isprintable() and 0 < len(name) < 200 and not {"/", "\\"} & set(name) and name not in (".", "..")
+        name.isprintable()
+        and 0 < len(name.encode()) < LONGEST_FILE_NAME
+        and not FORBIDDEN & set(name)
+        and name[-1] not in ". "
+        and name.partition(".")[0].rstrip().upper() not in DEVICES
     )
+
+
+def require_file_name(name: str, owner: str | Path) -> None:
+    """Raise InputError that names the owner unless a name passes `is_file_name`."""
+    if not is_file_name(name):
+        raise InputError(
+            f'{owner}: a file called {name!r:.60} cannot be on every system (Windows has no <>:"|?*, dot or '
+            "space at the end or name of a device; 220 bytes are the most), rename it"
+        )
+
+
+def safe_file_name(name: str) -> str:
+    """A name with what no file's may have replaced by underscores; for a device, and at the end, one more."""
+    safe = "".join("_" if each in FORBIDDEN or not each.isprintable() else each for each in name)
+    safe = safe.encode()[: LONGEST_FILE_NAME // 2].decode(errors="ignore")
+    return safe if is_file_name(safe) else f"_{safe}_"
 
 
 def check_fields(

@@ -7,6 +7,8 @@ import trimesh
 
 from rasterize.errors import InputError
 from uvcloth.export.obj import save_obj
+from uvcloth.export.textures import save_texture
+from uvcloth.geometry.authored import Texture
 from uvcloth.geometry.mesh import Mesh
 
 SQUARE = Mesh(
@@ -45,3 +47,9 @@ def test_a_failed_write_leaves_nothing(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="No space left"):
         save_obj(SQUARE, tmp_path / "square.obj")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_picture_gets_a_name_that_every_system_has(tmp_path):
+    """The name is what a glTF file calls it."""
+    assert save_texture(Texture('a: "b"', ".png", b"dots"), tmp_path / "coat.obj") == "coat_a___b_.png"
+    assert (tmp_path / "coat_a___b_.png").read_bytes() == b"dots"

@@ -105,6 +105,14 @@ def test_bad_frames_are_refused(animation: Animation, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+def test_a_garment_whose_file_windows_cannot_have_is_refused(animation: Animation, tmp_path: Path) -> None:
+    with pytest.raises(
+        InputError, match=r"walk\.pc2: a file called 'walk-a\?\.pc2' cannot be on every system"
+    ):
+        open_writer(tmp_path / "walk.pc2", [("a?", animation.meshes[0])], None, 30.0)
+    assert not list(tmp_path.iterdir())
+
+
 def test_npz_reads_back_equal(animation: Animation, tmp_path: Path) -> None:
     write(animation, tmp_path / "walk.npz")
     loaded = load_animation(tmp_path / "walk.npz")

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from rasterize.errors import InputError
-from rasterize.fields import check_fields, indices, names, numbers
+from rasterize.fields import (
+    check_fields,
+    indices,
+    is_file_name,
+    names,
+    numbers,
+    require_file_name,
+    safe_file_name,
+)
 
 FIELDS = {"points": numbers("V", 3), "faces": indices("F", 3, of="V").or_empty(), "joints": names("J")}
 GOOD = {
@@ -46,3 +54,26 @@ def test_what_does_not_fit_is_named(change: dict[str, np.ndarray], said: str) ->
 def test_a_missing_array_is_named() -> None:
     with pytest.raises(InputError, match=r"a\.npz: lacks the array faces"):
         check_fields(Path("a.npz"), {"points": GOOD["points"], "joints": GOOD["joints"]}, FIELDS)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("CON", "nul.npz", "aux .tar.gz", "Com1.obj", "lpt9", "COM¹", "conout$"),
+        *("end.", "end ", "a:b", "a|b", "a?", "a*", 'a"b', "<a>", "a/b", "a\\b", "..", "a\nb", "a\0b", ""),
+        *("é" * 110, "x" * 220),
+    ],
+)
+def test_names_that_some_system_forbids(name: str) -> None:
+    assert not is_file_name(name)
+    with pytest.raises(InputError, match=r"^walk\.bvh: a file called .* cannot be on every system"):
+        require_file_name(name, "walk.bvh")
+    assert is_file_name(safe_file_name(name))
+
+
+@pytest.mark.parametrize(
+    "name", ["CONE", "console.npz", "COM10", "com", "a.con", "İstanbul", "Röck 服", "é" * 109, ".a"]
+)
+def test_names_that_all_systems_allow(name: str) -> None:
+    require_file_name(name, "walk.bvh")
+    assert is_file_name(safe_file_name(name))

@@ -169,6 +169,19 @@ def test_a_body_that_is_another_is_refused(jobs: list[Job], out: Path, tmp_path:
         load_outfit_sequences(tmp_path / "out")
 
 
+def test_a_body_whose_name_is_a_path_stays_in_the_folder(
+    wardrobe: Path, tmp_path: Path, body: Body, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its file is copied by its name into the data."""
+    monkeypatch.setattr(outfits, "simulate_all", lambda todo, *_: list(todo))
+    copied = copytree(wardrobe, tmp_path / "wardrobe")
+    save_body(replace(body, name="../../b01"), copied / "bodies" / "b01.npz")
+    (tmp_path / "windows.csv").write_text(WINDOWS)
+    with pytest.raises(InputError, match=r"b01\.npz: a file called '\.\./\.\./b01' cannot be"):
+        simulate_outfits(copied, _selection(tmp_path), tmp_path / "out", frames=25)
+    assert not list(tmp_path.glob("b01*"))
+
+
 def test_splits_without_windows_and_bad_numbers_are_refused(wardrobe: Path, tmp_path: Path) -> None:
     (tmp_path / "windows.csv").write_text(
         WINDOWS.replace("train", "validation").replace("test", "validation")

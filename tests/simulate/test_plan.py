@@ -114,3 +114,11 @@ def test_the_benchmark_starts_with_validation_and_test(mocap_folder: Path) -> No
     beginning = order[splits.index("train") :][:30]
     assert len({entry.subject for entry in beginning}) >= 10
     assert sum("walk" in entry.action.lower() for entry in beginning) <= 15
+
+
+def test_a_file_that_windows_cannot_have_is_refused(
+    dress: tuple[Cloth, ...], body: Body, tmp_path: Path
+) -> None:
+    sources = batch_sources(ClipSelection(["mocap/12:30.bvh"]))
+    with pytest.raises(InputError, match=r"12:30\.bvh: a file called '12:30_dress\.npz' cannot be on every"):
+        plan(sources, [dress], tmp_path, body)

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from rasterize.atomic import atomic_write
+from rasterize.fields import safe_file_name
 from uvcloth.geometry.authored import Texture
 
 
@@ -11,7 +12,7 @@ def save_texture(texture: Texture, beside: Path) -> str:
 
     Raises InputError if it cannot be written.
     """
-    name = f"{beside.stem}_{texture.name}{texture.suffix}".replace(" ", "_")
+    name = f"{beside.stem}_{safe_file_name(texture.name)}{texture.suffix}".replace(" ", "_")
     with atomic_write(beside.with_name(name)) as partial:
         partial.write_bytes(texture.content)
     return name

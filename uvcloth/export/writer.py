@@ -10,6 +10,7 @@ from torch import Tensor
 
 from rasterize.atomic import Partial, put_in_place
 from rasterize.errors import InputError
+from rasterize.fields import require_file_name
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.seen import seen
 from uvcloth.export.alembic import write_abc
@@ -189,6 +190,9 @@ def open_writer(
             f"{path}: the format {path.suffix or '(none)'} is not supported, use one of {supported}"
         )
     require_own_names(path, [name for name, _ in garments])
+    if suffix == ".pc2":
+        for name, _ in garments:
+            require_file_name(f"{path.stem}-{name}{suffix}", path)
     try:
         partial = Partial(path)
     except OSError as error:

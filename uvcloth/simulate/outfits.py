@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rasterize.atomic import atomic_write, make_folder, sole_writer
 from rasterize.errors import InputError
+from rasterize.fields import require_file_name
 from uvcloth.motion.index import Entry
 from uvcloth.motion.poses import SPLITS
 from uvcloth.simulate.batch import LEAD_IN, simulate_all
@@ -101,7 +102,10 @@ def _done(task: _Task, out: Path) -> bool:
 
 
 def _targets(outfit: OutfitFile, source: Source, out: Path) -> tuple[Path, ...]:
-    return tuple(out / f"{source.clip}_{piece.file.stem}.npz" for piece in outfit.pieces)
+    names = [f"{source.clip}_{piece.file.stem}.npz" for piece in outfit.pieces]
+    for name in names:
+        require_file_name(name, f"outfit {outfit.name}")
+    return tuple(out / name for name in names)
 
 
 def _jobs(tasks: Sequence[_Task], out: Path) -> Iterator[Job]:
@@ -116,6 +120,7 @@ def _job(task: _Task, out: Path) -> Job | None:
     """The job of an outfit over the first of its windows that is no faulty capture; None if all are."""
     worn = on_body(task.outfit)
     body = worn.body
+    require_file_name(body.name, task.outfit.body)
     _keep_body(task.outfit.body, out / BODIES / f"{body.name}.npz")
     cloths = tuple(join(garment, body) for garment in worn.garments)
     for source in task.windows:

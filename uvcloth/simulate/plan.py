@@ -8,6 +8,7 @@ from typing import Any
 from rich.progress import track
 
 from rasterize.errors import InputError
+from rasterize.fields import require_file_name
 from uvcloth.bodies.body import Body
 from uvcloth.motion.capture import find_jump, find_standstill
 from uvcloth.motion.clip import Clip
@@ -130,7 +131,7 @@ def plan(
     """Plan the simulations still to make, all outfits of a clip together, and the reasons of refused clips.
 
     Clips are read only if a sequence of theirs is missing. Raises InputError for unreadable clips, windows
-    that do not fit and sequences that would share a file.
+    that do not fit and sequences that would share a file or have names that no file can have everywhere.
     """
     todo: list[Job] = []
     refused: dict[str, str] = {}
@@ -138,6 +139,7 @@ def plan(
     for source in track(sources, "reading clips", transient=True):
         targets = [tuple(out / f"{source.clip}_{c.garment.name}.npz" for c in outfit) for outfit in outfits]
         for target in (target for each in targets for target in each):
+            require_file_name(target.name, source.name)
             file = str(target).casefold()
             if file in written:
                 raise InputError(f"{target}: both {written[file]} and {source.name} would be written there")
