@@ -19,6 +19,9 @@ BYTES_PER_POINT, BYTES_PER_FACE = 12, 40
 DATE, NO_DATE = b"_ai_DateWritten=", b"Thu Jan  1 00:00:00 1970"
 """What comes before the moment of writing in the file's metadata, and what is put in its place."""
 
+RATE = b"_ai_DCC_FPS="
+"""What comes before the frame rate there, which the library writes as the process's locale has it: 30,0."""
+
 
 def write_abc(animation: Animation, path: Path) -> None:
     """Write one .abc: metres, Y up, the first frame at time zero; vertices in the order of the mesh.
@@ -38,16 +41,20 @@ def write_abc(animation: Animation, path: Path) -> None:
     if animation.body is not None:
         _write_mesh(archive, "body", animation.body.mesh, posed_body(animation), sampling)
     del archive
-    _undate(path)
+    _settle_metadata(path)
 
 
-def _undate(path: Path) -> None:
-    """Take the moment of writing out of a finished file: the same frames give the same bytes."""
+def _settle_metadata(path: Path) -> None:
+    """Take moment and locale of writing out of a finished file: the same frames give the same bytes."""
     with path.open("r+b") as stream, mmap.mmap(stream.fileno(), 0) as content:
         place = content.rfind(DATE)
         if place >= 0:
             start = place + len(DATE)
             content[start : start + len(NO_DATE)] = NO_DATE
+        place = content.rfind(RATE)
+        if place >= 0:
+            end = content.find(b";", place)
+            content[place:end] = content[place:end].replace(b",", b".")
 
 
 def _reserve(path: Path, animation: Animation) -> None:

@@ -1,0 +1,73 @@
+"""Files are the same where a comma is the decimal point, and where the small I has no dot."""
+
+import locale
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from tests.export.test_writer import write
+from tests.motion.bvh_text import bvh_text, performer, still
+from uvcloth.export.animation import Animation
+from uvcloth.garments.meshfile import read_mesh
+from uvcloth.motion.bvh import read_bvh
+
+FOREIGN = ("de_DE", "tr_TR")
+
+
+@pytest.fixture(params=FOREIGN)
+def foreign(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """Name of a locale, made for the test where the system has its source but not itself."""
+    name = f"{request.param}.UTF-8"
+    before = locale.setlocale(locale.LC_ALL)
+    try:
+        locale.setlocale(locale.LC_ALL, name)
+    except locale.Error:
+        tool = shutil.which("localedef")
+        if tool is None:
+            pytest.skip(f"the system has neither the locale {name} nor localedef to make it")
+        subprocess.run(
+            [tool, "-i", request.param, "-f", "UTF-8", tmp_path / name], check=False, capture_output=True
+        )
+        if not (tmp_path / name).is_dir():
+            pytest.skip(f"the system has neither the locale {name} nor its source")
+        monkeypatch.setenv("LOCPATH", str(tmp_path))
+    locale.setlocale(locale.LC_ALL, before)
+    yield name
+    locale.setlocale(locale.LC_ALL, before)
+
+
+def written(animation: Animation, folder: Path) -> dict[str, bytes]:
+    folder.mkdir()
+    for suffix in (".abc", ".glb", ".usdc", ".pc2", ".obj"):
+        write(animation, folder / f"walk{suffix}")
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+def test_files_are_written_alike(animation: Animation, foreign: str, tmp_path: Path) -> None:
+    pytest.importorskip("alembic3d", reason="alembic3d is not installed")
+    usual = written(animation, tmp_path / "usual")
+    locale.setlocale(locale.LC_ALL, foreign)
+    assert locale.str(0.5) == "0,5"
+    found = written(animation, tmp_path / "foreign")
+    assert found.keys() == usual.keys()
+    assert [name for name, content in found.items() if content != usual[name]] == []
+
+
+def test_files_are_read_alike(foreign: str, tmp_path: Path) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=1, radius=0.123456)
+    for kind, options in (("obj", {}), ("ply", {"encoding": "ascii"}), ("stl_ascii", {}), ("off", {})):
+        content = ball.export(file_type=kind, **options)
+        (tmp_path / f"a.{kind[:3]}").write_bytes(content if isinstance(content, bytes) else content.encode())
+    joints = performer()
+    (tmp_path / "a.bvh").write_text(bvh_text(joints, still(joints, 3) + 0.25))
+    usual = [read_mesh(tmp_path / f"a.{kind}").vertices for kind in ("obj", "ply", "stl", "off")]
+    clip = read_bvh(tmp_path / "a.bvh")
+    locale.setlocale(locale.LC_ALL, foreign)
+    found = [read_mesh(tmp_path / f"a.{kind}").vertices for kind in ("obj", "ply", "stl", "off")]
+    assert all(map(np.array_equal, usual, found))
+    assert np.array_equal(read_bvh(tmp_path / "a.bvh").rotations, clip.rotations)
