@@ -14,6 +14,7 @@ from tests.fuzz.text_mutators import TEXT
 
 OWN_KINDS: dict[str, tuple[Mutator, ...]] = {
     ".npz": NPZ,
+    ".unfinished": NPZ,
     ".pkl": PICKLE,
     ".mat": MATLAB,
     ".json": JSON,
@@ -24,6 +25,7 @@ OWN_KINDS: dict[str, tuple[Mutator, ...]] = {
 
 BINARY = (
     ".npz",
+    ".unfinished",
     ".safetensors",
     ".glb",
     ".vrm",

@@ -1,19 +1,26 @@
 """Readers of what runs leave behind: animations, training states, results that are kept for a rerun."""
 
 import copy
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import torch
 from torch import nn
 
+from rasterize.errors import InputError
 from tests.fuzz.array_targets import check_mesh
 from tests.fuzz.target import Target, require, require_numbers
+from tests.simulate.test_unfinished import Falling, StopError, some_scene
 from tests.small_body import small_body
 from train.state import Progressed, State, load_state, save_state
 from uvcloth.export.animation import Animation, load_animation, write_npz
 from uvcloth.geometry.kept import keep_arrays, kept_arrays
+from uvcloth.simulate import unfinished
+from uvcloth.simulate.unfinished import Moved, Place, move, unfinished_frames
 
 FRAMES = 3
 SETTINGS = {"loop": {"seed": 0, "learning_rate": 1e-3}, "data": {"walk.npz": "0" * 64}}
@@ -91,8 +98,44 @@ def check_kept(arrays: dict[str, Any]) -> None:
     require(np.array_equal(arrays["points"], np.ones((4, 3))), "points have changed")
 
 
+NAME = "walk_tops"
+"""Of the sequence that is simulated."""
+
+
+@cache
+def truth() -> Moved:
+    """Of a simulation that nobody stops."""
+    return move(Falling(), some_scene(), None)
+
+
+def good_unfinished(folder: Path) -> Path:
+    """Frames that are kept when a simulation is stopped."""
+    place = Place(folder, folder / f"{NAME}.npz")
+    with patch.object(unfinished, "SECONDS", -1.0), suppress(StopError):
+        move(Falling(stop=5), some_scene(), place)
+    return place.file
+
+
+def gone_on(file: Path) -> Moved:
+    """The simulation, on from what the file keeps, and keeping every frame there again: it refuses none."""
+    place = Place(file.parent, file.with_name(f"{NAME}.npz"))
+    try:
+        name, frames = unfinished_frames(file)
+        require(name == NAME and 0 <= frames <= 5, f"{frames} frames of {name}")
+        with patch.object(unfinished, "SECONDS", -1.0):
+            return move(Falling(), some_scene(), place)
+    except InputError as error:
+        raise AssertionError("a damaged file is not ignored") from error
+
+
+def check_gone_on(moved: Moved) -> None:
+    require(torch.equal(moved.vertices, truth().vertices), "other frames than without a stop")
+    require(np.isfinite(moved.seconds) and moved.seconds >= 0, "time")
+
+
 TARGETS = [
     Target("animation", good_animation, load_animation, check_animation),
     Target("training_state", good_state, resumed, check_state),
     Target("kept", good_kept, lambda path: kept_arrays(path, "uvcloth-prepared-2", "a file"), check_kept),
+    Target("unfinished", good_unfinished, gone_on, check_gone_on),
 ]
