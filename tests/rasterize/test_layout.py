@@ -8,8 +8,9 @@ import pytest
 import torch
 
 from rasterize.bake import bake, scatter_map, valid_mask
+from rasterize.charts import face_components
 from rasterize.errors import InputError
-from rasterize.layout import Layout, load_layout, save_layout, unwrap
+from rasterize.layout import UNWRAP_WORKER, Layout, load_layout, save_layout, unwrap
 from rasterize.texels import occupancy, rasterize_layout, texel_density
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.bodies.layout import body_layout, load_body_layout
@@ -85,6 +86,49 @@ def test_layout_survives_its_file_and_a_broken_file_is_refused(layout: Layout, t
     save_layout(replace(layout, uvs=layout.uvs * float("nan")), path)
     with pytest.raises(InputError, match="uvs holds a value that is not a finite number"):
         load_layout(path)
+
+
+def sphere() -> tuple[torch.Tensor, torch.Tensor]:
+    import trimesh
+
+    made = trimesh.creation.icosphere(4)
+    return torch.from_numpy(made.vertices).float(), torch.from_numpy(made.faces.copy())
+
+
+def test_islands_of_a_large_mesh_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    vertices, faces = sphere()
+
+    def largest() -> int:
+        _, face_uvs = unwrap(vertices, faces)
+        return int(np.bincount(face_components(face_uvs.numpy(), np.zeros(0, dtype=np.int64))).max())
+
+    assert largest() > 600
+    monkeypatch.setattr("rasterize.layout.CHART_VERTICES", 150)
+    assert largest() < 2 * 1.5 * 150
+
+
+def test_a_mesh_on_which_xatlas_ends_the_process_is_unwrapped_from_an_uneven_copy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    worker = tmp_path / "worker.py"
+    worker.write_text(
+        f"import os, pathlib, runpy\ntried = pathlib.Path({str(tmp_path / 'tried')!r})\n"
+        "if not tried.exists():\n    tried.touch()\n    os.abort()\n"
+        f"runpy.run_path({str(UNWRAP_WORKER)!r})\n"
+    )
+    monkeypatch.setattr("rasterize.layout.UNWRAP_WORKER", worker)
+    vertices, faces = sphere()
+    _, face_uvs = unwrap(vertices, faces)
+    assert (tmp_path / "tried").exists()
+    assert face_uvs.shape == faces.shape
+
+
+def test_a_mesh_that_xatlas_cannot_unwrap_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    worker = tmp_path / "worker.py"
+    worker.write_text("import os\nos.abort()\n")
+    monkeypatch.setattr("rasterize.layout.UNWRAP_WORKER", worker)
+    with pytest.raises(InputError, match="cannot be unwrapped: xatlas ended with code"):
+        unwrap(*sphere())
 
 
 def test_unwrap_keeps_the_vertex_order_and_overlaps_nothing() -> None:
