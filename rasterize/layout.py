@@ -122,38 +122,39 @@ def _corner_copies(welded: np.ndarray, source: np.ndarray, chart: Chart) -> np.n
     raise InputError(f"{chart.name}: its outer boundary does not meet the corners in their order")
 
 
-def unwrap(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
+def unwrap(vertices: Tensor, faces: Tensor, name: str) -> tuple[Tensor, Tensor]:
     """Unwrap any mesh with xatlas, the vertices staying as they are: uvs (U, 2) and face_uvs (F, 3) int64.
 
     vertices: (V, 3). faces: (F, 3). A vertex on a seam gets several uvs. Islands have about
-    CHART_VERTICES at most, by their area. Raises InputError if xatlas fails.
+    CHART_VERTICES at most, by their area. name: of the mesh, for the InputError that is raised if xatlas
+    fails.
     """
     a, b, c = vertices.double()[faces].unbind(1)
     area = 0.5 * float(torch.linalg.cross(b - a, c - a).norm(dim=1).sum())
     share = CHART_VERTICES / len(vertices)
-    # Of a mesh on which xatlas ends the process, exactly even ones, it is given an uneven copy.
-    noise = torch.randn(vertices.shape, generator=torch.Generator().manual_seed(0))
-    uneven = vertices + UNEVEN * (area / len(faces)) ** 0.5 * noise
-    for tried in (vertices, uneven):
-        asked = io.BytesIO()
-        for array in (tried.numpy(), faces.numpy().astype(np.uint32), area * share if share < 1.0 else 0.0):
-            np.save(asked, np.asarray(array))
-        answer = subprocess.run(
-            [sys.executable, "-P", str(UNWRAP_WORKER)],
-            input=asked.getvalue(),
-            capture_output=True,
-            check=False,
-        )
-        if not answer.returncode:
-            break
-    else:
-        raise InputError(f"the mesh cannot be unwrapped: xatlas ended with code {answer.returncode}")
+    most = area * share if share < 1.0 else 0.0
+    answer = _xatlas(vertices, faces, most)
+    if answer.returncode:
+        # It ends the process with meshes that are exactly even.
+        noise = torch.randn(vertices.shape, generator=torch.Generator().manual_seed(0))
+        answer = _xatlas(vertices + UNEVEN * (area / len(faces)) ** 0.5 * noise, faces, most)
+    if answer.returncode:
+        raise InputError(f"{name}: the mesh cannot be unwrapped: xatlas ended with code {answer.returncode}")
     stream = io.BytesIO(answer.stdout)
     source, indices, uvs = (np.load(stream) for _ in range(3))
     face_uvs = torch.from_numpy(indices.astype(np.int64))
     if not torch.equal(torch.from_numpy(source.astype(np.int64))[face_uvs], faces):
-        raise InputError("the mesh cannot be unwrapped: xatlas dropped or turned some of its faces")
+        raise InputError(f"{name}: the mesh cannot be unwrapped: xatlas dropped or turned some of its faces")
     return torch.from_numpy(np.ascontiguousarray(uvs)).clamp(0.0, 1.0), face_uvs
+
+
+def _xatlas(vertices: Tensor, faces: Tensor, area: float) -> subprocess.CompletedProcess[bytes]:
+    """The ended worker on a mesh, with islands of an area at most, 0 for any."""
+    asked = io.BytesIO()
+    for array in (vertices.numpy().astype(np.float32), faces.numpy().astype(np.uint32), np.array(area)):
+        np.save(asked, array)
+    command = [sys.executable, "-P", str(UNWRAP_WORKER)]
+    return subprocess.run(command, input=asked.getvalue(), capture_output=True, check=False)
 
 
 def save_layout(layout: Layout, path: Path) -> None:

@@ -99,7 +99,7 @@ def test_islands_of_a_large_mesh_are_bounded(monkeypatch: pytest.MonkeyPatch) ->
     vertices, faces = sphere()
 
     def largest() -> int:
-        _, face_uvs = unwrap(vertices, faces)
+        _, face_uvs = unwrap(vertices, faces, "ball")
         return int(np.bincount(face_components(face_uvs.numpy(), np.zeros(0, dtype=np.int64))).max())
 
     assert largest() > 600
@@ -118,7 +118,7 @@ def test_a_mesh_on_which_xatlas_ends_the_process_is_unwrapped_from_an_uneven_cop
     )
     monkeypatch.setattr("rasterize.layout.UNWRAP_WORKER", worker)
     vertices, faces = sphere()
-    _, face_uvs = unwrap(vertices, faces)
+    _, face_uvs = unwrap(vertices, faces, "ball")
     assert (tmp_path / "tried").exists()
     assert face_uvs.shape == faces.shape
 
@@ -127,8 +127,8 @@ def test_a_mesh_that_xatlas_cannot_unwrap_is_refused(tmp_path: Path, monkeypatch
     worker = tmp_path / "worker.py"
     worker.write_text("import os\nos.abort()\n")
     monkeypatch.setattr("rasterize.layout.UNWRAP_WORKER", worker)
-    with pytest.raises(InputError, match="cannot be unwrapped: xatlas ended with code"):
-        unwrap(*sphere())
+    with pytest.raises(InputError, match="ball: the mesh cannot be unwrapped: xatlas ended with code"):
+        unwrap(*sphere(), "ball")
 
 
 def test_unwrap_keeps_the_vertex_order_and_overlaps_nothing() -> None:
@@ -137,7 +137,7 @@ def test_unwrap_keeps_the_vertex_order_and_overlaps_nothing() -> None:
     cylinder = trimesh.creation.cylinder(radius=0.3, height=1.0, sections=24)
     vertices = torch.from_numpy(cylinder.vertices.copy()).float()
     faces = torch.from_numpy(cylinder.faces.copy())
-    uvs, face_uvs = unwrap(vertices, faces)
+    uvs, face_uvs = unwrap(vertices, faces, "ball")
     assert face_uvs.shape == faces.shape
     assert 0.0 <= uvs.min() <= uvs.max() <= 1.0
     # What the faces cover together is what the sheet shows: no two lie on the same place.
