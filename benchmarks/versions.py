@@ -2,8 +2,9 @@
 
 PYTHONPATH=. python benchmarks/versions.py --folder ../versions [--only newest-3.13] [--tests tests/motion]
 
-Needs uv (`pip install uv`) and the Pythons, which uv finds or brings. Environments are made once, outside the
-checkout; on Linux each takes 7 GB where only PyTorch's CUDA build is to be had.
+Needs uv (`pip install uv`) and the Pythons, which uv finds or brings; those of pyenv it finds with
+PYENV_VERSION=3.11.7:3.12.1:3.13.0, say. Environments are made once, outside the checkout; on Linux each
+takes 7 GB where only PyTorch's CUDA build is to be had.
 """
 
 import os

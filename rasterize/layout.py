@@ -1,5 +1,8 @@
 """UV layouts: the charts of a mesh, their places on the unit square, and their files."""
 
+import io
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +16,14 @@ from rasterize.charts import boundary_loops, edge_keys, edges_of, face_component
 from rasterize.errors import InputError
 from rasterize.fields import check_fields, indices, numbers, whole
 from rasterize.flatten import flatten
+
+UNWRAP_WORKER = Path(__file__).with_name("unwrap_worker.py")
+
+CHART_VERTICES = 4000
+"""Vertices of an island of a mesh that is unwrapped, at most: its cost grows faster than they do."""
+
+UNEVEN = 0.05
+"""Noise on the copy of a mesh that is unwrapped if the mesh cannot be, in times the size of a face."""
 
 LAYOUT_FORMAT = "rasterize-layout-1"
 FIELDS = {
@@ -111,26 +122,39 @@ def _corner_copies(welded: np.ndarray, source: np.ndarray, chart: Chart) -> np.n
     raise InputError(f"{chart.name}: its outer boundary does not meet the corners in their order")
 
 
-def unwrap(vertices: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
+def unwrap(vertices: Tensor, faces: Tensor, name: str) -> tuple[Tensor, Tensor]:
     """Unwrap any mesh with xatlas, the vertices staying as they are: uvs (U, 2) and face_uvs (F, 3) int64.
 
-    vertices: (V, 3). faces: (F, 3). A vertex on a seam gets several uvs. Raises InputError if xatlas fails.
+    vertices: (V, 3). faces: (F, 3). A vertex on a seam gets several uvs. Islands have about
+    CHART_VERTICES at most, by their area. name: of the mesh, for the InputError that is raised if xatlas
+    fails.
     """
-    import xatlas
-
-    atlas = xatlas.Atlas()
-    atlas.add_mesh(vertices.numpy().astype(np.float32), faces.numpy().astype(np.uint32))
-    pack = xatlas.PackOptions()
-    pack.padding = 2
-    pack.bilinear = True
-    pack.resolution = 512
-    pack.rotate_charts_to_axis = True
-    atlas.generate(pack_options=pack)
-    source, indices, uvs = atlas[0]
+    a, b, c = vertices.double()[faces].unbind(1)
+    area = 0.5 * float(torch.linalg.cross(b - a, c - a).norm(dim=1).sum())
+    share = CHART_VERTICES / len(vertices)
+    most = area * share if share < 1.0 else 0.0
+    answer = _xatlas(vertices, faces, most)
+    if answer.returncode:
+        # It ends the process with meshes that are exactly even.
+        noise = torch.randn(vertices.shape, generator=torch.Generator().manual_seed(0))
+        answer = _xatlas(vertices + UNEVEN * (area / len(faces)) ** 0.5 * noise, faces, most)
+    if answer.returncode:
+        raise InputError(f"{name}: the mesh cannot be unwrapped: xatlas ended with code {answer.returncode}")
+    stream = io.BytesIO(answer.stdout)
+    source, indices, uvs = (np.load(stream) for _ in range(3))
     face_uvs = torch.from_numpy(indices.astype(np.int64))
     if not torch.equal(torch.from_numpy(source.astype(np.int64))[face_uvs], faces):
-        raise InputError("the mesh cannot be unwrapped: xatlas dropped or turned some of its faces")
+        raise InputError(f"{name}: the mesh cannot be unwrapped: xatlas dropped or turned some of its faces")
     return torch.from_numpy(np.ascontiguousarray(uvs)).clamp(0.0, 1.0), face_uvs
+
+
+def _xatlas(vertices: Tensor, faces: Tensor, area: float) -> subprocess.CompletedProcess[bytes]:
+    """The ended worker on a mesh, with islands of an area at most, 0 for any."""
+    asked = io.BytesIO()
+    for array in (vertices.numpy().astype(np.float32), faces.numpy().astype(np.uint32), np.array(area)):
+        np.save(asked, array)
+    command = [sys.executable, "-P", str(UNWRAP_WORKER)]
+    return subprocess.run(command, input=asked.getvalue(), capture_output=True, check=False)
 
 
 def save_layout(layout: Layout, path: Path) -> None:

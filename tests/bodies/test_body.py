@@ -13,6 +13,7 @@ from uvcloth.bodies.body import REGIONS, Body, load_body, save_body
 from uvcloth.bodies.collider import ARM_PARTS, FOREARM_PARTS, LEG_PARTS, TORSO_PART, make_collider
 from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
 from uvcloth.garments.templates import fit_template
+from uvcloth.geometry.mesh import neighbour_average, unique_edges
 from uvcloth.geometry.skeleton import joint_transforms
 from uvcloth.geometry.skinning import diffuse_weights, rotation_part, skin
 
@@ -194,3 +195,19 @@ def test_diffused_weights_blend_and_still_sum_to_one() -> None:
     edge = vertices[:, 0].abs() < 0.1
     assert float((spread[edge, 0] - 0.5).abs().mean()) < float((weights[edge, 0] - 0.5).abs().mean()) / 2
     assert float(spread[vertices[:, 0] > 0.9, 0].min()) > 0.99
+
+
+@pytest.mark.parametrize("passes", [1, 2, 7, 60, 900])
+def test_diffusion_is_that_many_passes_of_averaging(passes: int) -> None:
+    sheet = trimesh.creation.icosphere(3)
+    vertices, faces = torch.from_numpy(sheet.vertices).float(), torch.from_numpy(sheet.faces)
+    weights = torch.rand((len(vertices), 3), generator=torch.Generator().manual_seed(0))
+    weights = weights / weights.sum(1, keepdim=True)
+    edges = unique_edges(faces)
+    length = float((vertices[edges[:, 0]] - vertices[edges[:, 1]]).norm(dim=1).mean())
+    average, repeated = neighbour_average(faces, len(vertices)).double(), weights.double()
+    for _ in range(passes):
+        repeated = 0.5 * repeated + 0.5 * torch.sparse.mm(average, repeated)
+    spread = diffuse_weights(weights, vertices, faces, length * passes**0.5)
+    repeated = repeated / repeated.sum(1, keepdim=True)
+    torch.testing.assert_close(spread, repeated.float(), atol=2e-6, rtol=0.0)

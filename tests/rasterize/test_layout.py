@@ -8,8 +8,9 @@ import pytest
 import torch
 
 from rasterize.bake import bake, scatter_map, valid_mask
+from rasterize.charts import face_components
 from rasterize.errors import InputError
-from rasterize.layout import Layout, load_layout, save_layout, unwrap
+from rasterize.layout import UNWRAP_WORKER, Layout, load_layout, save_layout, unwrap
 from rasterize.texels import occupancy, rasterize_layout, texel_density
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.bodies.layout import body_layout, load_body_layout
@@ -87,13 +88,56 @@ def test_layout_survives_its_file_and_a_broken_file_is_refused(layout: Layout, t
         load_layout(path)
 
 
+def sphere() -> tuple[torch.Tensor, torch.Tensor]:
+    import trimesh
+
+    made = trimesh.creation.icosphere(4)
+    return torch.from_numpy(made.vertices).float(), torch.from_numpy(made.faces.copy())
+
+
+def test_islands_of_a_large_mesh_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+    vertices, faces = sphere()
+
+    def largest() -> int:
+        _, face_uvs = unwrap(vertices, faces, "ball")
+        return int(np.bincount(face_components(face_uvs.numpy(), np.zeros(0, dtype=np.int64))).max())
+
+    assert largest() > 600
+    monkeypatch.setattr("rasterize.layout.CHART_VERTICES", 150)
+    assert largest() < 2 * 1.5 * 150
+
+
+def test_a_mesh_on_which_xatlas_ends_the_process_is_unwrapped_from_an_uneven_copy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    worker = tmp_path / "worker.py"
+    worker.write_text(
+        f"import os, pathlib, runpy\ntried = pathlib.Path({str(tmp_path / 'tried')!r})\n"
+        "if not tried.exists():\n    tried.touch()\n    os.abort()\n"
+        f"runpy.run_path({str(UNWRAP_WORKER)!r})\n"
+    )
+    monkeypatch.setattr("rasterize.layout.UNWRAP_WORKER", worker)
+    vertices, faces = sphere()
+    _, face_uvs = unwrap(vertices, faces, "ball")
+    assert (tmp_path / "tried").exists()
+    assert face_uvs.shape == faces.shape
+
+
+def test_a_mesh_that_xatlas_cannot_unwrap_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    worker = tmp_path / "worker.py"
+    worker.write_text("import os\nos.abort()\n")
+    monkeypatch.setattr("rasterize.layout.UNWRAP_WORKER", worker)
+    with pytest.raises(InputError, match="ball: the mesh cannot be unwrapped: xatlas ended with code"):
+        unwrap(*sphere(), "ball")
+
+
 def test_unwrap_keeps_the_vertex_order_and_overlaps_nothing() -> None:
     import trimesh
 
     cylinder = trimesh.creation.cylinder(radius=0.3, height=1.0, sections=24)
     vertices = torch.from_numpy(cylinder.vertices.copy()).float()
     faces = torch.from_numpy(cylinder.faces.copy())
-    uvs, face_uvs = unwrap(vertices, faces)
+    uvs, face_uvs = unwrap(vertices, faces, "ball")
     assert face_uvs.shape == faces.shape
     assert 0.0 <= uvs.min() <= uvs.max() <= 1.0
     # What the faces cover together is what the sheet shows: no two lie on the same place.

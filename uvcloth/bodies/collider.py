@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 from torch import Tensor
 
 from rasterize.errors import InputError
@@ -45,9 +46,6 @@ ARMPIT_COSINE = 0.5
 
 FREE_HANGING_DISTANCE = 0.04
 """Metres from the body at rest from which on cloth hangs freely, as a skirt does, and meets both legs."""
-
-POINTS_AT_ONCE = 4096
-"""Points whose distances to all vertices of a part are held in memory at once."""
 
 CAP_HEIGHT = 0.7
 """Height of the caps, in radii of the opening: a cut knee still is a knee, however deep cloth lies in it."""
@@ -136,8 +134,6 @@ def collider_near(body: Body, points: Tensor, reach: float) -> tuple[Tensor, Col
     Returns its vertices (K,) int64 among the body's, and the part, into those K. Raises InputError if none is
     near.
     """
-    from scipy.spatial import KDTree
-
     distance, _ = KDTree(points.numpy()).query(body.mesh.vertices.numpy(), distance_upper_bound=reach)
     faces = body.mesh.faces[torch.from_numpy(distance < reach)[body.mesh.faces].all(1)]
     if not len(faces):
@@ -167,8 +163,8 @@ def _nearest(points: Tensor, others: Tensor) -> tuple[Tensor, Tensor]:
     """Distance (N,) from points (N, 3) to the nearest of others (M, 3), infinite if none, and its index."""
     if not len(others):
         return points.new_full((len(points),), math.inf), torch.zeros(len(points), dtype=torch.int64)
-    found = [torch.cdist(some, others).min(1) for some in points.split(POINTS_AT_ONCE)]
-    return torch.cat([each.values for each in found]), torch.cat([each.indices for each in found])
+    distance, index = KDTree(others.numpy()).query(points.numpy())
+    return torch.from_numpy(distance).to(points), torch.from_numpy(index)
 
 
 def _indices(regions: tuple[str, ...]) -> Tensor:

@@ -111,7 +111,7 @@ class RestingModel:
         rest = skin(vertices[self.used] + self.correction, model.weights[self.used], transforms)[0]
         uvs, face_uvs = torch.zeros(0, 2), torch.zeros(0, 3, dtype=torch.int64)
         if unwrapped:
-            uvs, face_uvs = unwrap(rest, self.faces)
+            uvs, face_uvs = unwrap(rest, self.faces, model.name)
         return Body(
             name=model.name,
             mesh=Mesh(rest, self.faces, uvs, face_uvs),

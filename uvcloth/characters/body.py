@@ -109,7 +109,7 @@ def body_from_character(
         name: replace(proxy, vertices=deformation.shell(proxy)) for name, proxy in pattern.proxies.items()
     }
     base = None if pattern.base is None else deformation.points(pattern.base, _nearest_weights(pattern))
-    appearance = _appearance((*parts.surface, *parts.seen))
+    appearance = _appearance(path, (*parts.surface, *parts.seen))
     return CharacterBody(replace(body, proxies=proxies, base=base, appearance=appearance), rigged, parts, off)
 
 
@@ -211,17 +211,17 @@ def _nearest_weights(pattern: Body) -> Tensor:
     return pattern.weights[torch.from_numpy(nearest)]
 
 
-def _appearance(parts: Iterable[Part]) -> Appearance:
+def _appearance(path: Path, parts: Iterable[Part]) -> Appearance:
     """All that is seen as one mesh; parts without texture coordinates are unwrapped."""
-    meshes = [_with_uvs(part) for part in parts]
+    meshes = [_with_uvs(path, part) for part in parts]
     joined = join_meshes((mesh.vertices, mesh.faces) for mesh in meshes)
     textured = join_meshes((mesh.uvs, mesh.face_uvs) for mesh in meshes)
     weights = torch.cat([part.weights for part in parts])
     return Appearance(Mesh(joined.vertices, joined.faces, textured.vertices, textured.faces), weights)
 
 
-def _with_uvs(part: Part) -> Mesh:
+def _with_uvs(path: Path, part: Part) -> Mesh:
     if len(part.mesh.uvs):
         return part.mesh
-    uvs, face_uvs = unwrap(part.mesh.vertices, part.mesh.faces)
+    uvs, face_uvs = unwrap(part.mesh.vertices, part.mesh.faces, f"{path}: {part.name}")
     return replace(part.mesh, uvs=uvs, face_uvs=face_uvs)

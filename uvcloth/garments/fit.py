@@ -91,10 +91,7 @@ def read_on_body(path: Path, body: Body, pose: str | None = None) -> PlacedFile:
         found = replace(found, missing=mesh.polygons.missing)
     if len(mesh.uvs):
         return PlacedFile(mesh, found, hides)
-    try:
-        uvs, face_uvs = unwrap(mesh.vertices, mesh.faces)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+    uvs, face_uvs = unwrap(mesh.vertices, mesh.faces, str(path))
     return PlacedFile(replace(mesh, uvs=uvs, face_uvs=face_uvs), replace(found, unwrapped=True), hides)
 
 

@@ -60,7 +60,7 @@ def tailor(name: str, body: Body, vertices: int) -> Template:
     band = _band(name, body, placed, faces_tensor)
     clearance = torch.from_numpy(fit).float()
     rest = offset_from_skin(placed, faces_tensor, clearance, band, body)
-    uvs, face_uvs = unwrap(rest, faces_tensor)
+    uvs, face_uvs = unwrap(rest, faces_tensor, name)
     return Template(
         name=name,
         faces=faces_tensor,
