@@ -117,15 +117,22 @@ def good_unfinished(folder: Path) -> Path:
 
 
 def gone_on(file: Path) -> Moved:
-    """The simulation, on from what the file keeps, and keeping every frame there again: it refuses none."""
-    place = Place(file.parent, file.with_name(f"{NAME}.npz"))
+    """The simulation, on from what the file keeps, and keeping every frame there again.
+
+    It refuses no file: one from which it did not go on counts as refused here.
+    """
+    place, told = Place(file.parent, file.with_name(f"{NAME}.npz")), list[int]()
     try:
         name, frames = unfinished_frames(file)
         require(name == NAME and 0 <= frames <= 5, f"{frames} frames of {name}")
         with patch.object(unfinished, "SECONDS", -1.0):
-            return move(Falling(), some_scene(), place)
+            moved = move(Falling(), some_scene(), place, told.append)
     except InputError as error:
         raise AssertionError("a damaged file is not ignored") from error
+    if told[0] == 0:
+        check_gone_on(moved)
+        raise InputError(f"{file}: the simulation begins anew")
+    return moved
 
 
 def check_gone_on(moved: Moved) -> None:
