@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from train.cloth_energy import ClothEnergy, ClothMaterial
 from train.loop import Objective
 from train.pbns.poses import Poses
+from train.pbns.smoothing import GradientSmoothing
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.posing import posed_skin
@@ -39,6 +40,9 @@ from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.physics.posed_batch import ClosestPointCache, empty_cache
 from uvcloth.physics.surface import BodySurface
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+
+SMOOTHING = 0.5
+"""Share of the blend shapes' gradient that is smoothed over the garment."""
 
 MILLI = 1000.0
 """Losses are logged in millijoules, lengths in millimetres."""
@@ -80,8 +84,9 @@ class Posed:
 class PBNSObjective(Objective):
     """Energies of an outfit on one body over a database of poses (PBNS section 3.3).
 
-    batch: poses in a step. Raises InputError for layers that cross at rest, pins that name no vertex, and a
-    database without training or validation poses.
+    batch: poses in a step. smoothing: share of the blend shapes' gradient that is smoothed, as in
+    `GradientSmoothing`. Raises InputError for layers that cross at rest, pins that name no vertex, a share
+    that is none, and a database without training or validation poses.
     """
 
     def __init__(
@@ -92,6 +97,7 @@ class PBNSObjective(Objective):
         outfit: Outfit,
         poses: Poses,
         batch: int,
+        smoothing: float = SMOOTHING,
         device: torch.device = CPU,
     ) -> None:
         self.config, self.material, self.attachment, self.outfit = config, material, attachment, outfit
@@ -115,6 +121,7 @@ class PBNSObjective(Objective):
             owner[mesh.faces + start].to(device)
             for mesh, start in zip(self.garments.meshes, joined.starts, strict=True)
         ]
+        self.smoothing = GradientSmoothing(self.faces, smoothing, device)
         self.energy = ClothEnergy(outfit.body, self.points, self.faces, material, batch, device)
         self.caches = empty_cache(len(self.poses.vectors), len(self.points), device)
 
@@ -125,7 +132,9 @@ class PBNSObjective(Objective):
 
     def networks(self) -> dict[str, nn.Module]:
         """The network, with the blend weights to start from."""
-        return {"net": self._network()}
+        network = self._network()
+        network.shapes.register_hook(self.smoothing)
+        return {"net": network}
 
     def _network(self) -> PBNSNetwork:
         """A new network, whose blend weights are trained only if the settings say so."""
@@ -255,6 +264,7 @@ class PBNSObjective(Objective):
             **made_of,
             "body": body,
             "garments": garments,
+            "smoothing": self.smoothing.share,
             "data": asdict(self.data),
         }
 

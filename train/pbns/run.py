@@ -12,7 +12,7 @@ from tyro.conf import OmitArgPrefixes
 from rasterize.errors import InputError
 from train.cloth_energy import ClothMaterial
 from train.loop import LoopConfig, check_run, fit
-from train.pbns.objective import AttachmentConfig, PBNSObjective, held_vertices
+from train.pbns.objective import SMOOTHING, AttachmentConfig, PBNSObjective, held_vertices
 from train.pbns.poses import poses_for
 from train.trainer import TrainerEntry
 from uvcloth.bodies.body import load_body
@@ -57,6 +57,8 @@ class PBNSRun:
     """A body made by `uvcloth body`; default: the one in the package."""
     network: OmitArgPrefixes[PBNSConfig] = field(default_factory=PBNSConfig)
     material: OmitArgPrefixes[ClothMaterial] = field(default_factory=ClothMaterial)
+    smoothing: float = SMOOTHING
+    """Share of the blend shapes' gradient that is smoothed over the garment (paper: 0)."""
     attachment: OmitArgPrefixes[AttachmentConfig] = field(default_factory=AttachmentConfig)
     loop: OmitArgPrefixes[LoopConfig] = field(default_factory=lambda: LOOPS["default"])
 
@@ -72,7 +74,7 @@ class PBNSRun:
         held_vertices(outfit, self.attachment)
         poses = poses_for(self.poses, body, self.out)
         objective = PBNSObjective(
-            self.network, self.material, self.attachment, outfit, poses, self.loop.batch
+            self.network, self.material, self.attachment, outfit, poses, self.loop.batch, self.smoothing
         )
         return fit(objective, self.out, self.loop, resume=self.resume)
 
@@ -89,6 +91,7 @@ ENTRY = TrainerEntry(
         "paper": {
             "network": METHOD.presets["paper"],
             "material": ClothMaterial(collision=25.0, thickness=0.004, pin=1000.0, plane="vertex"),
+            "smoothing": 0.0,
             "attachment": AttachmentConfig(weights="closest"),
             "loop": LOOPS["paper"],
         },

@@ -19,9 +19,10 @@ from train.cloth_energy import ClothMaterial
 from train.loop import fit
 from train.pbns import objective as pbns
 from train.pbns import poses
-from train.pbns.objective import AttachmentConfig, PBNSObjective
+from train.pbns.objective import SMOOTHING, AttachmentConfig, PBNSObjective
 from train.pbns.poses import POSES_FILE, Poses, poses_for
 from train.pbns.run import LOOPS
+from train.pbns.smoothing import GradientSmoothing
 from train.state import STATE
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData, load_checkpoint, load_tensors
@@ -69,7 +70,11 @@ class Quick(PBNSObjective):
 
 
 def objective_of(
-    outfit: Outfit, attachment: AttachmentConfig = FREELY, kind: type[PBNSObjective] = Quick, **changed: Any
+    outfit: Outfit,
+    attachment: AttachmentConfig = FREELY,
+    kind: type[PBNSObjective] = Quick,
+    smoothing: float = SMOOTHING,
+    **changed: Any,
 ) -> PBNSObjective:
     database = database_of(outfit.body)
     return kind(
@@ -79,6 +84,7 @@ def objective_of(
         outfit,
         Poses(database, TrainingData({"poses.npz": "abc"})),
         LOOP.batch,
+        smoothing,
     )
 
 
@@ -115,6 +121,27 @@ def test_resuming_is_exact_though_visits_are_forgotten(threads: int, layered: Ou
     assert not [name for name in whole if name.startswith("memory/")]
     for name, tensor in whole.items():
         assert torch.equal(tensor, again[name]), name
+
+
+def test_a_smoothed_gradient_points_where_a_garment_as_a_whole_should_go(layered: Outfit) -> None:
+    objective = objective_of(layered)
+    smoothing, count = GradientSmoothing(objective.faces, 1.0), len(objective.points)
+    down = torch.zeros(count, 3)
+    inner = objective.faces[0].unique()
+    down[inner, 2] = -1.0
+    noise = 5.0 * torch.randn(count, 3, generator=torch.Generator().manual_seed(0))
+    given = torch.stack([down + noise, torch.zeros(count, 3)]).view(2, -1)
+    smoothed = smoothing(given).view(2, count, 3)
+    assert float(torch.cosine_similarity(smoothed[0].flatten(), down.flatten(), dim=0)) > 0.7
+    assert float(torch.cosine_similarity(given[0], down.flatten(), dim=0)) < 0.3
+    assert not smoothed[1].any()
+    torch.testing.assert_close(smoothed.norm(), given.norm())
+    assert torch.equal(GradientSmoothing(objective.faces, 0.0)(given), given)
+
+
+def test_a_share_that_is_none_is_refused(belt: Outfit) -> None:
+    with pytest.raises(InputError, match=r"--smoothing 1\.5: expected a share from 0 to 1"):
+        objective_of(belt, smoothing=1.5)
 
 
 def test_a_run_is_not_continued_with_another_fabric_garment_or_body(belt: Outfit, tmp_path: Path) -> None:
