@@ -36,6 +36,9 @@ def _write(path: Path, pixels: np.ndarray, kind: str, names: list[str]) -> None:
     spec = OpenImageIO.ImageSpec(width, height, count, kind)
     spec.channelnames = names
     spec.attribute("compression", "zip")
+    if path.suffix.lower() == ".exr":
+        # Else it holds the moment of writing, and the same maps are other bytes each time.
+        spec.attribute("DateTime", "1970:01:01 00:00:00")
     with atomic_write(path) as partial:
         # The ending tells OpenImageIO the format.
         output = OpenImageIO.ImageOutput.create(str(partial))

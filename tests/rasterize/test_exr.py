@@ -54,6 +54,11 @@ def test_another_program_sees_the_same_channels(tmp_path: Path) -> None:
     assert all(name in said for name in channels())
 
 
+def test_the_moment_of_writing_is_not_in_the_file(tmp_path: Path) -> None:
+    write_exr(tmp_path / "maps.exr", channels())
+    assert b"capDate\0string\0\x13\0\0\x001970:01:01 00:00:00" in (tmp_path / "maps.exr").read_bytes()
+
+
 def test_header_is_openexr(tmp_path: Path) -> None:
     write_exr(tmp_path / "maps.exr", channels())
     head = (tmp_path / "maps.exr").read_bytes()
