@@ -248,7 +248,11 @@ class PBNSObjective(Objective):
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
         """Write the checkpoint of the network."""
-        made_of = {"material": asdict(self.material), "attachment": asdict(self.attachment)}
+        made_of = {
+            "material": asdict(self.material),
+            "attachment": asdict(self.attachment),
+            "smoothing": self.smoothing.share,
+        }
         method = PBNS(self.config, net, self.garments)
         save_checkpoint(pbns_checkpoint(method, self.outfit.body, self.data, notes | made_of), run)
 
