@@ -111,10 +111,9 @@ def test_bad_garments_are_refused_with_file_and_reason(suit, body, tmp_path):
 
 
 def test_a_garment_that_cannot_be_unwrapped_is_named(suit, body, tmp_path, monkeypatch):
-    def refuse(vertices, faces):
-        raise InputError("the mesh cannot be unwrapped")
-
-    monkeypatch.setattr("uvcloth.garments.fit.unwrap", refuse)
+    worker = tmp_path / "worker.py"
+    worker.write_text("import os\nos.abort()\n")
+    monkeypatch.setattr("rasterize.layout.UNWRAP_WORKER", worker)
     path = saved(suit.vertices, suit.faces, tmp_path / "suit.ply")
     with pytest.raises(InputError, match=r"suit\.ply: .* unwrapped"):
         fit(path, body)
