@@ -125,3 +125,13 @@ def test_npz_reads_back_equal(animation: Animation, tmp_path: Path) -> None:
         assert torch.equal(loaded.meshes[index].face_uvs, animation.meshes[index].face_uvs)
     with pytest.raises(InputError, match="expected an animation"):
         load_animation(Path(__file__))
+
+
+def test_an_npz_that_names_a_garment_twice_is_refused(animation: Animation, tmp_path: Path) -> None:
+    write(animation, tmp_path / "walk.npz")
+    with np.load(tmp_path / "walk.npz") as archive:
+        arrays = dict(archive)
+    arrays["names"] = arrays["names"][[0, 0]]
+    np.savez(tmp_path / "twice.npz", **arrays)
+    with pytest.raises(InputError, match=r"twice\.npz: names holds a garment twice"):
+        load_animation(tmp_path / "twice.npz")

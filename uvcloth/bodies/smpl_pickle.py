@@ -231,7 +231,9 @@ def read_smpl_pickle(path: Path) -> dict[str, Any]:
         *(pickle.UnpicklingError, EOFError, AttributeError, IndexError, KeyError, TypeError, ValueError),
         *(OverflowError, MemoryError, RecursionError, ImportError),
     ) as error:
-        raise InputError(f"{path}: not a readable pickle ({' '.join(str(error).split())})") from error
+        # An error may hold all that could not be converted.
+        reason = ascii(" ".join(str(error).split()))[1:-1]
+        raise InputError(f"{path}: not a readable pickle ({reason:.200})") from error
     if not isinstance(found, dict):
         raise InputError(f"{path}: not an SMPL file, the pickle holds no dictionary")
     return {name: value for name, value in found.items() if isinstance(name, str)}

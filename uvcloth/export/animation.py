@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from rasterize.archive import load_arrays, save_arrays
+from rasterize.errors import InputError
 from rasterize.fields import check_fields, indices, names, numbers
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
@@ -92,9 +93,12 @@ def load_animation(path: Path) -> Animation:
     """
     arrays = load_arrays(path, ANIMATION_FORMAT, "an animation made by `uvcloth rollout`")
     data = check_fields(path, arrays, FIELDS)
-    garments = [_garment(path, arrays, str(name), len(data["transforms"])) for name in data["names"]]
+    names = tuple(map(str, data["names"]))
+    if len(set(names)) < len(names):
+        raise InputError(f"{path}: names holds a garment twice, expected each once")
+    garments = [_garment(path, arrays, name, len(data["transforms"])) for name in names]
     return Animation(
-        names=tuple(map(str, data["names"])),
+        names=names,
         meshes=tuple(mesh for mesh, _ in garments),
         vertices=tuple(vertices for _, vertices in garments),
         body=None,
