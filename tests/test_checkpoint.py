@@ -129,3 +129,12 @@ def test_words_of_a_config_that_name_nothing_are_refused(body, tmp_path):
     (tmp_path / CONFIG).write_text(text.replace('"frame": "body"', '"frame": ' + "[" * 10**5 + "]" * 10**5))
     with pytest.raises(InputError, match=r"config\.json: not readable as JSON.*nested too deep"):
         load_method(tmp_path, body)
+
+
+def test_an_endless_name_of_a_method_is_cut(body, tmp_path):
+    config = PhysXNetConfig(size=8, width=2, levels=2)
+    checkpoint = physxnet_checkpoint(PhysXNet.untrained(config), body, TrainingData(), {})
+    save_checkpoint(replace(checkpoint, method=10_000 * "a"), tmp_path)
+    with pytest.raises(InputError, match=r"config\.json: a model of method 'a+, expected one of") as caught:
+        load_method(tmp_path, body)
+    assert len(str(caught.value)) < 300 + len(str(tmp_path))

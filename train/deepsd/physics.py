@@ -158,7 +158,9 @@ def load_start(run: str) -> TrainedStart:
     folder = SHIPPED / "deepsd" if run == SHIPPED_MODEL else Path(run)
     checkpoint = load_checkpoint(folder)
     if checkpoint.method != "deepsd":
-        raise InputError(f"--physics-only {run}: a model of method {checkpoint.method!r}, expected deepsd")
+        raise InputError(
+            f"--physics-only {run}: a model of method {checkpoint.method!r:.60}, expected deepsd"
+        )
     return TrainedStart(load_deepsd(checkpoint, folder), checkpoint.data, checkpoint.notes)
 
 

@@ -71,7 +71,7 @@ def load_method(name_or_run: str | Path, body: Body) -> Method:
     if checkpoint.method not in loaders:
         expected = ", ".join(loaders)
         raise InputError(
-            f"{folder / CONFIG}: a model of method {checkpoint.method!r}, expected one of {expected}"
+            f"{folder / CONFIG}: a model of method {checkpoint.method!r:.60}, expected one of {expected}"
         )
     # Every method is a frozen dataclass with a name, which the protocol cannot say.
     method: Method = replace(loaders[checkpoint.method](checkpoint, folder), name=folder.resolve().name)  # type: ignore[type-var]
