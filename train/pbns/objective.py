@@ -248,13 +248,8 @@ class PBNSObjective(Objective):
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
         """Write the checkpoint of the network."""
-        made_of = {
-            "material": asdict(self.material),
-            "attachment": asdict(self.attachment),
-            "smoothing": self.smoothing.share,
-        }
         method = PBNS(self.config, net, self.garments)
-        save_checkpoint(pbns_checkpoint(method, self.outfit.body, self.data, notes | made_of), run)
+        save_checkpoint(pbns_checkpoint(method, self.outfit.body, self.data, notes | self._made_of()), run)
 
     def settings(self) -> dict[str, Any]:
         """Settings that must not change within a run."""
@@ -262,14 +257,20 @@ class PBNSObjective(Objective):
             name: _digest(mesh) for name, mesh in zip(self.garments.names, self.garments.meshes, strict=True)
         }
         body = {self.outfit.body.name: rest_hash(self.outfit.body)}
-        made_of = {"material": asdict(self.material), "attachment": asdict(self.attachment)}
         return {
             "method": asdict(self.config),
-            **made_of,
+            **self._made_of(),
             "body": body,
             "garments": garments,
-            "smoothing": self.smoothing.share,
             "data": asdict(self.data),
+        }
+
+    def _made_of(self) -> dict[str, Any]:
+        """Settings of the energy and of how it is minimized."""
+        return {
+            "material": asdict(self.material),
+            "attachment": asdict(self.attachment),
+            "smoothing": self.smoothing.share,
         }
 
 

@@ -1,6 +1,7 @@
 """Bodies as data: mesh, skeleton, blend weights, regions and garment proxies, in one small npz."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
@@ -135,12 +136,17 @@ def resized(body: Body, factor: float) -> Body:
     )
 
 
+def likeliest_unit(heights: Mapping[str, float]) -> str:
+    """Name of the unit whose height, m, is nearest to a usual person's."""
+    return min(heights, key=lambda name: abs(math.log(heights[name] / PERSON)))
+
+
 def require_metres(path: Path, vertices: Tensor) -> None:
     """Raise InputError naming the file and its likely unit if a body (V, 3) at rest is not of SIZES."""
     size = float((vertices.amax(0) - vertices.amin(0)).max())
     if SIZES[0] <= size <= SIZES[1]:
         return
-    likely = min(UNITS, key=lambda name: abs(math.log(max(size, 1e-9) * UNITS[name] / PERSON)))
+    likely = likeliest_unit({name: max(size, 1e-9) * metres for name, metres in UNITS.items()})
     raise InputError(
         f"{path}: the body measures {size:.3g}, as a person does in {likely}, expected metres; a character "
         "in another unit becomes a body with `uvcloth body --character`"

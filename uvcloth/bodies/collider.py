@@ -162,9 +162,10 @@ def _closed(parts: list[Tensor], count: int) -> Collider:
 def _nearest(points: Tensor, others: Tensor) -> tuple[Tensor, Tensor]:
     """Distance (N,) from points (N, 3) to the nearest of others (M, 3), infinite if none, and its index."""
     if not len(others):
-        return points.new_full((len(points),), math.inf), torch.zeros(len(points), dtype=torch.int64)
-    distance, index = KDTree(others.numpy()).query(points.numpy())
-    return torch.from_numpy(distance).to(points), torch.from_numpy(index)
+        none = torch.zeros(len(points), dtype=torch.int64, device=points.device)
+        return points.new_full((len(points),), math.inf), none
+    distance, index = KDTree(others.cpu().numpy()).query(points.cpu().numpy())
+    return torch.from_numpy(distance).to(points), torch.from_numpy(index).to(points.device)
 
 
 def _indices(regions: tuple[str, ...]) -> Tensor:

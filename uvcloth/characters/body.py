@@ -15,6 +15,7 @@ from rasterize.errors import InputError
 from rasterize.layout import unwrap
 from rasterize.raycast import closest_points
 from uvcloth.bodies.body import REGIONS, Appearance, Body, Proxy
+from uvcloth.bodies.stature import stature
 from uvcloth.characters.parts import Sorted, sort_parts
 from uvcloth.characters.reader import Part, read_character
 from uvcloth.characters.registration import lifted, limbs_of, match, register
@@ -156,7 +157,7 @@ def _region_numbers(regions: Iterable[str]) -> Tensor:
 
 def _refuse_unfit(body: Body, off: Tensor) -> None:
     """Raise InputError naming the region whose surface has no place on the character."""
-    height = float(body.mesh.vertices[:, 2].max() - body.mesh.vertices[:, 2].min())
+    height = stature(body)
     for region in CLOTHED:
         distance = off[region_vertices(body, (region,))]
         placed = float((distance < FARTHEST * height).float().mean())

@@ -5,7 +5,6 @@ ours; where it has none, ours lies between its neighbours as in the package's bo
 to that of the package's body, limb by limb, so that garments and methods meet what they know.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -13,7 +12,7 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
-from uvcloth.bodies.body import Body
+from uvcloth.bodies.body import Body, likeliest_unit
 from uvcloth.characters.reader import Character, Part
 from uvcloth.geometry.rotations import smallest_rotation
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
@@ -37,9 +36,6 @@ UNITS = {
     **{"inches": 0.0254, "feet": 0.3048, "hundreds of metres": 100.0},
 }
 """Metres in the units that a file may be in; glTF's is the metre."""
-
-USUAL = 1.7
-"""Metres of the height that the unit is taken for which a character in other units than metres is nearest."""
 
 LEAST_BONE = 0.01
 """Metres below which a limb has no direction."""
@@ -115,7 +111,7 @@ def _likeliest_unit(tall: float) -> str:
     heights = {name: tall * size for name, size in UNITS.items()}
     if HEIGHTS[0] <= heights["m"] <= HEIGHTS[1]:
         return "m"
-    return min(heights, key=lambda name: abs(math.log(max(heights[name], LEAST_BONE) / USUAL)))
+    return likeliest_unit({name: max(height, LEAST_BONE) for name, height in heights.items()})
 
 
 def _needed_roles(character: Character, chosen: Mapping[str, str]) -> dict[str, int]:

@@ -13,6 +13,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body, require_metres, save_body
 from uvcloth.bodies.seen import seen
 from uvcloth.bodies.smpl import read_smpl
+from uvcloth.bodies.stature import stature
 from uvcloth.characters.body import body_from_character
 from uvcloth.export.glb import Document
 from uvcloth.export.gltf_scene import add_body, add_skeleton
@@ -120,6 +121,5 @@ def _of_smpl(smpl: SmplFile) -> Body:
     with Console(stderr=True).status(f"unwrapping {smpl.path.name}"):
         body = model.resting().body(torch.tensor(smpl.betas))
     require_metres(smpl.path, body.mesh.vertices)
-    height = float(body.mesh.vertices[:, 2].max() - body.mesh.vertices[:, 2].min())
-    print(f"{smpl.path.name}: {model.kind}, {len(model.shapes)} shape parameters, {height:.2f} m tall")
+    print(f"{smpl.path.name}: {model.kind}, {len(model.shapes)} shape parameters, {stature(body):.2f} m tall")
     return body

@@ -52,8 +52,8 @@ def load_method(name_or_run: str | Path, body: Body) -> Method:
     """A method that needs no training or ships trained by its name, or a trained one from its run folder.
 
     A trained method is named after its folder, so that several can stand in one report. One that ships sees
-    a body that is no adult's as large as one. Raises InputError for
-    an unknown name, and for a checkpoint that is damaged, of another method or version, or of another body.
+    a body that is no adult's as large as one. Raises InputError for an unknown name, and for a checkpoint
+    that is damaged, of another method or version, or of another body.
     """
     name, folder = str(name_or_run), model_folder(name_or_run)
     if folder is None:
