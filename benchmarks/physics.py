@@ -2,10 +2,10 @@
 
 Run from the checkout with PYTHONPATH=. as
 
-    python benchmarks/physics.py [--only "vbd 20 x 2" blender]
+    python benchmarks/physics.py [--only "vbd 20 x 2" blender] [--fabrics]
 
 Prints one row for each setting, beside physics, with the CPU seconds that all of the row took, the processes
-of other engines included.
+of other engines included; with --fabrics instead one row for each fabric, in the settings that make data.
 """
 
 import os
@@ -31,8 +31,8 @@ from tests.simulate.physics.experiments import (
     slide_theory,
     swing,
 )
+from uvcloth.garments.fabric import FABRICS, Fabric
 from uvcloth.simulate.blender import find_blender
-from uvcloth.simulate.fabric import Fabric
 from uvcloth.simulate.newton import Newton
 
 SETTINGS: dict[str, Callable[[], Any]] = {
@@ -57,8 +57,11 @@ COLUMNS = (
 )
 
 
-def main(only: tuple[str, ...] = ()) -> None:
-    """only: names of settings; all of them where none is named."""
+def main(only: tuple[str, ...] = (), fabrics: bool = False) -> None:
+    """only: names of settings; all of them where none is named. fabrics: compare these instead."""
+    if fabrics:
+        _print_fabrics()
+        return
     fabric = Fabric()
     print("| setting | " + " | ".join(COLUMNS) + " |")
     print("|---" * (len(COLUMNS) + 1) + "|")
@@ -70,6 +73,19 @@ def main(only: tuple[str, ...] = ()) -> None:
     print("| physics | " + " | ".join(theory) + " |", flush=True)
     for name in only or SETTINGS:
         print(f"| {name} | " + " | ".join(_row(SETTINGS[name]())) + " |", flush=True)
+
+
+def _print_fabrics() -> None:
+    """Print what laboratories measure of each fabric as the first setting makes it, and as physics has it."""
+    print("| fabric | strip of 0.5 m longer, % | physics | drape, % |")
+    print("|---|---:|---:|---:|")
+    for name, fabric in FABRICS.items():
+        engine = Newton(fabric=fabric)
+        print(
+            f"| {name} | {100 * sag(engine, 0.5):.2f} | {100 * sag_theory(fabric, 0.5):.2f} "
+            f"| {100 * drape(engine):.0f} |",
+            flush=True,
+        )
 
 
 def _row(engine: Any) -> tuple[str, ...]:

@@ -32,6 +32,7 @@ uvcloth rollout --motion walk.bvh --garment shirt.obj --out walk.mp4 walk.glb"""
 
 TemplateName = Literal["tops", "bottoms", "dress", "shirt"]
 EngineName = Literal["newton", "blender"]
+FabricName = Literal["jersey", "cotton", "silk", "denim"]
 Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ...")]
 GarmentPose = Annotated[
     Literal["t", "a"] | None, arg(metavar="t|a", help_behavior_hint="(default: rest pose)")
@@ -146,6 +147,11 @@ class Simulate:
     keep apart; otherwise each is simulated alone."""
     engine: EngineName = "newton"
     """What simulates: newton, or the cloth of the Blender that UVCLOTH_BLENDER_PYTHON names."""
+    fabric: Annotated[
+        FabricName | None,
+        arg(metavar="jersey|cotton|silk|denim", help_behavior_hint="(default: jersey; of an outfit its own)"),
+    ] = None
+    """Cloth that the garments are made of."""
     windows: Annotated[Path | None, arg(metavar="CSV", help_behavior_hint="(default: whole clips)")] = None
     """Simulate a part of each clip: a table with the columns trial, subject, split, action, window_start and
     window_frames, which training and evaluation then go by. Without clips, all that it names."""
@@ -171,11 +177,13 @@ class Simulate:
         if not (self.clips or self.windows) or not self.garment:
             raise InputError("simulate: name at least one clip, or a table with --windows, and one garment")
         from uvcloth.bodies.body import load_body
+        from uvcloth.garments.fabric import FABRICS
         from uvcloth.simulate.batch import simulate_batch
         from uvcloth.simulate.plan import ClipSelection
         from uvcloth.simulate.workers import Workers
 
         selection = ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options)
+        fabric = FABRICS[self.fabric] if self.fabric else None
         if self.most_frames is not None and self.outfits is None:
             raise InputError("--most-frames: is for --outfits, choose the frames of clips with --windows")
         if self.outfits is not None:
@@ -192,7 +200,9 @@ class Simulate:
             from uvcloth.simulate.outfits import simulate_outfits
 
             workers = Workers(self.jobs, self.scheduler)
-            simulate_outfits(self.outfits, selection, self.out, self.most_frames, self.engine, workers)
+            simulate_outfits(
+                self.outfits, selection, self.out, self.most_frames, self.engine, fabric, workers
+            )
             return
         simulate_batch(
             selection,
@@ -200,6 +210,7 @@ class Simulate:
             out=self.out,
             body=load_body(self.body),
             engine=self.engine,
+            fabric=fabric,
             repeat=self.repeat,
             workers=Workers(self.jobs, self.scheduler),
         )

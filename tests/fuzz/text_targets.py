@@ -3,12 +3,12 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 
 from tests.fuzz.target import Target, require
 from tests.small_body import small_body
 from uvcloth.bodies.body import save_body
+from uvcloth.garments.fabric import FABRICS, RANGES
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.pins import pinned
 from uvcloth.motion.index import Entry, read_index
@@ -42,7 +42,7 @@ def good_outfit(folder: Path) -> Path:
         seed=3,
         pieces=(PieceFile(folder / "o0001_gown.obj", Design.of("gown", parts), 3),),
         fabric_name="jersey",
-        fabric={"density": 0.2, "stretch": 40.0, "bend": 1.5e-5},
+        fabric=FABRICS["silk"],
         tightness=0.5,
         even=True,
         seams=False,
@@ -57,7 +57,8 @@ def check_outfit(outfit: OutfitFile) -> None:
     require(0 <= outfit.tightness <= 1 and type(outfit.seed) is int, "tightness or seed")
     require(type(outfit.even) is bool and type(outfit.seams) is bool, "a flag that is none")
     require(0 < outfit.vertex_range[0] <= outfit.vertex_range[1] <= 10**6, "vertex range")
-    require(all(np.isfinite(value) and value >= 0 for value in outfit.fabric.values()), "fabric")
+    for number, (least, most) in RANGES.items():
+        require(least <= getattr(outfit.fabric, number) <= most, f"{number} of the fabric")
     folder = outfit.path.parent.resolve()
     for file in (outfit.body, *(piece.file for piece in outfit.pieces)):
         require(file.resolve().is_relative_to(folder) and file.is_file(), "a file elsewhere")

@@ -18,13 +18,14 @@ from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from tests.simulate.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
+from uvcloth.garments.fabric import FABRICS, Fabric
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import fit_template
+from uvcloth.motion.library import load_clip
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate import batch, quality_check
 from uvcloth.simulate import plan as planning
 from uvcloth.simulate.batch import simulate_batch
-from uvcloth.simulate.fabric import Fabric
 from uvcloth.simulate.folder import refused_captures
 from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.plan import ClipSelection, Job
@@ -191,6 +192,22 @@ def test_data_of_another_body_or_engine_are_refused(
     save_sequence(other, finished / "repeat" / "rejected" / "run_dress.npz")
     with pytest.raises(InputError, match=rf"run_dress\.npz: {words}.*simulate into another folder"):
         simulate_batch(ClipSelection(["walk"]), [["tops"]], finished, body)
+
+
+def test_a_job_is_simulated_in_a_fabric_of_its_own(
+    monkeypatch: pytest.MonkeyPatch, body: Body, tmp_path: Path
+) -> None:
+    engines: list[Newton] = []
+
+    def simulated(*arguments: object) -> tuple[()]:
+        engines.append(cast("Newton", arguments[4]))
+        return ()
+
+    monkeypatch.setattr(batch, "simulate", simulated)
+    for fabric in (None, FABRICS["denim"]):
+        job = Job(load_clip("walk", body), 0, body, (), (tmp_path / "a.npz",), fabric)
+        batch._simulate_job(job, Newton(substeps=7), tmp_path, tmp_path)
+    assert engines == [Newton(substeps=7), Newton(substeps=7, fabric=FABRICS["denim"])]
 
 
 def test_data_of_this_body_and_engine_are_added_to(

@@ -13,10 +13,10 @@ import trimesh
 from rasterize.errors import InputError
 from tests.simulate.physics.scenes import FPS, G, play, scene, sheet
 from uvcloth.bodies.body import Body
+from uvcloth.garments.fabric import Fabric
 from uvcloth.simulate import blender
 from uvcloth.simulate.batch import simulate_batch
 from uvcloth.simulate.blender import PYTHON_VARIABLE, Blender, find_blender
-from uvcloth.simulate.fabric import Fabric
 from uvcloth.simulate.plan import ClipSelection
 
 STILL = Fabric(drag=0.0)

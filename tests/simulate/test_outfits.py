@@ -12,14 +12,16 @@ import torch
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, save_body
 from uvcloth.export.obj import save_obj
+from uvcloth.garments.fabric import FABRICS, Fabric
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate import outfits
+from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.outfit_sequence import load_outfit_sequences
 from uvcloth.simulate.outfits import simulate_outfits
 from uvcloth.simulate.plan import ClipSelection, Job
-from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
+from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, save_sequence
 from uvcloth.wardrobe.designs import KINDS, PARTS, Design, limits
 from uvcloth.wardrobe.outfit_file import OutfitFile, PieceFile, save_outfit_file
 
@@ -61,7 +63,7 @@ def wardrobe(body: Body, tmp_path_factory: pytest.TempPathFactory) -> Path:
                 seed=0,
                 pieces=tuple(pieces),
                 fabric_name="jersey",
-                fabric={"density": 0.2},
+                fabric=Fabric(density=0.3 if len(kinds) == 2 else 0.2),
                 tightness=0.5,
                 even=True,
                 seams=False,
@@ -132,6 +134,34 @@ def test_windows_of_a_split_are_dealt_to_its_outfits(jobs: list[Job]) -> None:
     assert [len(job.cloths) for job in jobs] == [1, 2, 1, 1]
     assert [len(job.motion) - job.warm_up for job in jobs] == [25] * 4
     assert [job.warm_up for job in jobs] == [15, 0, 15, 10]
+
+
+def test_each_outfit_is_of_its_own_fabric(jobs: list[Job]) -> None:
+    assert [job.fabric for job in jobs] == [Fabric(), Fabric(density=0.3), Fabric(), Fabric()]
+
+
+def test_one_fabric_for_all_is_that_of_each(
+    wardrobe: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[Job] = []
+    monkeypatch.setattr(outfits, "simulate_all", lambda todo, *_: made.extend(todo))
+    (tmp_path / "windows.csv").write_text(WINDOWS)
+    simulate_outfits(wardrobe, _selection(tmp_path), tmp_path / "out", 25, fabric=FABRICS["silk"])
+    assert {job.fabric for job in made} == {FABRICS["silk"]}
+
+
+def test_data_of_another_fabric_than_the_outfit_are_refused(
+    wardrobe: Path, jobs: list[Job], out: Path, tmp_path: Path
+) -> None:
+    assert jobs
+    copytree(out, tmp_path / "out")
+    for path in (tmp_path / "out").glob("*.npz"):
+        sequence = load_sequence(path)
+        made_by = Newton(fabric=Fabric(density=0.3 if "o0001" in path.name else 0.2)).describe()
+        save_sequence(replace(sequence, metadata={**sequence.metadata, **made_by}), path)
+    simulate_outfits(wardrobe, _selection(out), tmp_path / "out", 25)
+    with pytest.raises(InputError, match=r"jump_o0003_top\.npz: was .* \(density 0\.2 instead of 0\.08,"):
+        simulate_outfits(wardrobe, _selection(out), tmp_path / "out", 25, fabric=FABRICS["silk"])
 
 
 def test_outfits_are_read_again_with_their_bodies(jobs: list[Job], out: Path, body: Body) -> None:

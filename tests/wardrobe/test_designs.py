@@ -1,16 +1,16 @@
 """Designs: what they hold is checked, and what is drawn is always one that can be written and read."""
 
 import re
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 import pytest
 
 from rasterize.errors import InputError
-from uvcloth.simulate.fabric import Fabric
+from uvcloth.garments.fabric import FABRICS, fabric_from
 from uvcloth.wardrobe.designs import Design, limits
 from uvcloth.wardrobe.draw import LOWERS, OUTFITS, UPPERS, draw
-from uvcloth.wardrobe.fabrics import FABRICS
 
 SHORTS: dict[str, Any] = {"legs": {"drop": 0.02, "length": 0.6, "ease": 0.01, "flare": 0.0}}
 
@@ -64,10 +64,15 @@ def test_all_types_are_drawn_and_tighter_outfits_have_less_ease() -> None:
     assert np.corrcoef(np.array(legs).T)[0, 1] < -0.7
 
 
-def test_fabrics_are_those_that_the_engines_take() -> None:
-    drawn = draw(np.random.default_rng(3), OUTFITS, (1000, 2000))
-    assert Fabric(**drawn.fabric).density == drawn.fabric["density"]
-    assert Fabric(**FABRICS["jersey"]) == Fabric()
+def test_drawn_fabrics_are_near_those_of_their_names() -> None:
+    drawn = [draw(np.random.default_rng(number), OUTFITS, (1000, 2000)) for number in range(100)]
+    assert {one.fabric_name for one in drawn} == set(FABRICS)
+    for one in drawn:
+        usual = FABRICS[one.fabric_name]
+        assert one.fabric.density == pytest.approx(usual.density, rel=0.16)
+        assert one.fabric.friction == usual.friction
+        assert fabric_from(asdict(one.fabric), "it") == one.fabric
+    assert len({one.fabric.bend for one in drawn}) > 90
 
 
 def test_every_number_has_a_range() -> None:

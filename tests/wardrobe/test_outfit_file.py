@@ -46,7 +46,7 @@ def write(
 
 def test_an_outfit_is_read_as_it_is_written(tmp_path: Path) -> None:
     outfit = load_outfit_file(write(tmp_path, outfit_values()))
-    assert (outfit.name, outfit.split, outfit.fabric["density"]) == ("o0001", "train", 0.2)
+    assert (outfit.name, outfit.split, outfit.fabric.density) == ("o0001", "train", 0.2)
     assert outfit.body == tmp_path / "bodies" / "b.npz"
     assert outfit.pieces[0].design.parameters() == {"legs": SHORTS}
     assert load_pieces(outfit)[0].vertices.shape == (3, 3)
@@ -68,6 +68,14 @@ def test_an_outfit_is_read_as_it_is_written(tmp_path: Path) -> None:
         ({"body": "../builtin.npz"}, "../builtin.npz is not read, it lies outside"),
         ({"body": "/etc/passwd"}, "/etc/passwd is not read, it lies outside"),
         ({"fabric": {"name": "a", "parameters": {"colour": 1}}}, "'colour' is no number of a fabric"),
+        (
+            {"fabric": {"name": "a", "parameters": {"density": 0}}},
+            "the fabric's density is 0, expected 0.01 to 2",
+        ),
+        (
+            {"fabric": {"name": "a", "parameters": {"poisson": 1.0}}},
+            "the fabric's poisson is 1.0, expected 0 to 0.49",
+        ),
     ],
 )
 def test_a_faulty_outfit_is_refused_in_one_sentence(

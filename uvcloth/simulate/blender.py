@@ -14,19 +14,19 @@ import os
 import subprocess
 import tempfile
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
+from uvcloth.garments.fabric import Fabric
 from uvcloth.geometry.mesh import face_normals, unique_edges
-from uvcloth.simulate.engine import GRAVITY, Frame, Scene
-from uvcloth.simulate.fabric import AIR_DENSITY, Fabric
+from uvcloth.simulate.engine import AIR_DENSITY, GRAVITY, Frame, Scene
 
 PYTHON_VARIABLE = "UVCLOTH_BLENDER_PYTHON"
 """Environment variable that names the Python with bpy."""
@@ -79,6 +79,10 @@ class Blender:
         """Describe engine, versions and settings, as `Engine` says."""
         settings = {key: value for key, value in asdict(self).items() if key not in ("python", "version")}
         return {"engine": "blender.cloth", "versions": {"blender": self.version}, "settings": settings}
+
+    def with_fabric(self, fabric: Fabric) -> Self:
+        """Make the same engine for cloth of another fabric."""
+        return replace(self, fabric=fabric)
 
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
         """Yield the frames as `Engine` says, without a memory; Blender ends when the iterator does.

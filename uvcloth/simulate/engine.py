@@ -2,14 +2,18 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 from torch import Tensor
 
 from uvcloth.bodies import frames
+from uvcloth.garments.fabric import Fabric
 
 GRAVITY = -frames.GRAVITY[2]
 """Acceleration of gravity, m/s2, downwards."""
+
+AIR_DENSITY = 1.2
+"""Density of air at 20 degrees, kg/m3."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,10 @@ class Engine(Protocol):
 
     def describe(self) -> dict[str, Any]:
         """Engine, exact versions and settings, as JSON values."""
+        ...
+
+    def with_fabric(self, fabric: Fabric) -> Self:
+        """Make the same engine for cloth of another fabric."""
         ...
 
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
-from typing import Any
+from typing import Any, Self
 
 import torch
 import warp as wp
@@ -12,8 +12,8 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from rasterize.warp_start import start_warp
-from uvcloth.simulate.engine import GRAVITY, Frame, Scene
-from uvcloth.simulate.fabric import AIR_DENSITY, Fabric
+from uvcloth.garments.fabric import Fabric
+from uvcloth.simulate.engine import AIR_DENSITY, GRAVITY, Frame, Scene
 
 STRIDE_SHARE = 0.85
 """Share of the distance to other cloth that a vertex may move before self-contact is detected anew."""
@@ -61,6 +61,10 @@ class Newton:
             "versions": {name: version(name) for name in ("newton", "warp-lang")},
             "settings": asdict(self),
         }
+
+    def with_fabric(self, fabric: Fabric) -> Self:
+        """Make the same engine for cloth of another fabric."""
+        return replace(self, fabric=fabric)
 
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
         """Yield the frames as `Engine` says. Raises InputError if the `simulate` extra is not installed.

@@ -8,12 +8,14 @@ from pathlib import Path
 from rasterize.atomic import atomic_write, make_folder, sole_writer
 from rasterize.errors import InputError
 from rasterize.fields import require_file_name
+from uvcloth.garments.fabric import Fabric
 from uvcloth.motion.index import Entry
 from uvcloth.motion.poses import SPLITS
 from uvcloth.simulate.batch import LEAD_IN, simulate_all
 from uvcloth.simulate.cloth import join
+from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.engines import ENGINES
-from uvcloth.simulate.folder import is_finished, keep_refused, require_engine, stored_sequences
+from uvcloth.simulate.folder import Stored, is_finished, keep_refused, require_engine, stored_sequences
 from uvcloth.simulate.outfit_sequence import BODIES
 from uvcloth.simulate.plan import ClipSelection, Job, Source, batch_sources, load_motion
 from uvcloth.simulate.run import RUN_UP
@@ -42,21 +44,25 @@ def simulate_outfits(
     out: Path,
     frames: int | None = None,
     engine: str = "newton",
+    fabric: Fabric | None = None,
     workers: Workers = ONE_PER_CORE,
 ) -> None:
     """Simulate every outfit of a folder over one window of its split, its garments together, on its body.
 
-    The windows of a split are dealt to its outfits in turn. frames: simulate no more of a window. Written are
-    OUT/<clip>_<garment>.npz and OUT/bodies; what is there already is kept. Raises InputError as
-    `simulate_batch` does, for a folder without outfits, and for outfits of a split without windows.
+    The windows of a split are dealt to its outfits in turn. frames: simulate no more of a window. fabric: of
+    all; None for each outfit's own. Written are OUT/<clip>_<garment>.npz and OUT/bodies; what is there
+    already is kept. Raises InputError as `simulate_batch` does, for a folder without outfits, and for outfits
+    of a split without windows.
     """
     if engine not in ENGINES:
         raise InputError(f"--engine {engine}: expected one of {', '.join(ENGINES)}")
     if frames is not None and frames < 1:
         raise InputError(f"--most-frames {frames}: has to be 1 or more")
     outfits = [load_outfit_file(path) for path in outfit_files(folder)]
+    if fabric is not None:
+        outfits = [replace(outfit, fabric=fabric) for outfit in outfits]
     made_by = ENGINES[engine]()
-    require_engine(stored_sequences(out), made_by)
+    _require_fabrics(stored_sequences(out), outfits, made_by)
     tasks = _deal(outfits, batch_sources(selection), frames)
     with sole_writer(out):
         clear_finished(out)
@@ -69,6 +75,14 @@ def simulate_outfits(
             task.windows[0].window.frames + RUN_UP + len(LEAD_IN) for task in todo if task.windows[0].window
         )
         simulate_all(_jobs(todo, out), expected, made_by, workers, out)
+
+
+def _require_fabrics(stored: Sequence[Stored], outfits: Sequence[OutfitFile], engine: Engine) -> None:
+    """Raise InputError if a sequence was made by another engine, with other settings or of another fabric."""
+    fabrics = {outfit.name: outfit.fabric for outfit in outfits}
+    for each in stored:
+        fabric = fabrics.get(str(each.metadata.get("outfit")))
+        require_engine([each], engine if fabric is None else engine.with_fabric(fabric))
 
 
 def _deal(outfits: Sequence[OutfitFile], sources: Sequence[Source], frames: int | None) -> list[_Task]:
@@ -135,6 +149,7 @@ def _job(task: _Task, out: Path) -> Job | None:
             body,
             cloths,
             _targets(task.outfit, source, out),
+            task.outfit.fabric,
             labels={
                 "outfit": task.outfit.name,
                 "types": {piece.file.stem: piece.design.kind for piece in task.outfit.pieces},

@@ -10,6 +10,7 @@ from rich.progress import track
 from rasterize.errors import InputError
 from rasterize.fields import require_file_name
 from uvcloth.bodies.body import Body
+from uvcloth.garments.fabric import Fabric
 from uvcloth.motion.capture import find_jump, find_standstill
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.index import Entry, clip_file, read_index
@@ -29,7 +30,8 @@ class Job:
     """One simulation: a motion (run-up included), the number of its warm-up frames, and garments.
 
     Several cloths touch each other, the first is innermost; each has a target, the file of its sequence.
-    labels: metadata that the sequences of all cloths get besides.
+    fabric: of its cloths; None for the engine's. labels: metadata that the sequences of all cloths get
+    besides.
     """
 
     motion: Clip
@@ -37,6 +39,7 @@ class Job:
     body: Body
     cloths: tuple[Cloth, ...]
     targets: tuple[Path, ...]
+    fabric: Fabric | None = None
     labels: Mapping[str, Any] = field(default_factory=dict)
 
 

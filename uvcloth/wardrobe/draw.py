@@ -1,13 +1,13 @@
 """Random outfits: designs, mesh, fabric and tightness, drawn from a seed and the outfit's number."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
+from uvcloth.garments.fabric import FABRICS, Fabric
 from uvcloth.wardrobe.designs import KINDS, PARTS, Design, limits
-from uvcloth.wardrobe.fabrics import FABRICS, VARIED
 from uvcloth.wardrobe.sew import Meshing
 
 Alternatives = Sequence[tuple[float, float]]
@@ -92,6 +92,9 @@ ONE_PIECE = 0.5
 EVEN, SEAMS = 0.7, 0.25
 """Shares of outfits with even triangles, and with doubled vertices along their seams."""
 
+VARIED = {"density": 0.15, "stretch": 0.2, "bend": 0.4}
+"""Share by which a drawn fabric's numbers differ from those of its name, at most."""
+
 LOOSENESS_SPREAD = 0.12
 """Standard deviation by which pieces differ in looseness from their outfit's."""
 
@@ -100,14 +103,13 @@ LOOSENESS_SPREAD = 0.12
 class DrawnOutfit:
     """Outfit as it was drawn.
 
-    designs: the innermost first. fabric: numbers of `uvcloth.simulate.fabric.Fabric`. tightness: 0 loose to 1
-    tight.
+    designs: the innermost first. tightness: 0 loose to 1 tight.
     """
 
     designs: tuple[Design, ...]
     meshing: Meshing
     fabric_name: str
-    fabric: dict[str, float]
+    fabric: Fabric
     tightness: float
 
 
@@ -134,10 +136,12 @@ def draw(rng: np.random.Generator, types: Sequence[str], vertices: tuple[int, in
             seams=bool(rng.random() < SEAMS),
         ),
         fabric_name=name,
-        fabric={
-            key: _rounded(value * (1 + VARIED.get(key, 0.0) * rng.uniform(-1, 1)))
-            for key, value in FABRICS[name].items()
-        },
+        fabric=Fabric(
+            **{
+                key: _rounded(value * (1 + VARIED.get(key, 0.0) * rng.uniform(-1, 1)))
+                for key, value in asdict(FABRICS[name]).items()
+            }
+        ),
         tightness=_rounded(tightness),
     )
 

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from rasterize.fields import is_file_name
 from rasterize.json_file import read_json, require_kinds
 from rasterize.reading import file_below
 from uvcloth.bodies.body import load_body
+from uvcloth.garments.fabric import Fabric, fabric_from
 from uvcloth.garments.fit import make_fitted
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.meshfile import read_mesh
@@ -35,12 +36,6 @@ KINDS = {
 }
 """Kinds of the values of a file."""
 
-FABRIC = ("density", "stretch", "poisson", "bend", "friction", "drag")
-"""Numbers of `uvcloth.simulate.fabric.Fabric`."""
-
-MOST_FABRIC = 1e6
-"""Greatest value of one of them."""
-
 MOST_VERTICES = 1_000_000
 """Of a piece, and of the range that they were drawn from."""
 
@@ -58,9 +53,9 @@ class PieceFile:
 class OutfitFile:
     """Outfit of one or two pieces, the innermost first.
 
-    body: npz of the body that it is worn on. fabric: numbers of `uvcloth.simulate.fabric.Fabric`. tightness:
-    0 loose to 1 tight. even: whether triangles are of about one size. seams: whether vertices are doubled
-    along seams. vertex_range: between which its number of vertices was drawn.
+    body: npz of the body that it is worn on. tightness: 0 loose to 1 tight. even: whether triangles are of
+    about one size. seams: whether vertices are doubled along seams. vertex_range: between which its number of
+    vertices was drawn.
     """
 
     path: Path
@@ -70,7 +65,7 @@ class OutfitFile:
     seed: int
     pieces: tuple[PieceFile, ...]
     fabric_name: str
-    fabric: Mapping[str, float]
+    fabric: Fabric
     tightness: float
     even: bool
     seams: bool
@@ -106,7 +101,7 @@ def load_outfit_file(path: Path) -> OutfitFile:
         seed=values["seed"],
         pieces=tuple(_piece(path, entry) for entry in values["pieces"]),
         fabric_name=values["fabric"]["name"],
-        fabric={key: float(value) for key, value in values["fabric"]["parameters"].items()},
+        fabric=fabric_from(values["fabric"]["parameters"], str(path)),
         tightness=float(values["tightness"]),
         even=values["even"],
         seams=values["seams"],
@@ -127,7 +122,7 @@ def save_outfit_file(outfit: OutfitFile) -> None:
         "even": outfit.even,
         "seams": outfit.seams,
         "tightness": outfit.tightness,
-        "fabric": {"name": outfit.fabric_name, "parameters": dict(outfit.fabric)},
+        "fabric": {"name": outfit.fabric_name, "parameters": asdict(outfit.fabric)},
         "pieces": [
             {
                 "file": piece.file.relative_to(folder).as_posix(),
@@ -199,13 +194,4 @@ def _require_ranges(path: Path, values: Mapping[str, Any]) -> None:
     if len(bounds) != 2 or not 0 < bounds[0] <= bounds[1] <= MOST_VERTICES:
         raise InputError(
             f"{path}: vertex_range is {bounds!s:.40}, expected two numbers from 1 to {MOST_VERTICES}"
-        )
-    parameters = values["fabric"]["parameters"]
-    if unknown := parameters.keys() - set(FABRIC):
-        raise InputError(
-            f"{path}: {min(unknown)!r:.40} is no number of a fabric; there are {', '.join(FABRIC)}"
-        )
-    if wrong := [name for name, value in parameters.items() if not 0.0 <= value <= MOST_FABRIC]:
-        raise InputError(
-            f"{path}: the fabric's {wrong[0]} is {parameters[wrong[0]]}, expected 0 to {MOST_FABRIC:g}"
         )

@@ -1,0 +1,61 @@
+"""Fabrics: the material of cloth in SI units, for every engine."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+from rasterize.errors import InputError
+
+RANGES = {
+    "density": (0.01, 2.0),
+    "stretch": (1.0, 1e4),
+    "poisson": (0.0, 0.49),
+    "bend": (0.0, 1e-2),
+    "friction": (0.0, 2.0),
+    "drag": (0.0, 100.0),
+}
+"""Least and greatest value of each number of a fabric."""
+
+
+@dataclass(frozen=True)
+class Fabric:
+    """Material of cloth; the default is a cotton jersey: it bends as cotton does and stretches as a knit.
+
+    density: kg/m2. stretch: N/m, membrane stiffness (Young's modulus times thickness). poisson: its Poisson
+    ratio. bend: N m, bending rigidity (force times distance per width; Peirce's bending length is the cube
+    root of it over the weight per area). friction: coefficient of cloth on the body and on cloth. drag: drag
+    coefficient of a face that moves along its normal.
+    """
+
+    density: float = 0.2
+    stretch: float = 40.0
+    poisson: float = 0.2
+    bend: float = 1.5e-5
+    friction: float = 0.4
+    drag: float = 1.2
+
+
+FABRICS = {
+    "jersey": Fabric(),
+    "cotton": Fabric(density=0.15, stretch=60.0, bend=2.0e-5),
+    "silk": Fabric(density=0.08, stretch=50.0, bend=5.0e-6, friction=0.25),
+    "denim": Fabric(density=0.35, stretch=80.0, bend=8.0e-5, friction=0.5),
+}
+"""Fabrics by name."""
+
+
+def fabric_from(numbers: Mapping[str, float], where: str) -> Fabric:
+    """Make a fabric of its numbers, the jersey's where they are missing.
+
+    where: whose fabric it is, for the sentence. Raises InputError for a number that no fabric has, and for
+    one out of its range.
+    """
+    names = [each.name for each in fields(Fabric)]
+    if unknown := numbers.keys() - set(names):
+        raise InputError(
+            f"{where}: {min(unknown)!r:.40} is no number of a fabric; there are {', '.join(names)}"
+        )
+    for name, value in numbers.items():
+        least, most = RANGES[name]
+        if not least <= value <= most:
+            raise InputError(f"{where}: the fabric's {name} is {value}, expected {least:g} to {most:g}")
+    return Fabric(**{name: float(value) for name, value in numbers.items()})
