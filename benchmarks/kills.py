@@ -112,11 +112,11 @@ def prepare() -> None:
         importlib.import_module(module)
     # A new process would import all of this once more.
     dask.config.set({"distributed.worker.multiprocessing-method": "fork"})
-    outfits.get_context = lambda method: multiprocessing.get_context("fork")
+    vars(outfits)["get_context"] = lambda method: multiprocessing.get_context("fork")
     batch.LEAD_IN = LeadIn(rest=1, blend=1, ramp=1)
     unfinished.SECONDS = 0.1
     ENGINES["newton"] = Following
-    validation.POSES = physics.POSES = 2
+    validation.POSES = vars(physics)["POSES"] = 2
     PROGRAMS.update(
         uvcloth=uvcloth.cli.main,
         train=lambda: run_command("train", train.__main__.main),

@@ -13,6 +13,7 @@ units of ours.
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any
@@ -55,10 +56,10 @@ def main(
     net: Any = objective.networks()["net"]
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=0.0, fused=True)
     spent: dict[str, float] = {}
-    meshes = objective.body._meshes
-    objective.body.move = _timed(objective.body.move, "move", spent)  # type: ignore[method-assign]
-    meshes.update = _timed(meshes.update, "refit", spent)  # type: ignore[method-assign]
-    objective.body.planes = _timed(objective.body.planes, "planes", spent)  # type: ignore[method-assign]
+    nearby: Any = objective.energy.body
+    nearby.move = _timed(nearby.move, "move", spent)
+    nearby._meshes.update = _timed(nearby._meshes.update, "refit", spent)
+    nearby.planes = _timed(nearby.planes, "planes", spent)
 
     def step(number: int) -> Tensor:
         rows = rows_of_step(objective.samples, config, number)
@@ -91,8 +92,8 @@ def main(
             with torch.no_grad():
                 _, posed = objective.pose(net, objective.poses, rows)
             bodies = skin(body.mesh.vertices, body.weights, objective.poses.transforms[rows])
-            anew = _seconds(lambda posed=posed: objective.body.planes(posed, 0.005, None, "surface"))
-            brute = _seconds(lambda posed=posed, bodies=bodies: _nearest(posed, bodies))
+            anew = _seconds(partial(nearby.planes, posed, 0.005, None, "surface"))
+            brute = _seconds(partial(_nearest, posed, bodies))
             print(
                 f"| {epoch} | {1000 * whole / MEASURED:.0f} | {100 * skinned:.0f} % | {100 * share:.0f} % "
                 f"| {anew / asked:.1f} | {brute / asked:.0f} |"

@@ -97,7 +97,17 @@ def versions(python: Path) -> list[str]:
 
 def run_tests(python: Path, tests: tuple[str, ...]) -> str:
     """The last line of pytest, whose output is passed on."""
-    command = [python, "-X", "faulthandler", "-m", "pytest", "-p", "no:cacheprovider", "--verbose", *tests]
+    command: list[str | Path] = [
+        python,
+        "-X",
+        "faulthandler",
+        "-m",
+        "pytest",
+        "-p",
+        "no:cacheprovider",
+        "--verbose",
+        *tests,
+    ]
     quiet = os.environ | {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": "1"}
     last = ""
     with subprocess.Popen(command, stdout=subprocess.PIPE, encoding="utf-8", env=quiet) as process:

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from uvcloth.garments.fabric import Fabric
 from uvcloth.simulate.engine import Frame, Scene
 
 
@@ -17,6 +18,10 @@ class Following:
     def describe(self) -> dict[str, Any]:
         """Describe the engine, as `Engine` says."""
         return {"engine": "following", "versions": {}, "settings": {}}
+
+    def with_fabric(self, fabric: Fabric) -> "Following":
+        """The same: it has none."""
+        return self
 
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
         """Yield the frames as `Engine` says."""
