@@ -139,7 +139,10 @@ def unwrap(vertices: Tensor, faces: Tensor, name: str) -> tuple[Tensor, Tensor]:
         noise = torch.randn(vertices.shape, generator=torch.Generator().manual_seed(0))
         answer = _xatlas(vertices + UNEVEN * (area / len(faces)) ** 0.5 * noise, faces, most)
     if answer.returncode:
-        raise InputError(f"{name}: the mesh cannot be unwrapped: xatlas ended with code {answer.returncode}")
+        said = answer.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+        raise InputError(
+            f"{name}: the mesh cannot be unwrapped: {said or f'xatlas ended with code {answer.returncode}'}"
+        )
     stream = io.BytesIO(answer.stdout)
     source, indices, uvs = (np.load(stream) for _ in range(3))
     face_uvs = torch.from_numpy(indices.astype(np.int64))

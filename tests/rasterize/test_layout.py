@@ -123,11 +123,20 @@ def test_a_mesh_on_which_xatlas_ends_the_process_is_unwrapped_from_an_uneven_cop
     assert face_uvs.shape == faces.shape
 
 
-def test_a_mesh_that_xatlas_cannot_unwrap_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("ending", "reason"),
+    [
+        ("import os; os.abort()", "xatlas ended with code -6"),
+        ("raise MemoryError('no more room')", "MemoryError: no more room"),
+    ],
+)
+def test_a_mesh_that_xatlas_cannot_unwrap_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str, reason: str
+) -> None:
     worker = tmp_path / "worker.py"
-    worker.write_text("import os\nos.abort()\n")
+    worker.write_text(ending)
     monkeypatch.setattr("rasterize.layout.UNWRAP_WORKER", worker)
-    with pytest.raises(InputError, match="ball: the mesh cannot be unwrapped: xatlas ended with code"):
+    with pytest.raises(InputError, match=f"^ball: the mesh cannot be unwrapped: {reason}$"):
         unwrap(*sphere(), "ball")
 
 
