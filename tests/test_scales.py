@@ -75,7 +75,7 @@ def test_the_unit_of_a_child_is_said(tmp_path: Path) -> None:
         character(tmp_path / "child.glb", scale, "m")
 
 
-@pytest.mark.parametrize(("factor", "unit"), [(100.0, "centimetres"), (1000.0, "millimetres"), (3.3, "feet")])
+@pytest.mark.parametrize(("factor", "unit"), [(100.0, "cm"), (1000.0, "mm"), (3.3, "feet"), (0.001, "km")])
 def test_a_body_that_is_not_in_metres_is_refused(factor: float, unit: str, tmp_path: Path) -> None:
     save_body(resized(load_body(), factor), tmp_path / "body.npz")
     with pytest.raises(InputError, match=rf"body\.npz: the body measures .*, as a person does in {unit}"):

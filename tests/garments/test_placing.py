@@ -36,17 +36,17 @@ def floor(body: Body) -> Tensor:
 @pytest.mark.parametrize(
     ("name", "unit", "axes", "on_floor"),
     [
-        ("tops", "inch", "Y up", True),
+        ("tops", "inches", "Y up", True),
         ("tops", "cm", "Z up, front to +Y", False),
         ("tops", "m", "Y up, front to -Z", True),
-        ("shirt", "foot", "Y up", True),
+        ("shirt", "feet", "Y up", True),
         ("shirt", "dm", "Z up", False),
         ("shirt", "mm", "Z up, front to -X", True),
         ("bottoms", "cm", "Y up", True),
-        ("bottoms", "foot", "Z up", False),
+        ("bottoms", "feet", "Z up", False),
         ("bottoms", "m", "Z up, front to +X", False),
         ("dress", "dm", "Y up, front to -Z", False),
-        ("dress", "inch", "Z up", True),
+        ("dress", "inches", "Z up", True),
         ("dress", "mm", "Y up", False),
     ],
 )
@@ -54,7 +54,7 @@ def test_a_file_is_placed_as_it_was_modelled(
     name: str, unit: str, axes: str, on_floor: bool, body: Body
 ) -> None:
     mesh = fit_template(name, body).mesh
-    metres = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": INCH, "foot": FOOT}[unit]
+    metres = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inches": INCH, "feet": FOOT}[unit]
     vertices = mesh.vertices + floor(body) if on_floor else mesh.vertices
     written = vertices.double() @ torch.tensor(UP[axes]).double().T / metres
     placed, found = diagnose(Path(f"{name}.obj"), replace(mesh, vertices=written), body)
@@ -149,5 +149,5 @@ def test_closed_and_loose_meshes_are_refused(body: Body) -> None:
 
 def test_what_fits_in_no_unit_names_them(body: Body) -> None:
     mesh = fit_template("tops", body).mesh
-    with pytest.raises(InputError, match="m, dm, cm, mm, inch, foot"):
+    with pytest.raises(InputError, match="m, dm, cm, mm, inches, feet"):
         diagnose(Path("mine.obj"), replace(mesh, vertices=mesh.vertices * 1e5), body)

@@ -15,6 +15,7 @@ from rasterize.errors import InputError
 from rasterize.fields import Field, check_fields, indices, names, numbers, whole
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton, in_order
+from uvcloth.geometry.units import UNITS
 
 REGIONS = ("torso", "upper_arm", "forearm", "thigh", "calf", "head", "hand", "foot")
 """Names of the body regions; `Body.regions` holds indices into this tuple."""
@@ -27,8 +28,7 @@ SIZES = (0.1, 4.0)
 """Metres that a body may measure at rest, from the smallest toy to what no unit but the metre makes."""
 
 PERSON = 1.7
-UNITS = {"millimetres": 1e-3, "centimetres": 1e-2, "inches": 0.0254, "feet": 0.3048, "kilometres": 1e3}
-"""Metres that a person measures, and other units that a body may have been written in."""
+"""Metres that a person measures."""
 
 LEAST_WEIGHTS = 1e-3
 """Least sum of a vertex's weights in a file; they are scaled to one."""
@@ -146,7 +146,7 @@ def require_metres(path: Path, vertices: Tensor) -> None:
     size = float((vertices.amax(0) - vertices.amin(0)).max())
     if SIZES[0] <= size <= SIZES[1]:
         return
-    likely = likeliest_unit({name: max(size, 1e-9) * metres for name, metres in UNITS.items()})
+    likely = likeliest_unit({name: max(size, 1e-9) * metres for name, metres in {**UNITS, "km": 1e3}.items()})
     raise InputError(
         f"{path}: the body measures {size:.3g}, as a person does in {likely}, expected metres; a character "
         "in another unit becomes a body with `uvcloth body --character`"

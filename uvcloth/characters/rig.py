@@ -17,6 +17,7 @@ from uvcloth.characters.reader import Character, Part
 from uvcloth.geometry.rotations import smallest_rotation
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 from uvcloth.geometry.skinning import skin
+from uvcloth.geometry.units import UNITS
 from uvcloth.motion.anatomy import unit
 from uvcloth.motion.rest import standing_axis
 from uvcloth.motion.retarget import LIMB_BONES, REQUIRED_ROLES, body_axes, bone_directions
@@ -31,10 +32,7 @@ HEADS = ("head", "upper_neck", "lower_neck")
 HEIGHTS = (0.5, 3.0)
 """Metres that a character may be tall."""
 
-UNITS = {
-    **{"m": 1.0, "cm": 0.01, "dm": 0.1, "mm": 0.001},
-    **{"inches": 0.0254, "feet": 0.3048, "hundreds of metres": 100.0},
-}
+SIZES = {**UNITS, "hundreds of metres": 100.0}
 """Metres in the units that a file may be in; glTF's is the metre."""
 
 LEAST_BONE = 0.01
@@ -62,7 +60,7 @@ def rig_character(
 ) -> RiggedCharacter:
     """Put a character on the skeleton of a body.
 
-    chosen: joint names by role where names do not tell. unit: of the file, a key of UNITS, None for the one
+    chosen: joint names by role where names do not tell. unit: of the file, a key of SIZES, None for the one
     that makes the likeliest height. Raises InputError naming the roles that no joint has, and for a character
     that does not stand, has no human height or limbs without length.
     """
@@ -73,13 +71,13 @@ def rig_character(
     points = torch.cat([part.mesh.vertices for part in character.parts]) @ turn.T
     tall = float(points[:, 2].max() - points[:, 2].min())
     unit_name = unit or _likeliest_unit(tall)
-    metres = tall * UNITS[unit_name]
+    metres = tall * SIZES[unit_name]
     if not HEIGHTS[0] <= metres <= HEIGHTS[1]:
         raise InputError(
             f"the character is {tall:.3g} units tall, {metres:.3g} m in {unit_name}, expected "
             f"{HEIGHTS[0]} to {HEIGHTS[1]} m; say another unit with --unit, or scale it"
         )
-    known_at = character.heads @ turn.T * UNITS[unit_name]
+    known_at = character.heads @ turn.T * SIZES[unit_name]
     ours = joint_roles(pattern.skeleton.names)
     known = {ours[role]: known_at[joint] for role, joint in roles.items() if role in ours}
     _check_limbs(known_at, roles, character)
@@ -94,7 +92,7 @@ def rig_character(
     transforms = joint_transforms(bind, rotations[None], heads[:1] + shift)
     owner = _owners(character, roles, ours)
     parts = tuple(
-        _posed(part, turn * UNITS[unit_name], owner, len(place), transforms) for part in character.parts
+        _posed(part, turn * SIZES[unit_name], owner, len(place), transforms) for part in character.parts
     )
     return RiggedCharacter(
         name=character.name,
@@ -108,7 +106,7 @@ def rig_character(
 
 def _likeliest_unit(tall: float) -> str:
     """Unit of a file whose character is so many of them tall: the metre, if that makes a human height."""
-    heights = {name: tall * size for name, size in UNITS.items()}
+    heights = {name: tall * size for name, size in SIZES.items()}
     if HEIGHTS[0] <= heights["m"] <= HEIGHTS[1]:
         return "m"
     return likeliest_unit({name: max(height, LEAST_BONE) for name, height in heights.items()})

@@ -9,6 +9,7 @@ from rich.table import Table
 from rasterize.errors import InputError
 from rasterize.exr import write_png
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.geometry.units import UNITS
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import MotionSource, clip_roles, load_source, moved, read_motion
 from uvcloth.motion.options import MotionOptions
@@ -17,7 +18,6 @@ from uvcloth.motion.retarget import leg_length
 from uvcloth.motion.roles import ROLES, joint_roles, naming_family
 from uvcloth.motion.stick_sheet import stick_sheet
 
-UNITS = {"mm": 0.001, "cm": 0.01, "inches": 0.0254, "dm": 0.1, "feet": 0.3048, "m": 1.0}
 UNIT_ERROR = 1.25
 """Factor by which a leg in one of the units may be longer or shorter than the body's."""
 

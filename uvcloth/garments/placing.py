@@ -10,11 +10,9 @@ from torch import Tensor
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.mesh import face_normals
+from uvcloth.geometry.units import UNITS
 from uvcloth.physics.exposure import spread
 from uvcloth.physics.surface import BodySurface, SurfacePoints
-
-UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "foot": 0.3048}
-"""Metres in one unit of a file."""
 
 AXES = {
     f"{sign}{letter}": torch.tensor([float(sign + "1") * (letter == other) for other in "XYZ"])
