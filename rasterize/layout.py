@@ -139,9 +139,9 @@ def unwrap(vertices: Tensor, faces: Tensor, name: str) -> tuple[Tensor, Tensor]:
         noise = torch.randn(vertices.shape, generator=torch.Generator().manual_seed(0))
         answer = _xatlas(vertices + UNEVEN * (area / len(faces)) ** 0.5 * noise, faces, most)
     if answer.returncode:
-        said = answer.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+        error = answer.stderr.decode(errors="replace").strip().rpartition("\n")[2]
         raise InputError(
-            f"{name}: the mesh cannot be unwrapped: {said or f'xatlas ended with code {answer.returncode}'}"
+            f"{name}: the mesh cannot be unwrapped: {error or f'xatlas ended with code {answer.returncode}'}"
         )
     stream = io.BytesIO(answer.stdout)
     source, indices, uvs = (np.load(stream) for _ in range(3))

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from types import ModuleType, SimpleNamespace
+from typing import get_args
 
 import pytest
 
@@ -33,6 +34,15 @@ def stand_in(monkeypatch):
 def run(monkeypatch, *arguments: str) -> int:
     monkeypatch.setattr(sys, "argv", ["uvcloth", *arguments])
     return cli.main()
+
+
+def test_the_names_that_options_take_are_those_of_the_tables():
+    """They are written out so that `--help` imports nothing heavy."""
+    from uvcloth.garments.fabric import FABRICS
+    from uvcloth.simulate.engines import ENGINES
+
+    assert get_args(cli.FabricName) == tuple(FABRICS)
+    assert get_args(cli.EngineName) == tuple(ENGINES)
 
 
 def test_help_imports_nothing_heavy():

@@ -177,13 +177,11 @@ class Simulate:
         if not (self.clips or self.windows) or not self.garment:
             raise InputError("simulate: name at least one clip, or a table with --windows, and one garment")
         from uvcloth.bodies.body import load_body
-        from uvcloth.garments.fabric import FABRICS
         from uvcloth.simulate.batch import simulate_batch
         from uvcloth.simulate.plan import ClipSelection
         from uvcloth.simulate.workers import Workers
 
         selection = ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options)
-        fabric = FABRICS[self.fabric] if self.fabric else None
         if self.most_frames is not None and self.outfits is None:
             raise InputError("--most-frames: is for --outfits, choose the frames of clips with --windows")
         if self.outfits is not None:
@@ -201,7 +199,7 @@ class Simulate:
 
             workers = Workers(self.jobs, self.scheduler)
             simulate_outfits(
-                self.outfits, selection, self.out, self.most_frames, self.engine, fabric, workers
+                self.outfits, selection, self.out, self.most_frames, self.engine, self.fabric, workers
             )
             return
         simulate_batch(
@@ -210,7 +208,7 @@ class Simulate:
             out=self.out,
             body=load_body(self.body),
             engine=self.engine,
-            fabric=fabric,
+            fabric=self.fabric,
             repeat=self.repeat,
             workers=Workers(self.jobs, self.scheduler),
         )

@@ -216,9 +216,10 @@ def _numbers() -> list[int]:
 
 
 def _session(number: int) -> tuple[int, int] | None:
-    """A process and its session, None if it has ended."""
+    """A process and its session, None if it has ended: all its threads, which hold its locks."""
     try:
         fields = Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()
     except OSError:
         return None
-    return None if fields[0] == "Z" else (number, int(fields[3]))
+    state, threads = fields[0], int(fields[17])
+    return None if state == "Z" and threads <= 1 else (number, int(fields[3]))

@@ -146,8 +146,9 @@ def test_one_fabric_for_all_is_that_of_each(
     made: list[Job] = []
     monkeypatch.setattr(outfits, "simulate_all", lambda todo, *_: made.extend(todo))
     (tmp_path / "windows.csv").write_text(WINDOWS)
-    simulate_outfits(wardrobe, _selection(tmp_path), tmp_path / "out", 25, fabric=FABRICS["silk"])
+    simulate_outfits(wardrobe, _selection(tmp_path), tmp_path / "out", 25, fabric="silk")
     assert {job.fabric for job in made} == {FABRICS["silk"]}
+    assert {job.labels["fabric"] for job in made} == {"silk"}
 
 
 def test_data_of_another_fabric_than_the_outfit_are_refused(
@@ -161,7 +162,7 @@ def test_data_of_another_fabric_than_the_outfit_are_refused(
         save_sequence(replace(sequence, metadata={**sequence.metadata, **made_by}), path)
     simulate_outfits(wardrobe, _selection(out), tmp_path / "out", 25)
     with pytest.raises(InputError, match=r"jump_o0003_top\.npz: was .* \(density 0\.2 instead of 0\.08,"):
-        simulate_outfits(wardrobe, _selection(out), tmp_path / "out", 25, fabric=FABRICS["silk"])
+        simulate_outfits(wardrobe, _selection(out), tmp_path / "out", 25, fabric="silk")
 
 
 def test_outfits_are_read_again_with_their_bodies(jobs: list[Job], out: Path, body: Body) -> None:

@@ -55,6 +55,18 @@ def cells(text: str, split: str) -> list[str]:
     )
 
 
+def test_fabrics_of_outfits_are_counted_by_name(tmp_path: Path) -> None:
+    """Each has numbers of its own, and would be an engine of its own."""
+    for number, name in enumerate(("silk", "denim", "silk")):
+        settings = {"substeps": 20, "fabric": {"density": 0.1 + 0.01 * number}}
+        said = {"engine": "newton.X", "settings": settings, "fabric": name}
+        save(tmp_path / f"01_01_o{number}_skirt.npz", "01_01", f"o{number}_skirt", 10, **said)
+    text = printed(tmp_path)
+    assert "engine: newton.X (; substeps 20), 3 sequences" in text
+    assert "fabric: silk, 2 sequences" in text
+    assert "fabric: denim, 1 sequences" in text
+
+
 def test_it_counts_frames_people_and_clips_by_split(folder: Path) -> None:
     text = printed(folder)
     assert "5 sequences, 2,147 scored frames" in text

@@ -8,7 +8,7 @@ from pathlib import Path
 from rasterize.atomic import require_there, sole_writer
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.garments.fabric import Fabric
+from uvcloth.garments.fabric import FABRICS
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.order import check_order
 from uvcloth.motion.index import INDEX
@@ -44,7 +44,7 @@ def simulate_batch(
     out: Path,
     body: Body,
     engine: str = "newton",
-    fabric: Fabric | None = None,
+    fabric: str | None = None,
     repeat: bool = False,
     workers: Workers = ONE_PER_CORE,
 ) -> None:
@@ -52,8 +52,8 @@ def simulate_batch(
 
     selection: its index, if any, is copied to OUT/index.csv. outfits: garments that are simulated together,
     each outfit by itself, the innermost garment first: template names or mesh files, whose garment is named
-    by the file's stem. engine: one of ENGINES. fabric: of all; None for the engine's. repeat: start each
-    window REPEAT_LEAD_FRAMES frames earlier and write to OUT/repeat instead.
+    by the file's stem. engine: one of ENGINES. fabric: a key of FABRICS, None for the
+    engine's. repeat: start each window REPEAT_LEAD_FRAMES frames earlier and write to OUT/repeat instead.
 
     Sequences that `examine` refuses go to OUT/rejected with the reason in their metadata, all layers of an
     outfit together; captures that are faulty are not simulated and named in OUT/refused.csv.
@@ -72,7 +72,7 @@ def simulate_batch(
     sources = batch_sources(selection)
     made_by = ENGINES[engine]()
     if fabric is not None:
-        made_by = made_by.with_fabric(fabric)
+        made_by = made_by.with_fabric(FABRICS[fabric])
     names = [tuple(cloth.garment.name for cloth in outfit) for outfit in cloths]
     require_same(stored_sequences(out), body, made_by, names)
     todo, refused = plan(sources, cloths, out / REPEAT if repeat else out, body, repeat)

@@ -8,7 +8,7 @@ from pathlib import Path
 from rasterize.atomic import atomic_write, make_folder, sole_writer
 from rasterize.errors import InputError
 from rasterize.fields import require_file_name
-from uvcloth.garments.fabric import Fabric
+from uvcloth.garments.fabric import FABRICS
 from uvcloth.motion.index import Entry
 from uvcloth.motion.poses import SPLITS
 from uvcloth.simulate.batch import LEAD_IN, simulate_all
@@ -44,15 +44,15 @@ def simulate_outfits(
     out: Path,
     frames: int | None = None,
     engine: str = "newton",
-    fabric: Fabric | None = None,
+    fabric: str | None = None,
     workers: Workers = ONE_PER_CORE,
 ) -> None:
     """Simulate every outfit of a folder over one window of its split, its garments together, on its body.
 
     The windows of a split are dealt to its outfits in turn. frames: simulate no more of a window. fabric: of
-    all; None for each outfit's own. Written are OUT/<clip>_<garment>.npz and OUT/bodies; what is there
-    already is kept. Raises InputError as `simulate_batch` does, for a folder without outfits, and for outfits
-    of a split without windows.
+    all, a key of FABRICS; None for each outfit's own. Written are OUT/<clip>_<garment>.npz and OUT/bodies;
+    what is there already is kept. Raises InputError as `simulate_batch` does, for a folder without outfits,
+    and for outfits of a split without windows.
     """
     if engine not in ENGINES:
         raise InputError(f"--engine {engine}: expected one of {', '.join(ENGINES)}")
@@ -60,7 +60,7 @@ def simulate_outfits(
         raise InputError(f"--most-frames {frames}: has to be 1 or more")
     outfits = [load_outfit_file(path) for path in outfit_files(folder)]
     if fabric is not None:
-        outfits = [replace(outfit, fabric=fabric) for outfit in outfits]
+        outfits = [replace(outfit, fabric_name=fabric, fabric=FABRICS[fabric]) for outfit in outfits]
     made_by = ENGINES[engine]()
     _require_fabrics(stored_sequences(out), outfits, made_by)
     tasks = _deal(outfits, batch_sources(selection), frames)
@@ -152,6 +152,7 @@ def _job(task: _Task, out: Path) -> Job | None:
             task.outfit.fabric,
             labels={
                 "outfit": task.outfit.name,
+                "fabric": task.outfit.fabric_name,
                 "types": {piece.file.stem: piece.design.kind for piece in task.outfit.pieces},
                 "split": task.outfit.split,
                 "subject": source.window.subject,

@@ -44,6 +44,7 @@ def overview(folder: Path) -> RenderableType:
         f"{folder}: {len(kept)} sequences, {_frames(kept):,} scored frames, {size / 1e6:,.1f} MB on disk",
         *_counted("body", (_body(each) for each in kept)),
         *_counted("engine", (_engine(each) for each in kept)),
+        *_counted("fabric", (str(each.metadata["fabric"]) for each in kept if "fabric" in each.metadata)),
     ]
     after = [
         *(f"refused: {each.path.relative_to(folder)}, {each.reason}" for each in stored if each.reason),
@@ -106,11 +107,14 @@ def _body(each: Stored) -> str:
 
 
 def _engine(each: Stored) -> str:
-    """Engine, versions and settings of a sequence as text."""
+    """Engine, versions and settings of a sequence as text, without the fabric of an outfit."""
     metadata = each.metadata
     versions = " ".join(f"{name} {number}" for name, number in metadata.get("versions", {}).items())
-    settings = ", ".join(f"{name} {value}" for name, value in metadata.get("settings", {}).items())
-    return f"{metadata.get('engine', 'unknown')} ({versions}; {settings})"
+    settings = {**metadata.get("settings", {})}
+    if "fabric" in metadata:
+        settings.pop("fabric", None)
+    told = ", ".join(f"{name} {value}" for name, value in settings.items())
+    return f"{metadata.get('engine', 'unknown')} ({versions}; {told})"
 
 
 def _counted(what: str, names: Iterable[str]) -> list[str]:
