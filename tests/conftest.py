@@ -1,6 +1,7 @@
 """What many tests share: the default body, and motion capture where it is at hand."""
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,12 @@ from uvcloth.bodies.body import Body, load_body
 def seeded() -> None:
     """The same random numbers in a test, whichever process it runs in and whatever ran there before."""
     torch.manual_seed(0)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def interruptible() -> None:
+    """Ctrl-C raises KeyboardInterrupt, also where a shell started the tests in the background without it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")
