@@ -22,8 +22,8 @@ def test_the_default_fabric_drapes_like_cotton(engine: Any) -> None:
 
 @pytest.mark.cannot("blender", "drapes all to 10 %")
 def test_silk_drapes_more_than_jersey_and_denim_less(engine: Any) -> None:
-    """Cusick's coefficient is less than cotton's 60 % with silk, and more than its 76 % with denim."""
-    assert drape(engine.with_fabric(FABRICS["silk"]), seconds=1.0) < 0.5
+    """Cusick's coefficient of silk is 20 to 40 %, of denim 70 to 90, and more than cotton's 76 here."""
+    assert 0.2 < drape(engine.with_fabric(FABRICS["silk"]), seconds=1.0) < 0.4
     assert drape(engine.with_fabric(FABRICS["denim"]), seconds=1.0) > 0.8
 
 
