@@ -97,17 +97,8 @@ def versions(python: Path) -> list[str]:
 
 def run_tests(python: Path, tests: tuple[str, ...]) -> str:
     """The last line of pytest, whose output is passed on."""
-    command: list[str | Path] = [
-        python,
-        "-X",
-        "faulthandler",
-        "-m",
-        "pytest",
-        "-p",
-        "no:cacheprovider",
-        "--verbose",
-        *tests,
-    ]
+    options = ("-X", "faulthandler", "-m", "pytest", "-p", "no:cacheprovider", "--verbose")
+    command = [str(python), *options, *tests]
     quiet = os.environ | {"PYTHONDONTWRITEBYTECODE": "1", "PYTHONUNBUFFERED": "1"}
     last = ""
     with subprocess.Popen(command, stdout=subprocess.PIPE, encoding="utf-8", env=quiet) as process:

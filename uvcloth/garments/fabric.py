@@ -1,7 +1,7 @@
 """Fabrics: the material of cloth in SI units, for every engine."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 from rasterize.errors import InputError
 
@@ -49,10 +49,9 @@ def fabric_from(numbers: Mapping[str, float], where: str) -> Fabric:
     where: whose fabric it is, for the sentence. Raises InputError for a number that no fabric has, and for
     one out of its range.
     """
-    names = [each.name for each in fields(Fabric)]
-    if unknown := numbers.keys() - set(names):
+    if unknown := numbers.keys() - RANGES.keys():
         raise InputError(
-            f"{where}: {min(unknown)!r:.40} is no number of a fabric; there are {', '.join(names)}"
+            f"{where}: {min(unknown)!r:.40} is no number of a fabric; there are {', '.join(RANGES)}"
         )
     for name, value in numbers.items():
         least, most = RANGES[name]

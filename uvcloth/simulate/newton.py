@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
+from functools import cache
 from importlib.metadata import version
 from typing import Any, Self
 
@@ -20,6 +21,9 @@ STRIDE_SHARE = 0.85
 
 MAX_SUBSTEPS = 200
 """Most substeps of a frame: enough for 25 m/s on the body; cloth that flies apart is not followed."""
+
+# Versions are looked up in files, and an engine is described once for every sequence of a folder.
+_version = cache(version)
 
 
 @dataclass(frozen=True)
@@ -58,7 +62,7 @@ class Newton:
         """Describe engine, versions and settings, as `Engine` says."""
         return {
             "engine": self.name,
-            "versions": {name: version(name) for name in ("newton", "warp-lang")},
+            "versions": {name: _version(name) for name in ("newton", "warp-lang")},
             "settings": asdict(self),
         }
 
