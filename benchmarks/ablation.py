@@ -60,10 +60,11 @@ DEEPSD: dict[str, tuple[str, ...]] = {
     "blend weights as a change of the smooth ones": ("--blend-weights", "changed"),
     "blend weights from nothing": ("--blend-weights", "learned", "--closest-weights", "100"),
     "all joints": ("--influences", "99"),
+    "convolutions over neighbours, not a distance": ("--spread", "0"),
     "no mirroring": ("--no-mirror",),
     "squared error": ("--error", "squared"),
     "the paper's network": ("--inputs", "mesh", "--blend-weights", "learned", "--influences", "99",
-                            "--closest-weights", "100"),
+                            "--closest-weights", "100", "--spread", "0"),
 }  # fmt: skip
 """The rows of the paper's Tables 1 and 6, and what ours has of its own."""
 

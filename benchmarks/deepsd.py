@@ -39,6 +39,7 @@ from uvcloth.methods.deepsd.method import DeePSD
 from uvcloth.methods.lbs import LBSConfig, SkinnedGarment, create_lbs
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.library import load_clip
+from uvcloth.physics.surface import BodySurface
 from uvcloth.render import BODY_COLOR, Surface, contact_sheet, render, three_quarter
 
 CPU = torch.device("cpu")
@@ -145,26 +146,31 @@ def resolution(method: DeePSD, outfits: Sequence[Outfit], transforms: Tensor) ->
 
     What it makes of a coarse mesh is halved at its edges as the mesh was, so that points correspond.
     """
-    table = Table("vertices", "against", "mean, mm", "most, mm")
-    made: list[tuple[int, Tensor]] = []
+    table = Table("vertices", "against", "mean, mm", "most, mm", "from its surface, mean, mm", "most, mm")
+    made: list[tuple[int, Tensor, Tensor]] = []
     for outfit in outfits:
         mesh = outfit.garments[0].mesh
         frames = body_frames(outfit.body, with_lead(transforms), 30.0)
         _, (vertices,) = method.step(method.prepare(outfit, CPU), (), frames)
-        for count, coarse in made:
-            apart = 1e3 * (coarse - vertices).norm(dim=-1)
-            table.add_row(f"{len(mesh.vertices)}", f"{count}", f"{apart.mean():.2f}", f"{apart.max():.2f}")
-        finer = [
-            (count, _halved(coarse, mesh.faces)) for count, coarse in [*made, (len(mesh.vertices), vertices)]
-        ]
-        made = finer
+        for count, coarse, faces in made:
+            same = 1e3 * (_halved_until(coarse, faces, vertices.shape[1]) - vertices).norm(dim=-1)
+            off = 1e3 * torch.stack(
+                [
+                    BodySurface(pose, faces).closest(points).signed_distance.abs()
+                    for pose, points in zip(coarse, vertices, strict=True)
+                ]
+            )
+            distances = (same.mean(), same.max(), off.mean(), off.max())
+            table.add_row(f"{len(mesh.vertices)}", f"{count}", *(f"{each:.2f}" for each in distances))
+        made.append((len(mesh.vertices), vertices, mesh.faces))
     return table
 
 
-def _halved(vertices: Tensor, faces: Tensor) -> Tensor:
-    """Vertices (B, N, 3) and the middles of all edges."""
-    batch = len(vertices)
-    flat, _ = halve_edges(vertices.transpose(0, 1).flatten(1), faces)
+def _halved_until(vertices: Tensor, faces: Tensor, count: int) -> Tensor:
+    """Vertices (B, N, 3) and the middles of all edges, again and again until there are `count`."""
+    batch, flat = len(vertices), vertices.transpose(0, 1).flatten(1)
+    while len(flat) < count:
+        flat, faces = halve_edges(flat, faces)
     return flat.view(-1, batch, 3).transpose(0, 1)
 
 

@@ -45,7 +45,7 @@ def describe(
     net: Any, graphs: Sequence[OutfitGraph], device: torch.device, rows: Sequence[Tensor] | None = None
 ) -> Described:
     """Read outfits; rows: the points of each that go on, all without; the descriptor sees all."""
-    packed = pack(graphs, device)
+    packed = pack(graphs, device, net.config.spread)
     features = net.describe(packed)
     if rows is not None:
         features, packed = _kept(features, packed, rows)

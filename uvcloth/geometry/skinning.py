@@ -1,16 +1,14 @@
 """Linear blend skinning, and blend weights smoothed over a mesh."""
 
-import math
+from functools import partial
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from uvcloth.geometry.diffusion import averaging_shares, chebyshev_sum
 from uvcloth.geometry.mesh import neighbour_average, unique_edges
 from uvcloth.geometry.rotations import rotate_back
-
-NEGLIGIBLE = 1e-7
-"""Part of a vertex's diffused weights that is left out."""
 
 FEW = 8
 """Joints for each frame from which on blending transforms costs less than spreading points over joints."""
@@ -72,36 +70,16 @@ def diffuse_weights(weights: Tensor, vertices: Tensor, faces: Tensor, distance: 
     """Blend weights (N, J) diffused over a mesh by about `distance` metres; rows still sum to one.
 
     n passes of averaging a vertex and the mean A of its neighbours, each of which spreads by about one edge
-    length, are ((I + A) / 2)^n. Written as a sum of Chebyshev polynomials of A, the first few times the root
-    of n hold all but NEGLIGIBLE of it, so that a fine mesh needs no n products.
+    length, are ((I + A) / 2)^n, a sum of Chebyshev polynomials of A.
     """
     edges = unique_edges(faces)
     length = (vertices[edges[:, 0]] - vertices[edges[:, 1]]).norm(dim=1).mean()
     passes = max(1, round(float((distance / length) ** 2)))
     average = neighbour_average(faces, len(vertices))
-    shares = _chebyshev(passes)
-    before, now = weights, torch.sparse.mm(average, weights)
-    spread = shares[0] * before + shares[1] * now
-    for share in shares[2:]:
-        before, now = now, 2.0 * torch.sparse.mm(average, now) - before
-        spread = spread + share * now
-    spread = spread.clamp(min=0.0)
+    spread = chebyshev_sum(partial(torch.sparse.mm, average), weights, averaging_shares(passes)).clamp(
+        min=0.0
+    )
     return spread / spread.sum(1, keepdim=True)
-
-
-def _chebyshev(passes: int) -> list[float]:
-    """Coefficients of the Chebyshev polynomials of which ((1 + x) / 2)^passes consists, without the tail.
-
-    With x = cos t it is cos(t / 2)^(2 passes): binomial coefficients, twice but for the first.
-    """
-    share = math.exp(math.lgamma(2 * passes + 1) - 2 * math.lgamma(passes + 1) - 2 * passes * math.log(2))
-    shares = [share]
-    for degree in range(passes):
-        share *= (passes - degree) / (passes + degree + 1)
-        shares.append(2.0 * share)
-        if share < NEGLIGIBLE and degree > 0:
-            break
-    return shares
 
 
 def skin_frames(points: Tensor, weights: Tensor, transforms: Tensor) -> tuple[Tensor, Tensor]:

@@ -93,7 +93,7 @@ def test_what_is_trained_is_what_the_method_does(graph_heads: bool, dataset: Out
     graph, poses = dataset.training[1].graph, drawn(dataset)
     own = DrawnPoses(poses.vectors[1:], poses.transforms[1:])
     (predicted,) = pose_outfits(net, describe(net, [graph], CPU), own, ("data",))
-    packed = pack([graph], CPU)
+    packed = pack([graph], CPU, net.config.spread)
     described = net.describe(packed)
     shapes, keys = net.shapes(described, packed, "data"), net.embed(own.vectors[0])
     moved = torch.einsum("bk,ukc->buc", keys, shapes)

@@ -7,6 +7,7 @@ from rasterize.errors import InputError
 from rasterize.settings import require_settings
 
 RANGES = {
+    "spread": (0, 1),
     "influences": (1, 1000),
     "keys": (0, 4096),
     **dict.fromkeys(
@@ -33,6 +34,9 @@ class DeePSDConfig:
     skinning alone (its Table 6)."""
     convolutions: tuple[int, ...] = (32, 64, 128, 256)
     """Channels of the graph convolutions."""
+    spread: float = 0.03
+    """Metres, root mean square, from which a graph convolution averages, so that a finer mesh of a garment
+    gets the same rig; 0 for the neighbours of a vertex and itself, wherever they are (paper)."""
     global_layers: tuple[int, ...] = (256,)
     """Widths of the layers before max pooling over the outfit; empty for no global descriptor."""
     weight_layers: tuple[int, ...] = (128, 64, 32)
@@ -60,7 +64,7 @@ class DeePSDConfig:
 
 PRESETS: dict[str, DeePSDConfig] = {
     "default": DeePSDConfig(),
-    "paper": DeePSDConfig(inputs="mesh", blend_weights="learned", influences=99),
+    "paper": DeePSDConfig(inputs="mesh", blend_weights="learned", influences=99, spread=0.0),
     "tiny": DeePSDConfig(
         convolutions=(8, 16),
         global_layers=(16,),

@@ -92,7 +92,7 @@ class DeePSD(Method):
         require_supported(self, outfit)
         graph = outfit_graph(outfit)
         network = for_inference(self.network, device)
-        packed = pack([graph], device)
+        packed = pack([graph], device, self.config.spread)
         described = network.describe(packed)
         return DeePSDPrepared(
             network=network,

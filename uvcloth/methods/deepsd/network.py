@@ -64,7 +64,7 @@ class DeePSDNetwork(nn.Module):
             parts += [outfits.offsets, outfits.smooth]
         local = torch.cat(parts, dim=1)
         for layer in self.convolutions:
-            local = torch.relu(_average(outfits, layer(local)))
+            local = torch.relu(outfits.convolve(layer(local)[None])[0])
         if not self.config.global_layers:
             return local
         pooled = local

@@ -1,17 +1,21 @@
 """Outfits as graphs that a network reads: many of different meshes packed one after another, none padded."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import accumulate
 
 import torch
 from torch import Tensor
 
 from uvcloth.garments.garment import Outfit
+from uvcloth.geometry.diffusion import chebyshev_sum, heat_shares
 from uvcloth.geometry.mesh import first_of, join_meshes, unique_edges, vertex_normals, weld
 from uvcloth.geometry.operators import Operator
 from uvcloth.physics.surface import BodySurface
+
+LEAST_EDGE = 0.01
+"""Of the distance that values spread over, the least edge that is looked at: 10,000 averages."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,8 @@ class PackedOutfits:
     """Points of several outfits, one outfit after another, on one device.
 
     sizes: points of each outfit. outfit: (U,) int64, whose each point is. points, normals, offsets: (U, 3).
-    smooth: (U, J). average: the mean over a point's neighbours and itself.
+    smooth: (U, J). average: the mean over a point's neighbours and itself. convolve: what a graph convolution
+    takes of values (B, U, C), that mean or, over a distance, the heat kernel.
     """
 
     sizes: tuple[int, ...]
@@ -94,10 +99,11 @@ class PackedOutfits:
     offsets: Tensor
     smooth: Tensor
     average: Operator
+    convolve: Callable[[Tensor], Tensor]
 
 
-def pack(graphs: Sequence[OutfitGraph], device: torch.device) -> PackedOutfits:
-    """Pack one outfit or more for one pass of the network."""
+def pack(graphs: Sequence[OutfitGraph], device: torch.device, spread: float = 0.0) -> PackedOutfits:
+    """Pack one outfit or more for one pass of the network; spread: m, of convolutions, 0 for neighbours."""
     sizes = tuple(len(graph.points) for graph in graphs)
     starts = list(accumulate(sizes, initial=0))
     entries = list(accumulate((len(graph.columns) for graph in graphs), initial=0))
@@ -106,8 +112,9 @@ def pack(graphs: Sequence[OutfitGraph], device: torch.device) -> PackedOutfits:
         + [torch.tensor(entries[-1:])]
     )
     columns = torch.cat([graph.columns + start for graph, start in zip(graphs, starts[:-1], strict=True)])
-    degrees = rows.diff()
-    share = 1.0 / degrees
+    points = torch.cat([graph.points for graph in graphs])
+    equal = 1.0 / rows.diff()
+    average = _operator(rows, columns, equal, equal, device)
 
     def joined(name: str) -> Tensor:
         return torch.cat([getattr(graph, name) for graph in graphs]).to(device)
@@ -119,14 +126,45 @@ def pack(graphs: Sequence[OutfitGraph], device: torch.device) -> PackedOutfits:
         normals=joined("normals"),
         offsets=joined("offsets"),
         smooth=joined("smooth"),
-        average=Operator(
-            _compressed(rows, columns, share.repeat_interleave(degrees)).to(device),
-            # Neighbourhood goes both ways: the transpose has the same places, and the share of the column.
-            _compressed(rows, columns, share[columns]).to(device),
-        ),
+        average=average,
+        convolve=_heat(rows, columns, points, spread, device) if spread else average,
     )
 
 
-def _compressed(rows: Tensor, columns: Tensor, values: Tensor) -> Tensor:
-    size = (len(rows) - 1, len(rows) - 1)
-    return torch.sparse_csr_tensor(rows, columns, values, size, check_invariants=False)
+def _heat(
+    rows: Tensor, columns: Tensor, points: Tensor, spread: float, device: torch.device
+) -> Callable[[Tensor], Tensor]:
+    """The heat kernel by which values get `spread` metres away (root mean square), on edges of any length."""
+    lengths = (points[_row_of(rows)] - points[columns]).norm(dim=1).square()
+    others = (rows.diff() - 1).clamp(min=1)
+    edge = (lengths.new_zeros(len(points)).index_add_(0, _row_of(rows), lengths) / others).sqrt()
+    steps = (spread / edge.clamp(min=LEAST_EDGE * spread)).square()
+    steps[rows.diff() == 1] = 0.0
+    most = float(steps.max())
+    # The kernel of the point with the most steps; the others rest in part of each.
+    moves = steps / max(most, 1e-12)
+    average = _operator(rows, columns, moves / others, 1.0 - moves, device)
+    return partial(chebyshev_sum, average, shares=heat_shares(most))
+
+
+def _operator(rows: Tensor, columns: Tensor, others: Tensor, own: Tensor, device: torch.device) -> Operator:
+    """Weighted sums of a point, by `own` (U,), and of each neighbour, by `others` (U,)."""
+    here = _row_of(rows)
+    # Neighbourhood goes both ways: the transpose has the same places, and the weights of the column.
+    return Operator(
+        *(
+            torch.sparse_csr_tensor(
+                rows,
+                columns,
+                torch.where(here == columns, own[here], others[whose]),
+                (len(own), len(own)),
+                check_invariants=False,
+            ).to(device)
+            for whose in (here, columns)
+        )
+    )
+
+
+def _row_of(rows: Tensor) -> Tensor:
+    """The row of each entry of compressed rows (U + 1,): (E,)."""
+    return torch.arange(len(rows) - 1).repeat_interleave(rows.diff())
