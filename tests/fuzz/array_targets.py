@@ -1,6 +1,9 @@
 """Readers of npz files: bodies, clips, sequences, poses, layouts."""
 
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from shutil import rmtree
 
 import numpy as np
 import torch
@@ -14,6 +17,7 @@ from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import read_archive, save_clip
 from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase, load_poses, rest_hash, save_poses
+from uvcloth.simulate.packed import load_mesh, load_packed, pack_folder
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, read_metadata, save_sequence
 
 FRAMES = 5
@@ -21,8 +25,6 @@ FRAMES = 5
 
 def good_body(folder: Path) -> Path:
     body = small_body()
-    from dataclasses import replace
-
     from uvcloth.bodies.body import Appearance, Proxy
 
     full = replace(
@@ -158,6 +160,21 @@ def check_metadata(metadata: dict) -> None:
     require(isinstance(metadata.get("layers", []), list), "layers that are no list")
 
 
+def good_packed(folder: Path) -> Path:
+    sequence = load_sequence(good_sequence(folder))
+    body = small_body()
+    labels = {**sequence.metadata, "body_hash": rest_hash(body)}
+    save_sequence(replace(sequence, metadata=labels), folder / "made" / "walk_dress.npz")
+    (folder / "walk_dress.npz").unlink()
+    pack_folder(folder / "made", folder, body)
+    rmtree(folder / "made")
+    return folder / "walk_dress.npz"
+
+
+def read_packed(path: Path) -> SimulatedSequence:
+    return load_packed(path, partial(load_mesh, path.parent), small_body())
+
+
 def good_poses(folder: Path) -> Path:
     body = small_body()
     poses = PoseDatabase(
@@ -217,6 +234,7 @@ TARGETS = [
     Target("amass_x", good_amass_x, read_archive, check_clip),
     Target("sequence", good_sequence, load_sequence, check_sequence),
     Target("metadata", good_sequence, read_metadata, check_metadata),
+    Target("packed", good_packed, read_packed, check_sequence),
     Target("poses", good_poses, lambda path: load_poses(path, small_body()), check_poses),
     Target("layout", good_layout, load_layout, check_layout),
 ]

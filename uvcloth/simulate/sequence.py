@@ -154,7 +154,7 @@ def load_sequence(path: Path) -> SimulatedSequence:
         transforms=torch.from_numpy(data["transforms"]),
         fps=float(data["fps"]),
         warm_up=int(data["warm_up"]),
-        metadata=_metadata(path, str(data["metadata"])),
+        metadata=parse_metadata(path, str(data["metadata"])),
     )
 
 
@@ -165,10 +165,11 @@ def read_metadata(path: Path) -> dict[str, Any]:
     """
     arrays = load_arrays(path, SEQUENCE_FORMAT, EXPECTED_FILE, ("metadata",), only=True)
     data = check_fields(path, arrays, {"metadata": FIELDS["metadata"]})
-    return _metadata(path, str(data["metadata"]))
+    return parse_metadata(path, str(data["metadata"]))
 
 
-def _metadata(path: Path, text: str) -> dict[str, Any]:
+def parse_metadata(path: Path, text: str) -> dict[str, Any]:
+    """Read the metadata of a sequence from the text in its file. Raises InputError for others."""
     metadata = parse_json(text, f"{path}: the metadata", "those of a sequence")
     require_kinds(metadata, METADATA, f"{path}: the metadata")
     named = [metadata[name] for name in FILE_NAMES if name in metadata] + metadata.get("layers", [])

@@ -1,0 +1,154 @@
+"""Packed folders: what comes out again, what is refused, and that a rerun does the rest."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from rasterize.archive import load_arrays, save_arrays
+from rasterize.errors import InputError
+from tests.small_body import small_body
+from uvcloth import cli
+from uvcloth.bodies.body import save_body
+from uvcloth.geometry.rotations import from_axis_angles
+from uvcloth.geometry.skeleton import joint_transforms
+from uvcloth.motion.poses import rest_hash
+from uvcloth.simulate.folder import stored_sequences
+from uvcloth.simulate.packed import pack_folder, unpack_folder
+from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, save_sequence
+
+FRAMES = 40
+INDEX = "trial,subject,split,action,window_start,window_frames\n01_01,a,train,walk,0,1000\n"
+
+
+def sequence(garment: str = "tops", **said: object) -> SimulatedSequence:
+    """A box that walks 12 m and turns around twice in a second, in cloth that swings around it."""
+    body = small_body()
+    time = torch.linspace(0.0, 1.0, FRAMES)[:, None]
+    spin = torch.cat([0 * time, 0 * time, 4.0 * torch.pi * time], dim=1)
+    rotations = from_axis_angles(torch.stack([spin, 0.9 * spin], dim=1))
+    transforms = joint_transforms(
+        body.skeleton, rotations, torch.cat([12.0 * time, 0 * time, 0 * time], dim=1)
+    )
+    rest = body.mesh.vertices
+    swing = 0.05 * torch.sin(9.0 * time + rest[:, 0])[..., None]
+    vertices = (transforms[:, :1, :, :3] @ (rest + swing)[..., None]).squeeze(-1) + transforms[:, :1, :, 3]
+    shape = {"body": "box", "body_hash": rest_hash(body), "engine": "newton.X"}
+    metadata = {"clip": "01_01", "garment": garment, **shape, **said}
+    return SimulatedSequence(vertices, body.mesh.faces, rest, transforms, 30.0, 5, metadata)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for garment in ("tops", "dress"):
+        save_sequence(sequence(garment), tmp_path / "data" / f"01_01_{garment}.npz")
+    save_sequence(sequence(), tmp_path / "data" / "repeat" / "01_01_tops.npz")
+    (tmp_path / "data" / "index.csv").write_text(INDEX)
+    return tmp_path / "data"
+
+
+def test_what_is_unpacked_is_what_was_packed_to_a_millimetre(folder: Path, tmp_path: Path) -> None:
+    body = small_body()
+    assert pack_folder(folder, tmp_path / "packed", body) == 2
+    assert unpack_folder(tmp_path / "packed", tmp_path / "again", body) == 2
+    for name in ("01_01_tops.npz", "01_01_dress.npz"):
+        before, after = load_sequence(folder / name), load_sequence(tmp_path / "again" / name)
+        assert float((before.vertices - after.vertices).norm(dim=-1).mean()) < 2e-3
+        torch.testing.assert_close(after.transforms, before.transforms, atol=4e-4, rtol=0)
+        assert torch.equal(after.faces, before.faces)
+        assert torch.equal(after.rest, before.rest)
+        assert (after.fps, after.warm_up) == (before.fps, before.warm_up)
+        own = ("hash", "packed_step")
+        assert {k: v for k, v in after.metadata.items() if k not in own} == {
+            k: v for k, v in before.metadata.items() if k not in own
+        }
+        assert after.metadata["packed_step"] == 0.002
+    assert (tmp_path / "again" / "index.csv").read_text() == INDEX
+    assert len(stored_sequences(tmp_path / "again")) == 2
+
+
+def test_a_rerun_does_what_is_missing(folder: Path, tmp_path: Path) -> None:
+    body, packed = small_body(), tmp_path / "packed"
+    pack_folder(folder, packed, body)
+    assert pack_folder(folder, packed, body) == 0
+    (packed / "01_01_tops.npz").unlink()
+    assert pack_folder(folder, packed, body) == 1
+    assert unpack_folder(packed, tmp_path / "again", body) == 2
+    assert unpack_folder(packed, tmp_path / "again", body) == 0
+
+
+def run(monkeypatch, *arguments: object) -> int:
+    monkeypatch.setattr("sys.argv", ["uvcloth", "data", *map(str, arguments)])
+    return cli.main()
+
+
+def test_the_command_packs_and_unpacks(folder: Path, tmp_path: Path, monkeypatch, capsys) -> None:
+    save_body(small_body(), tmp_path / "box.npz")
+    body = ("--body", tmp_path / "box.npz")
+    packed, again = tmp_path / "packed", tmp_path / "again"
+    assert run(monkeypatch, folder, "--pack", packed, *body) == 0
+    assert run(monkeypatch, packed, "--unpack", again, *body) == 0
+    assert f"{packed}: 2 sequences packed\n{again}: 2 sequences unpacked\n" in capsys.readouterr().out
+    assert run(monkeypatch, folder, "--pack", packed, "--unpack", again) == 2
+    assert "give one of them" in capsys.readouterr().err
+    assert run(monkeypatch, folder, *body) == 2
+    assert "--body is about --pack and --unpack" in capsys.readouterr().err
+
+
+def test_what_cannot_be_packed_is_refused_by_its_file(folder: Path, tmp_path: Path) -> None:
+    packed = tmp_path / "packed"
+    with pytest.raises(InputError, match=r"none: no such folder"):
+        pack_folder(tmp_path / "none", packed, small_body())
+    with pytest.raises(InputError, match=r"repeat/rejected: no such folder|no sequence"):
+        pack_folder(folder / "repeat" / "rejected", packed, small_body())
+    with pytest.raises(InputError, match=r"01_01_dress.npz: was simulated on another body \(box\)"):
+        pack_folder(folder, packed, small_body(scale=1.1))
+    save_sequence(sequence(outfit="o0001"), folder / "01_02_tops.npz")
+    with pytest.raises(InputError, match=r"01_02_tops.npz: is of an outfit on a body of its own"):
+        pack_folder(folder, packed, small_body())
+    (folder / "01_02_tops.npz").unlink()
+    other = sequence()
+    moved = SimulatedSequence(
+        other.vertices, other.faces, 1.01 * other.rest, other.transforms, 30.0, 5, other.metadata
+    )
+    save_sequence(moved, folder / "01_03_tops.npz")
+    with pytest.raises(InputError, match=r"01_03_tops.npz: tops has another mesh there than"):
+        pack_folder(folder, packed, small_body())
+
+
+@pytest.mark.parametrize(
+    ("name", "index", "words"),
+    [
+        ("cloth", (0, 0, 0, 0), "does not unpack to what was packed"),
+        ("motion", (1, 0, 0), "its motion has a rotation that is none"),
+    ],
+)
+def test_a_damaged_file_is_refused(
+    name: str, index: tuple[int, ...], words: str, folder: Path, tmp_path: Path
+) -> None:
+    pack_folder(folder, tmp_path / "packed", small_body())
+    path = tmp_path / "packed" / "01_01_tops.npz"
+    arrays = load_arrays(path, "uvcloth-packed-1", "")
+    arrays[name][index] ^= 64
+    arrays[name][(-1, *index[1:])] ^= 2
+    save_arrays(path, arrays)
+    with pytest.raises(InputError, match=f"01_01_tops.npz: {words}"):
+        unpack_folder(tmp_path / "packed", tmp_path / "again", small_body())
+    assert not (tmp_path / "again" / "01_01_tops.npz").exists()
+
+
+def test_files_that_do_not_belong_together_are_refused(folder: Path, tmp_path: Path) -> None:
+    packed = tmp_path / "packed"
+    pack_folder(folder, packed, small_body())
+    with pytest.raises(InputError, match=r"expected a sequence packed by `uvcloth data --pack`"):
+        unpack_folder(folder, tmp_path / "again", small_body())
+    with pytest.raises(InputError, match=r"expected a sequence that this version's `uvcloth simulate` made"):
+        load_sequence(packed / "01_01_tops.npz")
+    mesh = load_arrays(packed / "meshes" / "tops.npz", "uvcloth-mesh-1", "")
+    save_arrays(packed / "meshes" / "tops.npz", {**mesh, "faces": np.roll(mesh["faces"], 1, axis=0)[:-4]})
+    with pytest.raises(InputError, match=r"01_01_tops.npz: does not unpack to what was packed, its mesh"):
+        unpack_folder(packed, tmp_path / "again", small_body())
+    (packed / "meshes" / "tops.npz").unlink()
+    with pytest.raises(InputError, match=r"meshes/tops.npz: "):
+        unpack_folder(packed, tmp_path / "again", small_body())
