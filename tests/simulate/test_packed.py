@@ -14,7 +14,7 @@ from uvcloth.bodies.body import save_body
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import joint_transforms
 from uvcloth.motion.poses import rest_hash
-from uvcloth.simulate.folder import stored_sequences
+from uvcloth.simulate.folder import keep_refused, refused_captures, stored_sequences
 from uvcloth.simulate.packed import pack_folder, unpack_folder
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, save_sequence
 
@@ -73,9 +73,14 @@ def test_a_rerun_does_what_is_missing(folder: Path, tmp_path: Path) -> None:
     pack_folder(folder, packed, body)
     assert pack_folder(folder, packed, body) == 0
     (packed / "01_01_tops.npz").unlink()
+    keep_refused({"05_01": "stands still"}, folder)
     assert pack_folder(folder, packed, body) == 1
+    assert refused_captures(packed) == {"05_01": "stands still"}
     assert unpack_folder(packed, tmp_path / "again", body) == 2
     assert unpack_folder(packed, tmp_path / "again", body) == 0
+    (folder / "index.csv").write_text(INDEX.replace("1000", "900"))
+    with pytest.raises(InputError, match=r"packed/index.csv: holds other windows"):
+        pack_folder(folder, packed, body)
 
 
 def run(monkeypatch, *arguments: object) -> int:
@@ -104,6 +109,8 @@ def test_what_cannot_be_packed_is_refused_by_its_file(folder: Path, tmp_path: Pa
         pack_folder(folder / "repeat" / "rejected", packed, small_body())
     with pytest.raises(InputError, match=r"01_01_dress.npz: was simulated on another body \(box\)"):
         pack_folder(folder, packed, small_body(scale=1.1))
+    with pytest.raises(InputError, match=r"repeat/..: is the folder itself"):
+        pack_folder(folder, folder / "repeat" / "..", small_body())
     save_sequence(sequence(outfit="o0001"), folder / "01_02_tops.npz")
     with pytest.raises(InputError, match=r"01_02_tops.npz: is of an outfit on a body of its own"):
         pack_folder(folder, packed, small_body())

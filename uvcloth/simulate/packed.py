@@ -6,8 +6,7 @@ garment is kept once for all clips.
 """
 
 import json
-import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -20,7 +19,7 @@ from rich.progress import track
 from torch import Tensor
 
 from rasterize.archive import load_arrays, save_arrays
-from rasterize.atomic import atomic_write
+from rasterize.atomic import make_folder, sole_writer
 from rasterize.errors import InputError
 from rasterize.fields import check_fields, indices, numbers, require_file_name, text, whole
 from rasterize.spectral import (
@@ -40,7 +39,7 @@ from uvcloth.geometry.skinning import seen_from_root
 from uvcloth.motion.clip import FPS_RANGE
 from uvcloth.motion.index import INDEX
 from uvcloth.motion.poses import rest_hash
-from uvcloth.simulate.folder import REFUSED
+from uvcloth.simulate.folder import REFUSED, keep_index, keep_refused, refused_captures
 from uvcloth.simulate.sequence import (
     SimulatedSequence,
     load_sequence,
@@ -90,38 +89,54 @@ def pack_folder(folder: Path, out: Path, body: Body) -> int:
     """Pack the sequences of a data folder that are not packed yet, and its index; returns their number.
 
     Second simulations and refused sequences are left out. Raises InputError for a folder without sequences,
-    and for sequences of another body, of outfits, or of one garment with two meshes.
+    for sequences of another body, of outfits, or of one garment with two meshes, and where OUT has another
+    index.
     """
     paths = _sequences(folder, "made by `uvcloth simulate`")
-    _copy_tables(folder, out)
     for path in paths:
         _require_body(path, read_metadata(path), body)
-    meshes: dict[str, GarmentMesh] = {}
-    todo = [path for path in paths if not (out / path.name).exists()]
-    for path in track(todo, "packing", console=Console(stderr=True), transient=True):
+    mesh_of = cache(partial(load_mesh, out))
+
+    def convert(path: Path) -> None:
         sequence = load_sequence(path)
-        name = sequence.garment
-        if name not in meshes:
-            _keep_mesh(sequence, out, path)
-            meshes[name] = load_mesh(out, name)
-        mesh = meshes[name]
+        _keep_mesh(sequence, out, path)
+        mesh = mesh_of(sequence.garment)
         if not (torch.equal(mesh.faces, sequence.faces) and torch.equal(mesh.rest, sequence.rest)):
-            raise InputError(f"{path}: {name} has another mesh there than in {out / MESHES}")
+            raise InputError(f"{path}: {sequence.garment} has another mesh there than in {out / MESHES}")
         save_packed(sequence, mesh, body.skeleton, out / path.name)
-    return len(todo)
+
+    return _convert(paths, folder, out, convert, "packing")
 
 
 def unpack_folder(folder: Path, out: Path, body: Body) -> int:
     """Unpack the sequences of a packed folder that are not there yet, and its index; returns their number.
 
-    Raises InputError for a folder without sequences, files that are none, and another body.
+    Raises InputError for a folder without sequences, files that are none, another body, and where OUT has
+    another index.
     """
     paths = _sequences(folder, "packed by `uvcloth data --pack`")
-    _copy_tables(folder, out)
     mesh_of = cache(partial(load_mesh, folder))
-    todo = [path for path in paths if not (out / path.name).exists()]
-    for path in track(todo, "unpacking", console=Console(stderr=True), transient=True):
+
+    def convert(path: Path) -> None:
         save_sequence(load_packed(path, mesh_of, body), out / path.name)
+
+    return _convert(paths, folder, out, convert, "unpacking")
+
+
+def _convert(
+    paths: Sequence[Path], folder: Path, out: Path, convert: Callable[[Path], None], what: str
+) -> int:
+    """Convert what is not in OUT yet, beside the folder's tables; returns the number of files."""
+    if out.resolve() == folder.resolve():
+        raise InputError(f"{out}: is the folder itself, name another one")
+    with sole_writer(out):
+        if (folder / INDEX).is_file():
+            keep_index(folder / INDEX, out / INDEX)
+        if (folder / REFUSED).is_file():
+            keep_refused(refused_captures(folder), out)
+        todo = [path for path in paths if not (out / path.name).exists()]
+        for path in track(todo, what, console=Console(stderr=True), transient=True):
+            convert(path)
     return len(todo)
 
 
@@ -209,7 +224,7 @@ def _keep_mesh(sequence: SimulatedSequence, out: Path, path: Path) -> None:
             raise InputError(
                 f"{path}: has {len(sequence.rest)} vertices, {MOST_POINTS} at most can be packed"
             )
-        kept.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(kept.parent)
         faces, rest = sequence.faces.numpy().astype(np.int32), sequence.rest.numpy().astype(np.float32)
         save_arrays(kept, {"format": np.array(MESH_FORMAT), "faces": faces, "rest": rest})
 
@@ -248,15 +263,6 @@ def _sequences(folder: Path, made: str) -> list[Path]:
     if not paths:
         raise InputError(f"{folder}: no sequence (*.npz) {made} in this folder")
     return paths
-
-
-def _copy_tables(folder: Path, out: Path) -> None:
-    """Copy the index and the table of refused captures, where they are."""
-    out.mkdir(parents=True, exist_ok=True)
-    for name in (INDEX, REFUSED):
-        if (folder / name).is_file():
-            with atomic_write(out / name) as partial:
-                shutil.copyfile(folder / name, partial)
 
 
 def _require_body(path: Path, metadata: dict[str, Any], body: Body) -> None:
