@@ -9,7 +9,7 @@ import numpy as np
 from scipy.fft import dct, idct
 from scipy.linalg import eigh
 
-STEP = 0.002
+STEP = 0.003
 """Metres of a coefficient's step."""
 
 MOST_POINTS = 6000

@@ -221,8 +221,8 @@ class Data:
     folder: Positional[Annotated[Path, arg(metavar="DIR")]]
     """A folder made by `uvcloth simulate`, or with --unpack by --pack."""
     pack: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
-    """Pack its sequences into another folder instead, at a seventh of their size or less: most vertices are
-    within a millimetre of what was simulated. A rerun continues with what is missing."""
+    """Pack its sequences into another folder instead, at a tenth of their size: most vertices are within a
+    millimetre of what was simulated. A rerun continues with what is missing."""
     unpack: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
     """Unpack a packed folder into another one instead, for training and evaluation."""
     body: BodyFile = None

@@ -54,7 +54,7 @@ def test_what_is_unpacked_is_what_was_packed_to_a_millimetre(folder: Path, tmp_p
     assert unpack_folder(tmp_path / "packed", tmp_path / "again", body) == 2
     for name in ("01_01_tops.npz", "01_01_dress.npz"):
         before, after = load_sequence(folder / name), load_sequence(tmp_path / "again" / name)
-        assert float((before.vertices - after.vertices).norm(dim=-1).mean()) < 2e-3
+        assert float((before.vertices - after.vertices).norm(dim=-1).mean()) < 2.5e-3
         torch.testing.assert_close(after.transforms, before.transforms, atol=4e-4, rtol=0)
         assert torch.equal(after.faces, before.faces)
         assert torch.equal(after.rest, before.rest)
@@ -63,7 +63,7 @@ def test_what_is_unpacked_is_what_was_packed_to_a_millimetre(folder: Path, tmp_p
         assert {k: v for k, v in after.metadata.items() if k not in own} == {
             k: v for k, v in before.metadata.items() if k not in own
         }
-        assert after.metadata["packed_step"] == 0.002
+        assert after.metadata["packed_step"] == 0.003
     assert (tmp_path / "again" / "index.csv").read_text() == INDEX
     assert len(stored_sequences(tmp_path / "again")) == 2
 
