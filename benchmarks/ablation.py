@@ -59,6 +59,7 @@ DEEPSD: dict[str, tuple[str, ...]] = {
     "mesh alone": ("--inputs", "mesh"),
     "blend weights as a change of the smooth ones": ("--blend-weights", "changed"),
     "blend weights from nothing": ("--blend-weights", "learned", "--closest-weights", "100"),
+    "fabrics": ("--reads-fabric",),
     "all joints": ("--influences", "99"),
     "convolutions over neighbours, not a distance": ("--spread", "0"),
     "no mirroring": ("--no-mirror",),

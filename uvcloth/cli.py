@@ -15,6 +15,7 @@ from tyro.conf import OmitArgPrefixes, Positional, arg, subcommand
 from rasterize.atomic import make_folder
 from rasterize.command import run_command
 from rasterize.errors import InputError
+from uvcloth.garments.fabric import FabricName
 from uvcloth.motion.options import MotionOptions
 
 if TYPE_CHECKING:
@@ -32,10 +33,13 @@ uvcloth rollout --motion walk.bvh --garment shirt.obj --out walk.mp4 walk.glb"""
 
 TemplateName = Literal["tops", "bottoms", "dress", "shirt"]
 EngineName = Literal["newton", "blender"]
-FabricName = Literal["jersey", "cotton", "silk", "denim"]
 Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ...")]
 GarmentPose = Annotated[
     Literal["t", "a"] | None, arg(metavar="t|a", help_behavior_hint="(default: rest pose)")
+]
+Fabric = Annotated[
+    FabricName | None,
+    arg(metavar="jersey|cotton|silk|denim", help_behavior_hint="(default: jersey)"),
 ]
 BodyFile = Annotated[Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the one in the package)")]
 Port = Annotated[int, arg(metavar="N")]
@@ -397,6 +401,8 @@ class Rollout:
     garment_pose: GarmentPose = None
     """Garment files were modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
     down (A pose)."""
+    fabric: Fabric = None
+    """What the garments are made of, for a DeePSD that was trained with --reads-fabric."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     contact: bool = True
@@ -435,6 +441,7 @@ class Rollout:
                 self.out,
                 templates=self.template,
                 garment_pose=self.garment_pose,
+                fabric=self.fabric,
                 body_file=self.body,
                 contact=self.contact,
                 hide_skin=self.hide_skin,
@@ -556,6 +563,8 @@ class Export:
     garment_pose: GarmentPose = None
     """Garment files were modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
     down (A pose)."""
+    fabric: Fabric = None
+    """What the garments are made of, for a DeePSD that was trained with --reads-fabric."""
     motion: Annotated[str | None, arg(metavar="FILE|NAME", help_behavior_hint="(default: the rig alone)")] = (
         None
     )
@@ -578,6 +587,7 @@ class Export:
             self.out,
             garments=self.garment,
             garment_pose=self.garment_pose,
+            fabric=self.fabric,
             motion=self.motion,
             shapes=self.shapes,
             body_file=self.body,

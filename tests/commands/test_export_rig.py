@@ -13,6 +13,7 @@ from tests.export.glb_reader import GlbReader
 from uvcloth.bodies.body import Body, save_body
 from uvcloth.checkpoint import TrainingData, save_checkpoint
 from uvcloth.commands.export_rig import RIG_WRITERS, export
+from uvcloth.commands.rollout import animate
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.methods.pbns.method import PBNS, new_network, pbns_checkpoint, rest_outfit
@@ -112,6 +113,16 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(
 def test_a_model_without_blend_shapes_is_refused(tmp_path: Path, model: str) -> None:
     with pytest.raises(InputError, match=f"{model}: no rig .*`uvcloth rollout` writes"):
         export(model, tmp_path / "rig.glb")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_fabric_that_the_model_does_not_read_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        InputError, match="--fabric silk: model pbns dresses in the one fabric that taught it"
+    ):
+        export("pbns", tmp_path / "rig.glb", fabric="silk")
+    with pytest.raises(InputError, match="--fabric silk: model lbs dresses in the one fabric"):
+        animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"], fabric="silk")
     assert not list(tmp_path.iterdir())
 
 

@@ -16,6 +16,7 @@ from rasterize.errors import InputError
 from tests.bodies.smpl_file import smpl_arrays, smpl_vertices, write_npz
 from train.__main__ import main
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.garments.fabric import FABRICS
 from uvcloth.simulate.cloth3d import cloth3d_samples, load_cloth3d, read_cloth3d_sample
 from uvcloth.simulate.matlab_file import read_matlab
 from uvcloth.simulate.outfit_sequence import OutfitSequence
@@ -121,6 +122,7 @@ def test_a_sample_is_an_outfit_on_a_body(sequence: OutfitSequence) -> None:
     assert sequence.transforms.shape == (FRAMES, 24, 3, 4)
     said = sequence.metadata
     assert (said["gender"], said["tightness"], said["fabric"]["Tshirt"]) == ("female", [1.0, -0.5], "silk")
+    assert [garment.fabric for garment in sequence.outfit.garments] == [FABRICS["denim"], FABRICS["silk"]]
     # Samples have files of the same names, which one record of a training holds.
     files = {f"01_05_s2/{name}" for name in ("info.mat", "Trousers.pc16", "Tshirt.pc16")}
     assert set(sequence.files) == files

@@ -181,6 +181,22 @@ def test_outfits_are_read_again_with_their_bodies(jobs: list[Job], out: Path, bo
     assert (both.vertices - torch.cat(expected, dim=1)).norm(dim=-1).max() < 1e-4
 
 
+def test_a_fabric_that_is_none_is_refused(jobs: list[Job], out: Path, tmp_path: Path) -> None:
+    assert jobs
+    copytree(out, tmp_path / "out")
+    path = tmp_path / "out" / "walk_o0002_trousers.npz"
+    sequence = load_sequence(path)
+    for fabric, reason in (
+        ({"density": 1e9}, "the fabric's density is 1000000000.0, expected 0.01 to 2"),
+        ({"colour": 1.0}, "'colour' is no number of a fabric"),
+        ("silk", "the settings, fabric"),
+    ):
+        metadata = {**sequence.metadata, "settings": {"fabric": fabric}}
+        save_sequence(replace(sequence, metadata=metadata), path)
+        with pytest.raises(InputError, match=rf"walk_o0002_trousers\.npz: {reason}"):
+            load_outfit_sequences(tmp_path / "out", ("train",))
+
+
 def test_a_sequence_without_its_layer_is_refused(jobs: list[Job], out: Path, tmp_path: Path) -> None:
     assert jobs
     copytree(out, tmp_path / "out")

@@ -106,6 +106,7 @@ def _kept(described: Tensor, packed: PackedOutfits, rows: Sequence[Tensor]) -> t
     starts = torch.tensor([0, *packed.sizes[:-1]]).cumsum(0).tolist()
     chosen = torch.cat([own + start for own, start in zip(rows, starts, strict=True)]).to(described.device)
     taken = {
-        name: getattr(packed, name)[chosen] for name in ("outfit", "points", "normals", "offsets", "smooth")
+        name: getattr(packed, name)[chosen]
+        for name in ("outfit", "points", "normals", "offsets", "smooth", "fabric")
     }
     return described[chosen], replace(packed, sizes=tuple(map(len, rows)), **taken)

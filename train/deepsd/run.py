@@ -19,11 +19,13 @@ from train.loop import LoopConfig, check_run, fit, training_device
 from train.pbns.poses import poses_for
 from train.trainer import TrainerEntry
 from uvcloth.bodies.body import load_body
+from uvcloth.garments.fabric import FabricName
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.order import check_order
 from uvcloth.methods.deepsd.config import DeePSDConfig
 from uvcloth.methods.deepsd.method import ENTRY as METHOD
+from uvcloth.methods.method import require_fabric_read
 
 LOSSES: dict[str, DataLosses] = {
     "default": DataLosses(),
@@ -75,6 +77,8 @@ class DeePSDRun:
     """Continue the run in `out` where it stopped."""
     balanced: bool = True
     """Draw outfits alike, however many frames there are of each; else frames alike (paper)."""
+    fabric: FabricName | None = None
+    """What --outfit is made of (default: jersey), for a model that was trained with --reads-fabric."""
     body: Path | None = None
     """The body that --outfit is on, made by `uvcloth body`; default: the one in the package."""
     network: OmitArgPrefixes[DeePSDConfig] = field(default_factory=DeePSDConfig)
@@ -94,6 +98,8 @@ class DeePSDRun:
             raise InputError(
                 "--outfit: is fitted to by physics alone, name a trained model, --physics-only RUN"
             )
+        if self.fabric is not None and not self.outfit:
+            raise InputError("--fabric: is that of --outfit, data name their own")
         return fit(self._objective(), self.out, self.loop, resume=self.resume)
 
     def _objective(self) -> DeePSDObjective:
@@ -107,6 +113,7 @@ class DeePSDRun:
                 dataset = replace(dataset, training=(*dataset.training, *mirrored))
             return DataObjective(self.network, self.losses, dataset, device)
         start = load_start(self.physics_only)
+        require_fabric_read(start.method, self.fabric)
         dataset = self._posed_outfit() if self.data is None else self._outfits(self.data)
         return PhysicsObjective(start, self.physics, dataset, self.loop.batch, device)
 
@@ -118,7 +125,7 @@ class DeePSDRun:
         """The user's outfit in the poses named."""
         body = load_body(self.body)
         say = partial(Console(stderr=True).print, highlight=False, markup=False)
-        garments = load_outfit(self.outfit, body, say)
+        garments = load_outfit(self.outfit, body, say, fabric=self.fabric)
         check_order(garments)
         return posed_outfit(Outfit(body, garments), poses_for(self.poses, body, self.out))
 

@@ -17,6 +17,7 @@ from uvcloth.export.shapes import Cost
 from uvcloth.export.usd_rig import write_rig_usd
 from uvcloth.export.writer import require_own_names
 from uvcloth.garments.loading import load_outfit
+from uvcloth.methods.method import require_fabric_read
 from uvcloth.methods.registry import load_method
 from uvcloth.methods.rig import PoseRig
 from uvcloth.motion.lead_in import pose_from_rest
@@ -58,6 +59,7 @@ def export(
     *,
     garments: Sequence[str] = (),
     garment_pose: str | None = None,
+    fabric: str | None = None,
     motion: str | None = None,
     shapes: int | None = None,
     body_file: Path | None = None,
@@ -68,11 +70,11 @@ def export(
 
     model: a method that is a rig (pbns as it ships), or a checkpoint folder of one. out: .glb, .usdc or .usd.
     garments: template names or mesh files, the innermost first, for a model that rigs any outfit, and
-    garment_pose: what files were modelled in, as `load_outfit` has it. Materials
-    of files go along, for .usdc with their textures beside it. shapes: how many blend shapes, None for the
-    model's own. options: how the motion is read; of one frame, a pose, the body moves into it from rest.
-    Raises InputError for bad input and a full disk; then, as after
-    Ctrl-C, writes nothing.
+    garment_pose: what files were modelled in, as `load_outfit` has it. fabric: of the garments, for a model
+    that reads it. Materials of files go along, for .usdc with their textures beside it. shapes: how many
+    blend shapes, None for the model's own. options: how the motion is read; of one frame, a pose, the body
+    moves into it from rest. Raises InputError for bad input and a full disk; then, as after Ctrl-C, writes
+    nothing.
     """
     out = Path(out)
     if out.suffix.lower() not in RIG_WRITERS:
@@ -82,10 +84,12 @@ def export(
         )
     body = load_body(body_file)
     method = load_method(model, body)
+    require_fabric_read(method, fabric)
     console = Console(stderr=True)
     with console.status("preparing"):
         report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
-        pose_rig = method.as_rig(body, load_outfit(garments, body, report, pose=garment_pose))
+        worn = load_outfit(garments, body, report, pose=garment_pose, fabric=fabric)
+        pose_rig = method.as_rig(body, worn)
         if pose_rig is None:
             raise InputError(
                 f"{model}: no rig of blend weights and blend shapes; "

@@ -24,7 +24,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.methods.method import Method
+from uvcloth.methods.method import Method, require_fabric_read
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.lead_in import pose_from_rest
 from uvcloth.motion.library import DEFAULTS, load_clip
@@ -58,6 +58,7 @@ def animate(
     *,
     templates: Sequence[str] = (),
     garment_pose: str | None = None,
+    fabric: str | None = None,
     body_file: Path | None = None,
     contact: bool = True,
     hide_skin: bool = False,
@@ -72,7 +73,7 @@ def animate(
     models: a checkpoint folder or a baseline's name for all garments, or one for each in order; none for the
     model in the package. garments: template names or mesh files, the innermost first; contact keeps each out
     of the body and off what is beneath. templates: whose motion they take, and garment_pose: what files were
-    modelled in, as `load_outfit` has both.
+    modelled in, as `load_outfit` has both. fabric: of the garments, for a model that reads it.
     hide_skin: leave out the faces of the body that garments cover closely in every frame, or whose files say
     that they hide them. device: as torch names it. preview: every third frame, in coarse pictures; a contact
     sheet alone needs fewer. keep_going: a garment that is torn is replaced in that frame. audience: is shown
@@ -86,10 +87,10 @@ def animate(
     body = load_body(body_file)
     report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
     with console.status("preparing"):
-        outfit = Outfit(body, load_outfit(garments, body, report, templates, garment_pose))
+        outfit = Outfit(body, load_outfit(garments, body, report, templates, garment_pose, fabric))
         clip = pose_from_rest(load_clip(motion, body, options), body)
         place = _device(device)
-        method = _load(models, outfit)
+        method = _load(models, outfit, fabric)
         proxied = with_proxies(outfit, method) if contact else ProxiedOutfit.as_is(outfit)
         meshes = proxied.named()
         exposure = Exposure(body, [mesh for _, mesh in meshes])
@@ -183,10 +184,14 @@ def _device(name: str) -> torch.device:
     return device
 
 
-def _load(models: Sequence[str], outfit: Outfit) -> Method:
-    """Load the method that the models make. Raises InputError if it cannot dress the outfit."""
+def _load(models: Sequence[str], outfit: Outfit, fabric: str | None) -> Method:
+    """Load the method that the models make.
+
+    Raises InputError if it cannot dress the outfit, or does not look at the fabric that was asked for.
+    """
     models = models or [DEFAULT]
     method = load_methods(models, outfit.body)
+    require_fabric_read(method, fabric)
     if reason := method.unsupported_reason(outfit):
         several = len(models) == 1 < len(outfit.garments)
         hint = "; each garment may have a model of its own, as in --model A B" if several else ""

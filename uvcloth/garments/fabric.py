@@ -1,7 +1,9 @@
 """Fabrics: the material of cloth in SI units, for every engine."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 from rasterize.errors import InputError
 
@@ -33,9 +35,30 @@ class Fabric:
     friction: float = 0.4
     drag: float = 1.2
 
+    def features(self) -> tuple[float, ...]:
+        """Numbers of it that a network reads, FEATURES of them, all 0 for the jersey.
 
-FABRICS = {
-    "jersey": Fabric(),
+        Logarithms of the weight, of the stiffness per weight and, shifted, of Peirce's bending length, each
+        over the jersey's: the last two decide how cloth hangs. Then the differences of the other numbers.
+        """
+        bending_length = (self.bend / self.density / (JERSEY.bend / JERSEY.density)) ** (1 / 3)
+        return (
+            math.log(self.density / JERSEY.density),
+            math.log(self.stretch / self.density / (JERSEY.stretch / JERSEY.density)),
+            math.log((1 + bending_length) / 2),
+            self.poisson - JERSEY.poisson,
+            self.friction - JERSEY.friction,
+            self.drag - JERSEY.drag,
+        )
+
+
+JERSEY = Fabric()
+FEATURES = len(JERSEY.features())
+
+FabricName = Literal["jersey", "cotton", "silk", "denim"]
+
+FABRICS: dict[str, Fabric] = {
+    "jersey": JERSEY,
     "cotton": Fabric(density=0.15, stretch=60.0, bend=2.0e-5),
     "silk": Fabric(density=0.08, stretch=50.0, bend=5.0e-6, friction=0.25),
     "denim": Fabric(density=0.35, stretch=80.0, bend=8.0e-5, friction=0.5),

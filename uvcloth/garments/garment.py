@@ -6,6 +6,7 @@ from typing import Literal
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
+from uvcloth.garments.fabric import JERSEY, Fabric
 from uvcloth.geometry.mesh import Mesh
 
 
@@ -18,7 +19,8 @@ class Garment:
     weights: (N, J) blend weights of the closest body vertex (the LBS baseline).
     smooth_weights: (N, J) the same, diffused over the garment, so that a skirt does not split.
     source: whether its mesh is that of its template, or came from a file. hides: (K,) int64 vertices of the
-    body that its file says it hides, None where it says nothing.
+    body that its file says it hides, None where it says nothing. fabric: what it is made of, for a method
+    that reads it.
     """
 
     name: str
@@ -28,6 +30,7 @@ class Garment:
     smooth_weights: Tensor
     source: Literal["template", "file"] = "file"
     hides: Tensor | None = None
+    fabric: Fabric = JERSEY
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.garments.fabric import FABRICS, JERSEY
 from uvcloth.garments.fit import fit, read_on_body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.mhclo import SUFFIX
@@ -36,12 +37,14 @@ def load_outfit(
     report: Callable[[str], None] = lambda line: None,
     templates: Sequence[str] = (),
     pose: str | None = None,
+    fabric: str | None = None,
 ) -> tuple[Garment, ...]:
     """Load garments worn together, the innermost first; a file that holds several gives all of them.
 
     Where all are MakeHuman's clothes, the layers that they name decide the order. templates: whose motion the
     garments take, one for all names or one for each, none or "auto" for the one that each covers best.
     report: as `load_garment` has it. pose: that mesh files were modelled in, as `read_on_body` takes it.
+    fabric: of all of them, a key of FABRICS, None for the jersey.
     Raises InputError as `fit_template` and `fit` do, and where templates are neither one nor as many as
     names.
     """
@@ -68,7 +71,8 @@ def load_outfit(
         loaded.append((placed.diagnosis.depth, parts))
     if all(name.lower().endswith(SUFFIX) for name in names):
         loaded.sort(key=lambda layer: layer[0])
-    return tuple(garment for _, parts in loaded for garment in parts)
+    made_of = JERSEY if fabric is None else FABRICS[fabric]
+    return tuple(replace(garment, fabric=made_of) for _, parts in loaded for garment in parts)
 
 
 def _file(name: str) -> Path:

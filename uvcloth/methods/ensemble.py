@@ -34,6 +34,10 @@ class Ensemble(Method):
         parts = zip(self.methods, _layers(outfit), strict=True)
         return next(filter(None, (method.unsupported_reason(layer) for method, layer in parts)), "")
 
+    def reads_fabric(self) -> bool:
+        """True if one of them reads the fabric."""
+        return any(method.reads_fabric() for method in self.methods)
+
     def prepare(self, outfit: Outfit, device: torch.device) -> tuple[Any, ...]:
         """Prepare each for its garment. Raises InputError for an outfit that is not supported."""
         require_supported(self, outfit)

@@ -38,6 +38,10 @@ class Method(Protocol):
         """The reason that it cannot dress an outfit, in words that name garment and model; "" if it can."""
         return ""
 
+    def reads_fabric(self) -> bool:
+        """True if garments of other fabrics move otherwise."""
+        return False
+
     def prepare(self, outfit: Outfit, device: torch.device) -> Any:
         """Compute what depends on the outfit alone (ray casts, layouts, weights on the device): Prepared."""
         ...
@@ -117,6 +121,14 @@ def require_supported(method: Method, outfit: Outfit) -> None:
     """Raise InputError if a method cannot dress an outfit, with its reason."""
     if reason := method.unsupported_reason(outfit):
         raise InputError(reason)
+
+
+def require_fabric_read(method: Method, fabric: str | None) -> None:
+    """Raise InputError where a fabric was asked for, by name, that a method does not look at."""
+    if fabric is not None and not method.reads_fabric():
+        raise InputError(
+            f"--fabric {fabric}: model {method.name} dresses in the one fabric that taught it, leave it out"
+        )
 
 
 def for_inference(network: nn.Module, device: torch.device) -> Any:

@@ -30,6 +30,10 @@ class Resized(Method):
         """The method's own reason that it cannot dress the outfit at its size."""
         return self.method.unsupported_reason(self._outfit(outfit))
 
+    def reads_fabric(self) -> bool:
+        """True if the method reads the fabric."""
+        return self.method.reads_fabric()
+
     def prepare(self, outfit: Outfit, device: torch.device) -> Any:
         """Prepare the method for the outfit at its size."""
         return self.method.prepare(self._outfit(outfit), device)

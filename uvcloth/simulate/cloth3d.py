@@ -23,6 +23,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.smpl import RestingModel, read_smpl
 from uvcloth.bodies.smpl_joints import SMPL_JOINTS, STANDING
 from uvcloth.garments.attach import DIFFUSION, make_garment
+from uvcloth.garments.fabric import FABRICS, JERSEY, Fabric
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.obj_file import read_obj
 from uvcloth.geometry.fingerprint import fingerprint
@@ -61,6 +62,9 @@ TEMPLATES = {
     "Shirt": "shirt",
 }
 """Garments of the data set, the innermost first, and the template whose motion each takes."""
+
+LABELS = FABRICS | {"leather": Fabric(density=0.6, stretch=200.0, bend=3e-4, friction=0.5)}
+"""Fabrics that the data set names; its leather by the numbers of thin clothing leather, roughly."""
 
 CACHES: dict[str, np.dtype] = {".pc16": np.dtype("<f2"), ".pc2": np.dtype("<f4")}
 """Kinds of point caches and the floats that each holds, the usual one first."""
@@ -133,7 +137,11 @@ def read_cloth3d_sample(
     body, gender = _body(folder, info, smpl)
     upright = from_euler("z", torch.tensor([_number(folder, info, "zrot")]))
     pieces = _pieces(folder, info)
-    garments = tuple(_garment(folder, name, body, upright) for name in pieces)
+    labels = {name: _fabric(folder, name, piece) for name, piece in pieces.items()}
+    garments = tuple(
+        replace(_garment(folder, name, body, upright), fabric=LABELS.get(label.lower(), JERSEY))
+        for name, label in labels.items()
+    )
     moved, files = [], {f"{folder.name}/{INFO}": fingerprint((folder / INFO).read_bytes())}
     for garment in garments:
         cache_file, vertices = _cache(folder, garment, len(poses), every)
@@ -160,7 +168,7 @@ def read_cloth3d_sample(
             "tightness": np.atleast_1d(_array(folder, info, "tightness")).tolist()
             if "tightness" in info
             else [],
-            "fabric": {name: _fabric(folder, name, piece) for name, piece in pieces.items()},
+            "fabric": labels,
         },
     )
 

@@ -1,7 +1,7 @@
 """Sequences of outfits: several garments that moved together on a body of their own."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,9 @@ from rich.progress import track
 from torch import Tensor
 
 from rasterize.errors import InputError
+from rasterize.json_file import require_kinds
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.garments.fabric import Fabric, fabric_from
 from uvcloth.garments.fit import make_fitted
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import Mesh
@@ -76,7 +78,7 @@ def load_outfit_sequences(folder: Path, splits: Sequence[str] = SPLITS) -> list[
         parts = _layers(found[name, clip])
         body = _body(folder, *parts[0], bodies)
         if name not in dressed:
-            dressed[name] = _outfit((sequence for _, sequence in parts), body)
+            dressed[name] = _outfit(parts, body)
         sequences.append(_join(name, dressed[name], parts))
     return sequences
 
@@ -101,12 +103,20 @@ def _body(folder: Path, path: Path, sequence: SimulatedSequence, known: dict[str
     return known[name]
 
 
-def _outfit(parts: Iterable[SimulatedSequence], body: Body) -> Outfit:
+def _outfit(parts: Iterable[tuple[Path, SimulatedSequence]], body: Body) -> Outfit:
     garments = []
-    for part in parts:
+    for path, part in parts:
         mesh = Mesh(part.rest, part.faces, torch.zeros(1, 2), torch.zeros_like(part.faces))
-        garments.append(make_fitted(part.garment, mesh, body, part.metadata.get("template"))[0])
+        garment = make_fitted(part.garment, mesh, body, part.metadata.get("template"))[0]
+        garments.append(replace(garment, fabric=_fabric(path, part)))
     return Outfit(body, tuple(garments))
+
+
+def _fabric(path: Path, sequence: SimulatedSequence) -> Fabric:
+    """The fabric that a sequence was simulated of."""
+    settings = sequence.metadata.get("settings", {})
+    require_kinds(settings, {"fabric?": {"*": float}}, f"{path}: the settings")
+    return fabric_from(settings.get("fabric", {}), str(path))
 
 
 def _join(name: str, outfit: Outfit, parts: Sequence[tuple[Path, SimulatedSequence]]) -> OutfitSequence:

@@ -15,6 +15,7 @@ from tests.methods.stepping import predicted
 from tests.small_body import small_body
 from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.checkpoint import WEIGHTS, TrainingData, load_tensors, save_checkpoint, save_tensors
+from uvcloth.garments.fabric import FABRICS
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
@@ -127,6 +128,19 @@ def test_joints_come_and_go_with_no_weight() -> None:
     assert (weights[0] - weights[1]).abs().max() < 1e-3
     alike = network.blend_weights(torch.zeros(1, 1), SimpleNamespace(smooth=torch.full((1, 4), 0.25)))
     torch.testing.assert_close(alike.sort().values, torch.tensor([[0.0, 0.0, 0.5, 0.5]]))
+
+
+def test_another_fabric_is_another_rig_to_a_model_that_reads_it() -> None:
+    """And to no other; the fabric of one garment is not that of the garment over it."""
+    outfit = outfit_of("shirt", "coat")
+    silk = replace(outfit.garments[0], fabric=FABRICS["silk"])
+    mixed = replace(outfit, garments=(silk, outfit.garments[1]))
+    blind, reads = random_deepsd(), random_deepsd(replace(TINY, reads_fabric=True))
+    assert (blind.reads_fabric(), reads.reads_fabric()) == (False, True)
+    assert torch.equal(moved(blind, mixed)[0], moved(blind, outfit)[0])
+    before, after = moved(reads, outfit), moved(reads, mixed)
+    assert (after[0] - before[0]).abs().max() > 1e-3
+    torch.testing.assert_close(after[1], before[1], atol=1e-6, rtol=0)
 
 
 def test_offsets_are_no_rig() -> None:

@@ -10,7 +10,7 @@ from train.deepsd.dataset import OutfitDataset, read_outfits
 
 OUTFITS = (
     MadeUp("belt", ("tops",), "train", (0.13, 0.19)),
-    MadeUp("hips", ("bottoms", "tops"), "train", (0.05, 0.15)),
+    MadeUp("hips", ("bottoms", "tops"), "train", (0.05, 0.15), "silk"),
     MadeUp("skirt", ("dress",), "validation", (-0.1, 0.0)),
 )
 

@@ -1,7 +1,7 @@
 """Simulated outfits without a simulator: templates that are skinned, with a bulge that the pose drives."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import torch
@@ -9,6 +9,7 @@ import torch
 from tests.train.cropped import cropped
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body, load_body, save_body
+from uvcloth.garments.fabric import FABRICS
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.skinning import skin
@@ -24,12 +25,13 @@ BULGE = 0.02
 @dataclass(frozen=True)
 class MadeUp:
     """An outfit to make up: garments' names, of the innermost first, its split, and how high of its vertices
-    are kept (m), so that the files stay small."""
+    are kept (m), so that the files stay small, and what it is made of."""
 
     name: str
     garments: tuple[str, ...]
     split: str
     heights: tuple[float, float] = (-10.0, 10.0)
+    fabric: str = "jersey"
 
 
 def save_outfits(folder: Path, outfits: Sequence[MadeUp], frames: int = 6, warm_up: int = 2) -> Body:
@@ -55,6 +57,7 @@ def save_outfits(folder: Path, outfits: Sequence[MadeUp], frames: int = 6, warm_
                 "outfit": outfit.name, "split": outfit.split, "subject": f"person{seed}",
                 "types": dict(zip(names, outfit.garments, strict=True)),
                 "body": "ann", "body_hash": rest_hash(body),
+                "settings": {"fabric": asdict(FABRICS[outfit.fabric])},
             }  # fmt: skip
             sequence = SimulatedSequence(
                 vertices=moved,

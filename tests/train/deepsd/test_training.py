@@ -16,11 +16,12 @@ from train.deepsd.dataset import OutfitDataset, read_outfits
 from train.deepsd.losses import DataLosses, data_losses, prior_share
 from train.deepsd.objective import DataObjective
 from train.deepsd.prediction import DrawnPoses, PosedOutfit, describe, pose_outfits
-from train.deepsd.run import LOOPS
+from train.deepsd.run import LOOPS, DeePSDRun
 from train.loop import LoopConfig, batch_after, fit, rows_of_step
 from train.state import STATE
 from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import load_checkpoint, load_tensors
+from uvcloth.garments.fabric import FABRICS
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.records import CPU
 from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
@@ -251,6 +252,7 @@ def test_training_lowers_the_error(dataset: OutfitDataset) -> None:
         replace(TINY, keys=0),
         replace(TINY, global_layers=()),
         replace(TINY, graph_heads=True),
+        replace(TINY, reads_fabric=True),
         replace(TINY, inputs="mesh", blend_weights="learned", influences=99),
     ],
 )
@@ -265,6 +267,21 @@ def test_every_ablation_trains(config: DeePSDConfig, dataset: OutfitDataset) -> 
             name.startswith("embedding") and config.deformation == "none"
         )
         assert moves != idle or "bias" in name, name
+
+
+def test_outfits_are_of_the_fabric_that_was_simulated(dataset: OutfitDataset) -> None:
+    for outfit, name in zip((*dataset.training, *dataset.held), ("jersey", "silk", "jersey"), strict=True):
+        features = torch.tensor(FABRICS[name].features())
+        assert torch.equal(outfit.graph.fabric, features.expand(len(outfit.graph.points), -1))
+        assert {garment.fabric for garment in outfit.outfit.garments} == {FABRICS[name]}
+
+
+def test_a_fabric_is_named_for_an_outfit_that_has_no_data(folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--fabric: is that of --outfit, data name their own"):
+        DeePSDRun(out=tmp_path / "run", data=folder, fabric="silk").train()
+    run = DeePSDRun(out=tmp_path / "run", physics_only="shipped", outfit=("tops",), fabric="silk")
+    with pytest.raises(InputError, match="--fabric silk: model deepsd dresses in the one fabric"):
+        run.train()
 
 
 def test_the_batch_doubles() -> None:

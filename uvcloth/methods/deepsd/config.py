@@ -43,6 +43,8 @@ class DeePSDConfig:
     """Widths of the hidden layers that predict blend weights."""
     shape_layers: tuple[int, ...] = (256, 256, 256)
     """Widths of the hidden layers that predict blend shapes."""
+    reads_fabric: bool = False
+    """Whether the fabric of its garment joins the descriptor of a vertex (paper's Table 2)."""
     graph_heads: bool = False
     """Graph convolutions instead of layers per vertex after the descriptor, too (its Table 1)."""
     pose_layers: tuple[int, ...] = (256, 256, 256)

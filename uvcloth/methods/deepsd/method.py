@@ -86,6 +86,10 @@ class DeePSD(Method):
             f"body {outfit.body.name!r} has {joints}"
         )
 
+    def reads_fabric(self) -> bool:
+        """True if it was taught by garments of several fabrics."""
+        return self.config.reads_fabric
+
     @torch.no_grad()
     def prepare(self, outfit: Outfit, device: torch.device) -> DeePSDPrepared:
         """Make the rig of an outfit. Raises InputError for a body of another skeleton."""

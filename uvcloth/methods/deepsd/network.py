@@ -7,6 +7,7 @@ from typing import Literal
 import torch
 from torch import Tensor, nn
 
+from uvcloth.garments.fabric import FEATURES
 from uvcloth.geometry.skinning import apply_transforms, blend_transforms
 from uvcloth.methods.deepsd.config import DeePSDConfig
 from uvcloth.methods.deepsd.outfit_graph import PackedOutfits
@@ -38,6 +39,7 @@ class DeePSDNetwork(nn.Module):
         local = config.convolutions[-1]
         self.pooled = _linears([local, *config.global_layers])
         described = local + (config.global_layers[-1] if config.global_layers else 0)
+        described += FEATURES if config.reads_fabric else 0
         learned = config.blend_weights != "smooth"
         self.weights = _linears([described, *config.weight_layers, joints] if learned else [])
         poses = 3 * joints
@@ -58,23 +60,29 @@ class DeePSDNetwork(nn.Module):
                 _last(self.weights).bias.zero_()
 
     def describe(self, outfits: PackedOutfits) -> Tensor:
-        """Descriptors Phi of U points, local and of their outfit: (U, F)."""
+        """Descriptors Phi of U points, local and of their outfit, and their fabric: (U, F)."""
         parts = [outfits.points, outfits.normals]
         if self.config.inputs == "body":
             parts += [outfits.offsets, outfits.smooth]
         local = torch.cat(parts, dim=1)
         for layer in self.convolutions:
             local = torch.relu(outfits.convolve(layer(local)[None])[0])
-        if not self.config.global_layers:
-            return local
+        described = [local]
+        if self.config.global_layers:
+            described.append(self._pool(local, outfits)[outfits.outfit])
+        if self.config.reads_fabric:
+            described.append(outfits.fabric)
+        return torch.cat(described, dim=1)
+
+    def _pool(self, local: Tensor, outfits: PackedOutfits) -> Tensor:
+        """Descriptors of outfits (B, G) from those of their points (U, F)."""
         pooled = local
         for layer in self.pooled:
             pooled = torch.relu(layer(pooled))
         # ReLU leaves nothing below zero, so a maximum may start there.
         start = pooled.new_zeros(len(outfits.sizes), pooled.shape[1])
         index = outfits.outfit[:, None].expand_as(pooled)
-        whole = start.scatter_reduce(0, index, pooled, "amax", include_self=True)
-        return torch.cat([local, whole[outfits.outfit]], dim=1)
+        return start.scatter_reduce(0, index, pooled, "amax", include_self=True)
 
     def blend_weights(self, described: Tensor, outfits: PackedOutfits) -> Tensor:
         """Blend weights Omega of U points (U, J): rows sum to one, at most the config's influences each."""

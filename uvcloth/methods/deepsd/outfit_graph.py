@@ -8,7 +8,7 @@ from itertools import accumulate
 import torch
 from torch import Tensor
 
-from uvcloth.garments.garment import Outfit
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.diffusion import chebyshev_sum, heat_shares
 from uvcloth.geometry.mesh import first_of, join_meshes, unique_edges, vertex_normals, weld
 from uvcloth.geometry.operators import Operator
@@ -24,8 +24,9 @@ class OutfitGraph:
 
     owner: (N,) int64, which point each vertex is. points: (U, 3) m. faces: (F, 3) into them, per piece.
     offsets: (U, 3) m from the closest point of the skin. smooth, closest: (U, J) blend weights, the smooth
-    ones of the baseline and those of the closest vertex of the body. rows: (U + 1,) and columns: (E,) int64,
-    the neighbours of each point, itself among them, as compressed rows.
+    ones of the baseline and those of the closest vertex of the body. fabric: (U, FEATURES) of their garments.
+    rows: (U + 1,) and columns: (E,) int64, the neighbours of each point, itself among them, as compressed
+    rows.
     """
 
     owner: Tensor
@@ -34,6 +35,7 @@ class OutfitGraph:
     offsets: Tensor
     smooth: Tensor
     closest: Tensor
+    fabric: Tensor
     rows: Tensor
     columns: Tensor
 
@@ -66,9 +68,15 @@ def outfit_graph(outfit: Outfit) -> OutfitGraph:
         offsets=points - skin.points,
         smooth=torch.cat([garment.smooth_weights for garment in outfit.garments])[kept],
         closest=torch.cat([garment.weights for garment in outfit.garments])[kept],
+        fabric=torch.cat([_fabric(garment) for garment in outfit.garments])[kept],
         rows=rows,
         columns=columns,
     )
+
+
+def _fabric(garment: Garment) -> Tensor:
+    """The fabric of a garment's vertices (N, FEATURES)."""
+    return torch.tensor(garment.fabric.features()).expand(len(garment.mesh.vertices), -1)
 
 
 def _neighbours(faces: Tensor, count: int) -> tuple[Tensor, Tensor]:
@@ -88,8 +96,8 @@ class PackedOutfits:
     """Points of several outfits, one outfit after another, on one device.
 
     sizes: points of each outfit. outfit: (U,) int64, whose each point is. points, normals, offsets: (U, 3).
-    smooth: (U, J). average: the mean over a point's neighbours and itself. convolve: what a graph convolution
-    takes of values (B, U, C), that mean or, over a distance, the heat kernel.
+    smooth: (U, J). fabric: (U, FEATURES). average: the mean over a point's neighbours and itself. convolve:
+    what a graph convolution takes of values (B, U, C), that mean or, over a distance, the heat kernel.
     """
 
     sizes: tuple[int, ...]
@@ -98,6 +106,7 @@ class PackedOutfits:
     normals: Tensor
     offsets: Tensor
     smooth: Tensor
+    fabric: Tensor
     average: Operator
     convolve: Callable[[Tensor], Tensor]
 
@@ -126,6 +135,7 @@ def pack(graphs: Sequence[OutfitGraph], device: torch.device, spread: float = 0.
         normals=joined("normals"),
         offsets=joined("offsets"),
         smooth=joined("smooth"),
+        fabric=joined("fabric"),
         average=average,
         convolve=_heat(rows, columns, points, spread, device) if spread else average,
     )
