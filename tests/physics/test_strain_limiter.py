@@ -1,11 +1,12 @@
 """Evening out edges: what it must leave alone, and what it must undo."""
 
+import pytest
 import torch
 from torch import Tensor
 
 from uvcloth.geometry.mesh import unique_edges
 from uvcloth.physics.energies import fold_angle
-from uvcloth.physics.strain_limiter import StrainLimiter
+from uvcloth.physics.strain_limiter import STRETCH, StrainLimiter
 
 
 def sheet(count: int = 12) -> tuple[Tensor, Tensor]:
@@ -16,10 +17,13 @@ def sheet(count: int = 12) -> tuple[Tensor, Tensor]:
     return vertices, torch.cat([torch.stack([a, b, c], 1), torch.stack([a, c, d], 1)])
 
 
-def relax(rest: Tensor, faces: Tensor, vertices: Tensor, passes: int) -> Tensor:
-    """Without planes."""
+def relax(
+    rest: Tensor, faces: Tensor, vertices: Tensor, passes: int, predicted: Tensor | None = None
+) -> Tensor:
+    """Without planes, and to the lengths at rest unless others are predicted."""
     offsets = torch.full((len(rest),), -1e6)
-    return StrainLimiter(rest, faces).relax(vertices, passes, torch.zeros_like(rest), offsets)
+    kept = rest if predicted is None else predicted
+    return StrainLimiter(rest, faces).relax(vertices, passes, torch.zeros_like(rest), offsets, kept)
 
 
 def stretch(vertices: Tensor, rest: Tensor, faces: Tensor) -> float:
@@ -44,6 +48,15 @@ def test_stretch_and_noise_are_undone_about_the_same_middle() -> None:
     torch.testing.assert_close(relaxed.mean(0), broken.mean(0), atol=2e-3, rtol=0)
 
 
+def test_what_cloth_stretches_stays_and_what_it_does_not_goes() -> None:
+    rest, faces = sheet()
+    for wrong, right in ((1.02, 1.02), (1.3, STRETCH), (0.98, 1.0)):
+        scaled = rest * torch.tensor([wrong, 1.0, 1.0])
+        relaxed = relax(rest, faces, scaled, 60, scaled)
+        width = float(relaxed[:, 0].max() - relaxed[:, 0].min()) / float(rest[:, 0].max())
+        assert width == pytest.approx(right, abs=0.004)
+
+
 def test_more_passes_keep_lengths_better_and_many_stay_calm() -> None:
     rest, faces = sheet()
     noise = torch.randn(rest.shape, generator=torch.Generator().manual_seed(0))
@@ -58,7 +71,7 @@ def test_nothing_passes_a_plane_in_any_number_of_passes() -> None:
     noise = torch.randn(rest.shape, generator=torch.Generator().manual_seed(0))
     offsets = torch.where(rest[:, 0] > 0.1, 0.01, -1e6)
     for passes in (1, 2, 25):
-        relaxed = StrainLimiter(rest, faces).relax(rest + 0.004 * noise, passes, up, offsets)
+        relaxed = StrainLimiter(rest, faces).relax(rest + 0.004 * noise, passes, up, offsets, rest)
         assert (relaxed[:, 2] >= offsets - 1e-6).all()
 
 

@@ -1,4 +1,4 @@
-"""Contact: moves garments out of the posed body and gives edges their rest length back, in one solve.
+"""Contact: moves garments out of the posed body and gives edges their length back, in one solve.
 
 A frame starts from the corrections of the one before, so that folds last and few passes suffice.
 
@@ -36,7 +36,7 @@ LAYER_CLEARANCE = 0.004
 EDGE_PASSES = 20
 """Passes over the edges in a frame."""
 
-WARM_START_SHARE = 0.9
+WARM_START_SHARE = 0.7
 """Share of a frame's correction of a vertex that the next frame starts from."""
 
 MAX_WARM_START = 0.04
@@ -175,7 +175,7 @@ class Obstacle:
     def resolve(
         self, vertices: Tensor, garment: ContactGarment, before: Tensor | None = None
     ) -> tuple[Tensor, Contacts]:
-        """Move garment vertices (N, 3) m out of the body, and give edges their rest length back.
+        """Move garment vertices (N, 3) m out of the body, and give edges a length that cloth has.
 
         before: (N, 3) m, the corrections of the frame before. Passes over the edges and planes SKIN_CLEARANCE
         off the nearest skin, or off the garment beneath, work together, so that pushing out tears nothing; in
@@ -193,7 +193,7 @@ class Obstacle:
             rows, distance, directions = beneath.find(start)
             normals[rows] = directions
             offsets[rows] = (directions * start[rows]).sum(1) - distance + LAYER_CLEARANCE
-        vertices = garment.cloth.relax(start, EDGE_PASSES, normals, offsets)
+        vertices = garment.cloth.relax(start, EDGE_PASSES, normals, offsets, predicted=vertices)
         for beneath in garment.over:
             rows, distance, directions = beneath.find(vertices)
             vertices[rows] += (FINAL_CLEARANCE - distance).clamp(min=0)[:, None] * directions

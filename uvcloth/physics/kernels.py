@@ -234,7 +234,7 @@ def project_edges(
     bend: float,
     momentum: float,
 ):
-    """Move the ends of each edge by half of what its length lacks, averaged; the result replaces `before`.
+    """Move the ends of each edge by half of its error in length, averaged; the result replaces `before`.
 
     The share `bend` of the curvature beyond that at rest is removed. A vertex stays on the outer side of its
     plane, which is given by a normal and the least product with it.

@@ -1,4 +1,4 @@
-"""Strain limiting: moves vertices until edges have their rest length again, and reduces bending."""
+"""Strain limiting: moves vertices until edges are as long as cloth lets them be, and reduces bending."""
 
 import torch
 from torch import Tensor
@@ -13,8 +13,12 @@ CORRECTION_STEP = 1.8
 SPECTRAL_RADIUS = 0.995
 """Spectral radius that the Chebyshev weights are made for: near 1, long waves converge fast."""
 
-BENDING_CORRECTION = 0.02
+BENDING_CORRECTION = 0.04
 """Share of the curvature beyond that at rest which a pass undoes: without it folds are as small as edges."""
+
+STRETCH = 1.03
+"""Most that an edge stays longer than at rest. Cloth gives way, jersey by this much under its own weight; it
+hardly gets shorter, but a network's mean of many folds does."""
 
 PLAIN_PASSES = 2
 """First passes, without momentum, while the largest errors go."""
@@ -38,24 +42,28 @@ class StrainLimiter:
         total = torch.zeros_like(vertices).index_add(0, ends[:, 0], vectors)
         curvatures = total.norm(dim=1) / first.diff().clamp(min=1)
         lengths = vectors.norm(dim=1).float()
-        self._shape = tuple(
-            map(array, (first.int(), ends[:, 1].int().contiguous(), lengths, curvatures.float()))
-        )
+        self._ends, self._lengths = ends, lengths
+        self._neighbours = (array(first.int()), array(ends[:, 1].int().contiguous()))
+        self._curvatures = array(curvatures.float())
 
-    def relax(self, vertices: Tensor, passes: int, normals: Tensor, offsets: Tensor) -> Tensor:
+    def relax(
+        self, vertices: Tensor, passes: int, normals: Tensor, offsets: Tensor, predicted: Tensor
+    ) -> Tensor:
         """Even out the edges of a garment (N, 3), m, and keep it on the outer side of planes.
 
         Jacobi iterations with Chebyshev weights (Wang 2015): short waves go first, so that the shape stays.
         passes: how many iterations. normals: (N, 3) and offsets: (N,) m, the least product of a vertex with
-        its normal.
+        its normal. predicted: (N, 3) m, of which edges keep a length of 1 to STRETCH times that at rest.
         """
+        lengths = array(self._allowed(predicted))
         now = vertices[self.owner].float()
         before = now.clone()
         planes = (array(normals.float().contiguous()), array(offsets.float().contiguous()))
+        shape = (*self._neighbours, lengths, self._curvatures)
         amounts = (CORRECTION_STEP, BENDING_CORRECTION, 1.0)
         places, device = (array(now), array(before)), vertices.device
         there, back = (
-            record(kernels.project_edges, len(now), device, *ends, *self._shape, *planes, *amounts)
+            record(kernels.project_edges, len(now), device, *ends, *shape, *planes, *amounts)
             for ends in (places, places[::-1])
         )
         weight = 1.0
@@ -66,6 +74,11 @@ class StrainLimiter:
             run(there, device)
             there, back = back, there
         return (before if passes % 2 else now)[self.owner]
+
+    def _allowed(self, predicted: Tensor) -> Tensor:
+        """Lengths (E,) m that edges shall have, of those of a prediction (N, 3) m."""
+        ends = predicted[self.owner].float()[self._ends]
+        return (ends[:, 1] - ends[:, 0]).norm(dim=1).clamp(min=self._lengths, max=STRETCH * self._lengths)
 
 
 def _weight(turn: int, passes: int, before: float) -> float:
