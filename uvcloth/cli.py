@@ -32,7 +32,7 @@ uvcloth fit shirt.obj
 uvcloth rollout --motion walk.bvh --garment shirt.obj --out walk.mp4 walk.glb"""
 
 TemplateName = Literal["tops", "bottoms", "dress", "shirt"]
-EngineName = Literal["newton", "blender"]
+EngineName = Literal["newton", "newton_balanced", "blender"]
 Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ...")]
 GarmentPose = Annotated[
     Literal["t", "a"] | None, arg(metavar="t|a", help_behavior_hint="(default: rest pose)")

@@ -4,7 +4,11 @@ from collections.abc import Callable
 
 from uvcloth.simulate.blender import find_blender
 from uvcloth.simulate.engine import Engine
-from uvcloth.simulate.newton import Newton
+from uvcloth.simulate.newton import Newton, balanced_newton
 
-ENGINES: dict[str, Callable[[], Engine]] = {"newton": Newton, "blender": find_blender}
+ENGINES: dict[str, Callable[[], Engine]] = {
+    "newton": Newton,
+    "newton_balanced": balanced_newton,
+    "blender": find_blender,
+}
 """Functions that make each; they raise InputError if the engine is not installed."""
