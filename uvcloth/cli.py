@@ -150,7 +150,8 @@ class Simulate:
     """The garments are worn over one another, the first innermost, and simulated together, so that they
     keep apart; otherwise each is simulated alone."""
     engine: EngineName = "newton"
-    """What simulates: newton, or the cloth of the Blender that UVCLOTH_BLENDER_PYTHON names."""
+    """What simulates: newton, newton_balanced, which bears its weight as cloth does, or the cloth of the
+    Blender that UVCLOTH_BLENDER_PYTHON names."""
     fabric: Annotated[
         FabricName | None,
         arg(metavar="jersey|cotton|silk|denim", help_behavior_hint="(default: jersey; of an outfit its own)"),
