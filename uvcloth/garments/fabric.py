@@ -31,7 +31,7 @@ class Fabric:
     density: float = 0.2
     stretch: float = 40.0
     poisson: float = 0.2
-    bend: float = 1.5e-5
+    bend: float = 3e-5
     friction: float = 0.4
     drag: float = 1.2
 

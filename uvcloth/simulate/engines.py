@@ -4,11 +4,10 @@ from collections.abc import Callable
 
 from uvcloth.simulate.blender import find_blender
 from uvcloth.simulate.engine import Engine
-from uvcloth.simulate.newton import Newton, balanced_newton
+from uvcloth.simulate.newton import Newton
 
 ENGINES: dict[str, Callable[[], Engine]] = {
     "newton": Newton,
-    "newton_balanced": balanced_newton,
     "blender": find_blender,
 }
 """Functions that make each; they raise InputError if the engine is not installed."""

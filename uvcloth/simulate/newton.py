@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
-from typing import Any, Literal, Self
+from typing import Any, Self
 
 import torch
 import warp as wp
@@ -38,16 +38,15 @@ class Newton:
     within which cloth is watched. contact_reach: m, how deep in a part of the body cloth may be and still
     find its way out. creep: m/s of sliding below which friction fades.
     hold: 1/s, the frequency of the soft attachment of the band. bend_gain: factor on the fabric's bending
-    rigidity for the solver: stopped after so few iterations it lets bending carry little of the weight, and
-    a disc of the fabric drapes as it should with this (tests/simulate/physics). fine_edges: m, edges up to
-    which bending needs no factor; it is full for those 15 % longer. first_guess: where the iterations of
-    a substep start: a step of free fall, Newton's own, or `_from_acceleration`.
+    rigidity on coarse meshes: on edges of 19 mm, as dresses have, a disc drapes with twice the rigidity as
+    one with edges of 9 to 15 mm does with its own (tests/simulate/physics). fine_edges: m, edges up to
+    which bending needs no factor; it is full for those 15 % longer.
     """
 
     name: str = "newton.SolverVBD"
     fabric: Fabric = field(default_factory=Fabric)
     substeps: int = 20
-    iterations: int = 2
+    iterations: int = 3
     radius: float = 0.004
     self_radius: float = 0.003
     self_reach: float = 0.009
@@ -56,9 +55,8 @@ class Newton:
     contact_damping: float = 1e-2
     creep: float = 1e-3
     hold: float = 100.0
-    bend_gain: float = 9.0
-    fine_edges: float = 0.0
-    first_guess: Literal["fall", "acceleration"] = "fall"
+    bend_gain: float = 2.0
+    fine_edges: float = 0.0165
 
     @property
     def stride(self) -> float:
@@ -99,8 +97,7 @@ class Newton:
         _keep_apart(pipeline, scene.touches)
         contacts, control = pipeline.contacts(), model.control()
         schedule = newton.solvers.SolverBase.CollisionFrequencyType.PRE_INIT
-        kinds: dict[str, Any] = {"fall": newton.solvers.SolverVBD, "acceleration": _from_acceleration()}
-        solver = kinds[self.first_guess](
+        solver = _solver_from_acceleration()(
             model,
             iterations=self.iterations,
             friction_epsilon=self.creep,
@@ -149,17 +146,6 @@ class Newton:
         return max(self.substeps, min(math.ceil(1.2 * farthest / self.stride), MAX_SUBSTEPS))
 
 
-def balanced_newton() -> Newton:
-    """Make the engine that starts from accelerations, with what it needs: a third iteration, for contacts.
-
-    Its bending needs no factor but for coarse meshes: on edges of 19 mm, as dresses have, a disc drapes with
-    twice the rigidity as one with edges of 9 to 15 mm does with its own. The jersey drapes as cotton does.
-    """
-    return Newton(
-        fabric=Fabric(bend=3e-5), iterations=3, bend_gain=2.0, fine_edges=0.0165, first_guess="acceleration"
-    )
-
-
 def _memory(state: Any, accelerations: Tensor) -> Tensor:
     """Positions, velocities and accelerations of a state, (3, N, 3)."""
     return torch.stack([wp.to_torch(state.particle_q), wp.to_torch(state.particle_qd), accelerations])
@@ -175,7 +161,7 @@ def _recall(frame: Frame, state: Any, accelerations: Tensor) -> None:
 
 
 @cache
-def _from_acceleration() -> type[Any]:
+def _solver_from_acceleration() -> type[Any]:
     """SolverVBD whose substeps start from the acceleration of the substep before, not from free fall.
 
     Few iterations leave something of where they start. From free fall, cloth that hangs at rest falls a
@@ -262,7 +248,7 @@ def _set_bending(model: Any, settings: Newton) -> None:
     first, second, start, end = (points[edges[:, corner].clamp(min=0)] for corner in range(4))
     along = end - start
     lengths = along.norm(dim=1)
-    coarse = ((lengths / max(settings.fine_edges, 1e-9) - 1.0) / COARSER).clamp(0.0, 1.0)
+    coarse = ((lengths / settings.fine_edges - 1.0) / COARSER).clamp(0.0, 1.0)
     rigidity = settings.fabric.bend * torch.lerp(
         torch.ones_like(coarse), torch.full_like(coarse, settings.bend_gain), coarse
     )

@@ -30,7 +30,6 @@ def test_a_ball_that_is_thrown_at_a_sheet_pushes_it(engine: Any) -> None:
     assert (on_top[:, 2] > centres[-1, 2]).all()
 
 
-@pytest.mark.cannot("newton", "light contacts stick: 0.1 mm in a second at -2 degrees, 0.14 mm at +2")
 @pytest.mark.cannot(
     "blender", "371 mm at -2 degrees here, unexplained: test_blender.py's incline of 20 holds"
 )
