@@ -56,6 +56,15 @@ def test_the_floor_hides_what_is_below_it_and_takes_a_shadow() -> None:
     assert (lit.astype(int) - shaded).max(2)[floor].max() > 25
 
 
+def test_cloth_is_lit_alike_on_both_sides() -> None:
+    sheet = torch.tensor([[-0.5, 0.0, 2.5], [0.5, 0.0, 2.5], [0.5, 0.0, 3.5], [-0.5, 0.0, 3.5]])
+    faces = torch.tensor([[0, 1, 2], [0, 2, 3]])
+    camera = Camera((0.0, -4.0, 3.0), (0.0, 0.0, 3.0))
+    outer, inner = (render([Surface(sheet, each, RED)], camera, (60, 60)) for each in (faces, faces.flip(1)))
+    assert is_red(outer).any()
+    assert np.abs(outer.astype(int) - inner).max() < 8
+
+
 def test_pictures_repeat_exactly() -> None:
     surfaces = [ball((0, 0, 0.5), 0.4, RED)]
     camera = three_quarter(surfaces[0].vertices)

@@ -37,18 +37,19 @@ COARSE = Quality(dome_rays=8, key_rays=4, floor_grid=40, edge_samples=2)
 
 
 class VertexLight:
-    """Shares of the dome's and of the key's light at the vertices, measured when a vertex is first seen."""
+    """Shares of the dome's and of the key's light on both sides of the vertices, measured when first seen."""
 
     def __init__(
         self, embree: Any, points: np.ndarray, normals: np.ndarray, to_key: np.ndarray, quality: Quality
     ) -> None:
-        self._embree, self._points, self._normals = embree, points, normals
-        self._to_key, self._quality = to_key, quality
-        self._known = np.zeros(len(points), bool)
-        self._dome, self._key = np.zeros((2, len(points)), np.float32)
+        self._embree, self._to_key, self._quality = embree, to_key, quality
+        self._points, self._normals = np.concatenate([points, points]), np.concatenate([normals, -normals])
+        self._known = np.zeros(len(self._points), bool)
+        self._dome, self._key = np.zeros((2, len(self._points)), np.float32)
 
-    def at(self, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Shares of the dome and of the key, each of the shape of `corners` (vertex indices)."""
+    def at(self, corners: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Shares of the dome and of the key at `corners` (H, 3), vertex indices; inside: (H,) which side."""
+        corners = corners + len(self._points) // 2 * inside[:, None]
         seen = np.zeros_like(self._known)
         seen[corners] = True
         fresh = np.nonzero(seen & ~self._known)[0]

@@ -35,9 +35,6 @@ KEY_DIRECTION = np.array([-0.55, 0.65, 1.0], np.float32)
 RIM = 0.10
 """Strength of the rim light."""
 
-INNER_SIDE_SHADE = 0.45
-"""Share of the light on the inner side of cloth."""
-
 EDGE_CONTRAST = 0.03
 """Difference of neighbouring pixels, of [0, 1], above which they are drawn with more rays."""
 
@@ -238,15 +235,14 @@ def _shade_mesh(
     def interpolated(values: np.ndarray) -> np.ndarray:
         return np.einsum("rc,rc...->r...", weights, values)
 
-    dome, key = (interpolated(share) for share in scene.light.at(corners))
     normals = normalize(interpolated(scene.normals[corners]))
     facing = -(normals * directions).sum(1)
     # Shading normals of grazing triangles may point slightly away; only clearly turned ones show the inside.
     inside = facing < -0.15
     normals = np.where(inside[:, None], -normals, normals)
+    dome, key = (interpolated(share) for share in scene.light.at(corners, inside))
     lambert = np.clip(normals @ scene.key_direction, 0, 1)
-    light = KEY * lambert * key * ~inside + DOME * dome
-    light = light * np.where(inside, INNER_SIDE_SHADE, 1.0)
+    light = KEY * lambert * key + DOME * dome
     rim = RIM * (1 - np.abs(facing)).clip(0, 1) ** 3 * dome
     return interpolated(scene.colors[corners]) * light[:, None] + rim[:, None]
 
