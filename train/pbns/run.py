@@ -11,7 +11,7 @@ from tyro.conf import OmitArgPrefixes
 
 from rasterize.errors import InputError
 from train.cloth_energy import ClothMaterial
-from train.loop import LoopConfig, check_run, fit
+from train.loop import LoopConfig, check_run, fit, training_device
 from train.pbns.objective import SMOOTHING, AttachmentConfig, PBNSObjective, held_vertices
 from train.pbns.poses import poses_for
 from train.trainer import TrainerEntry
@@ -74,7 +74,14 @@ class PBNSRun:
         held_vertices(outfit, self.attachment)
         poses = poses_for(self.poses, body, self.out)
         objective = PBNSObjective(
-            self.network, self.material, self.attachment, outfit, poses, self.loop.batch, self.smoothing
+            self.network,
+            self.material,
+            self.attachment,
+            outfit,
+            poses,
+            self.loop.batch,
+            self.smoothing,
+            training_device(),
         )
         return fit(objective, self.out, self.loop, resume=self.resume)
 
