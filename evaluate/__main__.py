@@ -37,8 +37,6 @@ class Evaluate:
     """Judge only these actions."""
     frames: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
     """Judge only the first N frames of every window, after the warm-up."""
-    body: Path | None = None
-    """The body that the data was simulated on; without it the one that ships with uvcloth."""
     map_size: int = 256
     """Height and width of the maps on which the map MSE is measured."""
     pictures: bool = True
@@ -64,13 +62,13 @@ class Evaluate:
         from evaluate.progress import progress
         from evaluate.report import write_metrics, write_report
         from evaluate.show import pictured, pictures, viewer_clips
-        from uvcloth.bodies.body import load_body
         from uvcloth.commands.threads import limited_threads
+        from uvcloth.simulate.bodies import folder_body
 
         selection = Selection(self.data, self.actions, self.garment, self.frames, self.split)
         used = f"{machine()}, threads used: {self.threads}"
         # Outfits on bodies of their own have no body in common.
-        body = None if holds_outfits(self.data) else load_body(self.body)
+        body = None if holds_outfits(self.data) else folder_body(self.data)
         candidates: tuple[Candidate, ...] = ()
         with limited_threads(self.threads):
             if body is None:

@@ -18,16 +18,19 @@ from evaluate.progress import progress
 from evaluate.show import Shown
 from rasterize.errors import InputError
 from uvcloth.garments.garment import Outfit
-from uvcloth.simulate.outfit_sequence import BODIES, OutfitSequence, load_outfit_sequences
-from uvcloth.simulate.sequence import SimulatedSequence
+from uvcloth.simulate.outfit_sequence import OutfitSequence, load_outfit_sequences
+from uvcloth.simulate.sequence import SimulatedSequence, read_metadata
 
 UNTYPED = "garment"
 """The type of a garment whose data do not say it."""
 
 
 def holds_outfits(data: Path) -> bool:
-    """Test for a folder of outfits on bodies of their own, as `uvcloth simulate --outfits` makes it."""
-    return (data / BODIES).is_dir()
+    """Test for a folder of outfits on bodies of their own, as `uvcloth simulate --outfits` makes it.
+
+    Raises InputError for a file that is no sequence.
+    """
+    return any("outfit" in read_metadata(path) for path in sorted(data.glob("*.npz"))[:1])
 
 
 def compare_outfits(

@@ -229,22 +229,17 @@ class Data:
     millimetre of what was simulated. A rerun continues with what is missing."""
     unpack: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
     """Unpack a packed folder into another one instead, for training and evaluation."""
-    body: BodyFile = None
-    """The body that the sequences are of, to pack and unpack."""
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
         if self.pack and self.unpack:
             raise InputError("data: --pack and --unpack are two things, give one of them")
-        if self.body is not None and not (self.pack or self.unpack):
-            raise InputError("data: --body is about --pack and --unpack")
         if self.pack or self.unpack:
-            from uvcloth.bodies.body import load_body
             from uvcloth.simulate.packed import pack_folder, unpack_folder
 
             out, convert = (self.pack, pack_folder) if self.pack else (self.unpack, unpack_folder)
             assert out is not None
-            count = convert(self.folder, out, load_body(self.body))
+            count = convert(self.folder, out)
             print(f"{out}: {count} sequences {'packed' if self.pack else 'unpacked'}")
             return
         from rich.console import Console

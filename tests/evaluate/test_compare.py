@@ -24,7 +24,7 @@ from evaluate.report import write_report
 from evaluate.show import Shown, pictures
 from rasterize.errors import InputError
 from tests.train.simulated import save_clips
-from uvcloth.bodies.body import Body, save_body
+from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import WEIGHTS, TrainingData, save_checkpoint
 from uvcloth.garments.garment import Garment, Outfit
@@ -35,6 +35,8 @@ from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.method import Method
 from uvcloth.methods.physxnet.config import PRESETS
 from uvcloth.methods.physxnet.method import PhysXNet, physxnet_checkpoint
+from uvcloth.motion.poses import rest_hash
+from uvcloth.simulate.bodies import keep_body
 from uvcloth.simulate.folder import keep_refused
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, save_sequence
 
@@ -79,7 +81,9 @@ def simulated(garment: Garment, clip: str, off: Tensor, start: int = 0) -> Simul
     """A garment that hangs `off` metres beside its rest shape on the moving body."""
     transforms = motion(SETTLING + COUNTED - start, start)
     carried = skin(garment.mesh.vertices, garment.weights, transforms)
+    body = capsule_body()
     metadata = {"clip": clip, "garment": garment.name, "template": garment.template}
+    metadata |= {"body": body.name, "body_hash": rest_hash(body)}
     return SimulatedSequence(
         carried + off, garment.mesh.faces, garment.mesh.vertices, transforms, FPS, SETTLING, metadata
     )
@@ -110,7 +114,7 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "trial,subject,split,action,window_start,window_frames\n"
         "02_04,02,test,jump,0,9\n12_01,12,test,walking,0,9\n01_01,01,train,playground,0,9\n"
     )
-    save_body(capsule_body(), tmp_path / "body.npz")
+    keep_body(capsule_body(), data)
     return data
 
 
@@ -404,7 +408,7 @@ def test_a_method_that_dresses_nothing_is_refused(world: Path, tmp_path: Path) -
 def test_command_writes_metrics_and_page(world: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     out = tmp_path / "report"
     arguments = ["--model", "lbs", "lbs_smooth", "--data", str(world), "--out", str(out)]
-    assert main([*arguments, "--body", str(tmp_path / "body.npz"), "--map-size", "16"]) == 0
+    assert main([*arguments, "--map-size", "16"]) == 0
     metrics = json.loads((out / "metrics.json").read_text())
     assert metrics["methods"]["lbs"]["actions"]["jump"]["tops"]["frames"] == COUNTED
     page = (out / "report.html").read_text()
@@ -416,7 +420,7 @@ def test_validation_windows_are_judged_where_choices_are_made(world: Path, tmp_p
     index, out = world / "index.csv", tmp_path / "report"
     index.write_text(index.read_text().replace("12_01,12,test", "12_01,12,validation"))
     arguments = ["--model", "lbs", "--data", str(world), "--out", str(out), "--split", "validation"]
-    assert main([*arguments, "--body", str(tmp_path / "body.npz"), "--map-size", "16", "--no-pictures"]) == 0
+    assert main([*arguments, "--map-size", "16", "--no-pictures"]) == 0
     metrics = json.loads((out / "metrics.json").read_text())
     assert (metrics["split"], metrics["actions"], metrics["windows"]) == ("validation", ["walking"], 2)
     assert "2 simulated\nvalidation windows" in (out / "report.html").read_text()
@@ -425,11 +429,11 @@ def test_validation_windows_are_judged_where_choices_are_made(world: Path, tmp_p
 def test_bad_input_is_one_sentence(
     world: Path, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    body = ["--body", str(tmp_path / "body.npz"), "--map-size", "16"]
+    small = ["--map-size", "16"]
 
     def refused(model: str, data: Path, *more: str) -> str:
         out = tmp_path / "refused"
-        assert main(["--model", model, "--data", str(data), "--out", str(out), *body, *more]) == 2
+        assert main(["--model", model, "--data", str(data), "--out", str(out), *small, *more]) == 2
         assert not (out / "report.html").exists()
         return capsys.readouterr().err
 
@@ -444,6 +448,8 @@ def test_bad_input_is_one_sentence(
     garment = tube_garment("tops")
     sequence = simulated(garment, "a", torch.zeros(3))
     save_sequence(SimulatedSequence(**{**vars(sequence), "warm_up": 1000}), short / "a_tops.npz")
+    assert "a_tops.npz: was simulated on another body (capsule) than" in refused("lbs", short)
+    keep_body(capsule_body(), short)
     assert "a_tops.npz: warm_up holds 1000, expected 0 to 19" in refused("lbs", short)
     grown = SimulatedSequence(**{**vars(sequence), "rest": 1.2 * sequence.rest})
     save_sequence(grown, short / "a_tops.npz")

@@ -17,6 +17,7 @@ from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import read_archive, save_clip
 from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase, load_poses, rest_hash, save_poses
+from uvcloth.simulate.bodies import keep_body
 from uvcloth.simulate.packed import load_mesh, load_packed, pack_folder
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, read_metadata, save_sequence
 
@@ -163,16 +164,17 @@ def check_metadata(metadata: dict) -> None:
 def good_packed(folder: Path) -> Path:
     sequence = load_sequence(good_sequence(folder))
     body = small_body()
-    labels = {**sequence.metadata, "body_hash": rest_hash(body)}
+    labels = {**sequence.metadata, "body": body.name, "body_hash": rest_hash(body)}
     save_sequence(replace(sequence, metadata=labels), folder / "made" / "walk_dress.npz")
     (folder / "walk_dress.npz").unlink()
-    pack_folder(folder / "made", folder, body)
+    keep_body(body, folder / "made")
+    pack_folder(folder / "made", folder)
     rmtree(folder / "made")
     return folder / "walk_dress.npz"
 
 
 def read_packed(path: Path) -> SimulatedSequence:
-    return load_packed(path, partial(load_mesh, path.parent), small_body())
+    return load_packed(path, partial(load_mesh, path.parent), {})
 
 
 def good_poses(folder: Path) -> Path:

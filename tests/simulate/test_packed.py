@@ -14,6 +14,7 @@ from uvcloth.bodies.body import save_body
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import joint_transforms
 from uvcloth.motion.poses import rest_hash
+from uvcloth.simulate.bodies import folder_body, keep_body
 from uvcloth.simulate.folder import keep_refused, refused_captures, stored_sequences
 from uvcloth.simulate.packed import pack_folder, unpack_folder
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, save_sequence
@@ -44,14 +45,14 @@ def folder(tmp_path: Path) -> Path:
     for garment in ("tops", "dress"):
         save_sequence(sequence(garment), tmp_path / "data" / f"01_01_{garment}.npz")
     save_sequence(sequence(), tmp_path / "data" / "repeat" / "01_01_tops.npz")
+    keep_body(small_body(), tmp_path / "data")
     (tmp_path / "data" / "index.csv").write_text(INDEX)
     return tmp_path / "data"
 
 
 def test_what_is_unpacked_is_what_was_packed_to_a_millimetre(folder: Path, tmp_path: Path) -> None:
-    body = small_body()
-    assert pack_folder(folder, tmp_path / "packed", body) == 2
-    assert unpack_folder(tmp_path / "packed", tmp_path / "again", body) == 2
+    assert pack_folder(folder, tmp_path / "packed") == 2
+    assert unpack_folder(tmp_path / "packed", tmp_path / "again") == 2
     for name in ("01_01_tops.npz", "01_01_dress.npz"):
         before, after = load_sequence(folder / name), load_sequence(tmp_path / "again" / name)
         assert float((before.vertices - after.vertices).norm(dim=-1).mean()) < 2.5e-3
@@ -66,21 +67,22 @@ def test_what_is_unpacked_is_what_was_packed_to_a_millimetre(folder: Path, tmp_p
         assert after.metadata["packed_step"] == 0.003
     assert (tmp_path / "again" / "index.csv").read_text() == INDEX
     assert len(stored_sequences(tmp_path / "again")) == 2
+    assert torch.equal(folder_body(tmp_path / "again").mesh.vertices, small_body().mesh.vertices)
 
 
 def test_a_rerun_does_what_is_missing(folder: Path, tmp_path: Path) -> None:
-    body, packed = small_body(), tmp_path / "packed"
-    pack_folder(folder, packed, body)
-    assert pack_folder(folder, packed, body) == 0
+    packed = tmp_path / "packed"
+    pack_folder(folder, packed)
+    assert pack_folder(folder, packed) == 0
     (packed / "01_01_tops.npz").unlink()
     keep_refused({"05_01": "stands still"}, folder)
-    assert pack_folder(folder, packed, body) == 1
+    assert pack_folder(folder, packed) == 1
     assert refused_captures(packed) == {"05_01": "stands still"}
-    assert unpack_folder(packed, tmp_path / "again", body) == 2
-    assert unpack_folder(packed, tmp_path / "again", body) == 0
+    assert unpack_folder(packed, tmp_path / "again") == 2
+    assert unpack_folder(packed, tmp_path / "again") == 0
     (folder / "index.csv").write_text(INDEX.replace("1000", "900"))
     with pytest.raises(InputError, match=r"packed/index.csv: holds other windows"):
-        pack_folder(folder, packed, body)
+        pack_folder(folder, packed)
 
 
 def run(monkeypatch, *arguments: object) -> int:
@@ -89,31 +91,29 @@ def run(monkeypatch, *arguments: object) -> int:
 
 
 def test_the_command_packs_and_unpacks(folder: Path, tmp_path: Path, monkeypatch, capsys) -> None:
-    save_body(small_body(), tmp_path / "box.npz")
-    body = ("--body", tmp_path / "box.npz")
     packed, again = tmp_path / "packed", tmp_path / "again"
-    assert run(monkeypatch, folder, "--pack", packed, *body) == 0
-    assert run(monkeypatch, packed, "--unpack", again, *body) == 0
+    assert run(monkeypatch, folder, "--pack", packed) == 0
+    assert run(monkeypatch, packed, "--unpack", again) == 0
     assert f"{packed}: 2 sequences packed\n{again}: 2 sequences unpacked\n" in capsys.readouterr().out
     assert run(monkeypatch, folder, "--pack", packed, "--unpack", again) == 2
     assert "give one of them" in capsys.readouterr().err
-    assert run(monkeypatch, folder, *body) == 2
-    assert "--body is about --pack and --unpack" in capsys.readouterr().err
 
 
 def test_what_cannot_be_packed_is_refused_by_its_file(folder: Path, tmp_path: Path) -> None:
     packed = tmp_path / "packed"
     with pytest.raises(InputError, match=r"none: no such folder"):
-        pack_folder(tmp_path / "none", packed, small_body())
+        pack_folder(tmp_path / "none", packed)
     with pytest.raises(InputError, match=r"repeat/rejected: no such folder|no sequence"):
-        pack_folder(folder / "repeat" / "rejected", packed, small_body())
+        pack_folder(folder / "repeat" / "rejected", packed)
+    save_body(small_body(scale=1.1), folder / "bodies" / "box.npz")
     with pytest.raises(InputError, match=r"01_01_dress.npz: was simulated on another body \(box\)"):
-        pack_folder(folder, packed, small_body(scale=1.1))
+        pack_folder(folder, packed)
+    save_body(small_body(), folder / "bodies" / "box.npz")
     with pytest.raises(InputError, match=r"repeat/..: is the folder itself"):
-        pack_folder(folder, folder / "repeat" / "..", small_body())
+        pack_folder(folder, folder / "repeat" / "..")
     save_sequence(sequence(outfit="o0001"), folder / "01_02_tops.npz")
     with pytest.raises(InputError, match=r"01_02_tops.npz: is of an outfit on a body of its own"):
-        pack_folder(folder, packed, small_body())
+        pack_folder(folder, packed)
     (folder / "01_02_tops.npz").unlink()
     other = sequence()
     moved = SimulatedSequence(
@@ -121,7 +121,7 @@ def test_what_cannot_be_packed_is_refused_by_its_file(folder: Path, tmp_path: Pa
     )
     save_sequence(moved, folder / "01_03_tops.npz")
     with pytest.raises(InputError, match=r"01_03_tops.npz: tops has another mesh there than"):
-        pack_folder(folder, packed, small_body())
+        pack_folder(folder, packed)
 
 
 @pytest.mark.parametrize(
@@ -134,28 +134,28 @@ def test_what_cannot_be_packed_is_refused_by_its_file(folder: Path, tmp_path: Pa
 def test_a_damaged_file_is_refused(
     name: str, index: tuple[int, ...], words: str, folder: Path, tmp_path: Path
 ) -> None:
-    pack_folder(folder, tmp_path / "packed", small_body())
+    pack_folder(folder, tmp_path / "packed")
     path = tmp_path / "packed" / "01_01_tops.npz"
     arrays = load_arrays(path, "uvcloth-packed-1", "")
     arrays[name][index] ^= 64
     arrays[name][(-1, *index[1:])] ^= 2
     save_arrays(path, arrays)
     with pytest.raises(InputError, match=f"01_01_tops.npz: {words}"):
-        unpack_folder(tmp_path / "packed", tmp_path / "again", small_body())
+        unpack_folder(tmp_path / "packed", tmp_path / "again")
     assert not (tmp_path / "again" / "01_01_tops.npz").exists()
 
 
 def test_files_that_do_not_belong_together_are_refused(folder: Path, tmp_path: Path) -> None:
     packed = tmp_path / "packed"
-    pack_folder(folder, packed, small_body())
+    pack_folder(folder, packed)
     with pytest.raises(InputError, match=r"expected a sequence packed by `uvcloth data --pack`"):
-        unpack_folder(folder, tmp_path / "again", small_body())
+        unpack_folder(folder, tmp_path / "again")
     with pytest.raises(InputError, match=r"expected a sequence that this version's `uvcloth simulate` made"):
         load_sequence(packed / "01_01_tops.npz")
     mesh = load_arrays(packed / "meshes" / "tops.npz", "uvcloth-mesh-1", "")
     save_arrays(packed / "meshes" / "tops.npz", {**mesh, "faces": np.roll(mesh["faces"], 1, axis=0)[:-4]})
     with pytest.raises(InputError, match=r"01_01_tops.npz: does not unpack to what was packed, its mesh"):
-        unpack_folder(packed, tmp_path / "again", small_body())
+        unpack_folder(packed, tmp_path / "again")
     (packed / "meshes" / "tops.npz").unlink()
     with pytest.raises(InputError, match=r"meshes/tops.npz: "):
-        unpack_folder(packed, tmp_path / "again", small_body())
+        unpack_folder(packed, tmp_path / "again")

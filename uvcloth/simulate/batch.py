@@ -13,6 +13,7 @@ from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.order import check_order
 from uvcloth.motion.index import INDEX
 from uvcloth.motion.lead_in import LeadIn
+from uvcloth.simulate.bodies import keep_body
 from uvcloth.simulate.cloth import Cloth, join
 from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.engines import ENGINES
@@ -50,7 +51,7 @@ def simulate_batch(
 ) -> None:
     """Simulate every clip with every outfit into OUT/<clip>_<garment>.npz; what is there already is kept.
 
-    selection: its index, if any, is copied to OUT/index.csv. outfits: garments that are simulated together,
+    selection: its index, if any, is copied to OUT/index.csv. body: is kept in OUT/bodies. outfits: garments that are simulated together,
     each outfit by itself, the innermost garment first: template names or mesh files, whose garment is named
     by the file's stem. engine: one of ENGINES. fabric: a key of FABRICS, None for the
     engine's. repeat: start each window REPEAT_LEAD_FRAMES frames earlier and write to OUT/repeat instead.
@@ -78,6 +79,7 @@ def simulate_batch(
     todo, refused = plan(sources, cloths, out / REPEAT if repeat else out, body, repeat)
     with sole_writer(out):
         clear_finished(out)
+        keep_body(body, out)
         if selection.windows is not None:
             keep_index(selection.windows, out / INDEX)
         if refused:

@@ -12,16 +12,14 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from rasterize.json_file import require_kinds
-from uvcloth.bodies.body import Body, load_body
+from uvcloth.bodies.body import Body
 from uvcloth.garments.fabric import Fabric, fabric_from
 from uvcloth.garments.fit import make_fitted
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.motion.poses import SPLITS, rest_hash
+from uvcloth.motion.poses import SPLITS
+from uvcloth.simulate.bodies import sequence_body
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, require_same_motion
-
-BODIES = "bodies"
-"""Folder, in a data folder, of the bodies that its outfits are on."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +74,8 @@ def load_outfit_sequences(folder: Path, splits: Sequence[str] = SPLITS) -> list[
     sequences = []
     for name, clip in track(sorted(found), "dressing bodies", transient=True):
         parts = _layers(found[name, clip])
-        body = _body(folder, *parts[0], bodies)
+        path, first = parts[0]
+        body = sequence_body(path, first.metadata, bodies)
         if name not in dressed:
             dressed[name] = _outfit(parts, body)
         sequences.append(_join(name, dressed[name], parts))
@@ -92,15 +91,6 @@ def _layers(parts: dict[str, tuple[Path, SimulatedSequence]]) -> list[tuple[Path
     ordered = [parts[layer] for layer in first.layers]
     require_same_motion(dict([(first_path, first), *ordered]), "outfit")
     return ordered
-
-
-def _body(folder: Path, path: Path, sequence: SimulatedSequence, known: dict[str, Body]) -> Body:
-    name = str(sequence.metadata["body"])
-    if name not in known:
-        known[name] = load_body(folder / BODIES / f"{name}.npz")
-    if rest_hash(known[name]) != sequence.metadata.get("body_hash"):
-        raise InputError(f"{path}: was simulated on another body than {folder / BODIES / f'{name}.npz'}")
-    return known[name]
 
 
 def _outfit(parts: Iterable[tuple[Path, SimulatedSequence]], body: Body) -> Outfit:

@@ -1,22 +1,21 @@
 """Batch simulation of made outfits: each on its own body, over windows of its own split."""
 
-import shutil
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from rasterize.atomic import atomic_write, make_folder, sole_writer
+from rasterize.atomic import sole_writer
 from rasterize.errors import InputError
 from rasterize.fields import require_file_name
 from uvcloth.garments.fabric import FABRICS
 from uvcloth.motion.index import Entry
 from uvcloth.motion.poses import SPLITS
 from uvcloth.simulate.batch import LEAD_IN, simulate_all
+from uvcloth.simulate.bodies import keep_body
 from uvcloth.simulate.cloth import join
 from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.engines import ENGINES
 from uvcloth.simulate.folder import Stored, is_finished, keep_refused, require_engine, stored_sequences
-from uvcloth.simulate.outfit_sequence import BODIES
 from uvcloth.simulate.plan import ClipSelection, Job, Source, batch_sources, load_motion
 from uvcloth.simulate.run import RUN_UP
 from uvcloth.simulate.unfinished import clear_finished
@@ -70,7 +69,6 @@ def simulate_outfits(
         if not todo:
             print(f"{out}: every outfit is there already")
             return
-        make_folder(out / BODIES)
         expected = sum(
             task.windows[0].window.frames + RUN_UP + len(LEAD_IN) for task in todo if task.windows[0].window
         )
@@ -134,8 +132,7 @@ def _job(task: _Task, out: Path) -> Job | None:
     """The job of an outfit over the first of its windows that is no faulty capture; None if all are."""
     worn = on_body(task.outfit)
     body = worn.body
-    require_file_name(body.name, task.outfit.body)
-    _keep_body(task.outfit.body, out / BODIES / f"{body.name}.npz")
+    keep_body(body, out)
     cloths = tuple(join(garment, body) for garment in worn.garments)
     for source in task.windows:
         motion, warm_up, fault = load_motion(source, body, 0)
@@ -160,10 +157,3 @@ def _job(task: _Task, out: Path) -> Job | None:
             },
         )
     return None
-
-
-def _keep_body(path: Path, kept: Path) -> None:
-    """Copy a body's file to the data, where its sequences look for it."""
-    if not kept.exists():
-        with atomic_write(kept) as partial:
-            shutil.copyfile(path, partial)

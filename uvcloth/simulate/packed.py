@@ -38,7 +38,7 @@ from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 from uvcloth.geometry.skinning import seen_from_root
 from uvcloth.motion.clip import FPS_RANGE
 from uvcloth.motion.index import INDEX
-from uvcloth.motion.poses import rest_hash
+from uvcloth.simulate.bodies import keep_body, sequence_body
 from uvcloth.simulate.folder import REFUSED, keep_index, keep_refused, refused_captures
 from uvcloth.simulate.sequence import (
     SimulatedSequence,
@@ -85,20 +85,23 @@ class GarmentMesh:
     spectrum: np.ndarray
 
 
-def pack_folder(folder: Path, out: Path, body: Body) -> int:
-    """Pack the sequences of a data folder that are not packed yet, and its index; returns their number.
+def pack_folder(folder: Path, out: Path) -> int:
+    """Pack the sequences of a data folder that are not packed yet, its body and its index; how many it packed.
 
     Second simulations and refused sequences are left out. Raises InputError for a folder without sequences,
-    for sequences of another body, of outfits, or of one garment with two meshes, and where OUT has another
-    index.
+    for sequences of outfits, on a body that the folder lacks, or of one garment with two meshes, and where
+    OUT has another index.
     """
     paths = _sequences(folder, "made by `uvcloth simulate`")
     for path in paths:
-        _require_body(path, read_metadata(path), body)
+        _require_no_outfit(path, read_metadata(path))
     mesh_of = cache(partial(load_mesh, out))
+    known: dict[str, Body] = {}
 
     def convert(path: Path) -> None:
         sequence = load_sequence(path)
+        body = sequence_body(path, sequence.metadata, known)
+        keep_body(body, out)
         _keep_mesh(sequence, out, path)
         mesh = mesh_of(sequence.garment)
         if not (torch.equal(mesh.faces, sequence.faces) and torch.equal(mesh.rest, sequence.rest)):
@@ -108,17 +111,20 @@ def pack_folder(folder: Path, out: Path, body: Body) -> int:
     return _convert(paths, folder, out, convert, "packing")
 
 
-def unpack_folder(folder: Path, out: Path, body: Body) -> int:
-    """Unpack the sequences of a packed folder that are not there yet, and its index; returns their number.
+def unpack_folder(folder: Path, out: Path) -> int:
+    """Unpack the sequences of a packed folder that are not there yet, its body and its index; how many it did.
 
-    Raises InputError for a folder without sequences, files that are none, another body, and where OUT has
-    another index.
+    Raises InputError for a folder without sequences, files that are none, on a body that the folder lacks,
+    and where OUT has another index.
     """
     paths = _sequences(folder, "packed by `uvcloth data --pack`")
     mesh_of = cache(partial(load_mesh, folder))
+    known: dict[str, Body] = {}
 
     def convert(path: Path) -> None:
-        save_sequence(load_packed(path, mesh_of, body), out / path.name)
+        sequence = load_packed(path, mesh_of, known)
+        keep_body(known[str(sequence.metadata.get("body", ""))], out)
+        save_sequence(sequence, out / path.name)
 
     return _convert(paths, folder, out, convert, "unpacking")
 
@@ -167,15 +173,18 @@ def save_packed(sequence: SimulatedSequence, mesh: GarmentMesh, skeleton: Skelet
     )
 
 
-def load_packed(path: Path, mesh_of: Callable[[str], GarmentMesh], body: Body) -> SimulatedSequence:
-    """Read a packed sequence; mesh_of: gives a garment's mesh by its name.
+def load_packed(
+    path: Path, mesh_of: Callable[[str], GarmentMesh], known: dict[str, Body]
+) -> SimulatedSequence:
+    """Read a packed sequence; mesh_of: gives a garment's mesh by its name; known: see `sequence_body`.
 
-    Raises InputError naming the file if it is none, of another body or mesh, or does not unpack to what was
-    packed.
+    Raises InputError naming the file if it is none, on a body that its folder lacks, of another mesh, or does
+    not unpack to what was packed.
     """
     data = check_fields(path, load_arrays(path, PACKED_FORMAT, EXPECTED), FIELDS)
     metadata = parse_metadata(path, str(data["metadata"]))
-    _require_body(path, metadata, body)
+    _require_no_outfit(path, metadata)
+    body = sequence_body(path, metadata, known)
     mesh = mesh_of(metadata["garment"])
     joints, points = len(body.skeleton.names), data["cloth"].shape[1]
     if data["motion"].shape[2] != 4 * joints + 3:
@@ -265,11 +274,6 @@ def _sequences(folder: Path, made: str) -> list[Path]:
     return paths
 
 
-def _require_body(path: Path, metadata: dict[str, Any], body: Body) -> None:
+def _require_no_outfit(path: Path, metadata: dict[str, Any]) -> None:
     if "outfit" in metadata:
         raise InputError(f"{path}: is of an outfit on a body of its own, which is not packed")
-    if metadata.get("body_hash") != rest_hash(body):
-        raise InputError(
-            f"{path}: was simulated on another body ({metadata.get('body', 'unknown')}) than {body.name}, "
-            "name it with --body"
-        )

@@ -15,7 +15,7 @@ from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.rig import pose_vectors
 from uvcloth.motion.poses import rest_hash
-from uvcloth.simulate.outfit_sequence import BODIES
+from uvcloth.simulate.bodies import BODIES
 from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
 BULGE = 0.02

@@ -28,7 +28,7 @@ from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
 from uvcloth.methods.deepsd.network import DeePSDNetwork, pose
 from uvcloth.methods.deepsd.outfit_graph import outfit_graph, pack
 from uvcloth.methods.registry import load_method
-from uvcloth.simulate.outfit_sequence import BODIES
+from uvcloth.simulate.bodies import BODIES
 
 pytest.importorskip("lightning")
 

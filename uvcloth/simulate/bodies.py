@@ -1,0 +1,63 @@
+"""Bodies of a data folder: each lies beside the sequences on it, so that nobody has to name it again."""
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from rasterize.atomic import make_folder
+from rasterize.errors import InputError
+from rasterize.fields import require_file_name
+from uvcloth.bodies.body import Body, load_body, save_body
+from uvcloth.motion.poses import rest_hash
+from uvcloth.simulate.sequence import read_metadata
+
+BODIES = "bodies"
+"""Folder, in a data folder, of the bodies that its sequences are on, but for the one in the package."""
+
+
+def keep_body(body: Body, folder: Path) -> None:
+    """Write a body to a data folder, where its sequences look for it.
+
+    Raises InputError for a name that no file can have everywhere, and if it cannot be written.
+    """
+    kept = folder / BODIES / f"{body.name}.npz"
+    require_file_name(f"{body.name}.npz", f"body {body.name}")
+    if not kept.exists() and rest_hash(body) != _shipped_hash():
+        make_folder(kept.parent)
+        save_body(body, kept)
+
+
+def sequence_body(path: Path, metadata: Mapping[str, Any], known: dict[str, Body]) -> Body:
+    """The body that a sequence was simulated on: the one in its folder, or in the package.
+
+    known: bodies that were read before, by name; is added to. Raises InputError if it is neither.
+    """
+    name = str(metadata.get("body", ""))
+    kept = path.parent / BODIES / f"{name}.npz"
+    if name not in known:
+        known[name] = load_body(kept if kept.is_file() else None)
+    shape = rest_hash(known[name])
+    if metadata.get("body_hash", shape) != shape:
+        raise InputError(f"{path}: was simulated on another body ({name}) than {kept} or the one that ships")
+    return known[name]
+
+
+def folder_body(folder: Path) -> Body:
+    """The body that all sequences of a data folder were simulated on; without any, the one that ships.
+
+    Raises InputError as `sequence_body` does, and if they are on several bodies.
+    """
+    known: dict[str, Body] = {}
+    body = None
+    for path in sorted(folder.glob("*.npz")):
+        own = sequence_body(path, read_metadata(path), known)
+        if body is not None and own is not body:
+            raise InputError(f"{path}: was simulated on body {own.name}, others in its folder on {body.name}")
+        body = own
+    return body or load_body()
+
+
+@cache
+def _shipped_hash() -> str:
+    return rest_hash(load_body())
