@@ -65,7 +65,7 @@ class MovedObjective(Objective):
     samples = torch.arange(1)
 
     def __init__(self, data: Path) -> None:
-        self.clips = load_training_clips(data, OUTFIT, BODY)
+        self.clips = load_training_clips([data], OUTFIT)
         self.garments = [fit_template(name, BODY) for name in OUTFIT]
 
     def networks(self) -> dict[str, nn.Module]:

@@ -12,6 +12,8 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData
 from uvcloth.motion.index import INDEX, Entry, read_index
+from uvcloth.motion.poses import rest_hash
+from uvcloth.simulate.bodies import sequence_body
 from uvcloth.simulate.sequence import (
     REST_TOLERANCE,
     SimulatedSequence,
@@ -28,13 +30,15 @@ class TrainingClip:
     """One clip with every garment that was simulated over it.
 
     subject, split: who moves, and what for (train or validation), by the folder's index; "" without one.
-    transforms: (T, J, 3, 4). warm_up: leading frames that do not count. vertices: template -> (T, N, 3) m.
-    rests: template -> (N, 3) m. files: file name -> content hash.
+    body: that it was simulated on. transforms: (T, J, 3, 4). warm_up: leading frames that do not count.
+    vertices: template -> (T, N, 3) m.
+    rests: template -> (N, 3) m. files: folder/file -> content hash.
     """
 
     clip: str
     subject: str
     split: str
+    body: Body
     fps: float
     warm_up: int
     transforms: Tensor
@@ -43,22 +47,40 @@ class TrainingClip:
     files: dict[str, str]
 
 
-def load_training_clips(folder: Path, templates: List[str], body: Body) -> list[TrainingClip]:
-    """Read every sequence of a folder and group it by clip, sorted by name.
+def load_training_clips(folders: List[Path], templates: List[str]) -> list[TrainingClip]:
+    """Read every sequence of some folders, each of one body, and group it by clip, sorted by name.
 
-    If the folder has an index.csv, only the clips whose split in it is train or validation are read. Raises
-    InputError naming the file if one is damaged, of another rig, or of another motion than its clip's
-    other garments, and naming the folder if it holds none of the templates.
+    If a folder has an index.csv, only the clips whose split in it is train or validation are read. Raises
+    InputError naming the file if one is damaged, on a body that its folder lacks, or of another motion than
+    its clip's other garments, naming the folder if it holds none of the templates, and naming the person who
+    is in two splits, each in another folder.
     """
-    paths = sorted(Path(folder).glob("*.npz"))
+    clips = [clip for folder in folders for clip in _clips_of(Path(folder), templates)]
+    splits: dict[str, str] = {}
+    for clip in clips:
+        other = splits.setdefault(clip.subject, clip.split)
+        if clip.subject and other != clip.split:
+            raise InputError(
+                f"{' '.join(map(str, folders))}: person {clip.subject} is in {other} and in {clip.split}, "
+                f"clip {clip.clip}"
+            )
+    return clips
+
+
+def _clips_of(folder: Path, templates: List[str]) -> list[TrainingClip]:
+    """The clips of one folder, see `load_training_clips`."""
+    paths = sorted(folder.glob("*.npz"))
     if not paths:
         raise InputError(f"{folder}: no sequence (*.npz) made by `uvcloth simulate` in this folder")
-    index = Path(folder) / INDEX
+    index = folder / INDEX
     entries = read_index(index) if index.is_file() else None
     chosen = {clip: e for clip, e in (entries or {}).items() if e.split in TRAINING_SPLITS}
     clips: dict[str, dict[Path, SimulatedSequence]] = {}
+    moved: dict[str, Body] = {}
+    bodies: dict[str, Body] = {}
     for path in track(paths, "reading sequences", transient=True):
         sequence = load_sequence(path)
+        body = sequence_body(path, sequence.metadata, bodies)
         if sequence.transforms.shape[1] != len(body.skeleton.names):
             raise InputError(
                 f"{path}: simulated on a body with {sequence.transforms.shape[1]} joints, "
@@ -66,12 +88,15 @@ def load_training_clips(folder: Path, templates: List[str], body: Body) -> list[
             )
         if sequence.garment in templates and (entries is None or sequence.clip in chosen):
             clips.setdefault(sequence.clip, {})[path] = sequence
+            moved[sequence.clip] = body
     if not clips:
         raise InputError(f"{folder}: none of its sequences is a training clip of {', '.join(templates)}")
-    return [_training_clip(clip, clips[clip], chosen.get(clip)) for clip in sorted(clips)]
+    return [_training_clip(clip, clips[clip], moved[clip], chosen.get(clip)) for clip in sorted(clips)]
 
 
-def _training_clip(clip: str, sequences: dict[Path, SimulatedSequence], entry: Entry | None) -> TrainingClip:
+def _training_clip(
+    clip: str, sequences: dict[Path, SimulatedSequence], body: Body, entry: Entry | None
+) -> TrainingClip:
     """Join the sequences of one clip. Raises InputError naming the file of another motion."""
     require_same_motion(sequences, f"clip {clip!r}")
     first = next(iter(sequences.values()))
@@ -79,28 +104,42 @@ def _training_clip(clip: str, sequences: dict[Path, SimulatedSequence], entry: E
         clip=clip,
         subject=entry.subject if entry else "",
         split=entry.split if entry else "",
+        body=body,
         fps=first.fps,
         warm_up=first.warm_up,
         transforms=first.transforms,
         vertices={s.garment: s.vertices for s in sequences.values()},
         rests={s.garment: s.rest for s in sequences.values()},
-        files={path.name: str(s.metadata.get("hash", "")) for path, s in sequences.items()},
+        files={f"{p.parent.name}/{p.name}": str(s.metadata.get("hash", "")) for p, s in sequences.items()},
     )
 
 
-def check_rests(rests: Mapping[str, Tensor], clips: list[TrainingClip], body: Body) -> None:
+def check_rests(rests: Mapping[str, Tensor], clips: List[TrainingClip]) -> None:
     """Raise InputError naming the clip if it was simulated with another garment or on another body.
 
-    rests: template -> (N, 3) m, its vertices at rest on the body.
+    rests: template -> (N, 3) m, its vertices at rest on the body of the clips.
     """
     for clip in clips:
         for name, rest in clip.rests.items():
             expected = rests[name]
             if rest.shape != expected.shape or (rest - expected).norm(dim=1).max() > REST_TOLERANCE:
                 raise InputError(
-                    f"{clip.clip}_{name}: at rest not the garment {name} on body {body.name!r}; "
+                    f"{clip.clip}_{name}: at rest not the garment {name} on body {clip.body.name!r}; "
                     "it was simulated with another garment or body"
                 )
+
+
+def by_body(clips: List[TrainingClip]) -> list[tuple[Body, list[TrainingClip]]]:
+    """The clips of each body, in the order in which these come. Raises InputError if two share a name."""
+    found: dict[str, tuple[Body, list[TrainingClip]]] = {}
+    for clip in clips:
+        body, own = found.setdefault(rest_hash(clip.body), (clip.body, []))
+        own.append(replace(clip, body=body))
+    names = [body.name for body, _ in found.values()]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"--data: two bodies are called {name}, simulate one of them under another name")
+    return list(found.values())
 
 
 @dataclass(frozen=True)
@@ -122,9 +161,11 @@ class Holdout:
 
 
 def hold_out(
-    clips: list[TrainingClip], chosen: Holdout, folder: Path
+    clips: list[TrainingClip], chosen: Holdout, data: str
 ) -> tuple[list[TrainingClip], list[TrainingClip]]:
-    """Training and validation clips of a folder, as its index has it; the former's warm-up is cut short.
+    """Training and validation clips, as their index has it; the former's warm-up is cut short.
+
+    data: the folders that they come from, in words.
 
     Without an index every n-th validates, at least one where there are two or more. Raises InputError if the
     index leaves none of either.
@@ -137,7 +178,7 @@ def hold_out(
         for split in TRAINING_SPLITS:
             if split not in splits:
                 raise InputError(
-                    f"{folder}: holds no sequence for {split}; simulate clips that {INDEX} calls {split}"
+                    f"{data}: holds no sequence for {split}; simulate clips that {INDEX} calls {split}"
                 )
     training, held = (
         [r for r, own in zip(clips, splits, strict=True) if own == split] for split in TRAINING_SPLITS

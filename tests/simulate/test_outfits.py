@@ -212,7 +212,10 @@ def test_a_body_that_is_another_is_refused(jobs: list[Job], out: Path, tmp_path:
     copytree(out, tmp_path / "out")
     taller = replace(body, mesh=replace(body.mesh, vertices=1.1 * body.mesh.vertices))
     save_body(taller, tmp_path / "out" / "bodies" / f"{body.name}.npz")
-    with pytest.raises(InputError, match=r"was simulated on another body \(default\) than .*bodies.default\.npz or the one that ships"):
+    with pytest.raises(
+        InputError,
+        match=r"was simulated on another body \(default\) than .*bodies.default\.npz or the one that ships",
+    ):
         load_outfit_sequences(tmp_path / "out")
 
 

@@ -1,13 +1,16 @@
 """What is trained on, what chooses, and what is never looked at."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import torch
 
 from rasterize.errors import InputError
+from tests.small_body import small_body
+from tests.train.physxnet.two_triangles import save_clip
 from tests.train.simulated import save_clips
-from train.clips import Holdout, hold_out, load_training_clips, training_data
-from uvcloth.bodies.body import Body
+from train.clips import Holdout, by_body, hold_out, load_training_clips, training_data
 
 HEADER = "trial,subject,split,action,window_start,window_frames\n"
 
@@ -20,56 +23,73 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def shares(data: Path, body: Body, index: str = "", holdout: int = 8) -> tuple[list[str], list[str]]:
+def shares(data: Path, index: str = "", holdout: int = 8) -> tuple[list[str], list[str]]:
     """The clips of training and validation, by the rows of an index if there are any."""
     (data / "index.csv").unlink(missing_ok=True)
     if index:
         (data / "index.csv").write_text(HEADER + index)
-    clips = load_training_clips(data, ("tops",), body)
-    training, held = hold_out(clips, Holdout(holdout), data)
+    clips = load_training_clips([data], ("tops",))
+    training, held = hold_out(clips, Holdout(holdout), "data")
     return [r.clip for r in training], [r.clip for r in held]
 
 
-def test_an_index_says_what_trains_and_what_chooses(data: Path, body: Body) -> None:
+def test_an_index_says_what_trains_and_what_chooses(data: Path) -> None:
     index = (
         "clip0,ann,train,,0,5\nclip1,bob,validation,,0,5\nclip2,cid,test,,0,5\n"
         "clip3,cid,unused,,0,5\nclip4,ann,train,,0,5\n"
     )
-    assert shares(data, body, index) == (["clip0", "clip4"], ["clip1"])
-    training, held = hold_out(load_training_clips(data, ("tops", "bottoms"), body), Holdout(), data)
+    assert shares(data, index) == (["clip0", "clip4"], ["clip1"])
+    training, held = hold_out(load_training_clips([data], ("tops", "bottoms")), Holdout(), "data")
     made_from = training_data(training, held)
     assert made_from.clips == {"train": {"clip0": "ann", "clip4": "ann"}, "validation": {"clip1": "bob"}}
     assert made_from.files.keys() == {
-        "clip0_tops.npz",
-        "clip0_bottoms.npz",
-        "clip1_tops.npz",
-        "clip4_tops.npz",
+        f"{data.name}/clip0_tops.npz",
+        f"{data.name}/clip0_bottoms.npz",
+        f"{data.name}/clip1_tops.npz",
+        f"{data.name}/clip4_tops.npz",
     }
     assert all(len(digest) == 64 for digest in made_from.files.values())
 
 
+def test_several_folders_are_read_together(data: Path, tmp_path: Path) -> None:
+    stout = replace(small_body(scale=1.1), name="stout")
+    save_clip(tmp_path / "box", "a", {"tops": torch.zeros(4, 3)})
+    save_clip(tmp_path / "stout", "a", {"tops": torch.zeros(4, 3)}, body=stout)
+    folders = [tmp_path / "box", tmp_path / "stout", tmp_path / "box"]
+    worn = by_body(load_training_clips(folders, ("tops",)))
+    assert [(body.name, len(clips)) for body, clips in worn] == [("box", 2), ("stout", 1)]
+    assert all(clip.body is body for body, clips in worn for clip in clips)
+    (tmp_path / "box" / "index.csv").write_text(HEADER + "a,ann,train,,0,5\n")
+    (tmp_path / "stout" / "index.csv").write_text(HEADER + "a,ann,validation,,0,5\n")
+    with pytest.raises(InputError, match="person ann is in train and in validation, clip a"):
+        load_training_clips(folders, ("tops",))
+    save_clip(tmp_path / "other", "a", {"tops": torch.zeros(4, 3)}, body=replace(stout, name="box"))
+    with pytest.raises(InputError, match="two bodies are called box"):
+        by_body(load_training_clips([tmp_path / "box", tmp_path / "other"], ("tops",)))
+
+
 @pytest.mark.parametrize(("one", "lacking"), [("train", "validation"), ("validation", "train")])
-def test_an_index_has_to_leave_both(data: Path, body: Body, one: str, lacking: str) -> None:
+def test_an_index_has_to_leave_both(data: Path, one: str, lacking: str) -> None:
     with pytest.raises(InputError, match=f"no sequence for {lacking}; simulate clips that index.csv calls"):
-        shares(data, body, f"clip0,ann,{one},,0,5\nclip1,bob,test,,0,5\nnone,cid,{lacking},,0,5\n")
+        shares(data, f"clip0,ann,{one},,0,5\nclip1,bob,test,,0,5\nnone,cid,{lacking},,0,5\n")
     with pytest.raises(InputError, match="none of its sequences is a training clip of tops"):
-        shares(data, body, "clip1,bob,test,,0,5\n")
+        shares(data, "clip1,bob,test,,0,5\n")
 
 
-def test_without_an_index_every_nth_clip_chooses(data: Path, body: Body) -> None:
-    assert shares(data, body, holdout=2) == (["clip0", "clip2", "clip4"], ["clip1", "clip3", "clip5"])
-    assert shares(data, body, holdout=3)[1] == ["clip2", "clip5"]
-    assert shares(data, body, holdout=9)[1] == ["clip5"]
-    clips = load_training_clips(data, ("tops",), body)
-    assert [[r.clip for r in part] for part in hold_out(clips[:1], Holdout(), data)] == [["clip0"], []]
+def test_without_an_index_every_nth_clip_chooses(data: Path) -> None:
+    assert shares(data, holdout=2) == (["clip0", "clip2", "clip4"], ["clip1", "clip3", "clip5"])
+    assert shares(data, holdout=3)[1] == ["clip2", "clip5"]
+    assert shares(data, holdout=9)[1] == ["clip5"]
+    clips = load_training_clips([data], ("tops",))
+    assert [[r.clip for r in part] for part in hold_out(clips[:1], Holdout(), "data")] == [["clip0"], []]
     assert training_data(clips[:1], []).clips == {"train": {"clip0": ""}, "validation": {}}
     with pytest.raises(InputError, match="--holdout 1: has to be 2 or more"):
         Holdout(1)
 
 
-def test_the_warm_up_teaches_but_for_its_beginning_and_validates_never(data: Path, body: Body) -> None:
-    clips = load_training_clips(data, ("tops", "bottoms"), body)
+def test_the_warm_up_teaches_but_for_its_beginning_and_validates_never(data: Path) -> None:
+    clips = load_training_clips([data], ("tops", "bottoms"))
     for rest_frames, left_out in ((0, 0), (1, 1), (15, 3)):
-        training, held = hold_out(clips, Holdout(rest_frames=rest_frames), data)
+        training, held = hold_out(clips, Holdout(rest_frames=rest_frames), "data")
         assert {r.warm_up for r in training} == {left_out}
         assert {r.warm_up for r in held} == {3}

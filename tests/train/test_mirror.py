@@ -33,7 +33,9 @@ def skinned_clip(body: Body, garment: Garment) -> TrainingClip:
     transforms = clip.transforms()[[0, 12, 24, 36]]
     vertices = skin(garment.mesh.vertices, garment.weights, transforms)
     rests = {garment.name: garment.mesh.vertices}
-    return TrainingClip("jump", "", "train", clip.fps, 0, transforms, {garment.name: vertices}, rests, {})
+    return TrainingClip(
+        "jump", "", "train", body, clip.fps, 0, transforms, {garment.name: vertices}, rests, {}
+    )
 
 
 def test_the_mirrored_garment_is_the_garment_on_the_mirrored_motion(body: Body, dress: Garment) -> None:

@@ -37,7 +37,7 @@ def clip_of(
     transforms[:, :, 0, 3] = torch.arange(frames)[:, None] / fps
     vertices = SHEET + transforms[:, 1, None, :, 3]
     worn = {garment: vertices for garment in garments}
-    return TrainingClip(name, "", "", fps, warm_up, transforms, worn, {}, {})
+    return TrainingClip(name, "", "", BODY, fps, warm_up, transforms, worn, {}, {})
 
 
 def errors(*clips: TrainingClip) -> dict[str, float]:

@@ -18,7 +18,6 @@ from train.clips import (
     training_data,
 )
 from train.mirror import mirror_clips
-from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.geometry.mesh import edge_lengths, laplacian, unique_edges
 from uvcloth.geometry.operators import Operator, differences, sampling
@@ -29,6 +28,7 @@ from uvcloth.methods.motion_guided.garment_maps import GarmentMaps
 from uvcloth.methods.motion_guided.latent import Space
 from uvcloth.methods.motion_guided.seeds import PosedSeeds, pose_seeds, seeds_on
 from uvcloth.physics.surface import BodySurface
+from uvcloth.simulate.bodies import folder_body
 
 CLEARANCE = 0.002
 """Metres that the rest shape should keep off the body at rest (epsilon of L_SDF)."""
@@ -99,15 +99,15 @@ def offsets_of(maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> Tenso
     return torch.cat([local_offsets(maps, maps.positions(v), now) for v, now in parts])
 
 
-def load_clips_of(rests: dict[str, Tensor], data: Path, body: Body) -> list[TrainingClip]:
+def load_clips_of(rests: dict[str, Tensor], data: Path) -> list[TrainingClip]:
     """The training clips with all of some garments. rests: by name, (N, 3) m, their vertices at rest.
 
     Raises InputError if there is none, or if one is of another garment or body.
     """
-    clips = [r for r in load_training_clips(data, tuple(rests), body) if rests.keys() <= r.rests.keys()]
+    clips = [r for r in load_training_clips([data], tuple(rests)) if rests.keys() <= r.rests.keys()]
     if not clips:
         raise InputError(f"{data}: no training clip was simulated with {' and '.join(rests)}")
-    check_rests(rests, clips, body)
+    check_rests(rests, clips)
     return clips
 
 
@@ -119,7 +119,6 @@ class GarmentDataset:
         config: MotionGuidedConfig,
         holdout: Holdout,
         data: Path,
-        body: Body | None = None,
         frames: int | None = None,
         device: torch.device = CPU,
         mirror: bool = False,
@@ -131,7 +130,7 @@ class GarmentDataset:
 
         Raises InputError if it lacks the garment or what is worn under it, or is of another garment or body.
         """
-        self.body = body or load_body()
+        self.body = folder_body(data)
         self.garment = garment = load_garment_for_data(config.garment, self.body)
         under = load_garment_for_data(config.under, self.body) if config.under else None
         self.config = config = replace(
@@ -141,7 +140,7 @@ class GarmentDataset:
             vertices=len(garment.mesh.vertices),
         )
         rests = {g.name: g.mesh.vertices for g in (garment, under) if g}
-        training, held = hold_out(load_clips_of(rests, data, self.body), holdout, data)
+        training, held = hold_out(load_clips_of(rests, data), holdout, str(data))
         if not training:
             raise InputError(f"{data}: needs two clips of {garment.name} at least, one to validate with")
         if frames is not None and frames < 2:

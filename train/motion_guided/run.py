@@ -16,7 +16,6 @@ from train.motion_guided.objective import (
     load_shape_space,
 )
 from train.trainer import TrainerEntry
-from uvcloth.bodies.body import load_body
 from uvcloth.methods.motion_guided.config import MotionGuidedConfig
 from uvcloth.methods.motion_guided.method import ENTRY as METHOD
 
@@ -46,15 +45,13 @@ class MotionGuidedRun:
     """Train Motion-guided on one garment: a space of its shapes, then the dynamics in it."""
 
     data: Path
-    """Folder of sequences made by `uvcloth simulate`."""
+    """Folder of sequences made by `uvcloth simulate`, all on one body."""
     out: Path
     """Folder of the run: checkpoint, training state, TensorBoard; in its folder shape, the first stage."""
     preset: str = "fast"
     """fast, paper or tiny: where every setting below starts from."""
     resume: bool = False
     """Continue the run in `out` where it stopped, at either stage."""
-    body: Path | None = None
-    """The body that the sequences were simulated on; default: the one in the package."""
     frames: int | None = None
     """Train on the first so many frames only, clip after clip."""
     network: OmitArgPrefixes[MotionGuidedConfig] = field(default_factory=MotionGuidedConfig)
@@ -75,12 +72,10 @@ class MotionGuidedRun:
         check_run(first, resume=self.resume)
         if not self.resume:
             check_run(self.out, resume=False)
-        body = load_body(self.body) if self.body else None
         dataset = GarmentDataset(
             self.network,
             self.losses,
             self.data,
-            body,
             self.frames,
             training_device(),
             mirror=self.losses.mirror,

@@ -1,5 +1,6 @@
 """The training frames of PhysXNet as maps in memory: posing and baking happen once, not in every step."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -8,7 +9,7 @@ from torch import Tensor
 
 from rasterize.bake import scatter_map
 from train.clips import TrainingClip
-from train.physxnet.prepare import Prepared
+from train.physxnet.prepare import Prepared, SharedTexels
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
 from uvcloth.methods.physxnet.config import PhysXNetConfig
@@ -20,11 +21,12 @@ BAKED_AT_ONCE = 16
 
 @dataclass(frozen=True)
 class Frames:
-    """R rows: the scored frames of every clip, each clip led in by HISTORY - 1 more.
+    """R rows: the scored frames of every clip, each clip led in by HISTORY - 1 more, body after body.
 
     motion: (R, 6, H, W) and pose: (R, 3, H, W) float16 maps; pose is empty where the network does not see it.
-    offsets: per template (R, Q, 3) float16, m. present: (R, templates) bool. transforms: (R, J, 3, 4).
-    samples: (S,) int64 rows that count. starts: (R,) int64 first row of the row's clip.
+    offsets: per template (R, U, 3) float16, m, of its shared texels, zero in those that a body does not see.
+    present: (R, templates) bool. transforms: (R, J, 3, 4). bodies: (R,) int64 which body. samples: (S,) int64
+    rows that count. starts: (R,) int64 first row of the row's clip.
     """
 
     motion: Tensor
@@ -32,6 +34,7 @@ class Frames:
     offsets: tuple[Tensor, ...]
     present: Tensor
     transforms: Tensor
+    bodies: Tensor
     samples: Tensor
     starts: Tensor
 
@@ -43,13 +46,22 @@ class Frames:
 
 
 def load_frames(
-    config: PhysXNetConfig, body: Body, prepared: Prepared, clips: list[TrainingClip], title: str
+    config: PhysXNetConfig,
+    worn: Sequence[tuple[Body, list[TrainingClip]]],
+    prepared: Sequence[Prepared],
+    shared: Sequence[SharedTexels],
+    title: str,
 ) -> Frames:
-    """Pose the body over every clip and take its texels' values."""
-    motion, pose, present, transforms, samples, starts = [], [], [], [], [], []
+    """Pose each body over its clips and take its texels' values.
+
+    prepared: for each body. shared: of each template.
+    """
+    motion, pose, present, transforms, bodies, samples, starts = [], [], [], [], [], [], []
     offsets: list[list[Tensor]] = [[] for _ in config.templates]
     row = 0
-    for clip in track(clips, title, transient=True):
+    clips = [(which, clip) for which, (_, own) in enumerate(worn) for clip in own]
+    for which, clip in track(clips, title, transient=True):
+        body, seen = worn[which][0], prepared[which]
         first = max(0, clip.warm_up - (HISTORY - 1))
         led = with_lead(clip.transforms)
         lead = len(led) - len(clip.transforms)
@@ -59,18 +71,22 @@ def load_frames(
             now = frames.transforms[:, -1]
             vertices = frames.vertices[:, -1]
             values = motion_values(
-                config, prepared.texels, frames.velocity[:, -1], frames.acceleration[:, -1], now
+                config, seen.texels, frames.velocity[:, -1], frames.acceleration[:, -1], now
             )
-            motion.append(sheet_of(values, prepared))
+            motion.append(sheet_of(values, seen))
             if config.pose:
-                pose.append(sheet_of(pose_values(prepared.texels, vertices, now), prepared))
-            for part, name in zip(offsets, config.templates, strict=True):
-                simulated = clip.vertices[name][begin:end] if name in clip.vertices else None
-                part.append(_offsets(config, prepared, name, simulated, vertices, now))
+                pose.append(sheet_of(pose_values(seen.texels, vertices, now), seen))
+            for part, name, texels in zip(offsets, config.templates, shared, strict=True):
+                values = torch.zeros(len(now), len(texels.pixels), 3, dtype=torch.float16)
+                if name in clip.vertices:
+                    simulated = clip.vertices[name][begin:end]
+                    values[:, texels.slots[which]] = _offsets(config, seen, name, simulated, vertices, now)
+                part.append(values)
         count = len(clip.transforms) - first
         has = torch.tensor([name in clip.vertices for name in config.templates])
         present.append(has.expand(count, -1))
         transforms.append(clip.transforms[first:])
+        bodies.append(torch.full((count,), which))
         skip = max(HISTORY - 1, clip.warm_up - first)
         samples.append(torch.arange(row + skip, row + count))
         starts.append(torch.full((count,), row))
@@ -81,6 +97,7 @@ def load_frames(
         offsets=tuple(torch.cat(part) for part in offsets),
         present=torch.cat(present),
         transforms=torch.cat(transforms),
+        bodies=torch.cat(bodies),
         samples=torch.cat(samples),
         starts=torch.cat(starts),
     )
@@ -90,18 +107,15 @@ def _offsets(
     config: PhysXNetConfig,
     prepared: Prepared,
     name: str,
-    simulated: Tensor | None,
+    simulated: Tensor,
     body_vertices: Tensor,
     transforms: Tensor,
 ) -> Tensor:
-    """Values (T, Q, 3) of a template's offset map, m, float16; zeros where it was not simulated."""
-    template = prepared.templates[name]
-    if simulated is None:
-        return torch.zeros(len(transforms), len(template.texels), 3, dtype=torch.float16)
+    """Values (T, Q, 3) of a template's offset map, m, float16."""
     return template_offsets(
         config,
         prepared.texels,
-        template,
+        prepared.templates[name],
         prepared.decoders[name],
         vertices=simulated,
         body_vertices=body_vertices,

@@ -1,6 +1,7 @@
 """The objective of PhysXNet: losses, validation and checkpoints."""
 
-from collections.abc import Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -10,13 +11,22 @@ from rich.console import Console
 from torch import Tensor, nn
 
 from rasterize.errors import InputError
-from train.clips import Holdout, check_rests, frames_of, hold_out, load_training_clips, training_data
+from train.clips import (
+    Holdout,
+    TrainingClip,
+    by_body,
+    check_rests,
+    frames_of,
+    hold_out,
+    load_training_clips,
+    training_data,
+)
 from train.loop import Objective
 from train.physxnet.frames import Frames, load_frames
 from train.physxnet.patchgan import PatchGAN, discriminator_loss, generator_loss
-from train.physxnet.prepare import Prepared, prepare
-from train.validation import rollout_errors
-from uvcloth.bodies.body import Body, load_body
+from train.physxnet.prepare import Prepared, SharedTexels, prepare, share_texels
+from train.validation import mean_errors, rollout_distances
+from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.checkpoint import save_checkpoint
 from uvcloth.geometry.mesh import edge_lengths
@@ -52,41 +62,71 @@ class Losses(Holdout):
     """Show half of the samples left-right mirrored."""
 
 
+@dataclass(frozen=True)
+class Wearer:
+    """A body that training clips are on.
+
+    clips: those that validate. geometry: of each template, see `_geometry`.
+    """
+
+    body: Body
+    prepared: Prepared
+    clips: tuple[TrainingClip, ...]
+    geometry: tuple[tuple[Operator, Operator, Tensor], ...]
+
+
 class PhysXNetObjective(Objective):
-    """Losses and validation of one network on one set of clips, all held in memory."""
+    """Losses and validation of one network on one set of clips, on any bodies, all held in memory."""
 
     def __init__(
         self,
         config: PhysXNetConfig,
         losses: Losses,
-        data: Path,
+        data: Sequence[Path],
         run: Path,
-        body: Body | None = None,
         device: torch.device = CPU,
     ) -> None:
         """Read the data and prepare everything on the device.
 
-        Raises InputError if data, body and templates do not fit.
+        data: folders, each of sequences on one body. Raises InputError if bodies and templates do not fit.
         """
         self.config, self.weights, self.device = config, losses, device
-        self.body = body or load_body()
-        clips = load_training_clips(data, config.templates, self.body)
-        prepared = prepare(run, self.body, config.templates, config.size)
-        check_rests({name: decoder.points for name, decoder in prepared.decoders.items()}, clips, self.body)
-        training, held = hold_out(clips, losses, data)
+        folders = " ".join(map(str, data))
+        worn = by_body(load_training_clips(data, config.templates))
+        prepared = [prepare(run, body, config.templates, config.size) for body, _ in worn]
+        _require_one_layout([body for body, _ in worn], prepared)
+        for (_, clips), own in zip(worn, prepared, strict=True):
+            check_rests({name: decoder.points for name, decoder in own.decoders.items()}, clips)
+        training, held = hold_out([clip for _, clips in worn for clip in clips], losses, folders)
         for name in config.templates:
             if not any(name in r.vertices for r in training):
-                raise InputError(f"{data}: no training sequence of {name}; simulate some or set --templates")
+                raise InputError(
+                    f"{folders}: no training sequence of {name}; simulate some or set --templates"
+                )
         self.data = training_data(training, held)
-        self.held = held or training
+        held = held or training
+        on = f" on {len(worn)} bodies" if len(worn) > 1 else ""
         Console().print(
-            f"{frames_of(training)} training frames of {len(training)} clips, "
-            f"{frames_of(self.held)} validation frames ({', '.join(r.clip for r in self.held)})"
+            f"{frames_of(training)} training frames of {len(training)} clips{on}, "
+            f"{frames_of(held)} validation frames ({', '.join(r.clip for r in held)})"
         )
-        frames = load_frames(config, self.body, prepared, training, "training frames")
+        shared = [share_texels(prepared, name) for name in config.templates]
+        learned = [(body, [r for r in training if r.body is body]) for body, _ in worn]
+        frames = load_frames(config, learned, prepared, shared, "training frames")
         self.frames = to_device(frames, device)
-        self.geometry = to_device([_geometry(prepared, name) for name in config.templates], device)
-        self.prepared: Prepared = to_device(prepared, device)
+        self.shared: list[SharedTexels] = to_device(shared, device)
+        self.wearers = [
+            to_device(
+                Wearer(
+                    body,
+                    own,
+                    tuple(r for r in held if r.body is body),
+                    tuple(_geometry(own, name) for name in config.templates),
+                ),
+                device,
+            )
+            for (body, _), own in zip(worn, prepared, strict=True)
+        ]
         self.past = _new_past(config, self.frames) if config.history else torch.zeros(0)
         if config.anchor == "smooth_lbs":
             errors = {name: f"{error:.1f}" for name, error in self._skinning_errors().items()}
@@ -100,7 +140,7 @@ class PhysXNetObjective(Objective):
     def networks(self) -> dict[str, nn.Module]:
         """The network, scaled to the training data, and the discriminator if there is one."""
         net = GarmentNet(self.config)
-        set_statistics(net, self.config, self.prepared, self.frames)
+        set_statistics(net, self.config, self.wearers[0].prepared, self.shared, self.frames)
         if not self.weights.adversarial:
             return {"net": net}
         channels = self.config.inputs + 3 * len(self.config.templates)
@@ -143,34 +183,55 @@ class PhysXNetObjective(Objective):
         present = self.frames.present[rows].float()
         total = present.sum().clamp(min=1.0)
         some = slice(None, None, GEOMETRY_STRIDE)
-        transforms, some_present = self.frames.transforms[rows[some]], present[some]
-        posed = posed_skin(self.body, transforms) if self.config.anchor == "body" else transforms
-        some_total = some_present.sum().clamp(min=1.0)
-        for index, name in enumerate(self.config.templates):
-            template = self.prepared.templates[name]
-            offsets = offsets_of(predicted, index, template.pixels)
-            wrong = offsets - self.frames.offsets[index][rows].float()
-            error = (wrong.abs().mean(1) / scales[3 * index : 3 * index + 3]).mean(1)
+        bodies, share = self.frames.bodies[rows], present[some] / present[some].sum().clamp(min=1.0)
+        for index, texels in enumerate(self.shared):
+            seen = texels.seen[bodies, :, None]
+            offsets = offsets_of(predicted, index, texels.pixels)
+            wrong = (offsets - self.frames.offsets[index][rows].float()) * seen
+            means = wrong.abs().sum(1) / seen.sum(1)
+            error = (means / scales[3 * index : 3 * index + 3]).mean(1)
             parts["l1"] = parts["l1"] + self.weights.l1 * (present[:, index] * error).sum() / total
-            sample, edges, rest = self.geometry[index]
-            share = some_present[:, index] / some_total
-            if self.weights.edge:
-                vertices = garment_vertices(
-                    self.config,
-                    self.prepared.texels,
-                    template,
-                    self.prepared.decoders[name],
-                    offsets=offsets[some],
-                    body_vertices=posed,
-                    transforms=transforms,
-                    sample=sample,
+            for which in bodies[some].unique().tolist():
+                own = torch.nonzero(bodies[some] == which).squeeze(1)
+                stretch, turned = self._edges(
+                    which,
+                    index,
+                    offsets[some][own],
+                    wrong[some][own],
+                    self.frames.transforms[rows[some][own]],
                 )
-                stretch = (edges(vertices).norm(dim=2) / rest - 1.0).abs().mean(1)
-                parts["edge"] = parts["edge"] + self.weights.edge * (share * stretch).sum()
-            if self.weights.bend:
-                turned = (edges(sample(wrong[some])).norm(dim=2) / rest).mean(1)
-                parts["bend"] = parts["bend"] + self.weights.bend * (share * turned).sum()
+                parts["edge"] = parts["edge"] + self.weights.edge * (share[own, index] * stretch).sum()
+                parts["bend"] = parts["bend"] + self.weights.bend * (share[own, index] * turned).sum()
         return parts
+
+    def _edges(
+        self, which: int, index: int, offsets: Tensor, wrong: Tensor, transforms: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Errors of a template's edges on one body, as shares of their rest lengths: two of (B,).
+
+        offsets, wrong: (B, U, 3) m, and what they are off. Of the edges' lengths, and of the differences of
+        what is wrong along them. Zero where the loss weighs nothing.
+        """
+        wearer, name = self.wearers[which], self.config.templates[index]
+        sample, edges, rest = wearer.geometry[index]
+        slots = self.shared[index].slots[which]
+        stretch = turned = offsets.new_zeros(len(offsets))
+        if self.weights.edge:
+            posed = posed_skin(wearer.body, transforms) if self.config.anchor == "body" else transforms
+            vertices = garment_vertices(
+                self.config,
+                wearer.prepared.texels,
+                wearer.prepared.templates[name],
+                wearer.prepared.decoders[name],
+                offsets=offsets[:, slots],
+                body_vertices=posed,
+                transforms=transforms,
+                sample=sample,
+            )
+            stretch = (edges(vertices).norm(dim=2) / rest - 1.0).abs().mean(1)
+        if self.weights.bend:
+            turned = (edges(sample(wrong[:, slots])).norm(dim=2) / rest).mean(1)
+        return stretch, turned
 
     def _history(self, rows: Tensor) -> Tensor:
         """The latest predictions of the frames before: (B, history * templates * 3, H, W), oldest first."""
@@ -185,37 +246,48 @@ class PhysXNetObjective(Objective):
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Inputs of the discriminator: normalized inputs, real and made maps, zero off the cloth."""
         real, mask = torch.zeros_like(predicted), torch.zeros_like(predicted)
-        for index, name in enumerate(self.config.templates):
-            pixels = self.prepared.templates[name].pixels
+        for index, texels in enumerate(self.shared):
             part = slice(3 * index, 3 * index + 3)
             true = self.frames.offsets[index][rows].float().transpose(1, 2)
-            real[:, part].flatten(2)[:, :, pixels] = true
-            mask[:, part].flatten(2)[:, :, pixels] = self.frames.present[rows][:, index, None, None].float()
+            seen = texels.seen[self.frames.bodies[rows]] & self.frames.present[rows][:, index, None]
+            real[:, part].flatten(2)[:, :, texels.pixels] = true
+            mask[:, part].flatten(2)[:, :, texels.pixels] = seen[:, None].float()
         real, made = (mask * (values - net.output_shift) / net.output_scale for values in (real, predicted))
         return net.scaled(maps), real, made
 
     def validate(self, net: nn.Module) -> dict[str, float]:
         """Mean vertex error in mm of each template over the validation clips, and their mean."""
         method = PhysXNet(self.config, net)  # type: ignore[arg-type]
-        texels, templates = self.prepared.texels, self.prepared.templates
-        garments = tuple((name, self.prepared.decoders[name]) for name in self.config.templates)
         network = for_inference(net, self.device)
-        return self._rollout_errors(method, PhysXNetPrepared(network, texels, templates, garments))
+
+        def on(own: Prepared) -> PhysXNetPrepared:
+            garments = tuple((name, own.decoders[name]) for name in self.config.templates)
+            return PhysXNetPrepared(network, own.texels, own.templates, garments)
+
+        return self._rollout_errors(method, on)
 
     def _skinning_errors(self) -> dict[str, float]:
         """Mean vertex errors, mm, of a garment that never leaves the smooth LBS reference, see `validate`."""
-        decoders = (self.prepared.decoders[name] for name in self.config.templates)
-        skinned = tuple(SkinnedGarment(decoder.points, decoder.smooth_weights) for decoder in decoders)
-        return self._rollout_errors(LinearBlendSkinning("lbs_smooth", smooth=True), skinned)
 
-    def _rollout_errors(self, method: Method, prepared: Any) -> dict[str, float]:
-        """Mean vertex errors, mm, of a method over the validation clips, see `rollout_errors`."""
-        return rollout_errors(method, prepared, self.body, self.config.templates, self.held, self.device)
+        def on(own: Prepared) -> tuple[SkinnedGarment, ...]:
+            decoders = (own.decoders[name] for name in self.config.templates)
+            return tuple(SkinnedGarment(decoder.points, decoder.smooth_weights) for decoder in decoders)
+
+        return self._rollout_errors(LinearBlendSkinning("lbs_smooth", smooth=True), on)
+
+    def _rollout_errors(self, method: Method, on: Callable[[Prepared], Any]) -> dict[str, float]:
+        """Mean vertex errors, mm, of a method over the validation clips; on: prepares it for a body."""
+        names, distances = self.config.templates, defaultdict[str, list[Tensor]](list)
+        for each in self.wearers:
+            found = rollout_distances(method, on(each.prepared), each.body, names, each.clips, self.device)
+            for name, own in found.items():
+                distances[name] += own
+        return mean_errors(distances)
 
     def save(self, net: GarmentNet, run: Path, notes: dict[str, Any]) -> None:
         """Write the trained method to the run's folder."""
         method = PhysXNet(self.config, net)
-        save_checkpoint(physxnet_checkpoint(method, self.body, self.data, notes), run)
+        save_checkpoint(physxnet_checkpoint(method, self.wearers[0].body, self.data, notes), run)
 
     def settings(self) -> dict[str, Any]:
         """Settings that must not change within a run."""
@@ -242,28 +314,39 @@ def _geometry(prepared: Prepared, name: str) -> tuple[Operator, Operator, Tensor
     return sample, differences(edges, len(decoder.points)), edge_lengths(decoder.points, edges)
 
 
-def set_statistics(net: GarmentNet, config: PhysXNetConfig, prepared: Prepared, frames: Frames) -> None:
+def set_statistics(
+    net: GarmentNet,
+    config: PhysXNetConfig,
+    prepared: Prepared,
+    shared: Sequence[SharedTexels],
+    frames: Frames,
+) -> None:
     """Take the scales of inputs and outputs from the training frames."""
     rows = frames.samples[::STATISTICS_STRIDE]
-    seen = prepared.texels.sheet.pixels
-    motion = _scales(config, frames.motion[rows].flatten(2)[:, :, seen].float())
+    body = prepared.texels.sheet.pixels
+
+    def values(maps: Tensor) -> Tensor:
+        return maps[rows].flatten(2)[:, :, body].float().transpose(1, 2).flatten(0, 1)
+
+    motion = _scales(config, values(frames.motion))
     shifts, scales = [motion[0].repeat(3)], [motion[1].repeat(3)]
     if config.pose:
-        pose = _scales(config, frames.pose[rows].flatten(2)[:, :, seen].float())
+        pose = _scales(config, values(frames.pose))
         shifts.append(pose[0])
         scales.append(pose[1])
     net.output_shift.zero_()
-    for index, name in enumerate(config.templates):
+    for index, texels in enumerate(shared):
         rows = frames.samples[frames.present[frames.samples, index]][::STATISTICS_STRIDE]
         if not len(rows):
             continue
         channels = slice(3 * index, 3 * index + 3)
-        offsets = frames.offsets[index][rows].float().transpose(1, 2)
+        offsets = frames.offsets[index][rows].float()
+        seen = texels.seen[frames.bodies[rows]]
         if config.centre == "texel":
-            mean = offsets.mean(0)
-            net.output_shift[channels].flatten(1)[:, prepared.templates[name].pixels] = mean
+            mean = offsets.sum(0) / seen.sum(0).clamp(min=1)[:, None]
+            net.output_shift[channels].flatten(1)[:, texels.pixels] = mean.t()
             offsets = offsets - mean
-        shift, scale = _scales(config, offsets)
+        shift, scale = _scales(config, offsets[seen])
         if config.centre == "channel":
             net.output_shift[channels] = shift[:, None, None]
         net.output_scale[channels] = scale[:, None, None]
@@ -275,11 +358,19 @@ def set_statistics(net: GarmentNet, config: PhysXNetConfig, prepared: Prepared, 
 
 
 def _scales(config: PhysXNetConfig, values: Tensor) -> tuple[Tensor, Tensor]:
-    """Shift and scale (C,) that bring values (R, C, P) to [-1, 1] or to zero mean and unit deviation."""
+    """Shift and scale (C,) that bring values (P, C) to [-1, 1] or to zero mean and unit deviation."""
     if config.scaling == "min_max":
-        low, high = values.amin((0, 2)), values.amax((0, 2))
+        low, high = values.amin(0), values.amax(0)
         return (high + low) / 2, ((high - low) / 2).clamp(min=1e-6)
-    return values.mean((0, 2)), values.std((0, 2)).clamp(min=1e-6)
+    return values.mean(0), values.std(0).clamp(min=1e-6)
+
+
+def _require_one_layout(bodies: Sequence[Body], prepared: Sequence[Prepared]) -> None:
+    """Raise InputError naming the first body whose maps, or joints, are not those of the first one."""
+    for body, own in zip(bodies, prepared, strict=True):
+        same = own.texels.sheet.pixels.equal(prepared[0].texels.sheet.pixels)
+        if not same or body.skeleton.names != bodies[0].skeleton.names:
+            raise InputError(f"--data: body {body.name} has another layout or skeleton than {bodies[0].name}")
 
 
 def _new_past(config: PhysXNetConfig, frames: Frames) -> Tensor:

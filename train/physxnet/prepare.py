@@ -1,5 +1,6 @@
 """Preparation from shapes at rest, once per run: correspondences from ray casting, mesh edges."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -23,7 +24,8 @@ from uvcloth.methods.physxnet.texels import (
 )
 
 PREPARED_FORMAT = "uvcloth-prepared-2"
-PREPARED_FILE = "prepared.npz"
+PREPARED_FILE = "prepared_{}.npz"
+"""File, in the folder of a run, of what was prepared for a body of that name."""
 
 
 @dataclass(frozen=True)
@@ -36,14 +38,35 @@ class Prepared:
     edges: dict[str, Tensor]
 
 
+@dataclass(frozen=True)
+class SharedTexels:
+    """The U texels that see a template on one body or another.
+
+    pixels: (U,) int64 into the flattened sheet, ascending. slots: per body, (Q,) int64 places of its own Q
+    texels among them. seen: (bodies, U) bool.
+    """
+
+    pixels: Tensor
+    slots: tuple[Tensor, ...]
+    seen: Tensor
+
+
+def share_texels(prepared: Sequence[Prepared], name: str) -> SharedTexels:
+    """Join the texels that see a template on each of several bodies of one layout."""
+    own = [each.templates[name].pixels for each in prepared]
+    pixels = torch.cat(own).unique()
+    seen = torch.stack([torch.isin(pixels, each) for each in own])
+    return SharedTexels(pixels, tuple(torch.searchsorted(pixels, each) for each in own), seen)
+
+
 def prepare(folder: Path, body: Body, templates: tuple[str, ...], size: int) -> Prepared:
-    """Read what an earlier start of this run prepared, or cast the rays and write it to the folder.
+    """Read what an earlier start of this run prepared for the body, or cast the rays and write that.
 
     Only the making needs ray casting: a folder that was prepared here can be trained anywhere.
     Raises InputError naming the file if it is damaged.
     """
     identity = _identity(body, templates, size)
-    path = Path(folder) / PREPARED_FILE
+    path = Path(folder) / PREPARED_FILE.format(body.name)
     if path.exists():
         arrays = kept_arrays(path, PREPARED_FORMAT, "the correspondences of a training run")
         if str(arrays["identity"]) == identity:

@@ -9,7 +9,6 @@ from rasterize.errors import InputError
 from train.loop import LoopConfig, check_run, fit, training_device
 from train.physxnet.objective import Losses, PhysXNetObjective
 from train.trainer import TrainerEntry
-from uvcloth.bodies.body import load_body
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.method import ENTRY as METHOD
 
@@ -30,16 +29,14 @@ LOOPS: dict[str, LoopConfig] = {
 class PhysXNetRun:
     """Train PhysXNet: body motion maps in, garment offset maps out."""
 
-    data: Path
-    """Folder of sequences made by `uvcloth simulate`."""
+    data: tuple[Path, ...]
+    """Folders of sequences made by `uvcloth simulate`, each on one body."""
     out: Path
     """Folder of the run: checkpoint, training state, TensorBoard."""
     preset: str = "default"
     """default, paper or tiny: where every setting below starts from."""
     resume: bool = False
     """Continue the run in `out` where it stopped."""
-    body: Path | None = None
-    """The body that the sequences were simulated on; default: the one in the package."""
     network: OmitArgPrefixes[PhysXNetConfig] = field(default_factory=PhysXNetConfig)
     losses: OmitArgPrefixes[Losses] = field(default_factory=Losses)
     loop: OmitArgPrefixes[LoopConfig] = field(default_factory=LoopConfig)
@@ -51,8 +48,7 @@ class PhysXNetRun:
             raise InputError(
                 "--history: what a network remembers is trained on one device, leave out --devices"
             )
-        body = load_body(self.body) if self.body else None
-        objective = PhysXNetObjective(self.network, self.losses, self.data, self.out, body, training_device())
+        objective = PhysXNetObjective(self.network, self.losses, self.data, self.out, training_device())
         return fit(objective, self.out, self.loop, resume=self.resume)
 
 

@@ -51,10 +51,11 @@ def simulate_batch(
 ) -> None:
     """Simulate every clip with every outfit into OUT/<clip>_<garment>.npz; what is there already is kept.
 
-    selection: its index, if any, is copied to OUT/index.csv. body: is kept in OUT/bodies. outfits: garments that are simulated together,
-    each outfit by itself, the innermost garment first: template names or mesh files, whose garment is named
-    by the file's stem. engine: one of ENGINES. fabric: a key of FABRICS, None for the
-    engine's. repeat: start each window REPEAT_LEAD_FRAMES frames earlier and write to OUT/repeat instead.
+    selection: its index, if any, is copied to OUT/index.csv. body: is kept in OUT/bodies. outfits: garments
+    that are simulated together, each outfit by itself, the innermost garment first: template names or mesh
+    files, whose garment is named by the file's stem. engine: one of ENGINES. fabric: a key of FABRICS, None
+    for the engine's. repeat: start each window REPEAT_LEAD_FRAMES frames earlier and write to OUT/repeat
+    instead.
 
     Sequences that `examine` refuses go to OUT/rejected with the reason in their metadata, all layers of an
     outfit together; captures that are faulty are not simulated and named in OUT/refused.csv.

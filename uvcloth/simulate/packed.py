@@ -86,7 +86,7 @@ class GarmentMesh:
 
 
 def pack_folder(folder: Path, out: Path) -> int:
-    """Pack the sequences of a data folder that are not packed yet, its body and its index; how many it packed.
+    """Pack the sequences of a data folder that are not packed yet, its body and its index; return how many.
 
     Second simulations and refused sequences are left out. Raises InputError for a folder without sequences,
     for sequences of outfits, on a body that the folder lacks, or of one garment with two meshes, and where
@@ -112,7 +112,7 @@ def pack_folder(folder: Path, out: Path) -> int:
 
 
 def unpack_folder(folder: Path, out: Path) -> int:
-    """Unpack the sequences of a packed folder that are not there yet, its body and its index; how many it did.
+    """Unpack the sequences of a packed folder that are not there, its body and its index; return how many.
 
     Raises InputError for a folder without sequences, files that are none, on a body that the folder lacks,
     and where OUT has another index.

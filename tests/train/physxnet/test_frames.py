@@ -7,8 +7,9 @@ import pytest
 import torch
 
 from tests.train.physxnet.two_triangles import BODY, CONFIG, PIXELS, prepared, save_clip
-from train.clips import load_training_clips
+from train.clips import by_body, load_training_clips
 from train.physxnet.frames import Frames, load_frames, sheet_of
+from train.physxnet.prepare import share_texels
 from uvcloth.bodies.posing import posed_skin
 
 BOTH = ("tops", "dress")
@@ -20,8 +21,10 @@ def frames(tmp_path: Path) -> Frames:
     """A clip of both garments at 10 frames a second, and one of the tops alone at 20, with no warm-up."""
     save_clip(tmp_path, "a", {"tops": 0.0 * ASIDE, "dress": ASIDE})
     save_clip(tmp_path, "b", {"tops": 2.0 * ASIDE}, frames=5, fps=20.0, warm_up=0)
-    clips = load_training_clips(tmp_path, BOTH, BODY)
-    return load_frames(replace(CONFIG, templates=BOTH), BODY, prepared(BOTH), clips, "")
+    worn = by_body(load_training_clips([tmp_path], BOTH))
+    seen = [prepared(BOTH)]
+    shared = [share_texels(seen, name) for name in BOTH]
+    return load_frames(replace(CONFIG, templates=BOTH), worn, seen, shared, "")
 
 
 def test_rows_are_the_scored_frames_with_their_lead(frames: Frames) -> None:

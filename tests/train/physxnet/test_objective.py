@@ -8,7 +8,8 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from tests.train.physxnet.two_triangles import BODY, CONFIG, PIXELS, SHEET, SIDE, prepared, save_clip
+from tests.small_body import small_body
+from tests.train.physxnet.two_triangles import CONFIG, PIXELS, SHEET, SIDE, prepared, save_clip
 from tests.train.simulated import save_clips
 from train.physxnet import objective as module
 from train.physxnet.objective import Losses, PhysXNetObjective
@@ -25,6 +26,11 @@ TRUE = torch.tensor([0.0, 0.015625, -0.03125]).expand(4, 3)
 
 STRETCH = TRUE + (SHEET - SHEET[0]) * torch.tensor([0.1, 0.0, 0.0])
 """The same, drawn out by a tenth along X."""
+
+INDEX = (
+    "trial,subject,split,action,window_start,window_frames\n"
+    "a,ann,train,,0,8\nb,ann,train,,0,8\nc,bob,validation,,0,8\nd,cid,train,,0,8\n"
+)
 
 LOSSES = Losses(l1=2.0, edge=3.0, bend=5.0, mirror=False)
 
@@ -58,7 +64,7 @@ def objective(
 ) -> PhysXNetObjective:
     config = replace(CONFIG, **settings)
     monkeypatch.setattr(module, "prepare", lambda *_: prepared(config.templates))
-    return PhysXNetObjective(config, losses, data, data.parent, BODY)
+    return PhysXNetObjective(config, losses, [data], data.parent)
 
 
 def parts_of(objective: PhysXNetObjective, net: nn.Module, rows: Tensor) -> dict[str, float]:
@@ -108,6 +114,38 @@ def test_a_garment_that_a_clip_lacks_weighs_nothing_in_it(
     assert only == pytest.approx({"l1": 0.0, "edge": 0.0, "bend": 0.0}, abs=2e-3)
 
 
+def test_a_texel_that_one_body_does_not_see_counts_on_the_other_alone(
+    data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first corner of the garment, on a smaller body, is seen by no texel."""
+    small = replace(small_body(scale=0.9), name="small")
+    save_clip(data.parent / "small", "d", {"tops": TRUE}, body=small)
+    (data.parent / "small" / "index.csv").write_text(INDEX)
+    (data / "index.csv").write_text(INDEX)
+    unseen = {"box": 0, "small": 1}
+    monkeypatch.setattr(module, "prepare", lambda run, body, *_: prepared(("tops",), unseen[body.name]))
+    made = PhysXNetObjective(CONFIG, LOSSES, [data, data.parent / "small"], data.parent)
+    assert made.frames.bodies[made.samples].tolist() == [0] * 10 + [1] * 5
+    assert made.data.files.keys() == {
+        "data/a_tops.npz",
+        "data/b_tops.npz",
+        "data/c_tops.npz",
+        "small/d_tops.npz",
+    }
+    wrong = TRUE.clone()
+    wrong[0, 1] += 0.1
+    box, smaller = (parts_of(made, Constant(wrong), made.samples[[row]])["l1"] for row in (0, -1))
+    assert box == pytest.approx(2.0 * 0.1 / 4 / 3, rel=3e-3)
+    assert smaller == pytest.approx(0.0, abs=2e-3)
+    wrong[3, 1] += 0.1
+    (smaller,) = (parts_of(made, Constant(wrong), made.samples[[row]])["l1"] for row in (-1,))
+    assert smaller == pytest.approx(2.0 * 0.1 / 3 / 3, rel=3e-3)
+    both = parts_of(made, Constant(wrong), made.samples[[0, -1]])["l1"]
+    assert both == pytest.approx((2 * 2.0 * 0.1 / 4 / 3 + smaller) / 2, rel=3e-3)
+    net: Any = made.networks()["net"]
+    torch.testing.assert_close(net.output_shift.flatten(), TRUE[0], atol=2e-5, rtol=0)
+
+
 def test_statistics_are_mean_and_deviation_of_the_offsets(
     data: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -135,7 +173,7 @@ def test_validation_is_that_of_a_rollout(tmp_path: Path) -> None:
     save_clips(tmp_path, ("tops",), clips=3, frames=5, warm_up=2)
     config = replace(PRESETS["tiny"], templates=("tops",))
     body = load_body()
-    made = PhysXNetObjective(config, LOSSES, tmp_path, tmp_path / "run", body)
+    made = PhysXNetObjective(config, LOSSES, [tmp_path], tmp_path / "run")
     torch.manual_seed(0)
     net: Any = made.networks()["net"].eval()
     truth = load_sequence(tmp_path / "clip1_tops.npz")

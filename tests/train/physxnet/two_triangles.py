@@ -12,6 +12,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.geometry.mesh import unique_edges
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.texels import BodyTexels, GarmentDecoder, TemplateTexels
+from uvcloth.simulate.bodies import keep_body
 from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
 BODY: Body = small_body()
@@ -34,8 +35,11 @@ CONFIG = PhysXNetConfig(
 )
 
 
-def prepared(templates: tuple[str, ...]) -> Prepared:
-    """Correspondences that ray casting would find, had the garments a template."""
+def prepared(templates: tuple[str, ...], unseen: int = 0) -> Prepared:
+    """Correspondences that ray casting would find, had the garments a template.
+
+    unseen: how many of the first corners no texel sees; they are decoded from the next one that one does.
+    """
     each = torch.arange(4)
     first = torch.tensor([[1.0, 0.0, 0.0]]).repeat(4, 1)
     own = each[:, None].repeat(1, 3)
@@ -45,9 +49,11 @@ def prepared(templates: tuple[str, ...]) -> Prepared:
         sheet, vertices[:, None].repeat(1, 3), BODY.mesh.vertices[vertices], BODY.weights[vertices]
     )
     normals = torch.tensor([0.0, 0.0, 1.0]).expand(4, 3)
-    template = TemplateTexels(each, PIXELS, own, first, SHEET, normals)
+    seen = each[unseen:]
+    template = TemplateTexels(seen, PIXELS[seen], own[seen], first[seen], SHEET[seen], normals[seen])
     chest = torch.tensor([[0.0, 1.0]]).repeat(4, 1)
-    decoder = GarmentDecoder(each[:, None], torch.ones(4, 1), SHEET, torch.zeros(4, 3), chest, chest)
+    samples = (each - unseen).clamp(min=0)[:, None]
+    decoder = GarmentDecoder(samples, torch.ones(4, 1), SHEET, torch.zeros(4, 3), chest, chest)
     edges = unique_edges(FACES)
     return Prepared(
         body,
@@ -66,9 +72,16 @@ def walking(frames: int, fps: float, acceleration: float = 2.0) -> Tensor:
 
 
 def save_clip(
-    folder: Path, clip: str, offsets: dict[str, Tensor], frames: int = 8, fps: float = 10.0, warm_up: int = 3
+    folder: Path,
+    clip: str,
+    offsets: dict[str, Tensor],
+    frames: int = 8,
+    fps: float = 10.0,
+    warm_up: int = 3,
+    body: Body = BODY,
 ) -> None:
     """Write a clip's sequences: template -> the corners' offsets (4, 3) m from the skinned garment."""
+    keep_body(body, folder)
     transforms = walking(frames, fps)
     for template, offset in offsets.items():
         sequence = SimulatedSequence(
@@ -78,6 +91,6 @@ def save_clip(
             transforms=transforms,
             fps=fps,
             warm_up=warm_up,
-            metadata={"clip": clip, "garment": template, "body": BODY.name},
+            metadata={"clip": clip, "garment": template, "body": body.name},
         )
         save_sequence(sequence, folder / f"{clip}_{template}.npz")
