@@ -193,16 +193,24 @@ def _solver_from_acceleration() -> type[Any]:
 
 
 def _lighten() -> None:
-    """Have SolverVBD do the same with two thirds of the work.
+    """Have SolverVBD do the same with less work.
 
     On a CPU threads run one after another, so that one looks through the contacts of a vertex or an edge
-    instead of four.
+    instead of four. Pairs of cloth that are too far apart to touch are told first.
     """
     from newton._src.solvers.vbd import particle_vbd_kernels, solver_vbd
 
+    from uvcloth.simulate import near_pairs
+
     for module in (particle_vbd_kernels, solver_vbd):
         vars(module)["NUM_THREADS_PER_COLLISION_PRIMITIVE"] = 1
-    vars(particle_vbd_kernels)["evaluate_dihedral_angle_based_bending_force_hessian"] = bending_force_hessian
+    vars(particle_vbd_kernels).update(
+        evaluate_dihedral_angle_based_bending_force_hessian=bending_force_hessian,
+        create_edge_edge_division_plane_closest_pt=near_pairs.near_edge_edge_plane,
+        create_vertex_triangle_division_plane_closest_pt=near_pairs.near_vertex_triangle_plane,
+        evaluate_edge_edge_contact_2_vertices=near_pairs.near_edge_edge_contact,
+        evaluate_vertex_triangle_collision_force_hessian_4_vertices=near_pairs.near_vertex_triangle_contact,
+    )
 
 
 def _model(settings: Newton, scene: Scene) -> tuple[Any, list[Any]]:
