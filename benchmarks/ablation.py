@@ -25,6 +25,7 @@ from uvcloth.checkpoint import load_checkpoint
 PHYSXNET: dict[str, tuple[str, ...]] = {
     "default": (),
     "velocity and acceleration only": ("--no-pose",),
+    "pose only": ("--no-motion",),
     "plain acceleration": ("--acceleration", "plain"),
     "world axes": ("--frame", "world"),
     "offsets from the body": ("--anchor", "body"),

@@ -23,7 +23,8 @@ BAKED_AT_ONCE = 16
 class Frames:
     """R rows: the scored frames of every clip, each clip led in by HISTORY - 1 more, body after body.
 
-    motion: (R, 6, H, W) and pose: (R, 3, H, W) float16 maps; pose is empty where the network does not see it.
+    motion: (R, 6, H, W) and pose: (R, 3, H, W) float16 maps; of what the network does not see, motion has no
+    channels, and pose is empty.
     offsets: per template (R, U, 3) float16, m, of its shared texels, zero in those that a body does not see.
     present: (R, templates) bool. transforms: (R, J, 3, 4). bodies: (R,) int64 which body. samples: (S,) int64
     rows that count. starts: (R,) int64 first row of the row's clip.

@@ -2,6 +2,9 @@
 
 from dataclasses import replace
 
+import pytest
+
+from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
@@ -17,6 +20,11 @@ def test_decoders_serve_their_template_and_those_like_it() -> None:
     assert replace(TINY, templates=("tops", "shirt")).decoder("shirt") == "shirt"
     assert replace(TINY, templates=("dress",)).decoder("shirt") is None
     assert TINY.decoder(None) is None
+
+
+def test_a_network_that_would_see_nothing_is_refused() -> None:
+    with pytest.raises(InputError, match="--no-motion --no-pose: leaves the network nothing of the body"):
+        replace(TINY, motion=False, pose=False)
 
 
 def test_a_garment_without_template_is_refused(body: Body) -> None:

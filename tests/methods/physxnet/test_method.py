@@ -174,10 +174,23 @@ def test_an_untrained_change_of_zero_is_the_carrier(body, outfit):
             torch.testing.assert_close(vertices, expected, atol=1e-5, rtol=0.0)
 
 
-@pytest.mark.parametrize("history", [0, 2])
-def test_a_saved_model_predicts_the_same(history, body, outfit, tmp_path):
+def test_a_network_that_sees_poses_alone_does_not_see_how_fast_they_came(body, outfit):
     torch.manual_seed(0)
-    method = PhysXNet.untrained(replace(TINY, history=history))
+    motion = swaying(6, seed=5).transforms()
+    for sees_motion in (False, True):
+        method = PhysXNet.untrained(replace(TINY, history=0, motion=sees_motion))
+        method.net.output_scale.fill_(0.01)
+        slow, fast = (
+            [*rollout(method, outfit, motion, fps, contact=False)][-1].vertices[0] for fps in (30.0, 60.0)
+        )
+        assert torch.equal(slow, fast) != sees_motion
+
+
+@pytest.mark.parametrize("history", [0, 2])
+@pytest.mark.parametrize("sees_motion", [True, False])
+def test_a_saved_model_predicts_the_same(history, sees_motion, body, outfit, tmp_path):
+    torch.manual_seed(0)
+    method = PhysXNet.untrained(replace(TINY, history=history, motion=sees_motion))
     method.net.output_scale.fill_(0.01)
     save_checkpoint(physxnet_checkpoint(method, body, TrainingData(), {}), tmp_path / "walker")
     loaded = load_method(tmp_path / "walker", body)

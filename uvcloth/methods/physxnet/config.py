@@ -41,6 +41,8 @@ class PhysXNetConfig:
     """Axes of motion and offsets: the world's (paper) or the rest axes that turn with the body."""
     acceleration: Literal["plain", "specific_force"] = "specific_force"
     """Acceleration (paper) or acceleration minus gravity, which also says where down is."""
+    motion: bool = True
+    """Velocity and acceleration of the body in three frames (paper); without them the network sees poses."""
     pose: bool = True
     """Three more channels: where the body point is, seen from the root joint, against its place at rest."""
     anchor: Literal["body", "smooth_lbs"] = "smooth_lbs"
@@ -61,6 +63,8 @@ class PhysXNetConfig:
         require_settings(self, RANGES)
         if not self.templates or len(set(self.templates)) < len(self.templates):
             raise InputError("--templates: has to be one template or more, each once")
+        if not (self.motion or self.pose):
+            raise InputError("--no-motion --no-pose: leaves the network nothing of the body to see")
         if self.size % 2**self.levels:
             raise InputError(
                 f"--size {self.size}: has to be a multiple of {2**self.levels} for --levels {self.levels}"
@@ -69,8 +73,8 @@ class PhysXNetConfig:
     @property
     def inputs(self) -> int:
         """Channels of the network's input."""
-        motion = HISTORY * 6 + (3 if self.pose else 0)
-        return motion + self.history * 3 * len(self.templates)
+        seen = (HISTORY * 6 if self.motion else 0) + (3 if self.pose else 0)
+        return seen + self.history * 3 * len(self.templates)
 
     def decoder(self, template: str | None) -> str | None:
         """The template whose decoder serves a garment of this one: its own, else that of the one LIKE it.

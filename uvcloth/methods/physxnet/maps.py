@@ -16,10 +16,12 @@ from uvcloth.methods.physxnet.texels import BodyTexels, GarmentDecoder, Template
 def motion_values(
     config: PhysXNetConfig, texels: BodyTexels, velocity: Tensor, acceleration: Tensor, transforms: Tensor
 ) -> Tensor:
-    """Velocity and acceleration of the texels' body points (eq. 6 and 7): (T, 6, P).
+    """Velocity and acceleration of the texels' body points (eq. 6 and 7): (T, 6, P), or none, (T, 0, P).
 
     velocity, acceleration: (T, V, 3) m/s and m/s2. transforms: (T, J, 3, 4).
     """
+    if not config.motion:
+        return velocity.new_zeros(len(velocity), 0, len(texels.corners))
     v, a = texels.gather(velocity), texels.gather(acceleration)
     if config.acceleration == "specific_force":
         a = a - a.new_tensor(GRAVITY)

@@ -47,7 +47,7 @@ class PhysXNetState:
     """The past that an autoregressive network sees in B rollouts.
 
     offsets: (B, history, 3 * templates, H, W) m, the last maps that it predicted, oldest first. motion: (B,
-    HISTORY - 1, 6, P) velocity and acceleration of the body's texels in the frames before, oldest first.
+    HISTORY - 1, 6 or 0, P) velocity and acceleration of the body's texels in the frames before, oldest first.
     """
 
     offsets: Tensor
@@ -159,7 +159,7 @@ class PhysXNet(Method):
         return tuple(read)
 
     def _motion(self, prepared: PhysXNetPrepared, frames: BodyFrames, frame: int) -> Tensor:
-        """Velocity and acceleration of the texels in one frame of the body's history: (B, 6, P)."""
+        """Velocity and acceleration of the texels in one frame of the body's history: (B, 6 or 0, P)."""
         return motion_values(
             self.config,
             prepared.texels,
