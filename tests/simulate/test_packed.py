@@ -1,5 +1,6 @@
 """Packed folders: what comes out again, what is refused, and that a rerun does the rest."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from uvcloth.bodies.body import save_body
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import joint_transforms
 from uvcloth.motion.poses import rest_hash
-from uvcloth.simulate.bodies import folder_body, keep_body
+from uvcloth.simulate.bodies import folder_body, keep_body, sequence_body
 from uvcloth.simulate.folder import keep_refused, refused_captures, stored_sequences
 from uvcloth.simulate.packed import pack_folder, unpack_folder
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, save_sequence
@@ -70,6 +71,26 @@ def test_what_is_unpacked_is_what_was_packed_to_a_millimetre(folder: Path, tmp_p
     assert torch.equal(folder_body(tmp_path / "again").mesh.vertices, small_body().mesh.vertices)
 
 
+def test_outfits_are_packed_with_their_bodies(folder: Path, tmp_path: Path) -> None:
+    """Each garment has a mesh of its own, and two of them a body of their own."""
+    stout = replace(small_body(scale=1.2), name="stout")
+    keep_body(stout, folder)
+    made = {"outfit": "o1", "split": "train", "layers": ["o1_skirt", "o1_top"]}
+    for garment in made["layers"]:
+        on = {"body": stout.name, "body_hash": rest_hash(stout)}
+        wider = sequence(garment, **made, **on)
+        save_sequence(replace(wider, rest=1.2 * wider.rest), folder / f"01_01_{garment}.npz")
+    assert pack_folder(folder, tmp_path / "packed") == 4
+    assert unpack_folder(tmp_path / "packed", tmp_path / "again") == 4
+    after = load_sequence(tmp_path / "again" / "01_01_o1_skirt.npz")
+    assert after.metadata["outfit"] == "o1"
+    assert after.layers == ("o1_skirt", "o1_top")
+    body = sequence_body(tmp_path / "again" / "01_01_o1_skirt.npz", after.metadata, {})
+    assert torch.equal(body.mesh.vertices, stout.mesh.vertices)
+    with pytest.raises(InputError, match="others in its folder on box"):
+        folder_body(tmp_path / "again")
+
+
 def test_a_rerun_does_what_is_missing(folder: Path, tmp_path: Path) -> None:
     packed = tmp_path / "packed"
     pack_folder(folder, packed)
@@ -111,10 +132,6 @@ def test_what_cannot_be_packed_is_refused_by_its_file(folder: Path, tmp_path: Pa
     save_body(small_body(), folder / "bodies" / "box.npz")
     with pytest.raises(InputError, match=r"repeat/..: is the folder itself"):
         pack_folder(folder, folder / "repeat" / "..")
-    save_sequence(sequence(outfit="o0001"), folder / "01_02_tops.npz")
-    with pytest.raises(InputError, match=r"01_02_tops.npz: is of an outfit on a body of its own"):
-        pack_folder(folder, packed)
-    (folder / "01_02_tops.npz").unlink()
     other = sequence()
     moved = SimulatedSequence(
         other.vertices, other.faces, 1.01 * other.rest, other.transforms, 30.0, 5, other.metadata

@@ -8,9 +8,8 @@ garment is kept once for all clips.
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -44,7 +43,6 @@ from uvcloth.simulate.sequence import (
     SimulatedSequence,
     load_sequence,
     parse_metadata,
-    read_metadata,
     save_sequence,
 )
 
@@ -58,6 +56,9 @@ EXPECTED_MESH = "the mesh of a garment beside packed sequences"
 
 MOTION_STEP = 5e-5
 """Metres, and half radians, of a step of the motion."""
+
+MESHES_AT_ONCE = 8
+"""Garments whose spectra are kept in memory, tens of megabytes each; made outfits have one sequence each."""
 
 PROBES = 8
 """Points of the middle frame that tell whether a sequence unpacks to what was packed."""
@@ -89,13 +90,11 @@ def pack_folder(folder: Path, out: Path) -> int:
     """Pack the sequences of a data folder that are not packed yet, its body and its index; return how many.
 
     Second simulations and refused sequences are left out. Raises InputError for a folder without sequences,
-    for sequences of outfits, on a body that the folder lacks, or of one garment with two meshes, and where
-    OUT has another index.
+    for sequences on a body that the folder lacks, or of one garment with two meshes, and where OUT has
+    another index.
     """
     paths = _sequences(folder, "made by `uvcloth simulate`")
-    for path in paths:
-        _require_no_outfit(path, read_metadata(path))
-    mesh_of = cache(partial(load_mesh, out))
+    mesh_of = lru_cache(MESHES_AT_ONCE)(partial(load_mesh, out))
     known: dict[str, Body] = {}
 
     def convert(path: Path) -> None:
@@ -118,7 +117,7 @@ def unpack_folder(folder: Path, out: Path) -> int:
     and where OUT has another index.
     """
     paths = _sequences(folder, "packed by `uvcloth data --pack`")
-    mesh_of = cache(partial(load_mesh, folder))
+    mesh_of = lru_cache(MESHES_AT_ONCE)(partial(load_mesh, folder))
     known: dict[str, Body] = {}
 
     def convert(path: Path) -> None:
@@ -183,7 +182,6 @@ def load_packed(
     """
     data = check_fields(path, load_arrays(path, PACKED_FORMAT, EXPECTED), FIELDS)
     metadata = parse_metadata(path, str(data["metadata"]))
-    _require_no_outfit(path, metadata)
     body = sequence_body(path, metadata, known)
     mesh = mesh_of(metadata["garment"])
     joints, points = len(body.skeleton.names), data["cloth"].shape[1]
@@ -272,8 +270,3 @@ def _sequences(folder: Path, made: str) -> list[Path]:
     if not paths:
         raise InputError(f"{folder}: no sequence (*.npz) {made} in this folder")
     return paths
-
-
-def _require_no_outfit(path: Path, metadata: dict[str, Any]) -> None:
-    if "outfit" in metadata:
-        raise InputError(f"{path}: is of an outfit on a body of its own, which is not packed")
