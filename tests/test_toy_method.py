@@ -19,7 +19,7 @@ from train.clips import load_training_clips, training_data
 from train.loop import LoopConfig, Objective, fit
 from train.registry import TRAINERS
 from train.trainer import TrainerEntry
-from train.validation import rollout_errors
+from train.validation import mean_errors, rollout_distances
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.checkpoint import Checkpoint, body_identity, save_checkpoint
 from uvcloth.commands.export_rig import export
@@ -85,7 +85,8 @@ class MovedObjective(Objective):
 
     def validate(self, net: Any) -> dict[str, float]:
         prepared = [(g.mesh.vertices + net.bias, g.smooth_weights) for g in self.garments]
-        return rollout_errors(Moved(net.bias), prepared, BODY, OUTFIT, self.clips, torch.device("cpu"))
+        device = torch.device("cpu")
+        return mean_errors(rollout_distances(Moved(net.bias), prepared, BODY, OUTFIT, self.clips, device))
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
         tensors, data = {"move": net.bias.detach()}, training_data(self.clips, [])

@@ -17,30 +17,6 @@ ROLLOUT_FRAMES = 150
 """Scored frames of a clip that are rolled out, at most."""
 
 
-def rollout_errors(
-    method: Method,
-    prepared: Any,
-    body: Body,
-    garments: Sequence[str],
-    clips: Sequence[TrainingClip],
-    device: torch.device,
-    under: str = "",
-) -> dict[str, float]:
-    """Mean vertex distance of each garment, mm, over the scored frames of validation clips, and their mean.
-
-    The rollout is that of evaluation, from the first warm-up frame on, of clips of one frame rate together,
-    until the shortest of these ends. prepared: by the method for the garments, on the device. clips: on the
-    body. under: the garment worn beneath, as simulated, for a method that needs it.
-    """
-    return mean_errors(rollout_distances(method, prepared, body, garments, clips, device, under))
-
-
-def mean_errors(distances: Mapping[str, Sequence[Tensor]]) -> dict[str, float]:
-    """Means over the frames of each garment, mm, and their mean first."""
-    means = {f"{name}_mm": float(torch.stack([*each]).mean()) for name, each in distances.items() if each}
-    return {"mean_mm": sum(means.values()) / len(means), **means}
-
-
 @torch.no_grad()
 def rollout_distances(
     method: Method,
@@ -51,7 +27,12 @@ def rollout_distances(
     device: torch.device,
     under: str = "",
 ) -> dict[str, list[Tensor]]:
-    """Mean vertex distance of each garment in every scored frame, mm, see `rollout_errors`."""
+    """Mean vertex distance, mm, of each garment in every scored frame of validation clips.
+
+    The rollout is that of evaluation, from the first warm-up frame on, of clips of one frame rate together,
+    until the shortest of these ends. prepared: by the method for the garments, on the device. clips: on the
+    body. under: the garment worn beneath, as simulated, for a method that needs it.
+    """
     outfit = Outfit(to_device(body, device), ())
     errors: dict[str, list[Tensor]] = {name: [] for name in garments}
     for fps in sorted({clip.fps for clip in clips}):
@@ -66,3 +47,9 @@ def rollout_distances(
                         truth = clip.vertices[name][index].to(own)
                         errors[name].append(1000.0 * (own - truth).norm(dim=1).mean())
     return errors
+
+
+def mean_errors(distances: Mapping[str, Sequence[Tensor]]) -> dict[str, float]:
+    """Means over the frames of each garment, mm, and their mean first."""
+    means = {f"{name}_mm": float(torch.stack([*each]).mean()) for name, each in distances.items() if each}
+    return {"mean_mm": sum(means.values()) / len(means), **means}

@@ -7,7 +7,7 @@ import torch
 
 from tests.small_body import small_body
 from train.clips import TrainingClip
-from train.validation import ROLLOUT_FRAMES, rollout_errors
+from train.validation import ROLLOUT_FRAMES, mean_errors, rollout_distances
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 
@@ -41,7 +41,7 @@ def clip_of(
 
 
 def errors(*clips: TrainingClip) -> dict[str, float]:
-    return rollout_errors(Drifting(), None, BODY, ("vest", "coat"), clips, CPU)
+    return mean_errors(rollout_distances(Drifting(), None, BODY, ("vest", "coat"), clips, CPU))
 
 
 def test_scores_are_means_over_the_scored_frames_of_each_garment() -> None:

@@ -14,7 +14,7 @@ from train.clips import Holdout
 from train.loop import Objective
 from train.motion_guided.dataset import FRAMES_AT_ONCE, GarmentDataset, Rows, offsets_of
 from train.motion_guided.linear_space import fit_linear
-from train.validation import rollout_errors
+from train.validation import mean_errors, rollout_distances
 from uvcloth.checkpoint import load_checkpoint, save_checkpoint
 from uvcloth.methods.method import for_inference
 from uvcloth.methods.motion_guided.config import MotionGuidedConfig
@@ -264,8 +264,10 @@ class DynamicsObjective(ShapeObjective):
         method = MotionGuided(config, self.space, network)
         prepared = MotionGuidedPrepared(self.space, network, (dataset.maps,), ())
         names = (config.garment,)
-        return rollout_errors(
-            method, prepared, dataset.body, names, dataset.clips, dataset.device, config.under
+        return mean_errors(
+            rollout_distances(
+                method, prepared, dataset.body, names, dataset.clips, dataset.device, config.under
+            )
         )
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
