@@ -11,7 +11,7 @@ from torch import Tensor
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData
-from uvcloth.motion.index import INDEX, Entry, read_index
+from uvcloth.motion.index import INDEX, Entry, read_index, require_one_split
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate.bodies import sequence_body
 from uvcloth.simulate.sequence import (
@@ -56,14 +56,7 @@ def load_training_clips(folders: List[Path], templates: List[str]) -> list[Train
     is in two splits, each in another folder.
     """
     clips = [clip for folder in folders for clip in _clips_of(Path(folder), templates)]
-    splits: dict[str, str] = {}
-    for clip in clips:
-        other = splits.setdefault(clip.subject, clip.split)
-        if clip.subject and other != clip.split:
-            raise InputError(
-                f"{' '.join(map(str, folders))}: person {clip.subject} is in {other} and in {clip.split}, "
-                f"clip {clip.clip}"
-            )
+    require_one_split(" ".join(map(str, folders)), ((each.clip, each.subject, each.split) for each in clips))
     return clips
 
 

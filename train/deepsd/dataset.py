@@ -1,7 +1,7 @@
 """The training data of DeePSD: outfits as graphs, with frames of what they did and poses of their bodies."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import first_of
 from uvcloth.methods.deepsd.outfit_graph import OutfitGraph, outfit_graph
 from uvcloth.methods.rig import pose_vectors
+from uvcloth.motion.index import require_one_split
 from uvcloth.simulate.cloth3d import is_cloth3d, load_cloth3d
 from uvcloth.simulate.outfit_sequence import OutfitSequence, load_outfit_sequences
 
@@ -106,22 +107,24 @@ class OutfitDataset:
         return self.training[0].body
 
 
-def read_outfits(folder: Path, rest_frames: int, *, balanced: bool = False) -> OutfitDataset:
-    """Read the training and validation outfits of a folder.
+def read_outfits(folders: Sequence[Path], rest_frames: int, *, balanced: bool = False) -> OutfitDataset:
+    """Read the training and validation outfits of some folders.
 
     rest_frames: leading frames that do not teach; of those that validate the whole warm-up does not count.
     balanced: as OutfitDataset has it. Raises InputError as `load_outfit_sequences` does, if a split has no
-    outfit, and if bodies differ in mesh or skeleton.
+    outfit, for a person in two splits, and if bodies differ in mesh or skeleton.
     """
-    sequences = outfit_sequences(folder)
+    sequences = [sequence for folder in folders for sequence in _named(folder, len(folders) > 1)]
+    source = " ".join(map(str, folders))
+    require_one_split(source, ((each.clip, each.subject, each.split) for each in sequences))
     for split in TRAINING_SPLITS:
         if not any(sequence.split == split for sequence in sequences):
-            raise InputError(f"{folder}: holds no outfit for {split}, training needs some")
+            raise InputError(f"{source}: holds no outfit for {split}, training needs some")
     first = sequences[0].outfit.body
     for sequence in sequences:
         if body_identity(sequence.outfit.body)["topology"] != body_identity(first)["topology"]:
             raise InputError(
-                f"{folder}: outfit {sequence.name} is on a body of another mesh or skeleton than outfit "
+                f"{source}: outfit {sequence.name} is on a body of another mesh or skeleton than outfit "
                 f"{sequences[0].name}; one model learns one kind of body"
             )
     data = TrainingData(
@@ -132,6 +135,21 @@ def read_outfits(folder: Path, rest_frames: int, *, balanced: bool = False) -> O
     )
     training, held = (_grouped(sequences, split, rest_frames) for split in TRAINING_SPLITS)
     return OutfitDataset(training, held, data, balanced)
+
+
+def _named(folder: Path, among_others: bool) -> list[OutfitSequence]:
+    """The sequences of a folder; among others it is part of their names, which two folders may share."""
+    sequences = outfit_sequences(folder)
+    if not among_others:
+        return sequences
+    return [
+        replace(
+            sequence,
+            name=f"{folder.name}/{sequence.name}",
+            files={f"{folder.name}/{name}": digest for name, digest in sequence.files.items()},
+        )
+        for sequence in sequences
+    ]
 
 
 def outfit_sequences(folder: Path) -> list[OutfitSequence]:

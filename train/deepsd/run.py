@@ -60,8 +60,9 @@ class DeePSDRun:
 
     out: Path
     """Folder of the run: checkpoint, training state, TensorBoard."""
-    data: Path | None = None
-    """Folder of the outfits that `uvcloth simulate --outfits` moved, or in CLOTH3D's layout."""
+    data: tuple[Path, ...] = ()
+    """Folders of the outfits that `uvcloth simulate --outfits` moved, or in CLOTH3D's layout; in folders of
+    other sequences each garment is an outfit."""
     physics_only: Annotated[str | None, tyro.conf.arg(metavar="RUN|shipped")] = None
     """Go on from the network of this run: train the branch of physics alone, all else stays."""
     outfit: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")] = ()
@@ -92,7 +93,7 @@ class DeePSDRun:
         check_run(self.out, resume=self.resume)
         if self.loop.devices > 1:
             raise InputError("--devices: DeePSD is trained on one device, leave it out")
-        if (self.data is None) == (not self.outfit):
+        if bool(self.data) == bool(self.outfit):
             raise InputError("name either --data, or --outfit to fit to it without data")
         if self.outfit and self.physics_only is None:
             raise InputError(
@@ -106,20 +107,19 @@ class DeePSDRun:
         """The objective of the phase that is asked for."""
         device = training_device()
         if self.physics_only is None:
-            assert self.data is not None
-            dataset = self._outfits(self.data)
+            dataset = self._outfits()
             if self.losses.mirror:
                 mirrored = tuple(mirror_outfit(outfit) for outfit in dataset.training)
                 dataset = replace(dataset, training=(*dataset.training, *mirrored))
             return DataObjective(self.network, self.losses, dataset, device)
         start = load_start(self.physics_only)
         require_fabric_read(start.method, self.fabric)
-        dataset = self._posed_outfit() if self.data is None else self._outfits(self.data)
+        dataset = self._outfits() if self.data else self._posed_outfit()
         return PhysicsObjective(start, self.physics, dataset, self.loop.batch, device)
 
-    def _outfits(self, folder: Path) -> OutfitDataset:
+    def _outfits(self) -> OutfitDataset:
         """The outfits of the data."""
-        return read_outfits(folder, self.losses.rest_frames, balanced=self.balanced)
+        return read_outfits(self.data, self.losses.rest_frames, balanced=self.balanced)
 
     def _posed_outfit(self) -> OutfitDataset:
         """The user's outfit in the poses named."""

@@ -66,8 +66,25 @@ def read_index(path: Path) -> dict[str, Entry]:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path}: not a table of text") from error
-    _require_one_split_each(path, entries.values())
+    require_one_split(str(path), ((e.clip, e.subject, e.split) for e in entries.values()))
     return entries
+
+
+def require_one_split(source: str, clips: Iterable[tuple[str, str, str]]) -> None:
+    """Raise InputError naming a person who is in two splits, and a clip of each.
+
+    clips: their name, person ("" where that is not known) and split. source: where they are from, in words.
+    """
+    first: dict[str, tuple[str, str]] = {}
+    for clip, subject, split in clips:
+        if split == UNUSED or not subject:
+            continue
+        other, known = first.setdefault(subject, (clip, split))
+        if known != split:
+            raise InputError(
+                f"{source}: person {subject} is in two splits, {known} (clip {other}) and {split} "
+                f"(clip {clip}); keep one and call the other clips {UNUSED}"
+            )
 
 
 def clip_file(entry: Entry, folder: Path) -> Path:
@@ -98,20 +115,6 @@ def _require_columns(path: Path, columns: Iterable[str]) -> None:
         )
     if missing:
         raise InputError(f"{path}: lacks the column {', '.join(missing)}")
-
-
-def _require_one_split_each(path: Path, entries: Iterable[Entry]) -> None:
-    """Raise InputError naming a person who is in two splits, and a clip of each."""
-    first: dict[str, Entry] = {}
-    for entry in entries:
-        if entry.split == UNUSED:
-            continue
-        other = first.setdefault(entry.subject, entry)
-        if other.split != entry.split:
-            raise InputError(
-                f"{path}: person {entry.subject} is in two splits, {other.split} (clip {other.clip}) and "
-                f"{entry.split} (clip {entry.clip}); keep one and call the other clips {UNUSED}"
-            )
 
 
 def _entry(path: Path, row: dict[str, str]) -> Entry:

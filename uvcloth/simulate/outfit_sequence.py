@@ -1,6 +1,6 @@
 """Sequences of outfits: several garments that moved together on a body of their own."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -17,6 +17,7 @@ from uvcloth.garments.fabric import Fabric, fabric_from
 from uvcloth.garments.fit import make_fitted
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.motion.index import INDEX, Entry, read_index
 from uvcloth.motion.poses import SPLITS
 from uvcloth.simulate.bodies import sequence_body
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, require_same_motion
@@ -51,22 +52,23 @@ class OutfitSequence:
 
 
 def load_outfit_sequences(folder: Path, splits: Sequence[str] = SPLITS) -> list[OutfitSequence]:
-    """Read the outfits that `uvcloth simulate --outfits` moved, sorted by name and clip.
+    """Read the outfits that `uvcloth simulate` moved, sorted by name and clip.
 
-    Raises InputError naming the file if one is damaged, of no outfit, on a body that the folder lacks, or of
-    another motion than the outfit's other garments; and the folder if it holds none in these splits.
+    What was not made with --outfits is one too, by itself or with its layers, of the split that the folder's
+    index says. Raises InputError naming the file if one is damaged, of no split, on a body that the folder
+    lacks, or of another motion than the outfit's other garments; and the folder if it holds none in these
+    splits.
     """
     paths = sorted(folder.glob("*.npz"))
     if not paths:
         raise InputError(f"{folder}: no sequence (*.npz) made by `uvcloth simulate` in this folder")
+    index = read_index(folder / INDEX) if (folder / INDEX).is_file() else {}
     found: dict[tuple[str, str], dict[str, tuple[Path, SimulatedSequence]]] = {}
     for path in track(paths, "reading sequences", transient=True):
-        sequence = load_sequence(path)
-        outfit = sequence.metadata.get("outfit")
-        if outfit is None:
-            raise InputError(f"{path}: of no outfit, it was not made by `uvcloth simulate --outfits`")
+        sequence = _labelled(path, load_sequence(path), index)
         if sequence.metadata.get("split") in splits:
-            found.setdefault((str(outfit), sequence.clip), {})[sequence.garment] = (path, sequence)
+            outfit = str(sequence.metadata["outfit"])
+            found.setdefault((outfit, sequence.clip), {})[sequence.garment] = (path, sequence)
     if not found:
         raise InputError(f"{folder}: holds no outfit for {' or '.join(splits)}")
     bodies: dict[str, Body] = {}
@@ -80,6 +82,23 @@ def load_outfit_sequences(folder: Path, splits: Sequence[str] = SPLITS) -> list[
             dressed[name] = _outfit(parts, body)
         sequences.append(_join(name, dressed[name], parts))
     return sequences
+
+
+def _labelled(path: Path, sequence: SimulatedSequence, index: Mapping[str, Entry]) -> SimulatedSequence:
+    """The sequence with the labels of an outfit, which by itself, or with its layers, each garment is."""
+    if "outfit" in sequence.metadata:
+        return sequence
+    if sequence.clip not in index:
+        raise InputError(f"{path}: of no split, its clip {sequence.clip} is in no {INDEX} of its folder")
+    entry = index[sequence.clip]
+    labels = {
+        "outfit": "_".join([*sequence.layers, str(sequence.metadata.get("body", ""))]),
+        "types": {sequence.garment: sequence.template or sequence.garment},
+        "split": entry.split,
+        "subject": entry.subject,
+        "action": entry.action,
+    }
+    return replace(sequence, metadata={**sequence.metadata, **labels})
 
 
 def _layers(parts: dict[str, tuple[Path, SimulatedSequence]]) -> list[tuple[Path, SimulatedSequence]]:

@@ -33,4 +33,4 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def dataset(folder: Path) -> OutfitDataset:
     """The same as training reads them."""
-    return read_outfits(folder, rest_frames=1)
+    return read_outfits([folder], rest_frames=1)

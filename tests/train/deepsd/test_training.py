@@ -11,6 +11,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from tests.small_body import small_body
+from tests.train.simulated import save_clips
 from train.__main__ import main
 from train.deepsd.dataset import OutfitDataset, read_outfits
 from train.deepsd.losses import DataLosses, data_losses, prior_share
@@ -278,7 +279,7 @@ def test_outfits_are_of_the_fabric_that_was_simulated(dataset: OutfitDataset) ->
 
 def test_a_fabric_is_named_for_an_outfit_that_has_no_data(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--fabric: is that of --outfit, data name their own"):
-        DeePSDRun(out=tmp_path / "run", data=folder, fabric="silk").train()
+        DeePSDRun(out=tmp_path / "run", data=(folder,), fabric="silk").train()
     run = DeePSDRun(out=tmp_path / "run", physics_only="shipped", outfit=("tops",), fabric="silk")
     with pytest.raises(InputError, match="--fabric silk: model deepsd dresses in the one fabric"):
         run.train()
@@ -299,11 +300,33 @@ def test_folders_that_do_not_do_are_refused(folder: Path, tmp_path: Path) -> Non
     (tmp_path / BODIES).mkdir()
     (tmp_path / BODIES / "ann.npz").write_bytes((folder / BODIES / "ann.npz").read_bytes())
     with pytest.raises(InputError, match="holds no outfit for validation, training needs some"):
-        read_outfits(tmp_path, 1)
+        read_outfits([tmp_path], 1)
     with pytest.raises(InputError, match=r"no sequence \(\*.npz\)"):
-        read_outfits(tmp_path / BODIES / "none", 1)
+        read_outfits([tmp_path / BODIES / "none"], 1)
     with pytest.raises(InputError, match=r"--points 0.0: has to be more than 0"):
         DataLosses(points=0.0)
+
+
+def test_sequences_of_single_garments_are_outfits_of_one(folder: Path, tmp_path: Path) -> None:
+    plain = tmp_path / "plain"
+    save_clips(plain, ("tops", "bottoms"), clips=3, frames=5)
+    with pytest.raises(
+        InputError, match=r"clip0_bottoms.npz: of no split, its clip clip0 is in no index.csv"
+    ):
+        read_outfits([plain], 1)
+    rows = "clip0,ann,train,walk,0,2\nclip1,ann,train,run,0,2\nclip2,bob,validation,walk,0,2\n"
+    (plain / "index.csv").write_text(f"trial,subject,split,action,window_start,window_frames\n{rows}")
+    alone = read_outfits([plain], 1)
+    assert [outfit.name for outfit in alone.training] == ["bottoms_default", "tops_default"]
+    assert [len(outfit.vectors) for outfit in alone.training] == [8, 8]
+    assert [outfit.name for outfit in alone.held] == ["tops_default"]
+    assert alone.data.clips["train"] == {"clip0": "ann", "clip1": "ann"}
+    both = read_outfits([folder, plain], 1)
+    assert {"plain/tops_default", f"{folder.name}/belt"} <= {outfit.name for outfit in both.training}
+    assert len(both.data.files) == len(alone.data.files) + len(read_outfits([folder], 1).data.files)
+    (plain / "index.csv").write_text((plain / "index.csv").read_text().replace("ann", "person2"))
+    with pytest.raises(InputError, match="plain: person person2 is in two splits"):
+        read_outfits([folder, plain], 1)
 
 
 def test_bodies_of_two_kinds_are_refused(
@@ -321,7 +344,7 @@ def test_bodies_of_two_kinds_are_refused(
     with pytest.raises(
         InputError, match="outfit hips is on a body of another mesh or skeleton than outfit belt"
     ):
-        read_outfits(folder, 1)
+        read_outfits([folder], 1)
 
 
 def test_the_command_trains(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
