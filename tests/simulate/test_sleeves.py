@@ -49,7 +49,7 @@ def sleeves(body: Body, skinned: SimulatedSequence) -> Tensor:
 def test_a_worn_sleeve_is_accepted(skinned: SimulatedSequence, shirt: Garment, body: Body) -> None:
     seen, reason = examine(skinned, shirt, body)
     assert reason is None
-    assert seen.metadata["pierced_percent"] == 0.0
+    assert seen.metadata["left_percent"] == 0.0
     assert seen.metadata["inside_percent"] < 0.2
 
 

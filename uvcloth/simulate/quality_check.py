@@ -6,16 +6,15 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.collider import ARM_PARTS, FOREARM_PARTS, LEG_PARTS, make_collider
+from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import unique_edges, weld
-from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.geometry.skinning import skin
-from uvcloth.motion.roles import joint_roles
 from uvcloth.physics.contact import Obstacle, Skin
 from uvcloth.physics.self_intersection import crossing_edges_percent
 from uvcloth.simulate.hems import unsupported_hem
+from uvcloth.simulate.limbs import limbs_left_percent
 from uvcloth.simulate.sequence import SimulatedSequence
 
 MAX_INSIDE_PERCENT = 0.5
@@ -24,23 +23,11 @@ MAX_INSIDE_PERCENT = 0.5
 MAX_STRETCH = 20.0
 """Multiple of its rest length that no edge may exceed."""
 
-MAX_PIERCED_PERCENT = 5.0
-"""Percent of the frames in which a bone may stick through the cloth around it."""
+MAX_LEFT_PERCENT = 5.0
+"""Percent of the frames in which a bone may stick through the cloth around it, or be out of its cuff."""
 
 MAX_CROSSING_PERCENT = 5.0
 """Percent of the edges that may run through the garment itself, averaged over the scored frames."""
-
-COLLIDER_BONES = (
-    ("left_upper_arm", "left_forearm"),
-    ("right_upper_arm", "right_forearm"),
-    ("left_thigh", "left_shin"),
-    ("right_thigh", "right_shin"),
-    ("left_shin", "left_foot"),
-    ("right_shin", "right_foot"),
-    ("left_forearm", "left_hand"),
-    ("right_forearm", "right_hand"),
-)
-"""Roles of the joints at which the bones of the collider's arms and legs start and end."""
 
 
 def examine(
@@ -50,8 +37,9 @@ def examine(
 
     inside_percent: of the vertices inside a part of the collider that they may touch, but for those squeezed
     between two such parts.
-    pierced_percent: of the frames in which a bone sticks through the cloth around it. Cloth that has come off
-    its limb lies outside of everything, which no other measure shows.
+    left_percent: of the frames in which a bone sticks through the cloth around it, or a limb is out of the
+    cuff that it passes at rest. Cloth that has come off its limb lies outside of everything, which no other
+    measure shows.
     crossing_percent: of the edges that run through a face of the garment.
 
     An unsupported hem is refused too (`unsupported_hem`).
@@ -66,9 +54,11 @@ def examine(
         return sequence, f"frame {int(ratio.argmax())}: an edge is {float(ratio.max()):.1f} times its length"
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     contact = obstacle.contact_garment(sequence.rest, sequence.faces)
-    pierced = _pierced_percent(sequence, body.skeleton, contact.touches)
     scored = slice(sequence.warm_up, None)
     vertices, transforms = vertices[scored], sequence.transforms[scored]
+    left = limbs_left_percent(
+        vertices, sequence.rest, sequence.faces, transforms, body.skeleton, contact.touches
+    )
     posed = posed_skin(body, transforms)
     inside = _mean(obstacle.inside_percent(vertices, contact, posed))
     crossing = _mean(crossing_edges_percent(vertices, weld(sequence.rest)[sequence.faces]))
@@ -82,12 +72,12 @@ def examine(
     metadata = {
         **sequence.metadata,
         "inside_percent": round(inside, 4),
-        "pierced_percent": round(pierced, 4),
+        "left_percent": round(left, 4),
         "crossing_percent": round(crossing, 4),
     }
     reason = None
-    if pierced > MAX_PIERCED_PERCENT:
-        reason = f"a limb has left its cloth in {pierced:.0f} % of the frames"
+    if left > MAX_LEFT_PERCENT:
+        reason = f"a limb has left its cloth in {left:.0f} % of the frames"
     elif inside > MAX_INSIDE_PERCENT:
         reason = f"{inside:.2f} % of the vertices are inside the body"
     elif crossing > MAX_CROSSING_PERCENT:
@@ -103,33 +93,3 @@ def examine(
 
 def _mean(percent: Tensor) -> float:
     return float(percent.mean()) if len(percent) else 0.0
-
-
-def _pierced_percent(sequence: SimulatedSequence, skeleton: Skeleton, touches: Tensor) -> float:
-    """Percent of the scored frames in which a bone crosses a face that lies beside its part at rest.
-
-    touches: (N,) int32, a bit per part.
-    """
-    transforms = sequence.transforms[sequence.warm_up :]
-    vertices = sequence.vertices[sequence.warm_up :]
-    pierced = torch.zeros(len(vertices), dtype=torch.bool)
-    roles = joint_roles(skeleton.names)
-    for part, (start, end) in zip((*ARM_PARTS, *LEG_PARTS, *FOREARM_PARTS), COLLIDER_BONES, strict=True):
-        joint, child = roles[start], roles[end]
-        moved = transforms[:, joint]
-        heads, tails = (moved[..., :3] @ skeleton.heads[i] + moved[..., 3] for i in (joint, child))
-        faces = sequence.faces[((touches >> part) & 1).bool()[sequence.faces].all(1)]
-        pierced |= _crosses(heads, tails, vertices[:, faces]).any(1)
-    return 100.0 * float(pierced.float().mean()) if len(pierced) else 0.0
-
-
-def _crosses(heads: Tensor, tails: Tensor, corners: Tensor) -> Tensor:
-    """Mask (T, F) of the triangles (T, F, 3 corners, 3) m that segments from heads to tails (T, 3) cross."""
-    along = (tails - heads)[:, None]
-    a, b, c = (corners - heads[:, None, None]).unbind(2)
-    turns = torch.stack(
-        [(along * torch.linalg.cross(p, q)).sum(-1) for p, q in ((a, b), (b, c), (c, a))], dim=-1
-    )
-    normal = torch.linalg.cross(b - a, c - a)
-    before, after = -(a * normal).sum(-1), ((along - a) * normal).sum(-1)
-    return ((turns > 0).all(-1) | (turns < 0).all(-1)) & (before * after < 0)

@@ -1,0 +1,109 @@
+"""Limbs that have left their cloth: bones that stick through it, limbs that are out of their cuffs."""
+
+import torch
+from torch import Tensor
+
+from uvcloth.bodies.collider import ARM_PARTS, FOREARM_PARTS, LEG_PARTS
+from uvcloth.garments.band import hems
+from uvcloth.geometry.mesh import boundary_edges, weld
+from uvcloth.geometry.skeleton import Skeleton
+from uvcloth.motion.roles import joint_roles
+
+COLLIDER_BONES = (
+    ("left_upper_arm", "left_forearm"),
+    ("right_upper_arm", "right_forearm"),
+    ("left_thigh", "left_shin"),
+    ("right_thigh", "right_shin"),
+    ("left_shin", "left_foot"),
+    ("right_shin", "right_foot"),
+    ("left_forearm", "left_hand"),
+    ("right_forearm", "right_hand"),
+)
+"""Roles of the joints at which the bones of the collider's arms and legs start and end."""
+
+LIMBS = (
+    ("left_upper_arm", "left_forearm", "left_hand"),
+    ("right_upper_arm", "right_forearm", "right_hand"),
+    ("left_thigh", "left_shin", "left_foot"),
+    ("right_thigh", "right_shin", "right_foot"),
+)
+"""Roles of the joints of each limb, from the trunk outwards."""
+
+BEYOND = 0.1
+"""Metres that the last bone of a limb is taken to be longer: cuffs lie over wrists and ankles."""
+
+
+def limbs_left_percent(
+    vertices: Tensor, rest: Tensor, faces: Tensor, transforms: Tensor, skeleton: Skeleton, touches: Tensor
+) -> float:
+    """Percent of frames in which a limb has left its cloth.
+
+    vertices: (T, N, 3) m. rest: (N, 3) m. faces: (M, 3). transforms: (T, J, 3, 4). touches: (N,) int32, a bit
+    per part of the collider. A limb has left it where a bone crosses a face that lies beside its part at
+    rest, as in passing, and as long as it does not pass the cuff that it alone passes at rest.
+    """
+    if not len(vertices):
+        return 0.0
+    left = _pierced(vertices, faces, transforms, skeleton, touches)
+    still = torch.eye(3, 4).expand(1, len(skeleton.names), 3, 4).to(transforms)
+    limbs = [(_joints(limb, still, skeleton), _joints(limb, transforms, skeleton)) for limb in LIMBS]
+    edges = boundary_edges(weld(rest)[faces])
+    for hem in hems(edges):
+        own = edges[torch.isin(edges, hem).all(1)]
+        passing = [moved for resting, moved in limbs if _passes(resting, rest[None], own).item()]
+        if len(passing) == 1:
+            left |= ~_passes(passing[0], vertices, own)
+    return 100.0 * float(left.float().mean())
+
+
+def _pierced(
+    vertices: Tensor, faces: Tensor, transforms: Tensor, skeleton: Skeleton, touches: Tensor
+) -> Tensor:
+    """Mask (T,) of the frames in which a bone crosses a face that lies beside its part at rest."""
+    pierced = torch.zeros(len(vertices), dtype=torch.bool)
+    for part, bone in zip((*ARM_PARTS, *LEG_PARTS, *FOREARM_PARTS), COLLIDER_BONES, strict=True):
+        beside = faces[((touches >> part) & 1).bool()[faces].all(1)]
+        heads, tails = _ends(*bone, transforms, skeleton)
+        pierced |= _crosses(heads, tails, vertices[:, beside]).any(1)
+    return pierced
+
+
+def _ends(start: str, end: str, transforms: Tensor, skeleton: Skeleton) -> tuple[Tensor, Tensor]:
+    """Both ends (T, 3) m of the bone between the joints of two roles."""
+    roles = joint_roles(skeleton.names)
+    moved = transforms[:, roles[start]]
+    heads, tails = (moved[..., :3] @ skeleton.heads[roles[role]] + moved[..., 3] for role in (start, end))
+    return heads, tails
+
+
+def _joints(limb: tuple[str, str, str], transforms: Tensor, skeleton: Skeleton) -> Tensor:
+    """The joints of a limb and what lies beyond the last one: (T, 3, 3) m."""
+    first, middle = _ends(limb[0], limb[1], transforms, skeleton)
+    middle, last = _ends(limb[1], limb[2], transforms, skeleton)
+    along = torch.nn.functional.normalize(last - middle, dim=1)
+    return torch.stack([first, middle, last + BEYOND * along], dim=1)
+
+
+def _passes(limb: Tensor, vertices: Tensor, edges: Tensor) -> Tensor:
+    """Mask (T,) of the frames in which a limb (T, 3, 3) passes through an opening.
+
+    edges: (E, 2) of its rim. It passes if it crosses a surface between the rim and its middle an odd number
+    of times.
+    """
+    rim = vertices[:, edges]
+    middle = rim.mean((1, 2), keepdim=True).expand(-1, len(edges), -1, -1)
+    fan = torch.cat([rim, middle], dim=2)
+    upper, lower = (_crosses(limb[:, bone], limb[:, bone + 1], fan).sum(1) for bone in range(2))
+    return (upper + lower) % 2 == 1
+
+
+def _crosses(heads: Tensor, tails: Tensor, corners: Tensor) -> Tensor:
+    """Mask (T, F) of the triangles (T, F, 3 corners, 3) m that segments from heads to tails (T, 3) cross."""
+    along = (tails - heads)[:, None]
+    a, b, c = (corners - heads[:, None, None]).unbind(2)
+    turns = torch.stack(
+        [(along * torch.linalg.cross(p, q)).sum(-1) for p, q in ((a, b), (b, c), (c, a))], dim=-1
+    )
+    normal = torch.linalg.cross(b - a, c - a)
+    before, after = -(a * normal).sum(-1), ((along - a) * normal).sum(-1)
+    return ((turns > 0).all(-1) | (turns < 0).all(-1)) & (before * after < 0)
