@@ -56,7 +56,7 @@ def test_resuming_gives_the_weights_of_an_uninterrupted_run(variant: str, data: 
     network, losses = VARIANTS[variant]
 
     def objective(run: str, kind: Callable[..., PhysXNetObjective] = PhysXNetObjective) -> PhysXNetObjective:
-        return kind(network, losses, data, tmp_path / run)
+        return kind(network, losses, [data], tmp_path / run)
 
     fit(objective("whole"), tmp_path / "whole", LOOP, resume=False)
     with pytest.raises(KeyboardInterrupt):
@@ -75,7 +75,7 @@ def test_resuming_gives_the_weights_of_an_uninterrupted_run(variant: str, data: 
 
     with pytest.raises(InputError, match="learning_rate"):
         fit(objective("parts"), tmp_path / "parts", replace(LOOP, learning_rate=0.5), resume=True)
-    other = PhysXNetObjective(network, replace(losses, edge=losses.edge + 1.0), data, tmp_path / "parts")
+    other = PhysXNetObjective(network, replace(losses, edge=losses.edge + 1.0), [data], tmp_path / "parts")
     with pytest.raises(InputError, match=r"was started with losses.edge"):
         fit(other, tmp_path / "parts", LOOP, resume=True)
     with pytest.raises(InputError, match="--resume"):

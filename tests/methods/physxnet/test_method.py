@@ -192,6 +192,7 @@ def test_a_saved_model_predicts_the_same(history, sees_motion, body, outfit, tmp
     torch.manual_seed(0)
     method = PhysXNet.untrained(replace(TINY, history=history, motion=sees_motion))
     method.net.output_scale.fill_(0.01)
+    method.net.half().float()  # files are in half precision
     save_checkpoint(physxnet_checkpoint(method, body, TrainingData(), {}), tmp_path / "walker")
     loaded = load_method(tmp_path / "walker", body)
     assert loaded.name == "walker"
@@ -212,7 +213,7 @@ def test_a_loaded_model_that_is_saved_again_loads(body, tmp_path):
     save_checkpoint(physxnet_checkpoint(loaded, body, TrainingData(), {}), tmp_path / "again")
     again = load_method(tmp_path / "again", body)
     assert (again.name, again.config) == ("again", TINY)
-    for name, tensor in method.net.state_dict().items():
+    for name, tensor in loaded.net.state_dict().items():
         assert torch.equal(again.net.state_dict()[name], tensor)
 
 

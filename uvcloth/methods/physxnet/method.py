@@ -217,11 +217,14 @@ def load_physxnet(checkpoint: Checkpoint, folder: Path) -> PhysXNet:
 def physxnet_checkpoint(
     method: PhysXNet, body: Body, data: TrainingData, notes: dict[str, Any]
 ) -> Checkpoint:
-    """The checkpoint of a trained method."""
+    """The checkpoint of a trained method, in half precision."""
     return Checkpoint(
         method="physxnet",
         config=asdict(method.config),
-        tensors=method.net.state_dict(),
+        tensors={
+            name: tensor.half() if tensor.is_floating_point() else tensor
+            for name, tensor in method.net.state_dict().items()
+        },
         body=body_identity(body),
         garments=method.config.templates,
         data=data,
