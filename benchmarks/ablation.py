@@ -34,13 +34,13 @@ PHYSXNET: dict[str, tuple[str, ...]] = {
     "inputs of any size": ("--reach", "0"),
     "no mirroring": ("--no-mirror",),
     "no edge and bend losses": ("--edge", "0", "--bend", "0"),
-    "no memory": ("--history", "0"),
+    "memory of two maps": ("--history", "2"),
     "adversarial": ("--adversarial",),
     "batch normalization": ("--norm", "batch"),
     "transposed convolutions": ("--upsample", "transposed"),
     "maps of 128": ("--size", "128"),
-    "no dropout": ("--dropout", "0"),
-    "four levels": ("--levels", "4"),
+    "dropout": ("--dropout", "0.4"),
+    "three levels": ("--levels", "3"),
     "the paper's choices": ("--preset", "paper", "--size", "64", "--width", "32"),
 }
 

@@ -25,6 +25,7 @@ PIXELS = torch.tensor([9, 14, 33, 50])
 
 CONFIG = PhysXNetConfig(
     size=8,
+    levels=3,
     width=8,
     pose=False,
     history=0,

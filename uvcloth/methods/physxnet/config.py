@@ -29,14 +29,14 @@ class PhysXNetConfig:
     """Height and width of every map, a multiple of 2 to the number of levels."""
     width: int = 32
     """Channels of the first encoder level; every next level doubles them, up to eight times."""
-    levels: int = 3
-    """Encoder and decoder levels (paper: 4); with fewer, less of the body is seen at once."""
+    levels: int = 4
+    """Encoder and decoder levels; with fewer, less of the body is seen at once."""
     norm: Literal["batch", "group", "instance"] = "group"
     """Normalization layers."""
     upsample: Literal["transposed", "resize"] = "resize"
     """Enlargement in the decoders: transposed convolution (paper), or convolution and bilinear resize."""
-    dropout: float = 0.4
-    """Share of the deepest level's channels dropped in training; 0 in the paper."""
+    dropout: float = 0.0
+    """Share of the deepest level's channels dropped in training."""
     frame: Literal["world", "body"] = "body"
     """Axes of motion and offsets: the world's (paper) or the rest axes that turn with the body."""
     acceleration: Literal["plain", "specific_force"] = "specific_force"
@@ -47,8 +47,8 @@ class PhysXNetConfig:
     """Three more channels: where the body point is, seen from the root joint, against its place at rest."""
     anchor: Literal["body", "smooth_lbs"] = "smooth_lbs"
     """The origin of offsets: the texel's body point (paper) or the smoothly skinned garment."""
-    history: int = 2
-    """The number of its own last offset maps that the network sees; 0 remembers nothing (paper)."""
+    history: int = 0
+    """The number of its own last offset maps that the network sees; 0 remembers nothing."""
     scaling: Literal["min_max", "mean_std"] = "mean_std"
     """Each channel to [-1, 1] by its extremes (paper), or to zero mean and unit deviation."""
     reach: float = 4.0
@@ -90,18 +90,15 @@ PRESETS: dict[str, PhysXNetConfig] = {
     "paper": PhysXNetConfig(
         size=256,
         width=64,
-        levels=4,
         norm="batch",
         upsample="transposed",
-        dropout=0.0,
         frame="world",
         acceleration="plain",
         pose=False,
         anchor="body",
-        history=0,
         scaling="min_max",
         reach=0.0,
         centre="channel",
     ),
-    "tiny": PhysXNetConfig(size=32, width=8),
+    "tiny": PhysXNetConfig(size=32, width=8, levels=3, dropout=0.4, history=2),
 }
