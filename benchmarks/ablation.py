@@ -2,7 +2,7 @@
 
 Run from the checkout as
 
-    python benchmarks/ablation.py --method physxnet --data DATA --out RUNS [--steps 600]
+    python benchmarks/ablation.py --method physxnet --data DATA ... --out RUNS [--steps 600]
         [--only default "no mirroring"]
 
 Finished runs are kept, so that it can be interrupted; another length or other data need another folder. It
@@ -75,7 +75,7 @@ VARIANTS: dict[str, dict[str, tuple[str, ...]]] = {"physxnet": PHYSXNET, "deepsd
 
 
 def main(
-    data: Path,
+    data: tuple[Path, ...],
     out: Path,
     method: Literal["physxnet", "deepsd"] = "physxnet",
     steps: int = 600,
@@ -93,7 +93,7 @@ def main(
         if not finished.exists():
             resume = ["--resume"] if (run / "training").exists() else []
             settings = ["--steps", str(steps), "--validate-every", str(steps // 4)]
-            command = [sys.executable, "-m", "train", method, "--data", str(data), "--out", str(run)]
+            command = [sys.executable, "-m", "train", method, "--data", *map(str, data), "--out", str(run)]
             print(f"{name}:", *variants[name], file=sys.stderr)
             subprocess.run(
                 [*command, *settings, *variants[name], *resume],
