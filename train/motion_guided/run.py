@@ -20,7 +20,7 @@ from uvcloth.methods.motion_guided.config import MotionGuidedConfig
 from uvcloth.methods.motion_guided.method import ENTRY as METHOD
 
 LOOPS: dict[str, LoopConfig] = {
-    "fast": LoopConfig(steps=300, average=0.99, validate_every=25, keep="last"),
+    "fast": LoopConfig(steps=1200, validate_every=100, keep="last"),
     "paper": LoopConfig(steps=30000, batch=4, learning_rate=1e-4, weight_decay=0.0, average=0.0),
     "tiny": LoopConfig(steps=8, batch=2, validate_every=4, average=0.9),
 }

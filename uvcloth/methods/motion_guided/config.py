@@ -51,8 +51,8 @@ class MotionGuidedConfig:
     """Its layers (paper: 6)."""
     norm: Literal["batch", "group", "instance", "none"] = "none"
     """Normalization layers (paper: instance, which hide how large a motion is)."""
-    dropout: float = 0.2
-    """Share of what the dynamic encoder's last layer sees that training drops (paper: 0)."""
+    dropout: float = 0.0
+    """Share of what the dynamic encoder's last layer sees that training drops."""
     upsample: Literal["transposed", "resize"] = "resize"
     """Enlargement in the decoder (paper: transposed)."""
     seeds: int = 581
@@ -136,7 +136,6 @@ PRESETS: dict[str, MotionGuidedConfig] = {
         hidden=128,
         layers=6,
         norm="instance",
-        dropout=0.0,
         upsample="transposed",
         near=581,
         skinning="kernels",
