@@ -1,4 +1,4 @@
-"""The packed sequences in `benchmarks/sequences`: they unpack here as where they were packed."""
+"""The packed sequences in `benchmarks`: they unpack here as where they were packed."""
 
 from functools import partial
 from pathlib import Path
@@ -12,7 +12,8 @@ from uvcloth.motion.index import read_index
 from uvcloth.physics.energies import edge_change
 from uvcloth.simulate.packed import load_mesh, load_packed
 
-FOLDER = Path(__file__).parent.parent / "benchmarks" / "sequences"
+BENCHMARKS = Path(__file__).parent.parent / "benchmarks"
+FOLDER = BENCHMARKS / "sequences"
 TEMPLATES = ("tops", "bottoms", "dress")
 
 
@@ -42,3 +43,21 @@ def test_every_template_has_every_clip_and_nobody_is_in_two_splits() -> None:
     assert sum(map(len, splits.values())) == len(set.union(*splits.values()))
     assert len(names) > 2 * len(clips)
     assert {path.stem for path in (FOLDER / "meshes").glob("*.npz")} == set(TEMPLATES)
+
+
+def test_sequences_on_other_bodies_lie_beside_them() -> None:
+    """Each folder has its body, the windows of the default one, and sequences of the training split."""
+    index = read_index(FOLDER / "index.csv")
+    folders = sorted((BENCHMARKS / "bodies").iterdir())
+    assert len(folders) == 4
+    for folder in folders:
+        body = load_body(folder / "bodies" / f"{folder.name}.npz")
+        assert body.name == folder.name
+        assert read_index(folder / "index.csv") == index
+        names = [path.stem.rpartition("_")[0] for path in folder.glob("*.npz")]
+        assert names
+        assert {index[name].split for name in names} == {"train"}
+        assert not {f"{name}_tops.npz" for name in names} & {path.name for path in FOLDER.glob("*.npz")}
+    sequence = load_packed(folder / "16_15_tops.npz", partial(load_mesh, folder), {})
+    assert sequence.metadata["body"] == "tall"
+    torch.testing.assert_close(sequence.rest, load_garment("tops", body).mesh.vertices, atol=1e-5, rtol=0)
