@@ -73,7 +73,7 @@ def test_seeds_lie_on_the_inner_garment_and_follow_it() -> None:
 def test_an_outfit_trains_on_the_clips_that_have_both(data: Path) -> None:
     dataset = GarmentDataset(OUTER, LOSSES["tiny"], data)
     assert sorted(dataset.data.files) == [
-        f"clip{k}_{name}.npz" for k in (0, 1) for name in ("bottoms", "tops")
+        f"{data.name}/clip{k}_{name}.npz" for k in (0, 1) for name in ("bottoms", "tops")
     ]
     bottoms = fit_template("bottoms", load_body()).mesh
     seeds = dataset.rows.pose.seeds.points[0]
