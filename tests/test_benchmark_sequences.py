@@ -14,7 +14,7 @@ from uvcloth.simulate.packed import load_mesh, load_packed
 
 BENCHMARKS = Path(__file__).parent.parent / "benchmarks"
 FOLDER = BENCHMARKS / "sequences"
-TEMPLATES = ("tops", "bottoms", "dress")
+TEMPLATES = ("tops", "bottoms", "dress", "shirt")
 
 
 def test_a_sequence_is_cloth_on_a_body() -> None:
