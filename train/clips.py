@@ -31,8 +31,7 @@ class TrainingClip:
 
     subject, split: who moves, and what for (train or validation), by the folder's index; "" without one.
     body: that it was simulated on. transforms: (T, J, 3, 4). warm_up: leading frames that do not count.
-    vertices: template -> (T, N, 3) m.
-    rests: template -> (N, 3) m. files: folder/file -> content hash.
+    vertices: template -> (T, N, 3) m. rests: template -> (N, 3) m. files: folder/file -> content hash.
     """
 
     clip: str
@@ -55,6 +54,8 @@ def load_training_clips(folders: List[Path], templates: List[str]) -> list[Train
     its clip's other garments, naming the folder if it holds none of the templates, and naming the person who
     is in two splits, each in another folder.
     """
+    if not folders:
+        raise InputError("--data: names no folder of sequences")
     clips = [clip for folder in folders for clip in _clips_of(Path(folder), templates)]
     require_one_split(" ".join(map(str, folders)), ((each.clip, each.subject, each.split) for each in clips))
     return clips

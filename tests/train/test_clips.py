@@ -66,6 +66,8 @@ def test_several_folders_are_read_together(data: Path, tmp_path: Path) -> None:
     ):
         load_training_clips(folders, ("tops",))
     save_clip(tmp_path / "other", "a", {"tops": torch.zeros(4, 3)}, body=replace(stout, name="box"))
+    with pytest.raises(InputError, match="--data: names no folder"):
+        load_training_clips([], ("tops",))
     with pytest.raises(InputError, match="two bodies are called box"):
         by_body(load_training_clips([tmp_path / "box", tmp_path / "other"], ("tops",)))
 

@@ -184,6 +184,7 @@ class PhysXNetObjective(Objective):
         total = present.sum().clamp(min=1.0)
         some = slice(None, None, GEOMETRY_STRIDE)
         bodies, share = self.frames.bodies[rows], present[some] / present[some].sum().clamp(min=1.0)
+        decoded: list[tuple[Tensor, Tensor]] = []
         for index, texels in enumerate(self.shared):
             seen = texels.seen[bodies, :, None]
             offsets = offsets_of(predicted, index, texels.pixels)
@@ -191,46 +192,44 @@ class PhysXNetObjective(Objective):
             means = wrong.abs().sum(1) / seen.sum(1)
             error = (means / scales[3 * index : 3 * index + 3]).mean(1)
             parts["l1"] = parts["l1"] + self.weights.l1 * (present[:, index] * error).sum() / total
-            for which in bodies[some].unique().tolist():
-                own = torch.nonzero(bodies[some] == which).squeeze(1)
-                stretch, turned = self._edges(
-                    which,
-                    index,
-                    offsets[some][own],
-                    wrong[some][own],
-                    self.frames.transforms[rows[some][own]],
-                )
+            decoded.append((offsets[some], wrong[some]))
+        for which in bodies[some].unique().tolist():
+            own = torch.nonzero(bodies[some] == which).squeeze(1)
+            wearer, transforms = self.wearers[which], self.frames.transforms[rows[some][own]]
+            posed = posed_skin(wearer.body, transforms) if self.config.anchor == "body" else transforms
+            for index, texels in enumerate(self.shared):
+                offsets, wrong = (values[own][:, texels.slots[which]] for values in decoded[index])
+                stretch, turned = self._edges(wearer, index, offsets, wrong, posed, transforms)
                 parts["edge"] = parts["edge"] + self.weights.edge * (share[own, index] * stretch).sum()
                 parts["bend"] = parts["bend"] + self.weights.bend * (share[own, index] * turned).sum()
         return parts
 
     def _edges(
-        self, which: int, index: int, offsets: Tensor, wrong: Tensor, transforms: Tensor
+        self, wearer: Wearer, index: int, offsets: Tensor, wrong: Tensor, posed: Tensor, transforms: Tensor
     ) -> tuple[Tensor, Tensor]:
         """Errors of a template's edges on one body, as shares of their rest lengths: two of (B,).
 
-        offsets, wrong: (B, U, 3) m, and what they are off. Of the edges' lengths, and of the differences of
-        what is wrong along them. Zero where the loss weighs nothing.
+        offsets, wrong: (B, Q, 3) m of the texels that the body sees, and what they are off. posed: (B, V, 3)
+        its vertices, where offsets are from these. Of the edges' lengths, and of the differences of what is
+        wrong along them. Zero where the loss weighs nothing.
         """
-        wearer, name = self.wearers[which], self.config.templates[index]
+        name = self.config.templates[index]
         sample, edges, rest = wearer.geometry[index]
-        slots = self.shared[index].slots[which]
         stretch = turned = offsets.new_zeros(len(offsets))
         if self.weights.edge:
-            posed = posed_skin(wearer.body, transforms) if self.config.anchor == "body" else transforms
             vertices = garment_vertices(
                 self.config,
                 wearer.prepared.texels,
                 wearer.prepared.templates[name],
                 wearer.prepared.decoders[name],
-                offsets=offsets[:, slots],
+                offsets=offsets,
                 body_vertices=posed,
                 transforms=transforms,
                 sample=sample,
             )
             stretch = (edges(vertices).norm(dim=2) / rest - 1.0).abs().mean(1)
         if self.weights.bend:
-            turned = (edges(sample(wrong[:, slots])).norm(dim=2) / rest).mean(1)
+            turned = (edges(sample(wrong)).norm(dim=2) / rest).mean(1)
         return stretch, turned
 
     def _history(self, rows: Tensor) -> Tensor:

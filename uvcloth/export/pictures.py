@@ -13,6 +13,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.export.video import open_video
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.geometry.skeleton import joint_positions
 from uvcloth.lighting import COARSE, FINE, Quality
 from uvcloth.render import (
     BODY_COLOR,
@@ -67,7 +68,7 @@ def camera_path(body: Body, motion: Tensor, fps: float, aspect: float) -> list[C
     """
     from scipy.ndimage import gaussian_filter1d
 
-    joints = torch.einsum("fjab,jb->fja", motion[..., :3], body.skeleton.heads) + motion[..., 3]
+    joints = joint_positions(body.skeleton, motion)
     middle = (joints.amin(1) + joints.amax(1)) / 2
     middle[:, 2] = (joints[..., 2].min() + joints[..., 2].max()) / 2
     path = torch.from_numpy(gaussian_filter1d(middle.numpy(), FOLLOWING_SECONDS * fps, 0, mode="nearest"))

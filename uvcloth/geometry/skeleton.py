@@ -59,6 +59,11 @@ def joint_transforms(skeleton: Skeleton, rotations: Tensor, translation: Tensor)
     return torch.cat([rotations, origin[..., None]], dim=-1)
 
 
+def joint_positions(skeleton: Skeleton, transforms: Tensor) -> Tensor:
+    """Places (B, J, 3) of the joints that transforms (B, J, 3, 4) from rest move, each by its own."""
+    return (transforms[..., :3] @ skeleton.heads.to(transforms)[..., None]).squeeze(-1) + transforms[..., 3]
+
+
 def local_rotations(parents: Sequence[int], rotations: Tensor) -> Tensor:
     """World rotations (B, J, 3, 3) -> each relative to its parent's; the root's stay as they are."""
     above = torch.tensor(parents, device=rotations.device)

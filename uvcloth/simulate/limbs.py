@@ -1,12 +1,14 @@
 """Limbs that have left their cloth: bones that stick through it, limbs that are out of their cuffs."""
 
+from collections.abc import Mapping
+
 import torch
 from torch import Tensor
 
 from uvcloth.bodies.collider import ARM_PARTS, FOREARM_PARTS, LEG_PARTS
 from uvcloth.garments.band import hems
 from uvcloth.geometry.mesh import boundary_edges, weld
-from uvcloth.geometry.skeleton import Skeleton
+from uvcloth.geometry.skeleton import Skeleton, joint_positions
 from uvcloth.motion.roles import joint_roles
 
 COLLIDER_BONES = (
@@ -44,56 +46,44 @@ def limbs_left_percent(
     """
     if not len(vertices):
         return 0.0
-    left = _pierced(vertices, faces, transforms, skeleton, touches)
-    still = torch.eye(3, 4).expand(1, len(skeleton.names), 3, 4).to(transforms)
-    limbs = [(_joints(limb, still, skeleton), _joints(limb, transforms, skeleton)) for limb in LIMBS]
+    joints, roles = joint_positions(skeleton, transforms), joint_roles(skeleton.names)
+    left = _pierced(vertices, faces, joints, roles, touches)
+    limbs = [[roles[role] for role in limb] for limb in LIMBS]
     edges = boundary_edges(weld(rest)[faces])
     for hem in hems(edges):
         own = edges[torch.isin(edges, hem).all(1)]
-        passing = [moved for resting, moved in limbs if _passes(resting, rest[None], own).item()]
+        passing = [limb for limb in limbs if _passes(skeleton.heads[None, limb], rest[None], own).item()]
         if len(passing) == 1:
-            left |= ~_passes(passing[0], vertices, own)
+            left |= ~_passes(joints[:, passing[0]], vertices, own)
     return 100.0 * float(left.float().mean())
 
 
 def _pierced(
-    vertices: Tensor, faces: Tensor, transforms: Tensor, skeleton: Skeleton, touches: Tensor
+    vertices: Tensor, faces: Tensor, joints: Tensor, roles: Mapping[str, int], touches: Tensor
 ) -> Tensor:
-    """Mask (T,) of the frames in which a bone crosses a face that lies beside its part at rest."""
+    """Mask (T,) of the frames in which a bone crosses a face that lies beside its part at rest.
+
+    joints: (T, J, 3) m. roles: the joint of each.
+    """
     pierced = torch.zeros(len(vertices), dtype=torch.bool)
-    for part, bone in zip((*ARM_PARTS, *LEG_PARTS, *FOREARM_PARTS), COLLIDER_BONES, strict=True):
+    for part, (start, end) in zip((*ARM_PARTS, *LEG_PARTS, *FOREARM_PARTS), COLLIDER_BONES, strict=True):
         beside = faces[((touches >> part) & 1).bool()[faces].all(1)]
-        heads, tails = _ends(*bone, transforms, skeleton)
-        pierced |= _crosses(heads, tails, vertices[:, beside]).any(1)
+        pierced |= _crosses(joints[:, roles[start]], joints[:, roles[end]], vertices[:, beside]).any(1)
     return pierced
 
 
-def _ends(start: str, end: str, transforms: Tensor, skeleton: Skeleton) -> tuple[Tensor, Tensor]:
-    """Both ends (T, 3) m of the bone between the joints of two roles."""
-    roles = joint_roles(skeleton.names)
-    moved = transforms[:, roles[start]]
-    heads, tails = (moved[..., :3] @ skeleton.heads[roles[role]] + moved[..., 3] for role in (start, end))
-    return heads, tails
-
-
-def _joints(limb: tuple[str, str, str], transforms: Tensor, skeleton: Skeleton) -> Tensor:
-    """The joints of a limb and what lies beyond the last one: (T, 3, 3) m."""
-    first, middle = _ends(limb[0], limb[1], transforms, skeleton)
-    middle, last = _ends(limb[1], limb[2], transforms, skeleton)
-    along = torch.nn.functional.normalize(last - middle, dim=1)
-    return torch.stack([first, middle, last + BEYOND * along], dim=1)
-
-
 def _passes(limb: Tensor, vertices: Tensor, edges: Tensor) -> Tensor:
-    """Mask (T,) of the frames in which a limb (T, 3, 3) passes through an opening.
+    """Mask (T,) of the frames in which a limb, by its joints (T, 3, 3) m, passes through an opening.
 
     edges: (E, 2) of its rim. It passes if it crosses a surface between the rim and its middle an odd number
     of times.
     """
+    first, middle, last = limb.unbind(1)
+    tip = last + BEYOND * torch.nn.functional.normalize(last - middle, dim=1)
     rim = vertices[:, edges]
-    middle = rim.mean((1, 2), keepdim=True).expand(-1, len(edges), -1, -1)
-    fan = torch.cat([rim, middle], dim=2)
-    upper, lower = (_crosses(limb[:, bone], limb[:, bone + 1], fan).sum(1) for bone in range(2))
+    centre = rim.mean((1, 2), keepdim=True).expand(-1, len(edges), -1, -1)
+    fan = torch.cat([rim, centre], dim=2)
+    upper, lower = (_crosses(*bone, fan).sum(1) for bone in ((first, middle), (middle, tip)))
     return (upper + lower) % 2 == 1
 
 

@@ -122,7 +122,7 @@ def unpack_folder(folder: Path, out: Path) -> int:
 
     def convert(path: Path) -> None:
         sequence = load_packed(path, mesh_of, known)
-        keep_body(known[str(sequence.metadata.get("body", ""))], out)
+        keep_body(sequence_body(path, sequence.metadata, known), out)
         save_sequence(sequence, out / path.name)
 
     return _convert(paths, folder, out, convert, "unpacking")
