@@ -10,6 +10,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from train.deepsd.prediction import PosedOutfit
+from uvcloth.geometry.mesh import edge_lengths
 from uvcloth.methods.deepsd.outfit_graph import OutfitGraph
 
 MILLI = 1000.0
@@ -23,17 +24,21 @@ CENTI = 100.0
 class DataLosses:
     """Losses against the outfits' data, and the priors of the start (paper sections 4.3 and 9)."""
 
-    poses_per_outfit: int = 8
+    poses_per_outfit: int = 32
     """Poses that a step takes of each outfit it reads, the frame drawn and others at random (paper: 1)."""
     points: float = 0.33
     """Share of an outfit's points that a step compares, drawn anew (paper: 1); the descriptor sees all."""
     error: Literal["distance", "squared"] = "distance"
     """Compare points by their distance (the paper's program) or its square (paper, eq. 3)."""
+    pose_dropout: float = 0.2
+    """Probability that the keys of a pose do not see a joint (paper: 0)."""
+    edges: float = 0.0
+    """Weight of the mean change of the lengths of edges between the points compared (paper: none)."""
     closest_weights: float = 0.0
     """Weight of the prior that blend weights are those of the closest skin (paper); of no use where they
     start from the smooth ones."""
-    small_shapes: float = 1.0
-    """Weight of the prior that deformations are small, on their mean square in square centimetres."""
+    small_shapes: float = 0.0
+    """Weight of the prior that deformations are small (paper), on their mean square in square centimetres."""
     mirror: bool = True
     """Learn from mirror images too, as outfits of their own (paper: no)."""
     rest_frames: int = 15
@@ -46,9 +51,11 @@ class DataLosses:
             raise InputError(f"--poses-per-outfit {self.poses_per_outfit}: has to be 1 or more")
         if not 0 < self.points <= 1:
             raise InputError(f"--points {self.points}: has to be more than 0, and 1 at most")
+        if not 0 <= self.pose_dropout < 1:
+            raise InputError(f"--pose-dropout {self.pose_dropout}: has to be 0 or more, and less than 1")
         if self.rest_frames < 0:
             raise InputError(f"--rest-frames {self.rest_frames}: has to be 0 or more")
-        for name in ("closest_weights", "small_shapes"):
+        for name in ("edges", "closest_weights", "small_shapes"):
             value = getattr(self, name)
             if not 0 <= value < math.inf:
                 raise InputError(f"--{name.replace('_', '-')} {value}: has to be 0 or more")
@@ -72,23 +79,38 @@ def data_losses(
     truths: (Q, n, 3) m of the points predicted, rows (n,) of each outfit's. Errors are in mm (or mm2).
     """
     share = prior_share(epochs)
-    errors, weights, shapes = [], [], []
+    errors, stretches, weights, shapes = [], [], [], []
     for outfit, truth, graph, own in zip(outfits, truths, graphs, rows, strict=True):
         wrong = MILLI * (outfit.posed - truth)
         if losses.error == "distance":
             errors.append(wrong.norm(dim=-1).mean())
         else:
             errors.append(wrong.square().sum(-1).mean())
+        if losses.edges:
+            stretches.append(MILLI * _edge_change(outfit.posed, graph, own))
         closest = graph.closest[own].to(outfit.weights)
         weights.append((outfit.weights - closest).square().sum(-1).mean())
         deformation = CENTI * sum(outfit.deformation.values(), truth.new_zeros(1, 3))
         shapes.append(deformation.square().sum(-1).mean())
     parts = {"error": torch.stack(errors).mean()}
+    if losses.edges:
+        parts["edges"] = losses.edges * torch.stack(stretches).mean()
     if losses.closest_weights:
         parts["weights"] = losses.closest_weights * share * torch.stack(weights).mean()
     if losses.small_shapes:
         parts["shapes"] = losses.small_shapes * share * torch.stack(shapes).mean()
     return parts
+
+
+def _edge_change(posed: Tensor, graph: OutfitGraph, rows: Tensor) -> Tensor:
+    """Mean absolute change, metres, of the edges between the points `rows` (n,), posed (Q, n, 3): ()."""
+    place = torch.full((len(graph.points),), -1)
+    place[rows] = torch.arange(len(rows))
+    edges = place[graph.edges]
+    edges = edges[(edges >= 0).all(1)]
+    rest = edge_lengths(graph.points[rows], edges).to(posed)
+    change = edge_lengths(posed, edges.to(posed.device)) - rest
+    return change.abs().sum() / max(change.numel(), 1)
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ def mirror_outfit(frames: OutfitFrames) -> OutfitFrames:
             offsets=graph.offsets * across,
             smooth=graph.smooth[:, other],
             closest=graph.closest[:, other],
+            moved=graph.moved[other],
         ),
         vertices=frames.vertices * across,
         transforms=transforms,

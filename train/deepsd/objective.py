@@ -18,6 +18,10 @@ from uvcloth.geometry.records import CPU
 from uvcloth.methods.deepsd.config import DeePSDConfig
 from uvcloth.methods.deepsd.method import DeePSD, deepsd_checkpoint
 from uvcloth.methods.deepsd.network import Branch, DeePSDNetwork
+from uvcloth.methods.deepsd.outfit_graph import pack
+
+MEASURED_OUTFITS = 32
+"""Outfits over which the layers of a new network are standardized, at most."""
 
 KEPT_POSES = 512
 """Pose vectors of the training that a checkpoint keeps, at most."""
@@ -80,6 +84,10 @@ class DataObjective(DeePSDObjective):
     def networks(self) -> dict[str, nn.Module]:
         """A new network, whose branch of physics is not trained."""
         net = DeePSDNetwork(self.config, len(self.dataset.body.skeleton.names))
+        outfits = self.dataset.training
+        some = torch.linspace(0, len(outfits) - 1, min(MEASURED_OUTFITS, len(outfits))).long().tolist()
+        measured = pack([outfits[index].graph for index in some], CPU, self.config.spread)
+        net.standardize(self.dataset.vectors, measured)
         if "physics" in net.branches:
             net.branches["physics"].requires_grad_(False)
         return {"net": net}
@@ -97,7 +105,8 @@ class DataObjective(DeePSDObjective):
         points = self._points(outfits)
         whole = self.config.graph_heads or self.losses.points == 1
         described = describe(networks["net"], graphs, self.device, None if whole else points)
-        predicted = pose_outfits(networks["net"], described, poses, self.branches)
+        dropout = self.losses.pose_dropout
+        predicted = pose_outfits(networks["net"], described, poses, self.branches, dropout)
         truths = [
             outfit.vertices[own][:, some].to(self.device)
             for outfit, own, some in zip(outfits, frames, points, strict=True)

@@ -53,12 +53,20 @@ def describe(
 
 
 def pose_outfits(
-    net: Any, described: Described, poses: DrawnPoses, branches: Sequence[Branch] = BRANCHES
+    net: Any,
+    described: Described,
+    poses: DrawnPoses,
+    branches: Sequence[Branch] = BRANCHES,
+    dropout: float = 0.0,
 ) -> list[PosedOutfit]:
-    """Outfits in their poses with the deformation of some branches (paper eq. 1)."""
+    """Outfits in their poses with the deformation of some branches (paper eq. 1).
+
+    dropout: probability that a pose's keys do not see a joint.
+    """
     packed = described.packed
     weights = described.weights.split(packed.sizes)
-    keys = net.embed(poses.vectors.flatten(0, 1)).unflatten(0, poses.vectors.shape[:2])
+    seen = net.seen(packed.moved)[:, None].expand(-1, poses.vectors.shape[1], -1)
+    keys = net.embed(poses.vectors, torch.dropout(seen, dropout, dropout > 0))
     moved = {branch: deformations(net, described.features, packed, keys, branch) for branch in branches}
     points = packed.points.split(packed.sizes)
     outfits = []

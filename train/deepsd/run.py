@@ -29,7 +29,15 @@ from uvcloth.methods.method import require_fabric_read
 
 LOSSES: dict[str, DataLosses] = {
     "default": DataLosses(),
-    "paper": DataLosses(poses_per_outfit=1, points=1.0, error="squared", closest_weights=100.0, mirror=False),
+    "paper": DataLosses(
+        poses_per_outfit=1,
+        points=1.0,
+        error="squared",
+        pose_dropout=0.0,
+        closest_weights=100.0,
+        small_shapes=1.0,
+        mirror=False,
+    ),
     "tiny": DataLosses(poses_per_outfit=2),
 }
 

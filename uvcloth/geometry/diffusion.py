@@ -25,13 +25,13 @@ def heat_shares(rate: float) -> list[float]:
 def chebyshev_sum(average: Callable[[Tensor], Tensor], values: Tensor, shares: Sequence[float]) -> Tensor:
     """Sum of the Chebyshev polynomials of a linear map, each times its share, of values of any shape.
 
-    average: the map, whose eigenvalues lie within -1 to 1. shares: at least two.
+    average: the map, whose eigenvalues lie within -1 to 1, into a new tensor. shares: at least two.
     """
     before, now = values, average(values)
-    total = shares[0] * before + shares[1] * now
+    total = (shares[0] * before).add_(now, alpha=shares[1])
     for share in shares[2:]:
-        before, now = now, 2.0 * average(now) - before
-        total = total + share * now
+        before, now = now, average(now).mul_(2.0).sub_(before)
+        total.add_(now, alpha=share)
     return total
 
 

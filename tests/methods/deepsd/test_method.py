@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from rasterize.errors import InputError
 from tests.methods.pbns.test_method import outfit_of, sheet, some_motion
@@ -63,7 +63,8 @@ def test_a_step_is_the_equation_written_out() -> None:
 def test_keys_that_are_all_zero_deform_nothing() -> None:
     outfit, method = outfit_of("shirt"), random_deepsd()
     with torch.no_grad():
-        *_, last = method.network.linears()
+        *_, last = method.network.embedding.children()
+        assert isinstance(last, nn.Linear)
         last.weight.zero_()
         last.bias.fill_(-1.0)
     rig = method.as_rig(outfit.body, outfit.garments)

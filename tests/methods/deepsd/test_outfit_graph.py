@@ -105,3 +105,15 @@ def test_points_at_one_place_and_points_without_neighbours_stay_finite() -> None
     count = len(graph.points)
     lonely = replace(graph, rows=torch.arange(count + 1), columns=torch.arange(count))
     torch.testing.assert_close(convolved(lonely, values), values)
+
+
+def test_the_gradient_is_the_transposed_kernel() -> None:
+    """The kernel is a matrix K: what a weighted sum (w, K v) is by v is K's transpose times w."""
+    graph = square(0.05, 1)
+    count = len(graph.points)
+    kernel = convolved(graph, torch.eye(count))
+    values = torch.rand(count, 2, requires_grad=True)
+    weights = torch.rand(count, 2)
+    (gradient,) = torch.autograd.grad((weights * convolved(graph, values)).sum(), values)
+    torch.testing.assert_close(gradient, kernel.T @ weights, atol=1e-5, rtol=1e-5)
+    assert not torch.allclose(kernel, kernel.T, atol=1e-3)

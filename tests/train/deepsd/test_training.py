@@ -24,6 +24,7 @@ from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import load_checkpoint, load_tensors
 from uvcloth.garments.fabric import FABRICS
 from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.geometry.mesh import edge_lengths
 from uvcloth.geometry.records import CPU
 from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
 from uvcloth.methods.deepsd.network import DeePSDNetwork, pose
@@ -97,7 +98,7 @@ def test_what_is_trained_is_what_the_method_does(graph_heads: bool, dataset: Out
     (predicted,) = pose_outfits(net, describe(net, [graph], CPU), own, ("data",))
     packed = pack([graph], CPU, net.config.spread)
     described = net.describe(packed)
-    shapes, keys = net.shapes(described, packed, "data"), net.embed(own.vectors[0])
+    shapes, keys = net.shapes(described, packed, "data"), net.embed(own.vectors[0], net.seen(packed.moved[0]))
     moved = torch.einsum("bk,ukc->buc", keys, shapes)
     torch.testing.assert_close(predicted.deformation["data"], moved, atol=1e-6, rtol=0)
     expected = pose(graph.points, moved, net.blend_weights(described, packed), own.transforms[0])
@@ -152,6 +153,22 @@ def test_losses_by_hand(dataset: OutfitDataset) -> None:
     assert float(later["error"]) == pytest.approx(12.5)
     assert float(later["shapes"]) == pytest.approx(0.06)
     assert [prior_share(epochs) for epochs in (0.0, 1.0, 2.0, 3.0)] == pytest.approx([1.0, 1.0, 0.1, 0.01])
+
+
+def test_edges_between_compared_points_keep_their_length(dataset: OutfitDataset) -> None:
+    """Cloth stretched by a tenth changes each edge by a tenth; with one point there is none to change."""
+    graph = dataset.training[0].graph
+    weights = graph.smooth
+    for rows in (torch.arange(len(graph.points)), torch.arange(0, len(graph.points), 2)):
+        points = graph.points[rows]
+        chosen = [(a, b) for a, b in graph.edges.tolist() if a in rows and b in rows]
+        mean = edge_lengths(graph.points, torch.tensor(chosen)).mean() * 1000.0
+        outfit = PosedOutfit(weights[rows], {"data": torch.zeros(1, 1, 3)}, 1.1 * points[None])
+        parts = data_losses([outfit], [points[None]], [graph], [rows], DataLosses(edges=3.0), epochs=0.0)
+        assert float(parts["edges"]) == pytest.approx(3.0 * 0.1 * float(mean), rel=1e-3)
+    one = PosedOutfit(weights[:1], {"data": torch.zeros(1, 1, 3)}, graph.points[None, :1])
+    alone = data_losses([one], [one.posed], [graph], [torch.tensor([0])], DataLosses(edges=3.0), epochs=0.0)
+    assert float(alone["edges"]) == 0.0
 
 
 def test_a_step_draws_frames_of_the_outfits_asked_for(dataset: OutfitDataset) -> None:

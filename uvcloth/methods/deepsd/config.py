@@ -8,6 +8,7 @@ from rasterize.settings import require_settings
 
 RANGES = {
     "spread": (0, 1),
+    "seen_joints": (0, 1),
     "influences": (1, 1000),
     "keys": (0, 4096),
     **dict.fromkeys(
@@ -47,8 +48,14 @@ class DeePSDConfig:
     """Whether the fabric of its garment joins the descriptor of a vertex (paper's Table 2)."""
     graph_heads: bool = False
     """Graph convolutions instead of layers per vertex after the descriptor, too (its Table 1)."""
-    pose_layers: tuple[int, ...] = (256, 256, 256)
-    """Widths of the hidden layers of the pose embedding."""
+    seen_joints: float = 0.02
+    """Share of an outfit that a joint, with all beyond it, has to move by the smooth blend weights, for the
+    outfit's keys to see its rotation; from half of it some. 0 for all joints (paper)."""
+    standardized: bool = True
+    """Whether what the network reads, poses too, is told by the difference from its mean in training, in
+    standard deviations, and every layer begins with values of none and one (paper: metres and radians)."""
+    pose_layers: tuple[int, ...] = (128,)
+    """Widths of the hidden layers of the pose embedding (paper: 256, 256, 256)."""
     keys: int = 128
     """Pose keys, and blend shapes; 0 takes the pose itself as keys (its Table 1)."""
 
@@ -66,7 +73,15 @@ class DeePSDConfig:
 
 PRESETS: dict[str, DeePSDConfig] = {
     "default": DeePSDConfig(),
-    "paper": DeePSDConfig(inputs="mesh", blend_weights="learned", influences=99, spread=0.0),
+    "paper": DeePSDConfig(
+        inputs="mesh",
+        blend_weights="learned",
+        influences=99,
+        spread=0.0,
+        seen_joints=0.0,
+        standardized=False,
+        pose_layers=(256, 256, 256),
+    ),
     "tiny": DeePSDConfig(
         convolutions=(8, 16),
         global_layers=(16,),

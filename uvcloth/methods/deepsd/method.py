@@ -42,15 +42,16 @@ DEFAULT_JOINTS = 31
 class DeePSDPrepared:
     """The rig of an outfit of N vertices on a device; those at one place are one of U points.
 
-    owner: (N,). points: (U, 3) m. weights: (U, J). shapes: (K, 3, U) m, None where no blend shapes are
-    predicted; then described: (U, F) is what offsets are predicted from. parents: of the joints. sizes:
-    vertices of each garment.
+    owner: (N,). points: (U, 3) m. weights: (U, J). seen: (J,), how much of each joint keys see. shapes:
+    (K, 3, U) m, None where no blend shapes are predicted; then described: (U, F) is what offsets are
+    predicted from. parents: of the joints. sizes: vertices of each garment.
     """
 
     network: DeePSDNetwork
     owner: Tensor
     points: Tensor
     weights: Tensor
+    seen: Tensor
     shapes: Tensor | None
     described: Tensor
     parents: tuple[int, ...]
@@ -103,6 +104,7 @@ class DeePSD(Method):
             owner=graph.owner.to(device),
             points=packed.points,
             weights=network.blend_weights(described, packed),
+            seen=network.seen(packed.moved[0]),
             shapes=self._shapes(network, described, packed),
             described=described,
             parents=tuple(outfit.body.skeleton.parents),
@@ -122,7 +124,7 @@ class DeePSD(Method):
     ) -> tuple[tuple[()], tuple[Tensor, ...]]:
         """Garment vertices (B, N, 3) of each garment, m (paper eq. 1)."""
         transforms = frames.transforms[:, -1]
-        keys = prepared.network.embed(pose_vectors(prepared.parents, transforms))
+        keys = prepared.network.embed(pose_vectors(prepared.parents, transforms), prepared.seen)
         deformed = prepared.points.T + self._deformation(prepared, keys)
         posed = skin_each(deformed, prepared.weights, transforms)
         return state, posed[:, prepared.owner].split(list(prepared.sizes), dim=1)
@@ -155,7 +157,7 @@ class DeePSD(Method):
             owner=prepared.owner,
             weights=prepared.weights,
             shapes=shapes.mT,
-            layers=tuple((layer.weight.detach(), layer.bias.detach()) for layer in self.network.linears()),
+            layers=self.network.embedding_layers(prepared.seen),
             parents=prepared.parents,
             poses=self.poses,
             sum_to_one=self.config.keys > 0,

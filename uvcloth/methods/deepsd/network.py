@@ -25,11 +25,23 @@ FIRST_SHAPE = 0.1
 """Factor on the last layer of new blend shapes: the smoothly skinned outfit is what training starts near."""
 
 
+LEAST_DEVIATION = 0.05
+"""Metres, radians, shares: what hardly varied in training is not told in finer steps."""
+
+LEAST_SPREAD = 1e-6
+"""Standard deviation up to which a layer's values are one value."""
+
+
 class DeePSDNetwork(nn.Module):
     """Descriptor Phi, blend weights Omega, blend shapes Psi (of data) and chi (of physics), pose embedding.
 
     joints: of the skeleton, J.
     """
+
+    input_mean: Tensor
+    input_scale: Tensor
+    pose_mean: Tensor
+    pose_scale: Tensor
 
     def __init__(self, config: DeePSDConfig, joints: int) -> None:
         super().__init__()
@@ -43,6 +55,9 @@ class DeePSDNetwork(nn.Module):
         learned = config.blend_weights != "smooth"
         self.weights = _linears([described, *config.weight_layers, joints] if learned else [])
         poses = 3 * joints
+        for name, size in (("input", channels), ("pose", poses)):
+            self.register_buffer(f"{name}_mean", torch.zeros(size))
+            self.register_buffer(f"{name}_scale", torch.ones(size))
         self.embedding = _linears([poses, *config.pose_layers, config.keys] if config.keys else [])
         keys = config.keys or poses
         if config.deformation == "offsets":
@@ -61,18 +76,22 @@ class DeePSDNetwork(nn.Module):
 
     def describe(self, outfits: PackedOutfits) -> Tensor:
         """Descriptors Phi of U points, local and of their outfit, and their fabric: (U, F)."""
-        parts = [outfits.points, outfits.normals]
-        if self.config.inputs == "body":
-            parts += [outfits.offsets, outfits.smooth]
-        local = torch.cat(parts, dim=1)
-        for layer in self.convolutions:
-            local = torch.relu(outfits.convolve(layer(local)[None])[0])
+        local = (self._read(outfits) - self.input_mean) / self.input_scale
+        for layer in _linear_layers(self.convolutions):
+            local = torch.relu(_convolved(layer, local, outfits))
         described = [local]
         if self.config.global_layers:
             described.append(self._pool(local, outfits)[outfits.outfit])
         if self.config.reads_fabric:
             described.append(outfits.fabric)
         return torch.cat(described, dim=1)
+
+    def _read(self, outfits: PackedOutfits) -> Tensor:
+        """All that U points bring (U, C), in metres and shares."""
+        parts = [outfits.points, outfits.normals]
+        if self.config.inputs == "body":
+            parts += [outfits.offsets, outfits.smooth]
+        return torch.cat(parts, dim=1)
 
     def _pool(self, local: Tensor, outfits: PackedOutfits) -> Tensor:
         """Descriptors of outfits (B, G) from those of their points (U, F)."""
@@ -108,20 +127,60 @@ class DeePSDNetwork(nn.Module):
         """Blend shapes of U points by a branch, Psi or chi: (U, K, 3) m."""
         return self._head(self.branches[branch], described, outfits).view(len(described), -1, 3)
 
-    def embed(self, poses: Tensor) -> Tensor:
-        """Pose keys Theta (B, K) of pose vectors (B, 3 J): none negative, their sum 1 (or all are 0)."""
+    @torch.no_grad()
+    def standardize(self, poses: Tensor, outfits: PackedOutfits) -> None:
+        """Begin, if the config says so, with layers whose values have no mean and a deviation of one.
+
+        They have over the training's pose vectors (S, 3 J) and outfits (Salimans and Kingma 2016, section 3,
+        without its scale and offset as parameters).
+        """
+        config = self.config
+        if not config.standardized:
+            return
+        _measure(poses, self.pose_mean, self.pose_scale)
+        read = self._read(outfits)
+        _measure(read, self.input_mean, self.input_scale)
+        local = (read - self.input_mean) / self.input_scale
+        for layer in _linear_layers(self.convolutions):
+            local = torch.relu(_standardized(layer, _convolved(layer, local, outfits)))
+        for layer in _linear_layers(self.pooled):
+            local = torch.relu(_standardized(layer, layer(local)))
+        if config.deformation == "blend_shapes":
+            described = self.describe(outfits)
+            for branch in self.branches.values():
+                values = described
+                for layer in list(_linear_layers(branch))[:-1]:
+                    values = torch.relu(_standardized(layer, layer(values)))
+
+    def seen(self, moved: Tensor) -> Tensor:
+        """How much of each joint keys see (..., J), 0 to 1, from the shares that joints move (..., J)."""
+        share = self.config.seen_joints
+        return (moved / share - 0.5).clamp(0.0, 1.0) if share else torch.ones_like(moved)
+
+    def embed(self, poses: Tensor, seen: Tensor) -> Tensor:
+        """Pose keys Theta (..., K) of pose vectors (..., 3 J): none negative, their sum 1 (or all are 0).
+
+        seen: (..., J), how much of each joint they see.
+        """
         if not len(self.embedding):
             return poses
-        keys = poses
+        keys = (poses - self.pose_mean) / self.pose_scale * seen.repeat_interleave(3, dim=-1)
         for layer in self.embedding:
             keys = torch.relu(layer(keys))
         return shares(keys)
 
-    def linears(self) -> Iterator[nn.Linear]:
-        """The layers of the pose embedding, none where the pose itself is the keys."""
-        for layer in self.embedding:
-            assert isinstance(layer, nn.Linear)
-            yield layer
+    def embedding_layers(self, seen: Tensor) -> tuple[tuple[Tensor, Tensor], ...]:
+        """Weights and biases of the layers from pose vectors to keys; seen: (J,) of the outfit's joints.
+
+        Mean, deviations and what is seen are in the first. None where the pose itself is the keys.
+        """
+        layers = [(layer.weight.detach(), layer.bias.detach()) for layer in _linear_layers(self.embedding)]
+        if not layers:
+            return ()
+        weight, bias = layers[0]
+        weight = weight * (seen.repeat_interleave(3) / self.pose_scale)
+        layers[0] = weight, bias - weight @ self.pose_mean
+        return tuple(layers)
 
     def offsets(self, described: Tensor, keys: Tensor, branch: Branch) -> Tensor:
         """Deformation (B, U, 3) m of points described (U, F) in B poses, without blend shapes (Table 1)."""
@@ -148,6 +207,27 @@ def pose(points: Tensor, deformation: Tensor, weights: Tensor, transforms: Tenso
     return apply_transforms(blend_transforms(weights, transforms), points + deformation)
 
 
+def _convolved(layer: nn.Linear, values: Tensor, outfits: PackedOutfits) -> Tensor:
+    """A layer and the mean of a graph convolution, which are linear and commute: on the fewer channels."""
+    if layer.in_features < layer.out_features:
+        return layer(outfits.convolve(values[None])[0])
+    return outfits.convolve(layer(values)[None])[0]
+
+
+def _measure(values: Tensor, mean: Tensor, scale: Tensor) -> None:
+    """Write mean and standard deviation of values (N, C) to those (C,)."""
+    mean.copy_(values.mean(0))
+    scale.copy_(values.std(0, correction=0).clamp(min=LEAST_DEVIATION))
+
+
+def _standardized(layer: nn.Linear, values: Tensor) -> Tensor:
+    """Change a layer so that its values (N, C) get no mean and a deviation of one; returns them so."""
+    mean, scale = values.mean(0), values.std(0, correction=0).clamp(min=LEAST_SPREAD)
+    layer.weight.div_(scale[:, None])
+    layer.bias.sub_(mean).div_(scale)
+    return (values - mean) / scale
+
+
 def _average(outfits: PackedOutfits, values: Tensor) -> Tensor:
     """Mean over the neighbours of each point and itself: (U, C) -> (U, C)."""
     return outfits.average(values[None])[0]
@@ -158,6 +238,11 @@ def _linears(widths: Sequence[int]) -> nn.ModuleList:
 
 
 def _last(layers: nn.Module) -> nn.Linear:
-    last = list(layers.children())[-1]
-    assert isinstance(last, nn.Linear)
+    *_, last = _linear_layers(layers)
     return last
+
+
+def _linear_layers(layers: nn.Module) -> Iterator[nn.Linear]:
+    for layer in layers.children():
+        assert isinstance(layer, nn.Linear)
+        yield layer

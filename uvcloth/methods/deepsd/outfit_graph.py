@@ -4,13 +4,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import accumulate
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.diffusion import chebyshev_sum, heat_shares
-from uvcloth.geometry.mesh import first_of, join_meshes, unique_edges, vertex_normals, weld
+from uvcloth.geometry.mesh import face_normals, first_of, join_meshes, unique_edges, vertex_normals, weld
 from uvcloth.geometry.operators import Operator
 from uvcloth.physics.surface import BodySurface
 
@@ -24,9 +25,10 @@ class OutfitGraph:
 
     owner: (N,) int64, which point each vertex is. points: (U, 3) m. faces: (F, 3) into them, per piece.
     offsets: (U, 3) m from the closest point of the skin. smooth, closest: (U, J) blend weights, the smooth
-    ones of the baseline and those of the closest vertex of the body. fabric: (U, FEATURES) of their garments.
-    rows: (U + 1,) and columns: (E,) int64, the neighbours of each point, itself among them, as compressed
-    rows.
+    ones of the baseline and those of the closest vertex of the body. moved: (J,) share of the outfit's area
+    that each joint moves by the smooth ones, with all joints beyond it. fabric: (U, FEATURES) of their
+    garments. rows: (U + 1,) and columns: (E,) int64, the neighbours of each point, itself among them, as
+    compressed rows.
     """
 
     owner: Tensor
@@ -35,6 +37,7 @@ class OutfitGraph:
     offsets: Tensor
     smooth: Tensor
     closest: Tensor
+    moved: Tensor
     fabric: Tensor
     rows: Tensor
     columns: Tensor
@@ -43,6 +46,12 @@ class OutfitGraph:
     def normals(self) -> Tensor:
         """Unit vertex normals (U, 3)."""
         return vertex_normals(self.points, torch.cat(self.faces))
+
+    @cached_property
+    def edges(self) -> Tensor:
+        """Edges (E, 2) int64, each once."""
+        both = torch.stack([_row_of(self.rows), self.columns], dim=1)
+        return both[both[:, 0] < both[:, 1]]
 
 
 def outfit_graph(outfit: Outfit) -> OutfitGraph:
@@ -61,17 +70,29 @@ def outfit_graph(outfit: Outfit) -> OutfitGraph:
     )
     skin = BodySurface(outfit.body.mesh.vertices, outfit.body.mesh.faces).closest(points)
     rows, columns = _neighbours(torch.cat(faces), len(points))
+    smooth = torch.cat([garment.smooth_weights for garment in outfit.garments])[kept]
     return OutfitGraph(
         owner=owner,
         points=points,
         faces=faces,
         offsets=points - skin.points,
-        smooth=torch.cat([garment.smooth_weights for garment in outfit.garments])[kept],
+        smooth=smooth,
         closest=torch.cat([garment.weights for garment in outfit.garments])[kept],
+        moved=_moved(points, torch.cat(faces), smooth, outfit.body.skeleton.parents),
         fabric=torch.cat([_fabric(garment) for garment in outfit.garments])[kept],
         rows=rows,
         columns=columns,
     )
+
+
+def _moved(points: Tensor, faces: Tensor, weights: Tensor, parents: Sequence[int]) -> Tensor:
+    """Share of the area that each joint moves together with those beyond it (J,)."""
+    areas = face_normals(points, faces).norm(dim=1, keepdim=True)
+    moved = (areas * weights[faces].mean(1)).sum(0) / areas.sum()
+    for joint, parent in reversed(list(enumerate(parents))):
+        if parent >= 0:
+            moved[parent] += moved[joint]
+    return moved
 
 
 def _fabric(garment: Garment) -> Tensor:
@@ -96,8 +117,9 @@ class PackedOutfits:
     """Points of several outfits, one outfit after another, on one device.
 
     sizes: points of each outfit. outfit: (U,) int64, whose each point is. points, normals, offsets: (U, 3).
-    smooth: (U, J). fabric: (U, FEATURES). average: the mean over a point's neighbours and itself. convolve:
-    what a graph convolution takes of values (B, U, C), that mean or, over a distance, the heat kernel.
+    smooth: (U, J). moved: (B, J). fabric: (U, FEATURES). average: the mean over a point's neighbours and
+    itself. convolve: what a graph convolution takes of values (B, U, C), that mean or, over a distance, the
+    heat kernel.
     """
 
     sizes: tuple[int, ...]
@@ -106,6 +128,7 @@ class PackedOutfits:
     normals: Tensor
     offsets: Tensor
     smooth: Tensor
+    moved: Tensor
     fabric: Tensor
     average: Operator
     convolve: Callable[[Tensor], Tensor]
@@ -135,6 +158,7 @@ def pack(graphs: Sequence[OutfitGraph], device: torch.device, spread: float = 0.
         normals=joined("normals"),
         offsets=joined("offsets"),
         smooth=joined("smooth"),
+        moved=torch.stack([graph.moved for graph in graphs]).to(device),
         fabric=joined("fabric"),
         average=average,
         convolve=_heat(rows, columns, points, spread, device) if spread else average,
@@ -154,7 +178,29 @@ def _heat(
     # The kernel of the point with the most steps; the others rest in part of each.
     moves = steps / max(most, 1e-12)
     average = _operator(rows, columns, moves / others, 1.0 - moves, device)
-    return partial(chebyshev_sum, average, shares=heat_shares(most))
+    return partial(_heat_of, average, heat_shares(most))
+
+
+class _HeatKernel(torch.autograd.Function):
+    """The kernel on dense columns; backward takes that of the transpose, and no step between is kept."""
+
+    @staticmethod
+    def forward(ctx: Any, dense: Tensor, average: Operator, shares: Sequence[float]) -> Tensor:
+        ctx.transposed, ctx.shares = average.transposed, shares
+        return chebyshev_sum(partial(torch.sparse.mm, average.matrix), dense, shares)
+
+    @staticmethod
+    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:
+        multiply = partial(torch.sparse.mm, ctx.transposed)
+        return chebyshev_sum(multiply, gradients[0].contiguous(), ctx.shares), None, None
+
+
+def _heat_of(average: Operator, shares: Sequence[float], values: Tensor) -> Tensor:
+    """The heat kernel of values (B, U, C)."""
+    batch, count, channels = values.shape
+    dense = values.transpose(0, 1).flatten(1).contiguous()
+    spread: Tensor = _HeatKernel.apply(dense, average, shares)  # type: ignore[no-untyped-call]
+    return spread.view(count, batch, channels).transpose(0, 1)
 
 
 def _operator(rows: Tensor, columns: Tensor, others: Tensor, own: Tensor, device: torch.device) -> Operator:
