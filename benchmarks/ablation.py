@@ -45,28 +45,35 @@ PHYSXNET: dict[str, tuple[str, ...]] = {
 }
 
 OFFSETS = ("--deformation", "offsets", "--points", "0.1")
-NO_GLOBAL = (*OFFSETS, "--global-layers")
+GLOBAL = ("--global-layers", "256")
 LITE = ("--convolutions", "32", "64", "64", "64", "--global-layers", "64")
 
 DEEPSD: dict[str, tuple[str, ...]] = {
     "default": (),
-    "offsets, no global descriptor": NO_GLOBAL,
-    "offsets": OFFSETS,
+    "global descriptor": GLOBAL,
+    "offsets, no global descriptor": OFFSETS,
+    "offsets": (*OFFSETS, *GLOBAL),
     "offsets, smaller descriptors": (*OFFSETS, *LITE),
-    "offsets, graph convolutions after the descriptor": (*OFFSETS, "--graph-heads"),
+    "offsets, graph convolutions after the descriptor": (*OFFSETS, *GLOBAL, "--graph-heads"),
     "offsets, three layers before pooling": (*OFFSETS, "--global-layers", "256", "256", "256"),
     "pose as keys": ("--keys", "0"),
     "no blend shapes": ("--deformation", "none", "--blend-weights", "changed"),
     "mesh alone": ("--inputs", "mesh"),
     "blend weights as a change of the smooth ones": ("--blend-weights", "changed"),
     "blend weights from nothing": ("--blend-weights", "learned", "--closest-weights", "100"),
-    "fabrics": ("--reads-fabric",),
-    "all joints": ("--influences", "99"),
+    "fabrics not told": ("--no-reads-fabric",),
+    "all joints seen": ("--seen-joints", "0"),
+    "all joints seen in every pose": ("--pose-dropout", "0"),
+    "metres and radians": ("--no-standardized",),
+    "all joints move a vertex": ("--influences", "99"),
     "convolutions over neighbours, not a distance": ("--spread", "0"),
     "no mirroring": ("--no-mirror",),
     "squared error": ("--error", "squared"),
+    "edges": ("--edges", "2"),
     "the paper's network": ("--inputs", "mesh", "--blend-weights", "learned", "--influences", "99",
-                            "--closest-weights", "100", "--spread", "0"),
+                            "--closest-weights", "100", "--spread", "0", *GLOBAL, "--no-reads-fabric",
+                            "--seen-joints", "0", "--pose-dropout", "0", "--no-standardized",
+                            "--small-shapes", "1", "--pose-layers", "256", "256", "256"),
 }  # fmt: skip
 """The rows of the paper's Tables 1 and 6, and what ours has of its own."""
 

@@ -38,14 +38,15 @@ class DeePSDConfig:
     spread: float = 0.03
     """Metres, root mean square, from which a graph convolution averages, so that a finer mesh of a garment
     gets the same rig; 0 for the neighbours of a vertex and itself, wherever they are (paper)."""
-    global_layers: tuple[int, ...] = (256,)
-    """Widths of the layers before max pooling over the outfit; empty for no global descriptor."""
+    global_layers: tuple[int, ...] = ()
+    """Widths of the layers before max pooling over the outfit (paper: 256); empty for no global descriptor,
+    by which some dozens of outfits are learned by heart."""
     weight_layers: tuple[int, ...] = (128, 64, 32)
     """Widths of the hidden layers that predict blend weights."""
     shape_layers: tuple[int, ...] = (256, 256, 256)
     """Widths of the hidden layers that predict blend shapes."""
-    reads_fabric: bool = False
-    """Whether the fabric of its garment joins the descriptor of a vertex (paper's Table 2)."""
+    reads_fabric: bool = True
+    """Whether the fabric of its garment joins the descriptor of a vertex (paper: in its Table 2 alone)."""
     graph_heads: bool = False
     """Graph convolutions instead of layers per vertex after the descriptor, too (its Table 1)."""
     seen_joints: float = 0.02
@@ -78,6 +79,8 @@ PRESETS: dict[str, DeePSDConfig] = {
         blend_weights="learned",
         influences=99,
         spread=0.0,
+        global_layers=(256,),
+        reads_fabric=False,
         seen_joints=0.0,
         standardized=False,
         pose_layers=(256, 256, 256),
