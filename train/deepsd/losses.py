@@ -32,7 +32,7 @@ class DataLosses:
     """Compare points by their distance (the paper's program) or its square (paper, eq. 3)."""
     pose_dropout: float = 0.2
     """Probability that the keys of a pose do not see a joint (paper: 0)."""
-    edges: float = 0.0
+    edges: float = 2.0
     """Weight of the mean change of the lengths of edges between the points compared (paper: none)."""
     closest_weights: float = 0.0
     """Weight of the prior that blend weights are those of the closest skin (paper); of no use where they

@@ -34,6 +34,7 @@ LOSSES: dict[str, DataLosses] = {
         points=1.0,
         error="squared",
         pose_dropout=0.0,
+        edges=0.0,
         closest_weights=100.0,
         small_shapes=1.0,
         mirror=False,
