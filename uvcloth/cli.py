@@ -397,7 +397,7 @@ class Rollout:
     """Garment files were modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
     down (A pose)."""
     fabric: Fabric = None
-    """What the garments are made of, for a DeePSD that was trained with --reads-fabric."""
+    """What the garments are made of, for a DeePSD, which reads it (default: jersey)."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     contact: bool = True
@@ -559,7 +559,7 @@ class Export:
     """Garment files were modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
     down (A pose)."""
     fabric: Fabric = None
-    """What the garments are made of, for a DeePSD that was trained with --reads-fabric."""
+    """What the garments are made of, for a DeePSD, which reads it (default: jersey)."""
     motion: Annotated[str | None, arg(metavar="FILE|NAME", help_behavior_hint="(default: the rig alone)")] = (
         None
     )

@@ -88,7 +88,7 @@ class DeePSDRun:
     balanced: bool = True
     """Draw outfits alike, however many frames there are of each; else frames alike (paper)."""
     fabric: FabricName | None = None
-    """What --outfit is made of (default: jersey), for a model that was trained with --reads-fabric."""
+    """What --outfit is made of (default: jersey), for a model that reads fabrics."""
     body: Path | None = None
     """The body that --outfit is on, made by `uvcloth body`; default: the one in the package."""
     network: OmitArgPrefixes[DeePSDConfig] = field(default_factory=DeePSDConfig)
