@@ -63,3 +63,17 @@ def test_sequences_on_other_bodies_lie_beside_them() -> None:
     sequence = load_packed(folder / "16_15_tops.npz", partial(load_mesh, folder), {})
     assert sequence.metadata["body"] == "tall"
     torch.testing.assert_close(sequence.rest, load_garment("tops", body).mesh.vertices, atol=1e-5, rtol=0)
+
+
+def test_made_outfits_lie_beside_them() -> None:
+    """Each on the body that its sequence names, over a clip of its own split."""
+    index, folder = read_index(FOLDER / "index.csv"), BENCHMARKS / "outfits"
+    clips = {path.stem: path.name.rpartition("_o")[0] for path in folder.glob("*.npz")}
+    assert {index[clip].split for clip in clips.values()} == {"train", "validation", "test"}
+    for name in ("12_01_o0019_tshirt", "26_01_o0018_skirt", "16_08_o0001_shorts"):
+        sequence = load_packed(folder / f"{name}.npz", partial(load_mesh, folder), {})
+        entry = index[clips[name]]
+        assert (sequence.metadata["split"], sequence.metadata["subject"]) == (entry.split, entry.subject)
+        assert name.endswith(f"{sequence.metadata['outfit']}_{sequence.metadata['types'][sequence.garment]}")
+        body = load_body(folder / "bodies" / f"{sequence.metadata['body']}.npz")
+        assert (sequence.rest - body.mesh.vertices.mean(0)).norm(dim=1).max() < 1.5
