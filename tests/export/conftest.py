@@ -121,13 +121,16 @@ def deepsd(practice: Clip) -> DeePSD:
     torch.manual_seed(3)
     config = replace(PRESETS["tiny"], keys=24)
     network = DeePSDNetwork(config, len(parents))
+    vectors = pose_vectors(parents, practice.transforms())
     with torch.no_grad():
-        for layer in network.linears():
+        network.pose_mean.copy_(vectors.mean(0))
+        network.pose_scale.copy_(vectors.std(0) + 0.1)
+        for layer in network.embedding.children():
             layer.weight *= 2.5
         for layers in network.branches.values():
             for layer in layers.children():
                 layer.weight *= 4.0
-    return DeePSD(config, network.eval(), pose_vectors(parents, practice.transforms()))
+    return DeePSD(config, network.eval(), vectors)
 
 
 @pytest.fixture(scope="session", params=["pbns", "deepsd"])

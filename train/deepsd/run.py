@@ -49,7 +49,7 @@ PHYSICS: dict[str, PhysicsLosses] = {
 }
 
 LOOPS: dict[str, LoopConfig] = {
-    "default": LoopConfig(steps=5000, batch=4, validate_every=500),
+    "default": LoopConfig(steps=1500, batch=4, validate_every=150),
     "paper": LoopConfig(
         steps=60000,
         batch=4,

@@ -141,7 +141,7 @@ def test_losses_by_hand(dataset: OutfitDataset) -> None:
     weights = graph.closest[rows].clone()
     weights[0, :2] += torch.tensor([0.5, -0.5])
     outfit = PosedOutfit(weights, {"data": torch.full((1, 2, 3), 0.01)}, posed)
-    losses = DataLosses(closest_weights=10.0, small_shapes=2.0)
+    losses = DataLosses(edges=0.0, closest_weights=10.0, small_shapes=2.0)
     parts = data_losses([outfit], [truth], [graph], [rows], losses, epochs=0.5)
     assert {name: pytest.approx(float(part), rel=1e-4) for name, part in parts.items()} == {
         "error": 3.5,

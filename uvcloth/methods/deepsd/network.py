@@ -153,7 +153,7 @@ class DeePSDNetwork(nn.Module):
                     values = torch.relu(_standardized(layer, layer(values)))
 
     def seen(self, moved: Tensor) -> Tensor:
-        """How much of each joint keys see (..., J), 0 to 1, from the shares that joints move (..., J)."""
+        """Share of each joint's rotation that keys see (..., J), from what the joints move (..., J)."""
         share = self.config.seen_joints
         return (moved / share - 0.5).clamp(0.0, 1.0) if share else torch.ones_like(moved)
 
