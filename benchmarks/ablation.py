@@ -70,6 +70,7 @@ DEEPSD: dict[str, tuple[str, ...]] = {
     "no mirroring": ("--no-mirror",),
     "squared error": ("--error", "squared"),
     "edges as they may be": ("--edges", "0"),
+    "edges kept more": ("--edges", "10"),
     "the paper's network": ("--inputs", "mesh", "--blend-weights", "learned", "--influences", "99",
                             "--closest-weights", "100", "--spread", "0", *GLOBAL, "--no-reads-fabric",
                             "--seen-joints", "0", "--pose-dropout", "0", "--no-standardized",

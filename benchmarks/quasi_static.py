@@ -20,9 +20,9 @@ from torch import Tensor
 
 from train.deepsd.dataset import OutfitFrames, read_outfits
 from train.deepsd.losses import MILLI, DataLosses
-from uvcloth.geometry.skinning import apply_transforms, blend_transforms
+from uvcloth.geometry.skinning import blend_transforms
 from uvcloth.methods.deepsd.config import DeePSDConfig
-from uvcloth.methods.deepsd.network import LEAST_DEVIATION, DeePSDNetwork
+from uvcloth.methods.deepsd.network import LEAST_DEVIATION, DeePSDNetwork, pose
 
 FRAMES = 128
 """Posed at once."""
@@ -46,7 +46,7 @@ def distance(frames: OutfitFrames, moved: Tensor) -> float:
     for transforms, vertices, own in zip(
         frames.transforms.split(FRAMES), frames.vertices.split(FRAMES), moved.split(FRAMES), strict=True
     ):
-        posed = apply_transforms(blend_transforms(frames.graph.smooth, transforms), frames.graph.points + own)
+        posed = pose(frames.graph.points, own, frames.graph.smooth, transforms)
         errors.append((posed - vertices).norm(dim=-1).mean(1))
     return MILLI * float(torch.cat(errors).mean())
 

@@ -10,8 +10,8 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from train.deepsd.prediction import PosedOutfit
-from uvcloth.geometry.mesh import edge_lengths
 from uvcloth.methods.deepsd.outfit_graph import OutfitGraph
+from uvcloth.physics.energies import length_change
 
 MILLI = 1000.0
 """Lengths are logged in millimetres, energies in millijoules."""
@@ -108,9 +108,8 @@ def _edge_change(posed: Tensor, graph: OutfitGraph, rows: Tensor) -> Tensor:
     place[rows] = torch.arange(len(rows))
     edges = place[graph.edges]
     edges = edges[(edges >= 0).all(1)]
-    rest = edge_lengths(graph.points[rows], edges).to(posed)
-    change = edge_lengths(posed, edges.to(posed.device)) - rest
-    return change.abs().sum() / max(change.numel(), 1)
+    change = length_change(posed, graph.points[rows].to(posed), edges.to(posed.device))
+    return change.sum() / max(change.numel(), 1)
 
 
 @dataclass(frozen=True)

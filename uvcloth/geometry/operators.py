@@ -1,23 +1,36 @@
 """Fixed sparse matrices that are applied to batches: their gradient is the transposed matrix, no scatter."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import torch
 from torch import Tensor
 
+Dense = Callable[[Tensor], Tensor]
+"""A linear map of dense columns: (columns, C) -> (rows, C)."""
 
-class _Product(torch.autograd.Function):
-    """Sparse matrix times dense columns; the backward pass multiplies with the transpose."""
+
+class _Applied(torch.autograd.Function):
+    """A linear map of dense columns; the backward pass applies its transpose, nothing between is kept."""
 
     @staticmethod
-    def forward(ctx: Any, dense: Tensor, matrix: Tensor, transposed: Tensor) -> Tensor:
+    def forward(ctx: Any, dense: Tensor, linear: Dense, transposed: Dense) -> Tensor:
         ctx.transposed = transposed
-        return matrix @ dense
+        return linear(dense)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:
-        return ctx.transposed @ gradients[0].contiguous(), None, None
+        return ctx.transposed(gradients[0].contiguous()), None, None
+
+
+def apply_linear(values: Tensor, linear: Dense, transposed: Dense) -> Tensor:
+    """Apply a fixed linear map to every channel of every item: (B, columns, C) -> (B, rows, C)."""
+    batch, _, channels = values.shape
+    dense = values.transpose(0, 1).flatten(1).contiguous()
+    applied: Tensor = _Applied.apply(dense, linear, transposed)  # type: ignore[no-untyped-call]
+    return applied.view(-1, batch, channels).transpose(0, 1)
 
 
 @dataclass(frozen=True)
@@ -29,10 +42,7 @@ class Operator:
 
     def __call__(self, values: Tensor) -> Tensor:
         """Apply it to every channel of every item: (B, columns, C) -> (B, rows, C)."""
-        batch, _, channels = values.shape
-        dense = values.transpose(0, 1).flatten(1).contiguous()
-        product: Tensor = _Product.apply(dense, self.matrix, self.transposed)  # type: ignore[no-untyped-call]
-        return product.view(-1, batch, channels).transpose(0, 1)
+        return apply_linear(values, *(partial(torch.mm, each) for each in (self.matrix, self.transposed)))
 
 
 def sampling(indices: Tensor, shares: Tensor, columns: int) -> Operator:

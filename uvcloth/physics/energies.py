@@ -79,8 +79,12 @@ def edge_change(vertices: Tensor, rest: Tensor, faces: Tensor) -> Tensor:
 
     PBNS's measure "Edge": a compression counts like a stretch.
     """
-    edges = unique_edges(faces)
-    return (edge_lengths(vertices, edges) - edge_lengths(rest, edges)).abs().mean(-1)
+    return length_change(vertices, rest, unique_edges(faces)).mean(-1)
+
+
+def length_change(vertices: Tensor, rest: Tensor, edges: Tensor) -> Tensor:
+    """Absolute change of the length of edges (E, 2), metres: (..., N, 3), (N, 3) -> (..., E)."""
+    return (edge_lengths(vertices, edges) - edge_lengths(rest, edges)).abs()
 
 
 def fold_angle(vertices: Tensor, faces: Tensor) -> Tensor:

@@ -40,7 +40,7 @@ class DeePSDConfig:
     gets the same rig; 0 for the neighbours of a vertex and itself, wherever they are (paper)."""
     global_layers: tuple[int, ...] = ()
     """Widths of the layers before max pooling over the outfit (paper: 256); empty for no global descriptor,
-    by which some dozens of outfits are learned by heart."""
+    which overfits to some dozens of outfits."""
     weight_layers: tuple[int, ...] = (128, 64, 32)
     """Widths of the hidden layers that predict blend weights."""
     shape_layers: tuple[int, ...] = (256, 256, 256)
@@ -54,7 +54,7 @@ class DeePSDConfig:
     outfit's keys to see its rotation; from half of it some. 0 for all joints (paper)."""
     standardized: bool = True
     """Whether what the network reads, poses too, is told by the difference from its mean in training, in
-    standard deviations, and every layer begins with values of none and one (paper: metres and radians)."""
+    standard deviations, and layers begin with outputs of zero mean and unit variance (paper: no)."""
     pose_layers: tuple[int, ...] = (128,)
     """Widths of the hidden layers of the pose embedding (paper: 256, 256, 256)."""
     keys: int = 128

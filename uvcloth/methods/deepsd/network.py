@@ -76,7 +76,7 @@ class DeePSDNetwork(nn.Module):
 
     def describe(self, outfits: PackedOutfits) -> Tensor:
         """Descriptors Phi of U points, local and of their outfit, and their fabric: (U, F)."""
-        local = (self._read(outfits) - self.input_mean) / self.input_scale
+        local = self._inputs(outfits)
         for layer in _linear_layers(self.convolutions):
             local = torch.relu(_convolved(layer, local, outfits))
         described = [local]
@@ -86,8 +86,12 @@ class DeePSDNetwork(nn.Module):
             described.append(outfits.fabric)
         return torch.cat(described, dim=1)
 
+    def _inputs(self, outfits: PackedOutfits) -> Tensor:
+        """Inputs of U points (U, C), standardized if the config says so."""
+        return (self._read(outfits) - self.input_mean) / self.input_scale
+
     def _read(self, outfits: PackedOutfits) -> Tensor:
-        """All that U points bring (U, C), in metres and shares."""
+        """Inputs of U points (U, C), in metres and shares."""
         parts = [outfits.points, outfits.normals]
         if self.config.inputs == "body":
             parts += [outfits.offsets, outfits.smooth]
@@ -129,18 +133,18 @@ class DeePSDNetwork(nn.Module):
 
     @torch.no_grad()
     def standardize(self, poses: Tensor, outfits: PackedOutfits) -> None:
-        """Begin, if the config says so, with layers whose values have no mean and a deviation of one.
+        """Standardize what the network reads and, at the start, what its layers give, if the config says so.
 
-        They have over the training's pose vectors (S, 3 J) and outfits (Salimans and Kingma 2016, section 3,
-        without its scale and offset as parameters).
+        Zero mean and unit variance over the training's pose vectors (S, 3 J) and outfits (data-dependent
+        initialization: Salimans and Kingma 2016, section 3, without its scale and offset as parameters).
         """
         config = self.config
         if not config.standardized:
             return
-        _measure(poses, self.pose_mean, self.pose_scale)
-        read = self._read(outfits)
-        _measure(read, self.input_mean, self.input_scale)
-        local = (read - self.input_mean) / self.input_scale
+        for name, values in (("pose", poses), ("input", self._read(outfits))):
+            for moment, found in zip(("mean", "scale"), _moments(values, LEAST_DEVIATION), strict=True):
+                self.get_buffer(f"{name}_{moment}").copy_(found)
+        local = self._inputs(outfits)
         for layer in _linear_layers(self.convolutions):
             local = torch.relu(_standardized(layer, _convolved(layer, local, outfits)))
         for layer in _linear_layers(self.pooled):
@@ -214,15 +218,14 @@ def _convolved(layer: nn.Linear, values: Tensor, outfits: PackedOutfits) -> Tens
     return outfits.convolve(layer(values)[None])[0]
 
 
-def _measure(values: Tensor, mean: Tensor, scale: Tensor) -> None:
-    """Write mean and standard deviation of values (N, C) to those (C,)."""
-    mean.copy_(values.mean(0))
-    scale.copy_(values.std(0, correction=0).clamp(min=LEAST_DEVIATION))
+def _moments(values: Tensor, least: float) -> tuple[Tensor, Tensor]:
+    """Mean and standard deviation, at least so much, of each channel of values (N, C): (C,) each."""
+    return values.mean(0), values.std(0, correction=0).clamp(min=least)
 
 
 def _standardized(layer: nn.Linear, values: Tensor) -> Tensor:
-    """Change a layer so that its values (N, C) get no mean and a deviation of one; returns them so."""
-    mean, scale = values.mean(0), values.std(0, correction=0).clamp(min=LEAST_SPREAD)
+    """Change a layer so that its values (N, C) get zero mean and unit variance; returns them so."""
+    mean, scale = _moments(values, LEAST_SPREAD)
     layer.weight.div_(scale[:, None])
     layer.bias.sub_(mean).div_(scale)
     return (values - mean) / scale

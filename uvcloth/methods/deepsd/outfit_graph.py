@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import accumulate
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -12,7 +11,7 @@ from torch import Tensor
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.diffusion import chebyshev_sum, heat_shares
 from uvcloth.geometry.mesh import face_normals, first_of, join_meshes, unique_edges, vertex_normals, weld
-from uvcloth.geometry.operators import Operator
+from uvcloth.geometry.operators import Operator, apply_linear
 from uvcloth.physics.surface import BodySurface
 
 LEAST_EDGE = 0.01
@@ -181,26 +180,13 @@ def _heat(
     return partial(_heat_of, average, heat_shares(most))
 
 
-class _HeatKernel(torch.autograd.Function):
-    """The kernel on dense columns; backward takes that of the transpose, and no step between is kept."""
-
-    @staticmethod
-    def forward(ctx: Any, dense: Tensor, average: Operator, shares: Sequence[float]) -> Tensor:
-        ctx.transposed, ctx.shares = average.transposed, shares
-        return chebyshev_sum(partial(torch.sparse.mm, average.matrix), dense, shares)
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None, None]:
-        multiply = partial(torch.sparse.mm, ctx.transposed)
-        return chebyshev_sum(multiply, gradients[0].contiguous(), ctx.shares), None, None
-
-
 def _heat_of(average: Operator, shares: Sequence[float], values: Tensor) -> Tensor:
     """The heat kernel of values (B, U, C)."""
-    batch, count, channels = values.shape
-    dense = values.transpose(0, 1).flatten(1).contiguous()
-    spread: Tensor = _HeatKernel.apply(dense, average, shares)  # type: ignore[no-untyped-call]
-    return spread.view(count, batch, channels).transpose(0, 1)
+    kernels = (
+        partial(chebyshev_sum, partial(torch.mm, matrix), shares=shares)
+        for matrix in (average.matrix, average.transposed)
+    )
+    return apply_linear(values, *kernels)
 
 
 def _operator(rows: Tensor, columns: Tensor, others: Tensor, own: Tensor, device: torch.device) -> Operator:
