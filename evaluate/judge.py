@@ -1,7 +1,7 @@
 """Judging: roll methods out over cases and score every frame; finished cases are kept for a rerun."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
@@ -64,15 +64,17 @@ class CaseScores:
 def judge(case: Case, candidate: Candidate) -> CaseScores:
     """Roll a method out from the first warm-up frame and score the scored frames.
 
-    Before contact, one that goes on from what contact left is rolled out again without it: otherwise its
-    predictions owe something to contact. It is also rolled out from the truth. Raises InputError if a
-    prediction is not a finite number.
+    Before contact, one that goes on from what contact left, or leaves something to contact, is rolled out
+    again without it: otherwise its predictions owe something to contact. The former is also rolled out from
+    the truth. Raises InputError if a prediction is not a finite number.
     """
     prepared = prepare_rollout(candidate.method, case.outfit)
     raw, resolved, times = _predicted(case, prepared)
     more = representation(case, prepared)
-    if uses_feedback(prepared, case):
-        raw, _, _ = _predicted(case, replace(prepared, contact=None))
+    again = uses_feedback(prepared, case)
+    if again or prepared.method is not candidate.method:
+        raw, _, _ = _predicted(case, prepare_rollout(candidate.method, case.outfit, contact=False))
+    if again:
         stable = stability_scores(prepared, case)
         more = {name: {**scores, **more.get(name, {})} for name, scores in stable.items()}
     scored = score(case, raw, resolved)

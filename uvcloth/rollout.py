@@ -209,6 +209,8 @@ def prepare_rollout(
 
     Raises InputError for an outfit that the method does not support.
     """
+    if contact:
+        method = method.with_contact()
     prepared = method.prepare(outfit, device)
     outfit = to_device(outfit, device)
     if not contact:
@@ -236,7 +238,8 @@ def rollout(
     transforms: (J, 3, 4) of each frame in turn, a tensor or a stream. The body stands still before its first
     frame. With contact, vertices inside the body (forearms and hands left out, as in the simulations) are
     moved out of it after each frame, outer garments off the inner ones that they cover, and edges get
-    their rest length back; that is fed back to an autoregressive method.
+    their rest length back; that is fed back to an autoregressive method. A method leaves out what contact
+    does better (`Method.with_contact`), so that it may predict otherwise than without.
 
     truth: the garments, (N, 3) m each, that are fed back to an autoregressive method after each of the first
     frames instead of its own. Contact goes on from what it moved itself, as always. Any other method takes no

@@ -1,4 +1,7 @@
-"""Inside shares agree with the contact room's own count."""
+"""Scores of predictions before and after contact; inside shares agree with the contact room's own count."""
+
+from dataclasses import dataclass, replace
+from typing import Any
 
 import pytest
 import torch
@@ -6,12 +9,16 @@ import trimesh
 
 from evaluate.actions import Window
 from evaluate.body_scores import body_scores, dressed_body
+from evaluate.candidates import Candidate
 from evaluate.case import make_case
-from evaluate.judge import score
+from evaluate.judge import judge, score
+from tests.evaluate.test_compare import capsule_body, simulated, tube_garment
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.frames import BodyFrames
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
+from uvcloth.methods.method import Method
 from uvcloth.simulate.sequence import SimulatedSequence
 
 
@@ -45,6 +52,36 @@ def test_inside_counts_what_lies_within_the_body() -> None:
         assert float(scores["inside_percent_raw"][frame]) == pytest.approx(expected, abs=1.0)
     assert scores["inside_percent"].max() == 0.0
     assert (scores["squeezed_percent"] + scores["crossing_edges_percent"]).isfinite().all()
+
+
+@dataclass(frozen=True)
+class Raised(Method):
+    """Its garment 40 cm above rest, where contact leaves it alone, and 1 cm higher where none follows."""
+
+    name: str = "raised"
+    height: float = 0.41
+
+    def with_contact(self) -> "Raised":
+        return replace(self, height=0.4)
+
+    def prepare(self, outfit: Outfit, device: torch.device) -> torch.Tensor:
+        return outfit.garments[0].mesh.vertices + torch.tensor([0.0, 0.0, self.height])
+
+    def step(
+        self, prepared: torch.Tensor, state: Any, frames: BodyFrames
+    ) -> tuple[Any, tuple[torch.Tensor, ...]]:
+        return state, (prepared.expand(len(frames), -1, -1),)
+
+
+def test_figures_before_contact_are_of_the_method_without_it() -> None:
+    moved, garment = simulated(tube_garment("tops"), "02_04", torch.zeros(3)), tube_garment("tops")
+    moved = replace(moved, transforms=torch.eye(3, 4).expand_as(moved.transforms))
+    moved = replace(moved, vertices=garment.mesh.vertices.expand_as(moved.vertices))
+    window = Window("a", "02_04", "", "tops", None, None)  # type: ignore[arg-type]
+    case = make_case((window,), (moved,), Outfit(capsule_body(), (garment,)), {})
+    scores = judge(case, Candidate("raised", Raised(), 0.0, "", frozenset())).parts["tops"]
+    assert scores["vertex_mean_mm_raw"].mean() == pytest.approx(410.0, abs=0.1)
+    assert scores["vertex_mean_mm"].mean() == pytest.approx(400.0, abs=0.1)
 
 
 def test_a_coarse_garment_is_inside_by_its_faces_while_no_vertex_is(body: Body) -> None:

@@ -38,6 +38,12 @@ class Ensemble(Method):
         """True if one of them reads the fabric."""
         return any(method.reads_fabric() for method in self.methods)
 
+    def with_contact(self) -> "Ensemble":
+        """Each where contact follows; the very ensemble where that changes none."""
+        methods = tuple(method.with_contact() for method in self.methods)
+        changed = any(after is not before for after, before in zip(methods, self.methods, strict=True))
+        return replace(self, methods=methods) if changed else self
+
     def prepare(self, outfit: Outfit, device: torch.device) -> tuple[Any, ...]:
         """Prepare each for its garment. Raises InputError for an outfit that is not supported."""
         require_supported(self, outfit)

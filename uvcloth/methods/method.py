@@ -65,6 +65,13 @@ class Method(Protocol):
         """The state with all places in it displaced by (B, 3) m: coordinates follow the body's root."""
         return state
 
+    def with_contact(self) -> "Method":
+        """The method where contact follows: without what it does to no other end than contact.
+
+        Returns the very method where there is no such thing.
+        """
+        return self
+
     def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> PoseRig | None:
         """The method as blend weights and blend shapes on a body, for engines; None where it is none.
 

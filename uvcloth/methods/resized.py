@@ -34,6 +34,11 @@ class Resized(Method):
         """True if the method reads the fabric."""
         return self.method.reads_fabric()
 
+    def with_contact(self) -> "Resized":
+        """The method where contact follows; the very same where that changes nothing."""
+        method = self.method.with_contact()
+        return self if method is self.method else replace(self, method=method)
+
     def prepare(self, outfit: Outfit, device: torch.device) -> Any:
         """Prepare the method for the outfit at its size."""
         return self.method.prepare(self._outfit(outfit), device)

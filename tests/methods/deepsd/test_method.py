@@ -23,6 +23,7 @@ from uvcloth.methods.deepsd.method import DeePSD, deepsd_checkpoint
 from uvcloth.methods.deepsd.network import DeePSDNetwork
 from uvcloth.methods.registry import load_method
 from uvcloth.methods.rig import pose_vectors
+from uvcloth.rollout import rollout
 
 TINY = replace(PRESETS["tiny"], blend_weights="changed", influences=2)
 JOINTS = 2
@@ -142,6 +143,19 @@ def test_another_fabric_is_another_rig_to_a_model_that_reads_it() -> None:
     before, after = moved(reads, outfit), moved(reads, mixed)
     assert (after[0] - before[0]).abs().max() > 1e-3
     torch.testing.assert_close(after[1], before[1], atol=1e-6, rtol=0)
+
+
+def test_the_branch_of_physics_is_left_out_where_contact_follows() -> None:
+    outfit, method = outfit_of("shirt"), random_deepsd()
+    motion = some_motion(outfit.body)
+    alone = moved(replace(method, branches=("data",)), outfit)[0]
+    (both,) = moved(method, outfit)
+    assert float((both - alone).norm(dim=-1).max()) > 0.01
+    for contact, expected in ((True, alone), (False, both)):
+        frames = rollout(method, outfit, motion, 30.0, contact)
+        torch.testing.assert_close(torch.stack([frame.raw[0] for frame in frames]), expected)
+    rig = replace(method, branches=("physics",))
+    assert rig.with_contact() is rig
 
 
 def test_offsets_are_no_rig() -> None:

@@ -5,7 +5,7 @@ shapes weighed by a perceptron that sees the pose (Bertiche et al. 2021, eq. 1 a
 same pose always looks the same, however fast the body came there.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +90,15 @@ class DeePSD(Method):
     def reads_fabric(self) -> bool:
         """True if it was taught by garments of several fabrics."""
         return self.config.reads_fabric
+
+    def with_contact(self) -> "DeePSD":
+        """The method without its branch of physics, whose errors contact has no need of.
+
+        That branch keeps cloth out of the body in all poses by one blend shape for many of them; contact
+        moves what is inside in the pose at hand.
+        """
+        kept = tuple(branch for branch in self.branches if branch != "physics")
+        return replace(self, branches=kept) if kept and kept != self.branches else self
 
     @torch.no_grad()
     def prepare(self, outfit: Outfit, device: torch.device) -> DeePSDPrepared:
