@@ -10,7 +10,7 @@ from rasterize.charts import boundary_loops
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.shells import joint
-from uvcloth.geometry.mesh import Mesh, weld
+from uvcloth.geometry.mesh import Mesh, unique_edges, weld
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.physics.surface import BodySurface
 from uvcloth.wardrobe.check import LEAST_OFF, refuse_faulty
@@ -113,6 +113,17 @@ def test_seams_double_vertices_and_change_nothing_else() -> None:
     assert torch.equal(sewn.vertices[sewn.faces], welded.vertices[welded.faces])
 
 
+def test_edges_are_shorter_at_cuffs() -> None:
+    mesh = worn(Design("longsleeve", upper=replace(SHIRT, sleeve=1.9)))
+    rims = [mesh.vertices[rim] for rim in boundary_loops(mesh.faces.numpy())]
+    cuffs = [rim for rim in rims if abs(float(rim[:, 0].mean())) > 0.3]
+    assert len(cuffs) == 2
+    edges = mesh.vertices[unique_edges(mesh.faces)]
+    whole = float((edges[:, 0] - edges[:, 1]).norm(dim=1).mean())
+    for rim in cuffs:
+        assert float((rim - rim.roll(1, 0)).norm(dim=1).mean()) < 0.85 * whole
+
+
 def test_uneven_meshes_differ_more_in_their_edges() -> None:
     design = Design("tshirt", upper=SHIRT)
 
@@ -128,12 +139,16 @@ def test_faults_are_named() -> None:
     mesh = worn(Design("tshirt", upper=SHIRT))
     inside = mesh.vertices.clone()
     inside[0] *= 0.9
-    broken = inside.clone()
+    broken, turned = inside.clone(), mesh.faces.clone()
     broken[1] = torch.nan
+    turned[0] = turned[0].flip(0)
+    first = (torch.arange(len(mesh.vertices)) == mesh.faces[0, 0])[:, None]
     for vertices, faces, sentence in (
         (inside, mesh.faces, "tshirt: comes within -?[0-9.]+ mm of the skin, expected 3 mm"),
         (broken, mesh.faces, "tshirt: a vertex is not a finite number"),
         (mesh.vertices, mesh.faces.flip(1), "tshirt: its faces are turned inward"),
+        (torch.where(first, mesh.vertices[mesh.faces[0, 1]], mesh.vertices), mesh.faces, "a face has no area"),
+        (mesh.vertices, turned, "two faces at an edge are turned against each other"),
         (
             mesh.vertices,
             mesh.faces[mesh.vertices[mesh.faces].mean(1)[:, 2].sub(0.5).abs() > 0.03],

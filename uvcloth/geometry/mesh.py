@@ -11,6 +11,9 @@ from torch import Tensor
 # Products with compressed rows are what makes smoothing fast; torch warns of their beta state on every run.
 warnings.filterwarnings("ignore", message="Sparse CSR tensor support is in beta")
 
+LEAST_AREA = 1e-9
+"""Square metres of the smallest triangle that an engine can lay flat."""
+
 
 @dataclass(frozen=True)
 class Mesh:
@@ -52,6 +55,11 @@ def face_normals(vertices: Tensor, faces: Tensor) -> Tensor:
     """Normals scaled by twice the face area: vertices (..., V, 3), faces (F, 3) -> (..., F, 3)."""
     a, b, c = (vertices[..., faces[:, corner], :] for corner in range(3))
     return torch.linalg.cross(b - a, c - a)
+
+
+def flat_faces(vertices: Tensor, faces: Tensor) -> Tensor:
+    """Mask (F,) of the faces of vertices (V, 3) m that have no area, which no engine can simulate."""
+    return face_normals(vertices, faces).norm(dim=1) < 2.0 * LEAST_AREA
 
 
 def vertex_normals(vertices: Tensor, faces: Tensor) -> Tensor:

@@ -9,10 +9,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.band import Band, holding_band
 from uvcloth.garments.garment import Garment
-from uvcloth.geometry.mesh import face_normals, weld
-
-LEAST_AREA = 1e-9
-"""Square metres of the smallest triangle that an engine can lay flat."""
+from uvcloth.geometry.mesh import flat_faces, weld
 
 
 @dataclass(frozen=True)
@@ -41,7 +38,7 @@ def join(garment: Garment, body: Body) -> Cloth:
     Raises InputError if it has no hem to hang by or a face without an area.
     """
     mesh = garment.mesh
-    flat = face_normals(mesh.vertices, mesh.faces).norm(dim=1) < 2.0 * LEAST_AREA
+    flat = flat_faces(mesh.vertices, mesh.faces)
     if bool(flat.any()):
         face = mesh.faces[flat][0].tolist()
         raise InputError(

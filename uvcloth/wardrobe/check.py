@@ -14,7 +14,7 @@ from uvcloth.garments.diagnose import diagnose
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.order import check_order
 from uvcloth.garments.templates import faces_outward
-from uvcloth.geometry.mesh import Mesh, edge_lengths, join_meshes, unique_edges, weld
+from uvcloth.geometry.mesh import Mesh, edge_lengths, flat_faces, join_meshes, unique_edges, weld
 from uvcloth.physics.self_intersection import crossing_edges_percent
 from uvcloth.physics.surface import BodySurface
 
@@ -64,6 +64,11 @@ def _fault(mesh: Mesh, body: Body, surface: BodySurface) -> str:
     parts = int(face_components(welded.numpy(), welded.new_zeros(0).numpy()).max()) + 1
     if parts > 1:
         return f"falls apart into {parts} pieces"
+    if bool(flat_faces(mesh.vertices, mesh.faces).any()):
+        return "a face has no area"
+    directed = torch.cat([welded[:, corners] for corners in ([0, 1], [1, 2], [2, 0])])
+    if len(directed.unique(dim=0)) < len(directed):
+        return "two faces at an edge are turned against each other"
     if not faces_outward(mesh, body):
         return "its faces are turned inward"
     off = float(surface.closest(mesh.vertices).signed_distance.min())

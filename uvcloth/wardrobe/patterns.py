@@ -34,6 +34,9 @@ ARMHOLE = 0.06
 ARM_BEGINS = 0.15
 """Place along the upper arm, as a share of it, where cloth counts as sleeve."""
 
+CUFF_STRETCH = 2.0
+"""Factor on lengths at the wrist where a pattern is meshed: how much shorter edges are there."""
+
 FREE_ARM = 0.6
 """Place along the upper arm from where on no hem of the trunk cuts a sleeve."""
 
@@ -113,6 +116,26 @@ def ease(design: Design, body: Body, vertices: Array) -> Array:
         on_arm = (arm > ARM_BEGINS) | (forearm_share(body, vertices) > 0)
         off = np.where(on_arm, sleeve, off)
     return off
+
+
+def sleeves_stretched(body: Body, vertices: Array) -> Array:
+    """Points (P, 3) m with sleeves longer and wider towards the wrist, CUFF_STRETCH times at it.
+
+    Triangles that are even on this surface are finer in sleeves: an arm slips out between the vertices of a
+    cuff that has six of them.
+    """
+    stretched, on_arm = vertices.copy(), _on_arm(body, vertices)
+    for side in ("Left", "Right"):
+        shoulder, elbow, wrist = (joint(body, f"{side}{name}") for name in ("Arm", "ForeArm", "Hand"))
+        start = shoulder + FREE_ARM * (elbow - shoulder)
+        length = np.linalg.norm(wrist - start)
+        axis = (wrist - start) / length
+        own = on_arm & (vertices[:, 0] * shoulder[0] > 0)
+        along = ((vertices[own] - start) @ axis).clip(min=0.0)[:, None]
+        across = vertices[own] - start - along * axis
+        more = (CUFF_STRETCH - 1.0) * along / length
+        stretched[own] = start + along * (1.0 + more / 2.0) * axis + (1.0 + more) * across
+    return stretched
 
 
 def trunk_height(body: Body, share: float) -> float:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -22,7 +22,7 @@ from uvcloth.physics.layers import Layer
 from uvcloth.physics.surface import BodySurface
 from uvcloth.wardrobe.designs import Design
 from uvcloth.wardrobe.hang import hang
-from uvcloth.wardrobe.patterns import Pattern, cut_pattern, ease
+from uvcloth.wardrobe.patterns import Pattern, cut_pattern, ease, sleeves_stretched
 
 LEAST_OFF = 0.004
 """Metres that every vertex is off the skin."""
@@ -75,12 +75,13 @@ def sew(designs: Sequence[Design], meshing: Meshing, body: Body) -> tuple[Mesh, 
     Raises InputError if a pattern cannot be cut, or the `body` extra (the remesher) is missing.
     """
     patterns = [cut_pattern(design, body) for design in designs]
-    areas = np.array([_area(pattern) for pattern in patterns])
+    stretched = [_stretched(pattern, meshing, body) for pattern in patterns]
+    areas = np.array([_area(pattern) for pattern in stretched])
     counts = np.round(meshing.vertices * areas / areas.sum()).astype(int)
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
     pieces: list[Mesh] = []
-    for design, pattern, count in zip(designs, patterns, counts.tolist(), strict=True):
-        points, triangles = (remesh if meshing.even else _uneven)(pattern.vertices, pattern.faces, count)
+    for design, pattern, large, count in zip(designs, patterns, stretched, counts.tolist(), strict=True):
+        points, triangles = _meshed(pattern, large, count)
         faces = torch.from_numpy(np.ascontiguousarray(triangles))
         vertices = torch.from_numpy(points).float()
         if not faces_outward(_mesh(vertices, faces), body):
@@ -89,13 +90,20 @@ def sew(designs: Sequence[Design], meshing: Meshing, body: Body) -> tuple[Mesh, 
     return tuple(_panels(piece) if meshing.seams else piece for piece in pieces)
 
 
-def _uneven(vertices: Array, faces: Indices, count: int) -> tuple[Array, Indices]:
-    """Remesh to triangles that would be even if the surface (P, 3) m were stretched in waves."""
-    stretched = vertices + WAVE_STRETCH / WAVE_NUMBER * np.sin(WAVE_NUMBER * vertices)
-    points, triangles = remesh(stretched, faces, count)
-    found = surface_of(stretched, faces).closest(torch.from_numpy(points).float())
-    corners = torch.from_numpy(faces)[found.faces]
-    placed = gather(torch.from_numpy(vertices).float(), corners, found.barycentrics)
+def _stretched(pattern: Pattern, meshing: Meshing, body: Body) -> Pattern:
+    """The pattern in the shape in which its triangles are to be even."""
+    vertices = sleeves_stretched(body, pattern.vertices)
+    if not meshing.even:
+        vertices = vertices + WAVE_STRETCH / WAVE_NUMBER * np.sin(WAVE_NUMBER * vertices)
+    return replace(pattern, vertices=vertices)
+
+
+def _meshed(pattern: Pattern, stretched: Pattern, count: int) -> tuple[Array, Indices]:
+    """Remesh a pattern to `count` vertices whose triangles would be even if it were stretched so."""
+    points, triangles = remesh(stretched.vertices, stretched.faces, count)
+    found = surface_of(stretched.vertices, stretched.faces).closest(torch.from_numpy(points).float())
+    corners = torch.from_numpy(pattern.faces)[found.faces]
+    placed = gather(torch.from_numpy(pattern.vertices).float(), corners, found.barycentrics)
     return placed.numpy().astype(np.float64), triangles
 
 
