@@ -121,8 +121,7 @@ def ease(design: Design, body: Body, vertices: Array) -> Array:
 def sleeves_stretched(body: Body, vertices: Array) -> Array:
     """Points (P, 3) m with sleeves longer and wider towards the wrist, CUFF_STRETCH times at it.
 
-    Triangles that are even on this surface are finer in sleeves: an arm slips out between the vertices of a
-    cuff that has six of them.
+    Triangles that are even on this surface are finer in sleeves, whose cuffs have six vertices otherwise.
     """
     stretched, on_arm = vertices.copy(), _on_arm(body, vertices)
     for side in ("Left", "Right"):
