@@ -147,7 +147,11 @@ def test_faults_are_named() -> None:
         (inside, mesh.faces, "tshirt: comes within -?[0-9.]+ mm of the skin, expected 3 mm"),
         (broken, mesh.faces, "tshirt: a vertex is not a finite number"),
         (mesh.vertices, mesh.faces.flip(1), "tshirt: its faces are turned inward"),
-        (torch.where(first, mesh.vertices[mesh.faces[0, 1]], mesh.vertices), mesh.faces, "a face has no area"),
+        (
+            torch.where(first, mesh.vertices[mesh.faces[0, 1]], mesh.vertices),
+            mesh.faces,
+            "a face has no area",
+        ),
         (mesh.vertices, turned, "two faces at an edge are turned against each other"),
         (
             mesh.vertices,

@@ -21,7 +21,10 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
 from uvcloth.methods.deepsd.method import DeePSD, deepsd_checkpoint
 from uvcloth.methods.deepsd.network import DeePSDNetwork
+from uvcloth.methods.ensemble import Ensemble
+from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.registry import load_method
+from uvcloth.methods.resized import Resized
 from uvcloth.methods.rig import pose_vectors
 from uvcloth.rollout import rollout
 
@@ -156,6 +159,17 @@ def test_the_branch_of_physics_is_left_out_where_contact_follows() -> None:
         torch.testing.assert_close(torch.stack([frame.raw[0] for frame in frames]), expected)
     rig = replace(method, branches=("physics",))
     assert rig.with_contact() is rig
+
+
+def test_several_methods_and_resized_ones_leave_to_contact_what_each_does() -> None:
+    method, skinning = random_deepsd(), create_lbs(LBSConfig())
+    several = Ensemble.of((skinning, method)).with_contact()
+    assert several.methods[0] is skinning
+    assert several.methods[1].branches == ("data",)
+    resized = Resized(method, 2.0, "twice").with_contact()
+    assert resized.method.branches == ("data",)
+    for same in (Ensemble.of((skinning, skinning)), Resized(skinning, 2.0, "twice")):
+        assert same.with_contact() is same
 
 
 def test_offsets_are_no_rig() -> None:
