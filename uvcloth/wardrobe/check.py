@@ -60,15 +60,9 @@ def _fault(mesh: Mesh, body: Body, surface: BodySurface) -> str:
     """Sentence that says what is wrong with a piece by itself, "" if nothing is."""
     if not torch.isfinite(mesh.vertices).all():
         return "a vertex is not a finite number"
-    welded = weld(mesh.vertices)[mesh.faces]
-    parts = int(face_components(welded.numpy(), welded.new_zeros(0).numpy()).max()) + 1
-    if parts > 1:
-        return f"falls apart into {parts} pieces"
-    if bool(flat_faces(mesh.vertices, mesh.faces).any()):
-        return "a face has no area"
-    directed = torch.cat([welded[:, corners] for corners in ([0, 1], [1, 2], [2, 0])])
-    if len(directed.unique(dim=0)) < len(directed):
-        return "two faces at an edge are turned against each other"
+    broken = _broken(mesh)
+    if broken:
+        return broken
     if not faces_outward(mesh, body):
         return "its faces are turned inward"
     off = float(surface.closest(mesh.vertices).signed_distance.min())
@@ -78,6 +72,20 @@ def _fault(mesh: Mesh, body: Body, surface: BodySurface) -> str:
     if float(lengths.max()) > LONGEST_EDGE * float(lengths.mean()):
         longest, mean = 1000 * float(lengths.max()), 1000 * float(lengths.mean())
         return f"has an edge of {longest:.0f} mm, {mean:.0f} on average"
+    return ""
+
+
+def _broken(mesh: Mesh) -> str:
+    """Sentence that says why the faces of a piece make no surface, "" if they do."""
+    welded = weld(mesh.vertices)[mesh.faces]
+    parts = int(face_components(welded.numpy(), welded.new_zeros(0).numpy()).max()) + 1
+    if parts > 1:
+        return f"falls apart into {parts} pieces"
+    if bool(flat_faces(mesh.vertices, mesh.faces).any()):
+        return "a face has no area"
+    directed = torch.cat([welded[:, corners] for corners in ([0, 1], [1, 2], [2, 0])])
+    if len(directed.unique(dim=0)) < len(directed):
+        return "two faces at an edge are turned against each other"
     return ""
 
 
