@@ -43,7 +43,7 @@ LOSSES: dict[str, DataLosses] = {
 }
 
 PHYSICS: dict[str, PhysicsLosses] = {
-    "default": PhysicsLosses(collision=50.0, small=2.0),
+    "default": PhysicsLosses(edge=60.0, collision=300.0, small=1.0),
     "paper": PhysicsLosses(edge=1.0, bend=5e-4, collision=10.0, layers=False, poses_drawn=1),
     "tiny": PhysicsLosses(poses_drawn=2),
 }
