@@ -66,7 +66,7 @@ class Method(Protocol):
         return state
 
     def with_contact(self) -> "Method":
-        """The method where contact follows: without what it does to no other end than contact.
+        """The method where contact follows: without the parts that only do what contact does.
 
         Returns the very method where there is no such thing.
         """
