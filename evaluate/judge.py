@@ -1,7 +1,7 @@
 """Judging: roll methods out over cases and score every frame; finished cases are kept for a rerun."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
@@ -71,10 +71,12 @@ def judge(case: Case, candidate: Candidate) -> CaseScores:
     prepared = prepare_rollout(candidate.method, case.outfit)
     raw, resolved, times = _predicted(case, prepared)
     more = representation(case, prepared)
-    again = uses_feedback(prepared, case)
-    if again or prepared.method is not candidate.method:
+    feeds_back = uses_feedback(prepared, case)
+    if prepared.method is not candidate.method:
         raw, _, _ = _predicted(case, prepare_rollout(candidate.method, case.outfit, contact=False))
-    if again:
+    elif feeds_back:
+        raw, _, _ = _predicted(case, replace(prepared, contact=None))
+    if feeds_back:
         stable = stability_scores(prepared, case)
         more = {name: {**scores, **more.get(name, {})} for name, scores in stable.items()}
     scored = score(case, raw, resolved)

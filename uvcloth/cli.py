@@ -401,7 +401,8 @@ class Rollout:
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     contact: bool = True
-    """Move vertices out of the body and give edges their rest length back."""
+    """Move vertices out of the body and give edges their rest length back; without it, deepsd is as exported
+    (its branch of physics is left to contact)."""
     preview: bool = False
     """Look first: every third frame, in coarse pictures; quickest with one .png."""
     keep_going: bool = False

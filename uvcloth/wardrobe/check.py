@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.charts import face_components
+from rasterize.charts import edges_of, face_components
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.band import holding_band
@@ -83,8 +84,8 @@ def _broken(mesh: Mesh) -> str:
         return f"falls apart into {parts} pieces"
     if bool(flat_faces(mesh.vertices, mesh.faces).any()):
         return "a face has no area"
-    directed = torch.cat([welded[:, corners] for corners in ([0, 1], [1, 2], [2, 0])])
-    if len(directed.unique(dim=0)) < len(directed):
+    directed, _ = edges_of(welded.numpy())
+    if len(np.unique(directed, axis=0)) < len(directed):
         return "two faces at an edge are turned against each other"
     return ""
 

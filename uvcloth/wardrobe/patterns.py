@@ -121,7 +121,8 @@ def ease(design: Design, body: Body, vertices: Array) -> Array:
 def sleeves_stretched(body: Body, vertices: Array) -> Array:
     """Points (P, 3) m with sleeves longer and wider towards the wrist, CUFF_STRETCH times at it.
 
-    Triangles that are even on this surface are finer in sleeves, whose cuffs have six vertices otherwise.
+    Triangles that are even on this surface are finer in sleeves, whose cuffs otherwise have six or seven
+    vertices.
     """
     stretched, on_arm = vertices.copy(), _on_arm(body, vertices)
     for side in ("Left", "Right"):

@@ -92,10 +92,10 @@ class DeePSD(Method):
         return self.config.reads_fabric
 
     def with_contact(self) -> "DeePSD":
-        """The method without its branch of physics, whose errors contact has no need of.
+        """The method without its branch of physics.
 
-        That branch keeps cloth out of the body in all poses by one blend shape for many of them; contact
-        moves what is inside in the pose at hand.
+        That branch moves cloth outwards in many poses to keep it out of the body in all, which costs
+        accuracy; contact moves what is inside in the pose at hand.
         """
         kept = tuple(branch for branch in self.branches if branch != "physics")
         return replace(self, branches=kept) if kept and kept != self.branches else self
