@@ -31,7 +31,7 @@ from tests.simulate.physics.experiments import (
     slide_theory,
     swing,
 )
-from uvcloth.garments.fabric import FABRICS, Fabric
+from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.simulate.blender import find_blender
 from uvcloth.simulate.newton import Newton
 

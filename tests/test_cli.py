@@ -38,7 +38,7 @@ def run(monkeypatch, *arguments: str) -> int:
 
 def test_the_names_that_options_take_are_those_of_the_tables():
     """They are written out so that `--help` imports nothing heavy."""
-    from uvcloth.garments.fabric import FABRICS
+    from uvcloth.physics.fabric import FABRICS
     from uvcloth.simulate.engines import ENGINES
 
     assert get_args(cli.FabricName) == tuple(FABRICS)

@@ -15,8 +15,8 @@ from tyro.conf import OmitArgPrefixes, Positional, arg, subcommand
 from rasterize.atomic import make_folder
 from rasterize.command import run_command
 from rasterize.errors import InputError
-from uvcloth.garments.fabric import FabricName
 from uvcloth.motion.options import MotionOptions
+from uvcloth.physics.fabric import FabricName
 
 if TYPE_CHECKING:
     from uvcloth.commands.view import LiveAudience

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from uvcloth.garments.fabric import Fabric
+from uvcloth.physics.fabric import Fabric
 from uvcloth.simulate.engine import Frame, Scene
 
 

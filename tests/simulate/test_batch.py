@@ -18,11 +18,11 @@ from rasterize.archive import load_arrays, save_arrays
 from rasterize.errors import InputError
 from tests.simulate.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
-from uvcloth.garments.fabric import FABRICS, Fabric
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import fit_template
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.poses import rest_hash
+from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.simulate import batch, quality_check
 from uvcloth.simulate import plan as planning
 from uvcloth.simulate.batch import simulate_batch

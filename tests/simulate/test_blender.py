@@ -13,7 +13,7 @@ import trimesh
 from rasterize.errors import InputError
 from tests.simulate.physics.scenes import FPS, G, play, scene, sheet
 from uvcloth.bodies.body import Body
-from uvcloth.garments.fabric import Fabric
+from uvcloth.physics.fabric import Fabric
 from uvcloth.simulate import blender
 from uvcloth.simulate.batch import simulate_batch
 from uvcloth.simulate.blender import PYTHON_VARIABLE, Blender, find_blender

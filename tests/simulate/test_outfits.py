@@ -12,10 +12,10 @@ import torch
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, save_body
 from uvcloth.export.obj import save_obj
-from uvcloth.garments.fabric import FABRICS, Fabric
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.poses import rest_hash
+from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.simulate import outfits
 from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.outfit_sequence import load_outfit_sequences

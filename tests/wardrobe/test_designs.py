@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rasterize.errors import InputError
-from uvcloth.garments.fabric import FABRICS, fabric_from
+from uvcloth.physics.fabric import FABRICS, fabric_from
 from uvcloth.wardrobe.designs import Design, limits
 from uvcloth.wardrobe.draw import LOWERS, OUTFITS, UPPERS, draw
 

@@ -19,13 +19,13 @@ from train.loop import LoopConfig, check_run, fit, training_device
 from train.pbns.poses import poses_for
 from train.trainer import TrainerEntry
 from uvcloth.bodies.body import load_body
-from uvcloth.garments.fabric import FabricName
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.order import check_order
 from uvcloth.methods.deepsd.config import DeePSDConfig
 from uvcloth.methods.deepsd.method import ENTRY as METHOD
 from uvcloth.methods.method import require_fabric_read
+from uvcloth.physics.fabric import FabricName
 
 LOSSES: dict[str, DataLosses] = {
     "default": DataLosses(),

@@ -6,8 +6,8 @@ from typing import Literal
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.garments.fabric import JERSEY, Fabric
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.physics.fabric import JERSEY, Fabric
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ from pathlib import Path
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.garments.fabric import FABRICS, JERSEY
 from uvcloth.garments.fit import fit, read_on_body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.mhclo import SUFFIX
 from uvcloth.garments.pieces import pieces, split
 from uvcloth.garments.templates import TEMPLATES, fit_template
+from uvcloth.physics.fabric import FABRICS, JERSEY
 
 AUTO = "auto"
 """In the place of a template: the one that a garment covers best."""

@@ -8,11 +8,11 @@ from pathlib import Path
 from rasterize.atomic import require_there, sole_writer
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
-from uvcloth.garments.fabric import FABRICS
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.order import check_order
 from uvcloth.motion.index import INDEX
 from uvcloth.motion.lead_in import LeadIn
+from uvcloth.physics.fabric import FABRICS
 from uvcloth.simulate.bodies import keep_body
 from uvcloth.simulate.cloth import Cloth, join
 from uvcloth.simulate.engine import Engine

@@ -24,8 +24,8 @@ import torch
 from torch import Tensor
 
 from rasterize.errors import InputError
-from uvcloth.garments.fabric import Fabric
 from uvcloth.geometry.mesh import face_normals, unique_edges
+from uvcloth.physics.fabric import Fabric
 from uvcloth.simulate.engine import AIR_DENSITY, GRAVITY, Frame, Scene
 
 PYTHON_VARIABLE = "UVCLOTH_BLENDER_PYTHON"

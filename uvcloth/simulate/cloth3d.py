@@ -23,7 +23,6 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.smpl import RestingModel, read_smpl
 from uvcloth.bodies.smpl_joints import SMPL_JOINTS, STANDING
 from uvcloth.garments.attach import DIFFUSION, make_garment
-from uvcloth.garments.fabric import FABRICS, JERSEY, Fabric
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.obj_file import read_obj
 from uvcloth.geometry.fingerprint import fingerprint
@@ -32,6 +31,7 @@ from uvcloth.geometry.rotations import from_axis_angles, from_euler
 from uvcloth.geometry.skeleton import joint_transforms, world_rotations
 from uvcloth.motion.clip_splits import deal_splits
 from uvcloth.motion.poses import SPLITS
+from uvcloth.physics.fabric import FABRICS, JERSEY, Fabric
 from uvcloth.simulate.matlab_file import read_matlab
 from uvcloth.simulate.outfit_sequence import OutfitSequence
 

@@ -7,7 +7,7 @@ from typing import Any, Protocol, Self
 from torch import Tensor
 
 from uvcloth.bodies import frames
-from uvcloth.garments.fabric import Fabric
+from uvcloth.physics.fabric import Fabric
 
 GRAVITY = -frames.GRAVITY[2]
 """Acceleration of gravity, m/s2, downwards."""

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from rasterize.warp_start import start_warp
-from uvcloth.garments.fabric import Fabric
+from uvcloth.physics.fabric import Fabric
 from uvcloth.simulate.bending import bending_force_hessian
 from uvcloth.simulate.engine import AIR_DENSITY, GRAVITY, Frame, Scene
 

@@ -13,12 +13,12 @@ from torch import Tensor
 from rasterize.errors import InputError
 from rasterize.json_file import require_kinds
 from uvcloth.bodies.body import Body
-from uvcloth.garments.fabric import Fabric, fabric_from
 from uvcloth.garments.fit import make_fitted
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.index import INDEX, Entry, read_index
 from uvcloth.motion.poses import SPLITS
+from uvcloth.physics.fabric import Fabric, fabric_from
 from uvcloth.simulate.bodies import sequence_body
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, require_same_motion
 

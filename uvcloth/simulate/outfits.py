@@ -7,9 +7,9 @@ from pathlib import Path
 from rasterize.atomic import sole_writer
 from rasterize.errors import InputError
 from rasterize.fields import require_file_name
-from uvcloth.garments.fabric import FABRICS
 from uvcloth.motion.index import Entry
 from uvcloth.motion.poses import SPLITS
+from uvcloth.physics.fabric import FABRICS
 from uvcloth.simulate.batch import LEAD_IN, simulate_all
 from uvcloth.simulate.bodies import keep_body
 from uvcloth.simulate.cloth import join

@@ -10,13 +10,13 @@ from rich.progress import track
 from rasterize.errors import InputError
 from rasterize.fields import require_file_name
 from uvcloth.bodies.body import Body
-from uvcloth.garments.fabric import Fabric
 from uvcloth.motion.capture import find_jump, find_standstill
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.index import Entry, clip_file, read_index
 from uvcloth.motion.library import DEFAULTS, load_clip
 from uvcloth.motion.options import MotionOptions
 from uvcloth.motion.poses import SPLITS
+from uvcloth.physics.fabric import Fabric
 from uvcloth.simulate.cloth import Cloth
 from uvcloth.simulate.folder import is_finished
 from uvcloth.simulate.run import run_up

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from uvcloth.garments.fabric import FABRICS, Fabric
+from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.wardrobe.designs import KINDS, PARTS, Design, limits
 from uvcloth.wardrobe.sew import Meshing
 

@@ -12,12 +12,12 @@ from rasterize.fields import is_file_name
 from rasterize.json_file import read_json, require_kinds
 from rasterize.reading import file_below
 from uvcloth.bodies.body import load_body
-from uvcloth.garments.fabric import Fabric, fabric_from
 from uvcloth.garments.fit import make_fitted
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.meshfile import read_mesh
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.poses import SPLITS
+from uvcloth.physics.fabric import Fabric, fabric_from
 from uvcloth.wardrobe.designs import Design
 
 VERSION = "uvcloth-outfit-1"

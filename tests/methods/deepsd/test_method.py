@@ -15,7 +15,6 @@ from tests.methods.stepping import predicted
 from tests.small_body import small_body
 from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.checkpoint import WEIGHTS, TrainingData, load_tensors, save_checkpoint, save_tensors
-from uvcloth.garments.fabric import FABRICS
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
@@ -26,6 +25,7 @@ from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.registry import load_method
 from uvcloth.methods.resized import Resized
 from uvcloth.methods.rig import pose_vectors
+from uvcloth.physics.fabric import FABRICS
 from uvcloth.rollout import rollout
 
 TINY = replace(PRESETS["tiny"], blend_weights="changed", influences=2)

@@ -10,9 +10,9 @@ from scipy.special import j0
 from torch import Tensor
 
 from tests.simulate.physics.scenes import FPS, G, disc, play, scene, sheet, turned_about_y, turning_points
-from uvcloth.garments.fabric import Fabric
 from uvcloth.geometry.mesh import face_pairs
 from uvcloth.physics.energies import hinge_angles
+from uvcloth.physics.fabric import Fabric
 
 LIMP = Fabric(drag=0.0, bend=1e-7)
 """Cloth without air that hardly resists bending."""

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from tests.simulate.physics.experiments import LIMP, bending_length, cantilever, drape, sag
-from uvcloth.garments.fabric import FABRICS
+from uvcloth.physics.fabric import FABRICS
 from uvcloth.simulate.newton import Newton
 
 JERSEY = replace(LIMP, density=0.15, stretch=60.0)

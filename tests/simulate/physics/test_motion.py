@@ -9,7 +9,7 @@ import torch
 
 from tests.simulate.physics.experiments import LIMP, energy, rope_period, rope_theory, sag, sag_theory, swing
 from tests.simulate.physics.scenes import FPS, G, play, scene, sheet
-from uvcloth.garments.fabric import Fabric
+from uvcloth.physics.fabric import Fabric
 
 VACUUM = Fabric(drag=0.0)
 

@@ -22,7 +22,6 @@ from train.loop import LoopConfig, batch_after, fit, rows_of_step
 from train.state import STATE
 from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import load_checkpoint, load_tensors
-from uvcloth.garments.fabric import FABRICS
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import edge_lengths
 from uvcloth.geometry.records import CPU
@@ -30,6 +29,7 @@ from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
 from uvcloth.methods.deepsd.network import DeePSDNetwork, pose
 from uvcloth.methods.deepsd.outfit_graph import outfit_graph, pack
 from uvcloth.methods.registry import load_method
+from uvcloth.physics.fabric import FABRICS
 from uvcloth.simulate.bodies import BODIES
 
 pytest.importorskip("lightning")

@@ -7,11 +7,11 @@ from typing import Literal
 import torch
 from torch import Tensor, nn
 
-from uvcloth.garments.fabric import FEATURES
 from uvcloth.geometry.skinning import apply_transforms, blend_transforms
 from uvcloth.methods.deepsd.config import DeePSDConfig
 from uvcloth.methods.deepsd.outfit_graph import PackedOutfits
 from uvcloth.methods.rig import shares
+from uvcloth.physics.fabric import FEATURES
 
 Branch = Literal["data", "physics"]
 

@@ -5,7 +5,7 @@ from typing import get_args
 
 import pytest
 
-from uvcloth.garments.fabric import FABRICS, FEATURES, JERSEY, RANGES, Fabric, FabricName
+from uvcloth.physics.fabric import FABRICS, FEATURES, JERSEY, RANGES, Fabric, FabricName
 
 
 def test_the_jersey_is_what_others_are_measured_by() -> None:
