@@ -28,7 +28,6 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.garments.tailor import tailor
 from uvcloth.garments.templates import fit_template, tailored
 from uvcloth.methods.motion_guided.config import PRESETS
 from uvcloth.methods.motion_guided.descriptor import TAPS, Forces, RelativePositions, SeedForces
@@ -40,6 +39,7 @@ from uvcloth.rollout import rollout
 from uvcloth.simulate.cloth import join
 from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.run import simulate
+from uvcloth.wardrobe.tailor import tailor
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,14 @@ from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import Mesh, weld
 from uvcloth.geometry.skinning import diffuse_weights
 
-DIFFUSION = {"tops": 0.06, "bottoms": 0.06, "dress": 0.15, "shirt": 0.06}
+DIFFUSION = {
+    "tops": 0.06,
+    "bottoms": 0.06,
+    "dress": 0.15,
+    "shirt": 0.06,
+    "skirt": 0.15,
+    "jacket": 0.06,
+}
 """Metres over which blend weights are diffused; far enough in a skirt that left and right leg blend."""
 
 

@@ -24,7 +24,14 @@ BELOW_TOP = 0.1
 DROP = 0.2
 """Metres below its top from which a hem holds nothing: an open jacket's runs down to its bottom."""
 
-TEMPLATE_MASS = {"tops": 11.0, "bottoms": 31.0, "dress": 11.0, "shirt": 15.0}
+TEMPLATE_MASS = {
+    "tops": 11.0,
+    "bottoms": 31.0,
+    "dress": 11.0,
+    "shirt": 15.0,
+    "skirt": 42.0,
+    "jacket": 20.0,
+}
 """Mass of the templates' bands, as a multiple of what their area weighs."""
 
 WAIST_SHARE, SHOULDER_SHARE = 0.85, 0.3

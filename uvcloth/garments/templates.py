@@ -16,11 +16,11 @@ from rasterize.gather import gather
 from uvcloth.bodies.body import Body
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment
-from uvcloth.garments.shells import Bodice, dress_shell, tight_shell
+from uvcloth.garments.shells import TEMPLATE_SKIRT, Bodice, SkirtCut, dress_shell, tight_shell
 from uvcloth.geometry.mesh import Mesh, boundary_edges, neighbour_average, vertex_normals
 from uvcloth.physics.surface import BodySurface
 
-TEMPLATES = ("tops", "bottoms", "dress", "shirt")
+TEMPLATES = ("tops", "bottoms", "dress", "shirt", "skirt", "jacket")
 TEMPLATE_FORMAT = "uvcloth-template-1"
 
 EASE_PASSES = 12
@@ -35,10 +35,11 @@ class Template:
     """A garment pattern anchored on a shell around the body.
 
     faces: (M, 3). uvs: (U, 2), face_uvs: (M, 3). anchor_faces: (N,) faces of the shell,
-    anchor_barycentrics: (N, 3). clearance: (N,) metres that a vertex keeps off the skin, at least.
+    anchor_barycentrics: (N, 3). lift: (N,) metres off the shell, along its normals, at which a vertex starts.
+    clearance: (N,) metres that it keeps off the skin, at least.
     snug: (N,) bool, vertices that keep exactly that distance.
     band: (N,) bool, the strip that holds the garment up (neck or waist).
-    bodice: the upper part of a dress shell, None where the shell is the tight one.
+    bodice: the upper part of a dress shell, None where the shell is the tight one. skirt: the skirt below it.
     """
 
     name: str
@@ -47,10 +48,12 @@ class Template:
     face_uvs: Tensor
     anchor_faces: Tensor
     anchor_barycentrics: Tensor
+    lift: Tensor
     clearance: Tensor
     snug: Tensor
     band: Tensor
     bodice: Bodice | None
+    skirt: SkirtCut = TEMPLATE_SKIRT
 
 
 def fit_template(name: str, body: Body) -> Garment:
@@ -62,19 +65,25 @@ def fit_template(name: str, body: Body) -> Garment:
 
 def tailored(template: Template, body: Body) -> Mesh:
     """Mesh of a template on a body: anchored on its shell, then moved off the skin and evened out."""
-    shell_vertices, shell_faces = shell(body, template.bodice)
-    corners = torch.from_numpy(shell_faces)[template.anchor_faces]
-    vertices = gather(torch.from_numpy(shell_vertices).float(), corners, template.anchor_barycentrics)
+    placed, shell_faces = shell(body, template.bodice, template.skirt)
+    shell_vertices, faces = torch.from_numpy(placed).float(), torch.from_numpy(shell_faces)
+    corners = faces[template.anchor_faces]
+    vertices = gather(shell_vertices, corners, template.anchor_barycentrics)
+    if bool(template.lift.any()):
+        normals = gather(vertex_normals(shell_vertices, faces), corners, template.anchor_barycentrics)
+        vertices = vertices + template.lift[:, None] * torch.nn.functional.normalize(normals, dim=1)
     vertices = offset_from_skin(vertices, template.faces, template.clearance, template.snug, body)
     return Mesh(vertices, template.faces, template.uvs, template.face_uvs)
 
 
-def shell(body: Body, bodice: Bodice | None) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def shell(
+    body: Body, bodice: Bodice | None, skirt: SkirtCut = TEMPLATE_SKIRT
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Surface that a template is anchored on: vertices (P, 3) m and faces (Q, 3).
 
     Without a bodice the tight shell, with one the dress shell.
     """
-    return tight_shell(body) if bodice is None else dress_shell(body, bodice)
+    return tight_shell(body) if bodice is None else dress_shell(body, bodice, skirt)
 
 
 def offset_from_skin(vertices: Tensor, faces: Tensor, clearance: Tensor, snug: Tensor, body: Body) -> Tensor:
@@ -123,7 +132,7 @@ def load_template(name: str) -> Template:
         raise InputError(f"garment {name}: unknown template, expected one of {', '.join(TEMPLATES)}")
     path = Path(str(files("uvcloth") / "data" / "templates" / f"{name}.npz"))
     data = load_arrays(path, TEMPLATE_FORMAT, "a garment template")
-    bodice = None
+    bodice, skirt = None, TEMPLATE_SKIRT
     if "bodice_faces" in data:
         bodice = Bodice(
             data["bodice_edges"].astype(np.int64),
@@ -131,6 +140,8 @@ def load_template(name: str) -> Template:
             data["bodice_faces"].astype(np.int64),
             data["bodice_loop"].astype(np.int64),
         )
+    if "skirt" in data:
+        skirt = SkirtCut(None, *data["skirt"].tolist())
     return Template(
         name=name,
         faces=torch.from_numpy(data["faces"].astype(np.int64)),
@@ -138,10 +149,12 @@ def load_template(name: str) -> Template:
         face_uvs=torch.from_numpy(data["face_uvs"].astype(np.int64)),
         anchor_faces=torch.from_numpy(data["anchor_faces"].astype(np.int64)),
         anchor_barycentrics=torch.from_numpy(data["anchor_barycentrics"]),
+        lift=torch.from_numpy(data.get("lift", np.zeros_like(data["clearance"]))),
         clearance=torch.from_numpy(data["clearance"]),
         snug=torch.from_numpy(data["snug"]),
         band=torch.from_numpy(data["band"]),
         bodice=bodice,
+        skirt=skirt,
     )
 
 
@@ -158,9 +171,13 @@ def save_template(template: Template, path: Path) -> None:
         "snug": template.snug.numpy(),
         "band": template.band.numpy(),
     }
+    if bool(template.lift.any()):
+        arrays["lift"] = template.lift.numpy().astype(np.float32)
     if template.bodice is not None:
         arrays["bodice_edges"] = smallest_indices(template.bodice.edges)
         arrays["bodice_along"] = template.bodice.along.astype(np.float32)
         arrays["bodice_faces"] = smallest_indices(template.bodice.faces)
         arrays["bodice_loop"] = smallest_indices(template.bodice.loop)
+    if template.skirt != TEMPLATE_SKIRT:
+        arrays["skirt"] = np.array([template.skirt.ease, template.skirt.flare])
     save_arrays(path, arrays)

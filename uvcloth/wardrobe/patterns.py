@@ -71,8 +71,7 @@ def cut_pattern(design: Design, body: Body) -> Pattern:
         return Pattern(*largest(place(vertices, edges, along), kept))
     band = waistband(body, vertices, design.skirt.drop)
     if design.upper is None:
-        lower = waistband(body, vertices, design.skirt.drop + WAISTBAND)
-        field = np.minimum(np.minimum(band, -lower), _off_arms(body, vertices))
+        field = waist_strip(body, vertices, design.skirt.drop)
     else:
         field = np.where(_on_arm(body, vertices), np.inf, -band)
         field = np.minimum(field, _upper(design.upper, body, vertices, hem=False))
@@ -86,6 +85,12 @@ def leg_height(body: Body, length: float) -> float:
     """Height, m, along the legs: 0 at the hips, 1 at the knees, 2 over the ankles."""
     hip, knee, foot = (joint(body, name)[2] for name in ("LeftUpLeg", "LeftLeg", "LeftFoot"))
     return float(np.interp(length, [0.0, 1.0, 2.0], [hip, knee, foot + ABOVE_ANKLE][::1]))
+
+
+def waist_strip(body: Body, vertices: Array, drop: float) -> Array:
+    """Field (P,) m of the waistband of a skirt, `drop` metres below the waist."""
+    above, below = (waistband(body, vertices, each) for each in (drop, drop + WAISTBAND))
+    return np.minimum(np.minimum(above, -below), _off_arms(body, vertices))
 
 
 def ease(design: Design, body: Body, vertices: Array) -> Array:

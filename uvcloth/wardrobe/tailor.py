@@ -1,11 +1,11 @@
 """Making of the templates on a body: cut, remeshed, anchored. Run once; the result ships as data.
 
-`python -m uvcloth.garments.tailor --out DIR [--vertices 3600]` makes them at another density. The shirt that
-ships was made with 4,000 vertices, because it covers the most.
+`python -m uvcloth.wardrobe.tailor --out DIR [--vertices 3600]` makes them at another density. The shirt that
+ships was made with 4,000 vertices, because it covers the most; skirt and jacket with VSKIRT.
 """
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,15 +15,26 @@ from numpy.typing import NDArray
 from rasterize.charts import boundary_loops
 from rasterize.command import run_command
 from rasterize.errors import InputError
+from rasterize.gather import gather
 from rasterize.layout import unwrap
 from uvcloth.bodies.body import Body, load_body
-from uvcloth.garments.band import BAND_WIDTH, hem_band
+from uvcloth.garments.band import BAND_WIDTH, DROP, hem_band
 from uvcloth.garments.cut import cut, place
 from uvcloth.garments.openings import forearm_share, neck, sleeves, upper_arm_share, waist_height, waistband
-from uvcloth.garments.remesh import largest, remesh, surface_of
-from uvcloth.garments.shells import Bodice, cut_bodice, dress_shell, joint, tight_shell
-from uvcloth.garments.templates import TEMPLATES, Template, faces_outward, offset_from_skin, save_template
-from uvcloth.geometry.mesh import Mesh
+from uvcloth.garments.remesh import Indices, largest, remesh, surface_of
+from uvcloth.garments.shells import TEMPLATE_SKIRT, Bodice, SkirtCut, cut_bodice, joint, tight_shell
+from uvcloth.garments.templates import (
+    TEMPLATES,
+    Template,
+    faces_outward,
+    offset_from_skin,
+    save_template,
+    shell,
+    tailored,
+)
+from uvcloth.geometry.mesh import Mesh, vertex_normals
+from uvcloth.wardrobe.designs import Design, Upper
+from uvcloth.wardrobe.patterns import Pattern, cut_pattern, waist_strip
 
 Array = NDArray[np.float64]
 
@@ -33,6 +44,27 @@ SHORT_SLEEVE = 0.55
 LONG_SLEEVE = 2.04
 """Length of a long sleeve: the upper arm, and beyond the elbow in shares of the forearm."""
 
+CIRCLE_SKIRT = SkirtCut(ease=0.02, flare=0.6)
+"""The wide skirt, at rest a cone: as it hangs it falls into folds, as it turns it opens."""
+
+JACKET = Design(
+    "jacket",
+    upper=Upper(
+        sleeve=1.98,
+        hem=-0.02,
+        neck_depth=0.06,
+        neck_width=0.07,
+        neck_power=1.2,
+        ease=0.045,
+        sleeve_ease=0.03,
+        flare=0.0,
+        front_gap=0.07,
+    ),
+)
+
+OVER_SHIRT = (0.014, 0.008)
+"""Metres that the jacket is farther off the skin than the shirt, at the hips and at the shoulders."""
+
 
 def tailor(name: str, body: Body, vertices: int) -> Template:
     """Make one template: cut on a body, remeshed to about `vertices` vertices and anchored on its shell.
@@ -41,15 +73,10 @@ def tailor(name: str, body: Body, vertices: int) -> Template:
     """
     if name not in TEMPLATES:
         raise InputError(f"garment {name}: unknown template, expected one of {', '.join(TEMPLATES)}")
-    bodice = _bodice(body) if name == "dress" else None
-    if bodice is None:
-        shell_vertices, shell_faces = tight_shell(body)
-        edges, along, faces = cut(shell_faces, _field(name, body, shell_vertices))
-        pattern = largest(place(shell_vertices, edges, along), faces)
-    else:
-        shell_vertices, shell_faces = dress_shell(body, bodice)
-        pattern = largest(shell_vertices, shell_faces)
-    points, faces = remesh(*pattern, count=vertices)
+    bodice, skirt = _bodice(name, body), CIRCLE_SKIRT if name == "skirt" else TEMPLATE_SKIRT
+    shell_vertices, shell_faces = shell(body, bodice, skirt)
+    pattern = _pattern(name, body, shell_vertices, shell_faces)
+    points, faces, lift = _meshed(name, body, pattern, vertices)
     anchors = surface_of(shell_vertices, shell_faces).closest(torch.from_numpy(points).float())
     placed = anchors.points
     fit = _clearance(name, body, placed.numpy().astype(np.float64))
@@ -58,28 +85,69 @@ def tailor(name: str, body: Body, vertices: int) -> Template:
     if not faces_outward(mesh, body):
         faces_tensor = faces_tensor.flip(1)
     band = _band(name, body, placed, faces_tensor)
-    clearance = torch.from_numpy(fit).float()
-    rest = offset_from_skin(placed, faces_tensor, clearance, band, body)
-    uvs, face_uvs = unwrap(rest, faces_tensor, name)
-    return Template(
+    template = Template(
         name=name,
         faces=faces_tensor,
-        uvs=uvs,
-        face_uvs=face_uvs,
+        uvs=torch.zeros(0, 2),
+        face_uvs=faces_tensor,
         anchor_faces=anchors.faces,
         anchor_barycentrics=anchors.barycentrics,
-        clearance=clearance,
+        lift=torch.from_numpy(lift).float(),
+        clearance=torch.from_numpy(fit).float(),
         snug=band,
         band=band,
         bodice=bodice,
+        skirt=skirt,
     )
+    uvs, face_uvs = unwrap(tailored(template, body).vertices, faces_tensor, name)
+    return replace(template, uvs=uvs, face_uvs=face_uvs)
 
 
-def _bodice(body: Body) -> Bodice:
+def _bodice(name: str, body: Body) -> Bodice | None:
+    """What a skirt hangs from: a dress's upper part, a waistband; None for what has no skirt."""
     vertices, _ = tight_shell(body)
+    if name == "skirt":
+        return cut_bodice(body, waist_strip(body, vertices, drop=0.0))
+    if name != "dress":
+        return None
     above = vertices[:, 2] - waist_height(body)
     collar = neck(body, vertices, drop=0.012)
     return cut_bodice(body, np.minimum(np.minimum(above, collar), sleeves(body, vertices, SHORT_SLEEVE)))
+
+
+def _pattern(name: str, body: Body, vertices: Array, faces: Indices) -> Pattern:
+    """What a template leaves of its shell (P, 3) m, (Q, 3)."""
+    if name == "jacket":
+        return cut_pattern(JACKET, body)
+    if name in ("dress", "skirt"):
+        return Pattern(*largest(vertices, faces))
+    edges, along, kept = cut(faces, _field(name, body, vertices))
+    return Pattern(*largest(place(vertices, edges, along), kept))
+
+
+def _meshed(name: str, body: Body, pattern: Pattern, count: int) -> tuple[Array, Indices, Array]:
+    """Remesh a pattern to `count` vertices: points (N, 3) m on it, faces (M, 3), and metres (N,) off it.
+
+    What lies off its pattern is remeshed where it lies, so that its triangles are even there.
+    """
+    off = _lift(name, body, pattern.vertices)
+    if not off.any():
+        points, faces = remesh(pattern.vertices, pattern.faces, count)
+        return points, faces, np.zeros(len(points))
+    tight, corners = torch.from_numpy(pattern.vertices).float(), torch.from_numpy(pattern.faces)
+    lifted = tight + torch.from_numpy(off).float()[:, None] * vertex_normals(tight, corners)
+    free = torch.zeros(len(tight), dtype=torch.bool)
+    lifted = offset_from_skin(lifted, corners, torch.from_numpy(off).float(), free, body)
+    points, faces = remesh(lifted.numpy().astype(np.float64), pattern.faces, count)
+    found = surface_of(lifted.numpy(), pattern.faces).closest(torch.from_numpy(points).float())
+    on = corners[found.faces]
+    return (
+        gather(tight, on, found.barycentrics).numpy().astype(np.float64),
+        faces,
+        gather(torch.from_numpy(off).float()[:, None], on, found.barycentrics)[:, 0]
+        .numpy()
+        .astype(np.float64),
+    )
 
 
 def _field(name: str, body: Body, vertices: Array) -> Array:
@@ -95,8 +163,20 @@ def _field(name: str, body: Body, vertices: Array) -> Array:
     return np.minimum(np.minimum(waist, ankle), aside)
 
 
+def _lift(name: str, body: Body, vertices: Array) -> Array:
+    """Metres (P,) off its shell: a jacket is as far off everywhere as it has to be off the skin."""
+    return _clearance(name, body, vertices) if name == "jacket" else np.zeros(len(vertices))
+
+
 def _clearance(name: str, body: Body, vertices: Array) -> Array:
     """Metres off the skin: snug at shoulders and waist, easier towards the hems."""
+    if name == "jacket":
+        heights = joint(body, "LeftUpLeg")[2], joint(body, "LeftArm")[2]
+        return _clearance("shirt", body, vertices) + np.interp(vertices[:, 2], heights, OVER_SHIRT)
+    if name == "skirt":
+        return np.interp(
+            vertices[:, 2], [waist_height(body) - 0.15, waist_height(body) - 0.04], [0.012, 0.0055]
+        )
     z = vertices[:, 2]
     arm = upper_arm_share(body, vertices)
     sleeve = np.interp(arm, [0.15, SHORT_SLEEVE], [0.006, 0.016])
@@ -120,7 +200,9 @@ def _clearance(name: str, body: Body, vertices: Array) -> Array:
 
 def _band(name: str, body: Body, vertices: torch.Tensor, faces: torch.Tensor) -> torch.Tensor:
     """The strip that is held: neck and, for trousers and dress, waist."""
-    top = max(boundary_loops(faces.numpy()), key=lambda run: float(vertices[run][:, 2].mean()))
+    heights = vertices[:, 2]
+    top = max(boundary_loops(faces.numpy()), key=lambda run: float(heights[run].max()))
+    top = top[(heights[top] > heights[top].max() - DROP / 2).numpy()]
     band = hem_band(vertices, vertices[top], BAND_WIDTH)
     if name == "dress":
         band |= (vertices[:, 2] - waist_height(body)).abs() < BAND_WIDTH / 2
