@@ -9,6 +9,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.collider import Collider, make_collider
+from uvcloth.bodies.opened import make_opening
 from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.geometry.mesh import unique_edges
 from uvcloth.geometry.skinning import skin
@@ -265,7 +266,7 @@ def test_a_search_near_the_skin_finds_what_a_full_one_of_each_part_finds(name: s
     dress = fit_template("dress", body)
     collider = make_collider(body)
     parts = [BodySurface(collider.vertices(body.mesh.vertices), faces) for faces in collider.parts]
-    worn = Obstacle(collider, body.mesh.vertices)
+    worn, opening = Obstacle(collider, body.mesh.vertices), make_opening(collider, body.mesh.vertices)
     garment = worn.contact_garment(dress.mesh.vertices, dress.mesh.faces)
     touched = [torch.nonzero((garment.touches >> part) & 1).squeeze(1) for part in range(len(parts))]
     for transforms in load_clip(name, body).transforms()[::9]:
@@ -273,9 +274,10 @@ def test_a_search_near_the_skin_finds_what_a_full_one_of_each_part_finds(name: s
         vertices = skin(dress.mesh.vertices, dress.smooth_weights, transforms[None])[0]
         vertices += torch.tensor([0.0, 0.03, 0.0])
         nearest = torch.full((len(vertices),), SKIN_SEARCH_DISTANCE)
+        opened = opening.opened(collider.vertices(posed))
         for part, rows in zip(parts, touched, strict=True):
             if len(rows):
-                part.update(collider.vertices(posed))
+                part.update(opened)
                 found = part.closest(vertices[rows], SKIN_SEARCH_DISTANCE).signed_distance
                 nearest[rows] = torch.minimum(nearest[rows], found)
         worn.update(posed)

@@ -8,7 +8,7 @@ the sleeves around them do.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +20,7 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body
-from uvcloth.geometry.mesh import boundary_edges, vertex_normals
+from uvcloth.geometry.mesh import boundary_edges
 
 Parts = Sequence[tuple[tuple[str, ...], tuple[int, ...]]]
 """Regions that move as one, and the sides that have them."""
@@ -38,11 +38,16 @@ COLLIDER_PARTS: Parts = (
 ARM_PARTS, TORSO_PART, LEG_PARTS, FOREARM_PARTS = (1, 2), 3, (4, 5, 6, 7), (8, 9)
 """Indices of upper arms, torso, thighs and calves, and forearms among the parts."""
 
+PRESSED_PARTS = (
+    *((arm, TORSO_PART) for arm in ARM_PARTS),
+    *((thigh, TORSO_PART) for thigh in LEG_PARTS[:2]),
+    LEG_PARTS[:2],
+    *zip(LEG_PARTS[2:], LEG_PARTS[:2], strict=True),
+)
+"""Pairs of parts that mocap presses into each other: arm, ribs; thigh, belly; both thighs; calf, thigh."""
+
 PART_SLACK = 0.03
 """Metres by which a part may be farther than twice the nearest one and still lie beside a point at rest."""
-
-ARMPIT_COSINE = 0.5
-"""Cosine between the normals of an arm and the torso below which cloth beside both is in the armpit."""
 
 FREE_HANGING_DISTANCE = 0.04
 """Metres from the body at rest from which on cloth hangs freely, as a skirt does, and meets both legs."""
@@ -58,11 +63,12 @@ class Collider:
     parts: faces (F, 3) of each, into the body's V vertices followed by the tips of the caps.
 
     A part that the body lacks has no faces. rims: per cap, the directed edges (E, 2) of body vertices
-    around it.
+    around it. pressed: pairs of parts that mocap presses into each other, between which contact needs room.
     """
 
     parts: tuple[Tensor, ...]
     rims: tuple[Tensor, ...]
+    pressed: tuple[tuple[int, int], ...] = ()
 
     @cached_property
     def _rim_edges(self) -> tuple[Tensor, Tensor, Tensor]:
@@ -89,33 +95,18 @@ class Collider:
     def touches(self, points: Tensor, body_vertices: Tensor) -> Tensor:
         """Mask of the parts that each point of a garment (N, 3) m at rest may touch: (parts, N) bool.
 
-        Cloth touches the parts that it lies beside, and a skirt the legs. Mocap presses arms into ribs and
-        thighs into bellies: what both of two such parts push comes off the one that it belongs to. In the
-        armpit, where the skins of arm and torso face each other, only the nearer of the two counts; on top
-        of the shoulder both do. A forearm counts for its sleeve alone, which is twice as far from trunk and
-        legs: a wide skirt beside a hand is none.
+        Cloth touches the parts that it lies beside, and a skirt the legs. In the armpit arm and torso both
+        count: contact opens them, so that cloth has room between. A forearm counts for its sleeve alone,
+        which is twice as far from trunk and legs: a wide skirt beside a hand is none.
         """
         vertices = self.vertices(body_vertices)
-        distance = torch.stack([_nearest(points, vertices[part.unique()])[0] for part in self.parts])
+        distance = torch.stack([_nearest(points, vertices[part.unique()]) for part in self.parts])
         limbs, trunk = list(FOREARM_PARTS), distance[[TORSO_PART, *LEG_PARTS]].amin(0)
         distance[limbs] = torch.where(2.0 * distance[limbs] < trunk, distance[limbs], math.inf)
         nearest = distance.amin(0)
         touches = distance < 2.0 * nearest + PART_SLACK
-        arms, armpit = list(ARM_PARTS), self._in_armpit(points, body_vertices)
-        touches[arms] &= (distance[arms] <= distance[TORSO_PART]) | ~armpit
-        touches[TORSO_PART] &= (distance[TORSO_PART] <= distance[arms].amin(0)) | ~armpit
         touches[list(LEG_PARTS)] |= (nearest > FREE_HANGING_DISTANCE) & (nearest < distance[limbs].amin(0))
         return touches & torch.isfinite(distance)
-
-    def _in_armpit(self, points: Tensor, body_vertices: Tensor) -> Tensor:
-        """Mask of points (N, 3) m at rest that lie between the skin of an arm and that of the torso: (N,)."""
-        skin = [part[(part < len(body_vertices)).all(1)] for part in self.parts]
-        normals = vertex_normals(body_vertices, torch.cat(skin))
-        arms, torso = torch.cat([skin[part] for part in ARM_PARTS]).unique(), skin[TORSO_PART].unique()
-        if not len(arms) or not len(torso):
-            return torch.zeros(len(points), dtype=torch.bool)
-        beside = [normals[own[_nearest(points, body_vertices[own])[1]]] for own in (arms, torso)]
-        return (beside[0] * beside[1]).sum(1) < ARMPIT_COSINE
 
 
 def make_collider(body: Body, parts: Parts = COLLIDER_PARTS) -> Collider:
@@ -125,7 +116,8 @@ def make_collider(body: Body, parts: Parts = COLLIDER_PARTS) -> Collider:
         for regions, sides in parts
         for side in sides
     ]
-    return _closed(kept, len(body.mesh.vertices))
+    closed = _closed(kept, len(body.mesh.vertices))
+    return replace(closed, pressed=PRESSED_PARTS) if parts is COLLIDER_PARTS else closed
 
 
 def collider_near(body: Body, points: Tensor, reach: float) -> tuple[Tensor, Collider]:
@@ -159,13 +151,11 @@ def _closed(parts: list[Tensor], count: int) -> Collider:
     return Collider(tuple(closed(faces) for faces in parts), tuple(rims))
 
 
-def _nearest(points: Tensor, others: Tensor) -> tuple[Tensor, Tensor]:
-    """Distance (N,) from points (N, 3) to the nearest of others (M, 3), infinite if none, and its index."""
+def _nearest(points: Tensor, others: Tensor) -> Tensor:
+    """Distance (N,) from points (N, 3) to the nearest of others (M, 3), infinite if none."""
     if not len(others):
-        none = torch.zeros(len(points), dtype=torch.int64, device=points.device)
-        return points.new_full((len(points),), math.inf), none
-    distance, index = KDTree(others.cpu().numpy()).query(points.cpu().numpy())
-    return torch.from_numpy(distance).to(points), torch.from_numpy(index).to(points.device)
+        return points.new_full((len(points),), math.inf)
+    return torch.from_numpy(KDTree(others.cpu().numpy()).query(points.cpu().numpy())[0]).to(points)
 
 
 def _indices(regions: tuple[str, ...]) -> Tensor:

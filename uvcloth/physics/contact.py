@@ -18,6 +18,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.collider import Collider
+from uvcloth.bodies.opened import make_opening
 from uvcloth.physics import kernels, surface
 from uvcloth.physics.launch import array, launch
 from uvcloth.physics.layers import Layer
@@ -140,13 +141,14 @@ class Skin:
 
 
 class Obstacle:
-    """Posed collider: the closed parts of a body that garments are kept out of.
+    """Posed collider: the closed parts of a body that garments are kept out of, opened to give them room.
 
     body_vertices: (V, 3) m at rest; everything runs on their device.
     """
 
     def __init__(self, collider: Collider, body_vertices: Tensor) -> None:
         self.collider, self._rest = collider, body_vertices
+        self._opening = make_opening(collider, body_vertices)
         self._parts = surface.MovingMeshes(collider.vertices(body_vertices), collider.parts)
 
     def contact_garment(self, vertices: Tensor, faces: Tensor, over: Sequence[Layer] = ()) -> ContactGarment:
@@ -156,8 +158,8 @@ class Obstacle:
         return ContactGarment(StrainLimiter(vertices, faces), touches, beneath)
 
     def update(self, body_vertices: Tensor) -> None:
-        """Move to the posed body (V, 3)."""
-        self._parts.update(self.collider.vertices(body_vertices))
+        """Move to the posed body (V, 3), opened."""
+        self._parts.update(self._opening.opened(self.collider.vertices(body_vertices)))
 
     def skin(
         self,

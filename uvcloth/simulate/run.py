@@ -9,6 +9,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
+from uvcloth.bodies.opened import make_opening
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.mesh import join_meshes
 from uvcloth.geometry.skinning import skin
@@ -105,8 +106,9 @@ def _sides(inner: Sequence[Cloth], moved: Sequence[Tensor], outer: Tensor) -> di
 def _scene(
     cloths: Sequence[Cloth], references: Sequence[Tensor], transforms: Tensor, body: Body, fps: float
 ) -> Scene:
-    """Make one scene of the cloths, one after another, with the body parts that one of them may touch."""
+    """Make one scene of the cloths, one after another, with the opened parts that one may touch."""
     collider = make_collider(body)
+    opening = make_opening(collider, body.mesh.vertices)
     skinned = torch.cat([c[:, cloth.kept] for c, cloth in zip(references, cloths, strict=True)], dim=1)
     bands = [cloth.band.vertices[cloth.kept] for cloth in cloths]
     outfit = join_meshes((cloth.garment.mesh.vertices[cloth.kept], cloth.faces) for cloth in cloths)
@@ -123,7 +125,7 @@ def _scene(
             [inner_thickness(cloth, cloths[:index]) for index, cloth in enumerate(cloths)]
         ),
         skinned=skinned,
-        collider=collider.vertices(posed_skin(body, transforms)),
+        collider=opening.opened(collider.vertices(posed_skin(body, transforms))),
         collider_parts=tuple(compress(collider.parts, met)),
         touches=touches[met],
         fps=fps,

@@ -1,0 +1,145 @@
+"""Opened colliders: parts that mocap presses into each other are pushed apart, for contact only.
+
+Cloth between arm and ribs, thigh and belly, thigh and thigh, or calf and thigh needs room there. Where the
+skins of two such parts come nearer than GAP, each is pushed back by half of what is missing, and the skin
+around follows. The body that is shown stays as it is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import KDTree
+from torch import Tensor
+
+from uvcloth.bodies.collider import Collider
+from uvcloth.bodies.opened_kernels import Plan, along_skin, distances, open_frames, thin_out
+from uvcloth.geometry.mesh import edge_lengths, unique_edges
+
+GAP = 0.012
+"""Metres of room between two parts: for two layers of cloth that each keep some millimetres off the skin."""
+
+REST_MARGIN = 1e-4
+"""Metres by which parts may come nearer than at rest: rounding moves nothing there."""
+
+SLOPE = 0.5
+"""Metres that a push changes for each metre along the skin, at most."""
+
+LONGEST_PUSH = 0.05
+"""Metres that a part gives way, at most: half of an arm's thickness."""
+
+POINT_SPACING = 0.012
+"""Metres between the points at which distances are measured: a finer mesh has vertices to spare."""
+
+
+@dataclass(frozen=True)
+class Opening:
+    """How a collider is opened; `plan` is what the compiled loops know of it."""
+
+    plan: Plan
+
+    def opened(self, vertices: Tensor) -> Tensor:
+        """Collider vertices (F, C, 3) or (C, 3) m with room between the parts, float32.
+
+        Each frame is opened by itself. Vertices that no other part comes near stay the same to the bit.
+        """
+        apart = vertices.detach().to("cpu", torch.float32, copy=True).contiguous()
+        open_frames(apart.view(-1, *apart.shape[-2:]).numpy(), self.plan)
+        return apart.to(vertices.device)
+
+
+def make_opening(collider: Collider, body_vertices: Tensor) -> Opening:
+    """Opening of a collider's pressed parts, of a body with vertices (V, 3) m at rest."""
+    body = body_vertices.detach().to("cpu", torch.float32)
+    rest, count = body.numpy(), len(body) + len(collider.rims)
+    skins = [part.cpu()[(part.cpu() < len(body)).all(1)] for part in collider.parts]
+    own = [skin.unique().numpy() for skin in skins]
+    sides = [side for a, b in collider.pressed if len(own[a]) and len(own[b]) for side in ((a, b), (b, a))]
+    graph = _skin_graph(body, torch.cat(skins), count)
+    clear = np.full(count, -1.0, np.float32)
+    for part in {part for part, _ in sides}:
+        thinned = thin_out(graph.indptr, graph.indices, graph.data, _in_order(rest, own[part]), POINT_SPACING)
+        clear = np.maximum(clear, thinned)
+    chosen = [np.setdiff1d(own[part][clear[own[part]] >= 0], own[other]) for part, other in sides]
+    points, rims = _joined(chosen), [rim[:, 0].cpu().numpy() for rim in collider.rims]
+    spread = along_skin(graph.indptr, graph.indices, graph.data, clear, LONGEST_PUSH / SLOPE)
+    ring_starts, rings = _rings(torch.cat(skins), count)
+    allowed = [_allowed(own[part], own[other], graph) for part, other in sides]
+    wanted = [
+        np.minimum(KDTree(rest[own[other]]).query(rest[own_points])[0], GAP)
+        for own_points, (_, other) in zip(chosen, sides, strict=True)
+    ]
+    plan = Plan(
+        starts=_starts(chosen),
+        points=points,
+        want=np.concatenate([np.zeros(0), *wanted]).astype(np.float32),
+        core=np.square(0.5 * np.maximum(_edge_means(graph), POINT_SPACING))[points].astype(np.float32),
+        slope=SLOPE,
+        allowed=np.array(allowed, np.float32).reshape(-1, count),
+        ring_starts=ring_starts,
+        rings=rings,
+        spread_starts=spread[0],
+        spread_vertices=spread[1],
+        spread_lengths=spread[2],
+        tips=np.arange(len(body), count, dtype=np.int32),
+        rim_starts=_starts(rims),
+        rims=_joined(rims),
+    )
+    nearest = distances(collider.vertices(body).numpy(), plan) - REST_MARGIN
+    return Opening(plan._replace(want=np.minimum(plan.want, nearest)))
+
+
+def _skin_graph(body: Tensor, faces: Tensor, count: int) -> csr_array:
+    """Edges of the skin's faces (F, 3) among `count` vertices, both ways, with their lengths, m."""
+    edges = unique_edges(faces)
+    rows, columns = torch.cat([edges, edges.flip(1)]).T.numpy()
+    lengths = edge_lengths(body, edges).repeat(2).numpy()
+    graph = csr_array(coo_array((lengths, (rows, columns)), shape=(count, count)))
+    graph.sort_indices()
+    return graph
+
+
+def _edge_means(graph: csr_array) -> np.ndarray:
+    """Mean length (C,) m of the edges at each vertex."""
+    return graph.sum(1) / np.maximum(np.diff(graph.indptr), 1)
+
+
+def _in_order(rest: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """Vertices (N,) from the feet upwards, the same on both sides of the body."""
+    x, y, z = np.round(rest[vertices], 4).T
+    return vertices[np.lexsort((x, y, np.abs(x), z))]
+
+
+def _allowed(own: np.ndarray, other: np.ndarray, graph: csr_array) -> np.ndarray:
+    """Longest push (C,) m of each vertex of a part (N,) pressed into another (M,): none at their rim."""
+    allowed = np.full(graph.shape[0], LONGEST_PUSH, np.float32)
+    rim = np.intersect1d(own, other)
+    if len(rim):
+        ways = dijkstra(graph, indices=rim, limit=LONGEST_PUSH / SLOPE, min_only=True)
+        allowed = np.minimum(allowed, SLOPE * ways).astype(np.float32)
+    allowed[other] = 0.0
+    return allowed
+
+
+def _rings(faces: Tensor, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """For Plan: of each vertex its first row, and the other corners (R, 2) of the faces (F, 3) around it."""
+    corner, rest = faces.T.flatten(), torch.cat([faces.roll(-turn, 1)[:, 1:] for turn in range(3)])
+    order = torch.argsort(corner, stable=True)
+    sizes = torch.bincount(corner, minlength=count)
+    return _starts_of(sizes.numpy()), rest[order].to(torch.int32).contiguous().numpy()
+
+
+def _starts(groups: Sequence[np.ndarray]) -> np.ndarray:
+    return _starts_of(np.array([len(group) for group in groups], np.int64))
+
+
+def _starts_of(sizes: np.ndarray) -> np.ndarray:
+    """First row of each group and the end of the last: (G + 1,) int32."""
+    return np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
+
+
+def _joined(groups: Sequence[np.ndarray]) -> np.ndarray:
+    return np.concatenate([np.zeros(0, np.int32), *groups]).astype(np.int32)
