@@ -89,9 +89,14 @@ def resample(clip: Clip, fps: float) -> Clip:
     """Resample a clip to another frame rate: rotations by slerp, the root's path linearly."""
     if fps == clip.fps:
         return clip
-    last = len(clip) - 1
-    steps = int(last * fps / clip.fps + 1e-6)
+    steps = int((len(clip) - 1) * fps / clip.fps + 1e-6)
     times = torch.arange(steps + 1, dtype=torch.float64) * (clip.fps / fps)
+    return replace(at_times(clip, times), fps=fps)
+
+
+def at_times(clip: Clip, times: Tensor) -> Clip:
+    """A clip's poses at times (T,) float64, in frames of it and within it; its fps stays."""
+    last = len(clip) - 1
     before = times.floor().long().clamp(max=max(last - 1, 0))
     after = (before + 1).clamp(max=last)
     share = times - before
@@ -101,12 +106,7 @@ def resample(clip: Clip, fps: float) -> Clip:
     translation = torch.lerp(
         clip.translation[before].double(), clip.translation[after].double(), share[:, None]
     )
-    return replace(
-        clip,
-        rotations=rotations.to(clip.rotations),
-        translation=translation.to(clip.translation),
-        fps=fps,
-    )
+    return replace(clip, rotations=rotations.to(clip.rotations), translation=translation.to(clip.translation))
 
 
 def required_roles(
