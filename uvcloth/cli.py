@@ -5,7 +5,7 @@ Heavy modules are imported by the subcommand that needs them, so that `uvcloth -
 """
 
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -141,6 +141,11 @@ class Simulate:
     """Templates or garment files to simulate; a file's sequences are named by its stem."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
+    plan: Annotated[Path | None, arg(metavar="CSV", help_behavior_hint="")] = None
+    """Simulate what a table plans instead, each row one simulation. Columns: clip, start, frames (a window at
+    30 fps), garments (joined by + if worn over one another), split, subject, action; if wanted name (of the
+    window), hold (seconds to stand still at its end), body (a file beside the table), member (of an ensemble,
+    1 to 3). Other bodies, layers and members have folders of their own in OUT."""
     outfits: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
     """Simulate the outfits that `uvcloth outfits` wrote there instead, each on its body over one of the
     table's windows of its split, its garments together."""
@@ -178,13 +183,24 @@ class Simulate:
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
-        if not (self.clips or self.windows) or not self.garment:
-            raise InputError("simulate: name at least one clip, or a table with --windows, and one garment")
+        if not (self.clips or self.windows or self.plan) or not self.garment:
+            raise InputError(
+                "simulate: name at least one clip, or a table with --windows, and one garment, or a --plan"
+            )
         from uvcloth.bodies.body import load_body
         from uvcloth.simulate.batch import simulate_batch
         from uvcloth.simulate.plan import ClipSelection
         from uvcloth.simulate.workers import Workers
 
+        workers = Workers(self.jobs, self.scheduler)
+        if self.plan is not None:
+            self._require_plain(
+                "--plan", "plan", "out", "clips_from", "engine", "fabric", "jobs", "scheduler"
+            )
+            from uvcloth.simulate.planned import simulate_plan
+
+            simulate_plan(self.plan, self.out, self.clips_from, self.engine, self.fabric, workers)
+            return
         selection = ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options)
         if self.most_frames is not None and self.outfits is None:
             raise InputError("--most-frames: is for --outfits, choose the frames of clips with --windows")
@@ -201,7 +217,6 @@ class Simulate:
                 )
             from uvcloth.simulate.outfits import simulate_outfits
 
-            workers = Workers(self.jobs, self.scheduler)
             simulate_outfits(
                 self.outfits, selection, self.out, self.most_frames, self.engine, self.fabric, workers
             )
@@ -214,8 +229,16 @@ class Simulate:
             engine=self.engine,
             fabric=self.fabric,
             repeat=self.repeat,
-            workers=Workers(self.jobs, self.scheduler),
+            workers=workers,
         )
+
+    def _require_plain(self, option: str, *used: str) -> None:
+        """Raise InputError for a choice that has no meaning with an option. used: fields that have one."""
+        usual = Simulate(clips=(), out=self.out)
+        for each in fields(self):
+            if each.name not in used and getattr(self, each.name) != getattr(usual, each.name):
+                name = "clips" if each.name == "clips" else f"--{each.name.replace('_', '-')}"
+                raise InputError(f"{name}: has no meaning with {option}, whose table says it")
 
 
 @dataclass(frozen=True)

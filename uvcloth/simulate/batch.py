@@ -25,6 +25,7 @@ from uvcloth.simulate.folder import (
     require_same,
     stored_sequences,
 )
+from uvcloth.simulate.members import member_engine
 from uvcloth.simulate.plan import ClipSelection, Job, batch_sources, plan
 from uvcloth.simulate.progress import FramesBar
 from uvcloth.simulate.quality_check import examine
@@ -64,17 +65,11 @@ def simulate_batch(
     process, or was made from other windows, layers, settings or on another body, for a scheduler that does
     not answer, or if the engine or the `simulate` extra is missing.
     """
-    if engine not in ENGINES:
-        raise InputError(f"--engine {engine}: expected one of {', '.join(ENGINES)}")
-    if workers.jobs is not None and workers.jobs < 1:
-        raise InputError(f"--jobs {workers.jobs}: expected at least 1")
+    made_by = chosen_engine(engine, fabric, workers)
     cloths = _cloths(outfits, body)
     for outfit in cloths:
         check_order([cloth.garment for cloth in outfit])
     sources = batch_sources(selection)
-    made_by = ENGINES[engine]()
-    if fabric is not None:
-        made_by = made_by.with_fabric(FABRICS[fabric])
     names = [tuple(cloth.garment.name for cloth in outfit) for outfit in cloths]
     require_same(stored_sequences(out), body, made_by, names)
     todo, refused = plan(sources, cloths, out / REPEAT if repeat else out, body, repeat)
@@ -86,10 +81,28 @@ def simulate_batch(
         if refused:
             keep_refused(refused, out)
             print("\n".join(f"{clip}: refused, {reason}" for clip, reason in refused.items()))
-        if not todo:
-            print(f"{out}: every sequence is there already")
-            return
-        simulate_all(todo, sum(map(_frames, todo)), made_by, workers, out)
+        simulate_jobs(todo, made_by, workers, out)
+
+
+def chosen_engine(engine: str, fabric: str | None, workers: Workers) -> Engine:
+    """The engine of a command's options.
+
+    Raises InputError for an unknown or missing one, and for workers of which there are none.
+    """
+    if engine not in ENGINES:
+        raise InputError(f"--engine {engine}: expected one of {', '.join(ENGINES)}")
+    if workers.jobs is not None and workers.jobs < 1:
+        raise InputError(f"--jobs {workers.jobs}: expected at least 1")
+    made_by = ENGINES[engine]()
+    return made_by if fabric is None else made_by.with_fabric(FABRICS[fabric])
+
+
+def simulate_jobs(todo: Sequence[Job], engine: Engine, workers: Workers, folder: Path) -> None:
+    """Simulate jobs as `simulate_all` does, or say that there are none."""
+    if not todo:
+        print(f"{folder}: every sequence is there already")
+        return
+    simulate_all(todo, sum(map(_frames, todo)), engine, workers, folder)
 
 
 def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Workers, folder: Path) -> None:
@@ -109,7 +122,7 @@ def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Work
             bar.advance(_frames(job) - len(sequences[0].vertices))
             for sequence, target in zip(sequences, job.targets, strict=True):
                 bar.print(_store(sequence, reason, target))
-            clear_finished(folder)
+            clear_finished(job.targets[0].parent)
             bar.print_progress()
 
 
@@ -145,6 +158,7 @@ def _simulate_job(
     torch.set_num_threads(1)
     if job.fabric is not None:
         engine = engine.with_fabric(job.fabric)
+    engine = member_engine(engine, job.member)
     # The last of the targets is written last: where it is, all are.
     place = Place(here / folder, here / job.targets[-1])
 

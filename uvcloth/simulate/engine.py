@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, runtime_checkable
 
 from torch import Tensor
 
@@ -70,4 +70,13 @@ class Engine(Protocol):
         after: a frame with a memory that an equal engine made of an equal scene; only those after it are
         yielded.
         """
+        ...
+
+
+@runtime_checkable
+class SubstepEngine(Engine, Protocol):
+    """An engine whose number of substeps can be changed, for ensembles of simulations."""
+
+    def with_more_substeps(self, share: float) -> Self:
+        """Make the same engine with 1 + share times as many substeps."""
         ...

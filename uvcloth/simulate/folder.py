@@ -3,8 +3,8 @@
 import csv
 import json
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from rasterize.atomic import atomic_write
 from rasterize.errors import InputError
 from rasterize.reading import require_file
 from uvcloth.bodies.body import Body
-from uvcloth.motion.index import read_index
+from uvcloth.motion.index import COLUMNS, Entry, read_index
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.sequence import read_metadata
@@ -136,6 +136,32 @@ def keep_index(windows: Path, kept: Path) -> None:
             shutil.copyfile(windows, partial)
     elif read_index(kept) != read_index(windows):
         raise InputError(f"{kept}: holds other windows than {windows}, simulate them into another folder")
+
+
+def require_windows(entries: Iterable[Entry], kept: Path) -> None:
+    """Raise InputError if the index of a data folder, if there is one, has another window for an entry."""
+    if not kept.exists():
+        return
+    table = read_index(kept)
+    for entry in entries:
+        if entry.clip in table and replace(table[entry.clip], file="") != entry:
+            raise InputError(
+                f"{kept}: holds another window of {entry.clip}, simulate this one into another folder"
+            )
+
+
+def add_windows(entries: Iterable[Entry], kept: Path) -> None:
+    """Write entries to the index of a data folder, which stay if they are there.
+
+    Raises InputError as `require_windows` does.
+    """
+    entries = list(entries)
+    require_windows(entries, kept)
+    table = (read_index(kept) if kept.exists() else {}) | {entry.clip: entry for entry in entries}
+    with atomic_write(kept) as partial, partial.open("w", newline="", encoding="utf-8") as stream:
+        rows = csv.writer(stream)
+        rows.writerow(COLUMNS)
+        rows.writerows((e.clip, e.subject, e.split, e.action, e.start, e.frames) for e in table.values())
 
 
 def refused_captures(folder: Path) -> dict[str, str]:

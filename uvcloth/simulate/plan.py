@@ -30,8 +30,8 @@ class Job:
     """One simulation: a motion (run-up included), the number of its warm-up frames, and garments.
 
     Several cloths touch each other, the first is innermost; each has a target, the file of its sequence.
-    fabric: of its cloths; None for the engine's. labels: metadata that the sequences of all cloths get
-    besides.
+    fabric: of its cloths; None for the engine's. member: of an ensemble, as `member_engine` has it. labels:
+    metadata that the sequences of all cloths get besides.
     """
 
     motion: Clip
@@ -40,6 +40,7 @@ class Job:
     cloths: tuple[Cloth, ...]
     targets: tuple[Path, ...]
     fabric: Fabric | None = None
+    member: int = 0
     labels: Mapping[str, Any] = field(default_factory=dict)
 
 
