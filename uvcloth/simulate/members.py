@@ -3,8 +3,11 @@
 Member 0 is the usual simulation. 1 takes more substeps, 2 another mesh of the garment, 3 both.
 """
 
+from importlib.util import find_spec
+
 from rasterize.errors import InputError
 from uvcloth.simulate.engine import Engine, SubstepEngine
+from uvcloth.simulate.remeshed import Remeshed
 
 MEMBERS = 4
 """Members of an ensemble, the usual simulation included."""
@@ -14,10 +17,17 @@ MORE_SUBSTEPS = 0.5
 
 
 def member_engine(engine: Engine, member: int) -> Engine:
-    """The engine that simulates a member. Raises InputError for one that cannot change its substeps."""
+    """The engine that simulates a member.
+
+    Raises InputError for an engine that cannot change its substeps, and without the remesher.
+    """
     if not member:
         return engine
     if not isinstance(engine, SubstepEngine):
         name = engine.describe()["engine"]
         raise InputError(f"ensemble members need the explicit engine, {name} cannot change its substeps")
-    return engine.with_more_substeps(MORE_SUBSTEPS) if member % 2 else engine
+    substeps, mesh = member % 2, member // 2
+    if mesh and find_spec("pyacvd") is None:
+        raise InputError("ensemble members on another mesh need the remesher: install uvcloth[body]")
+    stepped = engine.with_more_substeps(MORE_SUBSTEPS) if substeps else engine
+    return Remeshed(stepped) if mesh else stepped

@@ -1,0 +1,134 @@
+"""Simulation on another mesh of the same garment: how much of a result is due to the mesh."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from rasterize.charts import face_components
+from uvcloth.garments.remesh import remesh, surface_of
+from uvcloth.geometry.mesh import join_meshes
+from uvcloth.physics.fabric import Fabric
+from uvcloth.simulate.engine import Engine, Frame, Scene
+
+
+@dataclass(frozen=True)
+class OtherMesh:
+    """Another mesh of a surface, and where the vertices of each lie in the other.
+
+    faces: (m, 3) into its n vertices. corners, weights: (n, 3) vertices of the surface around each of its
+    own, and their barycentrics. own_corners, own_weights: (N, 3) its own vertices around each of the
+    surface's.
+    """
+
+    faces: Tensor
+    corners: Tensor
+    weights: Tensor
+    own_corners: Tensor
+    own_weights: Tensor
+
+    def taken(self, values: Tensor) -> Tensor:
+        """Values (..., n, 3) at its vertices of those at the surface's (..., N, 3)."""
+        return _interpolated(values, self.corners, self.weights)
+
+    def carried(self, offsets: Tensor) -> Tensor:
+        """Values (..., N, 3) at the surface's vertices of those at its own (..., n, 3)."""
+        return _interpolated(offsets, self.own_corners, self.own_weights)
+
+    def nearest(self) -> Tensor:
+        """The surface's vertex (n,) that is nearest to each of its own."""
+        return self.corners.gather(1, self.weights.argmax(1, keepdim=True))[:, 0]
+
+
+def other_mesh(vertices: Tensor, faces: Tensor) -> OtherMesh:
+    """Remesh a surface (N, 3) m, (M, 3) to triangles of about one size, with no more vertices than it has.
+
+    Each connected piece is remeshed by itself, its hems stay on its hems; the same surface gives the same
+    mesh. Raises InputError as `remesh` does.
+    """
+    pieces = torch.from_numpy(face_components(faces.numpy(), np.zeros(0, dtype=np.int64)))
+    parts: list[tuple[Tensor, Tensor]] = []
+    corners, weights = [], []
+    own_corners = torch.zeros(len(vertices), 3, dtype=torch.int64)
+    own_weights = torch.zeros(len(vertices), 3)
+    for piece in range(int(pieces.max()) + 1):
+        kept, triangles = faces[pieces == piece].unique(return_inverse=True)
+        surface = vertices[kept].double().numpy()
+        points, own = remesh(surface, triangles.numpy(), len(kept))
+        placed = torch.from_numpy(points).float(), torch.from_numpy(own)
+        found = surface_of(surface, triangles.numpy()).closest(placed[0])
+        back = surface_of(points, own).closest(vertices[kept])
+        corners.append(kept[triangles[found.faces]])
+        weights.append(found.barycentrics)
+        own_corners[kept] = placed[1][back.faces] + sum(len(part) for part, _ in parts)
+        own_weights[kept] = back.barycentrics
+        parts.append(placed)
+    return OtherMesh(
+        join_meshes(parts).faces, torch.cat(corners), torch.cat(weights), own_corners, own_weights
+    )
+
+
+@dataclass(frozen=True)
+class Remeshed:
+    """An engine that simulates another mesh of the cloth, and carries its motion back to the scene's.
+
+    Vertices of the scene follow the other mesh by the interpolated offset from the skinned garment.
+    """
+
+    engine: Engine
+
+    def describe(self) -> dict[str, Any]:
+        """Describe the engine, as `Engine` says; its settings say that the mesh is another."""
+        described = self.engine.describe()
+        return {**described, "settings": {**described["settings"], "mesh": "remeshed"}}
+
+    def with_fabric(self, fabric: Fabric) -> Self:
+        """Make the same engine for cloth of another fabric."""
+        return replace(self, engine=self.engine.with_fabric(fabric))
+
+    def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
+        """Yield the frames as `Engine` says. Raises InputError as the engine and `other_mesh` do."""
+        mesh = other_mesh(scene.rest, scene.faces)
+        other = _scene_of(scene, mesh)
+        for frame in self.engine.simulate(other, _recalled(after, len(other.rest))):
+            offsets = frame.vertices - other.skinned[frame.index]
+            vertices = scene.skinned[frame.index] + mesh.carried(offsets)
+            yield Frame(frame.index, vertices, _remembered(frame, len(scene.rest)))
+
+
+def _scene_of(scene: Scene, mesh: OtherMesh) -> Scene:
+    """The scene with another mesh of its cloth."""
+    near = mesh.nearest()
+    return replace(
+        scene,
+        rest=mesh.taken(scene.rest),
+        faces=mesh.faces,
+        band=scene.band[near],
+        mass_factor=scene.mass_factor[near],
+        inner_thickness=scene.inner_thickness[near],
+        skinned=mesh.taken(scene.skinned),
+        touches=scene.touches[:, near],
+    )
+
+
+def _remembered(frame: Frame, count: int) -> Tensor | None:
+    """Vertices and memory (1 + K, count, 3) of a frame of the other mesh, filled up with zeros."""
+    if frame.memory is None:
+        return None
+    rows = torch.cat([frame.vertices[None], frame.memory])
+    return torch.nn.functional.pad(rows, (0, 0, 0, count - rows.shape[1]))
+
+
+def _recalled(frame: Frame | None, count: int) -> Frame | None:
+    """The frame of the other mesh of `count` vertices that a frame remembers."""
+    if frame is None or frame.memory is None:
+        return None
+    return Frame(frame.index, frame.memory[0, :count], frame.memory[1:, :count])
+
+
+def _interpolated(values: Tensor, corners: Tensor, weights: Tensor) -> Tensor:
+    """Values (..., P, 3) at points between corners (P, 3) of values (..., N, 3), by weights (P, 3)."""
+    return (values[..., corners, :] * weights[:, :, None]).sum(-2)
