@@ -9,6 +9,7 @@ from collections import Counter
 from pathlib import Path
 
 from uvcloth.motion.index import UNUSED, Entry, read_index
+from uvcloth.simulate.members import MEMBERS
 from uvcloth.simulate.plan import interleaved
 
 GARMENTS = ("tops", "bottoms", "dress", "shirt", "skirt", "jacket")
@@ -62,6 +63,13 @@ def main() -> None:
     rows += [
         row(entry, garment, body=body) for entry in tests for body in TEST_BODIES for garment in GARMENTS
     ]
+    judged = [entry for entry in entries if entry.split != "train"]
+    rows += [
+        row(entry, garment, member=member)
+        for member in range(1, MEMBERS)
+        for entry in judged
+        for garment in GARMENTS
+    ]
     for clip, frames in WHOLE.items():
         rows += [row(index[clip], garment, f"{clip}_whole", (0, frames)) for garment in WHOLE_GARMENTS]
     stops = [(clip, f"{clip}_stop", window) for clip, window in STOPS.items()]
@@ -83,6 +91,7 @@ def row(
     window: tuple[int, int] | None = None,
     hold: float = 0.0,
     body: str = "",
+    member: int = 0,
 ) -> dict[str, str | int | float]:
     """One row of the plan. window: start and frames, by default those of the entry."""
     start, frames = window or (entry.start, entry.frames)
@@ -94,11 +103,18 @@ def row(
         "hold": hold,
         "garments": garments,
         "body": body and f"bodies/{body}/bodies/{body}.npz",
-        "member": 0,
+        "member": member,
         "split": entry.split,
         "subject": entry.subject,
         "action": entry.action,
     }
+
+
+def kind_of(each: dict[str, str | int | float]) -> str:
+    """What a row is, in a word."""
+    if each["member"]:
+        return "ensemble"
+    return "layered" if "+" in str(each["garments"]) else "single"
 
 
 def report(rows: list[dict[str, str | int | float]]) -> None:
@@ -106,7 +122,7 @@ def report(rows: list[dict[str, str | int | float]]) -> None:
     frames: Counter[str] = Counter()
     count: Counter[str] = Counter()
     for each in rows:
-        kinds = (str(each["split"]), "layered" if "+" in str(each["garments"]) else "single", "all")
+        kinds = (str(each["split"]), kind_of(each), "all")
         own = int(each["frames"]) + round(30 * float(each["hold"]))
         for kind in kinds:
             count[kind] += 1
