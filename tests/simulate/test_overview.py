@@ -110,3 +110,23 @@ def test_a_folder_without_an_index_and_one_without_sequences(folder: Path, tmp_p
     (folder / "refused.csv").write_text("name\n1\n")
     with pytest.raises(InputError, match=r"refused\.csv: not a table with the columns clip and reason"):
         overview(folder)
+
+
+def test_each_folder_of_a_plan_is_listed_with_what_it_lacks(folder: Path) -> None:
+    (folder / "plan.csv").write_text(
+        "clip,start,frames,garments,body,split,subject,action\n"
+        "01_01,0,1000,tops,,train,a,walk\n"
+        "01_02,0,500,skirt,,train,a,walk\n"
+        "03_01,0,40,dress,,test,c,run\n"
+        "01_01,0,1000,tops,bodies/tall.npz,train,a,walk\n"
+    )
+    (folder / "tall").mkdir()
+    (folder / "tall" / "index.csv").write_text(
+        "trial,subject,split,action,window_start,window_frames\n01_01,a,train,walk,0,1000\n"
+    )
+    text = printed(folder)
+    assert "2 of 4 planned sequences are there or refused" in text
+    assert "missing of train: 1 sequences of 1 clips (01_02)" in text
+    assert "missing of test" not in text
+    assert "tall: 0 sequences" in text
+    assert "missing of train: 1 sequences of 1 clips (01_01)" in text

@@ -1,7 +1,8 @@
 """Overview of a data folder as text and a table: `uvcloth data`."""
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
+from itertools import product
 from pathlib import Path
 
 from rich.console import Group, RenderableType
@@ -11,7 +12,8 @@ from rich.text import Text
 from rasterize.errors import InputError
 from uvcloth.motion.index import INDEX, Entry, read_index
 from uvcloth.motion.poses import SPLITS
-from uvcloth.simulate.folder import REPEAT, Stored, refused_captures, sequence_files
+from uvcloth.simulate.folder import REPEAT, Stored, is_finished, refused_captures, sequence_files
+from uvcloth.simulate.plan_file import PLAN, plan_folders, read_plan
 from uvcloth.simulate.sequence import read_metadata
 from uvcloth.simulate.unfinished import unfinished_files, unfinished_frames
 
@@ -22,11 +24,26 @@ MAX_NAMED = 12
 def overview(folder: Path) -> RenderableType:
     """Make a table of frames by split and garment, and lines on bodies, engines, refusals and missing clips.
 
-    Only metadata are read. Raises InputError if the folder does not exist or holds nothing, and for an index
-    that is none; files that are no sequences of this version are listed.
+    Where a plan was simulated, each of its data folders is listed. Only metadata are read. Raises InputError
+    if the folder does not exist or holds nothing, and for an index or a plan that is none; files that are no
+    sequences of this version are listed.
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder, expected one made by `uvcloth simulate`")
+    if not (folder / PLAN).is_file():
+        return _overview(folder, None)
+    rows = read_plan(folder / PLAN)
+    files = [folder / file for row in rows for file in row.files]
+    there = sum(map(is_finished, files))
+    parts = [
+        _overview(folder / part, {(row.motion.name, name) for row in own for name in row.names})
+        for part, own in plan_folders(rows).items()
+    ]
+    return Group(Text(f"{folder}: {there} of {len(files)} planned sequences are there or refused"), *parts)
+
+
+def _overview(folder: Path, planned: Set[tuple[str, str]] | None) -> RenderableType:
+    """Overview of one data folder. planned: clip and garment of what is to be there, None if no plan says."""
     stored, unreadable, size = [], [], 0
     for path, repeat in sequence_files(folder):
         size += path.stat().st_size
@@ -34,8 +51,9 @@ def overview(folder: Path) -> RenderableType:
             stored.append(Stored(path, read_metadata(path), repeat))
         except InputError as error:
             unreadable.append(str(error))
-    unfinished = dict(map(unfinished_frames, unfinished_files(folder)))
-    if not stored and not unreadable and not unfinished:
+    begun = [file for file in unfinished_files(folder) if planned is None or file.parent == folder]
+    unfinished = dict(map(unfinished_frames, begun))
+    if planned is None and not stored and not unreadable and not unfinished:
         raise InputError(f"{folder}: no sequence (*.npz) made by `uvcloth simulate` in this folder")
     index = read_index(folder / INDEX) if (folder / INDEX).is_file() else {}
     kept = [each for each in stored if each.reason is None]
@@ -51,7 +69,7 @@ def overview(folder: Path) -> RenderableType:
         *(f"refused before it was simulated: {clip}, {reason}" for clip, reason in captures.items()),
         *(f"unreadable: {sentence}" for sentence in unreadable),
         *_unfinished(unfinished),
-        *_missing(index, stored, captures),
+        *_missing(index, stored, captures, planned),
     ]
     return Group(Text("\n".join(lines)), _table(index, kept), Text("\n".join(after)))
 
@@ -132,14 +150,24 @@ def _unfinished(frames: Mapping[str, int]) -> list[str]:
     ]
 
 
-def _missing(index: Mapping[str, Entry], stored: list[Stored], captures: Mapping[str, str]) -> list[str]:
-    """Lines, by split, on clips of which one of the folder's garments is neither there nor refused."""
+def _missing(
+    index: Mapping[str, Entry],
+    stored: list[Stored],
+    captures: Mapping[str, str],
+    planned: Set[tuple[str, str]] | None,
+) -> list[str]:
+    """Lines, by split, on clips of which a garment is neither there nor refused.
+
+    Without a plan, all clips of the index are to have all of the folder's garments.
+    """
     garments = {each.metadata["garment"] for each in stored}
     found = {(each.metadata["clip"], each.metadata["garment"]) for each in stored if not each.repeat}
+    wanted = product(index, garments) if planned is None else sorted(planned)
     missing: dict[str, Counter[str]] = {split: Counter() for split in SPLITS}
-    for clip, entry in index.items():
-        if entry.split in SPLITS and clip not in captures:
-            missing[entry.split].update(clip for garment in garments if (clip, garment) not in found)
+    for clip, garment in wanted:
+        entry = index.get(clip)
+        if entry and entry.split in SPLITS and clip not in captures and (clip, garment) not in found:
+            missing[entry.split][clip] += 1
     return [
         f"missing of {split}: {clips.total()} sequences of {len(clips)} clips "
         f"({', '.join(list(clips)[:MAX_NAMED])}{', ...' * (len(clips) > MAX_NAMED)})"
