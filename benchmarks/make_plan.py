@@ -41,7 +41,7 @@ STOPS = {
 }
 """Start and frames of windows that end in full motion, one foot on the ground: walk, run, spin and kick."""
 
-KICK = ("131_01", 125, 57)
+KICK = ("131_01", (125, 57))
 """A second stop in a clip: its kick."""
 
 HOLD_SECONDS = 1.5
@@ -71,10 +71,11 @@ def main() -> None:
         for garment in GARMENTS
     ]
     for clip, frames in WHOLE.items():
-        rows += [row(index[clip], garment, f"{clip}_whole", (0, frames)) for garment in WHOLE_GARMENTS]
-    stops = [(clip, f"{clip}_stop", window) for clip, window in STOPS.items()]
-    for clip, name, window in [*stops, (KICK[0], f"{KICK[0]}_kick_stop", KICK[1:])]:
-        rows += [row(index[clip], garment, name, window, hold=HOLD_SECONDS) for garment in GARMENTS]
+        rows += [row(index[clip], garment, "whole", (0, frames)) for garment in WHOLE_GARMENTS]
+    for clip, window in STOPS.items():
+        rows += [row(index[clip], garment, "stop", window, HOLD_SECONDS) for garment in GARMENTS]
+    clip, window = KICK
+    rows += [row(index[clip], garment, "kick_stop", window, HOLD_SECONDS) for garment in GARMENTS]
     for split, count in LAYERED_WINDOWS.items():
         own = [entry for entry in entries if entry.split == split and entry.clip not in other_body]
         rows += [row(entry, LAYERS) for entry in own[:count]]
@@ -87,16 +88,19 @@ def main() -> None:
 def row(
     entry: Entry,
     garments: str,
-    name: str = "",
+    suffix: str = "",
     window: tuple[int, int] | None = None,
     hold: float = 0.0,
     body: str = "",
     member: int = 0,
 ) -> dict[str, str | int | float]:
-    """One row of the plan. window: start and frames, by default those of the entry."""
+    """One row of the plan.
+
+    suffix: of another window than the entry's, in its name and its action. window: start and frames.
+    """
     start, frames = window or (entry.start, entry.frames)
     return {
-        "name": name or entry.clip,
+        "name": f"{entry.clip}_{suffix}" if suffix else entry.clip,
         "clip": entry.clip,
         "start": start,
         "frames": frames,
@@ -106,7 +110,7 @@ def row(
         "member": member,
         "split": entry.split,
         "subject": entry.subject,
-        "action": entry.action,
+        "action": f"{entry.action}, {suffix.replace('_', ' ')}" if suffix else entry.action,
     }
 
 
