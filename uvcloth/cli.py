@@ -31,7 +31,7 @@ uvcloth fit shirt.obj
 
 uvcloth rollout --motion walk.bvh --garment shirt.obj --out walk.mp4 walk.glb"""
 
-TemplateName = Literal["tops", "bottoms", "dress", "shirt"]
+TemplateName = Literal["tops", "bottoms", "dress", "shirt", "skirt", "jacket"]
 EngineName = Literal["newton", "blender"]
 Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ...")]
 GarmentPose = Annotated[
@@ -412,7 +412,7 @@ class Rollout:
     they ship, lbs, lbs_smooth, or a folder written by `python -m train`; one for all, or one for each garment
     in order."""
     template: Annotated[
-        tuple[Literal["tops", "bottoms", "dress", "shirt", "auto"], ...],
+        tuple[Literal["tops", "bottoms", "dress", "shirt", "skirt", "jacket", "auto"], ...],
         arg(metavar="NAME|auto ...", help_behavior_hint="(default: the one each covers best)"),
     ] = ()
     """The template whose motion a garment takes: one for all, or one for each in order."""

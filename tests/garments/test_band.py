@@ -16,7 +16,7 @@ from uvcloth.garments.loading import load_garment
 from uvcloth.garments.templates import fit_template, load_template
 from uvcloth.geometry.mesh import Mesh
 
-SKIRT = str(files("uvcloth") / "data" / "garments" / "skirt.obj")
+SKIRT = str(files("uvcloth") / "data" / "garments" / "miniskirt.obj")
 
 
 @pytest.fixture(scope="module")

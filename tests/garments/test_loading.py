@@ -12,7 +12,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.garments.loading import load_garment, load_garment_for_data
 from uvcloth.garments.templates import fit_template
 
-SKIRT = Path(str(files("uvcloth") / "data" / "garments" / "skirt.obj"))
+SKIRT = Path(str(files("uvcloth") / "data" / "garments" / "miniskirt.obj"))
 
 
 def test_a_template_is_worn_and_a_file_is_fitted(body: Body) -> None:
@@ -21,7 +21,7 @@ def test_a_template_is_worn_and_a_file_is_fitted(body: Body) -> None:
     assert torch.equal(shirt.mesh.vertices, fit_template("tops", body).mesh.vertices)
     said: list[str] = []
     skirt = load_garment(str(SKIRT), body, said.append)
-    assert (skirt.name, skirt.template, skirt.source) == ("skirt", "dress", "file")
+    assert (skirt.name, skirt.template, skirt.source) == ("miniskirt", "dress", "file")
     assert said[0].startswith(f"{SKIRT}: ")
     assert "worn as dress" in said[-1]
 

@@ -13,7 +13,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.garments.diagnose import diagnose
 from uvcloth.garments.judge import UnwearableError
-from uvcloth.garments.templates import fit_template
+from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.geometry.mesh import Mesh, vertex_normals
 
 INCH, FOOT = 0.0254, 0.3048
@@ -113,7 +113,7 @@ def test_overalls_over_the_head_are_refused(overalls: Mesh, body: Body) -> None:
 
 
 def test_a_garment_at_the_wrong_height_is_refused(body: Body) -> None:
-    for name in ("tops", "bottoms", "dress", "shirt"):
+    for name in TEMPLATES:
         mesh = fit_template(name, body).mesh
         for height in (-0.3, 0.3):
             refusal(replace(mesh, vertices=mesh.vertices + torch.tensor([0.0, 0.0, height])), body)

@@ -13,7 +13,7 @@ from uvcloth.garments.fit import read_on_body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.pose import arms_held, other_pose, posed_body
-from uvcloth.garments.templates import fit_template
+from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.geometry.skinning import skin
 
 
@@ -56,7 +56,7 @@ def test_a_shirt_in_another_pose_is_told_and_taken_along(
     assert f"modelled in {pose.upper()} pose" in "\n".join(placed.diagnosis.lines())
 
 
-@pytest.mark.parametrize("name", ["tops", "bottoms", "dress", "shirt"])
+@pytest.mark.parametrize("name", TEMPLATES)
 def test_what_lies_on_the_rest_pose_is_left_there(body: Body, name: str) -> None:
     assert other_pose(fit_template(name, body).mesh, body) == ""
 

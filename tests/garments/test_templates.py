@@ -15,7 +15,7 @@ from uvcloth.garments.cut import cut, place
 from uvcloth.garments.templates import TEMPLATES, faces_outward, fit_template, load_template, save_template
 from uvcloth.physics.surface import BodySurface
 
-OPENINGS = {"tops": 4, "bottoms": 3, "dress": 4, "shirt": 4}
+OPENINGS = {"tops": 4, "bottoms": 3, "dress": 4, "shirt": 4, "skirt": 2, "jacket": 3}
 
 
 def test_a_cut_through_a_sphere_is_exact() -> None:
@@ -54,7 +54,7 @@ def test_the_band_holds_what_it_should(name: str, body: Body) -> None:
     band = garment.mesh.vertices[template.band]
     joints = dict(zip(body.skeleton.names, body.skeleton.heads, strict=True))
     top = float(band[:, 2].max())
-    expected = joints["LowerBack"] if name == "bottoms" else joints["Neck"]
+    expected = joints["LowerBack"] if name in ("bottoms", "skirt") else joints["Neck"]
     assert abs(top - float(expected[2])) < 0.08
     torch.testing.assert_close(garment.smooth_weights.sum(1), torch.ones(len(garment.smooth_weights)))
 

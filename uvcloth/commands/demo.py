@@ -28,7 +28,7 @@ from uvcloth.simulate.plan import ClipSelection
 from uvcloth.simulate.sequence import load_sequence
 
 CLIP = "jump"
-GARMENT = "skirt.obj"
+GARMENT = "miniskirt.obj"
 FOREIGN = "female_casualsuit01.mhclo"
 """An outfit that none of the models has seen, and no part of this project made."""
 

@@ -54,7 +54,7 @@ def fit(path: Path, body: Body, template: str | None = None, pose: str | None = 
     """Fit a file (OBJ, PLY, GLB, STL, MHCLO, ...) to a body, on whose rest pose it was modelled.
 
     The file's vertex order and texture coordinates stay; unit, axes and origin are found by where it lies
-    best (`find_placing`). template: "tops", "bottoms", "dress" or "shirt", the one whose motion it takes;
+    best (`find_placing`). template: the one of TEMPLATES whose motion it takes;
     None chooses by the part of the body it covers, found by ray casting (PhysXNet section 4.3). The closest
     body vertices give it its blend weights. pose: as `read_on_body` takes it. Raises InputError naming the
     file and the reason if it cannot be read or cannot be worn, an UnwearableError if it does not lie as

@@ -14,7 +14,7 @@ from uvcloth.physics.fabric import JERSEY, Fabric
 class Garment:
     """One garment on one body.
 
-    template: the one whose motion it takes ("tops", "bottoms", "dress", "shirt"), None where none serves it.
+    template: the one of TEMPLATES whose motion it takes, None where none serves it.
     mesh: N vertices, at rest on the body's rest pose.
     weights: (N, J) blend weights of the closest body vertex (the LBS baseline).
     smooth_weights: (N, J) the same, diffused over the garment, so that a skirt does not split.

@@ -18,7 +18,7 @@ from uvcloth.rollout import rollout_proxied, with_proxies
 from uvcloth.simulate.sequence import REST_TOLERANCE, SimulatedSequence, load_sequence
 from uvcloth.view.computation import Performance
 
-TEMPLATES = ("bottoms", "tops", "shirt", "dress")
+TEMPLATES = ("bottoms", "tops", "shirt", "dress", "skirt", "jacket")
 """The templates in the order in which people put them on."""
 
 DEFAULT_BODY = "default"

@@ -17,7 +17,7 @@ RANGES: dict[str, tuple[float, float]] = {
 }
 """Least and greatest value of every number."""
 
-LIKE = {"shirt": "tops"}
+LIKE = {"shirt": "tops", "jacket": "tops", "skirt": "dress"}
 """By template, the one whose motion serves it where a network was not trained on it."""
 
 

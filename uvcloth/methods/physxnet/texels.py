@@ -25,7 +25,7 @@ from uvcloth.geometry.mesh import Mesh, vertex_normals, weld
 SKIRT_REACH = 0.6
 """Metres within which rays from the joined legs may meet cloth; for others GARMENT_RAY_LENGTH."""
 
-SKIRTS = ("dress",)
+SKIRTS = ("dress", "skirt")
 """Templates whose lower part is seen from the joined legs."""
 
 
