@@ -115,7 +115,7 @@ def prepare() -> None:
     vars(outfits)["get_context"] = lambda method: multiprocessing.get_context("fork")
     batch.LEAD_IN = LeadIn(rest=1, blend=1, ramp=1)
     unfinished.SECONDS = 0.1
-    ENGINES["newton"] = Following
+    ENGINES["explicit"] = Following
     validation.POSES = vars(physics)["POSES"] = 2
     PROGRAMS.update(
         uvcloth=uvcloth.cli.main,

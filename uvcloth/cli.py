@@ -32,7 +32,7 @@ uvcloth fit shirt.obj
 uvcloth rollout --motion walk.bvh --garment shirt.obj --out walk.mp4 walk.glb"""
 
 TemplateName = Literal["tops", "bottoms", "dress", "shirt", "skirt", "jacket"]
-EngineName = Literal["newton", "blender"]
+EngineName = Literal["explicit", "newton", "blender"]
 Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ...")]
 GarmentPose = Annotated[
     Literal["t", "a"] | None, arg(metavar="t|a", help_behavior_hint="(default: rest pose)")
@@ -154,8 +154,9 @@ class Simulate:
     layered: bool = False
     """The garments are worn over one another, the first innermost, and simulated together, so that they
     keep apart; otherwise each is simulated alone."""
-    engine: EngineName = "newton"
-    """What simulates: newton, or the cloth of the Blender that UVCLOTH_BLENDER_PYTHON names."""
+    engine: EngineName = "explicit"
+    """The cloth solver: the project's explicit one, Newton's VBD, or the cloth of the Blender that
+    UVCLOTH_BLENDER_PYTHON names."""
     fabric: Annotated[
         FabricName | None,
         arg(metavar="jersey|cotton|silk|denim", help_behavior_hint="(default: jersey; of an outfit its own)"),

@@ -26,11 +26,11 @@ class Following:
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
         """Yield the frames as `Engine` says."""
         if after is None:
-            after = Frame(0, scene.rest, scene.rest[None])
+            after = Frame(0, scene.rest, scene.rest.flatten())
             yield after
         assert after.memory is not None
-        (vertices,) = after.memory
+        vertices = after.memory.view(-1, 3)
         for index in range(after.index + 1, len(scene.skinned)):
             time.sleep(self.seconds)
             vertices = vertices.lerp(scene.skinned[index], 0.3)
-            yield Frame(index, vertices, vertices[None])
+            yield Frame(index, vertices, vertices.flatten())

@@ -39,10 +39,10 @@ class Falling:
         return replace(self, substeps=(1.0 + share) * self.substeps)
 
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
-        fallen = torch.zeros_like(scene.rest) if after is None or after.memory is None else after.memory[0]
+        fallen = torch.zeros_like(scene.rest) if after is None or after.memory is None else after.memory.view(-1, 3)
         for index in range(0 if after is None else after.index + 1, len(scene.skinned)):
             fallen = fallen - torch.tensor([0.0, 0.0, 0.001]) * index
-            yield Frame(index, scene.skinned[index] + fallen, fallen[None])
+            yield Frame(index, scene.skinned[index] + fallen, fallen.flatten())
 
 
 @pytest.fixture(scope="module")
@@ -126,9 +126,7 @@ def test_cloth_comes_back_to_the_vertices_of_the_scene(scene: Scene) -> None:
 def test_it_goes_on_from_what_a_frame_remembers(scene: Scene) -> None:
     engine = Remeshed(Falling())
     frames = list(engine.simulate(scene))
-    memory = frames[1].memory
-    assert memory is not None
-    assert memory.shape[1:] == scene.rest.shape
+    assert frames[1].memory is not None
     for again, frame in zip(engine.simulate(scene, frames[1]), frames[2:], strict=True):
         assert torch.equal(again.vertices, frame.vertices)
 

@@ -43,14 +43,14 @@ class Falling:
 
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
         position, velocity = (
-            (scene.rest, torch.zeros_like(scene.rest)) if after is None else after.memory.unbind()
+            (scene.rest, torch.zeros_like(scene.rest)) if after is None else after.memory.view(2, -1, 3).unbind()
         )
         for index in range(0 if after is None else after.index + 1, len(scene.skinned)):
             if index == self.stop:
                 raise StopError
             velocity = velocity - torch.tensor([0.0, 0.0, self.gravity / scene.fps])
             position = position + velocity / scene.fps
-            memory = torch.stack([position, velocity])
+            memory = torch.stack([position, velocity]).flatten()
             yield Frame(index, position + 7.0, memory if self.remembers else None)
 
 

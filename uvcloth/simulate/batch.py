@@ -45,7 +45,7 @@ def simulate_batch(
     outfits: Sequence[Sequence[str]],
     out: Path,
     body: Body,
-    engine: str = "newton",
+    engine: str = "explicit",
     fabric: str | None = None,
     repeat: bool = False,
     workers: Workers = ONE_PER_CORE,

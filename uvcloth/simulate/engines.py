@@ -4,9 +4,11 @@ from collections.abc import Callable
 
 from uvcloth.simulate.blender import find_blender
 from uvcloth.simulate.engine import Engine
+from uvcloth.simulate.explicit import Explicit
 from uvcloth.simulate.newton import Newton
 
 ENGINES: dict[str, Callable[[], Engine]] = {
+    "explicit": Explicit,
     "newton": Newton,
     "blender": find_blender,
 }

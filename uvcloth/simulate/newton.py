@@ -148,8 +148,9 @@ class Newton:
 
 
 def _memory(state: Any, accelerations: Tensor) -> Tensor:
-    """Positions, velocities and accelerations of a state, (3, N, 3)."""
-    return torch.stack([wp.to_torch(state.particle_q), wp.to_torch(state.particle_qd), accelerations])
+    """Positions, velocities and accelerations of a state, (9 N,)."""
+    rows = (wp.to_torch(state.particle_q), wp.to_torch(state.particle_qd), accelerations)
+    return torch.stack(rows).flatten()
 
 
 def _recall(frame: Frame, state: Any, accelerations: Tensor) -> None:
@@ -157,7 +158,7 @@ def _recall(frame: Frame, state: Any, accelerations: Tensor) -> None:
     if frame.memory is None:
         raise ValueError("a frame without a memory cannot be gone on from")
     places = (wp.to_torch(state.particle_q), wp.to_torch(state.particle_qd), accelerations)
-    for place, values in zip(places, frame.memory, strict=True):
+    for place, values in zip(places, frame.memory.view(3, -1, 3), strict=True):
         place.copy_(values)
 
 

@@ -42,7 +42,7 @@ def simulate_outfits(
     selection: ClipSelection,
     out: Path,
     frames: int | None = None,
-    engine: str = "newton",
+    engine: str = "explicit",
     fabric: str | None = None,
     workers: Workers = ONE_PER_CORE,
 ) -> None:

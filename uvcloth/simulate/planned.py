@@ -42,7 +42,7 @@ def simulate_plan(
     plan: Path,
     out: Path,
     clips_from: Path | None = None,
-    engine: str = "newton",
+    engine: str = "explicit",
     fabric: str | None = None,
     workers: Workers = ONE_PER_CORE,
 ) -> None:

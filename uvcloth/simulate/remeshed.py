@@ -96,7 +96,7 @@ class Remeshed:
         for frame in self.engine.simulate(other, _recalled(after, len(other.rest))):
             offsets = frame.vertices - other.skinned[frame.index]
             vertices = scene.skinned[frame.index] + mesh.carried(offsets)
-            yield Frame(frame.index, vertices, _remembered(frame, len(scene.rest)))
+            yield Frame(frame.index, vertices, _remembered(frame))
 
 
 def _scene_of(scene: Scene, mesh: OtherMesh) -> Scene:
@@ -114,19 +114,17 @@ def _scene_of(scene: Scene, mesh: OtherMesh) -> Scene:
     )
 
 
-def _remembered(frame: Frame, count: int) -> Tensor | None:
-    """Vertices and memory (1 + K, count, 3) of a frame of the other mesh, filled up with zeros."""
-    if frame.memory is None:
-        return None
-    rows = torch.cat([frame.vertices[None], frame.memory])
-    return torch.nn.functional.pad(rows, (0, 0, 0, count - rows.shape[1]))
+def _remembered(frame: Frame) -> Tensor | None:
+    """Vertices and memory (3 P + K,) of a frame of the other mesh."""
+    return None if frame.memory is None else torch.cat([frame.vertices.flatten(), frame.memory])
 
 
 def _recalled(frame: Frame | None, count: int) -> Frame | None:
     """The frame of the other mesh of `count` vertices that a frame remembers."""
     if frame is None or frame.memory is None:
         return None
-    return Frame(frame.index, frame.memory[0, :count], frame.memory[1:, :count])
+    vertices, memory = frame.memory.split([3 * count, len(frame.memory) - 3 * count])
+    return Frame(frame.index, vertices.view(-1, 3), memory)
 
 
 def _interpolated(values: Tensor, corners: Tensor, weights: Tensor) -> Tensor:

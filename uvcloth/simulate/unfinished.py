@@ -49,7 +49,7 @@ class Place:
 class Moved:
     """Cloth over the first F frames of a scene.
 
-    vertices: (F, N, 3) m. seconds: that they took. memory: (K, N, 3) of the engine at the last one.
+    vertices: (F, N, 3) m. seconds: that they took. memory: (K,) of the engine at the last one.
     """
 
     vertices: Tensor
@@ -154,7 +154,7 @@ def _read(file: Path, **sizes: int) -> dict[str, np.ndarray]:
     fields = {
         "key": text(),
         "vertices": numbers("F", "N", 3),
-        "memory": numbers("K", "N", 3),
+        "memory": numbers("K"),
         "seconds": numbers(least=0.0, dtype=np.float64),
     }
     data = check_fields(file, kept_arrays(file, FORMAT, EXPECTED_FILE), fields, **sizes)

@@ -55,7 +55,7 @@ def connected(workers: Workers, at_most: int | None) -> Iterator[Any]:
         import dask
         from dask.distributed import LocalCluster
     except ModuleNotFoundError as error:
-        raise InputError("simulating needs dask and Newton: install uvcloth[simulate]") from error
+        raise InputError("simulating needs dask: install uvcloth[simulate]") from error
     with dask.config.set(UNWATCHED):
         if workers.scheduler is not None:
             with _client(workers.scheduler) as client:

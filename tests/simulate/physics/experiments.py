@@ -29,21 +29,22 @@ CHORD = 41.5
 
 @dataclass(frozen=True)
 class Swing:
-    """low, high: (s, m) first and second turning point of the rim. motion: (F, N, 3) and its mesh."""
+    """low, high: (s, m) first and second turning point of the rim. motion: (F, N, 3) at fps, and its mesh."""
 
     low: tuple[float, float]
     high: tuple[float, float]
     motion: Tensor
     rest: Tensor
     faces: Tensor
+    fps: float
 
 
-def swing(engine: Any, seconds: float = 0.8) -> Swing:
+def swing(engine: Any, seconds: float = 0.8, fps: float = FPS) -> Swing:
     """A sheet of 0.3 m, held along one edge and let go from level."""
     rest, faces = sheet(0.3, 0.3, 12, 12)
-    motion = play(engine, scene(rest, faces, seconds, held=rest[:, 0] < 1e-6))
-    low, high = turning_points(motion[:, rest[:, 0] > 0.3 - 1e-6, 2].mean(1))
-    return Swing(low, high, motion, rest, faces)
+    motion = play(engine, scene(rest, faces, seconds, held=rest[:, 0] < 1e-6, fps=fps))
+    low, high = turning_points(motion[:, rest[:, 0] > 0.3 - 1e-6, 2].mean(1), fps)
+    return Swing(low, high, motion, rest, faces, fps)
 
 
 def energy(found: Swing, fabric: Fabric) -> Tensor:
@@ -63,7 +64,7 @@ def energy(found: Swing, fabric: Fabric) -> Tensor:
         / 3.0
         * rest.new_zeros(len(rest)).index_add(0, faces.reshape(-1), areas.repeat_interleave(3))
     )
-    speed = (motion[2:] - motion[:-2]) * FPS / 2.0
+    speed = (motion[2:] - motion[:-2]) * found.fps / 2.0
     carried = (masses * (G * motion[1:-1, :, 2] + 0.5 * speed.square().sum(-1))).sum(-1)
     return (carried + (stretch + bend)[1:-1]) / masses.sum()
 

@@ -49,9 +49,10 @@ def scene(
     seconds: float,
     held: Tensor | None = None,
     obstacles: Sequence[trimesh.Trimesh] = (),
+    fps: float = FPS,
 ) -> Scene:
     """Cloth that starts at rest, held at some vertices (N,) bool, among things that stand still."""
-    frames, count = round(seconds * FPS) + 1, len(vertices)
+    frames, count = round(seconds * fps) + 1, len(vertices)
     held = torch.zeros(count, dtype=torch.bool) if held is None else held
     starts = [0]
     for mesh in obstacles:
@@ -69,7 +70,7 @@ def scene(
         collider=surface.expand(frames, -1, -1),
         collider_parts=tuple(parts),
         touches=torch.ones(len(parts), count, dtype=torch.bool),
-        fps=FPS,
+        fps=fps,
     )
 
 
@@ -87,15 +88,15 @@ def turned_about_y(points: Tensor, degrees: float) -> Tensor:
     return points @ turn.T
 
 
-def turning_points(heights: Tensor) -> tuple[tuple[float, float], tuple[float, float]]:
+def turning_points(heights: Tensor, fps: float = FPS) -> tuple[tuple[float, float], tuple[float, float]]:
     """First minimum of heights (F,) and the maximum after it, each as (seconds, metres), by parabolas."""
     low = int(torch.nonzero(heights[1:] > heights[:-1])[0])
     high = low + int(torch.nonzero(heights[low + 1 :] < heights[low:-1])[0])
-    return _vertex(heights, low), _vertex(heights, high)
+    return _vertex(heights, low, fps), _vertex(heights, high, fps)
 
 
-def _vertex(heights: Tensor, at: int) -> tuple[float, float]:
+def _vertex(heights: Tensor, at: int, fps: float) -> tuple[float, float]:
     before, here, after = (float(heights[at + step]) for step in (-1, 0, 1))
     bend = before - 2 * here + after
     shift = 0.5 * (before - after) / bend if bend else 0.0
-    return (at + shift) / FPS, here - 0.25 * (before - after) * shift
+    return (at + shift) / fps, here - 0.25 * (before - after) * shift

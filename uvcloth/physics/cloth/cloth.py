@@ -1,0 +1,206 @@
+"""Cloth as the solver has it: masses, faces and hinges at rest, and which parts of it are neighbours."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rasterize.charts import edge_keys, edge_twins, edges_of, face_components
+from uvcloth.physics.cloth.forces import BLOCK, Hinges, Membrane
+from uvcloth.physics.cloth.tree import SHEET_LEAF, Tree, adjacent_nodes, build_tree
+from uvcloth.physics.fabric import Fabric
+
+SPACING = 1.5
+"""Distance of vertices that are two edges apart over the length of a short edge, in cloth that is squeezed."""
+
+Floats = NDArray[np.float32]
+Integers = NDArray[np.integer]
+
+AIR_DENSITY = 1.2
+"""Density of air at 20 degrees, kg/m3."""
+
+COARSER = 0.15
+"""Share by which edges are longer than fine ones where bending has its full factor."""
+
+
+class Particles(NamedTuple):
+    """Vertices of cloth.
+
+    mass: (N,) kg. inverse_mass: (N,) 1/kg. weight: (N,) share of the mass that gravity pulls. thickness: (N,)
+    m of other cloth between a vertex and the body.
+    """
+
+    mass: Floats
+    inverse_mass: Floats
+    weight: Floats
+    thickness: Floats
+
+
+class Sheet(NamedTuple):
+    """Surface of cloth for contact with itself.
+
+    faces: (M, 3). edges: (E, 2). owned: (M,) uint8, bits 0 to 2 of the corners and bits 3 to 5 of the edges
+    (corner i to i + 1) that a face stands for, so that each vertex and edge is tested once; face_edges: (M, 3)
+    into edges. ring_starts: (N + 1,), ring: the vertices on an edge with each vertex. tree: over the faces.
+    adjacent: keys of the pairs of its nodes that share a vertex, in order.
+    spacing: m, what points of the mesh that are no neighbours keep apart along it, if it is squeezed a little.
+    """
+
+    faces: Integers
+    edges: Integers
+    owned: NDArray[np.uint8]
+    face_edges: Integers
+    ring_starts: Integers
+    ring: Integers
+    tree: Tree
+    adjacent: NDArray[np.int64]
+    spacing: np.float32
+
+
+@dataclass(frozen=True)
+class Damping:
+    """Material damping: seconds by which viscous stress lags elastic stress, in the plane and in bending."""
+
+    stretch: float = 2e-4
+    bend: float = 2e-3
+
+
+@dataclass(frozen=True)
+class Cloth:
+    """One garment, or several as one cloth, at rest."""
+
+    particles: Particles
+    membrane: Membrane
+    hinges: Hinges
+    sheet: Sheet
+    friction: float
+
+
+def make_cloth(
+    rest: Floats,
+    faces: Integers,
+    fabric: Fabric,
+    mass_factor: Floats | None = None,
+    thickness: Floats | None = None,
+    compression: float = 1.0,
+    damping: Damping = Damping(),
+    bend_gain: float = 1.0,
+    fine_edges: float = 0.0165,
+) -> Cloth:
+    """Make cloth of a mesh at rest, (N, 3) m and (M, 3).
+
+    mass_factor: (N,) on the mass of vertices; gravity pulls what they weigh without it. thickness: (N,) m of
+    other cloth beneath. compression: share of the membrane's stiffness that is left in compression. bend_gain:
+    factor on the bending rigidity of edges that are longer than `fine_edges`, m, full for those 15 % longer.
+    """
+    faces = np.ascontiguousarray(faces, np.int32)
+    rest = np.ascontiguousarray(rest, np.float64)
+    factor = np.ones(len(rest)) if mass_factor is None else np.asarray(mass_factor, np.float64)
+    area, inverse = _flattened(rest, faces)
+    mass = np.zeros(len(rest))
+    np.add.at(mass, faces.ravel(), np.repeat(fabric.density * area / 3.0, 3))
+    mass[mass == 0.0] = fabric.density * area.mean() / 3.0
+    heavy = mass * factor
+    shear = fabric.stretch / (2.0 * (1.0 + fabric.poisson))
+    spread = fabric.stretch * fabric.poisson / (1.0 - fabric.poisson**2)
+    return Cloth(
+        Particles(
+            mass=heavy.astype(np.float32),
+            inverse_mass=(1.0 / heavy).astype(np.float32),
+            weight=(1.0 / factor).astype(np.float32),
+            thickness=np.zeros(len(rest), np.float32)
+            if thickness is None
+            else np.ascontiguousarray(thickness, np.float32),
+        ),
+        Membrane(
+            count=len(faces),
+            corners=_padded(faces.T, np.uint32),
+            inverse=_padded(inverse.reshape(-1, 4).T, np.float32),
+            area=_padded(area, np.float32),
+            shear=np.float32(shear),
+            spread=np.float32(spread),
+            compression=np.float32(compression),
+            damping=np.float32(2.0 * damping.stretch * (shear + spread)),
+            pressure=np.float32(0.5 * AIR_DENSITY * fabric.drag),
+        ),
+        _hinges(rest, faces, fabric.bend, damping.bend, bend_gain, fine_edges),
+        _sheet(rest, faces),
+        fabric.friction,
+    )
+
+
+def _flattened(rest: NDArray[np.float64], faces: Integers) -> tuple[NDArray, NDArray]:
+    """Areas (M,) m2 of faces, and the inverse (M, 2, 2) of their two edges laid into the plane."""
+    a, b, c = (rest[faces[:, corner]] for corner in range(3))
+    first, second = b - a, c - a
+    size = np.linalg.norm(first, axis=1)
+    along = (first * second).sum(1) / size
+    height = np.linalg.norm(np.cross(first, second), axis=1) / size
+    edges = np.stack([np.stack([size, along], 1), np.stack([np.zeros_like(size), height], 1)], 1)
+    return 0.5 * size * height, np.linalg.inv(edges)
+
+
+def _hinges(
+    rest: NDArray[np.float64], faces: Integers, bend: float, damping: float, gain: float, fine_edges: float
+) -> Hinges:
+    """Hinges whose stiffness makes a mesh of any resolution bend like a plate.
+
+    An edge of length l between faces of areas a and b stores B l^2 / (a + b) / 2 times its angle squared
+    (exact for cylinders on the equilateral lattice: Seung and Nelson 1988).
+    """
+    twins = edge_twins(faces, np.zeros(0, np.int64))
+    edge, face = np.divmod(twins, len(faces))
+    opposite = faces[face, (edge + 2) % 3]
+    pairs = edges_of(faces)[0][twins[:, 0]]
+    a, b = rest[pairs[:, 0]], rest[pairs[:, 1]]
+    first, second = rest[opposite[:, 0]], rest[opposite[:, 1]]
+    along = b - a
+    lengths = np.linalg.norm(along, axis=1)
+    n0, n1 = np.cross(a - first, b - first), np.cross(b - second, a - second)
+    doubled = np.linalg.norm(n0, axis=1) + np.linalg.norm(n1, axis=1)
+    coarse = np.clip((lengths / fine_edges - 1.0) / COARSER, 0.0, 1.0)
+    sine = (np.cross(n0, n1) * along).sum(1) / np.maximum(lengths, 1e-12)
+    return Hinges(
+        count=len(pairs),
+        corners=_padded(np.concatenate([opposite, pairs], 1).T, np.uint32),
+        stiffness=_padded(2.0 * bend * (1.0 + (gain - 1.0) * coarse) * lengths**2 / doubled, np.float32),
+        rest=_padded(np.arctan2(sine, (n0 * n1).sum(1)), np.float32),
+        damping=np.float32(damping),
+    )
+
+
+def _sheet(rest: NDArray[np.float64], faces: Integers) -> Sheet:
+    # In pieces, so that the faces of a node of the tree are mostly one patch.
+    pieces = face_components(faces, np.zeros(0, np.int64))
+    faces = faces[np.argsort(pieces, kind="stable")]
+    directed, owner = edges_of(faces)
+    _, first, which = np.unique(edge_keys(directed, len(rest)), return_index=True, return_inverse=True)
+    edges = directed[first]
+    owned = np.zeros(len(faces), np.uint8)
+    np.bitwise_or.at(owned, owner[first], (8 << (first // len(faces))).astype(np.uint8))
+    _, corner = np.unique(faces.ravel(), return_index=True)
+    np.bitwise_or.at(owned, corner // 3, (1 << (corner % 3)).astype(np.uint8))
+    both = np.concatenate([edges, edges[:, ::-1]])
+    both = both[np.lexsort((both[:, 1], both[:, 0]))]
+    starts = np.searchsorted(both[:, 0], np.arange(len(rest) + 1))
+    tree = build_tree(rest.astype(np.float32), faces, np.bincount(pieces), SHEET_LEAF)
+    return Sheet(
+        faces=faces,
+        edges=np.ascontiguousarray(edges, np.int32),
+        owned=owned,
+        face_edges=np.ascontiguousarray(which.reshape(3, -1).T, np.int32),
+        ring_starts=starts.astype(np.int32),
+        ring=np.ascontiguousarray(both[:, 1], np.int32),
+        tree=tree,
+        adjacent=adjacent_nodes(tree, faces),
+        spacing=np.float32(
+            SPACING * np.quantile(np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1), 0.1)
+        ),
+    )
+
+
+def _padded(values: NDArray, kind: type) -> NDArray:
+    """Array of whole blocks along its last axis, the last one filled with zeros."""
+    missing = -values.shape[-1] % BLOCK
+    return np.ascontiguousarray(np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, missing)]), kind)

@@ -1,0 +1,60 @@
+"""Compilation of the solver's loops by Numba, kept on disk from one process to the next."""
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+CACHE_VARIABLE = "UVCLOTH_CACHE"
+"""Environment variable that names the folder of compiled loops; by default it is in the user's cache."""
+
+
+def compiled(function: Function) -> Function:
+    """Compile a loop at its first call, and keep the machine code for later processes."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(_cache_folder())
+    try:
+        return numba.njit(function, cache=True, fastmath=True, error_model="numpy", nogil=True)
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def inlined(function: Function) -> Function:
+    """Compile a small function into its callers, so that loops over it are vectorized."""
+    return numba.njit(function, fastmath=True, error_model="numpy", forceinline=True)
+
+
+@cache
+def _cache_folder() -> Path:
+    """Folder of the compiled loops of this source.
+
+    Numba renews compiled code when its own file changes, not when that of a function changes which it calls:
+    the hash of all files together does.
+    """
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    name = f"cloth-{digest.hexdigest()[:16]}"
+    for root in _cache_roots():
+        folder = root / name
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return folder
+    raise AssertionError("the system's folder for temporary files cannot be written")
+
+
+def _cache_roots() -> list[Path]:
+    named = os.environ.get(CACHE_VARIABLE)
+    usual = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    roots = [Path(usual) / "uvcloth", Path(tempfile.gettempdir()) / "uvcloth-cache"]
+    return [Path(named), *roots] if named else roots

@@ -1,0 +1,207 @@
+"""Forces inside cloth: membrane and air on its faces, bending at its hinges.
+
+Corners are gathered for a block of faces, computed side by side in vector registers, and added to the vertices.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from uvcloth.physics.cloth.compiled import compiled, inlined
+from uvcloth.physics.cloth.vectors import (
+    HALF,
+    ONE,
+    THIRD,
+    TINY,
+    TWO,
+    ZERO,
+    add,
+    angle,
+    combine,
+    cross,
+    dot,
+    scale,
+    sub,
+)
+
+BLOCK = 64
+"""Faces or hinges that are computed side by side."""
+
+TILT = np.float32(1e-9)
+"""Least difference of principal strains, so that their directions are defined."""
+
+
+class Membrane(NamedTuple):
+    """Faces of cloth, padded to whole blocks.
+
+    count: M, without the padding. corners: (3, M+) uint32. inverse: (4, M+) 1/m, entries 00, 01, 10, 11 of the
+    inverse of the rest edges' matrix. area: (M+,) m2. shear, spread: Lame parameters mu, lambda, N/m.
+    compression: share of the stiffness that is left where cloth is compressed. damping: N s/m, of strain
+    rates. pressure: half the density of air times the drag coefficient, kg/m3.
+    """
+
+    count: int
+    corners: np.ndarray
+    inverse: np.ndarray
+    area: np.ndarray
+    shear: np.float32
+    spread: np.float32
+    compression: np.float32
+    damping: np.float32
+    pressure: np.float32
+
+
+class Hinges(NamedTuple):
+    """Edges between two faces, padded to whole blocks.
+
+    count: E, without the padding. corners: (4, E+) uint32, the vertices opposite of the edge, then its ends.
+    stiffness: (E+,) N m. rest: (E+,) radians. damping: s, times the stiffness.
+    """
+
+    count: int
+    corners: np.ndarray
+    stiffness: np.ndarray
+    rest: np.ndarray
+    damping: np.float32
+
+
+@inlined
+def face_forces(membrane, k, xa, xb, xc, va, vb, vc, wind):
+    """Forces, N, on the corners of face k.
+
+    Saint Venant and Kirchhoff's energy of the Green strain E = (F^T F - 1) / 2, mu |E|^2 + lambda tr(E)^2 / 2
+    per area, with negative principal strains reduced (a coarse mesh cannot buckle below its edges); viscous
+    stress in the rate of E; and drag of still air, by the square of the speed along the normal.
+    """
+    d00, d01, d10, d11 = (
+        membrane.inverse[0, k],
+        membrane.inverse[1, k],
+        membrane.inverse[2, k],
+        membrane.inverse[3, k],
+    )
+    area, shear, damping = membrane.area[k], membrane.shear, membrane.damping
+    p, q, p_rate, q_rate = sub(xb, xa), sub(xc, xa), sub(vb, va), sub(vc, va)
+    f, g = combine(d00, p, d10, q), combine(d01, p, d11, q)
+    f_rate, g_rate = combine(d00, p_rate, d10, q_rate), combine(d01, p_rate, d11, q_rate)
+    e00, e11, e01 = HALF * (dot(f, f) - ONE), HALF * (dot(g, g) - ONE), HALF * dot(f, g)
+    mean, half = HALF * (e00 + e11), HALF * (e00 - e11)
+    spread_of = math.sqrt(half * half + e01 * e01) + TILT
+    high, low = mean + spread_of, mean - spread_of
+    high = high if high > ZERO else membrane.compression * high
+    low = low if low > ZERO else membrane.compression * low
+    middle, turned = HALF * (high + low), HALF * (high - low) / spread_of
+    trace = membrane.spread * (high + low)
+    s00 = TWO * shear * (middle + turned * half) + trace + damping * dot(f, f_rate)
+    s11 = TWO * shear * (middle - turned * half) + trace + damping * dot(g, g_rate)
+    s01 = TWO * shear * turned * e01 + HALF * damping * (dot(f, g_rate) + dot(g, f_rate))
+    first, second = combine(s00, f, s01, g), combine(s01, f, s11, g)
+    force_b = combine(-area * d00, first, -area * d01, second)
+    force_c = combine(-area * d10, first, -area * d11, second)
+    normal = cross(f, g)
+    speed = dot(add(add(va, wind), scale(THIRD, add(p_rate, q_rate))), normal) / math.sqrt(
+        dot(normal, normal) + TINY
+    )
+    drag = scale(-THIRD * membrane.pressure * area * speed * abs(speed), normal)
+    force_a = sub(sub(drag, force_b), force_c)
+    return force_a, add(drag, force_b), add(drag, force_c)
+
+
+@inlined
+def hinge_forces(hinges, k, x0, x1, xa, xb, v0, v1, va, vb):
+    """Forces, N, on the two opposite vertices and the two ends of hinge k.
+
+    Energy K (theta - theta0)^2 / 2 of the dihedral angle, damped by its rate.
+    """
+    along = sub(xb, xa)
+    n0, n1 = cross(sub(xa, x0), sub(xb, x0)), cross(sub(xb, x1), sub(xa, x1))
+    squared = dot(along, along) + TINY
+    shorter = ONE / math.sqrt(squared)
+    size = squared * shorter
+    theta = angle(dot(cross(n0, n1), along) * shorter, dot(n0, n1))
+    o0, o1 = scale(ONE / (dot(n0, n0) + TINY), n0), scale(ONE / (dot(n1, n1) + TINY), n1)
+    g0, g1 = scale(-size, o0), scale(-size, o1)
+    ga = combine(dot(sub(xb, x0), along) * shorter, o0, dot(sub(xb, x1), along) * shorter, o1)
+    gb = combine(-dot(sub(xa, x0), along) * shorter, o0, -dot(sub(xa, x1), along) * shorter, o1)
+    rate = dot(g0, v0) + dot(g1, v1) + dot(ga, va) + dot(gb, vb)
+    moment = -hinges.stiffness[k] * (theta - hinges.rest[k] + hinges.damping * rate)
+    return scale(moment, g0), scale(moment, g1), scale(moment, ga), scale(moment, gb)
+
+
+@compiled
+def add_elastic_forces(membrane, hinges, positions, velocities, wind, forces):
+    """Add the forces of all faces and hinges to forces (N, 3)."""
+    moved = np.zeros((24, BLOCK), np.float32)
+    pushed = np.empty((12, BLOCK), np.float32)
+    for start in range(0, membrane.count, BLOCK):
+        size = min(BLOCK, membrane.count - start)
+        _gather(membrane.corners, 3, start, size, positions, velocities, moved)
+        for k in range(BLOCK):
+            a, b, c = face_forces(
+                membrane,
+                start + k,
+                _column(moved, 0, k),
+                _column(moved, 1, k),
+                _column(moved, 2, k),
+                _column(moved, 4, k),
+                _column(moved, 5, k),
+                _column(moved, 6, k),
+                wind,
+            )
+            _put(pushed, 0, k, a)
+            _put(pushed, 1, k, b)
+            _put(pushed, 2, k, c)
+        _scatter(membrane.corners, 3, start, size, pushed, forces)
+    for start in range(0, hinges.count, BLOCK):
+        size = min(BLOCK, hinges.count - start)
+        _gather(hinges.corners, 4, start, size, positions, velocities, moved)
+        for k in range(BLOCK):
+            a, b, c, d = hinge_forces(
+                hinges,
+                start + k,
+                _column(moved, 0, k),
+                _column(moved, 1, k),
+                _column(moved, 2, k),
+                _column(moved, 3, k),
+                _column(moved, 4, k),
+                _column(moved, 5, k),
+                _column(moved, 6, k),
+                _column(moved, 7, k),
+            )
+            _put(pushed, 0, k, a)
+            _put(pushed, 1, k, b)
+            _put(pushed, 2, k, c)
+            _put(pushed, 3, k, d)
+        _scatter(hinges.corners, 4, start, size, pushed, forces)
+
+
+@inlined
+def _gather(corners, count, start, size, positions, velocities, moved):
+    """Copy positions and velocities of a block's corners to rows of moved: those of corner r from 3 r, 12 + 3 r."""
+    for r in range(count):
+        for k in range(size):
+            vertex = corners[r, start + k]
+            for j in range(3):
+                moved[3 * r + j, k] = positions[vertex, j]
+                moved[12 + 3 * r + j, k] = velocities[vertex, j]
+
+
+@inlined
+def _scatter(corners, count, start, size, pushed, forces):
+    for r in range(count):
+        for k in range(size):
+            vertex = corners[r, start + k]
+            for j in range(3):
+                forces[vertex, j] += pushed[3 * r + j, k]
+
+
+@inlined
+def _column(rows, corner, k):
+    return rows[3 * corner, k], rows[3 * corner + 1, k], rows[3 * corner + 2, k]
+
+
+@inlined
+def _put(rows, corner, k, a):
+    rows[3 * corner, k] = a[0]
+    rows[3 * corner + 1, k] = a[1]
+    rows[3 * corner + 2, k] = a[2]

@@ -1,0 +1,444 @@
+"""Contact of cloth with itself, and of layers: vertices with faces, edges with edges, on the sides that they had."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uvcloth.physics.cloth.compiled import compiled, inlined
+from uvcloth.physics.cloth.tree import DEPTH, first_is_halved, pair_key, refit
+from uvcloth.physics.cloth.triangles import closest_barycentrics, closest_on_segments, weighted
+from uvcloth.physics.cloth.vectors import (
+    ONE,
+    TINY,
+    TWO,
+    ZERO,
+    add,
+    clamp,
+    combine,
+    cross,
+    dot,
+    length,
+    load,
+    scale,
+    store,
+    sub,
+    unit,
+)
+
+LEAST_FLAT = np.float32(math.cos(math.radians(75.0)))
+"""Cosine of the widest half angle of a cone of normals whose patch is not tested against itself."""
+
+PUSH_SPEED = np.float32(0.5)
+"""Speed, m/s, at which cloth is moved out of cloth."""
+
+ALERT_SPEED = np.float32(1.0)
+"""Speed, m/s, that a pair may gain before it is looked at again."""
+
+LOST = np.float32(0.004)
+"""Metres on the wrong side, beyond twice the distance kept, from which on a vertex is left there."""
+
+LOST_EDGES = np.float32(0.006)
+"""The same for two edges."""
+
+TOUCHING = np.float32(1e-6)
+"""Metres below which the direction between two points is not defined."""
+
+
+class Pairs(NamedTuple):
+    """Parts of cloth that are near each other, with the sides on which they stay.
+
+    points: (P, 2) int32, a vertex and a face. sides: (P,), +1 or -1 along the normal of the face.
+    edges: (Q, 2) int32, two edges. directions: (Q, 3), unit, from the second edge to the first.
+    """
+
+    points: NDArray[np.int32]
+    sides: NDArray[np.float32]
+    edges: NDArray[np.int32]
+    directions: NDArray[np.float32]
+
+
+def no_pairs() -> Pairs:
+    """Pairs of cloth that is nowhere near itself."""
+    return Pairs(
+        np.zeros((0, 2), np.int32),
+        np.zeros(0, np.float32),
+        np.zeros((0, 2), np.int32),
+        np.zeros((0, 3), np.float32),
+    )
+
+
+@compiled
+def find_pairs(sheet, positions, margin, before, boxes, cones):
+    """Find the pairs of the cloth within margin, m.
+
+    before: pairs whose sides are remembered. boxes: (T, 6), cones: (T, 5) are filled. A patch of the mesh whose
+    normals lie in a narrow cone is not tested against itself (Volino and Magnenat-Thalmann 1994): at a half
+    angle a, points that are `spacing` apart along it keep a distance of spacing cos(a), more than the margin.
+    """
+    tree = sheet.tree
+    flat = max(margin / sheet.spacing, LEAST_FLAT)
+    refit(tree, sheet.faces, positions, boxes)
+    _fit_cones(sheet, positions, cones)
+    roots = len(tree.roots)
+    stack = np.empty((roots * roots + 2 * DEPTH, 2), np.int32)
+    top = 0
+    for i in range(roots):
+        for j in range(i, roots):
+            stack[top, 0], stack[top, 1] = tree.roots[i], tree.roots[j]
+            top += 1
+    near = np.empty((1024 + 2 * len(before.points), 2), np.int32)
+    crossed = np.empty((1024 + 2 * len(before.edges), 2), np.int32)
+    points = edges = 0
+    while top > 0:
+        top -= 1
+        a, b = stack[top, 0], stack[top, 1]
+        if a == b:
+            left, right = tree.children[a, 0], tree.children[a, 1]
+            if left < 0 or (tree.connected[a] and cones[a, 3] > flat):
+                continue
+            stack[top, 0], stack[top, 1] = left, left
+            stack[top + 1, 0], stack[top + 1, 1] = right, right
+            stack[top + 2, 0], stack[top + 2, 1] = left, right
+            top += 3
+            continue
+        if _apart(boxes, a, b, margin) or _one_patch(sheet, cones, a, b, flat):
+            continue
+        if tree.children[a, 0] < 0 and tree.children[b, 0] < 0:
+            f, g = tree.order[tree.ranges[a, 0]], tree.order[tree.ranges[b, 0]]
+            if (
+                _share_vertex(sheet.faces, f, g)
+                or _off_plane(sheet.faces, positions, f, load(cones, a), g, margin)
+                or _off_plane(sheet.faces, positions, g, load(cones, b), f, margin)
+            ):
+                continue
+            if points + 6 > len(near):
+                near = _longer(near)
+            if edges + 9 > len(crossed):
+                crossed = _longer(crossed)
+            for _ in range(2):
+                points = _find_points(sheet, positions, f, g, margin, near, points)
+                f, g = g, f
+            edges = _find_edges(sheet, positions, f, g, margin, crossed, edges)
+            continue
+        halve_a = first_is_halved(tree, a, b)
+        for side in range(2):
+            stack[top, 0] = tree.children[a, side] if halve_a else a
+            stack[top, 1] = b if halve_a else tree.children[b, side]
+            top += 1
+    return _with_sides(sheet, positions, near[:points].copy(), crossed[:edges].copy(), before)
+
+
+@inlined
+def _apart(boxes, a, b, margin):
+    for j in range(3):
+        if boxes[a, j] > boxes[b, 3 + j] + margin or boxes[b, j] > boxes[a, 3 + j] + margin:
+            return True
+    return False
+
+
+@inlined
+def _share_vertex(faces, f, g):
+    for i in range(3):
+        for j in range(3):
+            if faces[f, i] == faces[g, j]:
+                return True
+    return False
+
+
+@inlined
+def _off_plane(faces, positions, f, normal, g, margin):
+    """True if face g is farther than margin from the plane of face f, all on one side."""
+    on_plane = load(positions, faces[f, 0])
+    low = high = dot(sub(load(positions, faces[g, 0]), on_plane), normal)
+    for corner in range(1, 3):
+        height = dot(sub(load(positions, faces[g, corner]), on_plane), normal)
+        low, high = min(low, height), max(high, height)
+    return low > margin or high < -margin
+
+
+@compiled
+def _longer(rows):
+    longer = np.empty((2 * len(rows), 2), np.int32)
+    longer[: len(rows)] = rows
+    return longer
+
+
+@compiled
+def _fit_cones(sheet, positions, cones):
+    """Fit cones (T, 5), axis, cosine and sine of the half angle, around the normals of each node's faces."""
+    tree = sheet.tree
+    for node in range(len(cones) - 1, -1, -1):
+        left, right = tree.children[node, 0], tree.children[node, 1]
+        if left < 0:
+            face = tree.order[tree.ranges[node, 0]]
+            a, b, c = _corners(sheet.faces, positions, face)
+            store(cones, node, unit(cross(sub(b, a), sub(c, a))))
+            cones[node, 3], cones[node, 4] = ONE, ZERO
+            continue
+        axis = unit(add(load(cones, left), load(cones, right)))
+        store(cones, node, axis)
+        cosine = min(_widened(cones, left, axis), _widened(cones, right, axis))
+        cones[node, 3], cones[node, 4] = cosine, math.sqrt(ONE - cosine * cosine)
+
+
+@inlined
+def _widened(cones, node, axis):
+    """Cosine of the half angle of a cone around another axis that holds a node's; -1 from a quarter turn on."""
+    along = clamp(dot(axis, load(cones, node)), -ONE, ONE)
+    cosine = along * cones[node, 3] - math.sqrt(ONE - along * along) * cones[node, 4]
+    return cosine if along > ZERO and cones[node, 3] > ZERO and cosine > ZERO else -ONE
+
+
+@inlined
+def _one_patch(sheet, cones, a, b, flat):
+    """True for two nodes that are one patch of the mesh together, whose normals lie in a cone of the half angle whose cosine is flat."""
+    tree = sheet.tree
+    if not tree.connected[a] or not tree.connected[b] or cones[a, 3] < flat or cones[b, 3] < flat:
+        return False
+    axis = unit(add(load(cones, a), load(cones, b)))
+    if min(_widened(cones, a, axis), _widened(cones, b, axis)) < flat:
+        return False
+    key = pair_key(tree, a, b)
+    at = np.searchsorted(sheet.adjacent, key)
+    return at < len(sheet.adjacent) and sheet.adjacent[at] == key
+
+
+@inlined
+def _corners(faces, positions, face):
+    return load(positions, faces[face, 0]), load(positions, faces[face, 1]), load(positions, faces[face, 2])
+
+
+@inlined
+def _in_ring(sheet, vertex, other):
+    """True for a vertex itself and those on an edge with it."""
+    if vertex == other:
+        return True
+    for k in range(sheet.ring_starts[vertex], sheet.ring_starts[vertex + 1]):
+        if sheet.ring[k] == other:
+            return True
+    return False
+
+
+@inlined
+def _find_points(sheet, positions, f, g, margin, near, count):
+    """Add the vertices that face f stands for and that are within margin of face g."""
+    a, b, c = _corners(sheet.faces, positions, g)
+    normal = unit(cross(sub(b, a), sub(c, a)))
+    for corner in range(3):
+        if not (sheet.owned[f] >> corner) & 1:
+            continue
+        vertex = sheet.faces[f, corner]
+        point = load(positions, vertex)
+        if abs(dot(sub(point, a), normal)) > margin:
+            continue
+        if (
+            _in_ring(sheet, vertex, sheet.faces[g, 0])
+            or _in_ring(sheet, vertex, sheet.faces[g, 1])
+            or _in_ring(sheet, vertex, sheet.faces[g, 2])
+        ):
+            continue
+        away = sub(point, weighted(closest_barycentrics(point, a, b, c), a, b, c))
+        if dot(away, away) <= margin * margin:
+            near[count, 0], near[count, 1] = vertex, g
+            count += 1
+    return count
+
+
+@inlined
+def _find_edges(sheet, positions, f, g, margin, near, count):
+    """Add the edges that faces f and g stand for and that are within margin of each other."""
+    for i in range(3):
+        if not (sheet.owned[f] >> (3 + i)) & 1:
+            continue
+        first = sheet.face_edges[f, i]
+        p, q = sheet.edges[first, 0], sheet.edges[first, 1]
+        xp, xq = load(positions, p), load(positions, q)
+        for j in range(3):
+            if not (sheet.owned[g] >> (3 + j)) & 1:
+                continue
+            second = sheet.face_edges[g, j]
+            r, s = sheet.edges[second, 0], sheet.edges[second, 1]
+            xr, xs = load(positions, r), load(positions, s)
+            separate = False
+            for k in range(3):
+                if (
+                    min(xp[k], xq[k]) > max(xr[k], xs[k]) + margin
+                    or min(xr[k], xs[k]) > max(xp[k], xq[k]) + margin
+                ):
+                    separate = True
+            if (
+                separate
+                or _in_ring(sheet, p, r)
+                or _in_ring(sheet, p, s)
+                or _in_ring(sheet, q, r)
+                or _in_ring(sheet, q, s)
+            ):
+                continue
+            between = closest_on_segments(xp, xq, xr, xs)[2]
+            if dot(between, between) <= margin * margin:
+                near[count, 0], near[count, 1] = first, second
+                count += 1
+    return count
+
+
+@compiled
+def _with_sides(sheet, positions, points, edges, before):
+    """Pairs on the sides that they had before, or on those that they are on."""
+    sides = np.empty(len(points), np.float32)
+    starts, order = _grouped(before.points, len(positions))
+    for k in range(len(points)):
+        vertex, face = points[k, 0], points[k, 1]
+        a, b, c = _corners(sheet.faces, positions, face)
+        away = dot(sub(load(positions, vertex), a), cross(sub(b, a), sub(c, a)))
+        sides[k] = ONE if away >= ZERO else -ONE
+        for i in range(starts[vertex], starts[vertex + 1]):
+            if before.points[order[i], 1] == face:
+                sides[k] = before.sides[order[i]]
+    directions = np.empty((len(edges), 3), np.float32)
+    starts, order = _grouped(before.edges, len(sheet.edges))
+    for k in range(len(edges)):
+        first, second = edges[k, 0], edges[k, 1]
+        between = _between(sheet, positions, first, second)[2]
+        store(directions, k, scale(ONE / (length(between) + TINY), between))
+        for i in range(starts[first], starts[first + 1]):
+            if before.edges[order[i], 1] == second:
+                store(directions, k, load(before.directions, order[i]))
+    return Pairs(points, sides, edges, directions)
+
+
+@compiled
+def _grouped(pairs, count):
+    """Rows of pairs (P, 2) ordered by their first index: where each of `count` begins, and the order."""
+    starts = np.zeros(count + 1, np.int32)
+    for k in range(len(pairs)):
+        starts[pairs[k, 0] + 1] += 1
+    for k in range(count):
+        starts[k + 1] += starts[k]
+    following, order = starts.copy(), np.empty(len(pairs), np.int32)
+    for k in range(len(pairs)):
+        order[following[pairs[k, 0]]] = k
+        following[pairs[k, 0]] += 1
+    return starts, order
+
+
+@inlined
+def _between(sheet, positions, first, second):
+    return closest_on_segments(
+        load(positions, sheet.edges[first, 0]),
+        load(positions, sheet.edges[first, 1]),
+        load(positions, sheet.edges[second, 0]),
+        load(positions, sheet.edges[second, 1]),
+    )
+
+
+@compiled
+def resolve_pairs(
+    pairs, point_wait, edge_wait, sheet, positions, velocities, inverse_mass, radius, friction, step
+):
+    """Keep pairs `radius`, m, apart on their sides, without a bounce, with friction.
+
+    point_wait: (P,), edge_wait: (Q,) int32, substeps until a pair is looked at again.
+    """
+    for k in range(len(pairs.points)):
+        if point_wait[k] > 0:
+            point_wait[k] -= 1
+        else:
+            point_wait[k] = _resolve_point(
+                pairs, k, sheet, positions, velocities, inverse_mass, radius, friction, step
+            )
+    for k in range(len(pairs.edges)):
+        if edge_wait[k] > 0:
+            edge_wait[k] -= 1
+        else:
+            edge_wait[k] = _resolve_edges(
+                pairs, k, sheet, positions, velocities, inverse_mass, radius, friction, step
+            )
+
+
+@inlined
+def _resolve_point(pairs, k, sheet, positions, velocities, inverse_mass, radius, friction, step):
+    vertex, face = pairs.points[k, 0], pairs.points[k, 1]
+    a, b, c = sheet.faces[face, 0], sheet.faces[face, 1], sheet.faces[face, 2]
+    point = load(positions, vertex)
+    xa, xb, xc = load(positions, a), load(positions, b), load(positions, c)
+    normal = scale(pairs.sides[k], unit(cross(sub(xb, xa), sub(xc, xa))))
+    height = dot(sub(point, xa), normal)
+    weights = closest_barycentrics(point, xa, xb, xc)
+    inside = weights[0] > ZERO and weights[1] > ZERO and weights[2] > ZERO
+    away = sub(point, weighted(weights, xa, xb, xc))
+    distance = length(away)
+    gap = (height if inside else distance) - radius
+    corners = vertex, a, b, c
+    shares = ONE, -weights[0], -weights[1], -weights[2]
+    if gap >= ZERO:
+        return _until(gap, _relative(velocities, corners, shares), step)
+    if inside:
+        if gap < -TWO * radius - LOST:
+            return 0
+    else:
+        # Beside the face its side says nothing.
+        if height < ZERO or distance < TOUCHING:
+            return 0
+        normal = scale(ONE / distance, away)
+    _separate(corners, shares, normal, gap, positions, velocities, inverse_mass, friction, step)
+    return 0
+
+
+@inlined
+def _resolve_edges(pairs, k, sheet, positions, velocities, inverse_mass, radius, friction, step):
+    first, second = pairs.edges[k, 0], pairs.edges[k, 1]
+    s, t, between = _between(sheet, positions, first, second)
+    distance = length(between)
+    crossed = dot(between, load(pairs.directions, k)) < ZERO
+    corners = sheet.edges[first, 0], sheet.edges[first, 1], sheet.edges[second, 0], sheet.edges[second, 1]
+    shares = ONE - s, s, t - ONE, -t
+    if not crossed:
+        if distance > TOUCHING:
+            store(pairs.directions, k, scale(ONE / distance, between))
+        if distance >= radius:
+            return _until(distance - radius, _relative(velocities, corners, shares), step)
+    if s <= ZERO or s >= ONE or t <= ZERO or t >= ONE or (crossed and distance > LOST_EDGES):
+        return 0
+    normal = load(pairs.directions, k)
+    if crossed:
+        if distance > TOUCHING:
+            normal = scale(-ONE / distance, between)
+        distance = -distance
+    _separate(corners, shares, normal, distance - radius, positions, velocities, inverse_mass, friction, step)
+    return 0
+
+
+@inlined
+def _until(gap, relative, step):
+    """Substeps in which a pair with a gap, m, cannot touch."""
+    return int(gap / (TWO * step * (length(relative) + ALERT_SPEED)))
+
+
+@inlined
+def _relative(velocities, corners, shares):
+    return add(
+        combine(shares[0], load(velocities, corners[0]), shares[1], load(velocities, corners[1])),
+        combine(shares[2], load(velocities, corners[2]), shares[3], load(velocities, corners[3])),
+    )
+
+
+@inlined
+def _separate(corners, shares, normal, gap, positions, velocities, inverse_mass, friction, step):
+    """Move four vertices apart along a normal by a negative gap, and stop their approach."""
+    light = ZERO
+    for j in range(4):
+        light += shares[j] * shares[j] * inverse_mass[corners[j]]
+    relative = _relative(velocities, corners, shares)
+    approach = dot(relative, normal)
+    moved = min(-gap, PUSH_SPEED * step) / light
+    impulse = max(-approach, ZERO) / light
+    along = sub(relative, scale(approach, normal))
+    speed = length(along)
+    slowed = min(friction * impulse, speed / light) / (speed + TINY)
+    for j in range(4):
+        share = shares[j] * inverse_mass[corners[j]]
+        store(positions, corners[j], combine(ONE, load(positions, corners[j]), moved * share, normal))
+        change = combine(impulse * share, normal, -slowed * share, along)
+        store(velocities, corners[j], add(load(velocities, corners[j]), change))

@@ -1,0 +1,81 @@
+"""Step size of explicit integration: from the highest frequency of the cloth, and how strain raises it."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uvcloth.physics.cloth.cloth import Cloth
+from uvcloth.physics.cloth.compiled import compiled
+from uvcloth.physics.cloth.forces import add_elastic_forces
+from uvcloth.physics.cloth.vectors import HALF, ONE, ZERO, combine, dot, load, sub
+
+ITERATIONS = 60
+"""Power iterations: the eigenvalue is found to about a percent."""
+
+DISPLACEMENT = 2e-4
+"""Metres by which a vertex is moved at most where the stiffness is measured by differences of forces."""
+
+
+def largest_step(cloth: Cloth, rest: NDArray[np.float32]) -> float:
+    """Longest stable step, s, of symplectic Euler for cloth at rest, (N, 3) m.
+
+    With a largest frequency w and a largest damping rate c, both measured by power iteration on the forces, the
+    step h has to keep h^2 w^2 + 2 h c < 4.
+    """
+    stiffness = _largest_eigenvalue(cloth, rest, False)
+    damping = _largest_eigenvalue(cloth, rest, True)
+    return (math.sqrt(damping**2 + 4.0 * stiffness) - damping) / stiffness
+
+
+def _largest_eigenvalue(cloth: Cloth, rest: NDArray[np.float32], rates: bool) -> float:
+    """Largest eigenvalue of the mass-weighted stiffness, 1/s2, or of the damping, 1/s."""
+    still = cloth.membrane._replace(pressure=np.float32(0.0))
+    hinges = cloth.hinges
+    if not rates:
+        still, hinges = still._replace(damping=np.float32(0.0)), hinges._replace(damping=np.float32(0.0))
+    root = np.sqrt(cloth.particles.mass.astype(np.float64))[:, None]
+    direction = np.random.default_rng(0).normal(size=rest.shape)
+    centred = rest - rest.mean(0)
+    value = 0.0
+    for _ in range(ITERATIONS):
+        direction /= np.linalg.norm(direction)
+        moved = direction / root
+        size = (1.0 if rates else DISPLACEMENT) / np.abs(moved).max()
+        forces = []
+        for sign in (1.0, -1.0):
+            shift = (sign * size * moved).astype(np.float32)
+            positions, velocities = (centred, shift) if rates else (centred + shift, np.zeros_like(shift))
+            force = np.zeros_like(shift)
+            add_elastic_forces(still, hinges, positions, velocities, (ZERO, ZERO, ZERO), force)
+            forces.append(force.astype(np.float64))
+        direction = (forces[1] - forces[0]) / (2.0 * size * root)
+        value = float(np.linalg.norm(direction))
+    return value
+
+
+@compiled
+def stiffening(membrane, positions, inverse_mass):
+    """Factor by which strain raises the largest frequency of the faces over that at rest.
+
+    A face in tension at a principal stretch s is (3 s^2 - 1) / 2 times as stiff along it (Saint Venant and
+    Kirchhoff); only the faces that are stiff for their mass decide.
+    """
+    resting, strained = ZERO, ZERO
+    for k in range(membrane.count):
+        a, b, c = membrane.corners[0, k], membrane.corners[1, k], membrane.corners[2, k]
+        d00, d01, d10, d11 = (
+            membrane.inverse[0, k],
+            membrane.inverse[1, k],
+            membrane.inverse[2, k],
+            membrane.inverse[3, k],
+        )
+        slope = d00 * d00 + d01 * d01 + d10 * d10 + d11 * d11
+        frequency = membrane.area[k] * slope * (inverse_mass[a] + inverse_mass[b] + inverse_mass[c])
+        p, q = sub(load(positions, b), load(positions, a)), sub(load(positions, c), load(positions, a))
+        f, g = combine(d00, p, d10, q), combine(d01, p, d11, q)
+        mean, half, shear = HALF * (dot(f, f) + dot(g, g)), HALF * (dot(f, f) - dot(g, g)), dot(f, g)
+        squared = mean + math.sqrt(half * half + shear * shear)
+        resting = max(resting, frequency)
+        strained = max(strained, frequency * max(HALF * (np.float32(3.0) * squared - ONE), ONE))
+    return math.sqrt(strained / resting)
