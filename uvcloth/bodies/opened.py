@@ -16,7 +16,7 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from uvcloth.bodies.collider import Collider
-from uvcloth.bodies.opened_kernels import Plan, along_skin, distances, open_frames, thin_out
+from uvcloth.bodies.opened_kernels import BLOCK, Plan, along_skin, distances, open_frames, thin_out
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
 
 GAP = 0.012
@@ -25,7 +25,7 @@ GAP = 0.012
 REST_MARGIN = 1e-4
 """Metres by which parts may come nearer than at rest: rounding moves nothing there."""
 
-SLOPE = 0.5
+SLOPE = 0.75
 """Metres that a push changes for each metre along the skin, at most."""
 
 LONGEST_PUSH = 0.05
@@ -63,11 +63,14 @@ def make_opening(collider: Collider, body_vertices: Tensor) -> Opening:
     for part in {part for part, _ in sides}:
         thinned = thin_out(graph.indptr, graph.indices, graph.data, _in_order(rest, own[part]), POINT_SPACING)
         clear = np.maximum(clear, thinned)
-    chosen = [np.setdiff1d(own[part][clear[own[part]] >= 0], own[other]) for part, other in sides]
+    chosen = [
+        _close_together(rest, np.setdiff1d(own[part][clear[own[part]] >= 0], own[other]))
+        for part, other in sides
+    ]
     points, rims = _joined(chosen), [rim[:, 0].cpu().numpy() for rim in collider.rims]
     spread = along_skin(graph.indptr, graph.indices, graph.data, clear, LONGEST_PUSH / SLOPE)
     ring_starts, rings = _rings(torch.cat(skins), count)
-    allowed = [_allowed(own[part], own[other], graph) for part, other in sides]
+    allowed = [_allowed(own[other], graph) for _, other in sides]
     wanted = [
         np.minimum(KDTree(rest[own[other]]).query(rest[own_points])[0], GAP)
         for own_points, (_, other) in zip(chosen, sides, strict=True)
@@ -113,15 +116,15 @@ def _in_order(rest: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     return vertices[np.lexsort((x, y, np.abs(x), z))]
 
 
-def _allowed(own: np.ndarray, other: np.ndarray, graph: csr_array) -> np.ndarray:
-    """Longest push (C,) m of each vertex of a part (N,) pressed into another (M,): none at their rim."""
-    allowed = np.full(graph.shape[0], LONGEST_PUSH, np.float32)
-    rim = np.intersect1d(own, other)
-    if len(rim):
-        ways = dijkstra(graph, indices=rim, limit=LONGEST_PUSH / SLOPE, min_only=True)
-        allowed = np.minimum(allowed, SLOPE * ways).astype(np.float32)
-    allowed[other] = 0.0
-    return allowed
+def _close_together(rest: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """Vertices (N,) in an order in which neighbours lie close together."""
+    return vertices[KDTree(rest[vertices], leafsize=BLOCK).indices] if len(vertices) else vertices
+
+
+def _allowed(other: np.ndarray, graph: csr_array) -> np.ndarray:
+    """Longest push (C,) m of each vertex off another part (N,): the less, the nearer it is along the skin."""
+    ways = dijkstra(graph, indices=other, limit=LONGEST_PUSH / SLOPE, min_only=True)
+    return np.minimum(SLOPE * ways, LONGEST_PUSH).astype(np.float32)
 
 
 def _rings(faces: Tensor, count: int) -> tuple[np.ndarray, np.ndarray]:

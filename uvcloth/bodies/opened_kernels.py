@@ -21,6 +21,15 @@ ROUNDS = 5
 FULL_WEIGHT = 1.0e4
 """Sum of the weights, 1/m4, from which a distance counts in full: that of one facing point 6 cm away."""
 
+BESIDE = 0.03
+"""Metres that a point may lie beside the wall that it is measured by; at twice that it does not count.
+
+A tangent plane goes on where the wall has long ended.
+"""
+
+BLOCK = 16
+"""Points in a row, which lie close together, that are passed over at once where their box is out of reach."""
+
 FAR = np.float32(1.0e9)
 """Metres that stand for no distance: fast arithmetic knows no infinity."""
 
@@ -37,7 +46,8 @@ class Plan(NamedTuple):
 
     ring_starts: (C + 1,) int32, of each vertex its first row in rings: (R, 2) int32, the other corners of
     the faces around it. spread_starts: (C + 1,) int32, of each vertex that is a point its first row in
-    spread_vertices: (M,) int32, the vertices that move with it, at spread_lengths: (M,) m along the skin.
+    spread_vertices: (M,) int32, the vertices that move with it, at spread_lengths: (M,) m along the skin, the
+    nearest first.
 
     tips: (T,) int32, the tips of the caps, and rim_starts: (T + 1,) int32, of each its first row in
     rims: (E,) int32, the vertices around it.
@@ -65,7 +75,8 @@ def open_frames(frames: np.ndarray, plan: Plan) -> None:
     points, vertices = len(plan.points), frames.shape[1]
     near, counts = np.empty(points, np.int32), np.empty(len(plan.starts) - 1, np.int32)
     places, normals = np.empty((points, 3), np.float32), np.empty((points, 3), np.float32)
-    sums, push = np.zeros((points, 5), np.float32), np.empty(points, np.float32)
+    sums, push = np.zeros((points, 8), np.float32), np.empty(points, np.float32)
+    most = np.zeros(points, np.float32)
     shift, side_shift = np.zeros((vertices, 3), np.float32), np.zeros((vertices, 5), np.float32)
     moved, marked = np.empty(vertices, np.int32), np.zeros(vertices, np.bool_)
     for frame in range(len(frames)):
@@ -75,11 +86,11 @@ def open_frames(frames: np.ndarray, plan: Plan) -> None:
         first, second, facing = _find_pairs(plan, near, counts, places, normals)
         if not len(first):
             continue
-        push[:] = 0.0
+        push[:], most[:] = 0.0, 0.0
         amount = 0
         for each in range(ROUNDS):
             _measure(plan, near, counts, places, normals, first, second, facing, sums)
-            pushed = _correct(plan, near, counts, sums, push)
+            pushed = _correct(plan, near, counts, sums, each == 0, most, push)
             if each == 0 and not pushed:
                 break
             amount = _spread(plan, near, counts, push, sums, shift, side_shift, moved, marked, amount)
@@ -100,7 +111,7 @@ def distances(corners: np.ndarray, plan: Plan) -> np.ndarray:
     points = len(plan.points)
     near, counts = np.empty(points, np.int32), np.empty(len(plan.starts) - 1, np.int32)
     places, normals = np.empty((points, 3), np.float32), np.empty((points, 3), np.float32)
-    sums, found = np.zeros((points, 5), np.float32), np.full(points, FAR, np.float32)
+    sums, found = np.zeros((points, 8), np.float32), np.full(points, FAR, np.float32)
     _find_near(corners, plan, near, counts, places)
     _find_normals(corners, plan, near, counts, normals)
     first, second, facing = _find_pairs(plan, near, counts, places, normals)
@@ -178,22 +189,44 @@ def _find_pairs(
         most += counts[side] * counts[side + 1]
     first, second = np.empty(most, np.int32), np.empty(most, np.int32)
     facing, total = np.empty(most, np.float32), 0
-    reach = np.float32(REACH * REACH)
+    reach, half, scale = np.float32(REACH * REACH), np.float32(0.5), np.float32(1.0 / 1.5)
     for side in range(0, len(counts), 2):
-        other, there = plan.starts[side + 1], counts[side + 1]
+        begin = plan.starts[side + 1]
+        end = begin + counts[side + 1]
+        low, high = _block_boxes(near[begin:end], places)
         for row in range(plan.starts[side], plan.starts[side] + counts[side]):
             i = near[row]
             px, py, pz = places[i, 0], places[i, 1], places[i, 2]
             nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-            for column in range(other, other + there):
-                j = near[column]
-                x, y, z = places[j, 0] - px, places[j, 1] - py, places[j, 2] - pz
-                if x * x + y * y + z * z < reach:
-                    against = -(nx * normals[j, 0] + ny * normals[j, 1] + nz * normals[j, 2])
-                    if against > 0:
-                        first[total], second[total], facing[total] = i, j, against * against
-                        total += 1
+            for block in range(len(low)):
+                x = max(low[block, 0] - px, px - high[block, 0], np.float32(0.0))
+                y = max(low[block, 1] - py, py - high[block, 1], np.float32(0.0))
+                z = max(low[block, 2] - pz, pz - high[block, 2], np.float32(0.0))
+                if x * x + y * y + z * z >= reach:
+                    continue
+                for column in range(begin + block * BLOCK, min(begin + (block + 1) * BLOCK, end)):
+                    j = near[column]
+                    x, y, z = places[j, 0] - px, places[j, 1] - py, places[j, 2] - pz
+                    if x * x + y * y + z * z < reach:
+                        along = nx * normals[j, 0] + ny * normals[j, 1] + nz * normals[j, 2]
+                        against = (half - along) * scale
+                        if against > 0:
+                            first[total], second[total], facing[total] = i, j, against * against
+                            total += 1
     return first[:total], second[:total], facing[:total]
+
+
+@_compiled
+def _block_boxes(near: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Find the boxes around every BLOCK of near points (N,): their corners, (blocks, 3) each."""
+    blocks = (len(near) + BLOCK - 1) // BLOCK
+    low, high = np.full((blocks, 3), FAR, np.float32), np.full((blocks, 3), -FAR, np.float32)
+    for row in range(len(near)):
+        for axis in range(3):
+            place = places[near[row], axis]
+            low[row // BLOCK, axis] = min(low[row // BLOCK, axis], place)
+            high[row // BLOCK, axis] = max(high[row // BLOCK, axis], place)
+    return low, high
 
 
 @_compiled
@@ -208,43 +241,96 @@ def _measure(
     facing: np.ndarray,
     sums: np.ndarray,
 ) -> None:
-    """Sum up for each near point its weights, its weighted distances to tangent planes, and their normals."""
+    """Sum up for each near point weights, and by them distances to planes, their normals, and the ways there."""
     for side in range(len(counts)):
         for row in range(plan.starts[side], plan.starts[side] + counts[side]):
             sums[near[row]] = 0.0
-    one, reach, half = np.float32(1.0), np.float32(1.0 / (REACH * REACH)), np.float32(0.5)
-    for pair in range(len(first)):
-        i, j = first[pair], second[pair]
-        x, y, z = places[i, 0] - places[j, 0], places[i, 1] - places[j, 1], places[i, 2] - places[j, 2]
-        square = x * x + y * y + z * z
-        rest = one - square * reach
-        if rest > 0:
-            rest /= square + half * (plan.core[i] + plan.core[j])
-            weight = facing[pair] * rest * rest
-            above = x * normals[j, 0] + y * normals[j, 1] + z * normals[j, 2]
-            below = -(x * normals[i, 0] + y * normals[i, 1] + z * normals[i, 2])
-            sums[i, 0] += weight
-            sums[j, 0] += weight
-            sums[i, 1] += weight * above
-            sums[j, 1] += weight * below
-            for axis in range(3):
-                sums[i, 2 + axis] += weight * normals[j, axis]
-                sums[j, 2 + axis] += weight * normals[i, axis]
+    zero, one, half = np.float32(0.0), np.float32(1.0), np.float32(0.5)
+    reach, pair = np.float32(1.0 / (REACH * REACH)), 0
+    while pair < len(first):
+        i = first[pair]
+        px, py, pz = places[i, 0], places[i, 1], places[i, 2]
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        own, sum_weight, sum_above = plan.core[i], zero, zero
+        wall_x, wall_y, wall_z, way_x, way_y, way_z = zero, zero, zero, zero, zero, zero
+        while pair < len(first) and first[pair] == i:
+            j = second[pair]
+            x, y, z = px - places[j, 0], py - places[j, 1], pz - places[j, 2]
+            square = x * x + y * y + z * z
+            rest = one - square * reach
+            if rest > 0:
+                rest /= square + half * (own + plan.core[j])
+                weight = facing[pair] * rest * rest
+                mx, my, mz = weight * normals[j, 0], weight * normals[j, 1], weight * normals[j, 2]
+                sum_weight += weight
+                sum_above += x * mx + y * my + z * mz
+                wall_x, wall_y, wall_z = wall_x + mx, wall_y + my, wall_z + mz
+                x, y, z = weight * x, weight * y, weight * z
+                way_x, way_y, way_z = way_x + x, way_y + y, way_z + z
+                sums[j, 0] += weight
+                sums[j, 1] -= x * nx + y * ny + z * nz
+                sums[j, 2] += weight * nx
+                sums[j, 3] += weight * ny
+                sums[j, 4] += weight * nz
+                sums[j, 5] -= x
+                sums[j, 6] -= y
+                sums[j, 7] -= z
+            pair += 1
+        sums[i, 0] += sum_weight
+        sums[i, 1] += sum_above
+        sums[i, 2] += wall_x
+        sums[i, 3] += wall_y
+        sums[i, 4] += wall_z
+        sums[i, 5] += way_x
+        sums[i, 6] += way_y
+        sums[i, 7] += way_z
 
 
 @_compiled
-def _correct(plan: Plan, near: np.ndarray, counts: np.ndarray, sums: np.ndarray, push: np.ndarray) -> bool:
-    """Correct the push of each near point by half of what it lacks; returns whether there is any push."""
+def _beside(sums: np.ndarray, point: int) -> float:
+    """Distance, m, along a wall from a point to the middle of what it is measured by."""
+    along, square, length = 0.0, 0.0, 0.0
+    for axis in range(3):
+        along += sums[point, 5 + axis] * sums[point, 2 + axis]
+        square += sums[point, 5 + axis] * sums[point, 5 + axis]
+        length += sums[point, 2 + axis] * sums[point, 2 + axis]
+    return np.sqrt(max(square - along * along / max(length, 1e-12), 0.0)) / sums[point, 0]
+
+
+@_compiled
+def _smooth_step(value: float) -> float:
+    """0 up to 0, 1 from 1 on, without a kink."""
+    value = min(max(value, 0.0), 1.0)
+    return value * value * (3.0 - 2.0 * value)
+
+
+@_compiled
+def _correct(
+    plan: Plan,
+    near: np.ndarray,
+    counts: np.ndarray,
+    sums: np.ndarray,
+    first: bool,
+    most: np.ndarray,
+    push: np.ndarray,
+) -> bool:
+    """Correct the push of each near point by half of what it lacks, up to all that it lacked at first.
+
+    Returns whether there is any push.
+    """
     pushed = False
     for side in range(len(counts)):
         for row in range(plan.starts[side], plan.starts[side] + counts[side]):
             point = near[row]
             weight = sums[point, 0]
             if weight > 0:
-                sure = min(weight / FULL_WEIGHT, 1.0)
-                lack = 0.5 * sure * sure * (3.0 - 2.0 * sure) * (plan.want[point] - sums[point, 1] / weight)
-                most = plan.allowed[side, plan.points[point]]
-                push[point] = min(max(push[point] + lack, 0.0), most)
+                lack = plan.want[point] - sums[point, 1] / weight
+                if lack <= 0 and push[point] <= 0:
+                    continue
+                lack *= _smooth_step(weight / FULL_WEIGHT) * _smooth_step(2.0 - _beside(sums, point) / BESIDE)
+                if first:
+                    most[point] = min(max(lack, 0.0), plan.allowed[side, plan.points[point]])
+                push[point] = min(max(push[point] + 0.5 * lack, 0.0), most[point])
                 pushed |= push[point] > 0
     return pushed
 
@@ -270,27 +356,30 @@ def _spread(
     for row in range(amount):
         shift[moved[row]] = 0.0
     for side in range(len(counts)):
-        begin, end = plan.starts[side], plan.starts[side] + counts[side]
-        for row in range(begin, end):
+        pushed = False
+        for row in range(plan.starts[side], plan.starts[side] + counts[side]):
             point = near[row]
             if push[point] > 0 and sums[point, 0] > 0:
                 x, y, z = sums[point, 2], sums[point, 3], sums[point, 4]
                 length = max(np.sqrt(x * x + y * y + z * z), np.float32(1e-12))
-                vertex = plan.points[point]
+                x, y, z = x / length, y / length, z / length
+                vertex, pushed = plan.points[point], True
                 for entry in range(plan.spread_starts[vertex], plan.spread_starts[vertex + 1]):
                     other = plan.spread_vertices[entry]
                     left = push[point] - plan.slope * plan.spread_lengths[entry]
-                    if left > 0 and plan.allowed[side, other] > 0:
+                    if left <= 0:
+                        break
+                    if plan.allowed[side, other] > 0:
                         if not marked[other]:
                             marked[other] = True
                             moved[amount] = other
                             amount += 1
                         side_shift[other, 0] = max(side_shift[other, 0], left)
                         side_shift[other, 1] += left
-                        side_shift[other, 2] += left * x / length
-                        side_shift[other, 3] += left * y / length
-                        side_shift[other, 4] += left * z / length
-        for row in range(amount):
+                        side_shift[other, 2] += left * x
+                        side_shift[other, 3] += left * y
+                        side_shift[other, 4] += left * z
+        for row in range(amount if pushed else 0):
             vertex = moved[row]
             if side_shift[vertex, 1] > 0:
                 scale = min(side_shift[vertex, 0], plan.allowed[side, vertex]) / side_shift[vertex, 1]
@@ -361,8 +450,8 @@ def along_skin(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Find what lies within limit, m, along the skin of each vertex whose clear (C,) m is not negative.
 
-    Returns for Plan: of each vertex its first row, and of all rows the vertices and their lengths beyond
-    what is clear.
+    Returns for Plan: of each vertex its first row, and of all rows the vertices, the nearest first, and their
+    lengths beyond what is clear.
     """
     vertices = len(starts) - 1
     distance, found = np.full(vertices, FAR, np.float32), np.empty(vertices, np.int32)
@@ -375,8 +464,8 @@ def along_skin(
             if total + count > len(others):
                 others = np.concatenate((others, np.empty(len(others) + count, np.int32)))
                 ways = np.concatenate((ways, np.empty(len(ways) + count, np.float32)))
-            for row in range(count):
-                vertex = found[row]
+            reached = found[:count]
+            for vertex in reached[np.argsort(distance[reached])]:
                 others[total], ways[total] = vertex, max(distance[vertex] - clear[source], 0.0)
                 distance[vertex] = FAR
                 total += 1
