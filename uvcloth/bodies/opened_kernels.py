@@ -241,7 +241,7 @@ def _measure(
     facing: np.ndarray,
     sums: np.ndarray,
 ) -> None:
-    """Sum up for each near point weights, and by them distances to planes, their normals, and the ways there."""
+    """Sum up for each near point weights, and by them distances to planes, normals, and ways to the wall."""
     for side in range(len(counts)):
         for row in range(plan.starts[side], plan.starts[side] + counts[side]):
             sums[near[row]] = 0.0
