@@ -1,14 +1,13 @@
-"""Packed sequences: a data folder at a tenth of its size, to be kept or passed on, and unpacked again.
+"""Packed sequences: a data folder at a small part of its size, to be kept or passed on, and unpacked again.
 
-The motion is kept as rotations and the path of the root, the cloth in the axes of the root joint as
-`rasterize.spectral` has it: most vertices are within a millimetre of what was simulated. The mesh of a
-garment is kept once for all clips.
+The motion is kept once for all garments of a clip, the mesh of a garment once for all clips, and the cloth,
+in axes that move with the bones, as `rasterize.spectral` codes it: in steps as coarse as an error allows.
 """
 
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -17,28 +16,28 @@ from rich.console import Console
 from rich.progress import track
 from torch import Tensor
 
-from rasterize.archive import load_arrays, save_arrays
+from rasterize.archive import load_arrays, read_arrays, save_arrays, smallest_indices
 from rasterize.atomic import make_folder, sole_writer
 from rasterize.errors import InputError
-from rasterize.fields import check_fields, indices, numbers, require_file_name, text, whole
+from rasterize.fields import check_fields, flags, indices, numbers, require_file_name, text, whole
+from rasterize.json_file import parse_json, require_kinds
 from rasterize.spectral import (
     MOST_POINTS,
-    PLANES,
-    STEP,
-    compress,
-    decompress,
-    from_planes,
-    mesh_spectrum,
-    to_planes,
+    CodedPoints,
+    Part,
+    code_points,
+    decode_points,
+    part_spectra,
+    second_half,
 )
 from uvcloth.bodies.body import Body
-from uvcloth.geometry.rotations import are_unit, from_quaternions, rotate, to_quaternions
-from uvcloth.geometry.skeleton import Skeleton, joint_transforms
-from uvcloth.geometry.skinning import seen_from_root
-from uvcloth.motion.clip import FPS_RANGE
+from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.index import INDEX
 from uvcloth.simulate.bodies import keep_body, sequence_body
+from uvcloth.simulate.bone_axes import moved_by_bones, seen_from_bones
 from uvcloth.simulate.folder import REFUSED, keep_index, keep_refused, refused_captures
+from uvcloth.simulate.packed_first import FIRST_FORMAT, FirstMesh, load_first, load_first_mesh
+from uvcloth.simulate.packed_motion import NAME_LENGTH, PackedMotion, keep_motion, load_motion
 from uvcloth.simulate.sequence import (
     SimulatedSequence,
     load_sequence,
@@ -46,55 +45,93 @@ from uvcloth.simulate.sequence import (
     save_sequence,
 )
 
-PACKED_FORMAT = "uvcloth-packed-1"
-MESH_FORMAT = "uvcloth-mesh-1"
+PACKED_FORMAT = "uvcloth-packed-2"
+MESH_FORMAT = "uvcloth-mesh-2"
 MESHES = "meshes"
 """Folder, in a packed one, of the garments' meshes."""
 
 EXPECTED = "a sequence packed by `uvcloth data --pack`"
 EXPECTED_MESH = "the mesh of a garment beside packed sequences"
 
-MOTION_STEP = 5e-5
-"""Metres, and half radians, of a step of the motion."""
+MEAN_ERROR = 0.001
+"""Metres, on average, that vertices may be off after they are unpacked, unless another error is asked for."""
+
+ERROR_RANGE = 1e-5, 0.1
+"""Metres of the mean error that may be asked for, and that a file may name."""
 
 MESHES_AT_ONCE = 8
 """Garments whose spectra are kept in memory, tens of megabytes each; made outfits have one sequence each."""
 
+MOTIONS_AT_ONCE = 8
+
 PROBES = 8
 """Points of the middle frame that tell whether a sequence unpacks to what was packed."""
 
-FIELDS = {
-    "motion": whole(PLANES, "F", "K", most=255, dtype=np.uint8),
-    "cloth": whole(PLANES, "N", 3, "F", most=255, dtype=np.uint8),
-    "probes": numbers(PROBES, 3),
-    "fps": numbers(least=FPS_RANGE[0], most=FPS_RANGE[1], dtype=np.float64),
-    "warm_up": indices(of="F"),
-    "metadata": text(),
-}
-"""Arrays of a packed sequence of F frames and N vertices. motion: second differences in time of K numbers,
-the quaternions of all joints and the place of the root, in steps; cloth as `rasterize.spectral` has it."""
+MOST_STEP = 10.0
+"""Metres of a coefficient's step that a file may name."""
 
-MESH_FIELDS = {"faces": indices("M", 3, of="N"), "rest": numbers("N", 3)}
+FIELDS = {
+    "cloth": whole("B", most=255, dtype=np.uint8),
+    "probes": numbers(PROBES, 3),
+    "gaps": whole("R").if_there(),
+    "corrections": whole("R", 3, least=-(2**31), most=2**31).if_there(),
+    "description": text(),
+}
+"""Arrays of a packed sequence: what `rasterize.spectral.code_points` makes, probes in the axes of the bones,
+and JSON: the sequence's own metadata, the name of its motion, the step and the mean error in metres."""
+
+DESCRIPTION = {"motion": str, "step": float, "error": float, "metadata": dict}
+
+MESH_FIELDS = {"faces": indices("M", 3, of="N"), "rest": numbers("N", 3), "second": flags("N")}
+"""Arrays of a garment's mesh; second: whether a vertex is in the second half of the mesh."""
 
 
 @dataclass(frozen=True)
 class GarmentMesh:
-    """Mesh that all sequences of a garment share: faces (M, 3), rest (N, 3) m, and its spectrum (N, N)."""
+    """Mesh that all sequences of a garment share: faces (M, 3), rest (N, 3) m, the spectra of its halves."""
 
     faces: Tensor
     rest: Tensor
-    spectrum: np.ndarray
+    parts: tuple[Part, ...]
 
 
-def pack_folder(folder: Path, out: Path) -> int:
+class PackedFolder:
+    """Bodies, meshes and motions that the sequences of a packed folder share; recent ones stay in memory."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.bodies: dict[str, Body] = {}
+        self.mesh: Callable[[str], GarmentMesh] = lru_cache(MESHES_AT_ONCE)(self._mesh)
+        self.first_mesh: Callable[[str], FirstMesh] = lru_cache(MESHES_AT_ONCE)(self._first_mesh)
+        self._motion = lru_cache(MOTIONS_AT_ONCE)(self._load_motion)
+
+    def motion(self, name: str, body: str) -> PackedMotion:
+        """A motion of the folder by its name, of a body of `bodies`."""
+        return self._motion(name, body)
+
+    def _mesh(self, garment: str) -> GarmentMesh:
+        return load_mesh(self.folder, garment)
+
+    def _first_mesh(self, garment: str) -> FirstMesh:
+        return load_first_mesh(self.folder, garment)
+
+    def _load_motion(self, name: str, body: str) -> PackedMotion:
+        return load_motion(self.folder, name, self.bodies[body].skeleton)
+
+
+def pack_folder(folder: Path, out: Path, error: float = MEAN_ERROR) -> int:
     """Pack the sequences of a data folder that are not packed yet, its body and its index; return how many.
 
-    Second simulations and refused sequences are left out. Raises InputError for a folder without sequences,
-    for sequences on a body that the folder lacks, or of one garment with two meshes, and where OUT has
-    another index.
+    error: metres that vertices are off on average in each sequence, at most; 99 % and all of them are off by
+    no more than `rasterize.spectral` says. Second simulations and refused sequences are left out. Raises
+    InputError for an error out of ERROR_RANGE, for a folder without sequences, for sequences on a body that
+    the folder lacks, or of one garment with two meshes, and where OUT has another index.
     """
+    if not ERROR_RANGE[0] <= error <= ERROR_RANGE[1]:
+        least, most = (1e3 * end for end in ERROR_RANGE)
+        raise InputError(f"--error {1e3 * error:g}: expected {least:g} to {most:g} mm")
     paths = _sequences(folder, "made by `uvcloth simulate`")
-    mesh_of = lru_cache(MESHES_AT_ONCE)(partial(load_mesh, out))
+    shared = PackedFolder(out)
     known: dict[str, Body] = {}
 
     def convert(path: Path) -> None:
@@ -102,10 +139,10 @@ def pack_folder(folder: Path, out: Path) -> int:
         body = sequence_body(path, sequence.metadata, known)
         keep_body(body, out)
         _keep_mesh(sequence, out, path)
-        mesh = mesh_of(sequence.garment)
+        mesh = shared.mesh(sequence.garment)
         if not (torch.equal(mesh.faces, sequence.faces) and torch.equal(mesh.rest, sequence.rest)):
             raise InputError(f"{path}: {sequence.garment} has another mesh there than in {out / MESHES}")
-        save_packed(sequence, mesh, body.skeleton, out / path.name)
+        save_packed(sequence, mesh, body.skeleton, out / path.name, error)
 
     return _convert(paths, folder, out, convert, "packing")
 
@@ -117,12 +154,11 @@ def unpack_folder(folder: Path, out: Path) -> int:
     and where OUT has another index.
     """
     paths = _sequences(folder, "packed by `uvcloth data --pack`")
-    mesh_of = lru_cache(MESHES_AT_ONCE)(partial(load_mesh, folder))
-    known: dict[str, Body] = {}
+    shared = PackedFolder(folder)
 
     def convert(path: Path) -> None:
-        sequence = load_packed(path, mesh_of, known)
-        keep_body(sequence_body(path, sequence.metadata, known), out)
+        sequence = load_packed(path, shared)
+        keep_body(sequence_body(path, sequence.metadata, shared.bodies), out)
         save_sequence(sequence, out / path.name)
 
     return _convert(paths, folder, out, convert, "unpacking")
@@ -145,81 +181,102 @@ def _convert(
     return len(todo)
 
 
-def save_packed(sequence: SimulatedSequence, mesh: GarmentMesh, skeleton: Skeleton, path: Path) -> None:
-    """Write a packed sequence. Raises InputError if it is too far from the origin to be packed."""
+def save_packed(
+    sequence: SimulatedSequence, mesh: GarmentMesh, skeleton: Skeleton, path: Path, error: float
+) -> None:
+    """Write a packed sequence and, unless it is there, its motion; error: see `pack_folder`.
+
+    Raises InputError if it is too far from the origin to be packed.
+    """
+    folder = path.parent
     try:
-        motion = to_planes(_differences(sequence.transforms, skeleton))
+        motion = keep_motion(sequence, skeleton, folder)
         # The cloth is packed in axes that unpacking finds again.
-        quaternions, places = _motion(motion)
-        transforms = joint_transforms(skeleton, from_quaternions(quaternions), places)
-        cloth = compress(seen_from_root(sequence.vertices.double(), transforms).numpy(), mesh.spectrum)
-    except ValueError as error:
-        raise InputError(f"{path.name}: cannot be packed, its {error}") from error
+        transforms = load_motion(folder, motion, skeleton).transforms
+        seen = seen_from_bones(sequence.vertices, mesh.rest, skeleton, transforms).numpy()
+        cloth = code_points(seen, mesh.parts, error)
+    except ValueError as fault:
+        raise InputError(f"{path.name}: cannot be packed, its {fault}") from fault
+    unpacked = decode_points(cloth, mesh.parts, error, *seen.shape[:2])
     metadata = {
         key: value for key, value in sequence.metadata.items() if key not in ("hash", "scored_frames")
     }
-    save_arrays(
-        path,
-        {
-            "format": np.array(PACKED_FORMAT),
-            "motion": motion,
-            "cloth": cloth,
-            "probes": _probes(decompress(cloth, mesh.spectrum)).astype(np.float32),
-            "fps": np.array(sequence.fps, dtype=np.float64),
-            "warm_up": np.array(sequence.warm_up, dtype=np.int64),
-            "metadata": np.array(json.dumps(metadata | {"packed_step": STEP})),
-        },
-    )
+    description = {"motion": motion, "step": cloth.step, "error": error, "metadata": metadata}
+    arrays = {
+        "format": np.array(PACKED_FORMAT),
+        "cloth": cloth.code,
+        "probes": _probes(unpacked).astype(np.float32),
+        "description": np.array(json.dumps(description)),
+    }
+    if len(cloth.gaps):
+        least = np.min_scalar_type(-int(np.abs(cloth.corrections).max()) - 1)
+        arrays |= {"gaps": smallest_indices(cloth.gaps), "corrections": cloth.corrections.astype(least)}
+    save_arrays(path, arrays)
 
 
-def load_packed(
-    path: Path, mesh_of: Callable[[str], GarmentMesh], known: dict[str, Body]
-) -> SimulatedSequence:
-    """Read a packed sequence; mesh_of: gives a garment's mesh by its name; known: see `sequence_body`.
+def load_packed(path: Path, shared: PackedFolder) -> SimulatedSequence:
+    """Read a packed sequence, of this format or the first; shared: of the folder in which it lies.
 
     Raises InputError naming the file if it is none, on a body that its folder lacks, of another mesh, or does
     not unpack to what was packed.
     """
+    if str(read_arrays(path, EXPECTED, ("format",)).get("format")) == FIRST_FORMAT:
+        return load_first(path, shared.first_mesh, shared.bodies)
     data = check_fields(path, load_arrays(path, PACKED_FORMAT, EXPECTED), FIELDS)
-    metadata = parse_metadata(path, str(data["metadata"]))
-    body = sequence_body(path, metadata, known)
-    mesh = mesh_of(metadata["garment"])
-    joints, points = len(body.skeleton.names), data["cloth"].shape[1]
-    if data["motion"].shape[2] != 4 * joints + 3:
-        raise InputError(f"{path}: its motion is not of the {joints} joints of body {body.name}")
-    if points != len(mesh.rest):
-        raise InputError(f"{path}: has {points} points, the mesh of {metadata['garment']} {len(mesh.rest)}")
-    quaternions, places = _motion(data["motion"])
-    if not are_unit(quaternions):
-        raise InputError(f"{path}: its motion has a rotation that is none")
-    transforms = joint_transforms(body.skeleton, from_quaternions(quaternions), places).float()
-    seen = decompress(data["cloth"], mesh.spectrum)
-    if not np.abs(_probes(seen) - data["probes"]).max() < STEP:
+    description = _description(path, str(data["description"]))
+    metadata, error = description["metadata"], description["error"]
+    body = sequence_body(path, metadata, shared.bodies)
+    mesh = shared.mesh(metadata["garment"])
+    motion = shared.motion(description["motion"], str(metadata.get("body", "")))
+    coded = CodedPoints(
+        description["step"],
+        data["cloth"],
+        data.get("gaps", np.zeros(0, np.int64)),
+        data.get("corrections", np.zeros((0, 3), np.int64)),
+    )
+    try:
+        seen = decode_points(coded, mesh.parts, error, len(motion.transforms), len(mesh.rest))
+    except ValueError as fault:
+        raise InputError(f"{path}: its {fault}, its mesh, its motion or the file is another") from fault
+    if not np.abs(_probes(seen) - data["probes"]).max() < error:
         raise InputError(f"{path}: does not unpack to what was packed, its mesh or the file is another")
-    root = transforms[:, None, 0].double()
-    vertices = rotate(root[..., :3], torch.from_numpy(seen)) + root[..., 3]
+    vertices = moved_by_bones(torch.from_numpy(seen), mesh.rest, body.skeleton, motion.transforms)
     return SimulatedSequence(
         vertices=vertices.float(),
         faces=mesh.faces,
         rest=mesh.rest,
-        transforms=transforms,
-        fps=float(data["fps"]),
-        warm_up=int(data["warm_up"]),
-        metadata=metadata,
+        transforms=motion.transforms,
+        fps=motion.fps,
+        warm_up=motion.warm_up,
+        metadata=metadata | {"packed_error": error},
     )
 
 
 def load_mesh(folder: Path, garment: str) -> GarmentMesh:
-    """Read the mesh of a garment of a packed folder and work out its spectrum.
+    """Read the mesh of a garment of a packed folder and work out the spectra of its halves.
 
     Raises InputError if it is none, or has more points than a spectrum.
     """
     path = folder / MESHES / f"{garment}.npz"
     data = check_fields(path, load_arrays(path, MESH_FORMAT, EXPECTED_MESH), MESH_FIELDS)
     faces, rest = data["faces"], data["rest"]
-    if len(rest) > MOST_POINTS:
-        raise InputError(f"{path}: has {len(rest)} vertices, expected {MOST_POINTS} at most")
-    return GarmentMesh(torch.from_numpy(faces), torch.from_numpy(rest), mesh_spectrum(faces, len(rest)))
+    if not 0 < len(rest) <= MOST_POINTS:
+        raise InputError(f"{path}: has {len(rest)} vertices, expected 1 to {MOST_POINTS}")
+    return GarmentMesh(torch.from_numpy(faces), torch.from_numpy(rest), part_spectra(faces, data["second"]))
+
+
+def _description(path: Path, content: str) -> dict:
+    """What a packed sequence says of itself; raises InputError naming the file for anything else."""
+    what = f"{path}: the description"
+    description = parse_json(content, what, "that of a packed sequence")
+    require_kinds(description, DESCRIPTION, what)
+    for name, least, most in (("step", 0.0, MOST_STEP), ("error", *ERROR_RANGE)):
+        if not least <= description[name] <= most:
+            raise InputError(f"{what} has the {name} {description[name]}, expected {least:g} to {most:g} m")
+    name = description["motion"]
+    if len(name) != NAME_LENGTH or not set(name) <= set("0123456789abcdef"):
+        raise InputError(f"{what} names the motion {name!r:.40}, expected {NAME_LENGTH} hexadecimal digits")
+    return description | {"metadata": parse_metadata(path, json.dumps(description["metadata"]))}
 
 
 def _keep_mesh(sequence: SimulatedSequence, out: Path, path: Path) -> None:
@@ -232,29 +289,9 @@ def _keep_mesh(sequence: SimulatedSequence, out: Path, path: Path) -> None:
                 f"{path}: has {len(sequence.rest)} vertices, {MOST_POINTS} at most can be packed"
             )
         make_folder(kept.parent)
-        faces, rest = sequence.faces.numpy().astype(np.int32), sequence.rest.numpy().astype(np.float32)
-        save_arrays(kept, {"format": np.array(MESH_FORMAT), "faces": faces, "rest": rest})
-
-
-def _differences(transforms: Tensor, skeleton: Skeleton) -> np.ndarray:
-    """Second differences in time (F, 4 J + 3) of the joints' quaternions and the root's place, in steps."""
-    quaternions = to_quaternions(transforms[..., :3].double())
-    # Of q and -q, the same rotation, the one that is nearer to that of the frame before.
-    turns = (quaternions[1:] * quaternions[:-1]).sum(-1, keepdim=True)
-    quaternions[1:] *= torch.where(turns < 0.0, -1.0, 1.0).cumprod(0)
-    root = transforms[:, 0].double()
-    places = (root[..., :3] @ skeleton.heads[0].double()[:, None]).squeeze(-1) + root[..., 3]
-    numbers = torch.cat([quaternions.flatten(1), places], dim=1).numpy()
-    steps = np.rint(numbers / MOTION_STEP).astype(np.int64)
-    for _ in range(2):
-        steps[1:] = np.diff(steps, axis=0)
-    return steps
-
-
-def _motion(planes: np.ndarray) -> tuple[Tensor, Tensor]:
-    """Quaternions (F, J, 4) and places (F, 3) m of packed second differences."""
-    numbers = torch.from_numpy(from_planes(planes).cumsum(axis=0).cumsum(axis=0) * MOTION_STEP)
-    return numbers[:, :-3].unflatten(1, (-1, 4)), numbers[:, -3:]
+        faces, rest = sequence.faces.numpy(), sequence.rest.numpy().astype(np.float32)
+        arrays = {"faces": smallest_indices(faces), "rest": rest, "second": second_half(faces, len(rest))}
+        save_arrays(kept, {"format": np.array(MESH_FORMAT), **arrays})
 
 
 def _probes(points: np.ndarray) -> np.ndarray:
