@@ -29,8 +29,8 @@ TEMPLATE_MASS = {
     "bottoms": 31.0,
     "dress": 11.0,
     "shirt": 15.0,
-    "skirt": 42.0,
-    "jacket": 20.0,
+    "skirt": 39.0,
+    "jacket": 23.0,
 }
 """Mass of the templates' bands, as a multiple of what their area weighs."""
 

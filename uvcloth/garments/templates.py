@@ -26,6 +26,9 @@ TEMPLATE_FORMAT = "uvcloth-template-1"
 EASE_PASSES = 12
 """Passes that move a template off the skin."""
 
+EVENING_PASSES = 30
+"""Passes that even out a template which starts off its shell: in armpits it is squeezed together there."""
+
 LEAST_CLEARANCE = 0.0035
 """Metres that every template keeps off the skin at rest."""
 
@@ -73,6 +76,8 @@ def tailored(template: Template, body: Body) -> Mesh:
         normals = gather(vertex_normals(shell_vertices, faces), corners, template.anchor_barycentrics)
         vertices = vertices + template.lift[:, None] * torch.nn.functional.normalize(normals, dim=1)
     vertices = offset_from_skin(vertices, template.faces, template.clearance, template.snug, body)
+    if bool(template.lift.any()):
+        vertices = evened(vertices, template.faces)
     return Mesh(vertices, template.faces, template.uvs, template.face_uvs)
 
 
@@ -105,6 +110,18 @@ def offset_from_skin(vertices: Tensor, faces: Tensor, clearance: Tensor, snug: T
         vertices = (
             vertices + (LEAST_CLEARANCE + 5e-4 - skin.signed_distance).clamp(min=0)[:, None] * skin.normals
         )
+    return vertices
+
+
+def evened(vertices: Tensor, faces: Tensor) -> Tensor:
+    """Vertices (N, 3) m moved along their surface towards the mean of their neighbours; hems stay."""
+    average, hem = neighbour_average(faces, len(vertices)), boundary_edges(faces).unique()
+    for _ in range(EVENING_PASSES):
+        normals = vertex_normals(vertices, faces)
+        move = 0.5 * (average @ vertices - vertices)
+        move = move - (move * normals).sum(1, keepdim=True) * normals
+        move[hem] = 0.0
+        vertices = vertices + move
     return vertices
 
 
