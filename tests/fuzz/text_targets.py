@@ -14,6 +14,8 @@ from uvcloth.motion.index import Entry, read_index
 from uvcloth.motion.poses import SPLITS
 from uvcloth.motion.roles import ROLES, read_role_map
 from uvcloth.physics.fabric import FABRICS, RANGES
+from uvcloth.simulate.members import MEMBERS
+from uvcloth.simulate.plan_file import PlanRow, read_plan
 from uvcloth.wardrobe.designs import KINDS, PARTS, Design, limits
 from uvcloth.wardrobe.outfit_file import OutfitFile, PieceFile, load_outfit_file, save_outfit_file
 
@@ -23,6 +25,11 @@ walk,ann,train,walking,0,115,sub/walk.bvh
 jump,cid,validation,"jumping, high",0,54,
 run,bob,test,running,20,70,
 idle,bob,unused,,0,1,
+"""
+PLAN = """name,clip,start,frames,hold,garments,body,member,split,subject,action
+,walk,0,115,,tops,,,train,ann,walking
+walk_stop,walk,0,60,1.5,dress,sub/tall.npz,2,train,ann,"walking, stop"
+,jump,0,54,0,bottoms+tops,,0,validation,cid,jumping
 """
 ROLE_MAP = '{"hips": "Pelvis", "left_thigh": "LThigh", "right_thigh": "RThigh", "head": "Head"}'
 
@@ -93,6 +100,24 @@ def check_index(entries: dict[str, Entry]) -> None:
             require(splits.setdefault(entry.subject, entry.split) == entry.split, "a person in two splits")
 
 
+def good_plan(folder: Path) -> Path:
+    (folder / "plan.csv").write_text(PLAN)
+    return folder / "plan.csv"
+
+
+def check_plan(rows: list[PlanRow]) -> None:
+    files = [str(file).casefold() for row in rows for file in row.files]
+    require(len(files) == len(set(files)), "two simulations for one file")
+    require(
+        all(".." not in Path(file).parts and not Path(file).is_absolute() for file in files),
+        "a file elsewhere",
+    )
+    check_index({row.motion.entry.clip: row.motion.entry for row in rows})
+    for row in rows:
+        require(0.0 <= row.motion.hold <= 60.0 and 0 <= row.member < MEMBERS, "a number out of range")
+        require(bool(row.garments) and all(row.names), "a row without a garment")
+
+
 def good_pins(folder: Path) -> Path:
     (folder / "pins.txt").write_text("0 1 2\n5\n7\n")
     return folder / "pins.txt"
@@ -112,5 +137,6 @@ TARGETS = [
     Target("outfit", good_outfit, load_outfit_file, check_outfit),
     Target("role_map", good_role_map, read_role_map, check_role_map),
     Target("index", good_index, read_index, check_index),
+    Target("plan", good_plan, read_plan, check_plan),
     Target("pins", good_pins, read_pins, check_pins),
 ]

@@ -147,7 +147,7 @@ def test_data_of_another_engine_or_body_are_refused(plan: Path, made: list[Job],
     assert made
     sequence = load_sequence(out / "broad" / "run_tops.npz")
     for said, words in (
-        ({"engine": "blender"}, "was simulated by blender, not by newton"),
+        ({"engine": "blender"}, "was simulated by blender, not by uvcloth.explicit"),
         ({"body_hash": "a"}, r"was simulated on another body \(broad\) than broad"),
     ):
         save_sequence(
@@ -244,6 +244,22 @@ def test_what_a_row_names_has_to_be_there_before_anything_is_simulated(
         simulate_plan(plan, tmp_path / "out")
     assert not made
     assert not (tmp_path / "out").exists()
+
+
+def test_members_have_folders_of_their_own_and_need_the_explicit_engine(
+    plan: Path, made: list[Job], tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    plan.write_text(HEADER + WALK.replace("tops,,,", "tops,,1,") + WALK)
+    with pytest.raises(
+        InputError, match=r"plan\.csv: row 2: ensemble members need the explicit engine, newton"
+    ):
+        simulate_plan(plan, out, engine="newton")
+    simulate_plan(plan, out)
+    assert _files(made, out) == ["walk_tops.npz", "members/1/walk_tops.npz"]
+    assert [job.member for job in made] == [0, 1]
+    assert list(read_index(out / "members" / "1" / "index.csv")) == ["walk"]
+    assert read_metadata(out / "members" / "1" / "walk_tops.npz")["member"] == 1
 
 
 def test_the_plan_of_our_data_is_whole(mocap_folder: Path) -> None:

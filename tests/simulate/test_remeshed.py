@@ -39,7 +39,11 @@ class Falling:
         return replace(self, substeps=(1.0 + share) * self.substeps)
 
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
-        fallen = torch.zeros_like(scene.rest) if after is None or after.memory is None else after.memory.view(-1, 3)
+        fallen = (
+            torch.zeros_like(scene.rest)
+            if after is None or after.memory is None
+            else after.memory.view(-1, 3)
+        )
         for index in range(0 if after is None else after.index + 1, len(scene.skinned)):
             fallen = fallen - torch.tensor([0.0, 0.0, 0.001]) * index
             yield Frame(index, scene.skinned[index] + fallen, fallen.flatten())
@@ -79,12 +83,12 @@ def scene(dress: Cloth, rest: torch.Tensor) -> Scene:
 
 
 def test_it_is_another_mesh_of_the_same_surface(dress: Cloth, rest: torch.Tensor, mesh: OtherMesh) -> None:
-    points = mesh.taken(rest)
+    points = mesh.at_own(rest)
     assert 0.97 * len(rest) < len(points) <= len(rest)
     own, other = (edge_lengths(v, unique_edges(f)) for v, f in ((rest, dress.faces), (points, mesh.faces)))
     assert float(other.median()) == pytest.approx(float(own.median()), rel=0.1)
     assert float(torch.cdist(points, rest).amin(1).median()) > 0.002
-    back = (mesh.carried(points) - rest).norm(dim=1)
+    back = (mesh.given_back(points) - rest).norm(dim=1)
     assert float(back.mean()) < 0.001
     assert float(back.max()) < 0.01
 
@@ -92,7 +96,7 @@ def test_it_is_another_mesh_of_the_same_surface(dress: Cloth, rest: torch.Tensor
 def test_hems_lie_on_hems(dress: Cloth, rest: torch.Tensor, mesh: OtherMesh) -> None:
     assert len(boundary_loops(mesh.faces.numpy())) == len(boundary_loops(dress.faces.numpy()))
     start, end = rest[boundary_edges(dress.faces)].unbind(1)
-    rim = mesh.taken(rest)[boundary_edges(mesh.faces).unique()]
+    rim = mesh.at_own(rest)[boundary_edges(mesh.faces).unique()]
     along = end - start
     share = ((rim[:, None] - start) * along).sum(-1) / along.square().sum(-1)
     on_line = start + share.clamp(0, 1)[..., None] * along

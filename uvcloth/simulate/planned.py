@@ -103,7 +103,7 @@ def ordered(rows: Sequence[PlanRow]) -> list[PlanRow]:
 
 @dataclass
 class _Stock:
-    """What the rows of a plan name, each read once.
+    """Clips, bodies and garments that the rows of a plan name, each read once.
 
     plan: its file. clips: the folder of clips. Every method raises InputError that names the row.
     """

@@ -30,11 +30,11 @@ class OtherMesh:
     own_corners: Tensor
     own_weights: Tensor
 
-    def taken(self, values: Tensor) -> Tensor:
+    def at_own(self, values: Tensor) -> Tensor:
         """Values (..., n, 3) at its vertices of those at the surface's (..., N, 3)."""
         return _interpolated(values, self.corners, self.weights)
 
-    def carried(self, offsets: Tensor) -> Tensor:
+    def given_back(self, offsets: Tensor) -> Tensor:
         """Values (..., N, 3) at the surface's vertices of those at its own (..., n, 3)."""
         return _interpolated(offsets, self.own_corners, self.own_weights)
 
@@ -95,8 +95,8 @@ class Remeshed:
         other = _scene_of(scene, mesh)
         for frame in self.engine.simulate(other, _recalled(after, len(other.rest))):
             offsets = frame.vertices - other.skinned[frame.index]
-            vertices = scene.skinned[frame.index] + mesh.carried(offsets)
-            yield Frame(frame.index, vertices, _remembered(frame))
+            vertices = scene.skinned[frame.index] + mesh.given_back(offsets)
+            yield Frame(frame.index, vertices, _with_vertices(frame))
 
 
 def _scene_of(scene: Scene, mesh: OtherMesh) -> Scene:
@@ -104,17 +104,17 @@ def _scene_of(scene: Scene, mesh: OtherMesh) -> Scene:
     near = mesh.nearest()
     return replace(
         scene,
-        rest=mesh.taken(scene.rest),
+        rest=mesh.at_own(scene.rest),
         faces=mesh.faces,
         band=scene.band[near],
         mass_factor=scene.mass_factor[near],
         inner_thickness=scene.inner_thickness[near],
-        skinned=mesh.taken(scene.skinned),
+        skinned=mesh.at_own(scene.skinned),
         touches=scene.touches[:, near],
     )
 
 
-def _remembered(frame: Frame) -> Tensor | None:
+def _with_vertices(frame: Frame) -> Tensor | None:
     """Vertices and memory (3 P + K,) of a frame of the other mesh."""
     return None if frame.memory is None else torch.cat([frame.vertices.flatten(), frame.memory])
 
