@@ -7,11 +7,16 @@ weighing of context models for lossless data compression", 2005). All arithmetic
 every machine reads what another one wrote.
 """
 
+import zlib
+
 import numba
 import numpy as np
 
 MOST_DIGITS = 24
 """Binary digits of a number, without its sign."""
+
+CHECKED = 4
+"""Bytes of the checksum of the numbers."""
 
 LEAST_BYTES = 4096
 """Bytes for which the numbers of one more or less are not counted in MOST_PER_BYTE."""
@@ -56,11 +61,10 @@ _compiled = numba.njit(cache=True, nogil=True)
 
 
 def encode(values: np.ndarray, stride: int) -> np.ndarray:
-    """Encode whole numbers (T, K, C) of less than MOST_DIGITS digits to bytes (B,) uint8; C is AXES or more
-    times so many.
+    """Encode whole numbers (T, K, C) to bytes (B,) uint8, of which the first four are a checksum.
 
-    Sizes are expected to change little along K, and from T to T + 1 and T + stride. Raises ValueError for
-    numbers of more digits.
+    C is a multiple of AXES. Sizes are expected to change little along K, and along T to the next and by the
+    stride. Raises ValueError for numbers of more than MOST_DIGITS digits.
     """
     if np.abs(values).max(initial=0) >= 1 << MOST_DIGITS:
         raise ValueError("points are too far away, or too fast")
@@ -68,20 +72,27 @@ def encode(values: np.ndarray, stride: int) -> np.ndarray:
     # A number is as many decisions as it has digits twice, and two; each writes four bytes at most.
     code = np.zeros(4 * int((2 * digits + 2).sum()) + 4, np.uint8)
     end = _run(values.astype(np.int64), stride, code, True, (_ODDS, _LOGITS))
-    return code[:end]
+    return np.concatenate([_checksum(values), code[:end]])
 
 
 def decode(code: np.ndarray, shape: tuple[int, int, int], stride: int) -> np.ndarray:
     """Whole numbers (T, K, C), int64, of the bytes that `encode` made of them.
 
-    Raises ValueError if the bytes are not those of so many numbers.
+    Raises ValueError if the bytes are damaged, or not of so many numbers.
     """
     if np.prod(shape, dtype=np.float64) > MOST_PER_BYTE * (LEAST_BYTES + len(code)):
         raise ValueError("code is too short for so many numbers")
     values = np.zeros(shape, np.int64)
-    if _run(values, stride, code, False, (_ODDS, _LOGITS)) != len(code):
-        raise ValueError("code does not end with its last number")
+    # A copy, as what comes from a file may not be writable, for which nothing is compiled.
+    _run(values, stride, code[CHECKED:].copy(), False, (_ODDS, _LOGITS))
+    if not np.array_equal(code[:CHECKED], _checksum(values)):
+        raise ValueError("code is damaged or of other numbers")
     return values
+
+
+def _checksum(values: np.ndarray) -> np.ndarray:
+    content = values.astype("<i8").tobytes()
+    return np.frombuffer(zlib.crc32(content).to_bytes(CHECKED, "little"), np.uint8)
 
 
 @_compiled
@@ -226,7 +237,7 @@ def _run(
     encoding: bool,
     tables: tuple[np.ndarray, np.ndarray],
 ) -> int:
-    """Encode values to code, or decode them from it; returns the number of bytes."""
+    """Encode values to code, or decode them from it; returns the number of bytes that were written."""
     times, waves, columns = values.shape
     seen, seen_digits = np.full((MODELS, CONTEXTS), EVEN, np.int64), np.full((1, CONTEXTS), EVEN, np.int64)
     weights = np.full((MOST_LEVEL + 1, BUCKETS, MODELS), 2 * (1 << MIXED_BITS) // MODELS, np.int64)
@@ -265,7 +276,7 @@ def _run(
             sums[time, group, wave + 1] = sums[time, group, wave]
         sums[time, group, wave + 1] += number
     if not encoding:
-        # The reader is ahead of the writer by three bytes of four.
-        return state[3] - 3
+        return 0
+    # One byte more lies in the interval, whatever follows.
     code[state[3]] = (state[0] >> 24) + 1
     return state[3] + 1

@@ -1,7 +1,6 @@
 """Readers of npz files: bodies, clips, sequences, poses, layouts."""
 
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from shutil import rmtree
 
@@ -18,7 +17,7 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import read_archive, save_clip
 from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase, load_poses, rest_hash, save_poses
 from uvcloth.simulate.bodies import keep_body
-from uvcloth.simulate.packed import load_mesh, load_packed, pack_folder
+from uvcloth.simulate.packed import PackedFolder, load_packed, pack_folder
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, read_metadata, save_sequence
 
 FRAMES = 5
@@ -174,7 +173,7 @@ def good_packed(folder: Path) -> Path:
 
 
 def read_packed(path: Path) -> SimulatedSequence:
-    return load_packed(path, partial(load_mesh, path.parent), {})
+    return load_packed(path, PackedFolder(path.parent))
 
 
 def good_poses(folder: Path) -> Path:
