@@ -12,7 +12,11 @@ from rasterize.charts import boundary_loops
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments.cut import cut, place
+from uvcloth.garments.order import check_order
+from uvcloth.garments.shells import joint
 from uvcloth.garments.templates import TEMPLATES, faces_outward, fit_template, load_template, save_template
+from uvcloth.geometry.mesh import join_meshes
+from uvcloth.physics.self_intersection import crossing_edges_percent
 from uvcloth.physics.surface import BodySurface
 
 OPENINGS = {"tops": 4, "bottoms": 3, "dress": 4, "shirt": 4, "skirt": 2, "jacket": 3}
@@ -74,6 +78,30 @@ def test_the_shirt_reaches_the_wrists_and_leaves_them_room(side: str, body: Body
     around = skin.section(plane_origin=wrist, plane_normal=axis).discrete
     thin = min(np.linalg.norm(np.diff(ring, axis=0), axis=1).sum() for ring in around)
     assert 1.3 < np.linalg.norm(np.roll(cuff, 1, 0) - cuff, axis=1).sum() / thin < 1.6
+
+
+def test_the_jacket_is_open_in_front_and_lies_over_shirt_and_trousers(body: Body) -> None:
+    garments = [fit_template(name, body) for name in ("bottoms", "shirt", "jacket")]
+    check_order(garments)
+    outfit = join_meshes((garment.mesh.vertices, garment.mesh.faces) for garment in garments)
+    assert float(crossing_edges_percent(outfit.vertices[None], outfit.faces)[0]) == 0.0
+    cloth, neck = garments[2].mesh.vertices, joint(body, "Neck")
+    front = cloth[(cloth[:, 1] < float(neck[1]) - 0.06) & (cloth[:, 2] < float(neck[2]) - 0.06)]
+    assert 0.02 < float(front[:, 0].abs().min()) < 0.05
+    chest, hem = float(joint(body, "Spine1")[2]), float(cloth[:, 2].min())
+    assert float(front[:, 2].max()) > chest
+    assert float(front[:, 2].min()) < hem + 0.03
+
+
+def test_the_skirt_is_wide_and_ends_at_the_knees(body: Body) -> None:
+    mesh = fit_template("skirt", body).mesh
+    waist, hem = sorted(
+        (mesh.vertices[run] for run in boundary_loops(mesh.faces.numpy())),
+        key=lambda run: -float(run[:, 2].mean()),
+    )
+    assert float(hem[:, 2].mean()) == pytest.approx(joint(body, "LeftLeg")[2], abs=0.05)
+    around = [float((run - run.roll(1, 0)).norm(dim=1).sum()) for run in (waist, hem)]
+    assert around[1] > 3 * around[0]
 
 
 def test_indices_of_any_size_survive_the_file(tmp_path: Path) -> None:
