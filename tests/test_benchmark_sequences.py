@@ -1,6 +1,5 @@
 """The packed sequences in `benchmarks`: they unpack here as where they were packed."""
 
-from functools import partial
 from pathlib import Path
 
 import torch
@@ -10,7 +9,7 @@ from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.index import read_index
 from uvcloth.physics.energies import edge_change
-from uvcloth.simulate.packed import load_mesh, load_packed
+from uvcloth.simulate.packed import PackedFolder, load_packed
 
 BENCHMARKS = Path(__file__).parent.parent / "benchmarks"
 FOLDER = BENCHMARKS / "sequences"
@@ -20,7 +19,7 @@ TEMPLATES = ("tops", "bottoms", "dress", "shirt")
 def test_a_sequence_is_cloth_on_a_body() -> None:
     """One garment's: a file that does not unpack to what was packed is refused, with any LAPACK."""
     garment = load_garment("bottoms", load_body())
-    sequence = load_packed(FOLDER / "26_01_bottoms.npz", partial(load_mesh, FOLDER), {})
+    sequence = load_packed(FOLDER / "26_01_bottoms.npz", PackedFolder(FOLDER))
     assert torch.equal(sequence.faces, garment.mesh.faces)
     torch.testing.assert_close(sequence.rest, garment.mesh.vertices)
     scored = slice(sequence.warm_up, None, 10)
@@ -60,7 +59,7 @@ def test_sequences_on_other_bodies_lie_beside_them() -> None:
         assert {index[name].split for name in names} == {split}
         if split == "train":
             assert not {f"{name}_tops.npz" for name in names} & {path.name for path in FOLDER.glob("*.npz")}
-    sequence = load_packed(folder / "16_15_tops.npz", partial(load_mesh, folder), {})
+    sequence = load_packed(folder / "16_15_tops.npz", PackedFolder(folder))
     assert sequence.metadata["body"] == "tall"
     torch.testing.assert_close(sequence.rest, load_garment("tops", body).mesh.vertices, atol=1e-5, rtol=0)
 
@@ -71,7 +70,7 @@ def test_made_outfits_lie_beside_them() -> None:
     clips = {path.stem: path.name.rpartition("_o")[0] for path in folder.glob("*.npz")}
     assert {index[clip].split for clip in clips.values()} == {"train", "validation", "test"}
     for name in ("12_01_o0019_tshirt", "26_01_o0018_skirt", "16_08_o0001_shorts"):
-        sequence = load_packed(folder / f"{name}.npz", partial(load_mesh, folder), {})
+        sequence = load_packed(folder / f"{name}.npz", PackedFolder(folder))
         entry = index[clips[name]]
         assert (sequence.metadata["split"], sequence.metadata["subject"]) == (entry.split, entry.subject)
         assert name.endswith(f"{sequence.metadata['outfit']}_{sequence.metadata['types'][sequence.garment]}")
