@@ -10,7 +10,8 @@ import torch
 from rasterize.layout import Layout, load_layout, save_layout
 from tests.fuzz.target import Target, require, require_indices, require_numbers
 from tests.small_body import small_body
-from uvcloth.bodies.body import Body, load_body, save_body
+from uvcloth.bodies.body import Body, load_body, resized, save_body
+from uvcloth.bodies.difference import load_kept_body, save_difference
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
@@ -35,6 +36,11 @@ def good_body(folder: Path) -> Path:
         pose_shapes=torch.zeros(9, len(body.mesh.vertices), 3),
     )
     save_body(full, folder / "body.npz")
+    return folder / "body.npz"
+
+
+def good_difference(folder: Path) -> Path:
+    save_difference(resized(load_body(), 1.05), folder / "body.npz")
     return folder / "body.npz"
 
 
@@ -230,6 +236,7 @@ def check_layout(layout: Layout) -> None:
 
 TARGETS = [
     Target("body", good_body, load_body, check_body),
+    Target("body_difference", good_difference, load_kept_body, check_body, share=0.2),
     Target("clip", good_clip, read_archive, check_clip),
     Target("amass", good_amass, read_archive, check_clip),
     Target("amass_x", good_amass_x, read_archive, check_clip),

@@ -158,6 +158,11 @@ def save_body(body: Body, path: Path) -> None:
 
     Raises InputError if it cannot be written.
     """
+    save_arrays(path, body_arrays(body))
+
+
+def body_arrays(body: Body) -> dict[str, np.ndarray]:
+    """The arrays of a body's file."""
     arrays: dict[str, np.ndarray] = {
         "format": np.array(BODY_FORMAT),
         "name": np.array(body.name),
@@ -188,7 +193,7 @@ def save_body(body: Body, path: Path) -> None:
         arrays["seen_uvs"] = seen.uvs.numpy().astype(np.float32)
         arrays["seen_face_uvs"] = seen.face_uvs.numpy().astype(np.uint32)
         arrays |= _pack_weights("seen_", body.appearance.weights)
-    save_arrays(path, arrays)
+    return arrays
 
 
 def load_body(path: Path | None = None) -> Body:
@@ -198,7 +203,11 @@ def load_body(path: Path | None = None) -> Body:
     arrays that do not fit together, are out of range or not finite, and for a body that is not in metres.
     """
     path = path or Path(str(files("uvcloth") / "data" / "body.npz"))
-    arrays = load_arrays(path, BODY_FORMAT, "a body made by `uvcloth body`")
+    return body_of(path, load_arrays(path, BODY_FORMAT, "a body made by `uvcloth body`"))
+
+
+def body_of(path: Path, arrays: dict[str, np.ndarray]) -> Body:
+    """Make a body of the arrays of its file. Raises InputError as `load_body` does."""
     data = check_fields(path, arrays, FIELDS)
     sizes = {"J": len(data["joint_names"]), "V": len(data["vertices"]), "F": len(data["faces"])}
     skeleton = Skeleton(

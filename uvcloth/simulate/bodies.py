@@ -1,6 +1,6 @@
 """Bodies of a data folder: each lies beside the sequences on it, so that nobody has to name it again."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ from rasterize.atomic import make_folder
 from rasterize.errors import InputError
 from rasterize.fields import require_file_name
 from uvcloth.bodies.body import Body, load_body, save_body
+from uvcloth.bodies.difference import load_kept_body
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate.sequence import read_metadata
 
@@ -16,8 +17,8 @@ BODIES = "bodies"
 """Folder, in a data folder, of the bodies that its sequences are on, but for the one in the package."""
 
 
-def keep_body(body: Body, folder: Path) -> None:
-    """Write a body to a data folder, where its sequences look for it.
+def keep_body(body: Body, folder: Path, save: Callable[[Body, Path], None] = save_body) -> None:
+    """Write a body to a data folder, where its sequences look for it; save: writes its file.
 
     Raises InputError for a name that no file can have everywhere, and if it cannot be written.
     """
@@ -25,7 +26,7 @@ def keep_body(body: Body, folder: Path) -> None:
     require_file_name(f"{body.name}.npz", f"body {body.name}")
     if not kept.exists() and rest_hash(body) != _shipped_hash():
         make_folder(kept.parent)
-        save_body(body, kept)
+        save(body, kept)
 
 
 def sequence_body(path: Path, metadata: Mapping[str, Any], known: dict[str, Body]) -> Body:
@@ -36,7 +37,7 @@ def sequence_body(path: Path, metadata: Mapping[str, Any], known: dict[str, Body
     name = str(metadata.get("body", ""))
     kept = path.parent / BODIES / f"{name}.npz"
     if name not in known:
-        known[name] = load_body(kept if kept.is_file() else None)
+        known[name] = load_kept_body(kept) if kept.is_file() else load_body()
     shape = rest_hash(known[name])
     if metadata.get("body_hash", shape) != shape:
         raise InputError(f"{path}: was simulated on another body ({name}) than {kept} or the one that ships")

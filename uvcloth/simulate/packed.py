@@ -31,6 +31,7 @@ from rasterize.spectral import (
     second_half,
 )
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.difference import save_difference
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.index import INDEX
 from uvcloth.simulate.bodies import keep_body, sequence_body
@@ -137,7 +138,7 @@ def pack_folder(folder: Path, out: Path, error: float = MEAN_ERROR) -> int:
     def convert(path: Path) -> None:
         sequence = load_sequence(path)
         body = sequence_body(path, sequence.metadata, known)
-        keep_body(body, out)
+        keep_body(body, out, save_difference)
         _keep_mesh(sequence, out, path)
         mesh = shared.mesh(sequence.garment)
         if not (torch.equal(mesh.faces, sequence.faces) and torch.equal(mesh.rest, sequence.rest)):

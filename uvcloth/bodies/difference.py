@@ -1,0 +1,94 @@
+"""Bodies kept as the difference from the one that ships: most arrays are the same, others nearly so."""
+
+from pathlib import Path
+
+import numpy as np
+
+from rasterize.archive import load_arrays, read_arrays, save_arrays
+from rasterize.errors import InputError
+from rasterize.fields import check_fields, names
+from uvcloth.bodies.body import Body, body_arrays, body_of, load_body
+from uvcloth.geometry.fingerprint import fingerprint
+
+DIFFERENCE_FORMAT = "uvcloth-body-difference-1"
+EXPECTED = "a body kept as the difference from the one that ships"
+
+OWN = {"format", "from", "absent"}
+"""Arrays of such a file besides those of bodies."""
+
+FIELDS = {"from": names(), "absent": names("A").or_empty()}
+"""from: hash of the body that ships. absent: arrays that it has and this body lacks."""
+
+
+def save_difference(body: Body, path: Path) -> None:
+    """Write a body without what it shares with the one that ships.
+
+    Of numbers in an array of the same shape, the differences of their bits are kept, so that every bit comes
+    back. Raises InputError if it cannot be written.
+    """
+    arrays, shipped = body_arrays(body), body_arrays(load_body())
+    kept = {
+        "format": np.array(DIFFERENCE_FORMAT),
+        "from": np.array(_hash(shipped)),
+        "absent": np.array([name for name in shipped if name not in arrays], dtype=np.str_),
+    }
+    for name, values in arrays.items():
+        expected = _expected(name, shipped, arrays)
+        if expected is None or values.dtype != expected.dtype or values.shape != expected.shape:
+            kept[name] = values
+        elif not np.array_equal(values, expected):
+            kept[name] = _difference(values, expected) if values.dtype == np.float32 else values
+    save_arrays(path, kept)
+
+
+def load_kept_body(path: Path) -> Body:
+    """Read a body that lies in a data folder, whole or as a difference.
+
+    Raises InputError as `load_body` does, and for a difference from another body than the one that ships.
+    """
+    if str(read_arrays(path, EXPECTED, ("format",)).get("format")) != DIFFERENCE_FORMAT:
+        return load_body(path)
+    kept = load_arrays(path, DIFFERENCE_FORMAT, EXPECTED)
+    shipped = body_arrays(load_body())
+    data = check_fields(path, kept, FIELDS)
+    if str(data["from"]) != _hash(shipped):
+        raise InputError(f"{path}: is the difference from another body than the one that ships here")
+    arrays: dict[str, np.ndarray] = {}
+    # The vertices are expected to be those of the base, which has to be there before.
+    for name in sorted(
+        {*shipped, *kept} - OWN - set(data["absent"].tolist()), key=lambda name: name != "base"
+    ):
+        expected, values = _expected(name, shipped, arrays), kept.get(name)
+        if values is None and expected is not None:
+            arrays[name] = expected
+        elif values is not None:
+            arrays[name] = values if expected is None else _restored(values, expected)
+    return body_of(path, arrays)
+
+
+def _expected(name: str, shipped: dict[str, np.ndarray], arrays: dict[str, np.ndarray]) -> np.ndarray | None:
+    """The array that is likely by that name for a body whose base is known; None if there is none."""
+    known = name == "vertices" and {"base", "vertices"} <= shipped.keys() and "base" in arrays
+    if known and arrays["base"].shape == shipped["base"].shape:
+        rows = {tuple(row): place for place, row in enumerate(shipped["base"].tolist())}
+        places = [rows.get(tuple(row), 0) for row in shipped["vertices"].tolist()]
+        return arrays["base"][places]
+    return shipped.get(name)
+
+
+def _difference(values: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """Differences of the bits, as bytes (4, size), low ones first, of float32 arrays."""
+    bits = np.ascontiguousarray(values).view(np.uint32) - np.ascontiguousarray(expected).view(np.uint32)
+    return bits.astype("<u4").reshape(-1, 1).view(np.uint8).T.copy()
+
+
+def _restored(values: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """An array of its difference from what is expected, or as it was kept."""
+    if values.dtype != np.uint8 or expected.dtype != np.float32 or values.shape != (4, expected.size):
+        return values
+    bits = np.ascontiguousarray(values.T).view("<u4").astype(np.uint32).reshape(expected.shape)
+    return (np.ascontiguousarray(expected).view(np.uint32) + bits).view(np.float32)
+
+
+def _hash(arrays: dict[str, np.ndarray]) -> str:
+    return fingerprint(*(content for name in sorted(arrays) for content in (name, arrays[name].tobytes())))
