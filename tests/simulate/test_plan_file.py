@@ -230,10 +230,6 @@ def test_a_table_that_is_no_plan_is_refused(tmp_path: Path) -> None:
         (lambda row: row.replace("tops", "tops+bottoms"), "garment bottoms: cannot be worn over the garment"),
         (lambda row: row.replace("tops,,", "tops,gone.npz,"), r"gone\.npz: no such file"),
         (lambda row: row.replace("tops,,", "tops,../gone.npz,"), "it lies outside"),
-        (
-            lambda row: row.replace("tops,,,", "tops,,1,"),
-            r"ensemble members need the explicit engine, newton",
-        ),
     ],
 )
 def test_what_a_row_names_has_to_be_there_before_anything_is_simulated(
