@@ -28,7 +28,7 @@ MOST_OF_99, MOST_OF_ALL = 3.0, 6.0
 ROUNDED_FROM = 0.6
 """Steps from which on a coefficient is rounded up: smaller ones cost more to keep than they correct."""
 
-STEPS = np.exp2(np.arange(-6, 16) / 3.0)
+STEPS = np.exp2(np.arange(-16, 41) / 8.0)
 """Steps that are tried, as multiples of the mean error that is allowed."""
 
 GOLDEN = 0.6180339887498949

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import pytest
 import torch
 
 from uvcloth.bodies.body import load_body
@@ -9,17 +10,22 @@ from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.index import read_index
 from uvcloth.physics.energies import edge_change
-from uvcloth.simulate.packed import PackedFolder, load_packed
+from uvcloth.simulate.packed import MEAN_ERROR, PackedFolder, load_packed, pack_folder
+from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, save_sequence
 
 BENCHMARKS = Path(__file__).parent.parent / "benchmarks"
 FOLDER = BENCHMARKS / "sequences"
 TEMPLATES = ("tops", "bottoms", "dress", "shirt")
 
 
-def test_a_sequence_is_cloth_on_a_body() -> None:
+@pytest.fixture(scope="module")
+def sequence() -> SimulatedSequence:
+    return load_packed(FOLDER / "26_01_bottoms.npz", PackedFolder(FOLDER))
+
+
+def test_a_sequence_is_cloth_on_a_body(sequence: SimulatedSequence) -> None:
     """One garment's: a file that does not unpack to what was packed is refused, with any LAPACK."""
     garment = load_garment("bottoms", load_body())
-    sequence = load_packed(FOLDER / "26_01_bottoms.npz", PackedFolder(FOLDER))
     assert torch.equal(sequence.faces, garment.mesh.faces)
     torch.testing.assert_close(sequence.rest, garment.mesh.vertices)
     scored = slice(sequence.warm_up, None, 10)
@@ -27,6 +33,20 @@ def test_a_sequence_is_cloth_on_a_body() -> None:
     apart = (sequence.vertices[scored] - skinned).norm(dim=-1)
     assert 0.005 < float(apart.mean()) < 0.05
     assert float(edge_change(sequence.vertices[scored], sequence.rest, sequence.faces).mean()) < 1.5e-3
+
+
+def test_real_cloth_is_packed_within_the_error(sequence: SimulatedSequence, tmp_path: Path) -> None:
+    path = tmp_path / "data" / "26_01_bottoms.npz"
+    save_sequence(sequence, path)
+    assert pack_folder(path.parent, tmp_path / "packed") == 1
+    packed = tmp_path / "packed" / path.name
+    assert packed.stat().st_size < (FOLDER / path.name).stat().st_size / 2
+    after = load_packed(packed, PackedFolder(packed.parent))
+    off = (after.vertices - load_sequence(path).vertices).norm(dim=-1).flatten()
+    assert float(off.mean()) < MEAN_ERROR
+    assert float(off.kthvalue(int(0.99 * len(off))).values) < 3.0 * MEAN_ERROR
+    assert float(off.max()) < 6.01 * MEAN_ERROR
+    torch.testing.assert_close(after.transforms, sequence.transforms, atol=4e-4, rtol=0)
 
 
 def test_every_template_has_every_clip_and_nobody_is_in_two_splits() -> None:
