@@ -117,10 +117,10 @@ def test_templates_at_rest_let_no_skin_through_and_sunk_ones_do(body: Body) -> N
     for name in TEMPLATES:
         mesh = fit_template(name, body).mesh
         exposure = Exposure(body, [mesh])
-        assert len(exposure.covered.corners) > 3000
+        assert len(exposure.covered.corners) > 2500
         assert exposure.percent([mesh.vertices], body.mesh.vertices) == pytest.approx(0.0, abs=0.05)
         shoved = mesh.vertices + torch.tensor([0.0, 0.03, 0.0])
-        assert 10.0 < exposure.percent([shoved], body.mesh.vertices) < 60.0
+        assert 5.0 < exposure.percent([shoved], body.mesh.vertices) < 60.0
 
 
 def test_what_covers_nothing_shows_nothing(body: Body) -> None:

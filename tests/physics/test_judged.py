@@ -65,4 +65,5 @@ def test_another_library_finds_templates_and_body_apart_at_rest(body: Body) -> N
         resolved, _ = worn.resolve(mesh.vertices, worn.contact_garment(mesh.vertices, mesh.faces))
         skin = (body.mesh.vertices, body.mesh.faces)
         assert not judge.meet(skin, (resolved, mesh.faces))
-        assert 0 < judge.distance(skin, (resolved, mesh.faces), reach=0.02) < SKIN_CLEARANCE + 1e-4
+        nearest = 0.015 if name == "jacket" else SKIN_CLEARANCE + 1e-4  # There is room for a shirt beneath.
+        assert 0 < judge.distance(skin, (resolved, mesh.faces), reach=0.02) < nearest

@@ -1,7 +1,7 @@
 """Making of the templates on a body: cut, remeshed, anchored. Run once; the result ships as data.
 
-`python -m uvcloth.wardrobe.tailor --out DIR` makes all of them as they ship,
-`--garment skirt --vertices 1000` one at another density.
+Run as a module, with `--out DIR`, it makes all of them as they ship, with `--garment skirt --vertices 1000`
+one at another density (docs/garments.md).
 """
 
 import sys
@@ -110,7 +110,7 @@ def tailor(name: str, body: Body, vertices: int) -> Template:
 
 
 def _bodice(name: str, body: Body) -> Bodice | None:
-    """What a skirt hangs from: a dress's upper part, a waistband; None for what has no skirt."""
+    """The part that a skirt hangs from, a dress's upper part or a waistband; None for what has no skirt."""
     vertices, _ = tight_shell(body)
     if name == "skirt":
         return cut_bodice(body, waist_strip(body, vertices, drop=0.0))
@@ -122,7 +122,7 @@ def _bodice(name: str, body: Body) -> Bodice | None:
 
 
 def _pattern(name: str, body: Body, vertices: Array, faces: Indices) -> Pattern:
-    """What a template leaves of its shell (P, 3) m, (Q, 3)."""
+    """The part of its shell (P, 3) m, (Q, 3) that a template keeps."""
     if name == "jacket":
         return cut_pattern(JACKET, body)
     if name in ("dress", "skirt"):
