@@ -10,6 +10,7 @@ from rasterize.charts import boundary_loops
 from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.garments import templates
+from uvcloth.garments.shells import TEMPLATE_SKIRT
 from uvcloth.garments.templates import load_template, save_template, tailored
 from uvcloth.physics.surface import BodySurface
 from uvcloth.wardrobe.tailor import tailor
@@ -36,7 +37,7 @@ def test_the_cut_of_a_skirt_and_the_lift_of_a_jacket_survive_the_file(
     monkeypatch.setattr(templates, "files", lambda package: tmp_path)
     again = load_template.__wrapped__(name)
     assert torch.equal(tailored(again, body).vertices, tailored(template, body).vertices)
-    plain = replace(template, lift=torch.zeros_like(template.lift), skirt=templates.TEMPLATE_SKIRT)
+    plain = replace(template, lift=torch.zeros_like(template.lift), skirt=TEMPLATE_SKIRT)
     assert not torch.allclose(tailored(plain, body).vertices, tailored(template, body).vertices, atol=5e-3)
 
 
