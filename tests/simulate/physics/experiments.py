@@ -1,7 +1,9 @@
 """What engines make of scenes whose outcome physics knows: one experiment and its figures a function."""
 
+import itertools
 import math
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import torch
@@ -10,9 +12,12 @@ from scipy.special import j0
 from torch import Tensor
 
 from tests.simulate.physics.scenes import FPS, G, disc, play, scene, sheet, turned_about_y, turning_points
+from uvcloth.bodies.body import load_body
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import face_pairs
 from uvcloth.physics.energies import hinge_angles
 from uvcloth.physics.fabric import Fabric
+from uvcloth.simulate.cloth import join
 
 LIMP = Fabric(drag=0.0, bend=1e-7)
 """Cloth without air that hardly resists bending."""
@@ -185,3 +190,67 @@ def cantilever(engine: Any, edges: int = 8, seconds: float = 2.0) -> tuple[float
     tip = moved[-10:, rest[:, 0] > rest[:, 0].max() - 1e-6].mean((0, 1))
     angle = math.atan2(-float(tip[2]), float(tip[0]) - 2.5 * edge)
     return length * (math.cos(angle / 2.0) / (8.0 * math.tan(angle))) ** (1.0 / 3.0), math.degrees(angle)
+
+
+@dataclass(frozen=True)
+class Hem:
+    """Swing of a skirt's hem after a stop.
+
+    periods: (s), from each crossing of the middle to the next but one. extremes: (m), of each half swing.
+    motion: (F, N, 3) m.
+    """
+
+    periods: tuple[float, ...]
+    extremes: tuple[float, ...]
+    motion: Tensor
+
+
+STOP = 1.4
+"""Seconds after which the waist of `skirt_swing` stands still."""
+
+
+def skirt_swing(engine: Any, seconds: float = 4.5) -> Hem:
+    """Skirt of the dress, its waist held, carried sideways at 1 m/s and stopped, with no body in it."""
+    rest, faces = dress_skirt()
+    time = torch.arange(round(seconds * FPS) + 1) / FPS
+    speed = _smooth((time - 0.6) / 0.3) - _smooth((time - (STOP - 0.1)) / 0.1)
+    way = torch.cumsum(speed, 0) / FPS
+    held = scene(rest, faces, seconds, held=rest[:, 2] > rest[:, 2].max() - 0.07)
+    held = replace(held, mass_factor=torch.where(held.band, 30.0, 1.0))
+    carried = torch.stack([way, torch.zeros_like(way), torch.zeros_like(way)], 1)
+    motion = play(engine, replace(held, skinned=held.skinned + carried[:, None]))
+    hem = rest[:, 2] < rest[:, 2].quantile(0.06)
+    swing = (motion[:, hem, 0] - rest[hem, 0]).mean(1) - way
+    swing = swing[round((STOP + 0.05) * FPS) :]
+    swing = swing - swing[-round(FPS) :].median()
+    crossed = torch.nonzero(swing[1:] * swing[:-1] < 0).squeeze(1)
+    times = (crossed + swing[crossed] / (swing[crossed] - swing[crossed + 1])) / FPS
+    halves = [swing[a + 1 : b + 1] for a, b in itertools.pairwise(crossed.tolist())]
+    return Hem(
+        tuple((times[2:] - times[:-2]).tolist()),
+        tuple(float(half[half.abs().argmax()]) for half in halves),
+        motion,
+    )
+
+
+@cache
+def dress_skirt() -> tuple[Tensor, Tensor]:
+    """The dress that ships from a hand's breadth over its waist down: vertices (N, 3) m, faces."""
+    cloth = join(fit_template("dress", load_body()), load_body())
+    vertices = cloth.garment.mesh.vertices[cloth.kept]
+    below = vertices[:, 2] < _waist(vertices) + 0.06
+    used, faces = cloth.faces[below[cloth.faces].all(1)].unique(return_inverse=True)
+    return vertices[used], faces
+
+
+def _waist(vertices: Tensor) -> float:
+    """Height at which a dress is narrowest from side to side."""
+    low, high = vertices[:, 2].aminmax()
+    heights = torch.linspace(float(low) + 0.3, float(high) - 0.25, 40)
+    widths = [vertices[(vertices[:, 2] - height).abs() < 0.02, 0] for height in heights]
+    return float(heights[torch.stack([x.max() - x.min() for x in widths]).argmin()])
+
+
+def _smooth(share: Tensor) -> Tensor:
+    share = share.clamp(0.0, 1.0)
+    return share * share * (3.0 - 2.0 * share)

@@ -239,6 +239,7 @@ def _advance(
     count = len(positions)
     step = seconds / np.float32(substeps)
     forces = np.empty_like(positions)
+    rounded = np.zeros((count, 3), np.float64)
     normals, body_boxes = np.empty_like(body_start), np.empty((len(body.tree.ranges), 6), np.float32)
     sheet_boxes = np.empty((len(sheet.tree.ranges), 6), np.float32)
     cones = np.empty((len(sheet.tree.ranges), 5), np.float32)
@@ -268,7 +269,10 @@ def _advance(
         for i in range(count):
             for j in range(3):
                 velocities[i, j] += step * particles.inverse_mass[i] * forces[i, j]
-                positions[i, j] += step * velocities[i, j]
+                # In float32 alone, what a slow vertex moves in a substep is lost in rounding.
+                exact = np.float64(positions[i, j]) + rounded[i, j] + np.float64(step) * velocities[i, j]
+                positions[i, j] = np.float32(exact)
+                rounded[i, j] = exact - np.float64(positions[i, j])
         if self_interval > 0:
             if substep % self_interval == 0:
                 pairs = find_pairs(sheet, positions, self_radius + self_margin, pairs, sheet_boxes, cones)
