@@ -162,8 +162,10 @@ def _simulate_job(
     # The last of the targets is written last: where it is, all are.
     place = Place(here / folder, here / job.targets[-1])
 
+    name = place.target.relative_to(place.folder).with_suffix("").as_posix()
+
     def report(made: int) -> None:
-        get_worker().log_event(FRAMES_TOPIC, (place.target.stem, made))
+        get_worker().log_event(FRAMES_TOPIC, (name, made))
 
     made = simulate(job.motion, job.warm_up, job.cloths, job.body, engine, LEAD_IN, report, place)
     examined = [
