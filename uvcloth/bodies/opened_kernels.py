@@ -13,7 +13,10 @@ import numba
 import numpy as np
 
 REACH = 0.08
-"""Metres within which points of two parts act on each other."""
+"""Metres within which points of two parts act on each other: deeper ones have no way out."""
+
+FACING = 0.5
+"""Cosine between normals below which two skins face each other: the far side of a limb does not count."""
 
 ROUNDS = 5
 """Times that distances are measured and pushes corrected."""
@@ -189,7 +192,7 @@ def _find_pairs(
         most += counts[side] * counts[side + 1]
     first, second = np.empty(most, np.int32), np.empty(most, np.int32)
     facing, total = np.empty(most, np.float32), 0
-    reach, half, scale = np.float32(REACH * REACH), np.float32(0.5), np.float32(1.0 / 1.5)
+    reach, cosine, scale = np.float32(REACH * REACH), np.float32(FACING), np.float32(1.0 / (1.0 + FACING))
     for side in range(0, len(counts), 2):
         begin = plan.starts[side + 1]
         end = begin + counts[side + 1]
@@ -209,7 +212,7 @@ def _find_pairs(
                     x, y, z = places[j, 0] - px, places[j, 1] - py, places[j, 2] - pz
                     if x * x + y * y + z * z < reach:
                         along = nx * normals[j, 0] + ny * normals[j, 1] + nz * normals[j, 2]
-                        against = (half - along) * scale
+                        against = (cosine - along) * scale
                         if against > 0:
                             first[total], second[total], facing[total] = i, j, against * against
                             total += 1
