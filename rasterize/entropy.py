@@ -18,11 +18,12 @@ MOST_DIGITS = 24
 CHECKED = 4
 """Bytes of the checksum of the numbers."""
 
-LEAST_BYTES = 4096
-"""Bytes for which the numbers of one more or less are not counted in MOST_PER_BYTE."""
+MOST_NUMBERS = 1 << 27
+"""Numbers of an array, which take a gigabyte."""
 
-MOST_PER_BYTE = 30_000
-"""Numbers that a byte of code can hold: each takes 1/4096 of a likely decision, at least."""
+MOST_PER_BYTE, LEAST_BYTES = 30_000, 256
+"""Numbers that a byte of code can hold, as likely decisions take 1/2,000 of a bit; and bytes by which code
+counts as longer, for short ones."""
 
 AXES = 3
 """Numbers of the last axis that belong together: the coordinates of a wave."""
@@ -64,8 +65,10 @@ def encode(values: np.ndarray, stride: int) -> np.ndarray:
     """Encode whole numbers (T, K, C) to bytes (B,) uint8, of which the first four are a checksum.
 
     C is a multiple of AXES. Sizes are expected to change little along K, and along T to the next and by the
-    stride. Raises ValueError for numbers of more than MOST_DIGITS digits.
+    stride. Raises ValueError for numbers of more than MOST_DIGITS digits, or more than MOST_NUMBERS.
     """
+    if values.size > MOST_NUMBERS:
+        raise ValueError("points and frames are too many")
     if np.abs(values).max(initial=0) >= 1 << MOST_DIGITS:
         raise ValueError("points are too far away, or too fast")
     digits = np.frexp(np.abs(values).astype(np.float64))[1].astype(np.int64)
@@ -80,7 +83,7 @@ def decode(code: np.ndarray, shape: tuple[int, int, int], stride: int) -> np.nda
 
     Raises ValueError if the bytes are damaged, or not of so many numbers.
     """
-    if np.prod(shape, dtype=np.float64) > MOST_PER_BYTE * (LEAST_BYTES + len(code)):
+    if np.prod(shape, dtype=np.float64) > min(MOST_PER_BYTE * (LEAST_BYTES + len(code)), MOST_NUMBERS):
         raise ValueError("code is too short for so many numbers")
     values = np.zeros(shape, np.int64)
     # A copy, as what comes from a file may not be writable, for which nothing is compiled.

@@ -51,6 +51,8 @@ def test_what_is_no_code_of_the_numbers_is_refused() -> None:
             decode(wrong, (6, 20, 3), 2)
     with pytest.raises(ValueError, match="too short for so many numbers"):
         decode(code, (100_000, 6000, 6), 2)
+    with pytest.raises(ValueError, match="points and frames are too many"):
+        encode(np.broadcast_to(np.int64(0), (30_000, 6000, 3)), 1)
     with pytest.raises(ValueError, match="too far away, or too fast"):
         encode(np.full((1, 1, 3), -LARGEST - 1), 1)
 

@@ -267,7 +267,7 @@ def load_mesh(folder: Path, garment: str) -> GarmentMesh:
 
 
 def _description(path: Path, content: str) -> dict:
-    """What a packed sequence says of itself; raises InputError naming the file for anything else."""
+    """Description that a packed sequence gives of itself; raises InputError naming the file for others."""
     what = f"{path}: the description"
     description = parse_json(content, what, "that of a packed sequence")
     require_kinds(description, DESCRIPTION, what)
