@@ -10,7 +10,7 @@ from torch import Tensor
 from train.deepsd.dataset import OutfitFrames
 from train.deepsd.losses import MILLI
 from train.deepsd.prediction import DrawnPoses, PosedOutfit, describe, pose_outfits
-from uvcloth.bodies.collider import make_collider
+from uvcloth.bodies.collider import Collider, make_collider
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.deepsd.network import Branch
@@ -39,11 +39,15 @@ PICTURE_SIZE = (300, 400)
 
 @dataclass(frozen=True)
 class HeldOutfit:
-    """An outfit in the Q poses that it is validated in. truth: (Q, U, 3) m, none where it is not known."""
+    """An outfit in the Q poses that it is validated in.
+
+    truth: (Q, U, 3) m, none where it is not known. obstacle: its body; contact: the outfit as it meets it.
+    """
 
     frames: OutfitFrames
     poses: DrawnPoses
     truth: Tensor
+    obstacle: Obstacle
     contact: ContactGarment
 
     @property
@@ -62,20 +66,21 @@ class Validation:
     def __init__(self, held: Sequence[OutfitFrames], device: torch.device) -> None:
         self.device = device
         chosen = [held[index] for index in _spread(len(held), OUTFITS)]
-        self._obstacle = Obstacle(make_collider(chosen[0].body), chosen[0].body.mesh.vertices)
-        self._held = [self._hold(each) for each in chosen]
+        collider = make_collider(chosen[0].body)
+        self._held = [self._hold(each, collider) for each in chosen]
 
-    def _hold(self, frames: OutfitFrames) -> HeldOutfit:
+    def _hold(self, frames: OutfitFrames, collider: Collider) -> HeldOutfit:
         rows = _spread(len(frames.vectors), POSES)
         body, graph = frames.body, frames.graph
-        rest = Obstacle(self._obstacle.collider, body.mesh.vertices)
+        obstacle = Obstacle(collider, body.mesh.vertices)
         return HeldOutfit(
             frames,
             DrawnPoses(
                 frames.vectors[rows][None].to(self.device), frames.transforms[rows][None].to(self.device)
             ),
             frames.vertices[rows] if len(frames.vertices) else frames.vertices,
-            rest.contact_garment(graph.points, torch.cat(graph.faces)),
+            obstacle,
+            obstacle.contact_garment(graph.points, torch.cat(graph.faces)),
         )
 
     @torch.no_grad()
@@ -112,7 +117,7 @@ class Validation:
             measures["smooth_lbs_mm"] = MILLI * (skinned - held.truth).norm(dim=-1).mean()
         bodies = held.bodies()
         some = _spread(len(posed), INSIDE_POSES)
-        inside = self._obstacle.inside_percent(posed[some].contiguous(), held.contact, bodies[some])
+        inside = held.obstacle.inside_percent(posed[some].contiguous(), held.contact, bodies[some])
         return measures | {
             "edge_mm": MILLI * edge_change(posed, graph.points, held.faces).mean(),
             "bend_cos": fold_cosine(posed, held.faces).mean(),

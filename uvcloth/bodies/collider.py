@@ -1,9 +1,9 @@
 """Colliders: the body as closed parts, and the parts that each vertex of cloth may touch.
 
 Mocap pushes thighs into bellies and calves into thighs. Cloth between them belongs there: each part on its
-own says where its outside is, where one surface of the whole body would send it through a leg. Mocap also
-pushes forearms through bellies and hands through skirts, and what meets them there is dragged along: only
-the sleeves around them do.
+own says where its outside is, where one surface of the whole body would send it through a leg. `opened.py`
+gives it room there. Mocap also pushes forearms through bellies and hands through skirts, and what meets them
+there is dragged along: only the sleeves around them do.
 """
 
 import math

@@ -2,9 +2,10 @@
 
 A frame starts from the corrections of the one before, so that folds last and few passes suffice.
 
-Mocap presses arms into ribs and thighs into bellies. A vertex touches only the parts of the body that it lies
-beside at rest, as in the simulations; other parts do not act on it. Where two of its own parts leave no room
-for it, pushing leads nowhere: it is left where the edges have it and counted as squeezed.
+Mocap presses arms into ribs and thighs into bellies: such parts are opened first. A vertex touches only
+the parts of the body that it lies beside at rest, as in the simulations; other parts do not act on it. Where
+two of its own parts still leave no room for it, pushing leads nowhere: it is left where the edges have it and
+counted as squeezed.
 
 A garment over others stays on their outer side wherever they cover it. Vertices on their inner side at rest,
 as those of a shirt that is tucked in, and these garments do not act on each other.
