@@ -60,7 +60,7 @@ FabricName = Literal["jersey", "cotton", "silk", "denim"]
 FABRICS: dict[str, Fabric] = {
     "jersey": JERSEY,
     "cotton": Fabric(density=0.15, stretch=60.0, bend=2.0e-5),
-    "silk": Fabric(density=0.08, stretch=50.0, bend=4.5e-6, friction=0.25),
+    "silk": Fabric(density=0.08, stretch=50.0, bend=2.0e-6, friction=0.25),
     "denim": Fabric(density=0.35, stretch=80.0, bend=8.0e-5, friction=0.5),
 }
 """Fabrics by name."""

@@ -39,7 +39,7 @@ class Explicit:
     """The explicit solver (`uvcloth.physics.cloth`).
 
     settings: of the solver. more_substeps: factor on the number of substeps. hold: 1/s, the frequency of the
-    soft attachment of the band. bend_gain: factor on the fabric's bending rigidity on coarse meshes.
+    soft attachment of the band.
     """
 
     name: str = "uvcloth.explicit"
@@ -47,7 +47,6 @@ class Explicit:
     settings: Settings = field(default_factory=Settings)
     more_substeps: float = 1.0
     hold: float = 100.0
-    bend_gain: float = 2.0
 
     def describe(self) -> dict[str, Any]:
         """Describe engine, versions and settings, as `Engine` says."""
@@ -93,7 +92,6 @@ class Explicit:
             self.fabric,
             mass_factor=scene.mass_factor.numpy(),
             thickness=scene.inner_thickness.numpy(),
-            bend_gain=self.bend_gain,
         )
         settings = replace(self.settings, safety=self.settings.safety / self.more_substeps)
         return make_solver(

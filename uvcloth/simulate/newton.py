@@ -23,9 +23,6 @@ STRIDE_SHARE = 0.85
 MAX_SUBSTEPS = 200
 """Most substeps of a frame: enough for 25 m/s on the body; cloth that flies apart is not followed."""
 
-COARSER = 0.15
-"""Share by which edges are longer than fine ones where bending has its full factor."""
-
 # Versions are looked up in files, and an engine is described once for every sequence of a folder.
 _version = cache(version)
 
@@ -38,10 +35,7 @@ class Newton:
     radius: m, kept between cloth and body. self_radius: m, kept between cloth and cloth; self_reach: m more
     within which cloth is watched. contact_reach: m, how deep in a part of the body cloth may be and still
     find its way out. creep: m/s of sliding below which friction fades.
-    hold: 1/s, the frequency of the soft attachment of the band. bend_gain: factor on the fabric's bending
-    rigidity on coarse meshes: on edges of 19 mm, as dresses have, a disc drapes with twice the rigidity as
-    one with edges of 9 to 15 mm does with its own (tests/simulate/physics). fine_edges: m, edges up to
-    which bending needs no factor; it is full for those 15 % longer.
+    hold: 1/s, the frequency of the soft attachment of the band.
     """
 
     name: str = "newton.SolverVBD"
@@ -56,8 +50,6 @@ class Newton:
     contact_damping: float = 1e-2
     creep: float = 1e-3
     hold: float = 100.0
-    bend_gain: float = 2.0
-    fine_edges: float = 0.0165
 
     @property
     def stride(self) -> float:
@@ -273,13 +265,9 @@ def _set_bending(model: Any, settings: Newton) -> None:
     first, second, start, end = (points[edges[:, corner].clamp(min=0)] for corner in range(4))
     along = end - start
     lengths = along.norm(dim=1)
-    coarse = ((lengths / settings.fine_edges - 1.0) / COARSER).clamp(0.0, 1.0)
-    rigidity = settings.fabric.bend * torch.lerp(
-        torch.ones_like(coarse), torch.full_like(coarse, settings.bend_gain), coarse
-    )
     doubled = sum(torch.linalg.cross(along, tip - start).norm(dim=1) for tip in (first, second))
     properties = torch.from_numpy(model.edge_bending_properties.numpy())
-    properties[:, 0] = rigidity * 2.0 * lengths / doubled
+    properties[:, 0] = settings.fabric.bend * 2.0 * lengths / doubled
     model.edge_bending_properties.assign(properties.numpy())
 
 

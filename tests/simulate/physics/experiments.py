@@ -153,11 +153,12 @@ def friction_angle(fabric: Fabric) -> float:
     return math.degrees(math.atan(fabric.friction))
 
 
-def drape(engine: Any, rings: int = 8, seconds: float = 1.5) -> float:
+def drape(engine: Any, rings: int = 10, seconds: float = 1.5) -> float:
     """Cusick's drape coefficient of the engine's fabric in air thick enough that it comes to rest.
 
     Share of the ring outside of the support that the shadow of the disc covers. The disc is clamped over its
-    support, as in the apparatus, and starts uneven by 0.2 mm, or it could not choose its folds.
+    support, as in the apparatus (a ring of the mesh lies on its edge only if their number is a multiple of
+    five), and starts uneven by 0.2 mm, or it could not choose its folds.
     """
     rest, faces = disc(DISC, rings)
     held = rest.norm(dim=1) < SUPPORT + 1e-4

@@ -20,9 +20,6 @@ Integers = NDArray[np.integer]
 AIR_DENSITY = 1.2
 """Density of air at 20 degrees, kg/m3."""
 
-COARSER = 0.15
-"""Share by which edges are longer than fine ones where bending has its full factor."""
-
 
 class Particles(NamedTuple):
     """Vertices of cloth.
@@ -85,17 +82,14 @@ def make_cloth(
     thickness: Floats | None = None,
     compression: float = 1.0,
     damping: Damping = Damping(),
-    bend_gain: float = 1.0,
-    fine_edges: float = 0.0165,
-    added_inertia: float = 0.01,
+    moved_mass: float = 0.01,
 ) -> Cloth:
     """Make cloth of a mesh at rest, (N, 3) m and (M, 3).
 
     mass_factor: (N,) on the mass of vertices; gravity pulls what they weigh without it. thickness: (N,) m of
-    other cloth beneath. compression: share of the membrane's stiffness that is left in compression. bend_gain:
-    factor on the bending rigidity of edges that are longer than `fine_edges`, m, full for those 15 % longer.
-    added_inertia: share of the cloth's mass by which its stiffest vertices may be made more inert, so that a
-    few small faces do not decide the step (selective mass scaling: Olovsson et al. 2005). Weight stays.
+    other cloth beneath. compression: share of the membrane's stiffness that is left in compression.
+    moved_mass: share of the mass that is moved to the stiffest vertices, so that a few small faces do not decide
+    the step (after selective mass scaling: Olovsson et al. 2005).
     """
     faces = np.ascontiguousarray(faces, np.int32)
     rest = np.ascontiguousarray(rest, np.float64)
@@ -107,12 +101,13 @@ def make_cloth(
     shear = fabric.stretch / (2.0 * (1.0 + fabric.poisson))
     spread = fabric.stretch * fabric.poisson / (1.0 - fabric.poisson**2)
     stiffness = (2.0 * shear + spread) * _corner_stiffness(faces, area, inverse, len(rest))
-    heavy = _more_inert(mass * factor, stiffness, added_inertia * mass.sum())
+    own = _redistributed(mass, factor, stiffness, moved_mass)
+    heavy = own + (factor - 1.0) * mass
     return Cloth(
         Particles(
             mass=heavy.astype(np.float32),
             inverse_mass=(1.0 / heavy).astype(np.float32),
-            weight=(mass / heavy).astype(np.float32),
+            weight=(own / heavy).astype(np.float32),
             thickness=np.zeros(len(rest), np.float32)
             if thickness is None
             else np.ascontiguousarray(thickness, np.float32),
@@ -128,7 +123,7 @@ def make_cloth(
             damping=np.float32(2.0 * damping.stretch * (shear + spread)),
             pressure=np.float32(0.5 * AIR_DENSITY * fabric.drag),
         ),
-        _hinges(rest, faces, fabric.bend, damping.bend, bend_gain, fine_edges),
+        _hinges(rest, faces, fabric.bend, damping.bend),
         _sheet(rest, faces),
         fabric.friction,
     )
@@ -153,19 +148,18 @@ def _corner_stiffness(faces: Integers, area: NDArray, inverse: NDArray, count: i
     return stiffness
 
 
-def _more_inert(mass: NDArray, stiffness: NDArray, added: float) -> NDArray:
-    """Masses (N,) kg with so much added, kg, where the frequency is highest: the same for all of these."""
-    squared = stiffness / mass
+def _redistributed(mass: NDArray, factor: NDArray, stiffness: NDArray, share: float) -> NDArray:
+    """Masses (N,) kg, of the same sum, with a share of it moved to where the frequency is highest."""
+    heavy = factor * mass
+    squared = stiffness / heavy
     order = np.argsort(-squared)
-    stiff, heavy = np.cumsum(stiffness[order]), np.cumsum(mass[order])
-    limits = stiff / (heavy + added)
-    count = max(1, int((limits < squared[order]).sum()))
-    return np.maximum(mass, stiffness / limits[count - 1]) if added > 0.0 else mass
+    limits = np.cumsum(stiffness[order]) / (np.cumsum(heavy[order]) + share * mass.sum())
+    limit = limits[max(int((limits < squared[order]).sum()), 1) - 1]
+    own = mass + np.maximum(stiffness / limit - heavy, 0.0)
+    return own * (mass.sum() / own.sum())
 
 
-def _hinges(
-    rest: NDArray[np.float64], faces: Integers, bend: float, damping: float, gain: float, fine_edges: float
-) -> Hinges:
+def _hinges(rest: NDArray[np.float64], faces: Integers, bend: float, damping: float) -> Hinges:
     """Hinges whose stiffness makes a mesh of any resolution bend like a plate.
 
     An edge of length l between faces of areas a and b stores B l^2 / (a + b) / 2 times its angle squared
@@ -181,12 +175,11 @@ def _hinges(
     lengths = np.linalg.norm(along, axis=1)
     n0, n1 = np.cross(a - first, b - first), np.cross(b - second, a - second)
     doubled = np.linalg.norm(n0, axis=1) + np.linalg.norm(n1, axis=1)
-    coarse = np.clip((lengths / fine_edges - 1.0) / COARSER, 0.0, 1.0)
     sine = (np.cross(n0, n1) * along).sum(1) / np.maximum(lengths, 1e-12)
     return Hinges(
         count=len(pairs),
         corners=_padded(np.concatenate([opposite, pairs], 1).T, np.uint32),
-        stiffness=_padded(2.0 * bend * (1.0 + (gain - 1.0) * coarse) * lengths**2 / doubled, np.float32),
+        stiffness=_padded(2.0 * bend * lengths**2 / doubled, np.float32),
         rest=_padded(np.arctan2(sine, (n0 * n1).sum(1)), np.float32),
         damping=np.float32(damping),
     )
