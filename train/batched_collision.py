@@ -8,6 +8,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import collider_near, make_collider
+from uvcloth.bodies.opened import Opening, make_opening
 from uvcloth.geometry.records import to_device
 from uvcloth.geometry.skinning import skin
 from uvcloth.physics import kernels
@@ -62,9 +63,13 @@ class PosedParts:
         touched = self._collider.touches(points, body.mesh.vertices.to(points))
         return (touched * 2 ** torch.arange(len(touched), device=points.device)[:, None]).sum(0).int()
 
-    def move(self, vertices: Tensor) -> None:
-        """Move to the poses of a body (B, V, 3) m, no more than `count`."""
-        placed = self._collider.vertices(vertices).flatten(0, 1)
+    def opening(self, body: Body) -> Opening:
+        """How the parts of a body are opened."""
+        return make_opening(self._collider, body.mesh.vertices)
+
+    def move(self, vertices: Tensor, opening: Opening) -> None:
+        """Move to the poses of a body (B, V, 3) m, no more than `count`, opened."""
+        placed = opening.opened(self._collider.vertices(vertices)).flatten(0, 1)
         self._meshes.update(torch.cat([placed, self._meshes.points[len(placed) :]]))
 
     def planes(self, points: Tensor, touches: Tensor, near: float) -> Planes:

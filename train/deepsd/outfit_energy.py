@@ -10,6 +10,7 @@ from train.deepsd.dataset import OutfitFrames
 from train.deepsd.losses import PhysicsLosses
 from train.deepsd.prediction import PosedOutfit
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.opened import Opening
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.operators import Operator
@@ -21,11 +22,13 @@ from uvcloth.physics.energies import RestShape, bend_energy, collision_energy, e
 class Cloth:
     """An outfit at rest as the energies need it.
 
-    touches: (U,) int32, the parts of the body that each point may touch. average: over neighbours.
+    touches: (U,) int32, the parts of the body that each point may touch; opening: of these parts.
+    average: over neighbours.
     """
 
     shape: RestShape
     touches: Tensor
+    opening: Opening
     average: Operator
     layers: list[InnerLayer]
 
@@ -48,7 +51,7 @@ class OutfitEnergy:
             energies["bend"] = normal_energy(normals, cloth.average, losses.bend)
         else:
             energies["bend"] = bend_energy(posed, cloth.shape, losses.bend)
-        self._parts.move(posed_skin(frames.body, transforms))
+        self._parts.move(posed_skin(frames.body, transforms), cloth.opening)
         planes = self._parts.planes(posed, cloth.touches, losses.thickness)
         met = [collision_energy(planes.distance(posed), losses.thickness, losses.collision)]
         for layer in cloth.layers:
@@ -68,6 +71,7 @@ class OutfitEnergy:
             self._known[id(frames)] = Cloth(
                 shape=rest_shape(points, torch.cat(faces), 0.0),
                 touches=self._parts.touches(points, frames.body),
+                opening=self._parts.opening(frames.body),
                 average=pack([graph], self.device).average,
                 layers=inner_layers(points, pieces, self.count) if losses.layers else [],
             )

@@ -18,6 +18,7 @@ from torch import Tensor
 from uvcloth.bodies.collider import Collider
 from uvcloth.bodies.opened_kernels import BLOCK, Plan, along_skin, distances, open_frames, thin_out
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
+from uvcloth.geometry.records import CPU, to_device
 
 GAP = 0.012
 """Metres of room between two parts: for two layers of cloth that each keep some millimetres off the skin."""
@@ -53,9 +54,9 @@ class Opening:
 
 def make_opening(collider: Collider, body_vertices: Tensor) -> Opening:
     """Opening of a collider's pressed parts, of a body with vertices (V, 3) m at rest."""
-    body = body_vertices.detach().to("cpu", torch.float32)
+    body, collider = body_vertices.detach().to("cpu", torch.float32), to_device(collider, CPU)
     rest, count = body.numpy(), len(body) + len(collider.rims)
-    skins = [part.cpu()[(part.cpu() < len(body)).all(1)] for part in collider.parts]
+    skins = [part[(part < len(body)).all(1)] for part in collider.parts]
     own = [skin.unique().numpy() for skin in skins]
     sides = [side for a, b in collider.pressed if len(own[a]) and len(own[b]) for side in ((a, b), (b, a))]
     graph = _skin_graph(body, torch.cat(skins), count)
@@ -67,7 +68,7 @@ def make_opening(collider: Collider, body_vertices: Tensor) -> Opening:
         _close_together(rest, np.setdiff1d(own[part][clear[own[part]] >= 0], own[other]))
         for part, other in sides
     ]
-    points, rims = _joined(chosen), [rim[:, 0].cpu().numpy() for rim in collider.rims]
+    points, rims = _joined(chosen), [rim[:, 0].numpy() for rim in collider.rims]
     spread = along_skin(graph.indptr, graph.indices, graph.data, clear, LONGEST_PUSH / SLOPE)
     ring_starts, rings = _rings(torch.cat(skins), count)
     allowed = [_allowed(own[other], graph) for _, other in sides]

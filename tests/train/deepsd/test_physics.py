@@ -106,7 +106,7 @@ def test_planes_are_those_of_contact_on_bodies_of_two_shapes(dataset: OutfitData
     for body in (stout, dataset.body):
         touches = parts.touches(hips.graph.points, body)
         bodies = skin(body.mesh.vertices, body.weights, hips.transforms[:2])
-        parts.move(bodies)
+        parts.move(bodies, parts.opening(body))
         distance = parts.planes(posed, touches, near=0.01).distance(posed)
         obstacle = Obstacle(make_collider(body), body.mesh.vertices)
         garment = obstacle.contact_garment(hips.graph.points, torch.cat(hips.graph.faces))
