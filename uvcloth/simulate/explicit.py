@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from uvcloth.physics.cloth.body_contact import make_body
-from uvcloth.physics.cloth.cloth import make_cloth
+from uvcloth.physics.cloth.cloth import Damping, make_cloth
 from uvcloth.physics.cloth.self_contact import Pairs
 from uvcloth.physics.cloth.solver import (
     Motion,
@@ -38,12 +38,14 @@ _version = cache(version)
 class Explicit:
     """The explicit solver (`uvcloth.physics.cloth`).
 
-    settings: of the solver. more_substeps: factor on the number of substeps. hold: 1/s, the frequency of the
-    soft attachment of the band.
+    damping, moved_mass: of the cloth, as `make_cloth` says. settings: of the solver. more_substeps: factor on
+    the number of substeps. hold: 1/s, the frequency of the soft attachment of the band.
     """
 
     name: str = "uvcloth.explicit"
     fabric: Fabric = field(default_factory=Fabric)
+    damping: Damping = field(default_factory=Damping)
+    moved_mass: float = 0.01
     settings: Settings = field(default_factory=Settings)
     more_substeps: float = 1.0
     hold: float = 100.0
@@ -92,6 +94,8 @@ class Explicit:
             self.fabric,
             mass_factor=scene.mass_factor.numpy(),
             thickness=scene.inner_thickness.numpy(),
+            damping=self.damping,
+            moved_mass=self.moved_mass,
         )
         settings = replace(self.settings, safety=self.settings.safety / self.more_substeps)
         return make_solver(

@@ -70,16 +70,17 @@ def no_pairs() -> Pairs:
 
 
 @compiled
-def find_pairs(sheet, positions, margin, before, boxes, cones):
-    """Find the pairs of the cloth within margin, m.
+def find_pairs(sheet, positions, velocities, margin, interval, before, boxes, speeds, cones):
+    """Find the pairs of the cloth that are within margin, m, or may get there within an interval, s.
 
-    before: pairs whose sides are remembered. boxes: (T, 6), cones: (T, 5) are filled. A patch of the mesh whose
+    before: pairs whose sides are remembered. boxes, speeds: (T, 6), cones: (T, 5) are filled. A patch of the mesh whose
     normals lie in a narrow cone is not tested against itself (Volino and Magnenat-Thalmann 1994): at a half
     angle a, points that are `spacing` apart along it keep a distance of spacing cos(a), more than the margin.
     """
     tree = sheet.tree
     flat = max(margin / sheet.spacing, LEAST_FLAT)
     refit(tree, sheet.faces, positions, boxes)
+    refit(tree, sheet.faces, velocities, speeds)
     _fit_cones(sheet, positions, cones)
     roots = len(tree.roots)
     stack = np.empty((roots * roots + 2 * DEPTH, 2), np.int32)
@@ -103,14 +104,15 @@ def find_pairs(sheet, positions, margin, before, boxes, cones):
             stack[top + 2, 0], stack[top + 2, 1] = left, right
             top += 3
             continue
-        if _apart(boxes, a, b, margin) or _one_patch(sheet, cones, a, b, flat):
+        if _apart(boxes, speeds, a, b, margin, interval) or _one_patch(sheet, cones, a, b, flat):
             continue
         if tree.children[a, 0] < 0 and tree.children[b, 0] < 0:
             f, g = tree.order[tree.ranges[a, 0]], tree.order[tree.ranges[b, 0]]
+            watched = margin + interval * _relative_speed(speeds, a, b)
             if (
                 _share_vertex(sheet.faces, f, g)
-                or _off_plane(sheet.faces, positions, f, load(cones, a), g, margin)
-                or _off_plane(sheet.faces, positions, g, load(cones, b), f, margin)
+                or _off_plane(sheet.faces, positions, f, load(cones, a), g, watched)
+                or _off_plane(sheet.faces, positions, g, load(cones, b), f, watched)
             ):
                 continue
             if points + 6 > len(near):
@@ -118,9 +120,9 @@ def find_pairs(sheet, positions, margin, before, boxes, cones):
             if edges + 9 > len(crossed):
                 crossed = _longer(crossed)
             for _ in range(2):
-                points = _find_points(sheet, positions, f, g, margin, near, points)
+                points = _find_points(sheet, positions, f, g, watched, near, points)
                 f, g = g, f
-            edges = _find_edges(sheet, positions, f, g, margin, crossed, edges)
+            edges = _find_edges(sheet, positions, f, g, watched, crossed, edges)
             continue
         halve_a = first_is_halved(tree, a, b)
         for side in range(2):
@@ -131,11 +133,27 @@ def find_pairs(sheet, positions, margin, before, boxes, cones):
 
 
 @inlined
-def _apart(boxes, a, b, margin):
+def _apart(boxes, speeds, a, b, margin, interval):
+    """True for two nodes that stay farther apart than margin, m, along an axis for an interval, s."""
     for j in range(3):
-        if boxes[a, j] > boxes[b, 3 + j] + margin or boxes[b, j] > boxes[a, 3 + j] + margin:
+        a_below = max(speeds[a, 3 + j] - speeds[b, j], ZERO)
+        b_below = max(speeds[b, 3 + j] - speeds[a, j], ZERO)
+        if (
+            boxes[a, j] > boxes[b, 3 + j] + margin + interval * b_below
+            or boxes[b, j] > boxes[a, 3 + j] + margin + interval * a_below
+        ):
             return True
     return False
+
+
+@inlined
+def _relative_speed(speeds, a, b):
+    """Greatest speed, m/s, of a part of one node relative to a part of the other."""
+    total = ZERO
+    for j in range(3):
+        along = max(speeds[a, 3 + j] - speeds[b, j], speeds[b, 3 + j] - speeds[a, j])
+        total += along * along
+    return math.sqrt(total)
 
 
 @inlined

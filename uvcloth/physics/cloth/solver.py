@@ -36,20 +36,19 @@ class Settings:
 
     safety: share of the longest stable step that is taken. substeps: per second at least. radius: m, kept
     between cloth and body. self_radius: m, kept between cloth and cloth; self_margin: m more within which cloth
-    is watched. self_contact: False leaves it out. reach: m, how near the body, and how deep in it, cloth is
-    looked for. body_interval: s between two searches for the closest faces of the body. self_intervals: s,
-    shortest and longest, between two searches for cloth near cloth; the faster cloth moves, the shorter.
+    is watched, and what it moves at its relative speed until the next search. self_contact: False leaves it out.
+    reach: m, how near the body, and how deep in it, cloth is looked for. interval: s between two searches for
+    the closest faces of the body and for cloth near cloth.
     """
 
     safety: float = 0.6
     substeps: int = 0
     radius: float = 0.004
     self_radius: float = 0.003
-    self_margin: float = 0.005
+    self_margin: float = 0.003
     self_contact: bool = True
     reach: float = 0.03
-    body_interval: float = 1.0 / 120.0
-    self_intervals: tuple[float, float] = (1.0 / 300.0, 1.0 / 90.0)
+    interval: float = 1.0 / 120.0
 
 
 @dataclass(frozen=True)
@@ -165,8 +164,8 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
             velocities,
             state.pairs,
             substeps,
-            max(1, round(substeps * settings.body_interval / motion.seconds)),
-            _self_interval(settings, speeds, substeps, motion.seconds),
+            max(1, round(substeps * settings.interval / motion.seconds)),
+            settings.self_contact,
             np.float32(motion.seconds),
             np.float32(settings.radius),
             np.float32(settings.self_radius),
@@ -199,16 +198,6 @@ def _substeps(solver: Solver, positions: Floats, seconds: float) -> int:
     return max(1, math.ceil(settings.substeps * seconds), math.ceil(min(needed, most)))
 
 
-def _self_interval(settings: Settings, velocities: Floats, substeps: int, seconds: float) -> int:
-    """Substeps between two searches for cloth near cloth, 0 for none."""
-    if not settings.self_contact:
-        return 0
-    shortest, longest = settings.self_intervals
-    fastest = float(np.linalg.norm(velocities, axis=1).max(initial=0.0))
-    interval = min(max(settings.self_margin / (2.0 * max(fastest, 1e-6)), shortest), longest)
-    return max(1, round(interval * substeps / seconds))
-
-
 @compiled
 def _advance(
     membrane,
@@ -225,8 +214,8 @@ def _advance(
     velocities,
     pairs,
     substeps,
-    body_interval,
-    self_interval,
+    interval,
+    self_contact,
     seconds,
     radius,
     self_radius,
@@ -242,6 +231,7 @@ def _advance(
     rounded = np.zeros((count, 3), np.float64)
     normals, body_boxes = np.empty_like(body_start), np.empty((len(body.tree.ranges), 6), np.float32)
     sheet_boxes = np.empty((len(sheet.tree.ranges), 6), np.float32)
+    sheet_speeds = np.empty_like(sheet_boxes)
     cones = np.empty((len(sheet.tree.ranges), 5), np.float32)
     points = np.empty_like(body_start)
     pulled = np.nonzero(pull)[0]
@@ -273,9 +263,19 @@ def _advance(
                 exact = np.float64(positions[i, j]) + rounded[i, j] + np.float64(step) * velocities[i, j]
                 positions[i, j] = np.float32(exact)
                 rounded[i, j] = exact - np.float64(positions[i, j])
-        if self_interval > 0:
-            if substep % self_interval == 0:
-                pairs = find_pairs(sheet, positions, self_radius + self_margin, pairs, sheet_boxes, cones)
+        if self_contact:
+            if substep % interval == 0:
+                pairs = find_pairs(
+                    sheet,
+                    positions,
+                    velocities,
+                    self_radius + self_margin,
+                    step * np.float32(interval),
+                    pairs,
+                    sheet_boxes,
+                    sheet_speeds,
+                    cones,
+                )
                 point_wait = np.zeros(len(pairs.points), np.int32)
                 edge_wait = np.zeros(len(pairs.edges), np.int32)
             resolve_pairs(
@@ -291,7 +291,7 @@ def _advance(
                 step,
             )
         if parts > 0:
-            if substep % body_interval == 0:
+            if substep % interval == 0:
                 for i in range(len(points)):
                     for j in range(3):
                         points[i, j] = (ONE - share) * body_start[i, j] + share * body_end[i, j]
