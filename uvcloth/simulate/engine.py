@@ -44,8 +44,8 @@ class Scene:
 class Frame:
     """Cloth at one frame of a scene.
 
-    index: of the frame. vertices: (N, 3) m. memory: (K,) all numbers that the engine remembers there, from which it
-    makes the frames after it again, the same to the byte; None if it cannot.
+    index: of the frame. vertices: (N, 3) m. memory: (K,) all numbers that the engine remembers there, from
+    which it makes the frames after it again, the same to the byte; None if it cannot.
     """
 
     index: int

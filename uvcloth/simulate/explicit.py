@@ -112,7 +112,7 @@ def _compact(parts: tuple[Tensor, ...]) -> tuple[Tensor, list[NDArray]]:
 
 
 def _memory(state: State) -> Tensor:
-    """All that a state remembers, but for its frame of reference, as numbers (K,): indices are exact in float32."""
+    """All that a state remembers but its frame of reference: (K,), float32 holds indices exactly."""
     pairs = state.pairs
     arrays = (state.positions, state.velocities, pairs.points, pairs.sides, pairs.edges, pairs.directions)
     sizes = [len(pairs.points), len(pairs.edges)]

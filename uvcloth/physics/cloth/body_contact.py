@@ -23,6 +23,9 @@ from uvcloth.physics.cloth.vectors import (
     TINY,
     TWO,
     ZERO,
+    Array,
+    Number,
+    Vector,
     add,
     combine,
     cross,
@@ -92,11 +95,13 @@ class Contacts(NamedTuple):
 
 
 @compiled
-def find_contacts(body, points, normals, boxes, positions, reach, hints):
+def find_contacts(
+    body: Body, points: Array, normals: Array, boxes: Array, positions: Array, reach: Number, hints: Array
+) -> Contacts:
     """Find the closest face of every part that a vertex may touch, within reach, m.
 
-    points: (V, 3) m of the body now. normals: (V, 3), boxes: (T, 6) are filled. hints: (K, N) int32, the faces
-    found last, -1 for none, are renewed.
+    points: (V, 3) m of the body now. normals: (V, 3), boxes: (T, 6) are filled. hints: (K, N) int32, the
+    faces found last, -1 for none, are renewed.
     """
     _vertex_normals(body.faces, points, normals)
     refit(body.tree, body.faces, points, boxes)
@@ -128,23 +133,24 @@ def find_contacts(body, points, normals, boxes, positions, reach, hints):
 
 @compiled
 def resolve_contacts(
-    contacts,
-    body,
-    start,
-    end,
-    share,
-    normals,
-    positions,
-    velocities,
-    thickness,
-    radius,
-    friction,
-    step,
-    seconds,
-):
+    contacts: Contacts,
+    body: Body,
+    start: Array,
+    end: Array,
+    share: Number,
+    normals: Array,
+    positions: Array,
+    velocities: Array,
+    thickness: Array,
+    radius: Number,
+    friction: Number,
+    step: Number,
+    seconds: Number,
+) -> None:
     """Move vertices out of the body to a distance of radius + thickness, m, without a bounce, with friction.
 
-    start, end: (V, 3) m, the body before and after the frame of `seconds`; it is at a share of the way. step: s.
+    start, end: (V, 3) m, the body before and after the frame of `seconds`; it is at a share of the way.
+    step: s.
     """
     rate = ONE / seconds
     for k in range(len(contacts.vertices)):
@@ -199,8 +205,10 @@ def resolve_contacts(
 
 
 @inlined
-def _nearby(faces, start, end, share, face, point):
-    """Barycentric coordinates of the point of a moving face that is closest to a point, and the way from it."""
+def _nearby(
+    faces: Array, start: Array, end: Array, share: Number, face: int, point: Vector
+) -> tuple[Vector, Vector]:
+    """Barycentric coordinates of the closest point of a moving face, and the way from there to the point."""
     a = _between(start, end, share, faces[face, 0])
     b = _between(start, end, share, faces[face, 1])
     c = _between(start, end, share, faces[face, 2])
@@ -209,12 +217,12 @@ def _nearby(faces, start, end, share, face, point):
 
 
 @inlined
-def _between(start, end, share, vertex):
+def _between(start: Array, end: Array, share: Number, vertex: int) -> Vector:
     return combine(ONE - share, load(start, vertex), share, load(end, vertex))
 
 
 @compiled
-def _vertex_normals(faces, points, normals):
+def _vertex_normals(faces: Array, points: Array, normals: Array) -> None:
     normals[:] = ZERO
     for face in range(len(faces)):
         a, b, c = load(points, faces[face, 0]), load(points, faces[face, 1]), load(points, faces[face, 2])

@@ -12,7 +12,7 @@ from uvcloth.physics.cloth.tree import SHEET_LEAF, Tree, adjacent_nodes, build_t
 from uvcloth.physics.fabric import Fabric
 
 SPACING = 1.5
-"""Distance of vertices that are two edges apart over the length of a short edge, in cloth that is squeezed."""
+"""Distance of vertices two edges apart over the length of a short edge, in cloth that is squeezed."""
 
 Floats = NDArray[np.float32]
 Integers = NDArray[np.integer]
@@ -38,10 +38,10 @@ class Sheet(NamedTuple):
     """Surface of cloth for contact with itself.
 
     faces: (M, 3). edges: (E, 2). owned: (M,) uint8, bits 0 to 2 of the corners and bits 3 to 5 of the edges
-    (corner i to i + 1) that a face stands for, so that each vertex and edge is tested once; face_edges: (M, 3)
-    into edges. ring_starts: (N + 1,), ring: the vertices on an edge with each vertex. tree: over the faces.
-    adjacent: keys of the pairs of its nodes that share a vertex, in order.
-    spacing: m, what points of the mesh that are no neighbours keep apart along it, if it is squeezed a little.
+    (corner i to i + 1) that a face stands for, so that each is tested once. face_edges: (M, 3) into edges.
+    ring_starts: (N + 1,), ring: the vertices on an edge with each vertex. tree: over the faces. adjacent:
+    keys of the pairs of its nodes that share a vertex, in order.
+    spacing: m, what vertices that are no neighbours keep apart along the mesh, if it is squeezed a little.
     """
 
     faces: Integers
@@ -75,7 +75,7 @@ class Cloth:
 
 
 def make_cloth(
-    rest: Floats,
+    rest: NDArray,
     faces: Integers,
     fabric: Fabric,
     mass_factor: Floats | None = None,
@@ -88,8 +88,8 @@ def make_cloth(
 
     mass_factor: (N,) on the mass of vertices; gravity pulls what they weigh without it. thickness: (N,) m of
     other cloth beneath. compression: share of the membrane's stiffness that is left in compression.
-    moved_mass: share of the mass that is moved to the stiffest vertices, so that a few small faces do not decide
-    the step (after selective mass scaling: Olovsson et al. 2005).
+    moved_mass: share of the mass that is moved to the stiffest vertices, so that a few small faces do not
+    decide the step (after selective mass scaling: Olovsson et al. 2005).
     """
     faces = np.ascontiguousarray(faces, np.int32)
     rest = np.ascontiguousarray(rest, np.float64)
@@ -113,7 +113,7 @@ def make_cloth(
             else np.ascontiguousarray(thickness, np.float32),
         ),
         Membrane(
-            count=len(faces),
+            size=len(faces),
             corners=_padded(faces.T, np.uint32),
             inverse=_padded(inverse.reshape(-1, 4).T, np.float32),
             area=_padded(area, np.float32),
@@ -177,7 +177,7 @@ def _hinges(rest: NDArray[np.float64], faces: Integers, bend: float, damping: fl
     doubled = np.linalg.norm(n0, axis=1) + np.linalg.norm(n1, axis=1)
     sine = (np.cross(n0, n1) * along).sum(1) / np.maximum(lengths, 1e-12)
     return Hinges(
-        count=len(pairs),
+        size=len(pairs),
         corners=_padded(np.concatenate([opposite, pairs], 1).T, np.uint32),
         stiffness=_padded(2.0 * bend * lengths**2 / doubled, np.float32),
         rest=_padded(np.arctan2(sine, (n0 * n1).sum(1)), np.float32),

@@ -18,12 +18,13 @@ CACHE_VARIABLE = "UVCLOTH_CACHE"
 
 def compiled(function: Function) -> Function:
     """Compile a loop at its first call, and keep the machine code for later processes."""
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_cache_folder())
+    settings: Any = numba.config
+    before = settings.CACHE_DIR
+    settings.CACHE_DIR = str(_cache_folder())
     try:
         return numba.njit(function, cache=True, fastmath=True, error_model="numpy", nogil=True)
     finally:
-        numba.config.CACHE_DIR = before
+        settings.CACHE_DIR = before
 
 
 def inlined(function: Function) -> Function:

@@ -1,6 +1,7 @@
 """Forces inside cloth: membrane and air on its faces, bending at its hinges.
 
-Corners are gathered for a block of faces, computed side by side in vector registers, and added to the vertices.
+Corners are gathered for a block of faces, whose forces are computed side by side in vector registers and
+added to the vertices.
 """
 
 import math
@@ -16,6 +17,8 @@ from uvcloth.physics.cloth.vectors import (
     TINY,
     TWO,
     ZERO,
+    Array,
+    Vector,
     add,
     angle,
     combine,
@@ -35,13 +38,13 @@ TILT = np.float32(1e-9)
 class Membrane(NamedTuple):
     """Faces of cloth, padded to whole blocks.
 
-    count: M, without the padding. corners: (3, M+) uint32. inverse: (4, M+) 1/m, entries 00, 01, 10, 11 of the
-    inverse of the rest edges' matrix. area: (M+,) m2. shear, spread: Lame parameters mu, lambda, N/m.
+    size: M, without the padding. corners: (3, M+) uint32. inverse: (4, M+) 1/m, entries 00, 01, 10, 11 of
+    the inverse of the rest edges' matrix. area: (M+,) m2. shear, spread: Lame parameters mu, lambda, N/m.
     compression: share of the stiffness that is left where cloth is compressed. damping: N s/m, of strain
     rates. pressure: half the density of air times the drag coefficient, kg/m3.
     """
 
-    count: int
+    size: int
     corners: np.ndarray
     inverse: np.ndarray
     area: np.ndarray
@@ -55,11 +58,11 @@ class Membrane(NamedTuple):
 class Hinges(NamedTuple):
     """Edges between two faces, padded to whole blocks.
 
-    count: E, without the padding. corners: (4, E+) uint32, the vertices opposite of the edge, then its ends.
+    size: E, without the padding. corners: (4, E+) uint32, the vertices opposite of the edge, then its ends.
     stiffness: (E+,) N m. rest: (E+,) radians. damping: s, times the stiffness.
     """
 
-    count: int
+    size: int
     corners: np.ndarray
     stiffness: np.ndarray
     rest: np.ndarray
@@ -67,7 +70,17 @@ class Hinges(NamedTuple):
 
 
 @inlined
-def face_forces(membrane, k, xa, xb, xc, va, vb, vc, wind):
+def face_forces(
+    membrane: Membrane,
+    k: int,
+    xa: Vector,
+    xb: Vector,
+    xc: Vector,
+    va: Vector,
+    vb: Vector,
+    vc: Vector,
+    wind: Vector,
+) -> tuple[Vector, Vector, Vector]:
     """Forces, N, on the corners of face k.
 
     Saint Venant and Kirchhoff's energy of the Green strain E = (F^T F - 1) / 2, mu |E|^2 + lambda tr(E)^2 / 2
@@ -108,7 +121,18 @@ def face_forces(membrane, k, xa, xb, xc, va, vb, vc, wind):
 
 
 @inlined
-def hinge_forces(hinges, k, x0, x1, xa, xb, v0, v1, va, vb):
+def hinge_forces(
+    hinges: Hinges,
+    k: int,
+    x0: Vector,
+    x1: Vector,
+    xa: Vector,
+    xb: Vector,
+    v0: Vector,
+    v1: Vector,
+    va: Vector,
+    vb: Vector,
+) -> tuple[Vector, Vector, Vector, Vector]:
     """Forces, N, on the two opposite vertices and the two ends of hinge k.
 
     Energy K (theta - theta0)^2 / 2 of the dihedral angle, damped by its rate.
@@ -129,12 +153,14 @@ def hinge_forces(hinges, k, x0, x1, xa, xb, v0, v1, va, vb):
 
 
 @compiled
-def add_elastic_forces(membrane, hinges, positions, velocities, wind, forces):
+def add_elastic_forces(
+    membrane: Membrane, hinges: Hinges, positions: Array, velocities: Array, wind: Vector, forces: Array
+) -> None:
     """Add the forces of all faces and hinges to forces (N, 3)."""
     moved = np.zeros((24, BLOCK), np.float32)
     pushed = np.empty((12, BLOCK), np.float32)
-    for start in range(0, membrane.count, BLOCK):
-        size = min(BLOCK, membrane.count - start)
+    for start in range(0, membrane.size, BLOCK):
+        size = min(BLOCK, membrane.size - start)
         _gather(membrane.corners, 3, start, size, positions, velocities, moved)
         for k in range(BLOCK):
             a, b, c = face_forces(
@@ -152,8 +178,8 @@ def add_elastic_forces(membrane, hinges, positions, velocities, wind, forces):
             _put(pushed, 1, k, b)
             _put(pushed, 2, k, c)
         _scatter(membrane.corners, 3, start, size, pushed, forces)
-    for start in range(0, hinges.count, BLOCK):
-        size = min(BLOCK, hinges.count - start)
+    for start in range(0, hinges.size, BLOCK):
+        size = min(BLOCK, hinges.size - start)
         _gather(hinges.corners, 4, start, size, positions, velocities, moved)
         for k in range(BLOCK):
             a, b, c, d = hinge_forces(
@@ -176,8 +202,10 @@ def add_elastic_forces(membrane, hinges, positions, velocities, wind, forces):
 
 
 @inlined
-def _gather(corners, count, start, size, positions, velocities, moved):
-    """Copy positions and velocities of a block's corners to rows of moved: those of corner r from 3 r, 12 + 3 r."""
+def _gather(
+    corners: Array, count: int, start: int, size: int, positions: Array, velocities: Array, moved: Array
+) -> None:
+    """Copy positions and velocities of a block's corners to rows: corner r from 3 r and 12 + 3 r on."""
     for r in range(count):
         for k in range(size):
             vertex = corners[r, start + k]
@@ -187,7 +215,7 @@ def _gather(corners, count, start, size, positions, velocities, moved):
 
 
 @inlined
-def _scatter(corners, count, start, size, pushed, forces):
+def _scatter(corners: Array, count: int, start: int, size: int, pushed: Array, forces: Array) -> None:
     for r in range(count):
         for k in range(size):
             vertex = corners[r, start + k]
@@ -196,12 +224,12 @@ def _scatter(corners, count, start, size, pushed, forces):
 
 
 @inlined
-def _column(rows, corner, k):
+def _column(rows: Array, corner: int, k: int) -> Vector:
     return rows[3 * corner, k], rows[3 * corner + 1, k], rows[3 * corner + 2, k]
 
 
 @inlined
-def _put(rows, corner, k, a):
+def _put(rows: Array, corner: int, k: int, a: Vector) -> None:
     rows[3 * corner, k] = a[0]
     rows[3 * corner + 1, k] = a[1]
     rows[3 * corner + 2, k] = a[2]

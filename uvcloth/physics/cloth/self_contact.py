@@ -1,4 +1,4 @@
-"""Contact of cloth with itself, and of layers: vertices with faces, edges with edges, on the sides that they had."""
+"""Contact of cloth with itself, and of layers: vertices with faces, edges with edges, each on its side."""
 
 import math
 from typing import NamedTuple
@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from uvcloth.physics.cloth.cloth import Sheet
 from uvcloth.physics.cloth.compiled import compiled, inlined
 from uvcloth.physics.cloth.tree import DEPTH, first_is_halved, pair_key, refit
 from uvcloth.physics.cloth.triangles import closest_barycentrics, closest_on_segments, weighted
@@ -14,6 +15,9 @@ from uvcloth.physics.cloth.vectors import (
     TINY,
     TWO,
     ZERO,
+    Array,
+    Number,
+    Vector,
     add,
     clamp,
     combine,
@@ -46,6 +50,10 @@ TOUCHING = np.float32(1e-6)
 """Metres below which the direction between two points is not defined."""
 
 
+Corners = tuple[int, int, int, int]
+Shares = tuple[Number, Number, Number, Number]
+
+
 class Pairs(NamedTuple):
     """Parts of cloth that are near each other, with the sides on which they stay.
 
@@ -70,12 +78,24 @@ def no_pairs() -> Pairs:
 
 
 @compiled
-def find_pairs(sheet, positions, velocities, margin, interval, before, boxes, speeds, cones):
+def find_pairs(
+    sheet: Sheet,
+    positions: Array,
+    velocities: Array,
+    margin: Number,
+    interval: Number,
+    before: Pairs,
+    boxes: Array,
+    speeds: Array,
+    cones: Array,
+) -> Pairs:
     """Find the pairs of the cloth that are within margin, m, or may get there within an interval, s.
 
-    before: pairs whose sides are remembered. boxes, speeds: (T, 6), cones: (T, 5) are filled. A patch of the mesh whose
-    normals lie in a narrow cone is not tested against itself (Volino and Magnenat-Thalmann 1994): at a half
-    angle a, points that are `spacing` apart along it keep a distance of spacing cos(a), more than the margin.
+    before: pairs whose sides are remembered. boxes, speeds: (T, 6), cones: (T, 5) are filled.
+
+    A patch of the mesh whose normals lie in a narrow cone is not tested against itself (Volino and
+    Magnenat-Thalmann 1994): at a half angle a, points that are `spacing` apart along it keep a distance of
+    spacing cos(a), more than the margin.
     """
     tree = sheet.tree
     flat = max(margin / sheet.spacing, LEAST_FLAT)
@@ -133,7 +153,7 @@ def find_pairs(sheet, positions, velocities, margin, interval, before, boxes, sp
 
 
 @inlined
-def _apart(boxes, speeds, a, b, margin, interval):
+def _apart(boxes: Array, speeds: Array, a: int, b: int, margin: Number, interval: Number) -> bool:
     """True for two nodes that stay farther apart than margin, m, along an axis for an interval, s."""
     for j in range(3):
         a_below = max(speeds[a, 3 + j] - speeds[b, j], ZERO)
@@ -147,7 +167,7 @@ def _apart(boxes, speeds, a, b, margin, interval):
 
 
 @inlined
-def _relative_speed(speeds, a, b):
+def _relative_speed(speeds: Array, a: int, b: int) -> Number:
     """Greatest speed, m/s, of a part of one node relative to a part of the other."""
     total = ZERO
     for j in range(3):
@@ -157,7 +177,7 @@ def _relative_speed(speeds, a, b):
 
 
 @inlined
-def _share_vertex(faces, f, g):
+def _share_vertex(faces: Array, f: int, g: int) -> bool:
     for i in range(3):
         for j in range(3):
             if faces[f, i] == faces[g, j]:
@@ -166,7 +186,7 @@ def _share_vertex(faces, f, g):
 
 
 @inlined
-def _off_plane(faces, positions, f, normal, g, margin):
+def _off_plane(faces: Array, positions: Array, f: int, normal: Vector, g: int, margin: Number) -> bool:
     """True if face g is farther than margin from the plane of face f, all on one side."""
     on_plane = load(positions, faces[f, 0])
     low = high = dot(sub(load(positions, faces[g, 0]), on_plane), normal)
@@ -177,14 +197,14 @@ def _off_plane(faces, positions, f, normal, g, margin):
 
 
 @compiled
-def _longer(rows):
+def _longer(rows: Array) -> Array:
     longer = np.empty((2 * len(rows), 2), np.int32)
     longer[: len(rows)] = rows
     return longer
 
 
 @compiled
-def _fit_cones(sheet, positions, cones):
+def _fit_cones(sheet: Sheet, positions: Array, cones: Array) -> None:
     """Fit cones (T, 5), axis, cosine and sine of the half angle, around the normals of each node's faces."""
     tree = sheet.tree
     for node in range(len(cones) - 1, -1, -1):
@@ -202,16 +222,16 @@ def _fit_cones(sheet, positions, cones):
 
 
 @inlined
-def _widened(cones, node, axis):
-    """Cosine of the half angle of a cone around another axis that holds a node's; -1 from a quarter turn on."""
+def _widened(cones: Array, node: int, axis: Vector) -> Number:
+    """Cosine of the half angle of a cone around an axis that holds a node's; -1 from a quarter turn on."""
     along = clamp(dot(axis, load(cones, node)), -ONE, ONE)
     cosine = along * cones[node, 3] - math.sqrt(ONE - along * along) * cones[node, 4]
     return cosine if along > ZERO and cones[node, 3] > ZERO and cosine > ZERO else -ONE
 
 
 @inlined
-def _one_patch(sheet, cones, a, b, flat):
-    """True for two nodes that are one patch of the mesh together, whose normals lie in a cone of the half angle whose cosine is flat."""
+def _one_patch(sheet: Sheet, cones: Array, a: int, b: int, flat: Number) -> bool:
+    """True for two nodes that are one patch together, with all normals within an angle of cosine `flat`."""
     tree = sheet.tree
     if not tree.connected[a] or not tree.connected[b] or cones[a, 3] < flat or cones[b, 3] < flat:
         return False
@@ -220,16 +240,16 @@ def _one_patch(sheet, cones, a, b, flat):
         return False
     key = pair_key(tree, a, b)
     at = np.searchsorted(sheet.adjacent, key)
-    return at < len(sheet.adjacent) and sheet.adjacent[at] == key
+    return bool(at < len(sheet.adjacent) and sheet.adjacent[at] == key)
 
 
 @inlined
-def _corners(faces, positions, face):
+def _corners(faces: Array, positions: Array, face: int) -> tuple[Vector, Vector, Vector]:
     return load(positions, faces[face, 0]), load(positions, faces[face, 1]), load(positions, faces[face, 2])
 
 
 @inlined
-def _in_ring(sheet, vertex, other):
+def _in_ring(sheet: Sheet, vertex: int, other: int) -> bool:
     """True for a vertex itself and those on an edge with it."""
     if vertex == other:
         return True
@@ -240,7 +260,9 @@ def _in_ring(sheet, vertex, other):
 
 
 @inlined
-def _find_points(sheet, positions, f, g, margin, near, count):
+def _find_points(
+    sheet: Sheet, positions: Array, f: int, g: int, margin: Number, near: Array, count: int
+) -> int:
     """Add the vertices that face f stands for and that are within margin of face g."""
     a, b, c = _corners(sheet.faces, positions, g)
     normal = unit(cross(sub(b, a), sub(c, a)))
@@ -265,7 +287,9 @@ def _find_points(sheet, positions, f, g, margin, near, count):
 
 
 @inlined
-def _find_edges(sheet, positions, f, g, margin, near, count):
+def _find_edges(
+    sheet: Sheet, positions: Array, f: int, g: int, margin: Number, near: Array, count: int
+) -> int:
     """Add the edges that faces f and g stand for and that are within margin of each other."""
     for i in range(3):
         if not (sheet.owned[f] >> (3 + i)) & 1:
@@ -302,7 +326,7 @@ def _find_edges(sheet, positions, f, g, margin, near, count):
 
 
 @compiled
-def _with_sides(sheet, positions, points, edges, before):
+def _with_sides(sheet: Sheet, positions: Array, points: Array, edges: Array, before: Pairs) -> Pairs:
     """Pairs on the sides that they had before, or on those that they are on."""
     sides = np.empty(len(points), np.float32)
     starts, order = _grouped(before.points, len(positions))
@@ -327,7 +351,7 @@ def _with_sides(sheet, positions, points, edges, before):
 
 
 @compiled
-def _grouped(pairs, count):
+def _grouped(pairs: Array, count: int) -> tuple[Array, Array]:
     """Rows of pairs (P, 2) ordered by their first index: where each of `count` begins, and the order."""
     starts = np.zeros(count + 1, np.int32)
     for k in range(len(pairs)):
@@ -342,7 +366,7 @@ def _grouped(pairs, count):
 
 
 @inlined
-def _between(sheet, positions, first, second):
+def _between(sheet: Sheet, positions: Array, first: int, second: int) -> tuple[Number, Number, Vector]:
     return closest_on_segments(
         load(positions, sheet.edges[first, 0]),
         load(positions, sheet.edges[first, 1]),
@@ -353,8 +377,17 @@ def _between(sheet, positions, first, second):
 
 @compiled
 def resolve_pairs(
-    pairs, point_wait, edge_wait, sheet, positions, velocities, inverse_mass, radius, friction, step
-):
+    pairs: Pairs,
+    point_wait: Array,
+    edge_wait: Array,
+    sheet: Sheet,
+    positions: Array,
+    velocities: Array,
+    inverse_mass: Array,
+    radius: Number,
+    friction: Number,
+    step: Number,
+) -> None:
     """Keep pairs `radius`, m, apart on their sides, without a bounce, with friction.
 
     point_wait: (P,), edge_wait: (Q,) int32, substeps until a pair is looked at again.
@@ -376,7 +409,17 @@ def resolve_pairs(
 
 
 @inlined
-def _resolve_point(pairs, k, sheet, positions, velocities, inverse_mass, radius, friction, step):
+def _resolve_point(
+    pairs: Pairs,
+    k: int,
+    sheet: Sheet,
+    positions: Array,
+    velocities: Array,
+    inverse_mass: Array,
+    radius: Number,
+    friction: Number,
+    step: Number,
+) -> int:
     vertex, face = pairs.points[k, 0], pairs.points[k, 1]
     a, b, c = sheet.faces[face, 0], sheet.faces[face, 1], sheet.faces[face, 2]
     point = load(positions, vertex)
@@ -405,7 +448,17 @@ def _resolve_point(pairs, k, sheet, positions, velocities, inverse_mass, radius,
 
 
 @inlined
-def _resolve_edges(pairs, k, sheet, positions, velocities, inverse_mass, radius, friction, step):
+def _resolve_edges(
+    pairs: Pairs,
+    k: int,
+    sheet: Sheet,
+    positions: Array,
+    velocities: Array,
+    inverse_mass: Array,
+    radius: Number,
+    friction: Number,
+    step: Number,
+) -> int:
     first, second = pairs.edges[k, 0], pairs.edges[k, 1]
     s, t, between = _between(sheet, positions, first, second)
     distance = length(between)
@@ -429,13 +482,13 @@ def _resolve_edges(pairs, k, sheet, positions, velocities, inverse_mass, radius,
 
 
 @inlined
-def _until(gap, relative, step):
+def _until(gap: Number, relative: Vector, step: Number) -> int:
     """Substeps in which a pair with a gap, m, cannot touch."""
     return int(gap / (TWO * step * (length(relative) + ALERT_SPEED)))
 
 
 @inlined
-def _relative(velocities, corners, shares):
+def _relative(velocities: Array, corners: Corners, shares: Shares) -> Vector:
     return add(
         combine(shares[0], load(velocities, corners[0]), shares[1], load(velocities, corners[1])),
         combine(shares[2], load(velocities, corners[2]), shares[3], load(velocities, corners[3])),
@@ -443,7 +496,17 @@ def _relative(velocities, corners, shares):
 
 
 @inlined
-def _separate(corners, shares, normal, gap, positions, velocities, inverse_mass, friction, step):
+def _separate(
+    corners: Corners,
+    shares: Shares,
+    normal: Vector,
+    gap: Number,
+    positions: Array,
+    velocities: Array,
+    inverse_mass: Array,
+    friction: Number,
+    step: Number,
+) -> None:
     """Move four vertices apart along a normal by a negative gap, and stop their approach."""
     light = ZERO
     for j in range(4):

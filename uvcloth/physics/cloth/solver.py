@@ -1,19 +1,20 @@
-"""The cloth solver: symplectic Euler in many small substeps, with contact, stepped from outside frame by frame."""
+"""The cloth solver: symplectic Euler in many small substeps, with contact, stepped frame by frame."""
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rasterize.errors import InputError
 from uvcloth.physics.cloth.body_contact import Body, find_contacts, resolve_contacts
-from uvcloth.physics.cloth.cloth import Cloth
-from uvcloth.physics.cloth.compiled import compiled
-from uvcloth.physics.cloth.forces import add_elastic_forces
+from uvcloth.physics.cloth.cloth import Cloth, Particles, Sheet
+from uvcloth.physics.cloth.compiled import compiled, inlined
+from uvcloth.physics.cloth.forces import Hinges, Membrane, add_elastic_forces
 from uvcloth.physics.cloth.self_contact import Pairs, find_pairs, no_pairs, resolve_pairs
 from uvcloth.physics.cloth.stability import largest_step, stiffening
-from uvcloth.physics.cloth.vectors import ONE, TWO
+from uvcloth.physics.cloth.vectors import ONE, TWO, ZERO, Array, Number, Vector, store
 
 Floats = NDArray[np.float32]
 
@@ -35,10 +36,10 @@ class Settings:
     """Settings of the solver, in SI units.
 
     safety: share of the longest stable step that is taken. substeps: per second at least. radius: m, kept
-    between cloth and body. self_radius: m, kept between cloth and cloth; self_margin: m more within which cloth
-    is watched, and what it moves at its relative speed until the next search. self_contact: False leaves it out.
-    reach: m, how near the body, and how deep in it, cloth is looked for. interval: s between two searches for
-    the closest faces of the body and for cloth near cloth.
+    between cloth and body. self_radius: m, kept between cloth and cloth; self_margin: m more within which
+    cloth is watched, besides what it moves at its relative speed until the next search. self_contact: False
+    leaves it out. reach: m, how near the body, and how deep in it, cloth is looked for. interval: s between
+    two searches for the closest faces of the body and for cloth near cloth.
     """
 
     safety: float = 0.6
@@ -65,8 +66,8 @@ class Solver:
 class State:
     """All that the cloth remembers from one frame to the next.
 
-    positions: (N, 3) m, velocities: (N, 3) m/s, relative to a frame of reference at `origin`, (3,) m, that moves
-    at `drift`, (3,) m/s. pairs: of cloth near cloth, and their sides. substeps: that the last frame took.
+    positions: (N, 3) m, velocities: (N, 3) m/s, relative to a frame of reference at `origin`, (3,) m, that
+    moves at `drift`, (3,) m/s. pairs: of cloth near cloth, and their sides. substeps: of the last frame.
     """
 
     positions: Floats
@@ -81,13 +82,25 @@ class State:
         return self.positions + self.origin
 
 
+class Drive(NamedTuple):
+    """A `Motion` in the frame of reference, for the compiled loop; no rows of acceleration for none."""
+
+    body_start: Floats
+    body_end: Floats
+    target_start: Floats
+    target_end: Floats
+    pull: Floats
+    damping: Floats
+    acceleration: Floats
+
+
 @dataclass(frozen=True)
 class Motion:
     """What moves the cloth in a frame, in the world.
 
-    seconds: of the frame. body_start, body_end: (V, 3) m before and after it. target_start, target_end: (N, 3) m
-    that vertices are pulled to, with the frequency `pull`, (N,) 1/s, and the damping ratio `damping`, (N,);
-    frequency 0 is not pulled. acceleration: (N, 3) m/s2 from outside, or None.
+    seconds: of the frame. body_start, body_end: (V, 3) m before and after it. target_start, target_end:
+    (N, 3) m that vertices are pulled to, with the frequency `pull`, (N,) 1/s, and the damping ratio
+    `damping`, (N,); frequency 0 is not pulled. acceleration: (N, 3) m/s2 from outside, or None.
     """
 
     seconds: float
@@ -109,8 +122,8 @@ def make_solver(cloth: Cloth, rest: NDArray, body: Body, settings: Settings, nam
     if not step * settings.safety * MOST_SUBSTEPS_PER_SECOND >= 1.0:
         raise InputError(
             f"{name}: needs {math.ceil(1.0 / max(step * settings.safety, 1e-9))} substeps a second, "
-            f"{MOST_SUBSTEPS_PER_SECOND} at most are made: a face of it is too narrow, or its fabric too stiff for "
-            "its weight"
+            f"{MOST_SUBSTEPS_PER_SECOND} at most are made: a face of it is too narrow, or its fabric too "
+            "stiff for its weight"
         )
     return Solver(cloth, body, settings, step)
 
@@ -132,34 +145,28 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
     origin, end, drift = moving_frame(motion.target_start, motion.target_end, motion.seconds)
     began = (state.positions + (state.origin - origin)).astype(np.float32)
     speeds = (state.velocities + (state.drift - drift)).astype(np.float32)
-    local = [
-        np.ascontiguousarray(points - place, np.float32)
-        for points, place in (
-            (motion.body_start, origin),
-            (motion.body_end, end),
-            (motion.target_start, origin),
-            (motion.target_end, end),
-        )
-    ]
-    settings, particles = solver.settings, solver.cloth.particles
-    acceleration = motion.acceleration
-    if acceleration is None:
-        acceleration = np.zeros((0, 3), np.float32)
+    drive = Drive(
+        _around(motion.body_start, origin),
+        _around(motion.body_end, end),
+        _around(motion.target_start, origin),
+        _around(motion.target_end, end),
+        motion.pull,
+        motion.damping,
+        np.zeros((0, 3), np.float32) if motion.acceleration is None else motion.acceleration,
+    )
+    settings, cloth = solver.settings, solver.cloth
     count = _substeps(solver, began, motion.seconds)
     for attempt in range(RETRIES + 1):
         substeps = count << attempt
         positions, velocities = began.copy(), speeds.copy()
         pairs = _advance(
-            solver.cloth.membrane,
-            solver.cloth.hinges,
-            particles,
-            solver.cloth.sheet,
+            cloth.membrane,
+            cloth.hinges,
+            cloth.particles,
+            cloth.sheet,
             solver.body,
-            tuple(local),
-            motion.pull,
-            motion.damping,
-            acceleration,
-            tuple(np.float32(value) for value in drift),
+            drive,
+            (np.float32(drift[0]), np.float32(drift[1]), np.float32(drift[2])),
             positions,
             velocities,
             state.pairs,
@@ -171,11 +178,15 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
             np.float32(settings.self_radius),
             np.float32(settings.self_margin),
             np.float32(settings.reach),
-            np.float32(solver.cloth.friction),
+            np.float32(cloth.friction),
         )
         if np.isfinite(positions).all() and np.abs(velocities).max(initial=0.0) < FASTEST:
             break
     return State(positions, velocities, end, drift, pairs, substeps)
+
+
+def _around(points: NDArray, origin: NDArray) -> Floats:
+    return np.ascontiguousarray(points - origin, np.float32)
 
 
 def moving_frame(
@@ -200,69 +211,44 @@ def _substeps(solver: Solver, positions: Floats, seconds: float) -> int:
 
 @compiled
 def _advance(
-    membrane,
-    hinges,
-    particles,
-    sheet,
-    body,
-    local,
-    pull,
-    damping,
-    acceleration,
-    drift,
-    positions,
-    velocities,
-    pairs,
-    substeps,
-    interval,
-    self_contact,
-    seconds,
-    radius,
-    self_radius,
-    self_margin,
-    reach,
-    friction,
-):
-    """Move positions and velocities through the substeps of a frame; returns the pairs of cloth at its end."""
-    body_start, body_end, target_start, target_end = local
-    count = len(positions)
+    membrane: Membrane,
+    hinges: Hinges,
+    particles: Particles,
+    sheet: Sheet,
+    body: Body,
+    drive: Drive,
+    drift: Vector,
+    positions: Array,
+    velocities: Array,
+    pairs: Pairs,
+    substeps: int,
+    interval: int,
+    self_contact: bool,
+    seconds: Number,
+    radius: Number,
+    self_radius: Number,
+    self_margin: Number,
+    reach: Number,
+    friction: Number,
+) -> Pairs:
+    """Move positions and velocities through the substeps of a frame; returns the pairs at its end."""
     step = seconds / np.float32(substeps)
-    forces = np.empty_like(positions)
-    rounded = np.zeros((count, 3), np.float64)
-    normals, body_boxes = np.empty_like(body_start), np.empty((len(body.tree.ranges), 6), np.float32)
-    sheet_boxes = np.empty((len(sheet.tree.ranges), 6), np.float32)
-    sheet_speeds = np.empty_like(sheet_boxes)
-    cones = np.empty((len(sheet.tree.ranges), 5), np.float32)
-    points = np.empty_like(body_start)
-    pulled = np.nonzero(pull)[0]
-    parts = len(body.tree.roots)
-    hints = np.full(body.touches.shape, -1, np.int32)
-    contacts = find_contacts(body, body_start, normals, body_boxes, positions[:0], reach, hints[:, :0])
+    forces, rounded = np.empty_like(positions), np.zeros(positions.shape, np.float64)
+    nodes = len(sheet.tree.ranges)
+    sheet_boxes, speeds = np.empty((nodes, 6), np.float32), np.empty((nodes, 6), np.float32)
+    cones = np.empty((nodes, 5), np.float32)
     point_wait, edge_wait = np.zeros(0, np.int32), np.zeros(0, np.int32)
+    points, normals = np.empty_like(drive.body_start), np.empty_like(drive.body_start)
+    boxes = np.empty((len(body.tree.ranges), 6), np.float32)
+    hints = np.full(body.touches.shape, -1, np.int32)
+    contacts = find_contacts(body, points, normals, boxes, positions[:0], reach, hints)
+    pulled = np.nonzero(drive.pull)[0]
     for substep in range(substeps):
         share = np.float32(substep + 1) / np.float32(substeps)
-        for i in range(count):
-            forces[i, 0] = forces[i, 1] = np.float32(0.0)
-            forces[i, 2] = -GRAVITY * particles.weight[i] * particles.mass[i]
+        _weigh(particles, drive.acceleration, forces)
         add_elastic_forces(membrane, hinges, positions, velocities, drift, forces)
-        for i in pulled:
-            rate = pull[i]
-            for j in range(3):
-                way = target_end[i, j] - target_start[i, j]
-                error = target_start[i, j] + share * way - positions[i, j]
-                lag = way / seconds - velocities[i, j]
-                forces[i, j] += particles.mass[i] * rate * (rate * error + TWO * damping[i] * lag)
-        if len(acceleration):
-            for i in range(count):
-                for j in range(3):
-                    forces[i, j] += particles.mass[i] * acceleration[i, j]
-        for i in range(count):
-            for j in range(3):
-                velocities[i, j] += step * particles.inverse_mass[i] * forces[i, j]
-                # In float32 alone, what a slow vertex moves in a substep is lost in rounding.
-                exact = np.float64(positions[i, j]) + rounded[i, j] + np.float64(step) * velocities[i, j]
-                positions[i, j] = np.float32(exact)
-                rounded[i, j] = exact - np.float64(positions[i, j])
+        _pull(particles, drive, pulled, share, seconds, positions, velocities, forces)
+        _integrate(particles, forces, step, positions, velocities, rounded)
         if self_contact:
             if substep % interval == 0:
                 pairs = find_pairs(
@@ -273,7 +259,7 @@ def _advance(
                     step * np.float32(interval),
                     pairs,
                     sheet_boxes,
-                    sheet_speeds,
+                    speeds,
                     cones,
                 )
                 point_wait = np.zeros(len(pairs.points), np.int32)
@@ -290,17 +276,15 @@ def _advance(
                 friction,
                 step,
             )
-        if parts > 0:
+        if len(body.faces) > 0:
             if substep % interval == 0:
-                for i in range(len(points)):
-                    for j in range(3):
-                        points[i, j] = (ONE - share) * body_start[i, j] + share * body_end[i, j]
-                contacts = find_contacts(body, points, normals, body_boxes, positions, reach, hints)
+                points[:] = (ONE - share) * drive.body_start + share * drive.body_end
+                contacts = find_contacts(body, points, normals, boxes, positions, reach, hints)
             resolve_contacts(
                 contacts,
                 body,
-                body_start,
-                body_end,
+                drive.body_start,
+                drive.body_end,
                 share,
                 normals,
                 positions,
@@ -312,3 +296,50 @@ def _advance(
                 seconds,
             )
     return pairs
+
+
+@inlined
+def _weigh(particles: Particles, acceleration: Array, forces: Array) -> None:
+    """Set forces (N, 3) to the weight, and what an acceleration from outside takes."""
+    for i in range(len(forces)):
+        store(forces, i, (ZERO, ZERO, -GRAVITY * particles.weight[i] * particles.mass[i]))
+    for i in range(len(acceleration)):
+        for j in range(3):
+            forces[i, j] += particles.mass[i] * acceleration[i, j]
+
+
+@inlined
+def _pull(
+    particles: Particles,
+    drive: Drive,
+    pulled: Array,
+    share: Number,
+    seconds: Number,
+    positions: Array,
+    velocities: Array,
+    forces: Array,
+) -> None:
+    """Add the forces of damped springs to the targets, at a share of the way through the frame."""
+    for i in pulled:
+        rate = drive.pull[i]
+        for j in range(3):
+            way = drive.target_end[i, j] - drive.target_start[i, j]
+            error = drive.target_start[i, j] + share * way - positions[i, j]
+            lag = way / seconds - velocities[i, j]
+            forces[i, j] += particles.mass[i] * rate * (rate * error + TWO * drive.damping[i] * lag)
+
+
+@inlined
+def _integrate(
+    particles: Particles, forces: Array, step: Number, positions: Array, velocities: Array, rounded: Array
+) -> None:
+    """Symplectic Euler.
+
+    rounded: (N, 3), what positions lose in float32, in which a slow vertex would not move in small substeps.
+    """
+    for i in range(len(positions)):
+        for j in range(3):
+            velocities[i, j] += step * particles.inverse_mass[i] * forces[i, j]
+            exact = np.float64(positions[i, j]) + rounded[i, j] + np.float64(step) * velocities[i, j]
+            positions[i, j] = np.float32(exact)
+            rounded[i, j] = exact - np.float64(positions[i, j])

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from uvcloth.physics.cloth.cloth import Cloth
 from uvcloth.physics.cloth.compiled import compiled
-from uvcloth.physics.cloth.forces import add_elastic_forces
-from uvcloth.physics.cloth.vectors import HALF, ONE, ZERO, combine, dot, load, sub
+from uvcloth.physics.cloth.forces import Membrane, add_elastic_forces
+from uvcloth.physics.cloth.vectors import HALF, ONE, ZERO, Array, Number, combine, dot, load, sub
 
 ITERATIONS = 60
 """Power iterations: the eigenvalue is found to about a percent."""
@@ -20,8 +20,8 @@ DISPLACEMENT = 2e-4
 def largest_step(cloth: Cloth, rest: NDArray[np.float32]) -> float:
     """Longest stable step, s, of symplectic Euler for cloth at rest, (N, 3) m.
 
-    With a largest frequency w and a largest damping rate c, both measured by power iteration on the forces, the
-    step h has to keep h^2 w^2 + 2 h c < 4.
+    With a largest frequency w and a largest damping rate c, both measured by power iteration on the forces,
+    the step h has to keep h^2 w^2 + 2 h c < 4.
     """
     stiffness = _largest_eigenvalue(cloth, rest, False)
     damping = _largest_eigenvalue(cloth, rest, True)
@@ -55,14 +55,14 @@ def _largest_eigenvalue(cloth: Cloth, rest: NDArray[np.float32], rates: bool) ->
 
 
 @compiled
-def stiffening(membrane, positions, inverse_mass):
+def stiffening(membrane: Membrane, positions: Array, inverse_mass: Array) -> Number:
     """Factor by which strain raises the largest frequency of the faces over that at rest.
 
     A face in tension at a principal stretch s is (3 s^2 - 1) / 2 times as stiff along it (Saint Venant and
     Kirchhoff); only the faces that are stiff for their mass decide.
     """
     resting, strained = ZERO, ZERO
-    for k in range(membrane.count):
+    for k in range(membrane.size):
         a, b, c = membrane.corners[0, k], membrane.corners[1, k], membrane.corners[2, k]
         d00, d01, d10, d11 = (
             membrane.inverse[0, k],

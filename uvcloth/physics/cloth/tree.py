@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from rasterize.charts import edge_twins
 from uvcloth.physics.cloth.compiled import compiled, inlined
 from uvcloth.physics.cloth.triangles import squared_distance
-from uvcloth.physics.cloth.vectors import ZERO
+from uvcloth.physics.cloth.vectors import ZERO, Array, Number, Vector
 
 DEPTH = 128
 """Nodes that a walk through a tree has to remember at most."""
@@ -35,7 +35,10 @@ class Tree(NamedTuple):
 def build_tree(
     points: NDArray[np.float32], faces: NDArray[np.integer], parts: Iterable[int], leaf: int
 ) -> Tree:
-    """Build a tree for each of several parts at points (N, 3). parts: their numbers of faces, one after another."""
+    """Build a tree for each of several parts at points (N, 3).
+
+    parts: their numbers of faces, which follow one another in faces (M, 3).
+    """
     centres = points[faces].mean(1, dtype=np.float32)
     pieces: list[tuple[NDArray, NDArray, NDArray]] = [(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))]
     roots, first, nodes = [], 0, 0
@@ -62,7 +65,7 @@ def neighbour_faces(faces: NDArray[np.integer]) -> NDArray[np.int32]:
 
 
 @compiled
-def _split(centres, leaf):
+def _split(centres: Array, leaf: int) -> tuple[Array, Array, Array]:
     """Halve faces by their centres (M, 3) until at most `leaf` are left: children, ranges, order."""
     count = len(centres)
     children = np.full((2 * count + 1, 2), -1, np.int32)
@@ -93,7 +96,7 @@ def _split(centres, leaf):
 
 
 @compiled
-def _find_connected(ranges, order, neighbours, connected):
+def _find_connected(ranges: Array, order: Array, neighbours: Array, connected: Array) -> None:
     """Mark the nodes whose faces hang together by edges."""
     place = np.empty(len(order), np.int32)
     for k in range(len(order)):
@@ -118,7 +121,7 @@ def _find_connected(ranges, order, neighbours, connected):
 
 
 @inlined
-def first_is_halved(tree, a, b):
+def first_is_halved(tree: Tree, a: int, b: int) -> bool:
     """True if a walk through pairs of nodes goes on with the children of the first, False of the second."""
     if tree.children[a, 0] < 0 or tree.children[b, 0] < 0:
         return tree.children[b, 0] < 0
@@ -126,7 +129,7 @@ def first_is_halved(tree, a, b):
 
 
 @inlined
-def pair_key(tree, a, b):
+def pair_key(tree: Tree, a: int, b: int) -> Number:
     """One integer per pair of nodes."""
     return np.int64(a) * len(tree.ranges) + b
 
@@ -141,9 +144,9 @@ def adjacent_nodes(tree: Tree, faces: NDArray[np.integer]) -> NDArray[np.int64]:
     return np.unique(_adjacent_keys(tree, corners // 3, starts))
 
 
-@compiled
-def _adjacent_keys(tree, owners, starts):
-    """Keys of the pairs of nodes on the way to each two faces around a vertex; owners: faces, vertex by vertex."""
+@inlined
+def _leaves_and_parents(tree: Tree) -> tuple[Array, Array]:
+    """Leaf (M,) of each face, and parent (T,) of each node, -1 for a root."""
     leaf = np.empty(len(tree.order), np.int32)
     parent = np.full(len(tree.ranges), -1, np.int32)
     for node in range(len(tree.ranges)):
@@ -151,6 +154,16 @@ def _adjacent_keys(tree, owners, starts):
             leaf[tree.order[tree.ranges[node, 0]]] = node
         else:
             parent[tree.children[node, 0]] = parent[tree.children[node, 1]] = node
+    return leaf, parent
+
+
+@compiled
+def _adjacent_keys(tree: Tree, owners: Array, starts: Array) -> Array:
+    """Keys of the pairs of nodes on the way to each two faces around a vertex.
+
+    owners: the faces around each vertex, those of vertex v from starts[v] on.
+    """
+    leaf, parent = _leaves_and_parents(tree)
     keys = np.empty(4096, np.int64)
     count = 0
     for vertex in range(len(starts) - 1):
@@ -180,7 +193,7 @@ def _adjacent_keys(tree, owners, starts):
 
 
 @compiled
-def refit(tree, faces, points, boxes):
+def refit(tree: Tree, faces: Array, points: Array, boxes: Array) -> None:
     """Fit boxes (T, 6), lowest and highest corner, to the faces at points (N, 3)."""
     for node in range(len(boxes) - 1, -1, -1):
         left, right = tree.children[node, 0], tree.children[node, 1]
@@ -200,18 +213,31 @@ def refit(tree, faces, points, boxes):
 
 
 @inlined
-def box_distance(boxes, node, point):
+def box_distance(boxes: Array, node: int, point: Vector) -> Number:
     """Squared distance of a point from a box, 0 inside."""
     total = ZERO
     for j in range(3):
-        away = max(max(boxes[node, j] - point[j], point[j] - boxes[node, 3 + j]), ZERO)
+        away = max(boxes[node, j] - point[j], point[j] - boxes[node, 3 + j], ZERO)
         total += away * away
     return total
 
 
 @inlined
-def closest_face(tree, root, boxes, faces, points, point, reach, hint, stack):
-    """Face of a tree that is closest to a point within reach, m; -1 if none is. hint: a face to begin with, or -1."""
+def closest_face(
+    tree: Tree,
+    root: int,
+    boxes: Array,
+    faces: Array,
+    points: Array,
+    point: Vector,
+    reach: Number,
+    hint: int,
+    stack: Array,
+) -> int:
+    """Face of a tree that is closest to a point within reach, m; -1 if none is.
+
+    hint: a face to begin with, or -1.
+    """
     best, found = reach * reach, -1
     if hint >= 0:
         distance = squared_distance(faces, points, hint, point)

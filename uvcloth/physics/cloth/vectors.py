@@ -1,11 +1,17 @@
 """Vectors of three numbers, as tuples that stay in registers."""
 
 import math
+from typing import Any
 
 import numpy as np
-from numba import float32
 
 from uvcloth.physics.cloth.compiled import inlined
+
+Number = Any
+"""A float32 in registers; what arithmetic of them gives, mypy does not know."""
+
+Vector = tuple[Number, Number, Number]
+Array = np.ndarray
 
 # Numba takes a literal for a float64, and the loop around it would compute in that: numbers are float32.
 ZERO, ONE, TWO, HALF, THIRD = (np.float32(value) for value in (0.0, 1.0, 2.0, 0.5, 1.0 / 3.0))
@@ -13,13 +19,13 @@ TINY = np.float32(1e-20)
 
 
 @inlined
-def load(points, index):
+def load(points: Array, index: int) -> Vector:
     """Row of an array (N, 3)."""
     return points[index, 0], points[index, 1], points[index, 2]
 
 
 @inlined
-def store(points, index, a):
+def store(points: Array, index: int, a: Vector) -> None:
     """Write a row of an array (N, 3)."""
     points[index, 0] = a[0]
     points[index, 1] = a[1]
@@ -27,48 +33,48 @@ def store(points, index, a):
 
 
 @inlined
-def add(a, b):
+def add(a: Vector, b: Vector) -> Vector:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @inlined
-def sub(a, b):
+def sub(a: Vector, b: Vector) -> Vector:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @inlined
-def scale(s, a):
+def scale(s: Number, a: Vector) -> Vector:
     return s * a[0], s * a[1], s * a[2]
 
 
 @inlined
-def combine(s, a, t, b):
+def combine(s: Number, a: Vector, t: Number, b: Vector) -> Vector:
     """s a + t b."""
     return s * a[0] + t * b[0], s * a[1] + t * b[1], s * a[2] + t * b[2]
 
 
 @inlined
-def dot(a, b):
+def dot(a: Vector, b: Vector) -> Number:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @inlined
-def cross(a, b):
+def cross(a: Vector, b: Vector) -> Vector:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @inlined
-def length(a):
+def length(a: Vector) -> Number:
     return math.sqrt(dot(a, a))
 
 
 @inlined
-def unit(a):
+def unit(a: Vector) -> Vector:
     return scale(ONE / (length(a) + TINY), a)
 
 
 @inlined
-def clamp(value, low, high):
+def clamp(value: Number, low: Number, high: Number) -> Number:
     return min(max(value, low), high)
 
 
@@ -90,7 +96,7 @@ QUARTER_TURN, HALF_TURN = np.float32(0.5 * math.pi), np.float32(math.pi)
 
 
 @inlined
-def angle(y, x):
+def angle(y: Number, x: Number) -> Number:
     """Angle of (x, y) as of atan2, to within 1e-6 radians, in arithmetic that is vectorized."""
     high = max(abs(x), abs(y)) + TINY
     ratio = min(abs(x), abs(y)) / high
