@@ -1,5 +1,6 @@
 """Cloth as the solver has it: masses, faces and hinges at rest, and which parts of it are neighbours."""
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -119,7 +120,7 @@ def make_cloth(
             area=_padded(area, np.float32),
             shear=np.float32(shear),
             spread=np.float32(spread),
-            compression=np.float32(compression),
+            reduction=np.float32(math.sqrt(compression)),
             damping=np.float32(2.0 * damping.stretch * (shear + spread)),
             pressure=np.float32(0.5 * AIR_DENSITY * fabric.drag),
         ),

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uvcloth.physics.cloth.compiled import compiled, inlined
+from rasterize.compiled import compiled, inlined
 from uvcloth.physics.cloth.vectors import (
     HALF,
     ONE,
@@ -40,8 +40,8 @@ class Membrane(NamedTuple):
 
     size: M, without the padding. corners: (3, M+) uint32. inverse: (4, M+) 1/m, entries 00, 01, 10, 11 of
     the inverse of the rest edges' matrix. area: (M+,) m2. shear, spread: Lame parameters mu, lambda, N/m.
-    compression: share of the stiffness that is left where cloth is compressed. damping: N s/m, of strain
-    rates. pressure: half the density of air times the drag coefficient, kg/m3.
+    reduction: root of the share of the stiffness that is left where cloth is compressed. damping: N s/m, of
+    strain rates. pressure: half the density of air times the drag coefficient, kg/m3.
     """
 
     size: int
@@ -50,7 +50,7 @@ class Membrane(NamedTuple):
     area: np.ndarray
     shear: np.float32
     spread: np.float32
-    compression: np.float32
+    reduction: np.float32
     damping: np.float32
     pressure: np.float32
 
@@ -101,13 +101,16 @@ def face_forces(
     mean, half = HALF * (e00 + e11), HALF * (e00 - e11)
     spread_of = math.sqrt(half * half + e01 * e01) + TILT
     high, low = mean + spread_of, mean - spread_of
-    high = high if high > ZERO else membrane.compression * high
-    low = low if low > ZERO else membrane.compression * low
-    middle, turned = HALF * (high + low), HALF * (high - low) / spread_of
-    trace = membrane.spread * (high + low)
-    s00 = TWO * shear * (middle + turned * half) + trace + damping * dot(f, f_rate)
-    s11 = TWO * shear * (middle - turned * half) + trace + damping * dot(g, g_rate)
-    s01 = TWO * shear * turned * e01 + HALF * damping * (dot(f, g_rate) + dot(g, f_rate))
+    # Both stresses have to come from one energy: each strain is reduced by the root, and its stress again.
+    upper = ONE if high > ZERO else membrane.reduction
+    lower = ONE if low > ZERO else membrane.reduction
+    trace = membrane.spread * (upper * high + lower * low)
+    pull = upper * (TWO * shear * upper * high + trace)
+    push = lower * (TWO * shear * lower * low + trace)
+    middle, turned = HALF * (pull + push), HALF * (pull - push) / spread_of
+    s00 = middle + turned * half + damping * dot(f, f_rate)
+    s11 = middle - turned * half + damping * dot(g, g_rate)
+    s01 = turned * e01 + HALF * damping * (dot(f, g_rate) + dot(g, f_rate))
     first, second = combine(s00, f, s01, g), combine(s01, f, s11, g)
     force_b = combine(-area * d00, first, -area * d01, second)
     force_c = combine(-area * d10, first, -area * d11, second)
