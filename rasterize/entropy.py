@@ -9,8 +9,9 @@ every machine reads what another one wrote.
 
 import zlib
 
-import numba
 import numpy as np
+
+from rasterize.compiled import compiled
 
 MOST_DIGITS = 24
 """Binary digits of a number, without its sign."""
@@ -58,8 +59,6 @@ _ODDS = np.rint(2**MIXED_BITS / (1.0 + np.exp(-_logits))).astype(np.int64).clip(
 _LOGITS = (np.searchsorted(_ODDS, 16 * np.arange(4096) + 8) - STRETCHED).clip(-STRETCHED, STRETCHED)
 """Logit by the upper 12 bits of odds."""
 
-_compiled = numba.njit(cache=True, nogil=True)
-
 
 def encode(values: np.ndarray, stride: int) -> np.ndarray:
     """Encode whole numbers (T, K, C) to bytes (B,) uint8, of which the first four are a checksum.
@@ -98,7 +97,7 @@ def _checksum(values: np.ndarray) -> np.ndarray:
     return np.frombuffer(zlib.crc32(content).to_bytes(CHECKED, "little"), np.uint8)
 
 
-@_compiled
+@compiled
 def _bucket(size: int) -> int:
     """Class of a size, of BUCKETS: two for each doubling."""
     if size < 4:
@@ -109,7 +108,7 @@ def _bucket(size: int) -> int:
     return min(2 * digits + (size >> digits), BUCKETS - 1)
 
 
-@_compiled
+@compiled
 def _narrow(state: np.ndarray, code: np.ndarray, middle: int, bit: int, encoding: bool) -> int:
     """Narrow the interval to the part of a decision, which is read unless it is encoded; returns it.
 
@@ -133,7 +132,7 @@ def _narrow(state: np.ndarray, code: np.ndarray, middle: int, bit: int, encoding
     return bit
 
 
-@_compiled
+@compiled
 def _decide(
     state: np.ndarray,
     code: np.ndarray,
@@ -169,14 +168,14 @@ def _decide(
     return bit
 
 
-@_compiled
+@compiled
 def _size(values: np.ndarray, time: int, wave: int, column: int) -> int:
     """Size of a number, none outside of the array."""
     inside = time >= 0 and 0 <= wave < values.shape[1]
     return abs(values[time, wave, column]) if inside else 0
 
 
-@_compiled
+@compiled
 def _sum(sums: np.ndarray, time: int, group: int, low: int, high: int) -> int:
     """Sum of the sizes of a group's waves from low to before high, which may lie outside."""
     if time < 0:
@@ -184,7 +183,7 @@ def _sum(sums: np.ndarray, time: int, group: int, low: int, high: int) -> int:
     return sums[time, group, min(high, sums.shape[2] - 1)] - sums[time, group, max(low, 0)]
 
 
-@_compiled
+@compiled
 def _look(
     values: np.ndarray, sums: np.ndarray, stride: int, place: tuple[int, int, int], found: np.ndarray
 ) -> None:
@@ -218,7 +217,7 @@ def _look(
     found[10] = min(_bucket(time // stride), 15)
 
 
-@_compiled
+@compiled
 def _choose(found: np.ndarray, level: int, axis: int, contexts: np.ndarray) -> None:
     """Write into contexts (MODELS,) those of the decision whether a number has more digits than `level`."""
     near, all_around, in_time, in_space, longer, slow, before, others, touching, wave, frequency = found
@@ -232,7 +231,7 @@ def _choose(found: np.ndarray, level: int, axis: int, contexts: np.ndarray) -> N
     contexts[6] = ((rank + longer) * BUCKETS + before) * 8 + touching
 
 
-@_compiled
+@compiled
 def _run(
     values: np.ndarray,
     stride: int,

@@ -64,7 +64,7 @@ class PosedParts:
         return (touched * 2 ** torch.arange(len(touched), device=points.device)[:, None]).sum(0).int()
 
     def opening(self, body: Body) -> Opening:
-        """How the parts of a body are opened."""
+        """Opening of the parts of a body."""
         return make_opening(self._collider, body.mesh.vertices)
 
     def move(self, vertices: Tensor, opening: Opening) -> None:

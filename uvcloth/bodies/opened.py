@@ -38,7 +38,7 @@ POINT_SPACING = 0.012
 
 @dataclass(frozen=True)
 class Opening:
-    """How a collider is opened; `plan` is what the compiled loops know of it."""
+    """Opening of a collider; `plan` is what the compiled loops know of it."""
 
     plan: Plan
 

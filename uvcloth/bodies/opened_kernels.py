@@ -9,8 +9,9 @@ the result, where a nearest face would switch.
 import heapq
 from typing import NamedTuple
 
-import numba
 import numpy as np
+
+from rasterize.compiled import compiled
 
 REACH = 0.08
 """Metres within which points of two parts act on each other: deeper ones have no way out."""
@@ -36,11 +37,9 @@ BLOCK = 16
 FAR = np.float32(1.0e9)
 """Metres that stand for no distance: fast arithmetic knows no infinity."""
 
-_compiled = numba.njit(cache=True, fastmath=True, error_model="numpy", nogil=True)
-
 
 class Plan(NamedTuple):
-    """What is known of a collider of C vertices before it moves, for S sides with K points in all.
+    """Points and pairs: what is known of a collider of C vertices before it moves, for S sides with K points in all.
 
     starts: (S + 1,) int32, of each side its first point. points: (K,) int32 vertices, and of each
     want: (K,) m, the distance that it keeps from the other part, and core: (K,) m2, the squared distance
@@ -72,7 +71,7 @@ class Plan(NamedTuple):
     rims: np.ndarray
 
 
-@_compiled
+@compiled
 def open_frames(frames: np.ndarray, plan: Plan) -> None:
     """Push the parts of collider vertices (F, C, 3) float32 m apart, in place."""
     points, vertices = len(plan.points), frames.shape[1]
@@ -108,7 +107,7 @@ def open_frames(frames: np.ndarray, plan: Plan) -> None:
             marked[moved[row]] = False
 
 
-@_compiled
+@compiled
 def distances(corners: np.ndarray, plan: Plan) -> np.ndarray:
     """Signed distances (K,) m of the points of collider vertices (C, 3) to the other parts, else FAR."""
     points = len(plan.points)
@@ -127,7 +126,7 @@ def distances(corners: np.ndarray, plan: Plan) -> np.ndarray:
     return found
 
 
-@_compiled
+@compiled
 def _find_near(
     corners: np.ndarray, plan: Plan, near: np.ndarray, counts: np.ndarray, places: np.ndarray
 ) -> None:
@@ -157,7 +156,7 @@ def _find_near(
         counts[side] = count
 
 
-@_compiled
+@compiled
 def _find_normals(
     corners: np.ndarray, plan: Plan, near: np.ndarray, counts: np.ndarray, normals: np.ndarray
 ) -> None:
@@ -179,7 +178,7 @@ def _find_normals(
             normals[point, 0], normals[point, 1], normals[point, 2] = nx / length, ny / length, nz / length
 
 
-@_compiled
+@compiled
 def _find_pairs(
     plan: Plan, near: np.ndarray, counts: np.ndarray, places: np.ndarray, normals: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -219,7 +218,7 @@ def _find_pairs(
     return first[:total], second[:total], facing[:total]
 
 
-@_compiled
+@compiled
 def _block_boxes(near: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find the boxes around every BLOCK of near points (N,): their corners, (blocks, 3) each."""
     blocks = (len(near) + BLOCK - 1) // BLOCK
@@ -232,7 +231,7 @@ def _block_boxes(near: np.ndarray, places: np.ndarray) -> tuple[np.ndarray, np.n
     return low, high
 
 
-@_compiled
+@compiled
 def _measure(
     plan: Plan,
     near: np.ndarray,
@@ -289,7 +288,7 @@ def _measure(
         sums[i, 7] += way_z
 
 
-@_compiled
+@compiled
 def _beside(sums: np.ndarray, point: int) -> float:
     """Distance, m, along a wall from a point to the middle of what it is measured by."""
     along, square, length = 0.0, 0.0, 0.0
@@ -300,14 +299,14 @@ def _beside(sums: np.ndarray, point: int) -> float:
     return np.sqrt(max(square - along * along / max(length, 1e-12), 0.0)) / sums[point, 0]
 
 
-@_compiled
+@compiled
 def _smooth_step(value: float) -> float:
     """0 up to 0, 1 from 1 on, without a kink."""
     value = min(max(value, 0.0), 1.0)
     return value * value * (3.0 - 2.0 * value)
 
 
-@_compiled
+@compiled
 def _correct(
     plan: Plan,
     near: np.ndarray,
@@ -338,7 +337,7 @@ def _correct(
     return pushed
 
 
-@_compiled
+@compiled
 def _spread(
     plan: Plan,
     near: np.ndarray,
@@ -392,7 +391,7 @@ def _spread(
     return amount
 
 
-@_compiled
+@compiled
 def _follow(
     corners: np.ndarray,
     plan: Plan,
@@ -410,7 +409,7 @@ def _follow(
                 places[point, axis] = corners[vertex, axis] + shift[vertex, axis]
 
 
-@_compiled
+@compiled
 def _move_tips(corners: np.ndarray, plan: Plan, shift: np.ndarray) -> None:
     """Move the tip of each cap by the mean shift of its rim."""
     for tip in range(len(plan.tips)):
@@ -422,7 +421,7 @@ def _move_tips(corners: np.ndarray, plan: Plan, shift: np.ndarray) -> None:
             corners[plan.tips[tip], axis] += total / (end - begin)
 
 
-@_compiled
+@compiled
 def thin_out(
     starts: np.ndarray, neighbours: np.ndarray, lengths: np.ndarray, order: np.ndarray, spacing: float
 ) -> np.ndarray:
@@ -447,7 +446,7 @@ def thin_out(
     return clear
 
 
-@_compiled
+@compiled
 def along_skin(
     starts: np.ndarray, neighbours: np.ndarray, lengths: np.ndarray, clear: np.ndarray, limit: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -476,7 +475,7 @@ def along_skin(
     return firsts, others[:total].copy(), ways[:total].copy()
 
 
-@_compiled
+@compiled
 def _walk(
     starts: np.ndarray,
     neighbours: np.ndarray,

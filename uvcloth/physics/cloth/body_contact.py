@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from uvcloth.physics.cloth.compiled import compiled, inlined
+from rasterize.compiled import compiled, inlined
 from uvcloth.physics.cloth.tree import (
     BODY_LEAF,
     DEPTH,
@@ -181,13 +181,13 @@ def resolve_contacts(
         distance = length(away)
         normal = scale(side / distance, away) if distance > ON_SURFACE else unit(outwards)
         gap = side * distance - radius - thickness[vertex]
-        carried = weighted(
+        advance = weighted(
             weights,
             sub(load(end, a), load(start, a)),
             sub(load(end, b), load(start, b)),
             sub(load(end, c), load(start, c)),
         )
-        surface = scale(rate, carried)
+        surface = scale(rate, advance)
         slip = sub(load(velocities, vertex), surface)
         if gap >= ZERO:
             contacts.wait[k] = int(gap / (TWO * step * (length(slip) + ALERT_SPEED)))

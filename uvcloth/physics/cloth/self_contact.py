@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rasterize.compiled import compiled, inlined
 from uvcloth.physics.cloth.cloth import Sheet
-from uvcloth.physics.cloth.compiled import compiled, inlined
 from uvcloth.physics.cloth.tree import DEPTH, first_is_halved, pair_key, refit
 from uvcloth.physics.cloth.triangles import closest_barycentrics, closest_on_segments, weighted
 from uvcloth.physics.cloth.vectors import (

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rasterize.compiled import compiled, inlined
 from rasterize.errors import InputError
 from uvcloth.physics.cloth.body_contact import Body, find_contacts, resolve_contacts
 from uvcloth.physics.cloth.cloth import Cloth, Particles, Sheet
-from uvcloth.physics.cloth.compiled import compiled, inlined
 from uvcloth.physics.cloth.forces import Hinges, Membrane, add_elastic_forces
 from uvcloth.physics.cloth.self_contact import Pairs, find_pairs, no_pairs, resolve_pairs
 from uvcloth.physics.cloth.stability import largest_step, stiffening
@@ -96,7 +96,7 @@ class Drive(NamedTuple):
 
 @dataclass(frozen=True)
 class Motion:
-    """What moves the cloth in a frame, in the world.
+    """Motion of all that moves the cloth in a frame, in the world.
 
     seconds: of the frame. body_start, body_end: (V, 3) m before and after it. target_start, target_end:
     (N, 3) m that vertices are pulled to, with the frequency `pull`, (N,) 1/s, and the damping ratio

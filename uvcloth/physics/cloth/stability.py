@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from rasterize.compiled import compiled
 from uvcloth.physics.cloth.cloth import Cloth
-from uvcloth.physics.cloth.compiled import compiled
 from uvcloth.physics.cloth.forces import Membrane, add_elastic_forces
 from uvcloth.physics.cloth.vectors import HALF, ONE, ZERO, Array, Number, combine, dot, load, sub
 

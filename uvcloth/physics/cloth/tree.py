@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rasterize.charts import edge_twins
-from uvcloth.physics.cloth.compiled import compiled, inlined
+from rasterize.compiled import compiled, inlined
 from uvcloth.physics.cloth.triangles import squared_distance
 from uvcloth.physics.cloth.vectors import ZERO, Array, Number, Vector
 

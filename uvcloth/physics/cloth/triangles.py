@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from uvcloth.physics.cloth.compiled import inlined
+from rasterize.compiled import inlined
 from uvcloth.physics.cloth.vectors import (
     ONE,
     TINY,

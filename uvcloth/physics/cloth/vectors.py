@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from uvcloth.physics.cloth.compiled import inlined
+from rasterize.compiled import inlined
 
 Number = Any
 """A float32 in registers; what arithmetic of them gives, mypy does not know."""

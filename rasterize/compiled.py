@@ -1,4 +1,4 @@
-"""Compilation of the solver's loops by Numba, kept on disk from one process to the next."""
+"""Compilation of loops by Numba, kept on disk from one process to the next."""
 
 import hashlib
 import os
@@ -20,7 +20,7 @@ def compiled(function: Function) -> Function:
     """Compile a loop at its first call, and keep the machine code for later processes."""
     settings: Any = numba.config
     before = settings.CACHE_DIR
-    settings.CACHE_DIR = str(_cache_folder())
+    settings.CACHE_DIR = str(_cache_folder(Path(function.__code__.co_filename).parent))
     try:
         return numba.njit(function, cache=True, fastmath=True, error_model="numpy", nogil=True)
     finally:
@@ -33,16 +33,16 @@ def inlined(function: Function) -> Function:
 
 
 @cache
-def _cache_folder() -> Path:
-    """Folder of the compiled loops of this source.
+def _cache_folder(sources: Path) -> Path:
+    """Folder of the compiled loops of the package folder `sources`.
 
     Numba renews compiled code when its own file changes, not when that of a function changes which it calls:
-    the hash of all files together does.
+    the hash of all files together does. So compiled loops call none of other package folders.
     """
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    for path in sorted(sources.glob("*.py")):
         digest.update(path.read_bytes())
-    name = f"cloth-{digest.hexdigest()[:16]}"
+    name = f"{sources.name}-{digest.hexdigest()[:16]}"
     for root in _cache_roots():
         folder = root / name
         try:
