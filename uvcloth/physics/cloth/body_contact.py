@@ -192,12 +192,13 @@ def resolve_contacts(
         if gap >= ZERO:
             contacts.wait[k] = int(gap / (TWO * step * (length(slip) + ALERT_SPEED)))
             continue
-        depth = -gap
-        pushed = depth if depth < SHALLOW else min(depth, PUSH_SPEED * step)
-        store(positions, vertex, combine(ONE, point, pushed, normal))
         approach = dot(slip, normal)
         along = sub(slip, scale(approach, normal))
         stopped = max(-approach, ZERO)
+        # What it came deeper in this substep is taken back whatever its speed.
+        depth = -gap
+        pushed = depth if depth < SHALLOW else min(depth, (PUSH_SPEED + stopped) * step)
+        store(positions, vertex, combine(ONE, point, pushed, normal))
         speed = length(along)
         kept = ONE - friction * stopped / speed if speed > friction * stopped else ZERO
         slip = combine(kept, along, approach + stopped, normal)

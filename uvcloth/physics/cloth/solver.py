@@ -156,6 +156,9 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
     )
     settings, cloth = solver.settings, solver.cloth
     count = _substeps(solver, began, motion.seconds)
+    # What moves farther than the reach between two searches for the body could pass through it.
+    fastest = _fastest(drive.body_end - drive.body_start) / motion.seconds + _fastest(speeds)
+    body_interval = min(settings.interval, settings.reach / max(fastest, 1e-6))
     for attempt in range(RETRIES + 1):
         substeps = count << attempt
         positions, velocities = began.copy(), speeds.copy()
@@ -172,6 +175,7 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
             state.pairs,
             substeps,
             max(1, round(substeps * settings.interval / motion.seconds)),
+            max(1, int(substeps * body_interval / motion.seconds)),
             settings.self_contact,
             np.float32(motion.seconds),
             np.float32(settings.radius),
@@ -183,6 +187,11 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
         if np.isfinite(positions).all() and np.abs(velocities).max(initial=0.0) < FASTEST:
             break
     return State(positions, velocities, end, drift, pairs, substeps)
+
+
+def _fastest(ways: NDArray) -> float:
+    """Greatest length of ways (N, 3)."""
+    return math.sqrt(float(np.square(ways).sum(1).max(initial=0.0)))
 
 
 def _around(points: NDArray, origin: NDArray) -> Floats:
@@ -223,6 +232,7 @@ def _advance(
     pairs: Pairs,
     substeps: int,
     interval: int,
+    body_interval: int,
     self_contact: bool,
     seconds: Number,
     radius: Number,
@@ -277,7 +287,7 @@ def _advance(
                 step,
             )
         if len(body.faces) > 0:
-            if substep % interval == 0:
+            if substep % body_interval == 0:
                 points[:] = (ONE - share) * drive.body_start + share * drive.body_end
                 contacts = find_contacts(body, points, normals, boxes, positions, reach, hints)
             resolve_contacts(
