@@ -1,17 +1,29 @@
-"""How far apart two engines are: the same clips and garments simulated into two folders.
+"""Engines on the same scenes: what a frame costs, how far they are apart, and how far each is from itself.
 
 Run from the checkout with PYTHONPATH=. as
 
-    python benchmarks/engines.py --ours DATA --other DATA_OF_ANOTHER_ENGINE
+    python benchmarks/engines.py [--garments dress] [--clips 26_01] [--newton-frames 20] [--resolutions]
 
-Prints per garment the mean distance between the vertices of the two, mm, over the scored frames in both,
-and beside it how far each engine is from its own repeats (DATA/repeat, made by `uvcloth simulate --repeat`):
-no error of a method below these distances means much.
+on one thread; UVCLOTH_MOCAP names the folder of index_v2.csv and its clips. Per garment it simulates the
+beginning of each window with the explicit engine as it makes data, with a tenth more substeps (what is chance
+in a simulation), and on another mesh of the garment (what the mesh decides); then fewer frames with Newton,
+which takes a second or two for one. It prints over the frames after the warm-up the milliseconds of one
+frame, beside them what the explicit engine takes in the same frames, the shares of the vertices inside the
+body and of the edges that run through the cloth, the edges in a frame that are over twice their length, and
+the mean distance from the explicit engine's vertices. Milliseconds are the thread's own processor time, so
+that a loaded machine counts little; its load is printed.
+
+With --resolutions it prints instead what a frame costs on meshes of other resolutions, with contact of cloth
+with the body alone and with itself too.
 """
 
+import os
 import sys
-from collections.abc import Iterable
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any, Self
 
 import torch
 import tyro
@@ -21,61 +33,229 @@ from torch import Tensor
 
 from rasterize.command import run_command
 from rasterize.errors import InputError
-from uvcloth.simulate.sequence import MOTION_TOLERANCE, load_sequence
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.garments.remesh import remesh, surface_of
+from uvcloth.garments.templates import fit_template
+from uvcloth.geometry.mesh import unique_edges
+from uvcloth.geometry.subdivide import halve_edges
+from uvcloth.motion.clip import Clip
+from uvcloth.motion.index import read_index
+from uvcloth.motion.lead_in import LeadIn
+from uvcloth.motion.library import load_clip
+from uvcloth.physics.cloth.solver import Settings
+from uvcloth.physics.fabric import Fabric
+from uvcloth.simulate.cloth import Cloth, join
+from uvcloth.simulate.engine import Engine, Frame, Scene
+from uvcloth.simulate.explicit import Explicit
+from uvcloth.simulate.newton import Newton
+from uvcloth.simulate.quality_check import examine
+from uvcloth.simulate.remeshed import Remeshed
+from uvcloth.simulate.run import run_up, simulate
+from uvcloth.simulate.sequence import SimulatedSequence
+
+MOCAP = Path(os.environ.get("UVCLOTH_MOCAP", Path(__file__).parents[2] / "shared" / "mocap"))
+
+COUNTS = (450, 900, 3600, 14400)
+"""Vertices of the meshes whose cost is compared, about; above the template's number it is subdivided."""
 
 
-def apart(first: Path, second: Path) -> tuple[str, Tensor]:
-    """The garment, and the mean distance of two simulations of one motion at each frame of both (F,), m.
+@dataclass
+class Resampled:
+    """An engine on a mesh of the cloth that has about `count` vertices, then as many as it has.
 
-    Their last frames are the same one. Raises InputError for other meshes or motions.
+    Its frames are the skinned garment: what counts are the seconds of processor time that each took.
     """
-    ours, other = load_sequence(first), load_sequence(second)
-    frames = min(len(each.vertices) - each.warm_up for each in (ours, other))
-    if ours.vertices.shape[1:] != other.vertices.shape[1:]:
-        raise InputError(f"{second}: not the mesh of {first}")
-    if float((ours.transforms[-frames:] - other.transforms[-frames:]).abs().max()) > MOTION_TOLERANCE:
-        raise InputError(f"{second}: does not have the motion of {first}")
-    return ours.garment, (ours.vertices[-frames:] - other.vertices[-frames:]).norm(dim=-1).mean(1)
+
+    engine: Engine
+    count: int
+    seconds: list[float] = field(default_factory=list)
+
+    def describe(self) -> dict[str, Any]:
+        return self.engine.describe()
+
+    def with_fabric(self, fabric: Fabric) -> Self:
+        return replace(self, engine=self.engine.with_fabric(fabric))
+
+    def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
+        other = _resampled(scene, self.count)
+        self.count = len(other.rest)
+        began = time.thread_time()
+        for frame in self.engine.simulate(other, after):
+            self.seconds.append(time.thread_time() - began)
+            yield Frame(frame.index, scene.skinned[frame.index])
+            began = time.thread_time()
 
 
-def distances(ours: Path, other: Path) -> dict[str, list[Tensor]]:
-    """Per garment, of each sequence that is in both folders, the distance at every frame."""
-    found: dict[str, list[Tensor]] = {}
-    for path in sorted(ours.glob("*.npz")):
-        if (other / path.name).is_file():
-            garment, distance = apart(path, other / path.name)
-            found.setdefault(garment, []).append(distance)
-    return found
-
-
-def main(ours: Path, other: Path) -> None:
-    """Print the table. Raises InputError if the folders share no sequence."""
-    between = distances(ours, other)
-    if not between:
-        raise InputError(f"{other}: has no sequence of a clip and garment that {ours} has")
-    repeats = [distances(folder, folder / "repeat") for folder in (ours, other)]
-    engines = [_engine(folder) for folder in (ours, other)]
-    table = Table("garment", "sequences", "frames", " against ".join(engines) + ", mm")
-    for engine in engines:
-        table.add_column(f"{engine} repeated, mm")
-    for garment, found in between.items():
-        table.add_row(
-            garment,
-            str(len(found)),
-            str(sum(map(len, found))),
-            *(_mean_mm(each) for each in (found, *(repeat.get(garment, []) for repeat in repeats))),
+def _resampled(scene: Scene, count: int) -> Scene:
+    """The scene with a mesh of about `count` vertices: the same, a coarser one, or with its edges halved."""
+    if count > 2 * len(scene.rest):
+        band, mass, touches = scene.band[:, None].float(), scene.mass_factor[:, None], scene.touches.T.float()
+        skinned = scene.skinned.permute(1, 0, 2).flatten(1)
+        columns = (scene.rest, skinned, band, mass, scene.inner_thickness[:, None], touches)
+        halved, faces = halve_edges(torch.cat(columns, 1), scene.faces)
+        rest, skinned, band, mass, thickness, touches = halved.split([part.shape[1] for part in columns], 1)
+        held = band[:, 0] == 1.0
+        return replace(
+            scene,
+            rest=rest.contiguous(),
+            faces=faces,
+            band=held,
+            mass_factor=torch.where(held, mass[:, 0], 1.0),
+            inner_thickness=thickness[:, 0],
+            skinned=skinned.unflatten(1, (-1, 3)).permute(1, 0, 2).contiguous(),
+            touches=(touches.T > 0.0).contiguous(),
         )
-    Console().print(table)
+    if count >= len(scene.rest):
+        return scene
+    points, triangles = remesh(scene.rest.double().numpy(), scene.faces.numpy(), count)
+    found = surface_of(scene.rest.double().numpy(), scene.faces.numpy()).closest(
+        torch.from_numpy(points).float()
+    )
+    corners, weights = scene.faces[found.faces], found.barycentrics[:, :, None]
+    near = corners.gather(1, found.barycentrics.argmax(1, keepdim=True))[:, 0]
+    return replace(
+        scene,
+        rest=(scene.rest[corners] * weights).sum(1),
+        faces=torch.from_numpy(triangles),
+        band=scene.band[near],
+        mass_factor=scene.mass_factor[near],
+        inner_thickness=scene.inner_thickness[near],
+        skinned=(scene.skinned[:, corners] * weights).sum(2),
+        touches=scene.touches[:, near],
+    )
 
 
-def _engine(folder: Path) -> str:
-    return str(load_sequence(min(folder.glob("*.npz"))).metadata.get("engine", folder.name))
+@dataclass(frozen=True)
+class Run:
+    """A simulated window. seconds: (F,) of processor time that each frame took."""
+
+    sequence: SimulatedSequence
+    seconds: Tensor
+
+    def scored(self, frames: int) -> tuple[Tensor, Tensor]:
+        """Vertices (F, N, 3) m and seconds (F,) of the first frames after the warm-up."""
+        rows = slice(self.sequence.warm_up, self.sequence.warm_up + frames)
+        return self.sequence.vertices[rows], self.seconds[rows]
 
 
-def _mean_mm(found: Iterable[Tensor]) -> str:
-    """Every frame counts the same."""
-    every = list(found)
-    return f"{1e3 * float(torch.cat(every).mean()):.1f}" if every else "-"
+def main(
+    garments: tuple[str, ...] = ("tops", "bottoms", "dress"),
+    clips: tuple[str, ...] = ("26_01", "11_01", "31_01"),
+    frames: int = 75,
+    newton_frames: int = 20,
+    resolutions: bool = False,
+) -> None:
+    """garments: templates. clips: of the index. frames: of each window. newton_frames: the same, or 0."""
+    torch.set_num_threads(1)
+    torch.set_grad_enabled(False)
+    body = load_body()
+    motions = {clip: _motion(clip, body) for clip in clips}
+    print("load of the machine:", *(f"{load:.2f}" for load in os.getloadavg()))
+    for garment in garments:
+        cloth = join(fit_template(garment, body), body)
+        if resolutions:
+            table = _resolutions(cloth, motions, frames, body)
+        else:
+            table = _engines(cloth, motions, frames, newton_frames, body)
+        Console(width=160).print(table)
+    print("load of the machine:", *(f"{load:.2f}" for load in os.getloadavg()))
+
+
+def _motion(name: str, body: Body) -> tuple[Clip, int, int]:
+    """Clip of the index, start and frames of its window."""
+    entries = read_index(MOCAP / "index_v2.csv")
+    if name not in entries:
+        raise InputError(f"{MOCAP / 'index_v2.csv'}: has no clip {name}")
+    entry = entries[name]
+    return load_clip(MOCAP / entry.file, body), entry.start, entry.frames
+
+
+def _run(engine: Engine, cloth: Cloth, motion: tuple[Clip, int, int], frames: int, body: Body) -> Run:
+    """Simulate the beginning of a window, as data are made."""
+    clip, start, most = motion
+    window, before = run_up(clip, start, min(frames, most))
+    clocks: list[float] = []
+    (made,) = simulate(
+        window, before, (cloth,), body, engine, LeadIn(), lambda _: clocks.append(time.thread_time())
+    )
+    return Run(made, torch.tensor(clocks, dtype=torch.float64).diff())
+
+
+def _engines(
+    cloth: Cloth, motions: dict[str, tuple[Clip, int, int]], frames: int, newton_frames: int, body: Body
+) -> Table:
+    settings: dict[str, tuple[Engine, int]] = {
+        "explicit": (Explicit(), frames),
+        "a tenth more substeps": (Explicit().with_more_substeps(0.1), frames),
+        "another mesh": (Remeshed(Explicit()), frames),
+    }
+    if newton_frames:
+        settings["newton"] = (Newton(), newton_frames)
+    table = Table(
+        *(cloth.garment.name, "frames", "ms a frame", "explicit's", "inside, %", "crossing, %"),
+        *("edges over twice", *(f"{clip}: mm" for clip in motions), "all: mm"),
+    )
+    ours: dict[str, Run] = {}
+    for name, (engine, count) in settings.items():
+        runs = {clip: _run(engine, cloth, motion, count, body) for clip, motion in motions.items()}
+        ours = ours or runs
+        moved = {clip: run.scored(count) for clip, run in runs.items()}
+        beside = {clip: ours[clip].scored(len(vertices)) for clip, (vertices, _) in moved.items()}
+        apart = {clip: (moved[clip][0] - beside[clip][0]).norm(dim=-1).mean(1) for clip in runs}
+        examined = [examine(run.sequence, cloth.garment, body)[0].metadata for run in runs.values()]
+        table.add_row(
+            name,
+            str(sum(len(vertices) for vertices, _ in moved.values())),
+            _mean([seconds for _, seconds in moved.values()]),
+            _mean([seconds for _, seconds in beside.values()]),
+            *(
+                f"{sum(row[key] for row in examined) / len(examined):.3f}"
+                for key in ("inside_percent", "crossing_percent")
+            ),
+            f"{sum(_long_edges(run, count) for run in runs.values()) / len(runs):.2f}",
+            *(
+                "-" if runs is ours else _mean([each])
+                for each in (*apart.values(), torch.cat([*apart.values()]))
+            ),
+        )
+    return table
+
+
+def _resolutions(cloth: Cloth, motions: dict[str, tuple[Clip, int, int]], frames: int, body: Body) -> Table:
+    table = Table(cloth.garment.name, "body alone, ms", "and self-contact, ms")
+    for count in COUNTS:
+        row = []
+        for self_contact in (False, True):
+            engine = Explicit(settings=Settings(self_contact=self_contact))
+            runs = [_timed(engine, cloth, motion, count, frames, body) for motion in motions.values()]
+            row.append(_mean([torch.tensor(run.seconds) for run in runs]))
+        table.add_row(str(runs[0].count), *row)
+    return table
+
+
+def _timed(
+    engine: Engine, cloth: Cloth, motion: tuple[Clip, int, int], count: int, frames: int, body: Body
+) -> Resampled:
+    """The engine on another mesh, with the times of the frames after the warm-up."""
+    clip, start, most = motion
+    window, before = run_up(clip, start, min(frames, most))
+    made = Resampled(engine, count)
+    simulate(window, before, (cloth,), body, made, LeadIn())
+    return replace(made, seconds=made.seconds[before + len(LeadIn()) :])
+
+
+def _mean(values: list[Tensor]) -> str:
+    """Mean of all, in thousandths."""
+    return f"{1e3 * float(torch.cat(values).mean()):.1f}"
+
+
+def _long_edges(run: Run, frames: int) -> float:
+    """Edges of a frame that are over twice as long as at rest."""
+    edges, rest = unique_edges(run.sequence.faces), run.sequence.rest
+    lengths = (rest[edges[:, 0]] - rest[edges[:, 1]]).norm(dim=-1)
+    vertices, _ = run.scored(frames)
+    moved = (vertices[:, edges[:, 0]] - vertices[:, edges[:, 1]]).norm(dim=-1)
+    return float((moved > 2.0 * lengths).sum(1).float().mean())
 
 
 if __name__ == "__main__":

@@ -2,10 +2,12 @@
 
 Run from the checkout with PYTHONPATH=. as
 
-    python benchmarks/physics.py [--only "vbd 20 x 2" blender] [--fabrics]
+    python benchmarks/physics.py [--only explicit blender] [--skirt | --fabrics]
 
 Prints one row for each setting, beside physics, with the CPU seconds that all of the row took, the processes
-of other engines included; with --fabrics instead one row for each fabric, in the settings that make data.
+of other engines included. With --skirt it prints how the skirt of the dress swings after a stop, beside the
+explicit engine with eight times the substeps and no self-contact; with --fabrics one row for each fabric, in
+the settings that make data.
 """
 
 import os
@@ -20,6 +22,8 @@ import tyro
 from rasterize.command import run_command
 from tests.simulate.physics.experiments import (
     LIMP,
+    STOP,
+    Hem,
     bending_length,
     cantilever,
     drape,
@@ -27,23 +31,32 @@ from tests.simulate.physics.experiments import (
     rope_theory,
     sag,
     sag_theory,
+    skirt_swing,
     slide,
     slide_theory,
     swing,
 )
+from tests.simulate.physics.scenes import FPS, play, scene, sheet
+from uvcloth.physics.cloth.solver import Settings
 from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.simulate.blender import find_blender
+from uvcloth.simulate.explicit import Explicit
 from uvcloth.simulate.newton import Newton
 
 SETTINGS: dict[str, Callable[[], Any]] = {
-    "vbd 20 x 3": Newton,
-    "vbd 20 x 2": lambda: Newton(iterations=2),
-    "vbd 10 x 3": lambda: Newton(substeps=10),
-    "vbd 10 x 5": lambda: Newton(substeps=10, iterations=5),
-    "vbd 60 x 30": lambda: Newton(substeps=60, iterations=30),
+    "explicit": Explicit,
+    "explicit, twice the substeps": lambda: Explicit(more_substeps=2.0),
+    "newton 20 x 3": Newton,
+    "newton 40 x 5": lambda: Newton(substeps=40, iterations=5),
     "blender": find_blender,
 }
-"""The first is what makes data, the fifth is converged in what swings."""
+"""The first makes data. Newton's are substeps a frame times iterations; the second is near convergence."""
+
+SKIRT_SETTINGS: dict[str, Callable[[], Any]] = {
+    "explicit, no self-contact": lambda: Explicit(settings=Settings(self_contact=False)),
+    **SETTINGS,
+}
+"""The first tells how far the step is from converged, the others also how much cloth meets itself."""
 
 COLUMNS = (
     "first low point, s, m",
@@ -58,11 +71,27 @@ COLUMNS = (
 )
 
 
-def main(only: tuple[str, ...] = (), fabrics: bool = False) -> None:
-    """only: names of settings; all of them where none is named. fabrics: compare these instead."""
+SKIRT_COLUMNS = (
+    "first period, s",
+    "extremes of the hem, mm",
+    "mean distance from the reference, mm",
+    "CPU s",
+)
+
+
+def main(only: tuple[str, ...] = (), skirt: bool = False, fabrics: bool = False) -> None:
+    """only: names of settings; all of them where none is named. skirt, fabrics: compare by these instead."""
+    print("load of the machine:", *(f"{load:.2f}" for load in os.getloadavg()), end="\n\n")
     if fabrics:
         _print_fabrics()
-        return
+    elif skirt:
+        _print_skirts(only or tuple(SKIRT_SETTINGS))
+    else:
+        _print_experiments(only or tuple(SETTINGS))
+
+
+def _print_experiments(names: tuple[str, ...]) -> None:
+    """Print what physics says of each experiment, and below it what the settings make of it."""
     fabric = Fabric()
     print("| setting | " + " | ".join(COLUMNS) + " |")
     print("|---" * (len(COLUMNS) + 1) + "|")
@@ -72,8 +101,45 @@ def main(only: tuple[str, ...] = (), fabrics: bool = False) -> None:
         *("60-76", f"{1e3 * bending_length(fabric):.1f}", "-"),
     )
     print("| physics | " + " | ".join(theory) + " |", flush=True)
-    for name in only or SETTINGS:
+    for name in names:
         print(f"| {name} | " + " | ".join(_row(SETTINGS[name]())) + " |", flush=True)
+
+
+def _print_skirts(names: tuple[str, ...]) -> None:
+    """Print how a skirt swings after a stop, without air and with it, and how far that is from converged."""
+    print("| setting | air | " + " | ".join(SKIRT_COLUMNS) + " |")
+    print("|---|---" + "|---:" * len(SKIRT_COLUMNS) + "|")
+    converged = Explicit(more_substeps=8.0, settings=Settings(self_contact=False))
+    for air, fabric in (("no", Fabric(drag=0.0)), ("yes", Fabric())):
+        reference, spent = _skirt(replace(converged, fabric=fabric))
+        _print_skirt("reference", air, reference, reference, spent)
+        for name in names:
+            found, spent = _skirt(replace(SKIRT_SETTINGS[name](), fabric=fabric))
+            _print_skirt(name, air, found, reference, spent)
+
+
+def _skirt(engine: Any) -> tuple[Hem, float]:
+    """Swing of the skirt, and the CPU seconds that it took."""
+    _prepare(engine)
+    started = _cpu_seconds()
+    return skirt_swing(engine), _cpu_seconds() - started
+
+
+def _print_skirt(name: str, air: str, found: Hem, reference: Hem, spent: float) -> None:
+    apart = (found.motion - reference.motion)[round(STOP * FPS) :].norm(dim=-1).mean()
+    figures = (
+        f"{found.periods[0]:.3f}" if found.periods else "-",
+        ", ".join(f"{1e3 * extreme:.0f}" for extreme in found.extremes[:3]),
+        "-" if found is reference else f"{1e3 * float(apart):.1f}",
+        f"{spent:.1f}",
+    )
+    print(f"| {name} | {air} | " + " | ".join(figures) + " |", flush=True)
+
+
+def _prepare(engine: Any) -> None:
+    """Have an engine compile what it needs, so that it does not count."""
+    rest, faces = sheet(0.1, 0.1, 4, 4)
+    play(engine, scene(rest, faces, 0.1, held=rest[:, 0] < 1e-6))
 
 
 def _print_fabrics() -> None:
@@ -81,7 +147,7 @@ def _print_fabrics() -> None:
     print("| fabric | strip of 0.5 m longer, % | physics | drape, % |")
     print("|---|---:|---:|---:|")
     for name, fabric in FABRICS.items():
-        engine = Newton(fabric=fabric)
+        engine = Explicit(fabric=fabric)
         print(
             f"| {name} | {100 * sag(engine, 0.5):.2f} | {100 * sag_theory(fabric, 0.5):.2f} "
             f"| {100 * drape(engine):.0f} |",
@@ -90,6 +156,7 @@ def _print_fabrics() -> None:
 
 
 def _row(engine: Any) -> tuple[str, ...]:
+    _prepare(engine)
     started = _cpu_seconds()
     found = swing(replace(engine, fabric=Fabric(drag=0.0)))
     figures = (
@@ -100,7 +167,7 @@ def _row(engine: Any) -> tuple[str, ...]:
         f"{100 * drape(engine):.0f}",
         f"{1e3 * cantilever(engine)[0]:.1f}",
     )
-    return (*figures, f"{_cpu_seconds() - started:.0f}")
+    return (*figures, f"{_cpu_seconds() - started:.1f}")
 
 
 def _cpu_seconds() -> float:
