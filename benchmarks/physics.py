@@ -21,6 +21,7 @@ import tyro
 
 from rasterize.command import run_command
 from tests.simulate.physics.experiments import (
+    DISC,
     LIMP,
     STOP,
     Hem,
@@ -70,6 +71,9 @@ COLUMNS = (
     "CPU s",
 )
 
+
+RINGS = (5, 10, 15, 20)
+"""Rings of the disc of Cusick's test: one of them lies on the edge of the support."""
 
 SKIRT_COLUMNS = (
     "first period, s",
@@ -144,15 +148,14 @@ def _prepare(engine: Any) -> None:
 
 def _print_fabrics() -> None:
     """Print what laboratories measure of each fabric as the first setting makes it, and as physics has it."""
-    print("| fabric | strip of 0.5 m longer, % | physics | drape, % |")
-    print("|---|---:|---:|---:|")
+    drapes = (f"drape, edges of {1e3 * DISC / rings:g} mm, %" for rings in RINGS)
+    print("| fabric | strip of 0.5 m longer, % | physics | " + " | ".join(drapes) + " |")
+    print("|---|---:|---:" + "|---:" * len(RINGS) + "|")
     for name, fabric in FABRICS.items():
         engine = Explicit(fabric=fabric)
-        print(
-            f"| {name} | {100 * sag(engine, 0.5):.2f} | {100 * sag_theory(fabric, 0.5):.2f} "
-            f"| {100 * drape(engine):.0f} |",
-            flush=True,
-        )
+        stretched = f"{100 * sag(engine, 0.5):.2f} | {100 * sag_theory(fabric, 0.5):.2f}"
+        draped = " | ".join(f"{100 * drape(engine, rings):.0f}" for rings in RINGS)
+        print(f"| {name} | {stretched} | {draped} |", flush=True)
 
 
 def _row(engine: Any) -> tuple[str, ...]:
