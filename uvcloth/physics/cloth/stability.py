@@ -51,6 +51,8 @@ def _largest_eigenvalue(cloth: Cloth, rest: NDArray[np.float32], rates: bool) ->
             forces.append(force.astype(np.float64))
         direction = (forces[1] - forces[0]) / (2.0 * size * root)
         value = float(np.linalg.norm(direction))
+        if value == 0.0:
+            break
     return value
 
 
