@@ -72,7 +72,9 @@ def test_it_goes_on_from_any_frame_as_if_it_had_not_stopped() -> None:
         assert [frame.index for frame in rest] == list(range(stopped + 1, 10))
         if rest:
             assert torch.equal(torch.stack([frame.vertices for frame in rest]), truth[stopped + 1 :])
-    still = replace(frames[5], memory=(frames[5].memory.view(3, -1) * torch.tensor([[1.0], [0.0], [1.0]])).flatten())
+    still = replace(
+        frames[5], memory=(frames[5].memory.view(3, -1) * torch.tensor([[1.0], [0.0], [1.0]])).flatten()
+    )
     assert not torch.equal(next(Newton().simulate(moving, after=still)).vertices, truth[6])
 
 

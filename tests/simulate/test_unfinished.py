@@ -43,7 +43,9 @@ class Falling:
 
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
         position, velocity = (
-            (scene.rest, torch.zeros_like(scene.rest)) if after is None else after.memory.view(2, -1, 3).unbind()
+            (scene.rest, torch.zeros_like(scene.rest))
+            if after is None
+            else after.memory.view(2, -1, 3).unbind()
         )
         for index in range(0 if after is None else after.index + 1, len(scene.skinned)):
             if index == self.stop:

@@ -39,7 +39,7 @@ FAR = np.float32(1.0e9)
 
 
 class Plan(NamedTuple):
-    """Points and pairs: what is known of a collider of C vertices before it moves, for S sides with K points in all.
+    """Points and pairs of a collider of C vertices before it moves, for S sides with K points in all.
 
     starts: (S + 1,) int32, of each side its first point. points: (K,) int32 vertices, and of each
     want: (K,) m, the distance that it keeps from the other part, and core: (K,) m2, the squared distance

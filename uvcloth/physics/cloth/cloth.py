@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rasterize.charts import edge_keys, edge_twins, edges_of, face_components
-from uvcloth.physics.cloth.forces import BLOCK, Hinges, Membrane
+from uvcloth.physics.cloth.forces import BLOCK, SQUEEZED, Hinges, Membrane
 from uvcloth.physics.cloth.tree import SHEET_LEAF, Tree, adjacent_nodes, build_tree
 from uvcloth.physics.fabric import Fabric
 
@@ -175,13 +175,14 @@ def _hinges(rest: NDArray[np.float64], faces: Integers, bend: float, damping: fl
     along = b - a
     lengths = np.linalg.norm(along, axis=1)
     n0, n1 = np.cross(a - first, b - first), np.cross(b - second, a - second)
-    doubled = np.linalg.norm(n0, axis=1) + np.linalg.norm(n1, axis=1)
+    areas = np.stack([np.linalg.norm(n0, axis=1), np.linalg.norm(n1, axis=1)])
     sine = (np.cross(n0, n1) * along).sum(1) / np.maximum(lengths, 1e-12)
     return Hinges(
         size=len(pairs),
         corners=_padded(np.concatenate([opposite, pairs], 1).T, np.uint32),
-        stiffness=_padded(2.0 * bend * lengths**2 / doubled, np.float32),
+        stiffness=_padded(2.0 * bend * lengths**2 / areas.sum(0), np.float32),
         rest=_padded(np.arctan2(sine, (n0 * n1).sum(1)), np.float32),
+        floors=_padded((SQUEEZED * areas) ** 2, np.float32),
         damping=np.float32(damping),
     )
 

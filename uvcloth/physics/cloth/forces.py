@@ -31,8 +31,14 @@ from uvcloth.physics.cloth.vectors import (
 BLOCK = 64
 """Faces or hinges that are computed side by side."""
 
-TILT = np.float32(1e-9)
-"""Least difference of principal strains, so that their directions are defined."""
+TILT = np.float32(1e-7)
+"""Least difference of squared principal stretches, halved, so that their directions are defined."""
+
+FLATTENED = np.float32(1e-2)
+"""Square of the stretch below which a face is not squeezed further."""
+
+SQUEEZED = 0.5
+"""Share of its rest height below which a face bends as at that height: stiffness grows without end below."""
 
 
 class Membrane(NamedTuple):
@@ -59,13 +65,15 @@ class Hinges(NamedTuple):
     """Edges between two faces, padded to whole blocks.
 
     size: E, without the padding. corners: (4, E+) uint32, the vertices opposite of the edge, then its ends.
-    stiffness: (E+,) N m. rest: (E+,) radians. damping: s, times the stiffness.
+    stiffness: (E+,) N m. rest: (E+,) radians. floors: (2, E+) m4, least square of the doubled areas of the
+    two faces. damping: s, times the stiffness.
     """
 
     size: int
     corners: np.ndarray
     stiffness: np.ndarray
     rest: np.ndarray
+    floors: np.ndarray
     damping: np.float32
 
 
@@ -83,9 +91,11 @@ def face_forces(
 ) -> tuple[Vector, Vector, Vector]:
     """Forces, N, on the corners of face k.
 
-    Saint Venant and Kirchhoff's energy of the Green strain E = (F^T F - 1) / 2, mu |E|^2 + lambda tr(E)^2 / 2
-    per area, with negative principal strains reduced (a coarse mesh cannot buckle below its edges); viscous
-    stress in the rate of E; and drag of still air, by the square of the speed along the normal.
+    Energy mu (e1^2 + e2^2) + lambda (e1 + e2)^2 / 2 per area, of the principal stretches less one, e1 and e2
+    (Biot strain): tension grows evenly with length, and cloth that is squeezed does not give way, as that of
+    Saint Venant and Kirchhoff does. Negative ones are reduced where a coarse mesh, which cannot buckle below
+    its edges, should resist compression less. Besides viscous stress in the rate of the Green strain, and
+    drag of still air, by the square of the speed along the normal.
     """
     d00, d01, d10, d11 = (
         membrane.inverse[0, k],
@@ -97,20 +107,21 @@ def face_forces(
     p, q, p_rate, q_rate = sub(xb, xa), sub(xc, xa), sub(vb, va), sub(vc, va)
     f, g = combine(d00, p, d10, q), combine(d01, p, d11, q)
     f_rate, g_rate = combine(d00, p_rate, d10, q_rate), combine(d01, p_rate, d11, q_rate)
-    e00, e11, e01 = HALF * (dot(f, f) - ONE), HALF * (dot(g, g) - ONE), HALF * dot(f, g)
-    mean, half = HALF * (e00 + e11), HALF * (e00 - e11)
-    spread_of = math.sqrt(half * half + e01 * e01) + TILT
-    high, low = mean + spread_of, mean - spread_of
+    c00, c11, c01 = dot(f, f), dot(g, g), dot(f, g)
+    mean, half = HALF * (c00 + c11), HALF * (c00 - c11)
+    apart = math.sqrt(half * half + c01 * c01) + TILT
+    long, short = math.sqrt(mean + apart), math.sqrt(max(mean - apart, FLATTENED))
+    high, low = long - ONE, short - ONE
     # Both stresses have to come from one energy: each strain is reduced by the root, and its stress again.
     upper = ONE if high > ZERO else membrane.reduction
     lower = ONE if low > ZERO else membrane.reduction
     trace = membrane.spread * (upper * high + lower * low)
-    pull = upper * (TWO * shear * upper * high + trace)
-    push = lower * (TWO * shear * lower * low + trace)
-    middle, turned = HALF * (pull + push), HALF * (pull - push) / spread_of
+    pull = upper * (TWO * shear * upper * high + trace) / long
+    push = lower * (TWO * shear * lower * low + trace) / short
+    middle, turned = HALF * (pull + push), HALF * (pull - push) / apart
     s00 = middle + turned * half + damping * dot(f, f_rate)
     s11 = middle - turned * half + damping * dot(g, g_rate)
-    s01 = turned * e01 + HALF * damping * (dot(f, g_rate) + dot(g, f_rate))
+    s01 = turned * c01 + HALF * damping * (dot(f, g_rate) + dot(g, f_rate))
     first, second = combine(s00, f, s01, g), combine(s01, f, s11, g)
     force_b = combine(-area * d00, first, -area * d01, second)
     force_c = combine(-area * d10, first, -area * d11, second)
@@ -146,12 +157,15 @@ def hinge_forces(
     shorter = ONE / math.sqrt(squared)
     size = squared * shorter
     theta = angle(dot(cross(n0, n1), along) * shorter, dot(n0, n1))
-    o0, o1 = scale(ONE / (dot(n0, n0) + TINY), n0), scale(ONE / (dot(n1, n1) + TINY), n1)
+    s0, s1 = dot(n0, n0), dot(n1, n1)
+    o0, o1 = scale(ONE / (s0 + TINY), n0), scale(ONE / (s1 + TINY), n1)
     g0, g1 = scale(-size, o0), scale(-size, o1)
     ga = combine(dot(sub(xb, x0), along) * shorter, o0, dot(sub(xb, x1), along) * shorter, o1)
     gb = combine(-dot(sub(xa, x0), along) * shorter, o0, -dot(sub(xa, x1), along) * shorter, o1)
     rate = dot(g0, v0) + dot(g1, v1) + dot(ga, va) + dot(gb, vb)
-    moment = -hinges.stiffness[k] * (theta - hinges.rest[k] + hinges.damping * rate)
+    # All four forces fade together, or they would turn the cloth as a whole.
+    fade = min(ONE, s0 / (hinges.floors[0, k] + TINY), s1 / (hinges.floors[1, k] + TINY))
+    moment = -fade * hinges.stiffness[k] * (theta - hinges.rest[k] + hinges.damping * rate)
     return scale(moment, g0), scale(moment, g1), scale(moment, ga), scale(moment, gb)
 
 

@@ -13,7 +13,7 @@ from uvcloth.physics.cloth.body_contact import Body, find_contacts, resolve_cont
 from uvcloth.physics.cloth.cloth import Cloth, Particles, Sheet
 from uvcloth.physics.cloth.forces import Hinges, Membrane, add_elastic_forces
 from uvcloth.physics.cloth.self_contact import Pairs, find_pairs, no_pairs, resolve_pairs
-from uvcloth.physics.cloth.stability import largest_step, stiffening
+from uvcloth.physics.cloth.stability import largest_step
 from uvcloth.physics.cloth.vectors import ONE, TWO, ZERO, Array, Number, Vector, store
 
 Floats = NDArray[np.float32]
@@ -155,12 +155,12 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
         np.zeros((0, 3), np.float32) if motion.acceleration is None else motion.acceleration,
     )
     settings, cloth = solver.settings, solver.cloth
-    count = _substeps(solver, began, motion.seconds)
+    needed = motion.seconds * max(settings.substeps, 1.0 / (settings.safety * solver.stable_step))
     # What moves farther than the reach between two searches for the body could pass through it.
     fastest = _fastest(drive.body_end - drive.body_start) / motion.seconds + _fastest(speeds)
     body_interval = min(settings.interval, settings.reach / max(fastest, 1e-6))
     for attempt in range(RETRIES + 1):
-        substeps = count << attempt
+        substeps = math.ceil(needed) << attempt
         positions, velocities = began.copy(), speeds.copy()
         pairs = _advance(
             cloth.membrane,
@@ -207,15 +207,6 @@ def moving_frame(
     """
     origin, destination = (np.asarray(points, np.float64).mean(0) for points in (start, end))
     return origin, destination, (destination - origin) / seconds
-
-
-def _substeps(solver: Solver, positions: Floats, seconds: float) -> int:
-    """Substeps of a frame: from the longest stable step, shortened where the cloth is stretched."""
-    cloth, settings = solver.cloth, solver.settings
-    raised = stiffening(cloth.membrane, positions, cloth.particles.inverse_mass)
-    needed = seconds * raised / (settings.safety * solver.stable_step)
-    most = MOST_SUBSTEPS_PER_SECOND * seconds
-    return max(1, math.ceil(settings.substeps * seconds), math.ceil(min(needed, most)))
 
 
 @compiled

@@ -5,10 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterize.compiled import compiled
 from uvcloth.physics.cloth.cloth import Cloth
-from uvcloth.physics.cloth.forces import Membrane, add_elastic_forces
-from uvcloth.physics.cloth.vectors import HALF, ONE, ZERO, Array, Number, combine, dot, load, sub
+from uvcloth.physics.cloth.forces import add_elastic_forces
+from uvcloth.physics.cloth.vectors import ZERO
 
 ITERATIONS = 60
 """Power iterations: the eigenvalue is found to about a percent."""
@@ -54,30 +53,3 @@ def _largest_eigenvalue(cloth: Cloth, rest: NDArray[np.float32], rates: bool) ->
         if value == 0.0:
             break
     return value
-
-
-@compiled
-def stiffening(membrane: Membrane, positions: Array, inverse_mass: Array) -> Number:
-    """Factor by which strain raises the largest frequency of the faces over that at rest.
-
-    A face in tension at a principal stretch s is (3 s^2 - 1) / 2 times as stiff along it (Saint Venant and
-    Kirchhoff); only the faces that are stiff for their mass decide.
-    """
-    resting, strained = ZERO, ZERO
-    for k in range(membrane.size):
-        a, b, c = membrane.corners[0, k], membrane.corners[1, k], membrane.corners[2, k]
-        d00, d01, d10, d11 = (
-            membrane.inverse[0, k],
-            membrane.inverse[1, k],
-            membrane.inverse[2, k],
-            membrane.inverse[3, k],
-        )
-        slope = d00 * d00 + d01 * d01 + d10 * d10 + d11 * d11
-        frequency = membrane.area[k] * slope * (inverse_mass[a] + inverse_mass[b] + inverse_mass[c])
-        p, q = sub(load(positions, b), load(positions, a)), sub(load(positions, c), load(positions, a))
-        f, g = combine(d00, p, d10, q), combine(d01, p, d11, q)
-        mean, half, shear = HALF * (dot(f, f) + dot(g, g)), HALF * (dot(f, f) - dot(g, g)), dot(f, g)
-        squared = mean + math.sqrt(half * half + shear * shear)
-        resting = max(resting, frequency)
-        strained = max(strained, frequency * max(HALF * (np.float32(3.0) * squared - ONE), ONE))
-    return math.sqrt(strained / resting)
