@@ -15,7 +15,7 @@ from tests.export.glb_reader import GlbReader
 from uvcloth import cli
 from uvcloth.motion.library import load_clip
 
-HEAVY = ("torch", "warp", "newton", "lightning", "scipy", "trimesh", "pxr", "kornia", "anny")
+HEAVY = ("torch", "warp", "numba", "newton", "lightning", "scipy", "trimesh", "pxr", "kornia", "anny")
 
 
 @pytest.fixture
@@ -74,16 +74,15 @@ def test_help_imports_nothing_heavy():
 
 @pytest.fixture
 def simulated(body, tmp_path):
-    """A folder in which Newton's sequence of the tops over the built-in walk is there already."""
-    pytest.importorskip("newton", reason="the `simulate` extra is not installed")
+    """A folder in which the sequence of the tops over the built-in walk is there already."""
     from tests.simulate.skinned import skinned_sequence
     from uvcloth.garments.templates import fit_template
     from uvcloth.motion.poses import rest_hash
-    from uvcloth.simulate.newton import Newton
+    from uvcloth.simulate.explicit import Explicit
     from uvcloth.simulate.sequence import save_sequence
 
     made = skinned_sequence(fit_template("tops", body), body)
-    made_by = {"body_hash": rest_hash(body), **json.loads(json.dumps(Newton().describe()))}
+    made_by = {"body_hash": rest_hash(body), **json.loads(json.dumps(Explicit().describe()))}
     save_sequence(replace(made, metadata={**made.metadata, **made_by}), tmp_path / "out" / "walk_tops.npz")
     return tmp_path / "out"
 
@@ -110,7 +109,7 @@ def test_simulate_says_which_option_does_not_go_with_what_is_there(
     taller = replace(body, name="tall", mesh=replace(body.mesh, vertices=1.02 * body.mesh.vertices))
     save_body(taller, tmp_path / "tall.npz")
     for words, sentence in (
-        (("--garment", "tops", "--engine", "blender"), "was simulated by newton."),
+        (("--garment", "tops", "--engine", "blender"), "was simulated by uvcloth."),
         (("--garment", "bottoms", "tops", "--layered"), "was simulated as tops, not as bottoms under tops"),
         (("--garment", "tops", "--body", str(tmp_path / "tall.npz")), "was simulated on another body"),
         (("--garment", "tops", "--jobs", "0"), "--jobs 0: expected at least 1"),

@@ -26,8 +26,8 @@ from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.simulate import batch, quality_check
 from uvcloth.simulate import plan as planning
 from uvcloth.simulate.batch import simulate_batch
+from uvcloth.simulate.explicit import Explicit
 from uvcloth.simulate.folder import refused_captures
-from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.plan import ClipSelection, Job
 from uvcloth.simulate.progress import FramesBar, progress_text
 from uvcloth.simulate.quality_check import MAX_INSIDE_PERCENT, examine
@@ -180,9 +180,9 @@ def test_what_was_simulated_alone_is_not_taken_for_a_layer(finished: Path, body:
     ("said", "words"),
     [
         ({"body_hash": "a", "body": "tall"}, r"was simulated on another body \(tall\) than default"),
-        ({"engine": "blender"}, r"was simulated by blender, not by newton\.\w+"),
+        ({"engine": "blender"}, r"was simulated by blender, not by uvcloth\.explicit"),
         (
-            {"engine": Newton.name, "settings": asdict(Newton(fabric=Fabric(density=5.0)))},
+            {"engine": Explicit.name, "settings": asdict(Explicit(fabric=Fabric(density=5.0)))},
             rf"was simulated with other settings \(density 5\.0 instead of {Fabric.density}\)",
         ),
     ],
@@ -199,23 +199,23 @@ def test_data_of_another_body_or_engine_are_refused(
 def test_a_job_is_simulated_in_a_fabric_of_its_own(
     monkeypatch: pytest.MonkeyPatch, body: Body, tmp_path: Path
 ) -> None:
-    engines: list[Newton] = []
+    engines: list[Explicit] = []
 
     def simulated(*arguments: object) -> tuple[()]:
-        engines.append(cast("Newton", arguments[4]))
+        engines.append(cast("Explicit", arguments[4]))
         return ()
 
     monkeypatch.setattr(batch, "simulate", simulated)
     for fabric in (None, FABRICS["denim"]):
         job = Job(load_clip("walk", body), 0, body, (), (tmp_path / "a.npz",), fabric)
-        batch._simulate_job(job, Newton(substeps=7), tmp_path, tmp_path)
-    assert engines == [Newton(substeps=7), Newton(substeps=7, fabric=FABRICS["denim"])]
+        batch._simulate_job(job, Explicit(hold=7.0), tmp_path, tmp_path)
+    assert engines == [Explicit(hold=7.0), Explicit(hold=7.0, fabric=FABRICS["denim"])]
 
 
 def test_data_of_this_body_and_engine_are_added_to(
     finished: Path, body: Body, skinned: SimulatedSequence
 ) -> None:
-    said = {"body_hash": rest_hash(body), **Newton().describe()}
+    said = {"body_hash": rest_hash(body), **Explicit().describe()}
     save_sequence(
         replace(skinned, metadata={**skinned.metadata, **said}), finished / "rejected" / "run_tops.npz"
     )
