@@ -32,6 +32,13 @@ def inlined(function: Function) -> Function:
     return numba.njit(function, fastmath=True, error_model="numpy", forceinline=True)
 
 
+def is_kept(function: Any) -> bool:
+    """True if a `compiled` function has been compiled for this source, by this process or one before."""
+    code = function.py_func.__code__
+    folder = _cache_folder(Path(code.co_filename).parent)
+    return any(folder.rglob(f"{Path(code.co_filename).stem}.{code.co_name}-*.nbi"))
+
+
 @cache
 def _cache_folder(sources: Path) -> Path:
     """Folder of the compiled loops of the package folder `sources`.

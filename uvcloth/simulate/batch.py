@@ -15,7 +15,7 @@ from uvcloth.motion.lead_in import LeadIn
 from uvcloth.physics.fabric import FABRICS
 from uvcloth.simulate.bodies import keep_body
 from uvcloth.simulate.cloth import Cloth, join
-from uvcloth.simulate.engine import Engine
+from uvcloth.simulate.engine import CompiledEngine, Engine
 from uvcloth.simulate.engines import ENGINES
 from uvcloth.simulate.folder import (
     REPEAT,
@@ -111,6 +111,9 @@ def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Work
     todo: is asked for the next job when there is room for it. frames: of all jobs. folder: of their targets.
     Raises InputError without dask, as soon as the folder is gone, and as `results` does.
     """
+    if isinstance(engine, CompiledEngine) and not engine.is_compiled():
+        print("compiling the cloth solver, once after an installation (half a minute)", flush=True)
+        engine.compile()
     count = len(todo) if isinstance(todo, Sized) else None
     with connected(workers, count) as client, FramesBar(frames) as bar:
         client.subscribe_topic(FRAMES_TOPIC, lambda event: bar.report(*event[1]))

@@ -80,3 +80,16 @@ class SubstepEngine(Engine, Protocol):
     def with_more_substeps(self, share: float) -> Self:
         """Make the same engine with 1 + share times as many substeps."""
         ...
+
+
+@runtime_checkable
+class CompiledEngine(Engine, Protocol):
+    """An engine that is compiled where it runs, once after an installation."""
+
+    def is_compiled(self) -> bool:
+        """True if that was done before."""
+        ...
+
+    def compile(self) -> None:
+        """Compile it, and keep that for later processes."""
+        ...

@@ -19,6 +19,7 @@ from uvcloth.physics.cloth.solver import (
     Settings,
     Solver,
     State,
+    is_compiled,
     make_solver,
     moving_frame,
     start,
@@ -65,6 +66,17 @@ class Explicit:
     def with_more_substeps(self, share: float) -> Self:
         """Make the same engine with so many more substeps, as a share of what it makes now."""
         return replace(self, more_substeps=(1.0 + share) * self.more_substeps)
+
+    def is_compiled(self) -> bool:
+        """True if the solver was compiled before on this machine."""
+        return is_compiled()
+
+    def compile(self) -> None:
+        """Compile the solver by simulating one face on another, in half a minute."""
+        rest, faces, one = torch.eye(3), torch.tensor([[0, 1, 2]]), torch.ones(3)
+        two = rest.expand(2, -1, -1)
+        free, touches = torch.zeros(3, dtype=torch.bool), torch.ones(1, 3, dtype=torch.bool)
+        list(self.simulate(Scene(rest, faces, free, one, 0.0 * one, two, two, (faces,), touches, 30.0)))
 
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
         """Yield the frames as `Engine` says. Raises InputError for cloth that the solver cannot step."""

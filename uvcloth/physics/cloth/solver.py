@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterize.compiled import compiled, inlined
+from rasterize.compiled import compiled, inlined, is_kept
 from rasterize.errors import InputError
 from uvcloth.physics.cloth.body_contact import Body, find_contacts, resolve_contacts
 from uvcloth.physics.cloth.cloth import Cloth, Particles, Sheet
@@ -192,6 +192,11 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
 def _fastest(ways: NDArray) -> float:
     """Greatest length of ways (N, 3)."""
     return math.sqrt(float(np.square(ways).sum(1).max(initial=0.0)))
+
+
+def is_compiled() -> bool:
+    """True if the first step needs no compilation, which takes half a minute."""
+    return is_kept(_advance)
 
 
 def _around(points: NDArray, origin: NDArray) -> Floats:
