@@ -173,7 +173,12 @@ def hinge_forces(
 def add_elastic_forces(
     membrane: Membrane, hinges: Hinges, positions: Array, velocities: Array, wind: Vector, forces: Array
 ) -> None:
-    """Add the forces of all faces and hinges to forces (N, 3)."""
+    """Add the forces of all faces and hinges to forces (N, 3).
+
+    Indices are unsigned: with negative ones, which count from the end, the compiler takes what lies behind an
+    array in memory for a part of it, and where `pushed` happens to lie there it computes, and so rounds, in
+    another way.
+    """
     moved = np.zeros((24, BLOCK), np.float32)
     pushed = np.empty((12, BLOCK), np.float32)
     for start in range(0, membrane.size, BLOCK):
@@ -182,7 +187,7 @@ def add_elastic_forces(
         for k in range(BLOCK):
             a, b, c = face_forces(
                 membrane,
-                start + k,
+                np.uint64(start) + np.uint64(k),
                 _column(moved, 0, k),
                 _column(moved, 1, k),
                 _column(moved, 2, k),
@@ -201,7 +206,7 @@ def add_elastic_forces(
         for k in range(BLOCK):
             a, b, c, d = hinge_forces(
                 hinges,
-                start + k,
+                np.uint64(start) + np.uint64(k),
                 _column(moved, 0, k),
                 _column(moved, 1, k),
                 _column(moved, 2, k),
