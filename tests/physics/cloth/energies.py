@@ -20,19 +20,19 @@ def lame(fabric: Fabric) -> tuple[float, float]:
 def membrane_energy(
     points: Tensor, rest: Tensor, faces: Tensor, fabric: Fabric, compression: float = 1.0
 ) -> Tensor:
-    """Energy, J, of Saint Venant and Kirchhoff at points (N, 3); negative principal strains are reduced.
+    """Energy, J, of the principal stretches less one at points (N, 3); negative ones are reduced.
 
-    The principal stretches come from the squared lengths of edges alone.
+    The stretches come from the squared lengths of edges alone: from the sum and the product of their squares.
     """
     mu, spread = lame(fabric)
-    strain = 0.5 * (torch.linalg.solve(_squares(rest, faces), _squares(points, faces)) - torch.eye(2))
-    trace, squares = _trace(strain), _trace(strain @ strain)
-    if compression != 1.0:
-        apart = (0.5 * squares - 0.25 * trace.square()).sqrt()
-        principal = torch.stack([0.5 * trace + apart, 0.5 * trace - apart], -1)
-        principal = torch.where(principal < 0.0, compression**0.5 * principal, principal)
-        trace, squares = principal.sum(-1), principal.square().sum(-1)
-    return (_areas(rest, faces) * (mu * squares + 0.5 * spread * trace.square())).sum()
+    ratio = torch.linalg.solve(_squares(rest, faces), _squares(points, faces))
+    product = torch.linalg.det(ratio).sqrt()
+    total = (_trace(ratio) + 2.0 * product).sqrt()
+    apart = (total.square() - 4.0 * product).sqrt()
+    strains = 0.5 * torch.stack([total + apart, total - apart], -1) - 1.0
+    strains = torch.where(strains < 0.0, compression**0.5 * strains, strains)
+    density = mu * strains.square().sum(-1) + 0.5 * spread * strains.sum(-1).square()
+    return (_areas(rest, faces) * density).sum()
 
 
 def hinge_energy(points: Tensor, rest: Tensor, faces: Tensor, fabric: Fabric) -> Tensor:
@@ -49,14 +49,16 @@ def hinge_stiffness(rest: Tensor, faces: Tensor, fabric: Fabric) -> Tensor:
     return fabric.bend * (end - start).square().sum(1) / _areas(rest, faces)[pairs].sum(1)
 
 
-def stiffness_matrix(points: Tensor, rest: Tensor, faces: Tensor, fabric: Fabric) -> Tensor:
-    """Forces over displacements (3 N, 3 N), N/m, of a level sheet stretched level to points (N, 3)."""
-    flat = rest.double()
-    plane = torch.autograd.functional.hessian(
-        lambda moved: membrane_energy(moved.reshape(-1, 3), flat, faces, fabric), points.double().reshape(-1)
+def stiffness_matrix(rest: Tensor, faces: Tensor, fabric: Fabric) -> Tensor:
+    """Forces over small displacements from rest: (3 N, 3 N) N/m."""
+    mu, spread = lame(fabric)
+    strain, slopes = _strain_slopes(rest, faces), _hinge_slopes(rest, faces)
+    trace, areas = strain[:, 0] + strain[:, 3], _areas(rest, faces)
+    return (
+        2.0 * mu * torch.einsum("f,fsa,fsb->ab", areas, strain, strain)
+        + spread * torch.einsum("f,fa,fb->ab", areas, trace, trace)
+        + torch.einsum("h,ha,hb->ab", hinge_stiffness(rest, faces, fabric), slopes, slopes)
     )
-    slopes = _hinge_slopes(points.double(), faces)
-    return plane + slopes.T @ (hinge_stiffness(flat, faces, fabric)[:, None] * slopes)
 
 
 def damping_matrix(rest: Tensor, faces: Tensor, fabric: Fabric, damping: Damping) -> Tensor:
@@ -66,17 +68,23 @@ def damping_matrix(rest: Tensor, faces: Tensor, fabric: Fabric, damping: Damping
     stiffness times damping.bend.
     """
     mu, spread = lame(fabric)
-    flat = rest.double()
-    frames = torch.linalg.qr(_sides(flat, faces)).R.inverse()
+    strain, slopes = _strain_slopes(rest, faces), _hinge_slopes(rest, faces)
+    viscosity = 2.0 * damping.stretch * (mu + spread) * _areas(rest, faces)
+    stiffness = damping.bend * hinge_stiffness(rest, faces, fabric)
+    return torch.einsum("f,fsa,fsb->ab", viscosity, strain, strain) + torch.einsum(
+        "h,ha,hb->ab", stiffness, slopes, slopes
+    )
 
-    def strains(moved: Tensor) -> Tensor:
-        return 0.5 * frames.transpose(-1, -2) @ _squares(moved.reshape(-1, 3), faces) @ frames
 
-    strain = torch.autograd.functional.jacobian(strains, flat.reshape(-1)).reshape(4 * len(faces), -1)
-    viscosity = 2.0 * damping.stretch * (mu + spread) * _areas(flat, faces).repeat_interleave(4)
-    slopes = _hinge_slopes(flat, faces)
-    stiffness = damping.bend * hinge_stiffness(flat, faces, fabric)
-    return strain.T @ (viscosity[:, None] * strain) + slopes.T @ (stiffness[:, None] * slopes)
+def _strain_slopes(rest: Tensor, faces: Tensor) -> Tensor:
+    """Derivatives (M, 4, 3 N) of the faces' strain at rest."""
+    frames = torch.linalg.qr(_sides(rest, faces)).R.inverse()
+
+    def strain(points: Tensor) -> Tensor:
+        return 0.5 * frames.transpose(-1, -2) @ _squares(points.reshape(-1, 3), faces) @ frames
+
+    slopes = torch.autograd.functional.jacobian(strain, rest.reshape(-1))
+    return slopes.reshape(len(faces), 4, -1)
 
 
 def _hinge_slopes(points: Tensor, faces: Tensor, shift: float = 1e-6) -> Tensor:

@@ -93,11 +93,23 @@ def test_frames_of_another_length_make_the_same_motion() -> None:
     assert np.abs(slow - rest.numpy()).max() > 0.2
 
 
+def test_a_step_is_the_same_wherever_its_arrays_lie_in_memory() -> None:
+    """Loops are compiled in two ways, for arrays that may overlap and others, which round otherwise."""
+    ends, draw = set(), np.random.default_rng(0)
+    for _ in range(40):
+        between = [np.empty(size, np.float32) for size in draw.integers(1, 6000, 30)]
+        made, begin, rest, _, held = swinging()
+        states = still_frames(made, begin, rest, 0.1, held=held)
+        ends.add(states[-1].positions.tobytes() + states[-1].velocities.tobytes())
+        del between
+    assert len(ends) == 1
+
+
 def test_cloth_is_carried_a_hundred_metres_away_as_if_it_were_here() -> None:
-    """Targets that go on by 2 m/s, from the origin and from 100 m away."""
-    made, begin, rest, _, held = swinging()
+    """Targets that go on by 1 m/s, from the origin and from 100 m away."""
+    made, begin, rest, _, held = swinging(damping=Damping())
     time = np.arange(13)[:, None, None] / 30.0
-    way = rest.numpy() + time * np.array([2.0, -1.0, 0.5])
+    way = rest.numpy() + time * np.array([1.0, 0.0, 0.0])
     nothing = np.zeros((13, 0, 3))
     far = np.array([100.0, -100.0, 100.0])
     here = list(frames(made, begin, way, nothing, 30.0, held))[-1]
@@ -205,7 +217,9 @@ def test_cloth_that_needs_too_many_substeps_is_refused_by_name() -> None:
     square, halves = sheet(0.2, 0.2, 9, 9)
     narrow, _ = with_sliver(1e-4)
     stiff = Fabric(density=0.01, stretch=1e4)
-    for rest, fabric in ((square, stiff), (narrow, Fabric())):
+    doubled = square.clone()
+    doubled[40] = doubled[41]
+    for rest, fabric in ((square, stiff), (narrow, Fabric()), (doubled, Fabric())):
         cloth = make_cloth(rest.numpy(), halves.numpy(), fabric, moved_mass=0.0)
         with pytest.raises(InputError, match=r"skirt: needs \d+ substeps a second, 60000 at most"):
             make_solver(cloth, rest.numpy(), NO_BODY, Settings(), "skirt")

@@ -15,6 +15,9 @@ from uvcloth.physics.fabric import Fabric
 SPACING = 1.5
 """Distance of vertices two edges apart over the length of a short edge, in cloth that is squeezed."""
 
+NARROWEST = 1e-8
+"""Metres that a face is wide at least, so that one without an area is refused for its stiffness and no crash."""
+
 Floats = NDArray[np.float32]
 Integers = NDArray[np.integer]
 
@@ -134,9 +137,9 @@ def _flattened(rest: NDArray[np.float64], faces: Integers) -> tuple[NDArray, NDA
     """Areas (M,) m2 of faces, and the inverse (M, 2, 2) of their two edges laid into the plane."""
     a, b, c = (rest[faces[:, corner]] for corner in range(3))
     first, second = b - a, c - a
-    size = np.linalg.norm(first, axis=1)
+    size = np.maximum(np.linalg.norm(first, axis=1), NARROWEST)
     along = (first * second).sum(1) / size
-    height = np.linalg.norm(np.cross(first, second), axis=1) / size
+    height = np.maximum(np.linalg.norm(np.cross(first, second), axis=1) / size, NARROWEST)
     edges = np.stack([np.stack([size, along], 1), np.stack([np.zeros_like(size), height], 1)], 1)
     return 0.5 * size * height, np.linalg.inv(edges)
 
