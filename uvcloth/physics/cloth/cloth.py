@@ -16,7 +16,7 @@ SPACING = 1.5
 """Distance of vertices two edges apart over the length of a short edge, in cloth that is squeezed."""
 
 NARROWEST = 1e-8
-"""Metres that a face is wide at least, so that one without an area is refused for its stiffness and no crash."""
+"""Least width, m, of a face: one without an area is refused for its stiffness."""
 
 Floats = NDArray[np.float32]
 Integers = NDArray[np.integer]

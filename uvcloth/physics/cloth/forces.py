@@ -80,7 +80,7 @@ class Hinges(NamedTuple):
 @inlined
 def face_forces(
     membrane: Membrane,
-    k: int,
+    k: Number,
     xa: Vector,
     xb: Vector,
     xc: Vector,
@@ -137,7 +137,7 @@ def face_forces(
 @inlined
 def hinge_forces(
     hinges: Hinges,
-    k: int,
+    k: Number,
     x0: Vector,
     x1: Vector,
     xa: Vector,
