@@ -18,6 +18,7 @@ from uvcloth.physics.cloth.vectors import (
     TWO,
     ZERO,
     Array,
+    Number,
     Vector,
     add,
     angle,
