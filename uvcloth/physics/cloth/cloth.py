@@ -183,7 +183,7 @@ def _hinges(rest: NDArray[np.float64], faces: Integers, bend: float, damping: fl
     return Hinges(
         size=len(pairs),
         corners=_padded(np.concatenate([opposite, pairs], 1).T, np.uint32),
-        stiffness=_padded(2.0 * bend * lengths**2 / areas.sum(0), np.float32),
+        stiffness=_padded(2.0 * bend * lengths**2 / np.maximum(areas.sum(0), NARROWEST**2), np.float32),
         rest=_padded(np.arctan2(sine, (n0 * n1).sum(1)), np.float32),
         floors=_padded((SQUEEZED * areas) ** 2, np.float32),
         damping=np.float32(damping),

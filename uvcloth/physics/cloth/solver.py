@@ -121,7 +121,7 @@ def make_solver(cloth: Cloth, rest: NDArray, body: Body, settings: Settings, nam
     step = largest_step(cloth, np.asarray(rest, np.float32))
     if not step * settings.safety * MOST_SUBSTEPS_PER_SECOND >= 1.0:
         raise InputError(
-            f"{name}: needs {math.ceil(1.0 / max(step * settings.safety, 1e-9))} substeps a second, "
+            f"{name}: needs {math.ceil(1.0 / max(1e-9, step * settings.safety))} substeps a second, "
             f"{MOST_SUBSTEPS_PER_SECOND} at most are made: a face of it is too narrow, or its fabric too "
             "stiff for its weight"
         )
