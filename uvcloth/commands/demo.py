@@ -1,6 +1,6 @@
 """`uvcloth demo`: simulation, rollout, export and pictures from the package's own data.
 
-It takes ten minutes or so on two cores.
+It takes some minutes on two cores, most of them for rollouts and pictures.
 """
 
 from collections.abc import Iterable, Iterator
@@ -47,7 +47,7 @@ def run(out: Path) -> None:
     """
     console = Console()
     body = load_body()
-    console.print(f"1. Simulating {', '.join(MODELS)} over the built-in clip {CLIP} (five to ten minutes)")
+    console.print(f"1. Simulating {', '.join(MODELS)} over the built-in clip {CLIP} (a minute or two)")
     simulate_batch(ClipSelection([CLIP]), [(name,) for name in MODELS], out / "sequences", body)
     skirt, foreign = (str(files("uvcloth") / "data" / "garments" / name) for name in (GARMENT, FOREIGN))
     console.print(
