@@ -17,7 +17,7 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.motion.poses import rest_hash
 from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.simulate import outfits
-from uvcloth.simulate.newton import Newton
+from uvcloth.simulate.explicit import Explicit
 from uvcloth.simulate.outfit_sequence import load_outfit_sequences
 from uvcloth.simulate.outfits import simulate_outfits
 from uvcloth.simulate.plan import ClipSelection, Job
@@ -158,7 +158,7 @@ def test_data_of_another_fabric_than_the_outfit_are_refused(
     copytree(out, tmp_path / "out")
     for path in (tmp_path / "out").glob("*.npz"):
         sequence = load_sequence(path)
-        made_by = Newton(fabric=Fabric(density=0.3 if "o0001" in path.name else 0.2)).describe()
+        made_by = Explicit(fabric=Fabric(density=0.3 if "o0001" in path.name else 0.2)).describe()
         save_sequence(replace(sequence, metadata={**sequence.metadata, **made_by}), path)
     simulate_outfits(wardrobe, _selection(out), tmp_path / "out", 25)
     with pytest.raises(InputError, match=r"jump_o0003_top\.npz: was .* \(density 0\.2 instead of 0\.08,"):

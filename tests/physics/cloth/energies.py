@@ -20,7 +20,7 @@ def lame(fabric: Fabric) -> tuple[float, float]:
 def membrane_energy(
     points: Tensor, rest: Tensor, faces: Tensor, fabric: Fabric, compression: float = 1.0
 ) -> Tensor:
-    """Energy, J, of the principal stretches less one at points (N, 3); negative ones are reduced.
+    """Energy, J, of the principal strains at points (N, 3), Green's or Biot's; negative ones are reduced.
 
     The stretches come from the squared lengths of edges alone: from the sum and the product of their squares.
     """
@@ -28,8 +28,9 @@ def membrane_energy(
     ratio = torch.linalg.solve(_squares(rest, faces), _squares(points, faces))
     product = torch.linalg.det(ratio).sqrt()
     total = (_trace(ratio) + 2.0 * product).sqrt()
-    apart = (total.square() - 4.0 * product).sqrt()
-    strains = 0.5 * torch.stack([total + apart, total - apart], -1) - 1.0
+    apart = (total.square() - 4.0 * product).clamp(min=1e-24).sqrt()
+    stretches = 0.5 * torch.stack([total + apart, total - apart], -1)
+    strains = torch.where(stretches > 1.0, 0.5 * (stretches.square() - 1.0), stretches - 1.0)
     strains = torch.where(strains < 0.0, compression**0.5 * strains, strains)
     density = mu * strains.square().sum(-1) + 0.5 * spread * strains.sum(-1).square()
     return (_areas(rest, faces) * density).sum()

@@ -195,9 +195,9 @@ def resolve_contacts(
         approach = dot(slip, normal)
         along = sub(slip, scale(approach, normal))
         stopped = max(-approach, ZERO)
-        # What it came deeper in this substep is taken back whatever its speed.
+        # What the body came nearer in this substep is taken back whatever its speed.
         depth = -gap
-        pushed = depth if depth < SHALLOW else min(depth, (PUSH_SPEED + stopped) * step)
+        pushed = depth if depth < SHALLOW else min(depth, (PUSH_SPEED + length(surface)) * step)
         store(positions, vertex, combine(ONE, point, pushed, normal))
         speed = length(along)
         kept = ONE - friction * stopped / speed if speed > friction * stopped else ZERO

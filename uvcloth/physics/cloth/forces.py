@@ -79,6 +79,15 @@ class Hinges(NamedTuple):
 
 
 @inlined
+def _strain(squared: Number) -> tuple[Number, Number]:
+    """Strain of a squared principal stretch, and its slope over the stretch, divided by that."""
+    stretch = math.sqrt(squared)
+    if squared > ONE:
+        return HALF * (squared - ONE), ONE
+    return stretch - ONE, ONE / stretch
+
+
+@inlined
 def face_forces(
     membrane: Membrane,
     k: Number,
@@ -92,11 +101,11 @@ def face_forces(
 ) -> tuple[Vector, Vector, Vector]:
     """Forces, N, on the corners of face k.
 
-    Energy mu (e1^2 + e2^2) + lambda (e1 + e2)^2 / 2 per area, of the principal stretches less one, e1 and e2
-    (Biot strain): tension grows evenly with length, and cloth that is squeezed does not give way, as that of
-    Saint Venant and Kirchhoff does. Negative ones are reduced where a coarse mesh, which cannot buckle below
-    its edges, should resist compression less. Besides viscous stress in the rate of the Green strain, and
-    drag of still air, by the square of the speed along the normal.
+    Energy mu (e1^2 + e2^2) + lambda (e1 + e2)^2 / 2 per area, of the principal strains e1 and e2: Green's in
+    tension, (s^2 - 1) / 2 at a stretch s, which stiffens as a knit does, and Biot's in compression, s - 1,
+    with which cloth that is squeezed does not give way. Negative ones are reduced where a coarse mesh, which
+    cannot buckle below its edges, should resist compression less. Besides viscous stress in the rate of the
+    Green strain, and drag of still air, by the square of the speed along the normal.
     """
     d00, d01, d10, d11 = (
         membrane.inverse[0, k],
@@ -111,14 +120,13 @@ def face_forces(
     c00, c11, c01 = dot(f, f), dot(g, g), dot(f, g)
     mean, half = HALF * (c00 + c11), HALF * (c00 - c11)
     apart = math.sqrt(half * half + c01 * c01) + TILT
-    long, short = math.sqrt(mean + apart), math.sqrt(max(mean - apart, FLATTENED))
-    high, low = long - ONE, short - ONE
+    (high, over_long), (low, over_short) = _strain(mean + apart), _strain(max(mean - apart, FLATTENED))
     # Both stresses have to come from one energy: each strain is reduced by the root, and its stress again.
     upper = ONE if high > ZERO else membrane.reduction
     lower = ONE if low > ZERO else membrane.reduction
     trace = membrane.spread * (upper * high + lower * low)
-    pull = upper * (TWO * shear * upper * high + trace) / long
-    push = lower * (TWO * shear * lower * low + trace) / short
+    pull = upper * (TWO * shear * upper * high + trace) * over_long
+    push = lower * (TWO * shear * lower * low + trace) * over_short
     middle, turned = HALF * (pull + push), HALF * (pull - push) / apart
     s00 = middle + turned * half + damping * dot(f, f_rate)
     s11 = middle - turned * half + damping * dot(g, g_rate)

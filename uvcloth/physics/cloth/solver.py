@@ -27,6 +27,9 @@ MOST_SUBSTEPS_PER_SECOND = 60_000
 FASTEST = 200.0
 """Speed, m/s, relative to the body, that no cloth has: a frame in which a vertex is faster is made again."""
 
+FASTEST_BODY = 40.0
+"""Speed, m/s, relative to the cloth as a whole, with which a body is followed at most."""
+
 RETRIES = 2
 """Times that a frame is made again, each with twice the substeps."""
 
@@ -140,7 +143,8 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
 
     The frame of reference moves evenly with the mean of the targets, which keeps numbers small where a body
     walks far. A frame in which cloth flies apart is made again with more substeps; if that does not help, the
-    state is as it is, with numbers that are not finite or too large, and whoever steps has to look.
+    state is as it is, with numbers that are not finite or too large, and whoever steps has to look. Raises
+    InputError for a body that is faster than FASTEST_BODY, or whose vertices are not finite.
     """
     origin, end, drift = moving_frame(motion.target_start, motion.target_end, motion.seconds)
     began = (state.positions + (state.origin - origin)).astype(np.float32)
@@ -157,8 +161,13 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
     settings, cloth = solver.settings, solver.cloth
     needed = motion.seconds * max(settings.substeps, 1.0 / (settings.safety * solver.stable_step))
     # What moves farther than the reach between two searches for the body could pass through it.
-    fastest = _fastest(drive.body_end - drive.body_start) / motion.seconds + _fastest(speeds)
-    body_interval = min(settings.interval, settings.reach / max(fastest, 1e-6))
+    body_speed = _fastest(drive.body_end - drive.body_start) / motion.seconds
+    if not body_speed <= FASTEST_BODY:
+        raise InputError(
+            f"the body moves at {body_speed:.0f} m/s past the cloth in a frame, {FASTEST_BODY:.0f} at most "
+            "can be followed"
+        )
+    body_interval = min(settings.interval, settings.reach / max(body_speed + _fastest(speeds), 1e-6))
     for attempt in range(RETRIES + 1):
         substeps = math.ceil(needed) << attempt
         positions, velocities = began.copy(), speeds.copy()
