@@ -7,6 +7,9 @@ from typing import Literal
 
 from rasterize.errors import InputError
 
+AIR_DENSITY = 1.2
+"""Density of air at 20 degrees, kg/m3."""
+
 RANGES = {
     "density": (0.01, 2.0),
     "stretch": (1.0, 1e4),

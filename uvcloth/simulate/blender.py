@@ -25,8 +25,8 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from uvcloth.geometry.mesh import face_normals, unique_edges
-from uvcloth.physics.fabric import Fabric
-from uvcloth.simulate.engine import AIR_DENSITY, GRAVITY, Frame, Scene
+from uvcloth.physics.fabric import AIR_DENSITY, Fabric
+from uvcloth.simulate.engine import GRAVITY, Frame, Scene
 
 PYTHON_VARIABLE = "UVCLOTH_BLENDER_PYTHON"
 """Environment variable that names the Python with bpy."""

@@ -12,9 +12,6 @@ from uvcloth.physics.fabric import Fabric
 GRAVITY = -frames.GRAVITY[2]
 """Acceleration of gravity, m/s2, downwards."""
 
-AIR_DENSITY = 1.2
-"""Density of air at 20 degrees, kg/m3."""
-
 
 @dataclass(frozen=True)
 class Scene:

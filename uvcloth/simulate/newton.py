@@ -13,9 +13,9 @@ from torch import Tensor
 
 from rasterize.errors import InputError
 from rasterize.warp_start import start_warp
-from uvcloth.physics.fabric import Fabric
+from uvcloth.physics.fabric import AIR_DENSITY, Fabric
 from uvcloth.simulate.bending import bending_force_hessian
-from uvcloth.simulate.engine import AIR_DENSITY, GRAVITY, Frame, Scene
+from uvcloth.simulate.engine import GRAVITY, Frame, Scene
 
 STRIDE_SHARE = 0.85
 """Share of the distance to other cloth that a vertex may move before self-contact is detected anew."""

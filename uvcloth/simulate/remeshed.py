@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from rasterize.charts import face_components
+from rasterize.gather import gather
 from uvcloth.garments.remesh import remesh, surface_of
 from uvcloth.geometry.mesh import join_meshes
 from uvcloth.physics.fabric import Fabric
@@ -32,11 +33,11 @@ class OtherMesh:
 
     def at_own(self, values: Tensor) -> Tensor:
         """Values (..., n, 3) at its vertices of those at the surface's (..., N, 3)."""
-        return _interpolated(values, self.corners, self.weights)
+        return gather(values, self.corners, self.weights)
 
     def given_back(self, offsets: Tensor) -> Tensor:
         """Values (..., N, 3) at the surface's vertices of those at its own (..., n, 3)."""
-        return _interpolated(offsets, self.own_corners, self.own_weights)
+        return gather(offsets, self.own_corners, self.own_weights)
 
     def nearest(self) -> Tensor:
         """The surface's vertex (n,) that is nearest to each of its own."""
@@ -125,8 +126,3 @@ def _recalled(frame: Frame | None, count: int) -> Frame | None:
         return None
     vertices, memory = frame.memory.split([3 * count, len(frame.memory) - 3 * count])
     return Frame(frame.index, vertices.view(-1, 3), memory)
-
-
-def _interpolated(values: Tensor, corners: Tensor, weights: Tensor) -> Tensor:
-    """Values (..., P, 3) at points between corners (P, 3) of values (..., N, 3), by weights (P, 3)."""
-    return (values[..., corners, :] * weights[:, :, None]).sum(-2)

@@ -10,9 +10,9 @@ from torch import Tensor
 
 from tests.physics.cloth.energies import hinge_energy, membrane_energy
 from tests.simulate.physics.scenes import sheet
-from uvcloth.physics.cloth.cloth import AIR_DENSITY, Cloth, Damping, make_cloth
+from uvcloth.physics.cloth.cloth import Cloth, Damping, make_cloth
 from uvcloth.physics.cloth.forces import add_elastic_forces
-from uvcloth.physics.fabric import Fabric
+from uvcloth.physics.fabric import AIR_DENSITY, Fabric
 
 STIFF = Fabric(stretch=40.0, poisson=0.3, bend=1e-4, drag=0.0)
 UNDAMPED = Damping(stretch=0.0, bend=0.0)

@@ -1,6 +1,5 @@
 """Contact of cloth with a moving body: closest faces of its parts, and Coulomb friction on them."""
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -20,7 +19,6 @@ from uvcloth.physics.cloth.tree import (
 from uvcloth.physics.cloth.triangles import closest_barycentrics, weighted
 from uvcloth.physics.cloth.vectors import (
     ONE,
-    TINY,
     TWO,
     ZERO,
     Array,
@@ -232,5 +230,4 @@ def _vertex_normals(faces: Array, points: Array, normals: Array) -> None:
             vertex = faces[face, corner]
             store(normals, vertex, add(load(normals, vertex), normal))
     for vertex in range(len(normals)):
-        normal = load(normals, vertex)
-        store(normals, vertex, scale(ONE / (math.sqrt(dot(normal, normal)) + TINY), normal))
+        store(normals, vertex, unit(load(normals, vertex)))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rasterize.charts import edge_keys, edge_twins, edges_of, face_components
 from uvcloth.physics.cloth.forces import BLOCK, SQUEEZED, Hinges, Membrane
 from uvcloth.physics.cloth.tree import SHEET_LEAF, Tree, adjacent_nodes, build_tree
-from uvcloth.physics.fabric import Fabric
+from uvcloth.physics.fabric import AIR_DENSITY, Fabric
 
 SPACING = 1.5
 """Distance of vertices two edges apart over the length of a short edge, in cloth that is squeezed."""
@@ -20,9 +20,6 @@ NARROWEST = 1e-8
 
 Floats = NDArray[np.float32]
 Integers = NDArray[np.integer]
-
-AIR_DENSITY = 1.2
-"""Density of air at 20 degrees, kg/m3."""
 
 
 class Particles(NamedTuple):

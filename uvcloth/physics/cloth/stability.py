@@ -1,4 +1,4 @@
-"""Step size of explicit integration: from the highest frequency of the cloth, and how strain raises it."""
+"""Step size of explicit integration: from the highest frequency and damping of the cloth."""
 
 import math
 
