@@ -1,6 +1,7 @@
 """Planning, keeping apart, and the sequence file."""
 
 from concurrent.futures import Future
+from contextlib import nullcontext
 from dataclasses import asdict, replace
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -20,12 +21,14 @@ from tests.simulate.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import fit_template
+from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.poses import rest_hash
 from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.simulate import batch, quality_check
 from uvcloth.simulate import plan as planning
 from uvcloth.simulate.batch import simulate_batch
+from uvcloth.simulate.cloth import Cloth
 from uvcloth.simulate.explicit import Explicit
 from uvcloth.simulate.folder import refused_captures
 from uvcloth.simulate.plan import ClipSelection, Job
@@ -201,9 +204,9 @@ def test_a_job_is_simulated_in_a_fabric_of_its_own(
 ) -> None:
     engines: list[Explicit] = []
 
-    def simulated(*arguments: object) -> tuple[()]:
+    def simulated(*arguments: object) -> None:
         engines.append(cast("Explicit", arguments[4]))
-        return ()
+        raise InputError("enough")
 
     monkeypatch.setattr(batch, "simulate", simulated)
     for fabric in (None, FABRICS["denim"]):
@@ -234,6 +237,32 @@ def test_a_faulty_capture_is_reported_and_the_others_go_on(
     assert [job.motion.name for job in made] == ["jump"]
     assert "run: refused, LeftFoot turns" in capsys.readouterr().out
     assert refused_captures(finished) == {"run": "LeftFoot turns"}
+
+
+def test_what_cannot_be_simulated_is_named_and_the_others_go_on(
+    skinned: SimulatedSequence, body: Body, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The solver follows no body at 40 m/s: a command for a whole night must not end with such a clip."""
+
+    def simulated(clip: Clip, *_: object) -> tuple[SimulatedSequence]:
+        if clip.name == "run":
+            raise InputError("the body moves at 90 m/s")
+        measured = {"wall_seconds": 1.0, "inside_percent": 0.0}
+        return (replace(skinned, metadata=skinned.metadata | measured),)
+
+    monkeypatch.setattr(batch, "simulate", simulated)
+    monkeypatch.setattr(batch, "examine", lambda sequence, *_: (sequence, None))
+    client = SimpleNamespace(subscribe_topic=lambda *_: None)
+    monkeypatch.setattr(batch, "connected", lambda *_: nullcontext(client))
+    monkeypatch.setattr(batch, "results", lambda _, todo, work, look: ((job, work(job)) for job in todo))
+    worn = (cast("Cloth", SimpleNamespace(garment=None)),)
+    jobs = [
+        Job(load_clip(name, body), 0, body, worn, (tmp_path / f"{name}_tops.npz",))
+        for name in ("run", "walk")
+    ]
+    batch.simulate_all(jobs, 200, Explicit(), Workers(jobs=1), tmp_path)
+    assert refused_captures(tmp_path) == {"run_tops": "the body moves at 90 m/s"}
+    assert (tmp_path / "walk_tops.npz").is_file()
 
 
 def test_the_end_is_predicted_from_the_speed_of_all_workers() -> None:

@@ -59,7 +59,8 @@ def simulate_batch(
     instead.
 
     Sequences that `examine` refuses go to OUT/rejected with the reason in their metadata, all layers of an
-    outfit together; captures that are faulty are not simulated and named in OUT/refused.csv.
+    outfit together; captures that are faulty are not simulated and named in OUT/refused.csv, as are
+    sequences that the engine cannot simulate.
     Raises InputError for unreadable clips, garments or windows, for garments that cannot be simulated or
     cross as layers, for sequences that would share a file, if OUT cannot be written, is written by another
     process, or was made from other windows, layers, settings or on another body, for a scheduler that does
@@ -122,9 +123,9 @@ def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Work
             partial(require_there, folder),
         )
         for job, (sequences, reason) in results(client, todo, work, look):
-            bar.advance(_frames(job) - len(sequences[0].vertices))
-            for sequence, target in zip(sequences, job.targets, strict=True):
-                bar.print(_store(sequence, reason, target))
+            bar.advance(_frames(job) - sum(len(sequence.vertices) for sequence in sequences[:1]))
+            lines = map(partial(_store, reason), sequences, job.targets)
+            bar.print("\n".join(lines if sequences else [_refuse(reason, job.targets)]))
             clear_finished(job.targets[0].parent)
             bar.print_progress()
 
@@ -153,7 +154,8 @@ def _simulate_job(
     """Simulate and examine a job in a worker process, on one core, and report frames as they are made.
 
     folder: of its targets. here: the folder that paths start from, which may be another for workers. Returns
-    the sequences, and the reasons why they are refused, None if they are not.
+    the sequences, and the reasons why they are refused, None if they are not; no sequences, and the reason,
+    for a job that the engine cannot simulate.
     """
     import torch
     from dask.distributed import get_worker
@@ -170,7 +172,10 @@ def _simulate_job(
     def report(made: int) -> None:
         get_worker().log_event(FRAMES_TOPIC, (name, made))
 
-    made = simulate(job.motion, job.warm_up, job.cloths, job.body, engine, LEAD_IN, report, place)
+    try:
+        made = simulate(job.motion, job.warm_up, job.cloths, job.body, engine, LEAD_IN, report, place)
+    except InputError as error:
+        return [], str(error)
     examined = [
         examine(sequence, cloth.garment, job.body) for sequence, cloth in zip(made, job.cloths, strict=True)
     ]
@@ -183,7 +188,14 @@ def _simulate_job(
     return labelled, "; ".join(reasons) or None
 
 
-def _store(sequence: SimulatedSequence, reason: str | None, target: Path) -> str:
+def _refuse(reason: str | None, targets: Sequence[Path]) -> str:
+    """Name sequences that cannot be simulated in their folder's table, and return a line of text on them."""
+    for target in targets:
+        keep_refused({target.stem: str(reason)}, target.parent)
+    return f"{targets[-1]}: refused, {reason}"
+
+
+def _store(reason: str | None, sequence: SimulatedSequence, target: Path) -> str:
     """Write a finished sequence, a refused one to the folder of those, and return a line of text on it."""
     if reason is not None:
         elsewhere = rejected(target)
