@@ -253,6 +253,13 @@ def test_failing_commands_say_one_sentence(monkeypatch, stand_in, capsys, error,
         (("simulate", "walk", "--out", "x", "--garment"), "one garment"),
         (("rollout", "--motion", "walk", "--out", "x.glb", "--garment"), "at least one garment"),
         (("fit", "nowhere.obj", "--body", "nowhere.npz"), "nowhere.npz: no such file"),
+        *(
+            (
+                ("rollout", "--motion", "walk", "--garment", "tops", "--out", "x.glb", "--fps", fps),
+                f"--fps {fps}: expected",
+            )
+            for fps in ("0", "-5", "nan", "inf", "1e+09")
+        ),
     ],
 )
 def test_bad_input_exits_with_two(monkeypatch, capsys, arguments, words):

@@ -1,4 +1,5 @@
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -162,6 +163,23 @@ def test_resampling_120_to_30_keeps_the_poses(tmp_path: Path, body: Body) -> Non
     torch.testing.assert_close(
         retargeted.rotations, retarget(clip, body, fps=120.0).rotations[::4], atol=1e-5, rtol=0
     )
+
+
+@pytest.mark.parametrize("fps", [0.0, -5.0, 0.99, 1000.5, 1e9, float("nan"), float("inf")])
+def test_a_frame_rate_that_no_motion_has_is_refused_at_once(tmp_path: Path, body: Body, fps: float) -> None:
+    joints = performer()
+    clip = clip_of(tmp_path, joints, still(joints))
+    for brought in (lambda: resample(clip, fps), lambda: retarget(clip, body, fps)):
+        with pytest.raises(
+            InputError, match=re.escape(f"--fps {fps:g}: expected 1 to 1000 frames per second")
+        ):
+            brought()
+
+
+@pytest.mark.parametrize(("fps", "frames"), [(1.0, 2), (1000.0, 1001)])
+def test_the_ends_of_the_range_are_frame_rates(tmp_path: Path, fps: float, frames: int) -> None:
+    joints = performer()
+    assert len(resample(clip_of(tmp_path, joints, still(joints, frames=31)), fps)) == frames
 
 
 def test_resampling_between_frames_is_half_the_turn(tmp_path: Path) -> None:

@@ -119,6 +119,7 @@ def carried_over(clip: Clip, body: Body, fps: float) -> Clip:
     """A motion of AMASS on a body of SMPL's, its rotations unchanged, resampled, feet on the floor z = 0.
 
     Joints that the motion lacks move with the ones above them; those that the body lacks are left out.
+    fps: frames per second of the result; raises InputError as `resample` does.
     """
     clip = resample(clip, fps)
     names = clip.skeleton.names

@@ -67,7 +67,7 @@ def load_clip(path_or_name: str | Path, body: Body, options: MotionOptions = DEF
     """Load a motion retargeted onto a body, from a motion file or a built-in clip's name.
 
     Raises InputError naming the file for unreadable files, unknown joints, unknown names, a rest pose that
-    cannot be told, and a motion that no person can have made.
+    cannot be told, a frame rate outside FPS_RANGE, and a motion that no person can have made.
     """
     source = load_source(path_or_name, body, options)
     try:

@@ -22,7 +22,7 @@ class MotionOptions:
     rest_frame: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: found)")] = None
     """The frame of the file, from 0, in which the person stands straight, arms anywhere to the sides."""
     fps: Annotated[float, arg(metavar="N")] = 30.0
-    """Frames per second that the motion is brought to."""
+    """Frames per second that the motion is brought to, 1 to 1000."""
     frames: Annotated[str | None, arg(metavar="A:B", help_behavior_hint="(default: all)")] = None
     """Frames A to B - 1 of the motion at that rate."""
     in_place: bool = False

@@ -16,7 +16,7 @@ from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.geometry.rotations import from_axis_angles, from_euler, smallest_rotation, to_axis_angles
 from uvcloth.geometry.skeleton import Skeleton
-from uvcloth.motion.clip import Clip
+from uvcloth.motion.clip import FPS_RANGE, Clip
 from uvcloth.motion.rest import nearest_axis
 from uvcloth.motion.roles import joint_roles
 
@@ -52,9 +52,11 @@ def retarget(clip: Clip, body: Body, fps: float = 30.0, roles: Mapping[str, int]
     their parents. The root's path is scaled by the leg lengths, and the floor is the 15th percentile
     over frames of the body's lowest vertex.
 
-    roles: joint of each role in the clip, by default as their names say.
+    fps: frames per second of the result. roles: joint of each role in the clip, by default as their names
+    say.
     Returns Clip(skeleton=body.skeleton, rotations (T, J, 3, 3), translation (T, 3) m, fps).
-    Raises InputError naming the clip and the joint if either skeleton lacks a joint that is needed.
+    Raises InputError naming the clip and the joint if either skeleton lacks a joint that is needed, and for a
+    frame rate as `resample` does.
     """
     source = required_roles(clip.skeleton, f"clip {clip.name}", roles)
     target = required_roles(body.skeleton, f"body {body.name}")
@@ -86,7 +88,13 @@ def retarget(clip: Clip, body: Body, fps: float = 30.0, roles: Mapping[str, int]
 
 
 def resample(clip: Clip, fps: float) -> Clip:
-    """Resample a clip to another frame rate: rotations by slerp, the root's path linearly."""
+    """Resample a clip to another frame rate: rotations by slerp, the root's path linearly.
+
+    fps: frames per second. Raises InputError for a rate outside FPS_RANGE.
+    """
+    least, greatest = FPS_RANGE
+    if not least <= fps <= greatest:
+        raise InputError(f"--fps {fps:g}: expected {least:g} to {greatest:g} frames per second")
     if fps == clip.fps:
         return clip
     steps = int((len(clip) - 1) * fps / clip.fps + 1e-6)
