@@ -439,9 +439,9 @@ class Rollout:
     view: bool = False
     """Show in the browser what is being computed; then Ctrl-C ends."""
     port: Port = 8080
-    """Port of the live view."""
+    """Port of the live view, 1 to 65535."""
     host: Host = "127.0.0.1"
-    """Address that the live view listens on; 0.0.0.0 lets other machines in."""
+    """Address that the live view listens on; 0.0.0.0 lets other machines in that have the token."""
     hide_skin: bool = False
     """Leave out the faces of the body that garments cover closely in every frame, and those that clothes of
     MakeHuman say they hide (delete_verts)."""
@@ -504,9 +504,10 @@ class View:
     data: Annotated[tuple[Path, ...], arg(metavar="SEQUENCE ...", help_behavior_hint="")] = ()
     """Sequences made by `uvcloth simulate`, shown beside the prediction, with its error as a heat map."""
     port: Port = 8080
-    """Port of the page."""
+    """Port of the page, 1 to 65535. The page's address is printed and ends with a token, without which
+    nothing is answered."""
     host: Host = "127.0.0.1"
-    """Address to listen on; 0.0.0.0 lets other machines in."""
+    """Address to listen on; 0.0.0.0 lets other machines in that have the token."""
     threads: Annotated[int, arg(metavar="N")] = 1
     """Of the processor."""
 

@@ -28,8 +28,9 @@ def view(
 ) -> None:
     """Serve a page on which clips, garments, models and bodies are chosen and played, until Ctrl-C.
 
-    motions, garments, models: the first to be shown, and others to choose from. data: sequences that were
-    simulated, to be shown beside the prediction. Raises InputError if the port is taken or viser is missing.
+    Prints the page's address with the token that opens it, another one for every call. motions, garments,
+    models: the first to be shown, and others to choose from. data: sequences that were simulated, to be shown
+    beside the prediction. Raises InputError if the address cannot be listened on or viser is missing.
     """
     choices = Choices.of(
         motions,
@@ -45,7 +46,7 @@ def view(
         body=str(body_file) if body_file else DEFAULT_BODY,
     )
     viewer = Viewer(host, port)
-    Console(stderr=True).print(f"{viewer.address} shows it; Ctrl-C ends", highlight=False)
+    Console(stderr=True).print(f"{viewer.address} shows it; Ctrl-C ends", highlight=False, soft_wrap=True)
     viewer.offer(choices, first)
     try:
         with suppress(KeyboardInterrupt):
@@ -84,14 +85,14 @@ def live_audience(host: str, port: int) -> Iterator[LiveAudience]:
     """
     viewer = Viewer(host, port)
     console = Console(stderr=True)
-    console.print(f"{viewer.address} shows it", highlight=False)
+    console.print(f"{viewer.address} shows it", highlight=False, soft_wrap=True)
     audience = LiveAudience(viewer)
     ticking = threading.Thread(target=viewer.run, name="page", daemon=True)
     ticking.start()
     try:
         yield audience
         audience.end()
-        console.print(f"{viewer.address} goes on showing it; Ctrl-C ends", highlight=False)
+        console.print(f"{viewer.address} goes on showing it; Ctrl-C ends", highlight=False, soft_wrap=True)
         with suppress(KeyboardInterrupt):
             ticking.join()
     finally:

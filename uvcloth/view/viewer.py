@@ -31,20 +31,18 @@ IDLE_SECONDS = 0.1
 class Viewer:
     """A page at a port of this machine. `tick` looks at the controls once and shows what they ask for.
 
+    host, port: the address that is listened on. Raises InputError as `listen` does, and without viser.
     Everything but the computation happens in the thread that ticks, so that nothing needs a lock.
     """
 
     def __init__(self, host: str = HOST, port: int = 8080) -> None:
         try:
-            import viser
+            from uvcloth.view.server import PrivateServer
         except ModuleNotFoundError as error:
             raise InputError("the live view needs viser: install uvcloth[view]") from error
-        try:
-            # It prints a banner of its own, whatever `verbose` is.
-            with redirect_stdout(StringIO()):
-                self.server: Any = viser.ViserServer(host, port, label="uvcloth", verbose=False)
-        except OSError as error:
-            raise InputError(f"--port {port}: cannot be opened on {host} ({error.strerror})") from error
+        # It prints a banner of its own, whatever `verbose` is.
+        with redirect_stdout(StringIO()):
+            self.server: Any = PrivateServer(host, port)
         self.server.scene.set_up_direction("+z")
         self.server.scene.add_grid("/floor", width=6.0, height=6.0, cell_size=0.25, section_size=1.0)
         self.server.initial_camera.position = (1.9, -4.6, 1.7)
@@ -73,8 +71,9 @@ class Viewer:
 
     @property
     def address(self) -> str:
-        """Address of the page for a browser on this machine."""
-        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+        """Address of the page for a browser on this machine, with the token that opens it."""
+        address: str = self.server.access.address
+        return address
 
     def offer(self, choices: Choices, first: Chosen) -> None:
         """Add controls that choose what is computed, `first` to begin with."""
