@@ -18,9 +18,9 @@ from typing import Literal
 
 import tyro
 
-from rasterize.command import run_command
-from rasterize.errors import InputError
 from uvcloth.checkpoint import load_checkpoint
+from uvcloth.errors import InputError
+from uvcloth.process.command import run_command
 
 PHYSXNET: dict[str, tuple[str, ...]] = {
     "default": (),

@@ -34,9 +34,8 @@ from rich.console import Console
 from rich.table import Table
 from torch import Tensor
 
-from rasterize.command import run_command
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.errors import InputError
 from uvcloth.garments.remesh import remesh, surface_of
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import unique_edges
@@ -47,6 +46,7 @@ from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.cloth.solver import Settings
 from uvcloth.physics.fabric import Fabric
+from uvcloth.process.command import run_command
 from uvcloth.simulate.cloth import Cloth, join
 from uvcloth.simulate.engine import Engine, Frame, Scene
 from uvcloth.simulate.explicit import Explicit

@@ -17,7 +17,6 @@ import torch
 import tyro
 from PIL import Image
 
-from rasterize.command import run_command
 from train.loop import has_begun
 from train.pbns.poses import poses_for
 from uvcloth.bodies.body import load_body
@@ -26,6 +25,7 @@ from uvcloth.checkpoint import load_checkpoint
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.methods.registry import load_method
+from uvcloth.process.command import run_command
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 
 FABRICS = ((5.0, 1e-6), (10.0, 5e-6), (15.0, 1e-5), (20.0, 5e-5), (25.0, 1e-4))

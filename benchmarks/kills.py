@@ -24,7 +24,6 @@ from rich.table import Table
 import evaluate.__main__
 import train.__main__
 import uvcloth.cli
-from rasterize.command import run_command
 from tests.kills.engine import Following
 from tests.kills.trial import PROGRAMS, Command, try_command
 from tests.train.deepsd.conftest import OUTFITS
@@ -35,6 +34,7 @@ from uvcloth.bodies.body import load_body
 from uvcloth.commands import outfits
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.poses import save_poses
+from uvcloth.process.command import run_command
 from uvcloth.simulate import batch, unfinished
 from uvcloth.simulate.engines import ENGINES
 

@@ -23,7 +23,6 @@ import tyro
 from rich.progress import Progress
 from torch import Tensor
 
-from rasterize.command import run_command
 from train.cloth_energy import ClothMaterial
 from train.loop import rows_of_step, set_rates
 from train.pbns.objective import AttachmentConfig, PBNSObjective
@@ -34,6 +33,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.pbns.network import PBNSConfig
+from uvcloth.process.command import run_command
 
 MEASURED = 20
 """Steps that are averaged."""

@@ -19,7 +19,6 @@ from typing import Any
 import torch
 import tyro
 
-from rasterize.command import run_command
 from tests.simulate.physics.experiments import (
     DISC,
     LIMP,
@@ -40,6 +39,7 @@ from tests.simulate.physics.experiments import (
 from tests.simulate.physics.scenes import FPS, play, scene, sheet
 from uvcloth.physics.cloth.solver import Settings
 from uvcloth.physics.fabric import FABRICS, Fabric
+from uvcloth.process.command import run_command
 from uvcloth.simulate.blender import find_blender
 from uvcloth.simulate.explicit import Explicit
 from uvcloth.simulate.newton import Newton

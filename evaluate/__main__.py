@@ -11,9 +11,9 @@ from typing import Annotated, Literal
 
 import tyro
 
-from rasterize.atomic import sole_writer
-from rasterize.command import run_command
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
+from uvcloth.files.atomic import sole_writer
+from uvcloth.process.command import run_command
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.garments.templates import TEMPLATES
 from uvcloth.motion.index import INDEX, read_index
 from uvcloth.simulate.folder import REPEAT, Stored, refused_captures, rejected

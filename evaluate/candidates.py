@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import CONFIG, WEIGHTS, load_checkpoint
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.methods.ensemble import Ensemble

@@ -10,9 +10,9 @@ from torch import Tensor
 from evaluate.actions import Window
 from evaluate.maps import Texels
 from evaluate.metrics import Reference
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh, join_meshes
 from uvcloth.simulate.sequence import REST_TOLERANCE, SimulatedSequence, load_sequence, read_metadata

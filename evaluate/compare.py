@@ -27,8 +27,8 @@ from evaluate.progress import progress
 from evaluate.results import Entry, floor, representation_floor, stability, summarize
 from evaluate.show import Shown
 from evaluate.stability import copied_truth
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.templates import TEMPLATES, fit_template

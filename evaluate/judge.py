@@ -15,9 +15,9 @@ from evaluate.candidates import Candidate
 from evaluate.case import Case
 from evaluate.metrics import distance_scores, frame_scores, layer_scores
 from evaluate.stability import stability_scores, uses_feedback
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import LEAD, body_frames, with_lead
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.kept import keep_arrays, kept_arrays

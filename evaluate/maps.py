@@ -2,8 +2,8 @@
 
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.methods.physxnet.texels import body_texels, template_texels
 

@@ -16,7 +16,7 @@ from evaluate.compare import Selection, garment_size, judged_case, measured
 from evaluate.judge import body_fingerprint, cached, code_fingerprint
 from evaluate.progress import progress
 from evaluate.show import Shown
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.simulate.outfit_sequence import OutfitSequence, load_outfit_sequences
 from uvcloth.simulate.sequence import SimulatedSequence, read_metadata

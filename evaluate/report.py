@@ -25,8 +25,8 @@ from evaluate.standings import (
     standings,
 )
 from evaluate.viewer import ViewerClip, pack_body, pack_clip
-from rasterize.atomic import atomic_write
 from uvcloth.bodies.stream import BATCH
+from uvcloth.files.atomic import atomic_write
 
 TEMPLATES = Path(__file__).with_name("templates")
 METRICS = "metrics.json"

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rasterize.atomic import atomic_write, require_room
 from rasterize.errors import InputError
-from rasterize.reading import require_file
+from uvcloth.files.atomic import atomic_write, require_room
+from uvcloth.files.reading import require_file
 
 END_OF_PNG = b"\0\0\0\0IEND\xae\x42\x60\x82"
 

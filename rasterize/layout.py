@@ -11,11 +11,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.archive import load_arrays, save_arrays
 from rasterize.charts import boundary_loops, edge_keys, edges_of, face_components, weld_corners
 from rasterize.errors import InputError
-from rasterize.fields import check_fields, indices, numbers, whole
 from rasterize.flatten import flatten
+from uvcloth.files.archive import load_arrays, save_arrays
+from uvcloth.files.fields import check_fields, indices, numbers, whole
 
 UNWRAP_WORKER = Path(__file__).with_name("unwrap_worker.py")
 

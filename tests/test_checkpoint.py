@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from tests.small_body import small_body
 from uvcloth.checkpoint import (
     CONFIG,
@@ -18,6 +17,7 @@ from uvcloth.checkpoint import (
     save_checkpoint,
     save_tensors,
 )
+from uvcloth.errors import InputError
 from uvcloth.methods.motion_guided.config import MotionGuidedConfig
 from uvcloth.methods.motion_guided.method import Both, MotionGuided, motion_guided_checkpoint
 from uvcloth.methods.physxnet.config import PhysXNetConfig

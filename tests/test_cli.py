@@ -10,9 +10,9 @@ from typing import get_args
 
 import pytest
 
-from rasterize.errors import InputError
 from tests.export.glb_reader import GlbReader
 from uvcloth import cli
+from uvcloth.errors import InputError
 from uvcloth.motion.library import load_clip
 
 HEAVY = ("torch", "warp", "numba", "newton", "lightning", "scipy", "trimesh", "pxr", "kornia", "anny")

@@ -3,7 +3,7 @@ import pytest
 import torch
 import trimesh
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.render import Camera, Surface, contact_sheet, render, render_frames, three_quarter
 
 RED, BLUE = (0.9, 0.1, 0.1), (0.1, 0.1, 0.9)

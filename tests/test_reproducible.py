@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[1]
 ROLLOUTS = """
 import sys
 from pathlib import Path
-from rasterize.command import run_command
+from uvcloth.process.command import run_command
 from uvcloth.commands.rollout import animate
 from uvcloth.commands.threads import limited_threads
 from uvcloth.motion.options import MotionOptions
@@ -38,7 +38,7 @@ def test_a_rollout_is_the_same_on_any_number_of_threads(tmp_path: Path) -> None:
 
 PRODUCTS = """
 import torch
-from rasterize.reproducible import fix_summation_order
+from uvcloth.process.reproducible import fix_summation_order
 fix_summation_order()
 columns, rows = torch.randn(13348, 124), torch.randn(124, 24)
 found = []

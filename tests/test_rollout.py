@@ -3,12 +3,12 @@ from dataclasses import dataclass, replace
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from tests.small_body import small_body
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.bodies.stream import BATCH
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh

@@ -8,7 +8,6 @@ import pytest
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from tests.characters.made_up import Piece, write_character
 from tests.motion.bvh_text import bvh_text, performer
 from tests.test_rollout import FPS
@@ -17,6 +16,7 @@ from uvcloth.bodies.stature import ADULTS, beside_adults, stature
 from uvcloth.bodies.stream import posed_batches
 from uvcloth.characters.reader import read_character
 from uvcloth.characters.rig import RiggedCharacter, rig_character
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.methods.registry import load_method

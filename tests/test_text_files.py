@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from tests.motion.bvh_text import bvh_text, performer, still
-from uvcloth.garments.materials import Pictures, read_libraries
+from uvcloth.formats.materials import Pictures, read_libraries
+from uvcloth.formats.obj import read_obj
 from uvcloth.garments.mhclo import read_binding
-from uvcloth.garments.obj_file import read_obj
 from uvcloth.garments.pins import pinned
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.index import read_index

@@ -11,12 +11,12 @@ from typing import Any
 import tyro
 from rich.console import Console
 
-from rasterize.atomic import sole_writer
-from rasterize.command import run_command
-from rasterize.errors import InputError
 from train.loop import format_scores
 from train.registry import TRAINERS
 from train.trainer import TrainingRun
+from uvcloth.errors import InputError
+from uvcloth.files.atomic import sole_writer
+from uvcloth.process.command import run_command
 
 
 def main() -> None:

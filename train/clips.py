@@ -8,9 +8,9 @@ from pathlib import Path
 from rich.progress import track
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData
+from uvcloth.errors import InputError
 from uvcloth.motion.index import INDEX, Entry, read_index, require_one_split
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate.bodies import sequence_body

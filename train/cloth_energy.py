@@ -8,9 +8,9 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from train.batched_collision import NearbyBody, inner_layers
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.records import to_device
 from uvcloth.physics.energies import bend_energy, collision_energy, edge_energy, gravity_energy, rest_shape

@@ -15,10 +15,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from torch import Tensor, nn
 
-from rasterize.atomic import make_folder, require_there
-from rasterize.errors import InputError
-from rasterize.interruption import uninterrupted
 from train.state import STATE, Progressed, State, load_state, save_state
+from uvcloth.errors import InputError
+from uvcloth.files.atomic import make_folder, require_there
+from uvcloth.process.interruption import uninterrupted
 
 PROGRESS_KEYS = ("step", "minutes")
 """Keys beside the scores of a validation."""

@@ -10,10 +10,10 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from rasterize.errors import InputError
-from rasterize.json_file import require_kinds
-from rasterize.settings import is_a
 from uvcloth.checkpoint import load_tensors, require_like, save_tensors
+from uvcloth.errors import InputError
+from uvcloth.files.json_file import require_kinds
+from uvcloth.files.settings import is_a
 
 STATE = Path("training") / "state.safetensors"
 """The training state of a run, for an exact resume."""

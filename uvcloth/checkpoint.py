@@ -17,11 +17,11 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 from torch import Tensor, nn
 
-from rasterize.atomic import atomic_files, atomic_write
-from rasterize.errors import InputError
-from rasterize.json_file import parse_json, read_json, require_kinds
-from rasterize.reading import require_file
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
+from uvcloth.files.atomic import atomic_files, atomic_write
+from uvcloth.files.json_file import parse_json, read_json, require_kinds
+from uvcloth.files.reading import require_file
 from uvcloth.geometry.fingerprint import fingerprint
 
 VERSION = 3

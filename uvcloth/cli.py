@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 from tyro.conf import OmitArgPrefixes, Positional, arg, subcommand
 
-from rasterize.atomic import make_folder
-from rasterize.command import run_command
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
+from uvcloth.files.atomic import make_folder
 from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.fabric import FabricName
+from uvcloth.process.command import run_command
 
 if TYPE_CHECKING:
     from uvcloth.commands.view import LiveAudience

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import join_meshes, vertex_normals
 from uvcloth.lighting import DOME, FINE, FLOOR_REACH, KEY, Quality, VertexLight, floor_light, normalize
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.frames import BodyFrames, side_by_side
 from uvcloth.bodies.stream import posed_batches
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
 from uvcloth.geometry.records import CPU, to_device

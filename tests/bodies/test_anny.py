@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from tests.bodies.test_body import random_rotations
+from uvcloth.errors import InputError
 from uvcloth.garments.templates import LEAST_CLEARANCE, TEMPLATES, load_template, tailored
 from uvcloth.geometry.skeleton import joint_transforms
 from uvcloth.geometry.skinning import skin

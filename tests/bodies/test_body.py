@@ -8,10 +8,10 @@ import pytest
 import torch
 import trimesh
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body, load_body, save_body
 from uvcloth.bodies.collider import ARM_PARTS, FOREARM_PARTS, LEG_PARTS, TORSO_PART, make_collider
 from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
+from uvcloth.errors import InputError
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import neighbour_average, unique_edges
 from uvcloth.geometry.skeleton import joint_transforms

@@ -4,10 +4,10 @@ import pytest
 import torch
 import trimesh
 
-from rasterize.errors import InputError
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import collider_near
+from uvcloth.errors import InputError
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.physics.surface import BodySurface

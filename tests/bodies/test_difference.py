@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import torch
 
-from rasterize.archive import load_arrays, save_arrays
-from rasterize.errors import InputError
 from tests.small_body import small_body
 from uvcloth.bodies.body import Body, body_arrays, load_body, save_body
 from uvcloth.bodies.difference import load_kept_body, save_difference
+from uvcloth.errors import InputError
+from uvcloth.files.archive import load_arrays, save_arrays
 
 FORMAT = "uvcloth-body-difference-1"
 

@@ -14,7 +14,6 @@ import torch
 import trimesh
 from scipy.sparse import csc_matrix
 
-from rasterize.errors import InputError
 from tests.bodies.smpl_file import smpl_arrays, smpl_vertices, write_npz, write_pickle
 from uvcloth.bodies.body import REGIONS, load_body, save_body
 from uvcloth.bodies.layout import layout_of
@@ -22,6 +21,7 @@ from uvcloth.bodies.posing import posed_skin
 from uvcloth.bodies.smpl import read_smpl
 from uvcloth.bodies.smpl_joints import SMPL_JOINTS
 from uvcloth.commands.body import SmplFile, make
+from uvcloth.errors import InputError
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import joint_transforms, world_rotations
 from uvcloth.motion.retarget import REQUIRED_ROLES

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from tests.characters.made_up import MIXAMO, Piece, t_posed, write_character
 from tests.export.glb_reader import GlbReader
 from tests.motion.test_gltf import CESIUM_MAN, CESIUM_ROLES
@@ -18,6 +17,7 @@ from uvcloth.characters.parts import label, sort_parts
 from uvcloth.characters.reader import read_character
 from uvcloth.characters.rig import rig_character
 from uvcloth.commands.body import CharacterFile, make
+from uvcloth.errors import InputError
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.templates import load_template, tailored
 from uvcloth.motion.library import load_clip

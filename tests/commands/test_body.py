@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from tests.export.glb_reader import GlbReader, to_z_up
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.commands.body import make
-from uvcloth.garments.meshfile import read_mesh
+from uvcloth.errors import InputError
+from uvcloth.formats.mesh_file import read_mesh
 
 
 def test_the_body_comes_as_obj_glb_and_npz(body: Body, tmp_path: Path) -> None:

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from tests.export.glb_reader import GlbReader
 from uvcloth.bodies.body import Body, save_body
 from uvcloth.checkpoint import TrainingData, save_checkpoint
 from uvcloth.commands.export_rig import RIG_WRITERS, export
 from uvcloth.commands.rollout import animate
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.methods.pbns.method import PBNS, new_network, pbns_checkpoint, rest_outfit

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.commands import fit as command
+from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh

@@ -7,11 +7,11 @@ from pathlib import Path
 import OpenImageIO
 import pytest
 
-from rasterize.errors import InputError
 from tests.motion.families import FAMILIES
 from tests.motion.layouts import write_layout
 from uvcloth.bodies.body import Body
 from uvcloth.commands.motion import describe
+from uvcloth.errors import InputError
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.options import MotionOptions
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from tests.export.glb_reader import GlbReader, to_z_up
 from uvcloth.commands import rollout as animation
 from uvcloth.commands.summary import Totals
+from uvcloth.errors import InputError
 from uvcloth.export.animation import load_animation
 from uvcloth.export.pictures import COARSE_SHEET
 from uvcloth.export.writer import WRITERS

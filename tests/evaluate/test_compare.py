@@ -22,11 +22,11 @@ from evaluate.compare import Selection, compare
 from evaluate.judge import CaseScores, judge
 from evaluate.report import write_report
 from evaluate.show import Shown, pictures
-from rasterize.errors import InputError
 from tests.train.simulated import save_clips
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import WEIGHTS, TrainingData, save_checkpoint
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton

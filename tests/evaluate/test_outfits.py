@@ -16,7 +16,6 @@ from evaluate.candidates import Candidate, load_candidates
 from evaluate.compare import Selection, compare
 from evaluate.report import write_report
 from evaluate.show import Shown, pictures, viewer_clips
-from rasterize.errors import InputError
 from tests.evaluate.test_compare import (
     COUNTED,
     FILE_MM,
@@ -28,6 +27,7 @@ from tests.evaluate.test_compare import (
     tube_garment,
 )
 from uvcloth.bodies.frames import BodyFrames
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.method import Method

@@ -9,8 +9,8 @@ from evaluate.compare import Selection
 from evaluate.outfits import compare_outfits, holds_outfits
 from evaluate.report import write_report
 from evaluate.show import viewer_clips
-from rasterize.errors import InputError
 from tests.train.deepsd.outfits import MadeUp, save_outfits
+from uvcloth.errors import InputError
 
 BAND = (0.05, 0.15)
 """Heights of a narrow band around the waist, where tops and bottoms overlap, m."""

@@ -20,8 +20,8 @@ from evaluate.charts import DASH, number, scatter, ticks
 from evaluate.report import MotionMap, Picture, write_metrics, write_report
 from evaluate.standings import standings
 from evaluate.viewer import QUANTUM, ViewerClip
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
 

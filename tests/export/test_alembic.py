@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.export.alembic import write_abc
 from uvcloth.export.animation import Animation, posed_body
 from uvcloth.geometry.mesh import Mesh

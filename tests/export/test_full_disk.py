@@ -8,13 +8,11 @@ import pytest
 import torch
 
 from evaluate.report import write_metrics
-from rasterize.archive import save_arrays
-from rasterize.atomic import sole_writer
-from rasterize.errors import InputError
 from rasterize.exr import write_exr, write_png
 from tests.small_disk import BALLAST, leave_room, protect, small_disk
 from uvcloth.bodies.body import save_body
 from uvcloth.checkpoint import save_tensors
+from uvcloth.errors import InputError
 from uvcloth.export.animation import Animation
 from uvcloth.export.gltf_rig import write_rig_glb
 from uvcloth.export.obj import save_obj
@@ -22,6 +20,8 @@ from uvcloth.export.rig import rig_of
 from uvcloth.export.usd_rig import write_rig_usd
 from uvcloth.export.video import open_video
 from uvcloth.export.writer import WRITERS, open_writer
+from uvcloth.files.archive import save_arrays
+from uvcloth.files.atomic import sole_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.methods.pbns.method import PBNS
 from uvcloth.motion.clip import Clip

@@ -13,7 +13,7 @@ import trimesh
 from tests.export.test_writer import write
 from tests.motion.bvh_text import bvh_text, performer, still
 from uvcloth.export.animation import Animation
-from uvcloth.garments.meshfile import read_mesh
+from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.motion.bvh import read_bvh
 
 FOREIGN = ("de_DE", "tr_TR")

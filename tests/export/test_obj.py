@@ -5,7 +5,7 @@ import pytest
 import torch
 import trimesh
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
 from uvcloth.export.textures import save_texture
 from uvcloth.geometry.authored import Texture

@@ -7,7 +7,7 @@ import OpenImageIO
 import pytest
 import torch
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.export.animation import Animation
 from uvcloth.export.pictures import COARSE_SHEET, COARSE_VIDEO, camera_path, sheet_moments
 from uvcloth.export.video import open_video

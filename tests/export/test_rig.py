@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from tests.export.played import farthest, played, rolled_out
 from tests.small_body import small_body
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.export.rig import rig_of
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import vertex_normals

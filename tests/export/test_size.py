@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.export.animation import Animation
 from uvcloth.export.size import announce, expected_bytes
 from uvcloth.export.writer import WRITERS

@@ -20,7 +20,7 @@ from uvcloth.export.obj_sequence import write_obj_sequence
 from uvcloth.export.rig import rig_of
 from uvcloth.export.usd import write_usd
 from uvcloth.export.usd_rig import write_rig_usd
-from uvcloth.garments.meshfile import read_mesh
+from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.geometry.authored import AuthoredMesh, UvSet, follow_triangles, part_of
 from uvcloth.methods.rig import PoseRig
 

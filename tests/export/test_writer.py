@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.export.animation import Animation, load_animation
 from uvcloth.export.writer import WRITERS, FrameWriter, open_writer
 

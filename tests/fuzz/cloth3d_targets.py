@@ -13,8 +13,8 @@ from tests.fuzz.array_targets import check_mesh
 from tests.fuzz.smpl_targets import good_npz
 from tests.fuzz.target import Target, require, require_numbers
 from tests.small_body import small_body
+from uvcloth.formats.matlab import Value, read_matlab
 from uvcloth.simulate.cloth3d import read_cloth3d_sample
-from uvcloth.simulate.matlab_file import Value, read_matlab
 from uvcloth.simulate.outfit_sequence import OutfitSequence
 
 FRAMES = 4

@@ -15,7 +15,7 @@ from tests.small_body import small_body
 from tests.small_gltf import PIXEL, document, sparse_document, write_glb, write_gltf
 from uvcloth.bodies.body import load_body
 from uvcloth.characters.reader import Character, read_character
-from uvcloth.garments.meshfile import read_mesh
+from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.garments.mhclo import Binding, fit_clothes
 from uvcloth.geometry.authored import AuthoredMesh, Labels
 from uvcloth.geometry.mesh import Mesh

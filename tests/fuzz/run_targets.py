@@ -11,12 +11,12 @@ import numpy as np
 import torch
 from torch import nn
 
-from rasterize.errors import InputError
 from tests.fuzz.array_targets import check_mesh
 from tests.fuzz.target import Target, require, require_numbers
 from tests.simulate.test_unfinished import Falling, StopError, some_scene
 from tests.small_body import small_body
 from train.state import Progressed, State, load_state, save_state
+from uvcloth.errors import InputError
 from uvcloth.export.animation import Animation, load_animation, write_npz
 from uvcloth.geometry.kept import keep_arrays, kept_arrays
 from uvcloth.simulate import unfinished

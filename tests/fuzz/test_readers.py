@@ -8,13 +8,13 @@ from random import Random
 
 import pytest
 
-from rasterize.errors import InputError
 from tests.fuzz.byte_mutators import pipe_instead
 from tests.fuzz.case import Corpus
 from tests.fuzz.registry import TARGETS
 from tests.fuzz.runner import try_reader
 from tests.fuzz.target import Target, require
 from tests.fuzz.worker import FINE, Worker
+from uvcloth.errors import InputError
 
 CASES = 200
 """Of each reader; `make fuzz` tries 10,000."""

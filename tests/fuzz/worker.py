@@ -19,8 +19,8 @@ from typing import Any
 
 import torch
 
-from rasterize.errors import InputError
 from tests.fuzz.target import Target
+from uvcloth.errors import InputError
 
 SECONDS = 2.0
 """Seconds of CPU within which a reader has to be done."""

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.band import TEMPLATE_MASS, holding_band
 from uvcloth.garments.garment import Garment

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rasterize.errors import InputError
 from tests.garments.test_mhclo import HEAD, ROWS, written
 from tests.small_body import small_body
 from tests.small_gltf import PIXEL, document, write_glb
 from uvcloth.bodies.body import Body
-from uvcloth.garments.meshfile import read_mesh
+from uvcloth.errors import InputError
+from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.garments.mhclo import fit_clothes
 from uvcloth.geometry.authored import AuthoredMesh
 

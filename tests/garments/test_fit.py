@@ -7,8 +7,8 @@ import pytest
 import torch
 import trimesh
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body, load_body
+from uvcloth.errors import InputError
 from uvcloth.garments.fit import covered_faces, fit
 from uvcloth.geometry.authored import AuthoredMesh
 from uvcloth.geometry.mesh import face_normals, vertex_normals

@@ -10,10 +10,10 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.errors import InputError
+from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.garments.fit import fit
-from uvcloth.garments.meshfile import read_mesh
 from uvcloth.geometry.mesh import face_normals, vertex_normals
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments.loading import load_garment, load_garment_for_data
 from uvcloth.garments.templates import fit_template
 

@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.order import check_order
 from uvcloth.garments.templates import fit_template

@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.commands.fit import examine
+from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
+from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.garments.loading import load_garment_for_data, load_outfit
-from uvcloth.garments.meshfile import read_mesh
 from uvcloth.garments.pieces import pieces
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments.band import holding_band
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.pins import pinned

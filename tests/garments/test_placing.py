@@ -9,8 +9,8 @@ import torch
 import trimesh
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body
+from uvcloth.errors import InputError
 from uvcloth.garments.diagnose import diagnose
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.templates import TEMPLATES, fit_template

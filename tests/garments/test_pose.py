@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.fit import read_on_body
 from uvcloth.garments.garment import Garment

@@ -9,8 +9,8 @@ import torch
 import trimesh
 
 from rasterize.charts import boundary_loops
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments.cut import cut, place
 from uvcloth.garments.order import check_order
 from uvcloth.garments.shells import joint

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from tests.bodies.smpl_file import smpl_arrays, smpl_vertices, write_npz
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.bodies.smpl import read_smpl
 from uvcloth.commands.motion import describe
+from uvcloth.errors import InputError
 from uvcloth.motion.library import load_clip, read_motion
 from uvcloth.motion.options import MotionOptions
 from uvcloth.motion.retarget import lowest_vertex

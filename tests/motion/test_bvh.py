@@ -7,8 +7,8 @@ import torch
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rasterize.errors import InputError
 from tests.motion.bvh_text import CHANNELS, ROOT_CHANNELS, Joint, bvh_text, performer, still
+from uvcloth.errors import InputError
 from uvcloth.motion.bvh import read_bvh
 
 QUICK = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

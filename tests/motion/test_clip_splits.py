@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.motion.clip_splits import find_sources
 from uvcloth.motion.library import builtin_clips
 

@@ -6,9 +6,9 @@ import torch
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.layout import mirrored_vertices
+from uvcloth.errors import InputError
 from uvcloth.geometry.mirror import mirror_transforms
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.geometry.skinning import skin

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from tests.motion.layouts import ROLES, difference
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.export.glb import Document
 from uvcloth.export.gltf_scene import add_skeleton, animate_skeleton
 from uvcloth.motion.clip import Clip

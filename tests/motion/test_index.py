@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.motion.index import clip_file, read_index
 
 HEADER = "trial,subject,split,action,window_start,window_frames\n"

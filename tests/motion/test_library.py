@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 import torch
 
-from rasterize.archive import save_arrays
-from rasterize.errors import InputError
 from tests.motion.bvh_text import bvh_text, performer, still
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
+from uvcloth.files.archive import save_arrays
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.library import builtin_clips, load_clip, read_clip, save_clip
 from uvcloth.motion.retarget import lowest_vertex

@@ -7,10 +7,10 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from rasterize.archive import save_arrays
-from rasterize.errors import InputError
 from tests.small_body import small_body
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
+from uvcloth.files.archive import save_arrays
 from uvcloth.motion.poses import PoseDatabase, load_poses, rest_hash, save_poses
 
 

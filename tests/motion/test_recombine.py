@@ -4,8 +4,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.motion.clip_splits import find_sources
 from uvcloth.motion.draw_poses import draw_poses, local_angles
 from uvcloth.motion.poses import PoseDatabase, load_poses, save_poses

@@ -7,10 +7,10 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from rasterize.errors import InputError
 from tests.motion.families import FAMILIES
 from tests.motion.layouts import difference, write_layout
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import pose_from_rest
 from uvcloth.motion.library import load_clip, load_source

@@ -9,9 +9,9 @@ import torch
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
-from rasterize.errors import InputError
 from tests.motion.bvh_text import Joint, bvh_text, performer, still
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.geometry.rotations import smallest_rotation
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import Clip

@@ -3,8 +3,8 @@ from pathlib import Path
 
 import pytest
 
-from rasterize.errors import InputError
 from tests.motion.families import FAMILIES
+from uvcloth.errors import InputError
 from uvcloth.motion.roles import assign_roles, joint_roles, naming_family, read_role_map
 
 

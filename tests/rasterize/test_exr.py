@@ -8,8 +8,8 @@ import numpy as np
 import OpenImageIO
 import pytest
 
-from rasterize.errors import InputError
 from rasterize.exr import read_exr, write_exr, write_png
+from uvcloth.errors import InputError
 
 
 def channels() -> dict[str, np.ndarray]:

@@ -9,11 +9,11 @@ import torch
 
 from rasterize.bake import bake, scatter_map, valid_mask
 from rasterize.charts import face_components
-from rasterize.errors import InputError
 from rasterize.layout import UNWRAP_WORKER, Layout, load_layout, save_layout, unwrap
 from rasterize.texels import occupancy, rasterize_layout, texel_density
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.bodies.layout import body_layout, load_body_layout
+from uvcloth.errors import InputError
 
 
 @pytest.fixture(scope="module")

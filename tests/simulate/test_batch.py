@@ -15,10 +15,10 @@ from dask.distributed import KilledWorker
 from distributed.client import FutureCancelledError
 from rich.progress import Progress
 
-from rasterize.archive import load_arrays, save_arrays
-from rasterize.errors import InputError
 from tests.simulate.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
+from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import fit_template
 from uvcloth.motion.clip import Clip

@@ -10,9 +10,9 @@ import pytest
 import torch
 import trimesh
 
-from rasterize.errors import InputError
 from tests.simulate.physics.scenes import FPS, G, play, scene, sheet
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.physics.fabric import Fabric
 from uvcloth.simulate import blender
 from uvcloth.simulate.batch import simulate_batch

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, save_body
+from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin

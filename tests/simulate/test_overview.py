@@ -8,9 +8,9 @@ import pytest
 import torch
 from rich.console import Console
 
-from rasterize.archive import save_arrays
-from rasterize.errors import InputError
 from tests.small_body import small_body
+from uvcloth.errors import InputError
+from uvcloth.files.archive import save_arrays
 from uvcloth.simulate.folder import keep_refused
 from uvcloth.simulate.overview import overview
 from uvcloth.simulate.sequence import SimulatedSequence, save_sequence

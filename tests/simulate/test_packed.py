@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import torch
 
-from rasterize.archive import load_arrays, save_arrays
-from rasterize.errors import InputError
 from tests.small_body import small_body
 from uvcloth import cli
 from uvcloth.bodies.body import save_body
+from uvcloth.errors import InputError
+from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import joint_transforms
 from uvcloth.motion.poses import rest_hash

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments.templates import fit_template
 from uvcloth.motion.index import Entry, read_index
 from uvcloth.motion.library import builtin_clips

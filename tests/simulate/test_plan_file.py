@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, save_body
+from uvcloth.errors import InputError
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.index import read_index
 from uvcloth.motion.poses import rest_hash

@@ -8,8 +8,8 @@ import pytest
 import torch
 
 from rasterize.charts import boundary_loops
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import boundary_edges, edge_lengths, join_meshes, unique_edges
 from uvcloth.physics.fabric import FABRICS, Fabric

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin

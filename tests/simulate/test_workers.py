@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from dask.distributed import Client, Future, LocalCluster
 
-from rasterize.errors import InputError
 from tests.simulate.losing import Errand, die_at_first, wait_for_flag
+from uvcloth.errors import InputError
 from uvcloth.simulate.workers import Workers, connected, results
 
 LIMIT = 240

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from tests.small_body import small_body
 from tests.train.physxnet.two_triangles import save_clip
 from tests.train.simulated import save_clips
 from train.clips import Holdout, by_body, hold_out, load_training_clips, training_data
+from uvcloth.errors import InputError
 
 HEADER = "trial,subject,split,action,window_start,window_frames\n"
 

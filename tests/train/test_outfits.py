@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from tests.train.simulated import save_clips, swaying
 from train.loop import fit
 from train.motion_guided.dataset import GarmentDataset
 from train.motion_guided.objective import SHAPE, DynamicsObjective, ShapeObjective, load_shape_space
 from train.motion_guided.run import LOOPS, LOSSES
 from uvcloth.bodies.body import load_body
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import vertex_normals

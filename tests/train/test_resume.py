@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from tests.train.simulated import save_clips
 from train.loop import fit, rows_of_step
 from train.physxnet.objective import PhysXNetObjective
 from train.physxnet.run import LOOPS, LOSSES
 from train.state import STATE
 from uvcloth.checkpoint import load_tensors
+from uvcloth.errors import InputError
 from uvcloth.methods.physxnet.config import PRESETS
 
 pytest.importorskip("lightning")

@@ -9,10 +9,10 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from rasterize.errors import InputError
 from train.loop import LoopConfig, Objective, fit
 from train.state import STATE
 from uvcloth.checkpoint import load_tensors
+from uvcloth.errors import InputError
 
 pytest.importorskip("lightning")
 

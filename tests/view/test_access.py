@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rasterize.errors import InputError
 from tests.view.test_view import rising, shell, tick_until
+from uvcloth.errors import InputError
 from uvcloth.view.access import Access, listen
 from uvcloth.view.computation import Computation
 from uvcloth.view.viewer import Viewer

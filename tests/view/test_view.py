@@ -14,10 +14,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from tests.small_body import small_body
 from uvcloth.cli import Rollout, View
 from uvcloth.commands.view import LiveAudience
+from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.rollout import RolloutFrame
 from uvcloth.view.choices import Choices, Chosen

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.physics.fabric import FABRICS, fabric_from
 from uvcloth.wardrobe.designs import Design, limits
 from uvcloth.wardrobe.draw import LOWERS, OUTFITS, UPPERS, draw

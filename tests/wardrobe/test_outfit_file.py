@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import load_body, save_body
 from uvcloth.commands.outfits import OutfitSettings, make_outfits, split_of, wearer
+from uvcloth.errors import InputError
 from uvcloth.wardrobe.outfit_file import load_outfit_file, load_pieces, on_body, outfit_files
 
 SHORTS = {"drop": 0.02, "length": 0.6, "ease": 0.01, "flare": 0.0}

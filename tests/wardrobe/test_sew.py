@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from rasterize.charts import boundary_loops
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.errors import InputError
 from uvcloth.garments.shells import joint
 from uvcloth.geometry.mesh import Mesh, unique_edges, weld
 from uvcloth.physics.layers import wrong_side_percent

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from rasterize.charts import boundary_loops
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments import templates
 from uvcloth.garments.shells import TEMPLATE_SKIRT
 from uvcloth.garments.templates import load_template, save_template, tailored

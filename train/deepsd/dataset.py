@@ -9,11 +9,11 @@ import torch
 from rich.progress import track
 from torch import Tensor
 
-from rasterize.errors import InputError
 from train.clips import TRAINING_SPLITS
 from train.pbns.poses import Poses
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData, body_identity
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import first_of
 from uvcloth.methods.deepsd.outfit_graph import OutfitGraph, outfit_graph

@@ -8,8 +8,8 @@ from typing import Literal
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from train.deepsd.prediction import PosedOutfit
+from uvcloth.errors import InputError
 from uvcloth.methods.deepsd.outfit_graph import OutfitGraph
 from uvcloth.physics.energies import length_change
 

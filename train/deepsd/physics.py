@@ -9,7 +9,6 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from rasterize.errors import InputError
 from train.deepsd.dataset import OutfitDataset, OutfitFrames
 from train.deepsd.losses import MILLI, PhysicsLosses
 from train.deepsd.objective import DeePSDObjective
@@ -17,6 +16,7 @@ from train.deepsd.outfit_energy import OutfitEnergy
 from train.deepsd.prediction import Described, DrawnPoses, PosedOutfit, describe, pose_outfits
 from train.deepsd.validation import POSES
 from uvcloth.checkpoint import TrainingData, load_checkpoint
+from uvcloth.errors import InputError
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.records import CPU
 from uvcloth.geometry.skeleton import joint_transforms

@@ -9,7 +9,6 @@ import tyro
 from rich.console import Console
 from tyro.conf import OmitArgPrefixes
 
-from rasterize.errors import InputError
 from train.deepsd.dataset import OutfitDataset, posed_outfit, read_outfits
 from train.deepsd.losses import DataLosses, PhysicsLosses
 from train.deepsd.mirror import mirror_outfit
@@ -19,6 +18,7 @@ from train.loop import LoopConfig, check_run, fit, training_device
 from train.pbns.poses import poses_for
 from train.trainer import TrainerEntry
 from uvcloth.bodies.body import load_body
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.order import check_order

@@ -7,7 +7,6 @@ import torch
 from rich.console import Console
 from torch import Tensor
 
-from rasterize.errors import InputError
 from train.clips import (
     Holdout,
     TrainingClip,
@@ -18,6 +17,7 @@ from train.clips import (
     training_data,
 )
 from train.mirror import mirror_clips
+from uvcloth.errors import InputError
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.geometry.mesh import edge_lengths, laplacian, unique_edges
 from uvcloth.geometry.operators import Operator, differences, sampling

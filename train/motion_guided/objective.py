@@ -9,13 +9,13 @@ import torch
 from rich.progress import track
 from torch import Tensor, nn
 
-from rasterize.errors import InputError
 from train.clips import Holdout
 from train.loop import Objective
 from train.motion_guided.dataset import FRAMES_AT_ONCE, GarmentDataset, Rows, offsets_of
 from train.motion_guided.linear_space import fit_linear
 from train.validation import mean_errors, rollout_distances
 from uvcloth.checkpoint import load_checkpoint, save_checkpoint
+from uvcloth.errors import InputError
 from uvcloth.methods.method import for_inference
 from uvcloth.methods.motion_guided.config import MotionGuidedConfig
 from uvcloth.methods.motion_guided.dynamics_input import (

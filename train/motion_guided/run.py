@@ -5,7 +5,6 @@ from pathlib import Path
 
 from tyro.conf import OmitArgPrefixes
 
-from rasterize.errors import InputError
 from train.loop import LoopConfig, check_run, fit, has_begun, training_device
 from train.motion_guided.dataset import GarmentDataset
 from train.motion_guided.objective import (
@@ -16,6 +15,7 @@ from train.motion_guided.objective import (
     load_shape_space,
 )
 from train.trainer import TrainerEntry
+from uvcloth.errors import InputError
 from uvcloth.methods.motion_guided.config import MotionGuidedConfig
 from uvcloth.methods.motion_guided.method import ENTRY as METHOD
 

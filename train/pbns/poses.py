@@ -7,12 +7,12 @@ from pathlib import Path
 import torch
 from rich.progress import track
 
-from rasterize.atomic import make_folder
-from rasterize.errors import InputError
 from train.clips import TRAINING_SPLITS
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.checkpoint import TrainingData
+from uvcloth.errors import InputError
+from uvcloth.files.atomic import make_folder
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.motion.clip_splits import Source, find_sources
 from uvcloth.motion.draw_poses import draw_poses

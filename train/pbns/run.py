@@ -9,13 +9,13 @@ import tyro
 from rich.console import Console
 from tyro.conf import OmitArgPrefixes
 
-from rasterize.errors import InputError
 from train.cloth_energy import ClothMaterial
 from train.loop import LoopConfig, check_run, fit, training_device
 from train.pbns.objective import SMOOTHING, AttachmentConfig, PBNSObjective, held_vertices
 from train.pbns.poses import poses_for
 from train.trainer import TrainerEntry
 from uvcloth.bodies.body import load_body
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.methods.pbns.method import ENTRY as METHOD

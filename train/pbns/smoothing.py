@@ -14,7 +14,7 @@ from scipy.sparse import coo_array, diags_array
 from scipy.sparse.linalg import eigsh
 from torch import Tensor
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import unique_edges
 from uvcloth.geometry.records import CPU
 

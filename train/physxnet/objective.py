@@ -10,7 +10,6 @@ import torch
 from rich.console import Console
 from torch import Tensor, nn
 
-from rasterize.errors import InputError
 from train.clips import (
     Holdout,
     TrainingClip,
@@ -29,6 +28,7 @@ from train.validation import mean_errors, rollout_distances
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.checkpoint import save_checkpoint
+from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import edge_lengths
 from uvcloth.geometry.operators import Operator, differences, sampling
 from uvcloth.geometry.records import CPU, to_device

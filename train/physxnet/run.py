@@ -5,10 +5,10 @@ from pathlib import Path
 
 from tyro.conf import OmitArgPrefixes
 
-from rasterize.errors import InputError
 from train.loop import LoopConfig, check_run, fit, training_device
 from train.physxnet.objective import Losses, PhysXNetObjective
 from train.trainer import TrainerEntry
+from uvcloth.errors import InputError
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.method import ENTRY as METHOD
 

@@ -7,9 +7,9 @@ import torch
 from torch import Tensor
 
 from rasterize.charts import largest_piece
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, Proxy
 from uvcloth.bodies.regions import face_regions
+from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
 

@@ -10,9 +10,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.archive import load_arrays, save_arrays, smallest_indices
-from rasterize.errors import InputError
-from rasterize.fields import Field, check_fields, indices, names, numbers, whole
+from uvcloth.errors import InputError
+from uvcloth.files.archive import load_arrays, save_arrays, smallest_indices
+from uvcloth.files.fields import Field, check_fields, indices, names, numbers, whole
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton, in_order
 from uvcloth.geometry.units import UNITS

@@ -18,8 +18,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body
+from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import boundary_edges
 
 Parts = Sequence[tuple[tuple[str, ...], tuple[int, ...]]]

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rasterize.archive import load_arrays, read_arrays, save_arrays
-from rasterize.errors import InputError
-from rasterize.fields import check_fields, names
 from uvcloth.bodies.body import Body, body_arrays, body_of, load_body
+from uvcloth.errors import InputError
+from uvcloth.files.archive import load_arrays, read_arrays, save_arrays
+from uvcloth.files.fields import check_fields, names
 from uvcloth.geometry.fingerprint import fingerprint
 
 DIFFERENCE_FORMAT = "uvcloth-body-difference-1"

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rasterize.compiled import compiled
+from uvcloth.process.compiled import compiled
 
 REACH = 0.08
 """Metres within which points of two parts act on each other: deeper ones have no way out."""

@@ -12,15 +12,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.archive import read_arrays
 from rasterize.charts import largest_piece
-from rasterize.errors import InputError
-from rasterize.fields import Field, check_fields, numbers
 from rasterize.layout import unwrap
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.regions import face_regions
 from uvcloth.bodies.smpl_joints import SMPL_JOINTS, STANDING
-from uvcloth.bodies.smpl_pickle import plain, read_smpl_pickle
+from uvcloth.errors import InputError
+from uvcloth.files.archive import read_arrays
+from uvcloth.files.fields import Field, check_fields, numbers
+from uvcloth.formats.smpl_pickle import plain, read_smpl_pickle
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms, world_rotations

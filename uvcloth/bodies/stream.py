@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import LEAD, BodyFrames, body_frames
 from uvcloth.bodies.stature import beside_adults
+from uvcloth.errors import InputError
 
 BATCH = 8
 """Frames that the body is posed for at once."""

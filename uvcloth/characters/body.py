@@ -11,7 +11,6 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from rasterize.layout import unwrap
 from rasterize.raycast import closest_points
 from uvcloth.bodies.body import REGIONS, Appearance, Body, Proxy
@@ -21,6 +20,7 @@ from uvcloth.characters.reader import Part, read_character
 from uvcloth.characters.registration import lifted, limbs_of, match, register
 from uvcloth.characters.rig import RiggedCharacter, rig_character
 from uvcloth.characters.shape import SkinnedSurface, rough_fit
+from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import Mesh, join_meshes, neighbour_average
 from uvcloth.geometry.skinning import diffuse_weights, skin
 from uvcloth.physics.surface import BodySurface

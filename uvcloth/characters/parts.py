@@ -12,8 +12,8 @@ from difflib import get_close_matches
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.characters.reader import Part
+from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import face_normals
 
 LOOKS = (

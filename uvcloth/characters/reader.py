@@ -9,10 +9,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
-from uvcloth.geometry.gltf import Gltf, one_line, read_gltf, require_few
-from uvcloth.geometry.gltf_document import LARGEST
-from uvcloth.geometry.gltf_rig import Rig, chain, inverse_bind, read_rig, resting_worlds
+from uvcloth.errors import InputError
+from uvcloth.formats.gltf import Gltf, one_line, read_gltf, require_few
+from uvcloth.formats.gltf_document import LARGEST
+from uvcloth.formats.gltf_rig import Rig, chain, inverse_bind, read_rig, resting_worlds
 from uvcloth.geometry.mesh import Mesh
 
 SUFFIXES = (".glb", ".gltf", ".vrm")

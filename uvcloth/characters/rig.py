@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, likeliest_unit
 from uvcloth.characters.reader import Character, Part
+from uvcloth.errors import InputError
 from uvcloth.geometry.rotations import smallest_rotation
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 from uvcloth.geometry.skinning import skin

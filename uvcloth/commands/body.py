@@ -8,16 +8,16 @@ import torch
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from rasterize.atomic import atomic_write
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body, require_metres, save_body
 from uvcloth.bodies.seen import seen
 from uvcloth.bodies.smpl import read_smpl
 from uvcloth.bodies.stature import stature
 from uvcloth.characters.body import body_from_character
+from uvcloth.errors import InputError
 from uvcloth.export.glb import Document
 from uvcloth.export.gltf_scene import add_body, add_skeleton
 from uvcloth.export.obj import save_obj
+from uvcloth.files.atomic import atomic_write
 from uvcloth.motion.roles import read_role_map
 
 SUFFIXES = (".npz", ".obj", ".glb")

@@ -7,15 +7,15 @@ from pathlib import Path
 
 from rich.console import Console
 
-from rasterize.atomic import atomic_files
-from rasterize.errors import InputError
 from uvcloth.bodies.body import load_body
+from uvcloth.errors import InputError
 from uvcloth.export.embedding import write_embedding
 from uvcloth.export.gltf_rig import write_rig_glb
 from uvcloth.export.rig import Rig, Rigged, rig_of
 from uvcloth.export.shapes import Cost
 from uvcloth.export.usd_rig import write_rig_usd
 from uvcloth.export.writer import require_own_names
+from uvcloth.files.atomic import atomic_files
 from uvcloth.garments.loading import load_outfit
 from uvcloth.methods.method import require_fabric_read
 from uvcloth.methods.registry import load_method

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import torch
 
-from rasterize.errors import InputError
 from rasterize.exr import write_png
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.bodies.seen import seen
+from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.fit import fit
 from uvcloth.garments.garment import Garment

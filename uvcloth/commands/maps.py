@@ -4,7 +4,6 @@ from pathlib import Path
 
 from rich.progress import track
 
-from rasterize.errors import InputError
 from rasterize.exr import write_png
 from rasterize.layout import load_layout
 from rasterize.sheet import contact_sheet, frame_maps, see_garment, write_maps
@@ -12,6 +11,7 @@ from rasterize.texels import rasterize_layout
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.layout import layout_of
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.errors import InputError
 from uvcloth.simulate.sequence import load_sequence
 
 

@@ -15,13 +15,13 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
-from rasterize.atomic import sole_writer
-from rasterize.children import end_with_parent, kill_children
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body, save_body
 from uvcloth.commands.body import anny_progress
+from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
+from uvcloth.files.atomic import sole_writer
 from uvcloth.motion.poses import SPLITS
+from uvcloth.process.children import end_with_parent, kill_children
 from uvcloth.wardrobe.draw import OUTFITS
 from uvcloth.wardrobe.make import make_outfit
 from uvcloth.wardrobe.outfit_file import (

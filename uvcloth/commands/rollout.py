@@ -12,11 +12,11 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.bodies.seen import seen
 from uvcloth.commands.summary import Summary, Totals
+from uvcloth.errors import InputError
 from uvcloth.export.pictures import SHEETS, sheet_interval
 from uvcloth.export.size import announce
 from uvcloth.export.writer import close_together, open_writer

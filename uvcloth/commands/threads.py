@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import torch
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.export.animation import Animation, posed_body
 from uvcloth.export.gltf_scene import TO_Y_UP
 from uvcloth.geometry.authored import polygons_of

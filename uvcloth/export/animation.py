@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from rasterize.archive import load_arrays, save_arrays
-from rasterize.errors import InputError
-from rasterize.fields import check_fields, indices, names, numbers
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.errors import InputError
+from uvcloth.files.archive import load_arrays, save_arrays
+from uvcloth.files.fields import check_fields, indices, names, numbers
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import to_quaternions
 from uvcloth.geometry.skeleton import Skeleton

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.export.rig import Rigged
 from uvcloth.methods.rig import PoseRig
 

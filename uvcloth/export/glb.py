@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.render import Color
 
 MAX_FILE_BYTES = 2**32 - 1

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rasterize.atomic import atomic_write
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.export.textures import save_texture
+from uvcloth.files.atomic import atomic_write
 from uvcloth.geometry.authored import Polygons, SurfaceMaterial, polygons_of
 from uvcloth.geometry.mesh import Mesh
 

@@ -6,8 +6,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.export.gltf_scene import GLTF_INFLUENCES
 from uvcloth.export.shapes import (
     POSES_AT_ONCE,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 
 LEAST_MOVE = 1e-6
 """Metres: a shape that moves no vertex by more over the known poses is left out."""

@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.export.glb import MAX_FILE_BYTES
 from uvcloth.export.gltf_scene import split_seams
 from uvcloth.geometry.mesh import Mesh

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from rasterize.atomic import atomic_write
-from rasterize.fields import safe_file_name
+from uvcloth.files.atomic import atomic_write
+from uvcloth.files.fields import safe_file_name
 from uvcloth.geometry.authored import Texture
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from rasterize.atomic import require_room
 from uvcloth.export.animation import local_pose
+from uvcloth.files.atomic import require_room
 from uvcloth.geometry.authored import polygons_of
 from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.geometry.skeleton import Skeleton

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 
 QUALITY = "18"
 """Constant rate factor of H.264: the eye sees no loss."""

@@ -8,11 +8,9 @@ from typing import Protocol
 import numpy as np
 from torch import Tensor
 
-from rasterize.atomic import Partial, put_in_place
-from rasterize.errors import InputError
-from rasterize.fields import require_file_name
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.seen import seen
+from uvcloth.errors import InputError
 from uvcloth.export.alembic import write_abc
 from uvcloth.export.animation import Animation, write_npz
 from uvcloth.export.gltf import write_glb
@@ -21,6 +19,8 @@ from uvcloth.export.pictures import SHEETS, VIDEOS, Pictures
 from uvcloth.export.pointcache import write_pc2
 from uvcloth.export.spool import Spool
 from uvcloth.export.usd import write_usd
+from uvcloth.files.atomic import Partial, put_in_place
+from uvcloth.files.fields import require_file_name
 from uvcloth.geometry.mesh import Mesh
 
 WRITERS: dict[str, Callable[[Animation, Path], None]] = {

@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from rasterize.charts import face_components
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.shells import joint_of
 from uvcloth.garments.templates import load_template

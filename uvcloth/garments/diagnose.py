@@ -6,8 +6,8 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments.judge import refuse_unworn
 from uvcloth.garments.placing import SEARCH_DISTANCE, Placing, find_placing
 from uvcloth.geometry.mesh import Mesh, face_normals, weld

@@ -6,15 +6,15 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from rasterize.layout import unwrap
 from rasterize.raycast import cast_rays, closest_points, garment_to_body
 from uvcloth.bodies.body import REGIONS, Body
+from uvcloth.errors import InputError
+from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.diagnose import Diagnosis, diagnose
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.judge import UnwearableError
-from uvcloth.garments.meshfile import read_mesh
 from uvcloth.garments.mhclo import SUFFIX, fit_clothes
 from uvcloth.garments.pose import arms_held, other_pose, posed_body, unposed
 from uvcloth.geometry.authored import AuthoredMesh, follow_triangles

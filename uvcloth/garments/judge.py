@@ -7,8 +7,8 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body
+from uvcloth.errors import InputError
 from uvcloth.garments.placing import AXES, SEARCH_DISTANCE, ClothSample, lies_along, misfit
 from uvcloth.geometry.mesh import Mesh, boundary_edges, face_normals, unique_edges
 from uvcloth.physics.exposure import Shell

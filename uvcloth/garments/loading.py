@@ -4,8 +4,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments.fit import fit, read_on_body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.mhclo import SUFFIX

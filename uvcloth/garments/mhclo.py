@@ -13,11 +13,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from rasterize.errors import InputError, cause
-from rasterize.reading import file_below
 from uvcloth.bodies.body import BASE_MESH, Body
-from uvcloth.garments.materials import Pictures, read_mhmat, read_text
-from uvcloth.garments.meshfile import read_mesh
+from uvcloth.errors import InputError, cause
+from uvcloth.files.reading import file_below
+from uvcloth.formats.materials import Pictures, read_mhmat, read_text
+from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.geometry.authored import AuthoredMesh
 from uvcloth.geometry.mesh import Mesh
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.physics.layers import wrong_side_percent
 

@@ -7,9 +7,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
-from rasterize.reading import read_content
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
+from uvcloth.files.reading import read_content
 from uvcloth.garments.band import holding_band
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.shells import joint_of

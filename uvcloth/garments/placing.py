@@ -7,8 +7,8 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import face_normals
 from uvcloth.geometry.units import UNITS
 from uvcloth.physics.exposure import spread

@@ -7,8 +7,8 @@ from itertools import pairwise
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.placing import POINTS, ClothSample, misfit
 from uvcloth.geometry.mesh import Mesh

@@ -7,7 +7,7 @@ import torch
 from numpy.typing import NDArray
 
 from rasterize.charts import boundary_loops, largest_piece
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import face_normals, neighbour_average
 from uvcloth.physics.surface import BodySurface
 

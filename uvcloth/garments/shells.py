@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from rasterize.charts import boundary_loops
-from rasterize.errors import InputError
 from uvcloth.bodies.body import REGIONS, Body
+from uvcloth.errors import InputError
 from uvcloth.garments.cut import cut, place
 from uvcloth.garments.remesh import largest_faces
 from uvcloth.motion.roles import joint_roles

@@ -10,10 +10,10 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from rasterize.archive import load_arrays, save_arrays, smallest_indices
-from rasterize.errors import InputError
 from rasterize.gather import gather
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
+from uvcloth.files.archive import load_arrays, save_arrays, smallest_indices
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.shells import TEMPLATE_SKIRT, Bodice, SkirtCut, dress_shell, tight_shell

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from rasterize.archive import load_arrays, save_arrays
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
+from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.geometry.fingerprint import fingerprint
 
 CONTENT = "content"

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.geometry.skeleton import Skeleton
 
 SIDE_PREFIXES = (("Left", "Right"), ("left", "right"), ("L", "R"))

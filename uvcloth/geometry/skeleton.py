@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 
 MOST_JOINTS = 2000
 """Of a skeleton in a file: film characters with faces have some 1,500."""

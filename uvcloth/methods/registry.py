@@ -6,9 +6,9 @@ from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import CONFIG, load_checkpoint
+from uvcloth.errors import InputError
 from uvcloth.methods import lbs
 from uvcloth.methods.deepsd import method as deepsd
 from uvcloth.methods.ensemble import Ensemble

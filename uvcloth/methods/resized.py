@@ -6,10 +6,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body, resized
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.bodies.stature import ADULTS, beside_adults, stature
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.method import Method
 from uvcloth.methods.rig import PoseRig

@@ -12,11 +12,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.archive import list_arrays, read_arrays
-from rasterize.errors import InputError
-from rasterize.fields import MOST
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.smpl_joints import FACE, HANDS, SMPL_JOINTS, STANDING, TRUNK_AND_LIMBS
+from uvcloth.errors import InputError
+from uvcloth.files.archive import list_arrays, read_arrays
+from uvcloth.files.fields import MOST
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, world_rotations
 from uvcloth.motion.clip import FPS_RANGE, Clip

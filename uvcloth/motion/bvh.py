@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from rasterize.errors import InputError
-from rasterize.reading import read_content
+from uvcloth.errors import InputError
+from uvcloth.files.reading import read_content
 from uvcloth.geometry.rotations import from_euler
 from uvcloth.geometry.skeleton import MOST_JOINTS, check_joints
 from uvcloth.motion.clip import Clip

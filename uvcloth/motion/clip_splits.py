@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.motion.index import INDEX, clip_file, read_index
 from uvcloth.motion.library import builtin_clips
 from uvcloth.motion.poses import SPLITS

@@ -7,9 +7,9 @@ import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.errors import InputError
 from uvcloth.geometry.mirror import mirror_transforms
 from uvcloth.geometry.rotations import to_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, local_rotations

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from rasterize.errors import InputError
-from uvcloth.geometry.gltf import Gltf, read_gltf
-from uvcloth.geometry.gltf_document import LARGEST
-from uvcloth.geometry.gltf_rig import (
+from uvcloth.errors import InputError
+from uvcloth.formats.gltf import Gltf, read_gltf
+from uvcloth.formats.gltf_document import LARGEST
+from uvcloth.formats.gltf_rig import (
     REST,
     Rig,
     chain,

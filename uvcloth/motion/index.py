@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from glob import escape
 from pathlib import Path
 
-from rasterize.errors import InputError
-from rasterize.fields import LONGEST, is_file_name
-from rasterize.reading import file_below, require_file
+from uvcloth.errors import InputError
+from uvcloth.files.fields import LONGEST, is_file_name
+from uvcloth.files.reading import file_below, require_file
 from uvcloth.motion.poses import SPLITS
 
 INDEX = "index.csv"

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from rasterize.archive import load_arrays, save_arrays
-from rasterize.errors import InputError
-from rasterize.fields import check_fields, indices, names, numbers
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
+from uvcloth.files.archive import load_arrays, save_arrays
+from uvcloth.files.fields import check_fields, indices, names, numbers
 from uvcloth.geometry.rotations import are_unit, from_quaternions, to_quaternions
 from uvcloth.geometry.skeleton import Skeleton, in_order
 from uvcloth.motion.amass import carried_over, fits_unchanged, is_amass, read_amass

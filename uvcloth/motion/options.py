@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import arg
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 
 
 @dataclass(frozen=True)

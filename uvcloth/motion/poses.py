@@ -8,10 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.archive import load_arrays, save_arrays
-from rasterize.errors import InputError
-from rasterize.fields import check_fields, flags, indices, names, numbers, whole
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
+from uvcloth.files.archive import load_arrays, save_arrays
+from uvcloth.files.fields import check_fields, flags, indices, names, numbers, whole
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.rotations import are_unit, from_quaternions, to_quaternions
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms

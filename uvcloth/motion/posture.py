@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.motion.anatomy import unit
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.roles import joint_roles

@@ -11,9 +11,9 @@ import torch
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.errors import InputError
 from uvcloth.geometry.skeleton import Skeleton, local_rotations, world_rotations
 from uvcloth.motion.poses import SPLITS, PoseDatabase
 from uvcloth.motion.roles import joint_roles

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.geometry.rotations import smallest_rotation
 from uvcloth.motion.anatomy import JointFrames, joint_frames, unit
 from uvcloth.motion.clip import Clip

@@ -12,8 +12,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.geometry.rotations import from_axis_angles, from_euler, smallest_rotation, to_axis_angles
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import FPS_RANGE, Clip

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
-from rasterize.errors import InputError
-from rasterize.json_file import read_json
+from uvcloth.errors import InputError
+from uvcloth.files.json_file import read_json
 
 MIDDLE_NAMES = {
     "hips": ("hips", "hip", "pelvis"),

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 
 AIR_DENSITY = 1.2
 """Density of air at 20 degrees, kg/m3."""

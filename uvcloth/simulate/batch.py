@@ -5,9 +5,9 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from rasterize.atomic import require_there, sole_writer
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
+from uvcloth.files.atomic import require_there, sole_writer
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.order import check_order
 from uvcloth.motion.index import INDEX

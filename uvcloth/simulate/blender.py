@@ -23,7 +23,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import face_normals, unique_edges
 from uvcloth.physics.fabric import AIR_DENSITY, Fabric
 from uvcloth.simulate.engine import GRAVITY, Frame, Scene

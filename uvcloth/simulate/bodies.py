@@ -5,11 +5,11 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from rasterize.atomic import make_folder
-from rasterize.errors import InputError
-from rasterize.fields import require_file_name
 from uvcloth.bodies.body import Body, load_body, save_body
 from uvcloth.bodies.difference import load_kept_body
+from uvcloth.errors import InputError
+from uvcloth.files.atomic import make_folder
+from uvcloth.files.fields import require_file_name
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate.sequence import read_metadata
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments.band import Band, holding_band
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import flat_faces, weld

@@ -17,14 +17,15 @@ import torch
 from rich.progress import track
 from torch import Tensor
 
-from rasterize.errors import InputError
-from rasterize.fields import LONGEST
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.smpl import RestingModel, read_smpl
 from uvcloth.bodies.smpl_joints import SMPL_JOINTS, STANDING
+from uvcloth.errors import InputError
+from uvcloth.files.fields import LONGEST
+from uvcloth.formats.matlab import read_matlab
+from uvcloth.formats.obj import read_obj
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.garments.obj_file import read_obj
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.mesh import Mesh, edge_lengths, unique_edges
 from uvcloth.geometry.rotations import from_axis_angles, from_euler
@@ -32,7 +33,6 @@ from uvcloth.geometry.skeleton import joint_transforms, world_rotations
 from uvcloth.motion.clip_splits import deal_splits
 from uvcloth.motion.poses import SPLITS
 from uvcloth.physics.fabric import FABRICS, JERSEY, Fabric
-from uvcloth.simulate.matlab_file import read_matlab
 from uvcloth.simulate.outfit_sequence import OutfitSequence
 
 INFO = "info.mat"

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from rasterize.atomic import atomic_write
-from rasterize.errors import InputError
-from rasterize.reading import require_file
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
+from uvcloth.files.atomic import atomic_write
+from uvcloth.files.reading import require_file
 from uvcloth.motion.index import COLUMNS, Entry, read_index
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate.engine import Engine

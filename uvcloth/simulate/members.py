@@ -5,7 +5,7 @@ Member 0 is the usual simulation. 1 takes more substeps, 2 another mesh of the g
 
 from importlib.util import find_spec
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.simulate.engine import Engine, SubstepEngine
 from uvcloth.simulate.remeshed import Remeshed
 

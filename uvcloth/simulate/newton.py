@@ -11,8 +11,8 @@ import torch
 import warp as wp
 from torch import Tensor
 
-from rasterize.errors import InputError
 from rasterize.warp_start import start_warp
+from uvcloth.errors import InputError
 from uvcloth.physics.fabric import AIR_DENSITY, Fabric
 from uvcloth.simulate.bending import bending_force_hessian
 from uvcloth.simulate.engine import GRAVITY, Frame, Scene

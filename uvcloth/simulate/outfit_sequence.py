@@ -10,9 +10,9 @@ import torch
 from rich.progress import track
 from torch import Tensor
 
-from rasterize.errors import InputError
-from rasterize.json_file import require_kinds
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
+from uvcloth.files.json_file import require_kinds
 from uvcloth.garments.fit import make_fitted
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import Mesh

@@ -4,9 +4,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from rasterize.atomic import sole_writer
-from rasterize.errors import InputError
-from rasterize.fields import require_file_name
+from uvcloth.errors import InputError
+from uvcloth.files.atomic import sole_writer
+from uvcloth.files.fields import require_file_name
 from uvcloth.motion.index import Entry
 from uvcloth.motion.poses import SPLITS
 from uvcloth.physics.fabric import FABRICS

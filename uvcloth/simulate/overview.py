@@ -9,7 +9,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.motion.index import INDEX, Entry, read_index
 from uvcloth.motion.poses import SPLITS
 from uvcloth.simulate.folder import REPEAT, Stored, is_finished, refused_captures, sequence_files

@@ -1,7 +1,7 @@
 """Packed sequences: a data folder at a small part of its size, to be kept or passed on, and unpacked again.
 
 The motion is kept once for all garments of a clip, the mesh of a garment once for all clips, and the cloth,
-in axes that move with the bones, as `rasterize.spectral` codes it: in steps as coarse as an error allows.
+in axes that move with the bones, as `uvcloth.formats.spectral` codes it: in steps as coarse as an error allows.
 """
 
 import json
@@ -16,12 +16,14 @@ from rich.console import Console
 from rich.progress import track
 from torch import Tensor
 
-from rasterize.archive import load_arrays, read_arrays, save_arrays, smallest_indices
-from rasterize.atomic import make_folder, sole_writer
-from rasterize.errors import InputError
-from rasterize.fields import check_fields, flags, indices, numbers, require_file_name, text, whole
-from rasterize.json_file import parse_json, require_kinds
-from rasterize.spectral import (
+from uvcloth.bodies.body import Body
+from uvcloth.bodies.difference import save_difference
+from uvcloth.errors import InputError
+from uvcloth.files.archive import load_arrays, read_arrays, save_arrays, smallest_indices
+from uvcloth.files.atomic import make_folder, sole_writer
+from uvcloth.files.fields import check_fields, flags, indices, numbers, require_file_name, text, whole
+from uvcloth.files.json_file import parse_json, require_kinds
+from uvcloth.formats.spectral import (
     MOST_POINTS,
     CodedPoints,
     Part,
@@ -30,8 +32,6 @@ from rasterize.spectral import (
     part_spectra,
     second_half,
 )
-from uvcloth.bodies.body import Body
-from uvcloth.bodies.difference import save_difference
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.index import INDEX
 from uvcloth.simulate.bodies import keep_body, sequence_body
@@ -78,7 +78,7 @@ FIELDS = {
     "corrections": whole("R", 3, least=-(2**31), most=2**31).if_there(),
     "description": text(),
 }
-"""Arrays of a packed sequence: what `rasterize.spectral.code_points` makes, probes in the axes of the bones,
+"""Arrays of a packed sequence: what `uvcloth.formats.spectral.code_points` makes, probes in the axes of the bones,
 and JSON: the sequence's own metadata, the name of its motion, the step and the mean error in metres."""
 
 DESCRIPTION = {"motion": str, "step": float, "error": float, "metadata": dict}
@@ -124,7 +124,7 @@ def pack_folder(folder: Path, out: Path, error: float = MEAN_ERROR) -> int:
     """Pack the sequences of a data folder that are not packed yet, its body and its index; return how many.
 
     error: metres that vertices are off on average in each sequence, at most; 99 % and all of them are off by
-    no more than `rasterize.spectral` says. Second simulations and refused sequences are left out. Raises
+    no more than `uvcloth.formats.spectral` says. Second simulations and refused sequences are left out. Raises
     InputError for an error out of ERROR_RANGE, for a folder without sequences, for sequences on a body that
     the folder lacks, or of one garment with two meshes, and where OUT has another index.
     """

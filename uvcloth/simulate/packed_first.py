@@ -9,11 +9,11 @@ import torch
 from scipy.fft import idct
 from torch import Tensor
 
-from rasterize.archive import load_arrays
-from rasterize.errors import InputError
-from rasterize.fields import check_fields, indices, numbers, text, whole
-from rasterize.spectral import MOST_POINTS, mesh_spectrum
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
+from uvcloth.files.archive import load_arrays
+from uvcloth.files.fields import check_fields, indices, numbers, text, whole
+from uvcloth.formats.spectral import MOST_POINTS, mesh_spectrum
 from uvcloth.geometry.rotations import are_unit, from_quaternions, rotate
 from uvcloth.geometry.skeleton import joint_transforms
 from uvcloth.motion.clip import FPS_RANGE

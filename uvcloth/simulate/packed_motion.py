@@ -7,11 +7,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.archive import load_arrays, save_arrays
-from rasterize.atomic import make_folder
-from rasterize.entropy import AXES, decode, encode
-from rasterize.errors import InputError
-from rasterize.fields import check_fields, indices, numbers, whole
+from uvcloth.errors import InputError
+from uvcloth.files.archive import load_arrays, save_arrays
+from uvcloth.files.atomic import make_folder
+from uvcloth.files.fields import check_fields, indices, numbers, whole
+from uvcloth.formats.entropy import AXES, decode, encode
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.rotations import are_unit, from_quaternions, to_quaternions
 from uvcloth.geometry.skeleton import (
@@ -44,7 +44,7 @@ FIELDS = {
     "fps": numbers(least=FPS_RANGE[0], most=FPS_RANGE[1], dtype=np.float64),
     "warm_up": indices(of="F"),
 }
-"""Arrays of a motion's file. code: what `rasterize.entropy` made of the second differences in time, in steps,
+"""Arrays of a motion's file. code: what `uvcloth.formats.entropy` made of the second differences in time, in steps,
 of the quaternions of all joints relative to the one above, and of the place of the root."""
 
 

@@ -7,9 +7,9 @@ from typing import Any
 
 from rich.progress import track
 
-from rasterize.errors import InputError
-from rasterize.fields import require_file_name
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
+from uvcloth.files.fields import require_file_name
 from uvcloth.motion.capture import find_jump, find_standstill
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.index import Entry, clip_file, read_index

@@ -5,9 +5,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
-from rasterize.errors import InputError
-from rasterize.fields import LONGEST, is_file_name, require_file_name
-from rasterize.reading import require_file
+from uvcloth.errors import InputError
+from uvcloth.files.fields import LONGEST, is_file_name, require_file_name
+from uvcloth.files.reading import require_file
 from uvcloth.garments.templates import TEMPLATES
 from uvcloth.motion.index import MOST_FRAMES, WHOLE, Entry
 from uvcloth.motion.poses import SPLITS

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from rich.progress import track
 
-from rasterize.atomic import atomic_write, sole_writer
-from rasterize.errors import InputError
-from rasterize.reading import file_below
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.errors import InputError
+from uvcloth.files.atomic import atomic_write, sole_writer
+from uvcloth.files.reading import file_below
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.order import check_order
 from uvcloth.garments.templates import TEMPLATES

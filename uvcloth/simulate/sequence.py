@@ -10,11 +10,11 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.archive import load_arrays, save_arrays
-from rasterize.errors import InputError
-from rasterize.fields import check_fields, indices, is_file_name, numbers, text
-from rasterize.json_file import parse_json, require_kinds
-from rasterize.moving import load_moving, pack, unpack
+from uvcloth.errors import InputError
+from uvcloth.files.archive import load_arrays, save_arrays
+from uvcloth.files.fields import check_fields, indices, is_file_name, numbers, text
+from uvcloth.files.json_file import parse_json, require_kinds
+from uvcloth.formats.moving import load_moving, pack, unpack
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.motion.clip import FPS_RANGE
 
@@ -59,7 +59,7 @@ class SimulatedSequence:
     """One simulated garment over one clip.
 
     vertices: (F, N, 3) metres, world. faces: (M, 3). rest: (N, 3) m at rest on the body's rest pose. A file
-    holds the vertices to within 0.05 mm (`rasterize.moving`), all else exactly.
+    holds the vertices to within 0.05 mm (`uvcloth.formats.moving`), all else exactly.
     transforms: (F, J, 3, 4) joint transforms of the body, so that its vertices can be recomputed.
     warm_up: number of leading frames that only let the cloth settle and are never scored.
     metadata: JSON values: clip, garment (its name), template (whose motion it takes, or null), source

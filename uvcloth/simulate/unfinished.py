@@ -15,10 +15,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.atomic import require_there
-from rasterize.errors import InputError
-from rasterize.fields import check_fields, numbers, text
 from uvcloth.checkpoint import package_version
+from uvcloth.errors import InputError
+from uvcloth.files.atomic import require_there
+from uvcloth.files.fields import check_fields, numbers, text
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.kept import keep_arrays, kept_arrays
 from uvcloth.simulate.engine import Engine, Frame, Scene

@@ -8,8 +8,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
-from rasterize.children import kill_children
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
+from uvcloth.process.children import kill_children
 from uvcloth.simulate.plan import Job
 
 UNWATCHED = {

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from ipaddress import ip_address
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 
 LOOPBACK = ("localhost", "127.0.0.1", "[::1]")
 """Names by which a browser reaches its own machine."""

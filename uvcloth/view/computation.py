@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.rollout import RolloutFrame
 

@@ -18,7 +18,7 @@ from websockets.asyncio import server as websocket_server
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.view.access import Access, listen
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 from uvcloth.view.choices import Choices, Chosen
 from uvcloth.view.computation import Computation, Performance, ShownFrame
 from uvcloth.view.heat import CONTACT, ERROR, QUANTITIES, STRETCH, Quantity, Stretch, legend

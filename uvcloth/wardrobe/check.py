@@ -8,8 +8,8 @@ import torch
 from torch import Tensor
 
 from rasterize.charts import edges_of, face_components
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments.band import holding_band
 from uvcloth.garments.diagnose import diagnose
 from uvcloth.garments.garment import Garment

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from rasterize.errors import InputError
+from uvcloth.errors import InputError
 
 RANGE = "range"
 """Key of a field's least and largest value in its metadata."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.wardrobe.check import refuse_faulty
 from uvcloth.wardrobe.draw import DrawnOutfit, draw

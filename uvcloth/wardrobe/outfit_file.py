@@ -6,15 +6,15 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from rasterize.atomic import atomic_write
-from rasterize.errors import InputError
-from rasterize.fields import is_file_name
-from rasterize.json_file import read_json, require_kinds
-from rasterize.reading import file_below
 from uvcloth.bodies.body import load_body
+from uvcloth.errors import InputError
+from uvcloth.files.atomic import atomic_write
+from uvcloth.files.fields import is_file_name
+from uvcloth.files.json_file import read_json, require_kinds
+from uvcloth.files.reading import file_below
+from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.garments.fit import make_fitted
 from uvcloth.garments.garment import Outfit
-from uvcloth.garments.meshfile import read_mesh
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.poses import SPLITS
 from uvcloth.physics.fabric import Fabric, fabric_from

@@ -13,11 +13,10 @@ import torch
 from numpy.typing import NDArray
 
 from rasterize.charts import boundary_loops
-from rasterize.command import run_command
-from rasterize.errors import InputError
 from rasterize.gather import gather
 from rasterize.layout import unwrap
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.errors import InputError
 from uvcloth.garments.band import BAND_WIDTH, DROP, hem_band
 from uvcloth.garments.cut import cut, place
 from uvcloth.garments.openings import forearm_share, neck, sleeves, upper_arm_share, waist_height, waistband
@@ -33,6 +32,7 @@ from uvcloth.garments.templates import (
     tailored,
 )
 from uvcloth.geometry.mesh import Mesh, vertex_normals
+from uvcloth.process.command import run_command
 from uvcloth.wardrobe.designs import Design, Upper
 from uvcloth.wardrobe.patterns import Pattern, cut_pattern, waist_strip
 

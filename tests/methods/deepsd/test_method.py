@@ -9,12 +9,12 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from rasterize.errors import InputError
 from tests.methods.pbns.test_method import outfit_of, sheet, some_motion
 from tests.methods.stepping import predicted
 from tests.small_body import small_body
 from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.checkpoint import WEIGHTS, TrainingData, load_tensors, save_checkpoint, save_tensors
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig

@@ -3,10 +3,10 @@ from dataclasses import replace
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import WEIGHTS, TrainingData, save_checkpoint
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh, edge_lengths, unique_edges, vertex_normals

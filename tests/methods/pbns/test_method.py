@@ -10,13 +10,13 @@ import pytest
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from tests.methods.stepping import predicted
 from tests.small_body import small_body
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.checkpoint import CONFIG, WEIGHTS, TrainingData, load_tensors, save_checkpoint, save_tensors
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms

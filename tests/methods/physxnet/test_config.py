@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.methods.physxnet.config import PRESETS

@@ -3,13 +3,13 @@ from dataclasses import replace
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from tests.methods.stepping import predicted
 from tests.train.simulated import swaying
 from train.physxnet.prepare import make
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.frames import GRAVITY, body_frames, with_lead
 from uvcloth.checkpoint import TrainingData, load_checkpoint, save_checkpoint
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.rotations import rotate

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from scipy.special import j0
 from torch import Tensor
 
-from rasterize.errors import InputError
 from tests.physics.cloth.energies import damping_matrix, hinge_energy, membrane_energy, stiffness_matrix
 from tests.physics.cloth.stepping import VACUUM, frames, solver, still_frames
 from tests.simulate.physics.experiments import LIMP, ROPE, rope_theory
 from tests.simulate.physics.scenes import G, sheet
+from uvcloth.errors import InputError
 from uvcloth.physics.cloth.body_contact import make_body
 from uvcloth.physics.cloth.cloth import Damping, make_cloth
 from uvcloth.physics.cloth.solver import Motion, Settings, Solver, State, make_solver, start, step

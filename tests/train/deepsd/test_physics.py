@@ -8,7 +8,6 @@ import pytest
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from tests.train.simulated import database_of, swaying
 from train.batched_collision import PosedParts
 from train.deepsd.dataset import OutfitDataset, posed_outfit
@@ -23,6 +22,7 @@ from train.state import STATE
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.checkpoint import Checkpoint, TrainingData, load_checkpoint, load_tensors, save_checkpoint
+from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
 from uvcloth.geometry.records import CPU
 from uvcloth.geometry.skinning import skin

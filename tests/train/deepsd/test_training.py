@@ -9,7 +9,6 @@ import pytest
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from tests.small_body import small_body
 from tests.train.simulated import save_clips
 from train.__main__ import main
@@ -22,6 +21,7 @@ from train.loop import LoopConfig, batch_after, fit, rows_of_step
 from train.state import STATE
 from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import load_checkpoint, load_tensors
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import edge_lengths
 from uvcloth.geometry.records import CPU

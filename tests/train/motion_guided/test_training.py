@@ -8,7 +8,6 @@ from typing import Literal
 import pytest
 import torch
 
-from rasterize.errors import InputError
 from tests.train.simulated import save_clips
 from train.__main__ import main
 from train.loop import fit
@@ -23,6 +22,7 @@ from train.motion_guided.run import LOOPS, LOSSES
 from train.state import STATE
 from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import load_checkpoint, load_tensors
+from uvcloth.errors import InputError
 from uvcloth.methods.motion_guided.config import PRESETS
 from uvcloth.methods.motion_guided.dynamics_input import (
     MEMORY,

@@ -10,7 +10,6 @@ import pytest
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from tests.train.cropped import cropped
 from tests.train.simulated import database_of, swaying
 from train.__main__ import main
@@ -26,6 +25,7 @@ from train.pbns.smoothing import GradientSmoothing
 from train.state import STATE
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData, load_checkpoint, load_tensors
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.pins import pinned
 from uvcloth.garments.templates import fit_template

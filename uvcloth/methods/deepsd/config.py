@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from rasterize.errors import InputError
-from rasterize.settings import require_settings
+from uvcloth.errors import InputError
+from uvcloth.files.settings import require_settings
 
 RANGES = {
     "spread": (0, 1),

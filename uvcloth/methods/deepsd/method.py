@@ -12,7 +12,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import (
@@ -23,6 +22,7 @@ from uvcloth.checkpoint import (
     require_weights_of,
     stored_config,
 )
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.skinning import skin_each
 from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig

@@ -4,9 +4,9 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from rasterize.errors import InputError
-from rasterize.settings import require_settings
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
+from uvcloth.files.settings import require_settings
 from uvcloth.garments.garment import Garment
 from uvcloth.methods.motion_guided.garment_maps import GarmentMaps, Skinning, garment_maps
 from uvcloth.methods.motion_guided.latent import Dynamics, LinearSpace, ShapeSpace, Space

@@ -7,11 +7,11 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from rasterize.errors import InputError
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, restored
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.mesh import laplacian

@@ -14,8 +14,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from rasterize.errors import InputError
-from rasterize.fields import check_fields, indices, numbers
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import (
@@ -27,6 +25,8 @@ from uvcloth.checkpoint import (
     require_weights_of,
     stored_config,
 )
+from uvcloth.errors import InputError
+from uvcloth.files.fields import check_fields, indices, numbers
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import JoinedMesh, Mesh, join_meshes, weld
 from uvcloth.geometry.skeleton import in_order

@@ -7,7 +7,7 @@ from itertools import pairwise
 import torch
 from torch import Tensor, nn
 
-from rasterize.settings import require_settings
+from uvcloth.files.settings import require_settings
 
 SHARPNESS = 100.0
 """Of blend weights while they are trained: a step of 0.01 moves about a hundredth of the weight."""

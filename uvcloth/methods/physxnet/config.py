@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from rasterize.errors import InputError
-from rasterize.settings import require_settings
 from uvcloth.bodies.frames import HISTORY
+from uvcloth.errors import InputError
+from uvcloth.files.settings import require_settings
 
 RANGES: dict[str, tuple[float, float]] = {
     "size": (1, 1024),

@@ -11,7 +11,6 @@ from torch import Tensor
 
 from rasterize.bake import bake
 from rasterize.decode import nearest_sampler
-from rasterize.errors import InputError
 from rasterize.gather import gather
 from rasterize.raycast import body_to_garment
 from rasterize.sheet import GARMENT_RAY_LENGTH
@@ -19,6 +18,7 @@ from rasterize.texels import Texels, rasterize_layout
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.joined_legs import joined_rays, leg_faces, leg_slices
 from uvcloth.bodies.layout import layout_of
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import Mesh, vertex_normals, weld
 

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterize.compiled import compiled, inlined
 from uvcloth.physics.cloth.tree import (
     BODY_LEAF,
     DEPTH,
@@ -35,6 +34,7 @@ from uvcloth.physics.cloth.vectors import (
     sub,
     unit,
 )
+from uvcloth.process.compiled import compiled, inlined
 
 STEPS = 4
 """Neighbouring faces that a contact walks over in a substep at most."""

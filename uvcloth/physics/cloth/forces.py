@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rasterize.compiled import compiled, inlined
 from uvcloth.physics.cloth.vectors import (
     HALF,
     ONE,
@@ -28,6 +27,7 @@ from uvcloth.physics.cloth.vectors import (
     scale,
     sub,
 )
+from uvcloth.process.compiled import compiled, inlined
 
 BLOCK = 64
 """Faces or hinges that are computed side by side."""

@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterize.compiled import compiled, inlined
 from uvcloth.physics.cloth.cloth import Sheet
 from uvcloth.physics.cloth.tree import DEPTH, first_is_halved, pair_key, refit
 from uvcloth.physics.cloth.triangles import closest_barycentrics, closest_on_segments, weighted
@@ -30,6 +29,7 @@ from uvcloth.physics.cloth.vectors import (
     sub,
     unit,
 )
+from uvcloth.process.compiled import compiled, inlined
 
 LEAST_FLAT = np.float32(math.cos(math.radians(75.0)))
 """Cosine of the widest half angle of a cone of normals whose patch is not tested against itself."""

@@ -7,15 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterize.compiled import compiled, inlined, is_kept
-from rasterize.errors import InputError
 from uvcloth.bodies import frames
+from uvcloth.errors import InputError
 from uvcloth.physics.cloth.body_contact import Body, Contacts, find_contacts, resolve_contacts
 from uvcloth.physics.cloth.cloth import Cloth, Particles, Sheet
 from uvcloth.physics.cloth.forces import Hinges, Membrane, add_elastic_forces
 from uvcloth.physics.cloth.self_contact import Pairs, find_pairs, no_pairs, resolve_pairs
 from uvcloth.physics.cloth.stability import largest_step
 from uvcloth.physics.cloth.vectors import ONE, TWO, ZERO, Array, Number, Vector, store
+from uvcloth.process.compiled import compiled, inlined, is_kept
 
 Floats = NDArray[np.float32]
 

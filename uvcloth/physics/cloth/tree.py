@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rasterize.charts import edge_twins
-from rasterize.compiled import compiled, inlined
 from uvcloth.physics.cloth.triangles import squared_distance
 from uvcloth.physics.cloth.vectors import ZERO, Array, Number, Vector
+from uvcloth.process.compiled import compiled, inlined
 
 DEPTH = 128
 """Nodes that a walk through a tree has to remember at most."""

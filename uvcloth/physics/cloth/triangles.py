@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from rasterize.compiled import inlined
 from uvcloth.physics.cloth.vectors import (
     ONE,
     TINY,
@@ -18,6 +17,7 @@ from uvcloth.physics.cloth.vectors import (
     scale,
     sub,
 )
+from uvcloth.process.compiled import inlined
 
 
 @inlined

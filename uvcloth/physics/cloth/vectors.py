@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rasterize.compiled import inlined
+from uvcloth.process.compiled import inlined
 
 Number = Any
 """A float32 in registers; what arithmetic of them gives, mypy does not know."""

@@ -1,0 +1,176 @@
+"""Skeletons in glTF files: nodes above one another, and the bind pose of a skin as it stands in the scene."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from uvcloth.errors import InputError
+from uvcloth.formats.gltf import Gltf, one_line
+from uvcloth.formats.gltf_document import LARGEST
+from uvcloth.geometry.skeleton import check_joints
+
+FLAT = 1e-6
+"""Volume of the unit cube under a transform, relative to its size, that is none."""
+
+AFFINE = 1e-3
+"""How far the last row of a transform may be from 0, 0, 0, 1."""
+
+REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
+"""Of a node that says nothing, as the format has it."""
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Joints of a skin, parents before children.
+
+    names: J, each once. parents: J indices, -1 for a root. nodes: of the joints in the file. bind: (J, 4, 4)
+    joints to the world in the bind pose, in which the mesh was modelled. placing: (4, 4) from the mesh's own
+    axes and units to the scene's.
+    """
+
+    names: tuple[str, ...]
+    parents: tuple[int, ...]
+    nodes: list[int]
+    bind: np.ndarray
+    placing: np.ndarray
+
+
+def read_rig(file: Gltf, skin: dict[str, Any]) -> Rig:
+    """Read the joints of a skin and their bind pose.
+
+    Raises InputError naming the file for too many joints, and for a joint whose bind pose is flat.
+    """
+    above = file.above
+    names = [one_line(file.entries("nodes")[node].get("name", f"node {node}")) for node in skin["joints"]]
+    check_joints(file.path, names)
+    joints = parents_first(skin["joints"], above)
+    number = {node: index for index, node in enumerate(joints)}
+    parents = [
+        next((number[other] for other in chain(node, above) if other in number), -1) for node in joints
+    ]
+    place = {node: index for index, node in enumerate(skin["joints"])}
+    names = [names[place[node]] for node in joints]
+    unique = _told_apart(names)
+    resting = resting_worlds(file, joints)
+    if "inverseBindMatrices" not in skin:
+        bind = np.stack([resting[node] for node in joints])
+        _require_solid(file, unique, bind)
+        return Rig(unique, tuple(parents), joints, bind, np.eye(4))
+    inverse = inverse_bind(file, skin)[[place[node] for node in joints]]
+    _require_solid(file, unique, inverse)
+    own = np.linalg.inv(inverse)
+    _require_solid(file, unique[:1], resting[joints[0]][None])
+    # The mesh may be modelled in other axes and units than the scene has: the axes of the root joint tell.
+    placing = resting[joints[0]] @ np.linalg.inv(own[0])
+    size = np.cbrt(np.linalg.det(placing[:3, :3]))
+    axes = np.eye(4)
+    axes[:3, :3] = size * _nearest_axes(placing[:3, :3] / size)
+    _require_solid(file, unique, axes @ own)
+    return Rig(unique, tuple(parents), joints, axes @ own, axes)
+
+
+def _told_apart(names: Sequence[str]) -> tuple[str, ...]:
+    """The names, with their number where two are alike."""
+    counts = Counter(names)
+    numbered = [f"{name} {i}" if counts[name] > 1 else name for i, name in enumerate(names)]
+    return tuple(numbered) if len(set(numbered)) == len(names) else _told_apart(numbered)
+
+
+def inverse_bind(file: Gltf, skin: dict[str, Any]) -> np.ndarray:
+    """Inverse bind matrices (J, 4, 4) of a skin, in the order of its joints.
+
+    Raises InputError naming the file if there are fewer than joints.
+    """
+    values = file.array(skin["inverseBindMatrices"], "MAT4").reshape(-1, 4, 4)
+    if len(values) < len(skin["joints"]):
+        raise InputError(
+            f"{file.path}: a skin has {len(values)} inverse bind matrices for {len(skin['joints'])} joints"
+        )
+    return np.asarray(values.swapaxes(1, 2), dtype=np.float64)
+
+
+def _require_solid(file: Gltf, names: Sequence[str], transforms: np.ndarray) -> None:
+    """Raise InputError naming the first joint whose transform (J, 4, 4) is flat, huge, or not affine."""
+    linear = transforms[:, :3, :3]
+    size = np.linalg.norm(linear, axis=(1, 2))
+    solid = np.abs(np.linalg.det(linear / np.where(size > 0, size, 1.0)[:, None, None])) > FLAT
+    solid &= np.abs(transforms[:, 3] - [0.0, 0.0, 0.0, 1.0]).max(axis=1) < AFFINE
+    solid &= np.abs(transforms).max(axis=(1, 2)) <= LARGEST
+    broken = np.flatnonzero(~solid)
+    if len(broken):
+        raise InputError(f"{file.path}: the bind pose of joint {names[broken[0]]} is no movement of a body")
+
+
+def chain(node: int, above: dict[int, int]) -> list[int]:
+    """Nodes above a node, the nearest first."""
+    found: list[int] = []
+    while node in above:
+        node = above[node]
+        found.append(node)
+    return found
+
+
+def parents_first(nodes: Iterable[int], above: dict[int, int]) -> list[int]:
+    """The nodes in an order in which every parent comes before its children."""
+    return sorted(nodes, key=lambda node: [*reversed(chain(node, above)), node])
+
+
+def resting_worlds(file: Gltf, nodes: Iterable[int]) -> dict[int, np.ndarray]:
+    """World transforms (4, 4) of nodes, and of those above them, as the file stands without playing."""
+    above = file.above
+    wanted = set(nodes)
+    for node in tuple(wanted):
+        wanted |= set(chain(node, above))
+    order = parents_first(wanted, above)
+    return worlds(order, above, {node: local_transform(file.entries("nodes")[node]) for node in order})
+
+
+def worlds(order: list[int], above: dict[int, int], local: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
+    """World transforms (..., 4, 4) by node, of nodes in an order of parents first."""
+    world: dict[int, np.ndarray] = {}
+    for node in order:
+        world[node] = world[above[node]] @ local[node] if node in above else local[node]
+    return world
+
+
+def local_transform(node: dict[str, Any]) -> np.ndarray:
+    """Transform (4, 4) of a node relative to its parent."""
+    if "matrix" in node:
+        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    values = {path: np.array(node.get(path, rest), dtype=np.float64) for path, rest in REST.items()}
+    return compose(**values)
+
+
+def compose(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Transforms (..., 4, 4) of shifts (..., 3), unit quaternions (..., 4) x, y, z, w and scales (..., 3)."""
+    local = np.zeros((*translation.shape[:-1], 4, 4))
+    local[..., :3, :3] = _turns(rotation) * scale[..., None, :]
+    local[..., :3, 3] = translation
+    local[..., 3, 3] = 1.0
+    return local
+
+
+def _turns(quaternions: np.ndarray) -> np.ndarray:
+    """Rotations (..., 3, 3) of quaternions (..., 4) x, y, z, w of any length above zero.
+
+    In numpy: files have thousands of nodes, which a tensor each would make slow.
+    """
+    q = quaternions / np.linalg.norm(quaternions, axis=-1, keepdims=True)
+    (x, y, z), w = np.moveaxis(q[..., :3], -1, 0), q[..., 3]
+    rows = [
+        *(1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)),
+        *(2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)),
+        *(2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)),
+    ]
+    return np.stack(rows, axis=-1).reshape(*q.shape[:-1], 3, 3)
+
+
+def _nearest_axes(rotation: np.ndarray) -> np.ndarray:
+    """Rotation by right angles that is nearest to a rotation (3, 3), or that itself where none is near."""
+    order = np.abs(rotation).argmax(0)
+    axes = np.zeros((3, 3))
+    axes[order, range(3)] = np.sign(rotation[order, range(3)])
+    return axes if np.linalg.det(axes) > 0.5 else rotation
