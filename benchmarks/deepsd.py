@@ -25,10 +25,10 @@ from torch import Tensor
 from benchmarks.timing import fastest
 from evaluate.report import METRICS
 from evaluate.standings import cells, garments_in, mean_of
-from rasterize.exr import write_png
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.errors import InputError
+from uvcloth.files.image import write_png
 from uvcloth.garments.fit import make_fitted
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment

@@ -27,6 +27,9 @@ ENVIRONMENTS = {
 
 TESTS = (
     "tests/rasterize",
+    "tests/files",
+    "tests/process",
+    "tests/formats",
     "tests/geometry",
     "tests/motion/test_bvh.py",
     "tests/garments/test_loading.py",

@@ -1,4 +1,4 @@
-"""UV layouts: the charts of a mesh, their places on the unit square, and their files."""
+"""UV layouts: the charts of a mesh, their places on the unit square."""
 
 import io
 import subprocess
@@ -14,8 +14,6 @@ from torch import Tensor
 from rasterize.charts import boundary_loops, edge_keys, edges_of, face_components, weld_corners
 from rasterize.errors import InputError
 from rasterize.flatten import flatten
-from uvcloth.files.archive import load_arrays, save_arrays
-from uvcloth.files.fields import check_fields, indices, numbers, whole
 
 UNWRAP_WORKER = Path(__file__).with_name("unwrap_worker.py")
 
@@ -24,14 +22,6 @@ CHART_VERTICES = 4000
 
 UNEVEN = 0.05
 """Noise on the copy of a mesh that is unwrapped if the mesh cannot be, in times the size of a face."""
-
-LAYOUT_FORMAT = "rasterize-layout-1"
-FIELDS = {
-    "faces": whole("K"),
-    "uvs": numbers("U", 2, least=0.0, most=1.0),
-    "face_uvs": indices("K", 3, of="U"),
-    "islands": whole("K"),
-}
 
 
 @dataclass(frozen=True)
@@ -151,6 +141,15 @@ def unwrap(vertices: Tensor, faces: Tensor, name: str) -> tuple[Tensor, Tensor]:
     return torch.from_numpy(np.ascontiguousarray(uvs)).clamp(0.0, 1.0), face_uvs
 
 
+def layout_of_uvs(uvs: Tensor, face_uvs: Tensor) -> Layout:
+    """Layout of all faces of a mesh with texture coordinates uvs (U, 2) and face_uvs (F, 3) int64.
+
+    Faces that are joined on the sheet are one chart.
+    """
+    islands = face_components(face_uvs.numpy(), np.zeros(0, dtype=np.int64))
+    return Layout(torch.arange(len(face_uvs)), uvs, face_uvs, torch.from_numpy(islands))
+
+
 def _xatlas(vertices: Tensor, faces: Tensor, area: float) -> subprocess.CompletedProcess[bytes]:
     """The ended worker on a mesh, with islands of an area at most, 0 for any."""
     asked = io.BytesIO()
@@ -158,27 +157,3 @@ def _xatlas(vertices: Tensor, faces: Tensor, area: float) -> subprocess.Complete
         np.save(asked, array)
     command = [sys.executable, "-P", str(UNWRAP_WORKER)]
     return subprocess.run(command, input=asked.getvalue(), capture_output=True, check=False)
-
-
-def save_layout(layout: Layout, path: Path) -> None:
-    """Write a layout to one compressed npz. Raises InputError if it cannot be written."""
-    save_arrays(
-        path,
-        {
-            "format": np.array(LAYOUT_FORMAT),
-            "faces": layout.faces.numpy().astype(np.int32),
-            "uvs": layout.uvs.numpy().astype(np.float32),
-            "face_uvs": layout.face_uvs.numpy().astype(np.int32),
-            "islands": layout.islands.numpy().astype(np.uint8),
-        },
-    )
-
-
-def load_layout(path: Path) -> Layout:
-    """Read a layout npz.
-
-    Raises InputError naming the file, and the array, if it is missing, damaged, not a layout, or holds
-    arrays that do not fit together, are out of range or not finite.
-    """
-    arrays = load_arrays(path, LAYOUT_FORMAT, "a UV layout")
-    return Layout(**{name: torch.from_numpy(a) for name, a in check_fields(path, arrays, FIELDS).items()})

@@ -2,14 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from rasterize.bake import bake, scatter_map
-from rasterize.exr import write_exr
 from rasterize.raycast import Hits, body_to_garment
 from rasterize.texels import Texels
 
@@ -80,11 +78,6 @@ def frame_maps(
         body=scatter_map(ones, texels)[0],
         garment=scatter_map(hits.found[:, None].float(), texels)[0],
     )
-
-
-def write_maps(maps: FrameMaps, path: Path) -> None:
-    """Write the maps of one frame as an EXR file. Raises InputError if it cannot be written."""
-    write_exr(path, maps.channels())
 
 
 def contact_sheet(frames: Mapping[int, FrameMaps]) -> np.ndarray:

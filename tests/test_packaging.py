@@ -48,16 +48,6 @@ def test_the_wheel_carries_the_licence_and_the_notice(wheel_names):
     assert {name.rsplit("/", 1)[-1] for name in wheel_names if "/licenses/" in name} >= {"LICENSE", "NOTICE"}
 
 
-def test_every_package_folder_is_listed():
-    listed = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
-    found = {
-        ".".join(path.parent.relative_to(ROOT).parts)
-        for floor in FLOORS
-        for path in (ROOT / floor).rglob("__init__.py")
-    }
-    assert found == set(listed)
-
-
 def test_requirements_admit_the_pinned_versions():
     pinned = dict(
         line.split("==") for line in (ROOT / "constraints.txt").read_text().splitlines() if "==" in line

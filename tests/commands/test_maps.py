@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from rasterize.exr import read_exr
+from tests.rasterize.exr_channels import read_channels
 from tests.small_body import small_body
 from uvcloth import cli
 from uvcloth.bodies.body import Body, save_body
@@ -48,7 +48,7 @@ def test_maps_hold_the_motion_and_the_offset(sequence: Path, tmp_path: Path) -> 
         "suit_0002.exr",
         "suit_0005.exr",
     ]
-    maps = read_exr(out / "suit_0005.exr")
+    maps = read_channels(out / "suit_0005.exr")
     on_body, on_garment = maps["mask.body"] == 1, maps["mask.garment"] == 1
     # x = t^2: the backward difference over (4, 5) / 30 s is 9 / 30 m/s, the second difference 2 m/s2.
     assert np.allclose(maps["velocity.X"][on_body], 0.3, atol=1e-3)

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from evaluate.report import write_metrics
-from rasterize.exr import write_exr, write_png
+from rasterize.exr import write_exr
 from tests.small_disk import BALLAST, leave_room, protect, small_disk
 from uvcloth.bodies.body import save_body
 from uvcloth.checkpoint import save_tensors
@@ -22,6 +22,7 @@ from uvcloth.export.video import open_video
 from uvcloth.export.writer import WRITERS, open_writer
 from uvcloth.files.archive import save_arrays
 from uvcloth.files.atomic import sole_writer
+from uvcloth.files.image import atomic_image, write_png
 from uvcloth.garments.garment import Outfit
 from uvcloth.methods.pbns.method import PBNS
 from uvcloth.motion.clip import Clip
@@ -30,9 +31,16 @@ FRAMES = 6
 FULL = r"cannot be written \(No space left on device\)"
 
 NOISE = np.random.default_rng(0).random((300, 300))
+
+
+def write_noise(path: Path) -> None:
+    with atomic_image(path) as partial:
+        write_exr(partial, {"noise": NOISE.astype(np.float32)})
+
+
 SMALL: dict[str, Callable[[Path, Animation], None]] = {
     "a.npz": lambda path, _: save_arrays(path, {"noise": NOISE}),
-    "a.exr": lambda path, _: write_exr(path, {"noise": NOISE.astype(np.float32)}),
+    "a.exr": lambda path, _: write_noise(path),
     "a.png": lambda path, _: write_png(path, np.stack([NOISE] * 3, -1)),
     "a.obj": lambda path, animation: save_obj(animation.meshes[0], path),
     "a.safetensors": lambda path, _: save_tensors({"noise": torch.from_numpy(NOISE)}, {}, path),

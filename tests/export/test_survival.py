@@ -8,7 +8,6 @@ import pytest
 import torch
 import trimesh
 
-from rasterize.exr import write_png
 from tests.export.glb_reader import GlbReader, require_clean
 from uvcloth.bodies.body import Body
 from uvcloth.export.alembic import write_abc
@@ -20,6 +19,7 @@ from uvcloth.export.obj_sequence import write_obj_sequence
 from uvcloth.export.rig import rig_of
 from uvcloth.export.usd import write_usd
 from uvcloth.export.usd_rig import write_rig_usd
+from uvcloth.files.image import write_png
 from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.geometry.authored import AuthoredMesh, UvSet, follow_triangles, part_of
 from uvcloth.methods.rig import PoseRig

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from uvcloth.errors import InputError
-from uvcloth.files.archive import load_arrays, read_arrays, require_finite, save_arrays, smallest_indices
+from uvcloth.files.archive import load_arrays, read_arrays, save_arrays, smallest_indices
 
 NOISE = np.random.default_rng(0).normal(size=(40, 3)).astype(np.float32)
 
@@ -53,12 +53,6 @@ def test_every_damaged_byte_is_one_sentence(path: Path) -> None:
         except InputError:
             refused += 1
     assert refused > 0.8 * len(intact) / 2
-
-
-def test_a_float_that_is_not_finite_is_named(path: Path) -> None:
-    require_finite(path, {"name": np.array("x"), "faces": np.arange(3), "noise": NOISE})
-    with pytest.raises(InputError, match=r"a\.npz: fps holds a value that is not a finite number"):
-        require_finite(path, {"noise": NOISE, "fps": np.array(np.inf)})
 
 
 def with_header(path: Path, header: str, data: bytes = b"") -> Path:

@@ -7,11 +7,13 @@ from shutil import rmtree
 import numpy as np
 import torch
 
-from rasterize.layout import Layout, load_layout, save_layout
+from rasterize.layout import Layout
 from tests.fuzz.target import Target, require, require_indices, require_numbers
+from tests.layout_file import save_layout
 from tests.small_body import small_body
 from uvcloth.bodies.body import Body, load_body, resized, save_body
 from uvcloth.bodies.difference import load_kept_body, save_difference
+from uvcloth.formats.layout_file import load_layout
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip

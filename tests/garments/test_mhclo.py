@@ -8,10 +8,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from rasterize.exr import write_png
 from tests.small_body import small_body
 from uvcloth.bodies.body import Body, load_body, save_body
 from uvcloth.errors import InputError
+from uvcloth.files.image import write_png
 from uvcloth.garments.mhclo import fit_clothes, read_binding
 from uvcloth.geometry.authored import AuthoredMesh
 from uvcloth.geometry.mesh import Mesh

@@ -1,9 +1,9 @@
-"""Baking: analytic motions, derivatives, gutters."""
+"""Baking: analytic motions, derivatives."""
 
 import pytest
 import torch
 
-from rasterize.bake import bake, fill_gutter, gather_map, nearest_gutter, scatter_map, valid_mask
+from rasterize.bake import bake, scatter_map, valid_mask
 from rasterize.texels import Texels, rasterize_layout
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.layout import load_body_layout
@@ -32,15 +32,15 @@ def test_constants_survive_in_a_batch(body: Body, texels: Texels) -> None:
     assert torch.allclose(baked, values[:, :1].expand_as(baked), atol=1e-6)
 
 
-def test_scatter_and_gather_are_inverse_and_leave_the_rest_zero(texels: Texels) -> None:
+def test_values_are_put_on_their_texels_and_the_rest_is_zero(texels: Texels) -> None:
     values = torch.rand(2, len(texels), 3) + 1.0
     maps = scatter_map(values, texels)
     assert maps.shape == (2, 3, 64, 64)
-    assert torch.equal(gather_map(maps, texels), values)
+    assert torch.equal(maps.flatten(-2)[..., texels.pixels], values.transpose(-1, -2))
     assert (maps[:, :, ~valid_mask(texels)] == 0).all()
 
 
-def test_derivatives_through_baking_and_the_gutter() -> None:
+def test_derivatives_through_baking() -> None:
     texels = Texels(
         height=3,
         width=3,
@@ -51,16 +51,5 @@ def test_derivatives_through_baking_and_the_gutter() -> None:
         uvs=torch.zeros(3, 2),
     )
     faces = torch.tensor([[0, 1, 2], [2, 1, 3]])
-    gutter = nearest_gutter(valid_mask(texels))
     values = torch.rand(2, 4, 2, dtype=torch.float64, requires_grad=True)
-    assert torch.autograd.gradcheck(
-        lambda v: fill_gutter(scatter_map(bake(v, faces, texels), texels), gutter), (values,)
-    )
-
-
-def test_gutter_copies_the_nearest_valid_texel_within_reach() -> None:
-    mask = torch.zeros(1, 8, dtype=torch.bool)
-    mask[0, [1, 6]] = True
-    maps = torch.tensor([[0.0, 5.0, 0.0, 0.0, 0.0, 0.0, 7.0, 0.0]])
-    assert fill_gutter(maps, nearest_gutter(mask)).tolist() == [[5, 5, 5, 5, 7, 7, 7, 7]]
-    assert fill_gutter(maps, nearest_gutter(mask, reach=1)).tolist() == [[5, 5, 5, 0, 0, 7, 7, 7]]
+    assert torch.autograd.gradcheck(lambda v: scatter_map(bake(v, faces, texels), texels), (values,))

@@ -16,9 +16,10 @@ from rasterize.charts import (
     largest_piece,
     path_edges,
 )
-from rasterize.layout import Chart, Layout, lay_out, load_layout
+from rasterize.layout import Chart, Layout, lay_out
 from uvcloth.bodies.body import REGIONS, Body, load_body
 from uvcloth.errors import InputError
+from uvcloth.formats.layout_file import load_layout
 from uvcloth.geometry.mesh import face_pairs, vertex_normals
 
 PRUNED, TORSO, LEFT_ARM, RIGHT_ARM, LEFT_LEG, RIGHT_LEG, FRONT, BACK = range(-1, 7)

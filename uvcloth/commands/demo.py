@@ -12,12 +12,12 @@ import torch
 from rich.console import Console
 from torch import Tensor
 
-from rasterize.exr import write_png
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.commands.export_rig import export
 from uvcloth.commands.rollout import animate
 from uvcloth.errors import InputError
+from uvcloth.files.image import write_png
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.methods.registry import DEFAULT, load_method

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import torch
 
-from rasterize.exr import write_png
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.bodies.seen import seen
 from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
+from uvcloth.files.image import write_png
 from uvcloth.garments.fit import fit
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.judge import UnwearableError

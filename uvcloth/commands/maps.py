@@ -4,14 +4,15 @@ from pathlib import Path
 
 from rich.progress import track
 
-from rasterize.exr import write_png
-from rasterize.layout import load_layout
-from rasterize.sheet import contact_sheet, frame_maps, see_garment, write_maps
+from rasterize.exr import write_exr
+from rasterize.sheet import contact_sheet, frame_maps, see_garment
 from rasterize.texels import rasterize_layout
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.layout import layout_of
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.errors import InputError
+from uvcloth.files.image import atomic_image, write_png
+from uvcloth.formats.layout_file import load_layout
 from uvcloth.simulate.sequence import load_sequence
 
 
@@ -54,7 +55,8 @@ def draw_maps(
             texels=texels,
             fps=sequence.fps,
         )
-        write_maps(maps, out / f"{path.stem}_{frame:04d}.exr")
+        with atomic_image(out / f"{path.stem}_{frame:04d}.exr") as partial:
+            write_exr(partial, maps.channels())
         shown[frame] = maps
     write_png(out / "contact_sheet.png", contact_sheet(shown))
     return len(shown)

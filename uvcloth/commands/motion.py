@@ -6,9 +6,9 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from rasterize.exr import write_png
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.errors import InputError
+from uvcloth.files.image import write_png
 from uvcloth.geometry.units import UNITS
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import MotionSource, clip_roles, load_source, moved, read_motion

@@ -7,8 +7,8 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
-from rasterize.exr import write_png
 from uvcloth.bodies.body import load_body
+from uvcloth.files.image import write_png
 from uvcloth.lighting import COARSE
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 from uvcloth.wardrobe.outfit_file import OutfitFile, load_outfit_file, load_pieces

@@ -8,10 +8,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from rasterize.exr import write_png
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.export.video import open_video
+from uvcloth.files.image import write_png
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import joint_positions
 from uvcloth.lighting import COARSE, FINE, Quality

@@ -108,13 +108,6 @@ def list_arrays(path: Path, expected: str) -> tuple[str, ...]:
         return tuple(_name(member) for member in archive.infolist())
 
 
-def require_finite(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Raise InputError naming the file and the array if any float is not a finite number."""
-    for name, values in arrays.items():
-        if values.dtype.kind == "f" and not np.isfinite(values).all():
-            raise InputError(f"{path}: {name} holds a value that is not a finite number")
-
-
 @contextmanager
 def _opened(path: Path, expected: str) -> Iterator[zipfile.ZipFile]:
     require_file(path)

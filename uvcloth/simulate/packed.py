@@ -1,7 +1,7 @@
 """Packed sequences: a data folder at a small part of its size, to be kept or passed on, and unpacked again.
 
 The motion is kept once for all garments of a clip, the mesh of a garment once for all clips, and the cloth,
-in axes that move with the bones, as `uvcloth.formats.spectral` codes it: in steps as coarse as an error allows.
+in axes that move with the bones, as `formats.spectral` codes it: in steps as coarse as an error allows.
 """
 
 import json
@@ -78,7 +78,7 @@ FIELDS = {
     "corrections": whole("R", 3, least=-(2**31), most=2**31).if_there(),
     "description": text(),
 }
-"""Arrays of a packed sequence: what `uvcloth.formats.spectral.code_points` makes, probes in the axes of the bones,
+"""Arrays of a packed sequence: what `formats.spectral.code_points` makes, probes in the axes of the bones,
 and JSON: the sequence's own metadata, the name of its motion, the step and the mean error in metres."""
 
 DESCRIPTION = {"motion": str, "step": float, "error": float, "metadata": dict}
@@ -124,7 +124,7 @@ def pack_folder(folder: Path, out: Path, error: float = MEAN_ERROR) -> int:
     """Pack the sequences of a data folder that are not packed yet, its body and its index; return how many.
 
     error: metres that vertices are off on average in each sequence, at most; 99 % and all of them are off by
-    no more than `uvcloth.formats.spectral` says. Second simulations and refused sequences are left out. Raises
+    no more than `formats.spectral` says. Second simulations and refused sequences are left out. Raises
     InputError for an error out of ERROR_RANGE, for a folder without sequences, for sequences on a body that
     the folder lacks, or of one garment with two meshes, and where OUT has another index.
     """

@@ -44,7 +44,7 @@ FIELDS = {
     "fps": numbers(least=FPS_RANGE[0], most=FPS_RANGE[1], dtype=np.float64),
     "warm_up": indices(of="F"),
 }
-"""Arrays of a motion's file. code: what `uvcloth.formats.entropy` made of the second differences in time, in steps,
+"""Arrays of a motion's file. code: what `formats.entropy` made of the second differences in time, in steps,
 of the quaternions of all joints relative to the one above, and of the place of the root."""
 
 
