@@ -34,6 +34,8 @@ def write_image(path: Path, pixels: np.ndarray, kind: str, names: Sequence[str])
         spec.attribute("DateTime", "1970:01:01 00:00:00")
     output = OpenImageIO.ImageOutput.create(str(path))
     if output is None:
+        # What is not asked for is printed when the program ends.
+        OpenImageIO.geterror()
         reason = "OpenImageIO writes no such format, expected a name in .exr or .png"
         raise OSError(errno.EINVAL, reason, str(path))
     written = output.open(str(path), spec) and output.write_image(np.ascontiguousarray(pixels))

@@ -1,7 +1,8 @@
 """Locks on files, which end with the process that holds them, however it ends.
 
-They are the system's own: no number of a process is compared, which another may have by now, and where a
-share knows locks (NFS, SMB) they hold between machines. Where a file system knows none, every lock is free.
+They are the system's own, through filelock: no number of a process is compared, which another may have by
+now, and where a share knows locks (NFS, SMB) they hold between machines. Where a file system knows none,
+every lock is free. filelock's own `FileLock` is not used: it leaves its file and does not say who holds it.
 """
 
 import errno
@@ -11,16 +12,13 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-if sys.platform == "win32":
-    import msvcrt
-else:
-    import fcntl
+from filelock import lock_descriptor
 
 NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL}
 """Errors of file systems without locks."""
 
-FAR = 1 << 30
-"""Place of the byte that is locked on Windows, where nobody else can read what is locked."""
+LOCKED = b"\n"
+"""Beginning of the file: the byte that is locked, which on Windows nobody else can read."""
 
 
 class HeldError(Exception):
@@ -53,7 +51,7 @@ class Lock:
             os.close(self._file)
         try:
             os.ftruncate(self._file, 0)
-            os.write(self._file, f"{os.getpid()} {socket.gethostname()}\n".encode())
+            os.write(self._file, LOCKED + f"{os.getpid()} {socket.gethostname()}\n".encode())
         except BaseException:
             self.release()
             raise
@@ -79,6 +77,7 @@ class Lock:
 
 
 def _held(file: int) -> HeldError:
+    os.lseek(file, len(LOCKED), os.SEEK_SET)
     number, _, host = os.read(file, 1000).decode(errors="replace").strip().partition(" ")
     if not number:
         return HeldError(False, "another process")
@@ -90,16 +89,8 @@ def _held(file: int) -> HeldError:
 def _lock(file: int) -> bool:
     """Lock an open file. Returns False if another has it."""
     try:
-        if sys.platform == "win32":
-            os.lseek(file, FAR, os.SEEK_SET)
-            msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
-            os.lseek(file, 0, os.SEEK_SET)
-        else:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return lock_descriptor(file, blocking=False)
     except OSError as error:
         if error.errno in NO_LOCKS:
             return True
-        if error.errno in (errno.EAGAIN, errno.EACCES, errno.EDEADLK):
-            return False
         raise
-    return True
