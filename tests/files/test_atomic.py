@@ -1,5 +1,6 @@
 """Files appear whole or not at all, from one process at a time, and what stands in the way is named."""
 
+import errno
 import os
 import shutil
 import signal
@@ -141,6 +142,19 @@ def test_another_machine_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     with pytest.raises(InputError, match=f"a: process {os.getpid()} on {os.uname().nodename} writes it"):
         Partial(tmp_path / "a")
     partial.remove()
+
+
+@pytest.mark.parametrize("number", [errno.ENOLCK, errno.ENOSYS])
+def test_on_a_file_system_without_locks_every_lock_is_free(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(file: int, blocking: bool) -> bool:
+        raise OSError(number, "no locks")
+
+    monkeypatch.setattr(lock, "lock_descriptor", refuse)
+    with sole_writer(tmp_path), atomic_write(tmp_path / "a.txt") as partial:
+        partial.write_text("a")
+    assert names(tmp_path) == ["a.txt"]
 
 
 def test_several_files_appear_together_or_none_and_older_ones_come_back(
