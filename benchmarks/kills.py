@@ -6,7 +6,7 @@ Run from the checkout with PYTHONPATH=. on Linux as
 
 Each run is a fork of one process that has imported everything, so that a kill hits the work and not Python's
 start. Inputs are made up and tiny, and `simulate` has an engine that computes next to nothing. The table of
-docs/robustness.md comes from here.
+docs/reports/2026-11_robustness.md comes from here.
 """
 
 import importlib
