@@ -279,9 +279,9 @@ def test_unknown_options_exit_with_two(monkeypatch):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("--outfits", "made", "--repeat"), "--repeat: has no meaning with --outfits"),
-        (("--outfits", "made", "--garment", "tops"), "--garment: has no meaning with --outfits"),
-        (("--most-frames", "5"), "--most-frames: is for --outfits"),
+        (("--outfits", "made", "--repeat"), "--repeat: not allowed with --outfits"),
+        (("--outfits", "made", "--garment", "tops"), "--garment: not allowed with --outfits"),
+        (("--most-frames", "5"), "--most-frames: needs --outfits"),
     ],
 )
 def test_options_that_would_do_nothing_are_refused(monkeypatch, capsys, tmp_path, words, sentence):

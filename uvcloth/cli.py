@@ -49,14 +49,14 @@ Share = Annotated[float | None, arg(metavar="0..1", help_behavior_hint="")]
 
 @dataclass(frozen=True)
 class Phenotype:
-    """Shape of the body, each from 0 to 1; what is left out is as in the body that ships with uvcloth."""
+    """Shape of the body, each from 0 to 1; the default is the value of the body that ships with uvcloth."""
 
     gender: Share = None
     """0 male, 1 female."""
     age: Share = None
     """0 baby, 0.33 child, 0.67 young adult, 1 old."""
     muscle: Share = None
-    """0 slack, 1 muscular."""
+    """0 weak, 1 muscular."""
     weight: Share = None
     """0 thin, 1 heavy."""
     height: Share = None
@@ -67,30 +67,30 @@ class Phenotype:
 
 @dataclass(frozen=True)
 class MakeBody:
-    """Make a body from phenotypes, a character or an SMPL model, or write the one in the package as a mesh to
-    model on."""
+    """Make a body from phenotypes, a character or an SMPL model, or write the body of the package as a mesh
+    to model on."""
 
     out: Path
-    """What to write: .npz for --body of the other commands, .obj or .glb to model on (rest pose, UVs)."""
+    """File to write: .npz for --body of other commands, .obj or .glb to model on (rest pose, UVs)."""
     body: BodyFile = None
-    """A body made before, to write as another kind of file; without phenotypes."""
+    """An existing body to write in another format; not together with phenotypes."""
     character: Annotated[Path | None, arg(metavar="GLB", help_behavior_hint="")] = None
-    """A rigged character (.glb, .gltf, .vrm) to make the body of; docs/characters.md says what is read."""
+    """A rigged character (.glb, .gltf, .vrm) to make the body from; see docs/characters.md."""
     joints: Annotated[Path | None, arg(metavar="JSON", help_behavior_hint="(default: by their names)")] = None
-    """Which joint of the character plays which role, as for motions: {"hips": "Pelvis_02", ...}."""
+    """Roles of the character's joints, as for motions: {"hips": "Pelvis_02", ...}."""
     keep: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint="")] = ()
-    """Meshes or materials of the character that cloth lies on, whatever their names say."""
+    """Meshes or materials of the character that cloth collides with, in spite of their names."""
     drop: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint="")] = ()
     """Meshes or materials of the character to leave out."""
     unit: Annotated[
         Literal["m", "dm", "cm", "mm", "inches", "feet"] | None,
         arg(metavar="m|dm|cm|mm|inches|feet", help_behavior_hint="(default: by its height)"),
     ] = None
-    """Unit of the character's file, for one who is no adult and not in metres."""
+    """Unit of the character's file. Needed for a character of unusual height in another unit than metres."""
     smpl: Annotated[Path | None, arg(metavar="NPZ|PKL", help_behavior_hint="")] = None
-    """A model file of SMPL, SMPL-H or SMPL-X of one gender; docs/field_data.md says what is read."""
+    """A model file of SMPL, SMPL-H or SMPL-X of one gender; see docs/field_data.md."""
     betas: Annotated[tuple[float, ...], arg(metavar="N ...", help_behavior_hint="(default: all 0)")] = ()
-    """Shape parameters of the SMPL model, the first ones of them."""
+    """First shape parameters of the SMPL model."""
     phenotype: OmitArgPrefixes[Phenotype] = field(default_factory=Phenotype)
 
     def run(self) -> None:
@@ -99,12 +99,12 @@ class MakeBody:
 
         chosen = {key: value for key, value in asdict(self.phenotype).items() if value is not None}
         if self.character is None and (self.joints or self.keep or self.drop or self.unit):
-            raise InputError("body: --joints, --keep, --drop and --unit are about a --character")
+            raise InputError("body: --joints, --keep, --drop and --unit need --character")
         character = self.character and CharacterFile(
             self.character, self.joints, self.keep, self.drop, self.unit
         )
         if self.smpl is None and self.betas:
-            raise InputError("body: --betas are about an --smpl model")
+            raise InputError("body: --betas need --smpl")
         smpl = self.smpl and SmplFile(self.smpl, self.betas)
         body = make(self.out, chosen, self.body, character or None, smpl or None)
         print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
@@ -112,7 +112,7 @@ class MakeBody:
 
 @dataclass(frozen=True)
 class Motion:
-    """Say what a motion file is and how it is understood, and draw stick figures of it."""
+    """Explain how a motion file is understood, and draw it as stick figures."""
 
     file: Positional[Annotated[str, arg(metavar="FILE|NAME")]]
     """A motion file (BVH, glTF, AMASS) or the name of a built-in clip."""
@@ -131,55 +131,57 @@ class Motion:
 
 @dataclass(frozen=True)
 class Simulate:
-    """Simulate garments over clips with a cloth engine; a rerun continues with what is missing."""
+    """Simulate garments over clips with a cloth engine; run it again to continue."""
 
     clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]]
     """Motion files (BVH, glTF, AMASS) or names of built-in clips."""
     out: Path
     """Folder for the sequences, one npz per clip and garment."""
     garment: Garments = ("tops", "bottoms", "dress")
-    """Templates or garment files to simulate; a file's sequences are named by its stem."""
+    """Templates or garment files to simulate; sequences of a file take the name of the file."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     plan: Annotated[Path | None, arg(metavar="CSV", help_behavior_hint="")] = None
-    """Simulate what a table plans instead, each row one simulation. Columns: clip, start, frames (a window at
-    30 fps), garments (joined by + if worn over one another), split, subject, action; if wanted name (of the
-    window), hold (seconds to stand still at its end), body (a file beside the table), member (of an ensemble,
-    1 to 3). Other bodies, layers and members have folders of their own in OUT."""
+    """Simulate the rows of a table instead. Columns: clip, start, frames (a window at 30 fps), garments
+    (joined by + if worn together), split, subject, action; optional: name (of the window), hold (seconds to
+    stand still at its end), body (a file relative to the table), member (of an ensemble, 1 to 3). Other
+    bodies, layers and members get separate folders in OUT."""
     outfits: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
-    """Simulate the outfits that `uvcloth outfits` wrote there instead, each on its body over one of the
-    table's windows of its split, its garments together."""
+    """Simulate the outfits of this folder, made by `uvcloth outfits`, instead: each on its body, over one
+    window of its split in the table."""
     most_frames: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: whole windows)")] = None
-    """Of each window that moves an outfit, the first N frames at most."""
+    """With --outfits: at most the first N frames of each window."""
     layered: bool = False
-    """The garments are worn over one another, the first innermost, and simulated together, so that they
-    keep apart; otherwise each is simulated alone."""
+    """Simulate the garments together, worn over one another, the first innermost; otherwise each is simulated
+    alone."""
     engine: EngineName = "explicit"
-    """The cloth solver: the project's explicit one, Newton's VBD, or the cloth of the Blender that
+    """Cloth solver: the project's explicit one, Newton's VBD, or Blender's, of the installation that
     UVCLOTH_BLENDER_PYTHON names."""
     fabric: Annotated[
         FabricName | None,
-        arg(metavar="jersey|cotton|silk|denim", help_behavior_hint="(default: jersey; of an outfit its own)"),
+        arg(
+            metavar="jersey|cotton|silk|denim",
+            help_behavior_hint="(default: jersey; with --outfits each has its fabric)",
+        ),
     ] = None
-    """Cloth that the garments are made of."""
+    """Fabric of the garments."""
     windows: Annotated[Path | None, arg(metavar="CSV", help_behavior_hint="(default: whole clips)")] = None
-    """Simulate a part of each clip: a table with the columns trial, subject, split, action, window_start and
-    window_frames, which training and evaluation then go by. Without clips, all that it names."""
+    """Simulate windows of clips: a table with the columns trial, subject, split, action, window_start and
+    window_frames, which training and evaluation also use. Without clips, all clips of the table."""
     clips_from: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="(default: the table's)")] = None
-    """Folder of the clips that the table names."""
+    """Folder of the clips of the table."""
     split: Annotated[
         tuple[Literal["train", "validation", "test"], ...] | None,
         arg(metavar="train|validation|test ...", help_behavior_hint="(default: all three)"),
     ] = None
-    """Which of the table's clips to simulate: validation comes first, then test, then a mixture of people and
-    actions."""
+    """Splits to simulate: validation comes first, then test, then training in a mixed order."""
     jobs: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: one per core)")] = None
-    """Sequences simulated at the same time on this machine."""
+    """Number of sequences to simulate at the same time."""
     scheduler: Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")] = None
     """Address of a dask scheduler that runs the simulations instead of this machine."""
     repeat: bool = False
-    """Simulate each window from a start 20 frames earlier, into OUT/repeat: how far two simulations of
-    the same motion differ, which evaluation prints as the repeatability floor."""
+    """Simulate each window again from a start 20 frames earlier, into OUT/repeat. Evaluation reports the
+    difference as the repeatability floor."""
     options: OmitArgPrefixes[MotionOptions] = field(default_factory=MotionOptions)
 
     def run(self) -> None:
@@ -204,7 +206,7 @@ class Simulate:
             return
         selection = ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options)
         if self.most_frames is not None and self.outfits is None:
-            raise InputError("--most-frames: is for --outfits, choose the frames of clips with --windows")
+            raise InputError("--most-frames: needs --outfits; choose frames of clips with --windows")
         if self.outfits is not None:
             unused = {
                 "--body": self.body is not None,
@@ -214,7 +216,7 @@ class Simulate:
             }
             for option in (name for name, given in unused.items() if given):
                 raise InputError(
-                    f"{option}: has no meaning with --outfits, whose files say what is worn by whom"
+                    f"{option}: not allowed with --outfits, whose files name garments and bodies"
                 )
             from uvcloth.simulate.outfits import simulate_outfits
 
@@ -234,33 +236,33 @@ class Simulate:
         )
 
     def _require_plain(self, option: str, *used: str) -> None:
-        """Raise InputError for a choice that has no meaning with an option. used: fields that have one."""
+        """Raise InputError for a field that is not allowed with an option. used: fields that are allowed."""
         usual = Simulate(clips=(), out=self.out)
         for each in fields(self):
             if each.name not in used and getattr(self, each.name) != getattr(usual, each.name):
                 name = "clips" if each.name == "clips" else f"--{each.name.replace('_', '-')}"
-                raise InputError(f"{name}: has no meaning with {option}, whose table says it")
+                raise InputError(f"{name}: not allowed with {option}, whose table contains it")
 
 
 @dataclass(frozen=True)
 class Data:
-    """List what a folder of sequences holds, what was refused and why, and what of its index is missing."""
+    """List the sequences of a folder, which were refused and why, and which of its index are missing."""
 
     folder: Positional[Annotated[Path, arg(metavar="DIR")]]
-    """A folder made by `uvcloth simulate`, or with --unpack by --pack."""
+    """A folder made by `uvcloth simulate`; with --unpack, a packed folder."""
     pack: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
-    """Pack its sequences into another folder instead, at a small part of their size. A rerun continues with
-    what is missing."""
+    """Pack the sequences into another folder instead, at about a twentieth of their size. Run it again to
+    continue."""
     error: Annotated[float, arg(metavar="MM")] = 1.0
-    """Millimetres that vertices of a packed sequence may be off on average; 99 % are off by three times as
-    much at most, and all by six times. Half of it takes twice the size."""
+    """Mean error of the vertices of a packed sequence; 99 % are within three times as much, all within six
+    times. Half the error doubles the size."""
     unpack: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
     """Unpack a packed folder into another one instead, for training and evaluation."""
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
         if self.pack and self.unpack:
-            raise InputError("data: --pack and --unpack are two things, give one of them")
+            raise InputError("data: give --pack or --unpack, not both")
         if self.pack:
             from uvcloth.simulate.packed import pack_folder
 
@@ -289,7 +291,7 @@ class Maps:
     size: int = 256
     """Texels along each side of the maps."""
     frames: Annotated[str, arg(metavar="FIRST:END:STEP")] = "::10"
-    """Which frames, as in Python's slices."""
+    """Frames, as a Python slice."""
     body: BodyFile = None
     """The body that the sequence was simulated on."""
     layout: Annotated[Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the body's)")] = None
@@ -313,26 +315,26 @@ class Maps:
 
 @dataclass(frozen=True)
 class Fit:
-    """Say what a garment file is, and whether it lies on the body as clothes lie."""
+    """Explain a garment file, and check that it lies on the body as clothes do."""
 
     file: Positional[Path]
-    """A garment mesh modelled on the body's rest pose (OBJ, PLY, GLB or STL), in any unit, Y or Z up, around
-    the body's origin or standing on the floor; or clothes of MakeHuman (MHCLO with its OBJ)."""
+    """A garment mesh on the body's rest pose (OBJ, PLY, GLB or STL), in any unit, Y or Z up, around the
+    body's origin or standing on the floor; or MakeHuman clothes (MHCLO with its OBJ)."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     template: Annotated[
         TemplateName | None,
-        arg(metavar="tops|bottoms|dress|shirt", help_behavior_hint="(default: the one it covers best)"),
+        arg(metavar="tops|bottoms|dress|shirt", help_behavior_hint="(default: the one that it covers best)"),
     ] = None
-    """The template whose motion it takes."""
+    """Template that a PhysXNet predicts it as."""
     garment_pose: GarmentPose = None
-    """The garment was modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
-    down (A pose)."""
+    """Pose of the body on which the garment was modelled: arms straight and level (t), or 45 degrees down
+    (a)."""
     out: Annotated[Path | None, arg(metavar="OBJ", help_behavior_hint="")] = None
-    """Also write the garment as it is worn: metres, Z up, as OBJ; each of several into a file of its own."""
+    """Also write the placed garment as OBJ (metres, Z up); several garments go into separate files."""
 
     picture: Annotated[Path | None, arg(metavar="PNG")] = Path("fit.png")
-    """Picture of the garment on the body, also of one that is refused for how it lies; None for none."""
+    """Picture of the garment on the body, also if it is refused; None for no picture."""
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
@@ -351,28 +353,28 @@ class Fit:
 
 @dataclass(frozen=True)
 class Outfits:
-    """Make random outfits to learn from: cut, sewn and worn on bodies, a JSON and OBJ files of each."""
+    """Make random outfits on bodies as training data: a JSON and OBJ files for each."""
 
     count: int
-    """How many; a rerun continues with what is missing."""
+    """Number of outfits; run it again to continue."""
     out: Path
     """Folder for o0001.json, its pieces o0001_tshirt.obj, ..., and bodies/."""
     body: Annotated[tuple[str, ...], arg(metavar="NPZ|builtin ...", help_behavior_hint="")] = ()
-    """Bodies made by `uvcloth body` that wear them, or `builtin`, the one in the package; one, or at least
-    three, so that no body is in two splits. Without, bodies are drawn from phenotypes."""
+    """Bodies made by `uvcloth body`, or `builtin` for the one in the package: one, or at least three, so that
+    no body is in two splits. Without this option, bodies are drawn from phenotypes."""
     bodies: Annotated[int, arg(metavar="K")] = 12
-    """How many bodies to draw."""
+    """Number of bodies to draw."""
     seed: int = 0
-    """Decides what is drawn: the same outfits for the same seed."""
+    """Random seed: the same seed gives the same outfits."""
     vertices: Annotated[tuple[int, int], arg(metavar="LEAST MOST")] = (1000, 2500)
-    """Between how many vertices an outfit has, 1000 to 16000."""
+    """Range of the number of vertices of an outfit, within 1000 to 16000."""
     type: Annotated[tuple[str, ...], arg(metavar="NAME ...", help_behavior_hint="(default: all)")] = ()
     """Types of outfits: tshirt, top, longsleeve, jacket, trousers, shorts, skirt, gown, jumpsuit, or an upper
-    one over a lower one, as tshirt+skirt."""
+    piece over a lower one, such as tshirt+skirt."""
     jobs: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: one per core)")] = None
-    """Processes at the same time."""
+    """Number of processes."""
     picture: Annotated[Path | None, arg(metavar="PNG", help_behavior_hint="")] = None
-    """Also draw a contact sheet of the first 48."""
+    """Also draw a contact sheet of the first 48 outfits."""
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
@@ -400,55 +402,54 @@ class Outfits:
 
 @dataclass(frozen=True)
 class Rollout:
-    """Move garments over a motion and write a file that engines and DCCs open."""
+    """Move garments over a motion, and write files for engines, DCCs and players."""
 
     motion: str
     """A motion file (BVH, glTF, AMASS) or the name of a built-in clip."""
     garment: Garments
-    """Templates (tops, bottoms, dress, shirt) or garment files, the innermost first; contact keeps each out
-    of the body and off what is beneath."""
+    """Templates (tops, bottoms, dress, shirt, skirt, jacket) or garment files, the innermost first."""
     out: Annotated[tuple[Path, ...], arg(metavar="FILE ...", help_behavior_hint="")] = ()
-    """What to write, one file or several; the suffix says how: .glb, .usdc, .abc, .pc2, .obj or .npz for
-    other programs, .mp4 or .gif for a video, .png for a contact sheet."""
+    """One or more files; the suffix chooses the format: .glb, .usdc, .abc, .pc2, .obj, .npz for other
+    programs, .mp4 or .gif for a video, .png for a contact sheet."""
     model: Annotated[
         tuple[str, ...],
         arg(metavar="NAME|RUN ...", help_behavior_hint="(default: physxnet)"),
     ] = ()
-    """What moves the garments: physxnet (any garment), motion_guided (the dress) or pbns (bottoms tops) as
-    they ship, lbs, lbs_smooth, or a folder written by `python -m train`; one for all, or one for each garment
-    in order."""
+    """Method: a shipped model, physxnet (any garment), deepsd (any garment), motion_guided (the dress) or
+    pbns (bottoms tops); lbs or lbs_smooth; or a folder written by `python -m train`. One for all garments, or
+    one for each in order."""
     template: Annotated[
         tuple[Literal["tops", "bottoms", "dress", "shirt", "skirt", "jacket", "auto"], ...],
         arg(metavar="NAME|auto ...", help_behavior_hint="(default: the one each covers best)"),
     ] = ()
-    """The template whose motion a garment takes: one for all, or one for each in order."""
+    """Template that a PhysXNet predicts a garment as: one for all, or one for each in order."""
     garment_pose: GarmentPose = None
-    """Garment files were modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
-    down (A pose)."""
+    """Pose of the body on which garment files were modelled: arms straight and level (t), or 45 degrees down
+    (a)."""
     fabric: Fabric = None
-    """What the garments are made of, for a DeePSD, which reads it (default: jersey)."""
+    """Fabric of the garments, for DeePSD models (default: jersey)."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     contact: bool = True
-    """Move vertices out of the body and give edges their rest length back; without it, deepsd is as exported
-    (its branch of physics is left to contact)."""
+    """Move vertices out of the body and restore edge lengths. Without it, deepsd includes its branch of
+    physics, as in an export."""
     preview: bool = False
-    """Look first: every third frame, in coarse pictures; quickest with one .png."""
+    """Quick look: every third frame, in small pictures; fastest with a single .png."""
     keep_going: bool = False
-    """Where a garment is torn, write it as linear blend skinning moves it in that frame, and go on."""
+    """Continue where a garment tears: that frame shows it as linear blend skinning moves it."""
     view: bool = False
-    """Show in the browser what is being computed; then Ctrl-C ends."""
+    """Show the frames in the browser while they are computed, until Ctrl-C."""
     port: Port = 8080
     """Port of the live view, 1 to 65535."""
     host: Host = "127.0.0.1"
-    """Address that the live view listens on; 0.0.0.0 lets other machines in that have the token."""
+    """Address that the live view listens on; 0.0.0.0 admits other machines that have the token."""
     hide_skin: bool = False
-    """Leave out the faces of the body that garments cover closely in every frame, and those that clothes of
-    MakeHuman say they hide (delete_verts)."""
+    """Leave out body faces that garments cover closely in every frame, and those that MakeHuman clothes hide
+    (delete_verts)."""
     device: Annotated[str, arg(metavar="cpu|cuda")] = "cpu"
-    """What everything runs on."""
+    """Device of the computation."""
     threads: Annotated[int, arg(metavar="N")] = 1
-    """Of the processor; on a loaded machine several are slower than one."""
+    """Number of CPU threads; on a loaded machine several are slower than one."""
     options: OmitArgPrefixes[MotionOptions] = field(default_factory=MotionOptions)
 
     def run(self) -> None:
@@ -479,7 +480,7 @@ class Rollout:
             print("\n".join(summary.lines()), flush=True)
 
     def _audience(self) -> "AbstractContextManager[LiveAudience | None]":
-        """The live view, if one is asked for."""
+        """The live view, with --view."""
         if not self.view:
             return nullcontext()
         from uvcloth.commands.view import live_audience
@@ -489,27 +490,27 @@ class Rollout:
 
 @dataclass(frozen=True)
 class View:
-    """Choose, play and orbit rollouts in the browser, computed while they play."""
+    """Choose and play rollouts in the browser, computed while they play."""
 
     motion: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]] = ()
-    """Motion files (BVH) or names of built-in clips to choose from, besides all built-in ones."""
+    """Motion files to choose from, in addition to the built-in clips."""
     garment: Garments = ("tops",)
-    """Templates or garment files to begin with, the innermost first."""
+    """Templates or garment files to start with, the innermost first."""
     model: Annotated[
         tuple[str, ...], arg(metavar="NAME|RUN ...", help_behavior_hint="(default: physxnet)")
     ] = ()
-    """Models to choose from besides those that ship; the first is shown first."""
+    """Models to choose from, in addition to those that ship; the first is shown first."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     data: Annotated[tuple[Path, ...], arg(metavar="SEQUENCE ...", help_behavior_hint="")] = ()
-    """Sequences made by `uvcloth simulate`, shown beside the prediction, with its error as a heat map."""
+    """Sequences made by `uvcloth simulate`, shown next to the prediction, with its error as a heat map."""
     port: Port = 8080
-    """Port of the page, 1 to 65535. The page's address is printed and ends with a token, without which
-    nothing is answered."""
+    """Port of the page, 1 to 65535. The printed address ends with a token; requests without it are
+    refused."""
     host: Host = "127.0.0.1"
-    """Address to listen on; 0.0.0.0 lets other machines in that have the token."""
+    """Address to listen on; 0.0.0.0 admits other machines that have the token."""
     threads: Annotated[int, arg(metavar="N")] = 1
-    """Of the processor."""
+    """Number of CPU threads."""
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
@@ -530,30 +531,29 @@ class View:
 
 @dataclass(frozen=True)
 class Poses:
-    """Draw distinct poses, in which the body does not run through itself, from motion capture."""
+    """Draw distinct poses without self-intersection of the body from motion capture."""
 
     out: Path
     """The npz to write."""
     clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP|DIR ...", help_behavior_hint="")]] = ()
-    """Motion files (BVH, AMASS), folders of them or names of built-in clips; without any, and without
-    --windows, the built-in ones. An index.csv in a folder says which clips are for training, validation and
-    the test."""
+    """Motion files (BVH, AMASS), folders of them, or names of built-in clips; by default, and without
+    --windows, the built-in ones. An index.csv in a folder gives the splits."""
     windows: Annotated[Path | None, arg(metavar="CSV", help_behavior_hint="")] = None
-    """Such an index by any name: poses are drawn from the clips that it gives to a split."""
+    """Such an index under any name: poses are drawn from its clips."""
     clips_from: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
-    """The folder that those clips are in."""
+    """Folder of those clips."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     apart: float = 0.5
-    """Radians by which at least one joint differs between any two poses."""
+    """Least distance of two poses: at least one joint differs by so many radians."""
     every: int = 1
-    """Look at one frame out of so many: much motion has more poses than training can visit."""
+    """Use one frame of N."""
     mirror: bool = True
-    """Draw training poses also left-right mirrored."""
+    """Also draw training poses mirrored left to right."""
     recombine: int = 2000
-    """Training poses that are made besides, of the legs, trunk and arms of several that were drawn."""
+    """Additional training poses that combine legs, trunk and arms of several drawn poses."""
     seed: int = 0
-    """Decides the order in which poses are drawn."""
+    """Random seed."""
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
@@ -578,26 +578,26 @@ class Poses:
 
 @dataclass(frozen=True)
 class Export:
-    """Write a method that is a rig (PBNS, DeePSD) for engines: skeleton, skin, blend shapes and motion."""
+    """Write a rig (PBNS, DeePSD) for engines: skeleton, skin, blend shapes and motion."""
 
     model: Annotated[str, arg(metavar="pbns|RUN")]
-    """pbns as it ships (a shirt over trousers), or a folder written by `python -m train pbns` or `deepsd`."""
+    """A shipped model, pbns (a shirt over trousers) or deepsd, or a folder written by `python -m train`."""
     out: Path
-    """What to write: .glb, .usdc or .usd."""
+    """File to write: .glb, .usdc or .usd."""
     garment: Garments = ()
-    """What DeePSD rigs: templates or garment files, the innermost first. PBNS has garments of its own."""
+    """For DeePSD: templates or garment files, the innermost first. PBNS contains its garments."""
     garment_pose: GarmentPose = None
-    """Garment files were modelled on the body with straight arms to the sides: level (T pose), or 45 degrees
-    down (A pose)."""
+    """Pose of the body on which garment files were modelled: arms straight and level (t), or 45 degrees down
+    (a)."""
     fabric: Fabric = None
-    """What the garments are made of, for a DeePSD, which reads it (default: jersey)."""
+    """Fabric of the garments, for DeePSD models (default: jersey)."""
     motion: Annotated[str | None, arg(metavar="FILE|NAME", help_behavior_hint="(default: the rig alone)")] = (
         None
     )
-    """A motion file or the name of a built-in clip. Without one, the pose embedding is written beside the rig
-    as .onnx, for engines that make the blend shape weights themselves."""
-    shapes: Annotated[int | None, arg(metavar="K", help_behavior_hint="(default: the model's own)")] = None
-    """Fewer blend shapes: the principal components of what the training poses need."""
+    """A motion file or the name of a built-in clip. Without it, the pose embedding is also written, as .onnx,
+    for engines that compute the blend shape weights."""
+    shapes: Annotated[int | None, arg(metavar="K", help_behavior_hint="(default: all)")] = None
+    """Number of blend shapes to keep: principal components of the deformations in the training poses."""
     body: BodyFile = None
     """The body that the model was trained on."""
     with_body: bool = True
@@ -625,10 +625,10 @@ class Export:
 
 @dataclass(frozen=True)
 class Demo:
-    """Simulate a short motion, roll the shipped model out on it, and leave a report, pictures and files."""
+    """Simulate a short motion, roll the shipped models out on it, and write pictures and files."""
 
     out: Path = Path("demo")
-    """Folder for everything that the demo makes."""
+    """Folder for all results."""
 
     def run(self) -> None:
         """Run the command. Raises InputError for bad input."""
@@ -654,7 +654,7 @@ Command = (
 
 
 def main() -> int:
-    """Entry point of `uvcloth`: returns the exit code (0, 2 for bad input, 130 after Ctrl-C)."""
+    """Run `uvcloth` and return the exit code (0, 2 for bad input, 130 after Ctrl-C)."""
     return run_command("uvcloth", _run)
 
 
