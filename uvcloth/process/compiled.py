@@ -18,11 +18,23 @@ CACHE_VARIABLE = "UVCLOTH_CACHE"
 
 def compiled(function: Function) -> Function:
     """Compile a loop at its first call, and keep the machine code for later processes."""
+    return _kept(function)
+
+
+def borrowing(function: Function) -> Function:
+    """Compile a loop that makes and returns no arrays.
+
+    It does not count references to arrays, which can take most of the time where small functions get many.
+    """
+    return _kept(function, _nrt=False)
+
+
+def _kept(function: Function, **options: Any) -> Function:
     settings: Any = numba.config
     before = settings.CACHE_DIR
     settings.CACHE_DIR = str(_cache_folder(Path(function.__code__.co_filename).parent))
     try:
-        return numba.njit(function, cache=True, fastmath=True, error_model="numpy", nogil=True)
+        return numba.njit(function, cache=True, fastmath=True, error_model="numpy", nogil=True, **options)
     finally:
         settings.CACHE_DIR = before
 

@@ -13,30 +13,28 @@ from torch import Tensor
 from tests.physics.cloth.stepping import solver, still_frames
 from tests.simulate.physics.scenes import disc, sheet
 from uvcloth.geometry.mesh import join_meshes
-from uvcloth.physics.cloth.body_contact import find_contacts, make_body
+from uvcloth.physics.cloth.body_contact import begin_passage, find_contacts, make_body
 from uvcloth.physics.cloth.cloth import Sheet, make_cloth
 from uvcloth.physics.cloth.self_contact import Pairs, find_pairs, no_pairs
 from uvcloth.physics.cloth.solver import start
-from uvcloth.physics.cloth.tree import Tree, adjacent_nodes
+from uvcloth.physics.cloth.tree import APART, DONE, Tree, adjacent_nodes
 from uvcloth.physics.fabric import Fabric
 
 MARGIN = 0.006
 ROUNDING = 1e-6
 
 
+@pytest.mark.parametrize("guessed", [False, True])
 @pytest.mark.parametrize("reach", [0.05, 0.5])
-def test_the_closest_face_is_that_of_a_search_of_all_faces(reach: float) -> None:
+def test_the_closest_face_is_that_of_a_search_of_all_faces(reach: float, guessed: bool) -> None:
     """On a ball with bumps and a box; hints are those of other vertices, so that they may not matter."""
-    draw = np.random.default_rng(0)
-    ball, box = trimesh.creation.icosphere(3, radius=0.2), trimesh.creation.box([0.3, 0.1, 0.2])
-    ball.vertices += 0.01 * draw.normal(size=ball.vertices.shape)
-    surface = np.concatenate([ball.vertices, box.vertices + np.array([0.1, 0.0, 0.0])]).astype(np.float32)
-    parts = [np.array(ball.faces), box.faces + len(ball.vertices)]
-    points = draw.uniform(-0.5, 0.5, (500, 3)).astype(np.float32)
+    surface, parts, points, draw = bumps_and_box()
     body = make_body(surface, parts, np.ones((2, len(points)), bool))
-    normals, boxes = np.empty_like(surface), np.empty((len(body.tree.ranges), 6), np.float32)
-    hints = np.stack([draw.integers(0, len(ball.faces), 500), np.full(500, -1)]).astype(np.int32)
-    found = find_contacts(body, surface, normals, boxes, points, np.float32(reach), hints)
+    hints = np.stack([draw.integers(0, len(parts[0]), 500), np.full(500, -1)]).astype(np.int32)
+    passage = begin_passage(body, surface, surface, points, hints)
+    if not guessed:
+        passage.hints[:] = hints
+    found = find_contacts(body, passage, np.float32(0.0), points, np.float32(reach))
     for part, faces in enumerate(parts):
         mesh = trimesh.Trimesh(surface, faces, process=False)
         _, expected, _ = trimesh.proximity.closest_point_naive(mesh, points)
@@ -48,6 +46,47 @@ def test_the_closest_face_is_that_of_a_search_of_all_faces(reach: float) -> None
         np.testing.assert_allclose(
             np.linalg.norm(nearest - points[vertices], axis=1), expected[vertices], atol=ROUNDING
         )
+
+
+def bumps_and_box() -> tuple[NDArray[np.float32], list[NDArray], NDArray[np.float32], np.random.Generator]:
+    """Vertices (V, 3) of a ball with bumps and a box, the faces of each, 500 points around them, and dice."""
+    draw = np.random.default_rng(0)
+    ball, box = trimesh.creation.icosphere(3, radius=0.2), trimesh.creation.box([0.3, 0.1, 0.2])
+    ball.vertices += 0.01 * draw.normal(size=ball.vertices.shape)
+    surface = np.concatenate([ball.vertices, box.vertices + np.array([0.1, 0.0, 0.0])]).astype(np.float32)
+    points = draw.uniform(-0.5, 0.5, (500, 3)).astype(np.float32)
+    return surface, [np.array(ball.faces), box.faces + len(ball.vertices)], points, draw
+
+
+def test_searches_that_know_of_those_before_find_what_the_first_would() -> None:
+    """The body turns and grows and the points drift, in a frame with twenty searches and one without others.
+
+    Guesses are the faces of the vertices beside: of faces equally far they may not make another one be found.
+    """
+    surface, parts, points, draw = bumps_and_box()
+    body = make_body(surface, parts, np.ones((2, len(points)), bool))
+    turn = trimesh.transformations.rotation_matrix(0.5, [0.3, 1.0, -0.2])[:3, :3]
+    end = (1.2 * surface @ turn.T + [0.05, -0.1, 0.0]).astype(np.float32)
+    speeds = draw.normal(size=points.shape).astype(np.float32)
+    none, reach = np.zeros((0, 0), np.int32), np.float32(0.05)
+    together = begin_passage(body, surface, end, points, none)
+    skipped = 0
+    for share in np.linspace(0.05, 1.0, 20, dtype=np.float32):
+        now = points + 0.05 * share * speeds
+        skipped += int((together.clear > 0.1).sum())
+        before = together.hints.copy()
+        found = find_contacts(body, together, share, now, reach)
+        alone = begin_passage(body, surface, end, now, np.roll(before, 1, 1))
+        alone.hints[:] = before
+        again = find_contacts(body, alone, share, now, reach)
+        assert len(found.faces) > 30
+        np.testing.assert_array_equal(found.vertices, again.vertices)
+        np.testing.assert_array_equal(found.faces, again.faces)
+        guessed = begin_passage(body, surface, end, now, before)
+        plain = begin_passage(body, surface, end, now, none)
+        first, second = (find_contacts(body, each, share, now, reach) for each in (guessed, plain))
+        np.testing.assert_array_equal(first.faces, second.faces)
+    assert skipped > 5000
 
 
 def pleated() -> tuple[Tensor, Tensor, Tensor]:
@@ -179,15 +218,23 @@ def test_adjacent_nodes_are_those_a_walk_meets_whose_faces_share_a_vertex(name: 
     made = make_cloth(rest.numpy(), faces.numpy(), Fabric()).sheet
     tree, expected = made.tree, []
     corners = [set(made.faces[tree.order[start:end]].ravel().tolist()) for start, end in tree.ranges]
-    waiting = [(root, root) for root in tree.roots] + list(combinations(tree.roots, 2))
+    keys = adjacent_nodes(tree, made.faces)
+    waiting = [(root, root, APART) for root in tree.roots]
+    waiting += [(*pair, APART) for pair in combinations(tree.roots, 2)]
     while waiting:
-        a, b = waiting.pop()
-        if a != b and not corners[a] & corners[b]:
-            continue
+        a, b, number = waiting.pop()
         if a != b:
-            expected.append(int(a) * len(tree.ranges) + int(b))
-        waiting.extend(walked(tree, a, b))
-    assert adjacent_nodes(tree, made.faces).tolist() == sorted(expected)
+            assert (number == APART) == (not corners[a] & corners[b])
+            if number == APART:
+                continue
+            key = int(a) * len(tree.ranges) + int(b)
+            expected.append(key)
+            assert number == DONE or keys[number] == key
+        numbers = (APART, APART, made.halves[a]) if a == b else made.following[number]
+        following = walked(tree, a, b)
+        assert following or a == b or number == DONE
+        waiting.extend((*pair, each) for pair, each in zip(following, numbers, strict=False))
+    assert keys.tolist() == sorted(expected)
 
 
 def walked(tree: Tree, a: int, b: int) -> list[tuple[int, int]]:

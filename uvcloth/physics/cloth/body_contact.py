@@ -1,5 +1,6 @@
 """Contact of cloth with a moving body: closest faces of its parts, and Coulomb friction on them."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -9,11 +10,13 @@ from numpy.typing import NDArray
 from uvcloth.physics.cloth.tree import (
     BODY_LEAF,
     DEPTH,
+    Patches,
     Tree,
     build_tree,
     closest_face,
+    find_patches,
+    join_boxes,
     neighbour_faces,
-    refit,
 )
 from uvcloth.physics.cloth.triangles import closest_barycentrics, weighted
 from uvcloth.physics.cloth.vectors import (
@@ -34,7 +37,7 @@ from uvcloth.physics.cloth.vectors import (
     sub,
     unit,
 )
-from uvcloth.process.compiled import compiled, inlined
+from uvcloth.process.compiled import borrowing, compiled, inlined
 
 STEPS = 4
 """Neighbouring faces that a contact walks over in a substep at most."""
@@ -51,17 +54,29 @@ PUSH_SPEED = np.float32(1.0)
 ALERT_SPEED = np.float32(0.5)
 """Speed, m/s, that a contact may gain before it is looked at again."""
 
+PATCH = 64
+"""Faces in a patch of a body at most, whose boxes are fitted where cloth is near."""
+
+ROUNDED = np.float32(1e-5)
+"""Metres by which distances may be off by rounding."""
+
 
 class Body(NamedTuple):
     """Parts of a body that cloth meets, each a closed surface, all over the same V vertices.
 
     faces: (F, 3) int32, part after part. neighbours: (F, 3) int32, across edge i to i + 1. tree: one root per
-    part. touches: (K, N) bool, the parts that may touch each vertex of the cloth.
+    part. patches: of the tree; patch_parts: (P,) int32, which part each is of. around: the faces around each
+    vertex, in order, from around_starts, (V + 1,), on. touches: (K, N) bool, the parts that may touch each
+    vertex of the cloth.
     """
 
     faces: NDArray[np.int32]
     neighbours: NDArray[np.int32]
     tree: Tree
+    patches: Patches
+    patch_parts: NDArray[np.int32]
+    around: NDArray[np.int32]
+    around_starts: NDArray[np.int32]
     touches: NDArray[np.bool_]
 
 
@@ -73,10 +88,17 @@ def make_body(vertices: NDArray, parts: Sequence[NDArray], touches: NDArray) -> 
         own = neighbour_faces(np.asarray(part))
         neighbours.append(np.where(own < 0, -1, own + first))
         first += len(part)
+    tree = build_tree(np.asarray(vertices, np.float32), faces, [len(part) for part in parts], BODY_LEAF)
+    patches = find_patches(tree, faces, PATCH)
+    corners = np.argsort(faces.ravel(), kind="stable")
     return Body(
         faces=faces,
         neighbours=np.concatenate(neighbours).astype(np.int32),
-        tree=build_tree(np.asarray(vertices, np.float32), faces, [len(part) for part in parts], BODY_LEAF),
+        tree=tree,
+        patches=patches,
+        patch_parts=(np.searchsorted(tree.roots, patches.roots, side="right") - 1).astype(np.int32),
+        around=(corners // 3).astype(np.int32),
+        around_starts=np.searchsorted(faces.ravel()[corners], np.arange(len(vertices) + 1)).astype(np.int32),
         touches=np.ascontiguousarray(touches, np.bool_),
     )
 
@@ -92,51 +114,175 @@ class Contacts(NamedTuple):
     wait: NDArray[np.int32]
 
 
+class Passage(NamedTuple):
+    """The body on its way through a frame, and what the searches of the frame know.
+
+    start, end: (V, 3) m before and after the frame. points: (V, 3) m at the last search. normals: (V, 3)
+    there, of the vertices for which `known`, (V,) int32, is the number of that search. boxes: (T, 6) of the
+    tree, in patches for which `fitted`, (P,) int32, is it. hints: (K, N) int32, the face of each part that
+    was found last for each vertex of the cloth, -1 for none; guesses: those of the frame before. clear:
+    (K, N) m, within which there was none. ways: (K,) m that a part moves in the frame at most. cloth: (N, 3)
+    m at the last search. share: (1,) of the way at which it was. searches: (1,) int32, how many there were.
+    """
+
+    start: NDArray[np.float32]
+    end: NDArray[np.float32]
+    points: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    known: NDArray[np.int32]
+    boxes: NDArray[np.float32]
+    fitted: NDArray[np.int32]
+    hints: NDArray[np.int32]
+    guesses: NDArray[np.int32]
+    clear: NDArray[np.float32]
+    ways: NDArray[np.float32]
+    cloth: NDArray[np.float32]
+    share: NDArray[np.float32]
+    searches: NDArray[np.int32]
+
+
 @compiled
-def find_contacts(
-    body: Body, points: Array, normals: Array, boxes: Array, positions: Array, reach: Number, hints: Array
-) -> Contacts:
+def begin_passage(body: Body, start: Array, end: Array, positions: Array, guesses: Array) -> Passage:
+    """Begin a frame of a body at (V, 3) m before and after it, and of cloth at (N, 3) m.
+
+    guesses: (K, N) int32, the hints at the end of the frame before, or none: what is found is the same.
+    """
+    ways = np.zeros(len(body.touches), np.float32)
+    patches = body.patches
+    for patch in range(len(patches.roots)):
+        most = ZERO
+        for k in range(patches.vertex_starts[patch], patches.vertex_starts[patch + 1]):
+            way = sub(load(end, patches.vertices[k]), load(start, patches.vertices[k]))
+            most = max(most, dot(way, way))
+        part = body.patch_parts[patch]
+        ways[part] = max(ways[part], math.sqrt(most))
+    return Passage(
+        start,
+        end,
+        np.empty_like(start),
+        np.empty_like(start),
+        np.zeros(len(start), np.int32),
+        np.empty((len(body.tree.ranges), 6), np.float32),
+        np.zeros(len(patches.roots), np.int32),
+        np.full(body.touches.shape, -1, np.int32),
+        guesses if guesses.size > 0 else np.full(body.touches.shape, -1, np.int32),
+        np.zeros(body.touches.shape, np.float32),
+        ways,
+        positions.copy(),
+        np.zeros(1, np.float32),
+        np.zeros(1, np.int32),
+    )
+
+
+@compiled
+def find_contacts(body: Body, passage: Passage, share: Number, positions: Array, reach: Number) -> Contacts:
     """Find the closest face of every part that a vertex may touch, within reach, m.
 
-    points: (V, 3) m of the body now. normals: (V, 3), boxes: (T, 6) are filled. hints: (K, N) int32, the
-    faces found last, -1 for none, are renewed.
+    The body is at a share of its way. A part is not searched for a vertex to which it cannot have come near
+    since the last search.
     """
-    _vertex_normals(body.faces, points, normals)
-    refit(body.tree, body.faces, points, boxes)
-    parts, count = body.touches.shape
-    vertices, faces = np.empty(parts * count, np.int32), np.empty(parts * count, np.int32)
-    stack = np.empty(DEPTH, np.int32)
-    found = 0
-    for vertex in range(count):
-        point = load(positions, vertex)
-        for part in range(parts):
-            if body.touches[part, vertex]:
-                face = closest_face(
-                    body.tree,
-                    body.tree.roots[part],
-                    boxes,
-                    body.faces,
-                    points,
-                    point,
-                    reach,
-                    hints[part, vertex],
-                    stack,
-                )
-                hints[part, vertex] = face
-                if face >= 0:
-                    vertices[found], faces[found] = vertex, face
-                    found += 1
+    passage.points[:] = (ONE - share) * passage.start + share * passage.end
+    _fit_patches(body, passage.points, passage.boxes)
+    vertices, faces = np.empty(body.touches.size, np.int32), np.empty(body.touches.size, np.int32)
+    stack, distances = np.empty(DEPTH, np.int32), np.empty(DEPTH, np.float32)
+    found = _search(body, passage, share, positions, reach, stack, distances, vertices, faces)
     return Contacts(vertices[:found].copy(), faces[:found].copy(), np.zeros(found, np.int32))
 
 
-@compiled
+@borrowing
+def _search(
+    body: Body,
+    passage: Passage,
+    share: Number,
+    positions: Array,
+    reach: Number,
+    stack: Array,
+    distances: Array,
+    vertices: Array,
+    faces: Array,
+) -> int:
+    """Search as `find_contacts` says, to the beginning of vertices and faces (K N,); returns how many."""
+    passage.searches[0] += 1
+    since = share - passage.share[0]
+    passage.share[0] = share
+    parts, count = body.touches.shape
+    found = 0
+    for vertex in range(count):
+        point = load(positions, vertex)
+        moved = length(sub(point, load(passage.cloth, vertex)))
+        for part in range(parts):
+            if not body.touches[part, vertex]:
+                continue
+            clear = passage.clear[part, vertex] - (moved + since * passage.ways[part] + ROUNDED)
+            if clear <= reach + ROUNDED:
+                face, beyond = closest_face(
+                    body.tree,
+                    body.patches,
+                    body.tree.roots[part],
+                    passage.boxes,
+                    passage.fitted,
+                    passage.searches[0],
+                    body.faces,
+                    passage.points,
+                    point,
+                    reach,
+                    passage.hints[part, vertex],
+                    passage.guesses[part, vertex] if passage.searches[0] == 1 else -1,
+                    stack,
+                    distances,
+                )
+                passage.hints[part, vertex] = face
+                if face >= 0:
+                    vertices[found], faces[found] = vertex, face
+                    found += 1
+                clear = math.sqrt(beyond) if face < 0 else ZERO
+            passage.clear[part, vertex] = clear
+        store(passage.cloth, vertex, point)
+    return found
+
+
+@borrowing
+def _fit_patches(body: Body, points: Array, boxes: Array) -> None:
+    """Fit the boxes of the roots of all patches, and of all nodes above, to points (V, 3)."""
+    patches = body.patches
+    for patch in range(len(patches.roots)):
+        node = patches.roots[patch]
+        first = load(points, patches.vertices[patches.vertex_starts[patch]])
+        x_low, y_low, z_low = x_high, y_high, z_high = first
+        for k in range(patches.vertex_starts[patch] + 1, patches.vertex_starts[patch + 1]):
+            x, y, z = load(points, patches.vertices[k])
+            x_low, y_low, z_low = min(x_low, x), min(y_low, y), min(z_low, z)
+            x_high, y_high, z_high = max(x_high, x), max(y_high, y), max(z_high, z)
+        store(boxes, node, (x_low, y_low, z_low))
+        boxes[node, 3], boxes[node, 4], boxes[node, 5] = x_high, y_high, z_high
+    for node in patches.above:
+        join_boxes(boxes, node, body.tree.children[node, 0], body.tree.children[node, 1])
+
+
+@inlined
+def _find_normals(body: Body, passage: Passage, face: int) -> None:
+    """Find the normals of a face's corners at the last search, where they are not known."""
+    for corner in range(3):
+        vertex = body.faces[face, corner]
+        if passage.known[vertex] == passage.searches[0]:
+            continue
+        passage.known[vertex] = passage.searches[0]
+        total = ZERO, ZERO, ZERO
+        for k in range(body.around_starts[vertex], body.around_starts[vertex + 1]):
+            other = body.around[k]
+            a = load(passage.points, body.faces[other, 0])
+            b = load(passage.points, body.faces[other, 1])
+            c = load(passage.points, body.faces[other, 2])
+            total = add(total, cross(sub(b, a), sub(c, a)))
+        store(passage.normals, vertex, unit(total))
+
+
+@borrowing
 def resolve_contacts(
     contacts: Contacts,
     body: Body,
-    start: Array,
-    end: Array,
+    passage: Passage,
     share: Number,
-    normals: Array,
     positions: Array,
     velocities: Array,
     thickness: Array,
@@ -147,9 +293,9 @@ def resolve_contacts(
 ) -> None:
     """Move vertices out of the body to a distance of radius + thickness, m, without a bounce, with friction.
 
-    start, end: (V, 3) m, the body before and after the frame of `seconds`; it is at a share of the way.
-    step: s.
+    The body is at a share of its way through the frame of `seconds`. step: s.
     """
+    start, end, normals = passage.start, passage.end, passage.normals
     rate = ONE / seconds
     for k in range(len(contacts.vertices)):
         if contacts.wait[k] > 0:
@@ -174,6 +320,7 @@ def resolve_contacts(
             face, weights, away = across, other, farther
         contacts.faces[k] = face
         a, b, c = body.faces[face, 0], body.faces[face, 1], body.faces[face, 2]
+        _find_normals(body, passage, face)
         outwards = weighted(weights, load(normals, a), load(normals, b), load(normals, c))
         side = ONE if dot(away, outwards) >= ZERO else -ONE
         distance = length(away)
@@ -218,16 +365,3 @@ def _nearby(
 @inlined
 def _between(start: Array, end: Array, share: Number, vertex: int) -> Vector:
     return combine(ONE - share, load(start, vertex), share, load(end, vertex))
-
-
-@compiled
-def _vertex_normals(faces: Array, points: Array, normals: Array) -> None:
-    normals[:] = ZERO
-    for face in range(len(faces)):
-        a, b, c = load(points, faces[face, 0]), load(points, faces[face, 1]), load(points, faces[face, 2])
-        normal = cross(sub(b, a), sub(c, a))
-        for corner in range(3):
-            vertex = faces[face, corner]
-            store(normals, vertex, add(load(normals, vertex), normal))
-    for vertex in range(len(normals)):
-        store(normals, vertex, unit(load(normals, vertex)))

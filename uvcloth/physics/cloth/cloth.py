@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rasterize.charts import edge_keys, edge_twins, edges_of, face_components
 from uvcloth.physics.cloth.forces import BLOCK, SQUEEZED, Hinges, Membrane
-from uvcloth.physics.cloth.tree import SHEET_LEAF, Tree, adjacent_nodes, build_tree
+from uvcloth.physics.cloth.tree import SHEET_LEAF, Tree, adjacent_nodes, adjacent_walk, build_tree
 from uvcloth.physics.fabric import AIR_DENSITY, Fabric
 
 SPACING = 1.5
@@ -40,8 +40,8 @@ class Sheet(NamedTuple):
 
     faces: (M, 3). edges: (E, 2). owned: (M,) uint8, bits 0 to 2 of the corners and bits 3 to 5 of the edges
     (corner i to i + 1) that a face stands for, so that each is tested once. face_edges: (M, 3) into edges.
-    ring_starts: (N + 1,), ring: the vertices on an edge with each vertex. tree: over the faces. adjacent:
-    keys of the pairs of its nodes that share a vertex, in order.
+    ring_starts: (N + 1,), ring: the vertices on an edge with each vertex. tree: over the faces. halves: (T,),
+    following: (P, 2), where a walk through its pairs of nodes goes on, as `adjacent_walk` says.
     spacing: m, what vertices that are no neighbours keep apart along the mesh, if it is squeezed a little.
     """
 
@@ -52,7 +52,8 @@ class Sheet(NamedTuple):
     ring_starts: Integers
     ring: Integers
     tree: Tree
-    adjacent: NDArray[np.int64]
+    halves: NDArray[np.int32]
+    following: NDArray[np.int32]
     spacing: np.float32
 
 
@@ -202,6 +203,7 @@ def _sheet(rest: NDArray[np.float64], faces: Integers) -> Sheet:
     both = both[np.lexsort((both[:, 1], both[:, 0]))]
     starts = np.searchsorted(both[:, 0], np.arange(len(rest) + 1))
     tree = build_tree(rest.astype(np.float32), faces, np.bincount(pieces), SHEET_LEAF)
+    halves, following = adjacent_walk(tree, adjacent_nodes(tree, faces))
     return Sheet(
         faces=faces,
         edges=np.ascontiguousarray(edges, np.int32),
@@ -210,7 +212,8 @@ def _sheet(rest: NDArray[np.float64], faces: Integers) -> Sheet:
         ring_starts=starts.astype(np.int32),
         ring=np.ascontiguousarray(both[:, 1], np.int32),
         tree=tree,
-        adjacent=adjacent_nodes(tree, faces),
+        halves=halves,
+        following=following,
         spacing=np.float32(
             SPACING * np.quantile(np.linalg.norm(rest[edges[:, 0]] - rest[edges[:, 1]], axis=1), 0.1)
         ),

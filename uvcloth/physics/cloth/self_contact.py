@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uvcloth.physics.cloth.cloth import Sheet
-from uvcloth.physics.cloth.tree import DEPTH, first_is_halved, pair_key, refit
+from uvcloth.physics.cloth.tree import APART, DEPTH, DONE, Tree, first_is_halved, refit
 from uvcloth.physics.cloth.triangles import closest_barycentrics, closest_on_segments, weighted
 from uvcloth.physics.cloth.vectors import (
     ONE,
@@ -29,7 +29,7 @@ from uvcloth.physics.cloth.vectors import (
     sub,
     unit,
 )
-from uvcloth.process.compiled import compiled, inlined
+from uvcloth.process.compiled import borrowing, compiled, inlined
 
 LEAST_FLAT = np.float32(math.cos(math.radians(75.0)))
 """Cosine of the widest half angle of a cone of normals whose patch is not tested against itself."""
@@ -102,54 +102,116 @@ def find_pairs(
     refit(tree, sheet.faces, positions, boxes)
     refit(tree, sheet.faces, velocities, speeds)
     _fit_cones(sheet, positions, cones)
-    roots = len(tree.roots)
-    stack = np.empty((roots * roots + 2 * DEPTH, 2), np.int32)
-    top = 0
-    for i in range(roots):
-        for j in range(i, roots):
-            stack[top, 0], stack[top, 1] = tree.roots[i], tree.roots[j]
+    stack = np.empty((len(tree.roots) ** 2 + 2 * DEPTH, 3), np.int32)
+    leaves = np.empty((len(sheet.faces), 2), np.int32)
+    count = _walk(sheet, boxes, speeds, cones, positions, margin, interval, flat, stack, leaves)
+    if count > len(leaves):
+        leaves = np.empty((count, 2), np.int32)
+        _walk(sheet, boxes, speeds, cones, positions, margin, interval, flat, stack, leaves)
+    near, crossed = np.empty((6 * count, 2), np.int32), np.empty((9 * count, 2), np.int32)
+    points, edges = _look_through(sheet, speeds, positions, margin, interval, leaves[:count], near, crossed)
+    return _with_sides(sheet, positions, near[:points].copy(), crossed[:edges].copy(), before)
+
+
+@borrowing
+def _walk(
+    sheet: Sheet,
+    boxes: Array,
+    speeds: Array,
+    cones: Array,
+    positions: Array,
+    margin: Number,
+    interval: Number,
+    flat: Number,
+    stack: Array,
+    leaves: Array,
+) -> int:
+    """Find the pairs of nodes of single faces that may be near, and put those that fit into leaves (L, 2).
+
+    stack: holds two nodes, and the number of their pair if they share a vertex. Returns how many were found.
+    """
+    tree = sheet.tree
+    top = found = 0
+    for i in range(len(tree.roots)):
+        for j in range(i, len(tree.roots)):
+            stack[top, 0], stack[top, 1], stack[top, 2] = tree.roots[i], tree.roots[j], APART
             top += 1
-    near = np.empty((1024 + 2 * len(before.points), 2), np.int32)
-    crossed = np.empty((1024 + 2 * len(before.edges), 2), np.int32)
-    points = edges = 0
     while top > 0:
         top -= 1
-        a, b = stack[top, 0], stack[top, 1]
+        a, b, pair = stack[top, 0], stack[top, 1], stack[top, 2]
         if a == b:
-            left, right = tree.children[a, 0], tree.children[a, 1]
-            if left < 0 or (tree.connected[a] and cones[a, 3] > flat):
-                continue
-            stack[top, 0], stack[top, 1] = left, left
-            stack[top + 1, 0], stack[top + 1, 1] = right, right
-            stack[top + 2, 0], stack[top + 2, 1] = left, right
-            top += 3
+            if tree.children[a, 0] >= 0 and not (tree.connected[a] and cones[a, 3] > flat):
+                top = _add_children(sheet, a, stack, top)
             continue
-        if _apart(boxes, speeds, a, b, margin, interval) or _one_patch(sheet, cones, a, b, flat):
+        # Nodes that share a vertex are not apart, and those that do not are no one patch.
+        if (
+            _apart(boxes, speeds, a, b, margin, interval)
+            if pair == APART
+            else _one_patch(tree, cones, a, b, flat)
+        ):
             continue
-        if tree.children[a, 0] < 0 and tree.children[b, 0] < 0:
-            f, g = tree.order[tree.ranges[a, 0]], tree.order[tree.ranges[b, 0]]
-            watched = margin + interval * _relative_speed(speeds, a, b)
-            if (
-                _share_vertex(sheet.faces, f, g)
-                or _off_plane(sheet.faces, positions, f, load(cones, a), g, watched)
-                or _off_plane(sheet.faces, positions, g, load(cones, b), f, watched)
-            ):
-                continue
-            if points + 6 > len(near):
-                near = _longer(near)
-            if edges + 9 > len(crossed):
-                crossed = _longer(crossed)
-            for _ in range(2):
-                points = _find_points(sheet, positions, f, g, watched, near, points)
-                f, g = g, f
-            edges = _find_edges(sheet, positions, f, g, watched, crossed, edges)
+        if tree.children[a, 0] >= 0 or tree.children[b, 0] >= 0:
+            top = _add_halves(sheet, a, b, pair, stack, top)
             continue
-        halve_a = first_is_halved(tree, a, b)
-        for side in range(2):
-            stack[top, 0] = tree.children[a, side] if halve_a else a
-            stack[top, 1] = b if halve_a else tree.children[b, side]
+        f, g = tree.order[tree.ranges[a, 0]], tree.order[tree.ranges[b, 0]]
+        watched = margin + interval * _relative_speed(speeds, a, b)
+        if _off_plane(sheet.faces, positions, f, load(cones, a), g, watched) or _off_plane(
+            sheet.faces, positions, g, load(cones, b), f, watched
+        ):
+            continue
+        if found < len(leaves):
+            leaves[found, 0], leaves[found, 1] = a, b
+        found += 1
+    return found
+
+
+@borrowing
+def _look_through(
+    sheet: Sheet,
+    speeds: Array,
+    positions: Array,
+    margin: Number,
+    interval: Number,
+    leaves: Array,
+    near: Array,
+    crossed: Array,
+) -> tuple[int, int]:
+    """Find vertices near faces, (6 L, 2), and edges near edges, (9 L, 2), in L pairs of leaves: how many."""
+    points = edges = 0
+    for k in range(len(leaves)):
+        a, b = leaves[k, 0], leaves[k, 1]
+        f, g = sheet.tree.order[sheet.tree.ranges[a, 0]], sheet.tree.order[sheet.tree.ranges[b, 0]]
+        watched = margin + interval * _relative_speed(speeds, a, b)
+        for _ in range(2):
+            points = _find_points(sheet, positions, f, g, watched, near, points)
+            f, g = g, f
+        edges = _find_edges(sheet, positions, f, g, watched, crossed, edges)
+    return points, edges
+
+
+@inlined
+def _add_children(sheet: Sheet, node: int, stack: Array, top: int) -> int:
+    """Add the pairs of a node's children, each with itself and both; returns how many pairs wait."""
+    left, right = sheet.tree.children[node, 0], sheet.tree.children[node, 1]
+    stack[top, 0], stack[top, 1] = left, left
+    stack[top + 1, 0], stack[top + 1, 1] = right, right
+    stack[top + 2, 0], stack[top + 2, 1], stack[top + 2, 2] = left, right, sheet.halves[node]
+    return top + 2 if sheet.halves[node] == DONE else top + 3
+
+
+@inlined
+def _add_halves(sheet: Sheet, a: int, b: int, pair: int, stack: Array, top: int) -> int:
+    """Add the pairs of one of two nodes with the children of the other; returns how many pairs wait."""
+    children = sheet.tree.children
+    halve_a = first_is_halved(sheet.tree, a, b)
+    for side in range(2):
+        following = APART if pair == APART else sheet.following[pair, side]
+        if following != DONE:
+            stack[top, 0] = children[a, side] if halve_a else a
+            stack[top, 1] = b if halve_a else children[b, side]
+            stack[top, 2] = following
             top += 1
-    return _with_sides(sheet, positions, near[:points].copy(), crossed[:edges].copy(), before)
+    return top
 
 
 @inlined
@@ -177,15 +239,6 @@ def _relative_speed(speeds: Array, a: int, b: int) -> Number:
 
 
 @inlined
-def _share_vertex(faces: Array, f: int, g: int) -> bool:
-    for i in range(3):
-        for j in range(3):
-            if faces[f, i] == faces[g, j]:
-                return True
-    return False
-
-
-@inlined
 def _off_plane(faces: Array, positions: Array, f: int, normal: Vector, g: int, margin: Number) -> bool:
     """True if face g is farther than margin from the plane of face f, all on one side."""
     on_plane = load(positions, faces[f, 0])
@@ -196,14 +249,7 @@ def _off_plane(faces: Array, positions: Array, f: int, normal: Vector, g: int, m
     return low > margin or high < -margin
 
 
-@compiled
-def _longer(rows: Array) -> Array:
-    longer = np.empty((2 * len(rows), 2), np.int32)
-    longer[: len(rows)] = rows
-    return longer
-
-
-@compiled
+@borrowing
 def _fit_cones(sheet: Sheet, positions: Array, cones: Array) -> None:
     """Fit cones (T, 5), axis, cosine and sine of the half angle, around the normals of each node's faces."""
     tree = sheet.tree
@@ -230,17 +276,12 @@ def _widened(cones: Array, node: int, axis: Vector) -> Number:
 
 
 @inlined
-def _one_patch(sheet: Sheet, cones: Array, a: int, b: int, flat: Number) -> bool:
-    """True for two nodes that are one patch together, with all normals within an angle of cosine `flat`."""
-    tree = sheet.tree
+def _one_patch(tree: Tree, cones: Array, a: int, b: int, flat: Number) -> bool:
+    """True for two adjacent nodes that are one patch, all normals within an angle of cosine `flat`."""
     if not tree.connected[a] or not tree.connected[b] or cones[a, 3] < flat or cones[b, 3] < flat:
         return False
     axis = unit(add(load(cones, a), load(cones, b)))
-    if min(_widened(cones, a, axis), _widened(cones, b, axis)) < flat:
-        return False
-    key = pair_key(tree, a, b)
-    at = np.searchsorted(sheet.adjacent, key)
-    return bool(at < len(sheet.adjacent) and sheet.adjacent[at] == key)
+    return bool(min(_widened(cones, a, axis), _widened(cones, b, axis)) >= flat)
 
 
 @inlined
@@ -375,7 +416,7 @@ def _between(sheet: Sheet, positions: Array, first: int, second: int) -> tuple[N
     )
 
 
-@compiled
+@borrowing
 def resolve_pairs(
     pairs: Pairs,
     point_wait: Array,

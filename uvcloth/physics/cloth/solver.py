@@ -1,7 +1,7 @@
 """The cloth solver: symplectic Euler in many small substeps, with contact, stepped frame by frame."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from uvcloth.bodies import frames
 from uvcloth.errors import InputError
-from uvcloth.physics.cloth.body_contact import Body, Contacts, find_contacts, resolve_contacts
+from uvcloth.physics.cloth.body_contact import Body, Contacts, begin_passage, find_contacts, resolve_contacts
 from uvcloth.physics.cloth.cloth import Cloth, Particles, Sheet
 from uvcloth.physics.cloth.forces import Hinges, Membrane, add_elastic_forces
 from uvcloth.physics.cloth.self_contact import Pairs, find_pairs, no_pairs, resolve_pairs
 from uvcloth.physics.cloth.stability import largest_step
-from uvcloth.physics.cloth.vectors import ONE, TWO, ZERO, Array, Number, Vector, store
+from uvcloth.physics.cloth.vectors import TWO, ZERO, Array, Number, Vector, store
 from uvcloth.process.compiled import compiled, inlined, is_kept
 
 Floats = NDArray[np.float32]
@@ -66,12 +66,17 @@ class Solver:
     stable_step: float
 
 
+def _no_guesses() -> NDArray[np.int32]:
+    return np.zeros((0, 0), np.int32)
+
+
 @dataclass(frozen=True)
 class State:
     """All that the cloth remembers from one frame to the next.
 
     positions: (N, 3) m, velocities: (N, 3) m/s, relative to a frame of reference at `origin`, (3,) m, that
     moves at `drift`, (3,) m/s. pairs: of cloth near cloth, and their sides. substeps: of the last frame.
+    guesses: (K, N) int32, faces of the body to begin searches with, or none: they change only the cost.
     """
 
     positions: Floats
@@ -80,6 +85,7 @@ class State:
     drift: NDArray[np.float64]
     pairs: Pairs
     substeps: int = 0
+    guesses: NDArray[np.int32] = field(default_factory=_no_guesses)
 
     def vertices(self) -> NDArray[np.float64]:
         """Positions (N, 3) m in the world."""
@@ -172,7 +178,7 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
     for attempt in range(RETRIES + 1):
         substeps = math.ceil(needed) << attempt
         positions, velocities = began.copy(), speeds.copy()
-        pairs = _advance(
+        pairs, guesses = _advance(
             cloth.membrane,
             cloth.hinges,
             cloth.particles,
@@ -183,6 +189,7 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
             positions,
             velocities,
             state.pairs,
+            state.guesses,
             substeps,
             max(1, round(substeps * settings.interval / motion.seconds)),
             max(1, int(substeps * body_interval / motion.seconds)),
@@ -196,12 +203,13 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
         )
         if np.isfinite(positions).all() and np.abs(velocities).max(initial=0.0) < FASTEST:
             break
-    return State(positions, velocities, end, drift, pairs, substeps)
+    return State(positions, velocities, end, drift, pairs, substeps, guesses)
 
 
 def _fastest(ways: NDArray) -> float:
     """Greatest length of ways (N, 3)."""
-    return math.sqrt(float(np.square(ways).sum(1).max(initial=0.0)))
+    x, y, z = np.square(ways.T)
+    return math.sqrt(float((x + y + z).max(initial=0.0)))
 
 
 def is_compiled() -> bool:
@@ -209,8 +217,13 @@ def is_compiled() -> bool:
     return is_kept(_advance)
 
 
-def _around(points: NDArray, origin: NDArray) -> Floats:
-    return np.ascontiguousarray(points - origin, np.float32)
+@compiled
+def _around(points: Array, origin: Array) -> Array:
+    near = np.empty(points.shape, np.float32)
+    for i in range(len(points)):
+        for j in range(3):
+            near[i, j] = points[i, j] - origin[j]
+    return near
 
 
 def moving_frame(
@@ -236,6 +249,7 @@ def _advance(
     positions: Array,
     velocities: Array,
     pairs: Pairs,
+    guesses: Array,
     substeps: int,
     interval: int,
     body_interval: int,
@@ -246,17 +260,15 @@ def _advance(
     self_margin: Number,
     reach: Number,
     friction: Number,
-) -> Pairs:
-    """Move positions and velocities through the substeps of a frame; returns the pairs at its end."""
+) -> tuple[Pairs, Array]:
+    """Move positions and velocities through the substeps of a frame; returns its last pairs and guesses."""
     step = seconds / np.float32(substeps)
     forces, rounded = np.empty_like(positions), np.zeros(positions.shape, np.float64)
     nodes = len(sheet.tree.ranges)
     sheet_boxes, speeds = np.empty((nodes, 6), np.float32), np.empty((nodes, 6), np.float32)
     cones = np.empty((nodes, 5), np.float32)
     point_wait, edge_wait = np.zeros(0, np.int32), np.zeros(0, np.int32)
-    points, normals = np.empty_like(drive.body_start), np.empty_like(drive.body_start)
-    boxes = np.empty((len(body.tree.ranges), 6), np.float32)
-    hints = np.full(body.touches.shape, -1, np.int32)
+    passage = begin_passage(body, drive.body_start, drive.body_end, positions, guesses)
     contacts = Contacts(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0, np.int32))
     pulled = np.nonzero(drive.pull)[0]
     for substep in range(substeps):
@@ -294,15 +306,12 @@ def _advance(
             )
         if len(body.faces) > 0:
             if substep % body_interval == 0:
-                points[:] = (ONE - share) * drive.body_start + share * drive.body_end
-                contacts = find_contacts(body, points, normals, boxes, positions, reach, hints)
+                contacts = find_contacts(body, passage, share, positions, reach)
             resolve_contacts(
                 contacts,
                 body,
-                drive.body_start,
-                drive.body_end,
+                passage,
                 share,
-                normals,
                 positions,
                 velocities,
                 particles.thickness,
@@ -311,7 +320,7 @@ def _advance(
                 step,
                 seconds,
             )
-    return pairs
+    return pairs, passage.hints
 
 
 @inlined

@@ -9,13 +9,19 @@ from numpy.typing import NDArray
 from rasterize.charts import edge_twins
 from uvcloth.physics.cloth.triangles import squared_distance
 from uvcloth.physics.cloth.vectors import ZERO, Array, Number, Vector
-from uvcloth.process.compiled import compiled, inlined
+from uvcloth.process.compiled import borrowing, compiled, inlined
 
 DEPTH = 128
 """Nodes that a walk through a tree has to remember at most."""
 
 BODY_LEAF, SHEET_LEAF = 4, 1
 """Faces in a leaf: a leaf of a sheet is a face, whose box is its own."""
+
+FAR = np.float32(1e30)
+"""Squared distance, m2, beyond all."""
+
+APART, DONE = -1, -2
+"""In the place of the number of a pair of nodes: they share no vertex; they are faces that share one."""
 
 
 class Tree(NamedTuple):
@@ -120,6 +126,51 @@ def _find_connected(ranges: Array, order: Array, neighbours: Array, connected: A
         connected[node] = count == end - start
 
 
+class Patches(NamedTuple):
+    """Parts of a tree whose boxes are fitted only where a search comes to them.
+
+    roots: (P,) int32, nodes. number: (T,) int32 of the patch of a root, -1 of other nodes. above: nodes above
+    the roots, children first. nodes, vertices: those of each patch, children first, from node_starts and
+    vertex_starts, (P + 1,), on.
+    """
+
+    roots: NDArray[np.int32]
+    number: NDArray[np.int32]
+    above: NDArray[np.int32]
+    nodes: NDArray[np.int32]
+    node_starts: NDArray[np.int32]
+    vertices: NDArray[np.int32]
+    vertex_starts: NDArray[np.int32]
+
+
+def find_patches(tree: Tree, faces: NDArray[np.integer], most: int) -> Patches:
+    """Cut a tree at its highest nodes of at most so many faces."""
+    sizes = tree.ranges[:, 1] - tree.ranges[:, 0]
+    patch = np.full(len(sizes), -1)
+    roots: list[int] = []
+    for node in range(len(sizes)):
+        if patch[node] < 0 and sizes[node] <= most:
+            patch[node] = len(roots)
+            roots.append(node)
+        if patch[node] >= 0 and tree.children[node, 0] >= 0:
+            patch[tree.children[node]] = patch[node]
+    number = np.full(len(sizes), -1, np.int32)
+    number[roots] = np.arange(len(roots))
+    children_first = np.arange(len(sizes))[::-1]
+    inside = children_first[patch[children_first] >= 0]
+    inside = inside[np.argsort(patch[inside], kind="stable")]
+    corners = [np.unique(faces[tree.order[slice(*tree.ranges[root])]]) for root in roots]
+    return Patches(
+        roots=np.array(roots, np.int32),
+        number=number,
+        above=children_first[patch[children_first] < 0].astype(np.int32),
+        nodes=inside.astype(np.int32),
+        node_starts=np.searchsorted(patch[inside], np.arange(len(roots) + 1)).astype(np.int32),
+        vertices=np.concatenate([np.zeros(0), *corners]).astype(np.int32),
+        vertex_starts=np.cumsum([0, *(len(each) for each in corners)]).astype(np.int32),
+    )
+
+
 @inlined
 def first_is_halved(tree: Tree, a: int, b: int) -> bool:
     """True if a walk through pairs of nodes goes on with the children of the first, False of the second."""
@@ -142,6 +193,37 @@ def adjacent_nodes(tree: Tree, faces: NDArray[np.integer]) -> NDArray[np.int64]:
     corners = np.argsort(faces.ravel(), kind="stable")
     starts = np.searchsorted(faces.ravel()[corners], np.arange(int(faces.max(initial=-1)) + 2))
     return np.unique(_adjacent_keys(tree, corners // 3, starts))
+
+
+def adjacent_walk(tree: Tree, adjacent: NDArray[np.int64]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Numbers in `adjacent` of the pairs with which a walk through pairs of nodes goes on.
+
+    adjacent: (P,), of `adjacent_nodes`. Returns the pair (T,) of each node's two children, and the two pairs
+    (P, 2) after each pair: APART for nodes that share no vertex, DONE for two faces that share one.
+    """
+    nodes = len(tree.ranges)
+    leaf = tree.children[:, 0] < 0
+    sizes = tree.ranges[:, 1] - tree.ranges[:, 0]
+    a, b = np.divmod(adjacent, nodes)
+    halve_a = np.where(leaf[a] | leaf[b], leaf[b], sizes[a] >= sizes[b])[:, None]
+    ends = leaf[a] & leaf[b]
+    following = _numbered(
+        tree,
+        adjacent,
+        np.where(halve_a, tree.children[a], a[:, None]),
+        np.where(halve_a, b[:, None], tree.children[b]),
+    )
+    following[ends] = DONE
+    return _numbered(tree, adjacent, tree.children[:, 0], tree.children[:, 1]), following
+
+
+def _numbered(tree: Tree, adjacent: NDArray[np.int64], a: NDArray, b: NDArray) -> NDArray[np.int32]:
+    """Numbers of pairs of nodes, APART for those that are not adjacent, DONE for those of two leaves."""
+    keys = a.astype(np.int64) * len(tree.ranges) + b
+    at = np.searchsorted(adjacent, keys)
+    found = np.append(adjacent, -1)[at] == keys
+    last = (tree.children[a, 0] < 0) & (tree.children[b, 0] < 0)
+    return np.where(found, np.where(last, DONE, at), APART).astype(np.int32)
 
 
 @inlined
@@ -192,24 +274,36 @@ def _adjacent_keys(tree: Tree, owners: Array, starts: Array) -> Array:
     return keys[:count]
 
 
-@compiled
+@borrowing
 def refit(tree: Tree, faces: Array, points: Array, boxes: Array) -> None:
     """Fit boxes (T, 6), lowest and highest corner, to the faces at points (N, 3)."""
     for node in range(len(boxes) - 1, -1, -1):
-        left, right = tree.children[node, 0], tree.children[node, 1]
-        if left >= 0:
-            for j in range(3):
-                boxes[node, j] = min(boxes[left, j], boxes[right, j])
-                boxes[node, 3 + j] = max(boxes[left, 3 + j], boxes[right, 3 + j])
-            continue
-        for j in range(3):
-            low = high = points[faces[tree.order[tree.ranges[node, 0]], 0], j]
-            for k in range(tree.ranges[node, 0], tree.ranges[node, 1]):
-                for corner in range(3):
-                    value = points[faces[tree.order[k], corner], j]
-                    low, high = min(low, value), max(high, value)
-            boxes[node, j] = low
-            boxes[node, 3 + j] = high
+        fit_box(tree, faces, points, boxes, node)
+
+
+@inlined
+def fit_box(tree: Tree, faces: Array, points: Array, boxes: Array, node: int) -> None:
+    """Fit the box of a node whose children's boxes fit."""
+    left, right = tree.children[node, 0], tree.children[node, 1]
+    if left >= 0:
+        join_boxes(boxes, node, left, right)
+        return
+    for j in range(3):
+        low = high = points[faces[tree.order[tree.ranges[node, 0]], 0], j]
+        for k in range(tree.ranges[node, 0], tree.ranges[node, 1]):
+            for corner in range(3):
+                value = points[faces[tree.order[k], corner], j]
+                low, high = min(low, value), max(high, value)
+        boxes[node, j] = low
+        boxes[node, 3 + j] = high
+
+
+@inlined
+def join_boxes(boxes: Array, node: int, left: int, right: int) -> None:
+    """Fit the box of a node to those of its children."""
+    for j in range(3):
+        boxes[node, j] = min(boxes[left, j], boxes[right, j])
+        boxes[node, 3 + j] = max(boxes[left, 3 + j], boxes[right, 3 + j])
 
 
 @inlined
@@ -223,46 +317,87 @@ def box_distance(boxes: Array, node: int, point: Vector) -> Number:
 
 
 @inlined
+def _fit_patch(
+    tree: Tree,
+    patches: Patches,
+    faces: Array,
+    points: Array,
+    boxes: Array,
+    fitted: Array,
+    search: int,
+    node: int,
+) -> None:
+    """Fit the boxes below a node, if it is the root of a patch that was not yet fitted in this search."""
+    patch = patches.number[node]
+    if patch >= 0 and fitted[patch] != search:
+        fitted[patch] = search
+        for k in range(patches.node_starts[patch], patches.node_starts[patch + 1]):
+            fit_box(tree, faces, points, boxes, patches.nodes[k])
+
+
+@inlined
+def _rounded_up(squared: Number) -> Number:
+    """Squared distance, m2, that is greater however it was rounded, within a few metres of the origin."""
+    return squared * np.float32(1.001) + np.float32(1e-9)
+
+
+@inlined
 def closest_face(
     tree: Tree,
+    patches: Patches,
     root: int,
     boxes: Array,
+    fitted: Array,
+    search: int,
     faces: Array,
     points: Array,
     point: Vector,
     reach: Number,
     hint: int,
+    guess: int,
     stack: Array,
-) -> int:
+    distances: Array,
+) -> tuple[int, Number]:
     """Face of a tree that is closest to a point within reach, m; -1 if none is.
 
-    hint: a face to begin with, or -1.
+    fitted: (P,), the search in which the boxes of each patch were last fitted; they are now if need be.
+    hint: a face to begin with, or -1, which is found if others are only as close. guess: a face, or -1, that
+    saves time but does not matter. Returns besides, if none is found, the square of a distance within which
+    none is.
     """
     best, found = reach * reach, -1
     if hint >= 0:
         distance = squared_distance(faces, points, hint, point)
         if distance < best:
             best, found = distance, hint
-    stack[0] = root
+    elif guess >= 0:
+        best = min(best, _rounded_up(squared_distance(faces, points, guess, point)))
+    beyond = FAR
+    stack[0], distances[0] = root, box_distance(boxes, root, point)
     top = 1
     while top > 0:
         top -= 1
         node = stack[top]
-        if box_distance(boxes, node, point) >= best:
+        if distances[top] >= best:
+            beyond = min(beyond, distances[top])
             continue
+        _fit_patch(tree, patches, faces, points, boxes, fitted, search, node)
         left, right = tree.children[node, 0], tree.children[node, 1]
         if left < 0:
             for k in range(tree.ranges[node, 0], tree.ranges[node, 1]):
                 distance = squared_distance(faces, points, tree.order[k], point)
+                beyond = min(beyond, distance)
                 if distance < best:
                     best, found = distance, tree.order[k]
             continue
         to_left, to_right = box_distance(boxes, left, point), box_distance(boxes, right, point)
         near, far = (left, right) if to_left < to_right else (right, left)
-        if max(to_left, to_right) < best:
-            stack[top] = far
+        to_near, to_far = min(to_left, to_right), max(to_left, to_right)
+        if to_far < best:
+            stack[top], distances[top] = far, to_far
             top += 1
-        if min(to_left, to_right) < best:
-            stack[top] = near
+        if to_near < best:
+            stack[top], distances[top] = near, to_near
             top += 1
-    return found
+        beyond = min(beyond, to_near if to_near >= best else to_far if to_far >= best else FAR)
+    return found, beyond
