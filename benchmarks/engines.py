@@ -16,8 +16,9 @@ Milliseconds are the thread's own processor time, which a virtual machine that i
 too: they are given as the fastest tenth of the frames takes at most, and the median. The machine's load is
 printed.
 
-With --resolutions it prints instead what a frame costs on meshes of other resolutions, with contact of cloth
-with the body alone and with itself too.
+With --resolutions it prints instead what a frame costs on meshes of other resolutions, of --counts vertices:
+with contact of cloth with the body alone, with itself too, and the same with half as many searches for what
+is near.
 """
 
 import os
@@ -147,6 +148,7 @@ def main(
     frames: int = 75,
     newton_frames: int = 20,
     resolutions: bool = False,
+    counts: tuple[int, ...] = COUNTS,
 ) -> None:
     """garments: templates. clips: of the index. frames: of each window. newton_frames: the same, or 0."""
     torch.set_num_threads(1)
@@ -157,7 +159,7 @@ def main(
     for garment in garments:
         cloth = join(fit_template(garment, body), body)
         if resolutions:
-            table = _resolutions(cloth, motions, frames, body)
+            table = _resolutions(cloth, motions, frames, body, counts)
         else:
             table = _engines(cloth, motions, frames, newton_frames, body)
         Console(width=160).print(table)
@@ -224,12 +226,23 @@ def _engines(
     return table
 
 
-def _resolutions(cloth: Cloth, motions: dict[str, tuple[Clip, int, int]], frames: int, body: Body) -> Table:
-    table = Table(cloth.garment.name, "body alone: ms", "and self-contact: ms")
-    for count in COUNTS:
+def _resolutions(
+    cloth: Cloth,
+    motions: dict[str, tuple[Clip, int, int]],
+    frames: int,
+    body: Body,
+    counts: tuple[int, ...],
+) -> Table:
+    settings = {
+        "body alone: ms": Settings(self_contact=False),
+        "and self-contact: ms": Settings(),
+        "half the searches: ms": Settings(interval=2.0 * Settings().interval),
+    }
+    table = Table(cloth.garment.name, *settings)
+    for count in counts:
         row = []
-        for self_contact in (False, True):
-            engine = Explicit(settings=Settings(self_contact=self_contact))
+        for each in settings.values():
+            engine = Explicit(settings=each)
             runs = [_timed(engine, cloth, motion, count, frames, body) for motion in motions.values()]
             row.append(_cost([torch.tensor(run.seconds) for run in runs]))
         table.add_row(str(runs[0].count), *row)
@@ -255,7 +268,7 @@ def _mean(values: list[Tensor]) -> str:
 def _cost(seconds: list[Tensor]) -> str:
     """Milliseconds below which the fastest tenth of the frames is, and half of them."""
     few, half = (float(torch.cat(seconds).quantile(share)) for share in (0.1, 0.5))
-    return f"{1e3 * few:.0f}, {1e3 * half:.0f}"
+    return f"{1e3 * few:.1f}, {1e3 * half:.1f}"
 
 
 def _long_edges(run: Run, frames: int) -> float:
