@@ -101,7 +101,7 @@ def machine() -> str:
 def summary(results: dict) -> str:
     """Per garment or outfit and method, before and after contact: the mean distance beside the better LBS.
 
-    Then a line per method whose figures mislead, as it has met what it was judged on.
+    Then a line per method whose figures mislead, since it has used evaluated windows before.
     """
     from evaluate.familiar import cautions
     from evaluate.standings import Rank, standings
@@ -118,7 +118,7 @@ def summary(results: dict) -> str:
         f"{format_rank(row.before)} {format_rank(row.after)}".rstrip()
         for row in found
     ]
-    title = "mean vertex distance; against the better LBS, and on how many actions nearer"
+    title = "mean vertex distance; against the better LBS, and on how many actions lower"
     warnings = [
         f"{caution.method} {caution.says} {'; '.join(caution.familiar)}"
         for caution in cautions(results)

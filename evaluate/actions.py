@@ -15,7 +15,7 @@ from uvcloth.simulate.sequence import read_metadata
 class Window:
     """One garment over one unseen clip.
 
-    subject: who moves, "" where it is not known. path: its sequence, there or not. repeat: the same window
+    subject: the captured person, "" if unknown. path: its sequence, there or not. repeat: the same window
     simulated from an earlier start, or None where there is none.
     """
 

@@ -31,7 +31,7 @@ class Candidate:
     decides its predictions besides the code. seen: content hashes of the sequences that it was trained
     on or chosen by. training_frames: how many frames the former have, and training: how long it learned
     from them (steps, epochs, minutes, samples), where its checkpoint says so. clips: the clips of both
-    and who moves in them, see `TrainingData`.
+    and their subjects, see `TrainingData`.
     """
 
     name: str
@@ -55,7 +55,7 @@ def load_candidates(models: Sequence[str], body: Body) -> tuple[Candidate, ...]:
         if names.count(name) > 1:
             raise InputError(f"--model: two models are called {name!r}, rename one of the folders")
         if name == SIMULATION:
-            raise InputError(f"--model: no model can be called {SIMULATION!r}, rename the folder")
+            raise InputError(f"--model: a model cannot be called {SIMULATION!r}, rename the folder")
     return candidates
 
 
@@ -70,7 +70,7 @@ def assigned(
     for name, reasons in unsupported.items():
         if all(reasons.values()):
             why = "; ".join(dict.fromkeys(reasons.values()))
-            raise InputError(f"{data}: nothing to judge {name} on: {why}")
+            raise InputError(f"{data}: nothing to evaluate {name} on: {why}")
     return {name: tuple(c for c in candidates if not unsupported[c.name][name]) for name in outfits}
 
 

@@ -17,7 +17,7 @@ class Familiar:
 
     split: "train" if it was trained on it, "validation" if it was chosen by it. same: "sequence" if it was
     the simulation itself, "clip" if it was the motion (another garment or simulation, or poses of it),
-    "person" if it was other motion of who moves. subject: that person, "" where it is not known. clips:
+    "person" if it was other motion of the subject. subject: that person, "" if unknown. clips:
     those of the model that are meant.
     """
 
@@ -43,7 +43,7 @@ def familiarity(
 ) -> Familiar | None:
     """The gravest overlap of a window with a method's own data; None if none is known.
 
-    content: hash of the window's sequence. people: who moves, by clip, for models that do not say.
+    content: hash of the window's sequence. people: subjects, by clip, for models that do not name them.
     """
     known = content in candidate.seen
     if known and not any(window.clip in clips for clips in candidate.clips.values()):
@@ -74,7 +74,7 @@ def training_overlap(
 def cautions(results: Mapping[str, Any]) -> list[Caution]:
     """The warnings on the methods in metrics.json whose own data overlaps with the judged windows.
 
-    Windows that are judged to choose by (results["split"] validation) mislead nobody who chose by them.
+    Windows that are judged to choose by (results["split"] validation) are expected to be familiar.
     """
     found = []
     for name, method in results["methods"].items():

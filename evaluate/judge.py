@@ -64,9 +64,9 @@ class CaseScores:
 def judge(case: Case, candidate: Candidate) -> CaseScores:
     """Roll a method out from the first warm-up frame and score the scored frames.
 
-    Before contact, one that goes on from what contact left, or leaves something to contact, is rolled out
-    again without it: otherwise its predictions owe something to contact. The former is also rolled out from
-    the truth. Raises InputError if a prediction is not a finite number.
+    Before contact, one that continues from the corrected garments, or leaves something to contact, is rolled
+    out again without it: otherwise its predictions would depend on contact. The former is also rolled out
+    from the truth. Raises InputError if a prediction is not a finite number.
     """
     prepared = prepare_rollout(candidate.method, case.outfit)
     raw, resolved, times = _predicted(case, prepared)

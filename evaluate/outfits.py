@@ -43,7 +43,7 @@ def compare_outfits(
     """
     data, split = selection.data, selection.split
     if selection.files:
-        raise InputError(f"{data}: holds outfits of their own, which take no --garment")
+        raise InputError(f"{data}: contains random outfits, --garment is not allowed")
     found = load_outfit_sequences(data, (split,))
     cases = [
         outfit_case(data, sequence, selection.frames)

@@ -15,7 +15,7 @@ STAGE_SUFFIXES = ("_raw", "")
 """Suffixes of what is measured before and after contact."""
 
 SHORT = ("one_step_mm", "rollout_50_mm")
-"""Errors that only a method that uses_feedback what it observes has of its own."""
+"""Fields of errors that differ from whole rollouts only for methods that use feedback."""
 
 MEANS = (
     "vertex_mse_mm2",

@@ -24,7 +24,7 @@ def stability_scores(prepared: PreparedRollout, case: Case) -> dict[str, dict[st
 
     one_step_mm_raw, one_step_mm: before and after contact, the true garments having been observed after every
     frame before. rollout_50_mm_raw, rollout_50_mm: without contact and after it, in rollouts of SHORT_ROLLOUT
-    frames one behind the other. Each starts anew as the case does: it observes as many true garments as
+    frames one behind the other. Each starts again as the case does: it observes as many true garments as
     there are warm-up frames, then its own.
     """
     spans = [

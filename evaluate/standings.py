@@ -40,7 +40,7 @@ class Rank:
     """The mean distance from the simulation, before or after contact, over all actions.
 
     against: mean distance divided by that of the better baseline (LBS), None for a baseline or without one.
-    won, of: actions on which it is nearer to the simulation than the better baseline of that action.
+    won, of: actions on which its error is lower than that of the better baseline of that action.
     """
 
     mean_mm: float

@@ -22,14 +22,14 @@ from uvcloth.simulate.sequence import (
 )
 
 TRAINING_SPLITS = ("train", "validation")
-"""The splits of an index that training sees: what teaches, and what the network that is kept is chosen by."""
+"""The splits of an index that training sees: training, and validation, which chooses the network to keep."""
 
 
 @dataclass(frozen=True)
 class TrainingClip:
     """One clip with every garment that was simulated over it.
 
-    subject, split: who moves, and what for (train or validation), by the folder's index; "" without one.
+    subject, split: the captured person, and train or validation, by the folder's index; "" without one.
     body: that it was simulated on. transforms: (T, J, 3, 4). warm_up: leading frames that do not count.
     vertices: template -> (T, N, 3) m. rests: template -> (N, 3) m. files: folder/file -> content hash.
     """
@@ -138,12 +138,12 @@ def by_body(clips: List[TrainingClip]) -> list[tuple[Body, list[TrainingClip]]]:
 
 @dataclass(frozen=True)
 class Holdout:
-    """The choice of validation clips where the data has no index, and of the frames that teach."""
+    """The choice of validation clips where the data has no index, and of the training frames."""
 
     holdout: int = 8
     """Every n-th clip validates and is not trained on, if the data has no index.csv."""
     rest_frames: int = 15
-    """First frames of a training clip that do not teach, in which cloth comes down from the rest shape; the
+    """First frames of a training clip to leave out, in which cloth comes down from the rest shape; the
     warm-up after them does. In validation none of it counts."""
 
     def __post_init__(self) -> None:

@@ -234,7 +234,7 @@ def _train(training: Training, interrupted: Callable[[], bool]) -> None:
                 if not all(map(math.isfinite, values.values())):
                     raise InputError(
                         f"{training.run}: at step {done.step} the loss is no longer a number; "
-                        "lower --learning-rate and start anew"
+                        "lower --learning-rate and start again"
                     )
                 fabric.log_dict({f"loss/{key}": value for key, value in values.items()}, done.step)
                 losses = " ".join(f"{key} {value:.3f}" for key, value in values.items())

@@ -51,8 +51,8 @@ CONFIG = "config.json"
 class TrainingData:
     """The data that a model was made from.
 
-    files: name -> content hash, those that it was chosen by included. clips: "train" (what taught it) and
-    "validation" (what it was chosen by) -> name of a clip -> who moves in it, "" where that is not known.
+    files: name -> content hash, those of its validation included. clips: "train" (used in training) and
+    "validation" (used to choose) -> name of a clip -> its subject, "" if unknown.
     """
 
     files: dict[str, str] = field(default_factory=dict)
@@ -114,7 +114,7 @@ def load_checkpoint(folder: Path, body: Body | None = None) -> Checkpoint:
     if meta.get("version") != VERSION:
         raise InputError(
             f"{path}: a model of version {meta.get('version')!s:.40}, this program reads version {VERSION}; "
-            "train it anew"
+            "train it again"
         )
     require_kinds(meta, KINDS, f"{path}: the model's description")
     tensors, _ = load_tensors(folder / WEIGHTS)

@@ -26,7 +26,7 @@ LONGEST, TORN = 4.0, 0.01
 """A garment is torn when more than this share of its edges has more than so many times its rest length."""
 
 SHORT = 0.001
-"""Metres at rest below which an edge counts as that long: how far one in a seam is stretched nobody sees."""
+"""Metres at rest below which an edge counts as that long: stretch of short edges in seams is invisible."""
 
 DEEP = 0.01
 """Metres inside the body from which contact has left a vertex too deep."""
@@ -34,7 +34,7 @@ DEEP = 0.01
 MUCH_SQUEEZED = 0.05
 """A body runs through itself where its parts squeeze more than this share of the vertices."""
 
-JUMPED = "the motion jumps, and the garments start anew"
+JUMPED = "the motion jumps, and the garments start again"
 STRETCHED = f"an edge of a garment has more than {LONGEST:.0f} times its length"
 LEFT_INSIDE = f"cloth is left more than {1000 * DEEP:.0f} mm inside the body"
 SQUEEZED = f"the body runs through itself where more than {100 * MUCH_SQUEEZED:.0f} % of the cloth lies"
@@ -242,11 +242,11 @@ def rollout(
     does better (`Method.with_contact`), so that it may predict otherwise than without.
 
     truth: the garments, (N, 3) m each, that are fed back to an autoregressive method after each of the first
-    frames instead of its own. Contact goes on from what it moved itself, as always. Any other method takes no
-    notice. device: everything runs on it.
+    frames instead of its own. Contact continues from its last corrections, as always. Other methods
+    ignore it. device: everything runs on it.
 
     every: yield only every so-many-th frame; only these are predicted, unless the method is autoregressive,
-    and only these meet contact, unless the method goes on from what contact left.
+    and only these are corrected by contact, unless the method continues from the corrected garments.
     keep_going: a garment that is torn or not finite is that of linear blend skinning in its frame, which says
     so, and is fed back.
 
@@ -259,7 +259,7 @@ def rollout(
 
 
 def with_proxies(outfit: Outfit, method: Method) -> "ProxiedOutfit":
-    """Put proxies in the place of coarse garments, but for a method that knows these very meshes."""
+    """Replace coarse garments by proxies, except for a method that was trained on these meshes."""
     from uvcloth.garments.proxy import ProxiedOutfit
 
     proxied = ProxiedOutfit.of(outfit)
@@ -369,7 +369,7 @@ def _parts(
 
 
 class BrokenRolloutError(InputError):
-    """A prediction that nothing can go on from; the frames before it are good."""
+    """A prediction from which the rollout cannot continue; the frames before it are good."""
 
 
 class EdgeLimits:

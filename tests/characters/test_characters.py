@@ -98,7 +98,7 @@ def test_hair_is_only_seen_and_clothes_over_skin_go(body: Body, tmp_path: Path) 
     assert fates(keep=("N00_Tops_CLOTH",), drop=("Hair",)) == [[face, skin, shirt], [], [hair]]
     # Without skin beneath them clothes are what cloth lies on.
     assert fates(drop=("N00_Body_SKIN",)) == [[face, shirt], [hair], [skin]]
-    with pytest.raises(InputError, match=r"--keep Hare: no mesh .* did you mean Hair"):
+    with pytest.raises(InputError, match=r"--keep Hare: .* no mesh .* did you mean Hair"):
         fates(keep=("Hare",))
 
 
@@ -163,7 +163,7 @@ def test_characters_that_cannot_be_dressed_are_refused(body: Body, tmp_path: Pat
     legless = [Piece("Body", "skin", body.mesh.faces[~on_leg])]
     write_character(path, body, legless)
     with pytest.raises(
-        InputError, match=r"odd\.glb: .* of the thigh finds no place on the character's surface"
+        InputError, match=r"odd\.glb: .* of the thigh has no counterpart on the character's surface"
     ):
         body_from_character(path, body)
     with pytest.raises(InputError, match=r"odd\.fbx: expected a character as \.glb"):

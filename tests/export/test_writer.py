@@ -107,7 +107,7 @@ def test_bad_frames_are_refused(animation: Animation, tmp_path: Path) -> None:
 
 def test_a_garment_whose_file_windows_cannot_have_is_refused(animation: Animation, tmp_path: Path) -> None:
     with pytest.raises(
-        InputError, match=r"walk\.pc2: a file called 'walk-a\?\.pc2' cannot be on every system"
+        InputError, match=r"walk\.pc2: a file called 'walk-a\?\.pc2' cannot exist on every system"
     ):
         open_writer(tmp_path / "walk.pc2", [("a?", animation.meshes[0])], None, 30.0)
     assert not list(tmp_path.iterdir())
@@ -133,5 +133,5 @@ def test_an_npz_that_names_a_garment_twice_is_refused(animation: Animation, tmp_
         arrays = dict(archive)
     arrays["names"] = arrays["names"][[0, 0]]
     np.savez(tmp_path / "twice.npz", **arrays)
-    with pytest.raises(InputError, match=r"twice\.npz: names holds a garment twice"):
+    with pytest.raises(InputError, match=r"twice\.npz: names contains a garment twice"):
         load_animation(tmp_path / "twice.npz")

@@ -136,7 +136,7 @@ def test_an_array_twice_and_what_is_no_array_are_named(path: Path, tmp_path: Pat
         read_arrays(path, "noise")
     with zipfile.ZipFile(tmp_path / "b.npz", "w") as archive:
         archive.writestr("noise.npy", b"text")
-    with pytest.raises(InputError, match=r"b\.npz: noise is no array of numpy's"):
+    with pytest.raises(InputError, match=r"b\.npz: noise is not a numpy array"):
         read_arrays(tmp_path / "b.npz", "noise")
     assert read_arrays(tmp_path / "b.npz", "noise", ("faces",)) == {}
 

@@ -47,7 +47,7 @@ def test_what_is_no_code_of_the_numbers_is_refused() -> None:
     flipped = code.copy()
     flipped[len(code) // 2] ^= 16
     for wrong in (code[: len(code) // 2], flipped, code[:3], code[:0]):
-        with pytest.raises(ValueError, match="damaged or of other numbers"):
+        with pytest.raises(ValueError, match="damaged or belongs to other numbers"):
             decode(wrong, (6, 20, 3), 2)
     with pytest.raises(ValueError, match="too short for so many numbers"):
         decode(code, (100_000, 6000, 6), 2)

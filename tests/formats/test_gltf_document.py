@@ -222,7 +222,7 @@ def test_vertices_of_many_nodes_are_counted_before_they_are_made(tmp_path: Path)
 def test_nesting_ends_as_a_damaged_file(tmp_path: Path) -> None:
     path = tmp_path / "deep.gltf"
     path.write_text('{"asset": ' + 100_000 * "[" + 100_000 * "]" + "}")
-    with pytest.raises(InputError, match=r"deep\.gltf: not a whole glTF file"):
+    with pytest.raises(InputError, match=r"deep\.gltf: not a complete glTF file"):
         read_gltf(path)
 
 

@@ -132,7 +132,7 @@ def test_a_garment_that_cannot_be_unwrapped_is_named(suit, body, tmp_path, monke
         ("flat.obj", b"v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 2\n", "."),
         ("empty.ply", b"", "readable PLY"),
         ("cut.ply", b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n", "."),
-        ("noise.glb", b"glTF" + bytes(range(100)), "not a whole glTF file"),
+        ("noise.glb", b"glTF" + bytes(range(100)), "not a complete glTF file"),
         ("noise.stl", b"\x00" * 90, "."),
         ("shirt.fbx", b"", "'.fbx'"),
         ("shirt.pkl", b"", "'.pkl'"),

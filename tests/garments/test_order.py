@@ -49,7 +49,7 @@ def test_a_garment_is_worn_once() -> None:
 def test_a_few_crossed_vertices_are_let_through() -> None:
     shirt = sheet("shirt", 0.0)
     check_order([shirt, sheet("coat", 0.005, lowered=3)])
-    with pytest.raises(InputError, match=r"at rest it is under it in 5 % of the places"):
+    with pytest.raises(InputError, match=r"at rest it is below it in 5 % of the places"):
         check_order([shirt, sheet("coat", 0.005, lowered=20)])
 
 

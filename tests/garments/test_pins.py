@@ -60,8 +60,8 @@ def test_a_file_names_vertices_and_joins_the_others(dress: Garment, body: Body, 
     [
         ("1 two 3", "expected vertex numbers, .*'two'"),
         ("1.5", "expected vertex numbers, .*'1.5'"),
-        ("3 -1", "vertex -1 is none of the 3600 of dress"),
-        ("0 3600 4", "vertex 3600 is none of the 3600 of dress"),
+        ("3 -1", "vertex -1 is not one of the 3600 of dress"),
+        ("0 3600 4", "vertex 3600 is not one of the 3600 of dress"),
         ("99999999999999999999999", "expected vertex numbers"),
         ("", "names no vertex of dress"),
     ],
@@ -101,5 +101,5 @@ def test_a_place_that_one_garment_of_an_outfit_has_is_enough(body: Body, tmp_pat
     numbers.write_text(f"3 {len(trousers.mesh.vertices) + 5}")
     listed = pinned([trousers, shirt], body, [str(numbers)])
     assert torch.nonzero(listed).flatten().tolist() == [3, len(trousers.mesh.vertices) + 5]
-    with pytest.raises(InputError, match="is none of the 3600 of tops"):
+    with pytest.raises(InputError, match="is not one of the 3600 of tops"):
         pinned([shirt], body, [str(numbers)])

@@ -82,7 +82,7 @@ def test_a_character_in_other_axes_with_odd_names_walks(tmp_path: Path, body: Bo
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
-        (b"glTF\2\0\0\0\xff\xff\0\0", "not a whole glTF file"),
+        (b"glTF\2\0\0\0\xff\xff\0\0", "not a complete glTF file"),
         (b"{}", "has no asset"),
         (b'{"asset": {"version": "2.0"}}', "has no skin"),
         (b'{"asset": {"version": "2.0"}, "nodes": [{}], "skins": [{"joints": [0]}]}', "has no animation"),

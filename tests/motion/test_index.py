@@ -25,7 +25,7 @@ def table(folder: Path, rows: str, header: str = HEADER) -> Path:
         ("walk,a,test,walking,0,x\n", "the window of walk is not given in whole frames"),
         ("walk,a,test,walking,0,30\nwalk,a,test,walking,0,30\n", "two rows for the clip walk"),
         ("walk,a,extra,walking,0,30\n", "the split of walk is 'extra', expected train, validation, test or"),
-        ("walk,,test,walking,0,30\n", "does not say who moves in walk"),
+        ("walk,,test,walking,0,30\n", "does not name the person of walk"),
         ("walk,a\n", "the split of walk is '', expected train"),
     ],
 )
@@ -38,7 +38,7 @@ def test_an_index_says_what_is_wrong_with_it(tmp_path: Path, rows: str, words: s
 
 def test_an_index_without_persons_says_what_to_add(tmp_path: Path) -> None:
     old = table(tmp_path, "walk,test,walking,0,30\n", "trial,split,action,window_start,window_frames\n")
-    with pytest.raises(InputError, match=r"lacks the column subject; add one that says who moves"):
+    with pytest.raises(InputError, match=r"lacks the column subject; add one that names the captured person"):
         read_index(old)
     with pytest.raises(InputError, match=r"lacks the column action, window_start"):
         read_index(table(tmp_path, "", "trial,subject,split,window_frames\n"))
@@ -105,7 +105,7 @@ def test_a_clip_of_an_index_lies_in_the_folder_of_clips(tmp_path: Path) -> None:
             clip_file(read_index(index)["a"], tmp_path / "clips")
     for trial in ("../a", "clips/a", "*"):
         index.write_text(f"{HEADER}{trial},ann,train,walk,0,10\n")
-        with pytest.raises(InputError, match=r"index\.csv: the trial .* is no part of a file's name"):
+        with pytest.raises(InputError, match=r"index\.csv: the trial .* cannot be part of a file's name"):
             read_index(index)
     index.write_text(f"{HEADER}[ab],ann,train,walk,0,10\n")
     with pytest.raises(InputError, match=r"lacks the clip \[ab\]"):

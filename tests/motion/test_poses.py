@@ -73,9 +73,7 @@ def test_bodies_of_one_shape_have_one_hash() -> None:
 
 def test_poses_of_another_skeleton_are_refused(tmp_path: Path, poses: PoseDatabase, body: Body) -> None:
     save_poses(poses, tmp_path / "box.npz")
-    with pytest.raises(
-        InputError, match=r"box\.npz: the poses are of another skeleton than the body default"
-    ):
+    with pytest.raises(InputError, match=r"box\.npz: the poses have another skeleton than the body default"):
         load_poses(tmp_path / "box.npz", body)
 
 
@@ -83,7 +81,7 @@ def test_poses_of_another_skeleton_are_refused(tmp_path: Path, poses: PoseDataba
     ("name", "damage", "said"),
     [
         ("quaternions", lambda a: a * np.nan, "not a finite number"),
-        ("quaternions", lambda a: a * 0, "no unit quaternion"),
+        ("quaternions", lambda a: a * 0, "not a unit quaternion"),
         ("quaternions", lambda a: a[:, :1], "quaternions has the shape"),
         ("quaternions", lambda a: a[:0], "clips has the shape"),
         ("quaternions", lambda a: a[0, 0, 0], "quaternions has the shape"),

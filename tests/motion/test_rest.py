@@ -48,7 +48,7 @@ def test_a_named_frame_is_the_rest_pose_whatever_its_heading(walk: Clip, tmp_pat
     ("options", "sentence"),
     [
         (MotionOptions(rest_frame=45), "--rest-frame 45: the file has the frames 0 to 44"),
-        (MotionOptions(rest_frame=8), "--rest-frame 8: nobody stands upright in it"),
+        (MotionOptions(rest_frame=8), "--rest-frame 8: the person does not stand upright in it"),
         (MotionOptions(frames="50:60"), "--frames 50:60: expected A:B within the motion's 45 frames"),
         (MotionOptions(frames="7"), "--frames 7: expected A:B"),
     ],

@@ -68,7 +68,7 @@ def test_a_role_map_goes_before_names(tmp_path: Path) -> None:
         ("{", "not readable as JSON"),
         ("[]", "expected roles and joint names"),
         ('{"hips": 3}', "expected roles and joint names"),
-        ('{"left_knee": "a"}', "'left_knee' is no role; there are hips,"),
+        ('{"left_knee": "a"}', "'left_knee' is not a role; there are hips,"),
     ],
 )
 def test_role_maps_that_are_none_are_refused(tmp_path: Path, content: str, sentence: str) -> None:

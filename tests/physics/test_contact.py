@@ -141,7 +141,7 @@ def test_vertices_at_one_place_stay_together() -> None:
         torch.testing.assert_close(resolved[:, axis], highest[place], atol=1e-6, rtol=0)
 
 
-def test_a_limb_that_cloth_does_not_touch_leaves_it_in_peace() -> None:
+def test_a_limb_moves_only_cloth_that_may_touch_it() -> None:
     limbs = obstacle(ellipsoid(0.1, 0.1, 0.5), ellipsoid(0.5, 0.1, 0.1))
     vertices, faces = tube(0.105)
     resolved, contacts = limbs.resolve(vertices, dressed(vertices, faces, parts=1))

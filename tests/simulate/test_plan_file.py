@@ -179,8 +179,8 @@ def test_a_faulty_capture_is_named_in_its_folder(
         (WALK.replace("tops,,,", "tops,,4,"), "row 2: the member is '4', expected a whole number, 0 to 3"),
         (WALK.replace("train", "unused"), "row 2: the split is 'unused', expected train, validation, test"),
         (WALK.replace("tops", "tops+tops"), r"row 2: tops\+tops names a garment twice"),
-        (WALK.replace(",walk,", ",a/b,"), "row 2: the clip 'a/b' is no part of a file's name"),
-        (WALK.replace("tops,,", "tops,a/layered.npz,"), "row 2: data on a body called layered"),
+        (WALK.replace(",walk,", ",a/b,"), "row 2: the clip 'a/b' cannot be part of a file's name"),
+        (WALK.replace("tops,,", "tops,a/layered.npz,"), "row 2: data of a body called layered"),
         (WALK + WALK, r"row 3: makes walk_tops\.npz again, as row 2 does"),
         (
             WALK + WALK.replace("tops", "dress").replace("40,30", "41,30"),

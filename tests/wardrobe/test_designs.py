@@ -25,9 +25,9 @@ def test_a_design_is_read_back_from_its_numbers() -> None:
 @pytest.mark.parametrize(
     ("kind", "parameters", "sentence"),
     [
-        ("cape", SHORTS, "design: cape is no type of piece, expected one of tshirt"),
-        ("c" * 9999, SHORTS, f"design: {'c' * 40} is no type of piece"),
-        ("skirt", SHORTS, "design: the parameters of a skirt are those of skirt"),
+        ("cape", SHORTS, "design: cape is not a type of piece, expected one of tshirt"),
+        ("c" * 9999, SHORTS, f"design: {'c' * 40} is not a type of piece"),
+        ("skirt", SHORTS, "design: the parameters of skirt are those of skirt"),
         ("shorts", {"legs": {"drop": 0.02}}, "design: legs: expected the numbers drop, length, ease, flare"),
         (
             "shorts",

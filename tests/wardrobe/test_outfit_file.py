@@ -67,7 +67,7 @@ def test_an_outfit_is_read_as_it_is_written(tmp_path: Path) -> None:
         ({"vertex_range": [5, 2]}, "vertex_range is [5, 2], expected two numbers from 1"),
         ({"body": "../builtin.npz"}, "../builtin.npz is not read, it lies outside"),
         ({"body": "/etc/passwd"}, "/etc/passwd is not read, it lies outside"),
-        ({"fabric": {"name": "a", "parameters": {"colour": 1}}}, "'colour' is no number of a fabric"),
+        ({"fabric": {"name": "a", "parameters": {"colour": 1}}}, "'colour' is not a number of a fabric"),
         (
             {"fabric": {"name": "a", "parameters": {"density": 0}}},
             "the fabric's density is 0, expected 0.01 to 2",
@@ -99,7 +99,7 @@ def test_a_piece_that_is_missing_unknown_or_another_is_named(tmp_path: Path) -> 
     with pytest.raises(InputError, match="vertex 0 is not a finite number"):
         load_pieces(load_outfit_file(path))
     values["pieces"][0]["type"] = "cape"
-    with pytest.raises(InputError, match=r"o0001_shorts\.obj: cape is no type of piece"):
+    with pytest.raises(InputError, match=r"o0001_shorts\.obj: cape is not a type of piece"):
         load_outfit_file(write(tmp_path, values))
 
 

@@ -146,17 +146,17 @@ def test_faults_are_named() -> None:
     for vertices, faces, sentence in (
         (inside, mesh.faces, "tshirt: comes within -?[0-9.]+ mm of the skin, expected 3 mm"),
         (broken, mesh.faces, "tshirt: a vertex is not a finite number"),
-        (mesh.vertices, mesh.faces.flip(1), "tshirt: its faces are turned inward"),
+        (mesh.vertices, mesh.faces.flip(1), "tshirt: its faces point inward"),
         (
             torch.where(first, mesh.vertices[mesh.faces[0, 1]], mesh.vertices),
             mesh.faces,
             "a face has no area",
         ),
-        (mesh.vertices, turned, "two faces at an edge are turned against each other"),
+        (mesh.vertices, turned, "two faces at an edge have opposite orientations"),
         (
             mesh.vertices,
             mesh.faces[mesh.vertices[mesh.faces].mean(1)[:, 2].sub(0.5).abs() > 0.03],
-            "falls apart",
+            "consists of",
         ),
     ):
         with pytest.raises(InputError, match=sentence):

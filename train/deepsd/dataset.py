@@ -46,7 +46,7 @@ class OutfitFrames:
 
 @dataclass(frozen=True)
 class OutfitDataset:
-    """Outfits that teach and those that validate, all on bodies of one mesh and skeleton.
+    """Outfits of training and validation, all on bodies of one mesh and skeleton.
 
     data: the record of files and clips for the checkpoint. balanced: whether outfits are drawn alike, however
     many frames there are of each; if not, frames are.
@@ -110,7 +110,7 @@ class OutfitDataset:
 def read_outfits(folders: Sequence[Path], rest_frames: int, *, balanced: bool = False) -> OutfitDataset:
     """Read the training and validation outfits of some folders.
 
-    rest_frames: leading frames that do not teach; of those that validate the whole warm-up does not count.
+    rest_frames: first frames that training leaves out; validation leaves out the whole warm-up.
     balanced: as OutfitDataset has it. Raises InputError as `load_outfit_sequences` does, if a split has no
     outfit, for a person in two splits, and if bodies differ in mesh or skeleton.
     """

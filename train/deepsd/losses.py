@@ -27,7 +27,7 @@ class DataLosses:
     poses_per_outfit: int = 32
     """Poses that a step takes of each outfit it reads, the frame drawn and others at random (paper: 1)."""
     points: float = 0.33
-    """Share of an outfit's points that a step compares, drawn anew (paper: 1); the descriptor sees all."""
+    """Share of an outfit's points that a step compares, drawn each time (paper: 1)."""
     error: Literal["distance", "squared"] = "distance"
     """Compare points by their distance (the paper's program) or its square (paper, eq. 3)."""
     pose_dropout: float = 0.2
@@ -42,7 +42,7 @@ class DataLosses:
     mirror: bool = True
     """Learn from mirror images too, as outfits of their own (paper: no)."""
     rest_frames: int = 15
-    """First frames of a training clip that do not teach, in which cloth comes down from the rest shape; the
+    """First frames of a training clip to leave out, in which cloth comes down from the rest shape; the
     warm-up after them does. In validation none of it counts."""
 
     def __post_init__(self) -> None:
@@ -114,7 +114,7 @@ def _edge_change(posed: Tensor, graph: OutfitGraph, rows: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class PhysicsLosses:
-    """The energies that teach the branch chi, in joules of an outfit (paper eq. 4 to 6)."""
+    """The energies that train the branch chi, in joules of an outfit (paper eq. 4 to 6)."""
 
     edge: float = 15.0
     """N/m, resistance to stretch and compression (paper: 1; its program: 15)."""

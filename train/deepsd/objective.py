@@ -1,4 +1,4 @@
-"""The objective of DeePSD's first phase: outfits in motion teach all but the branch of physics."""
+"""The objective of DeePSD's first phase: trains all but the branch of physics on outfits in motion."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict

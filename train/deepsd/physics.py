@@ -1,4 +1,4 @@
-"""The objective of DeePSD's second phase: physics teaches the branch chi, all else stays (section 4.3)."""
+"""The objective of DeePSD's second phase: trains the branch chi on physics, all else stays (section 4.3)."""
 
 import copy
 from collections.abc import Iterator, Mapping, Sequence
@@ -26,7 +26,7 @@ from uvcloth.methods.method import require_supported
 from uvcloth.methods.registry import SHIPPED
 
 SHIPPED_MODEL = "shipped"
-"""The name of the DeePSD in the package, in the place of a run."""
+"""The name of the DeePSD in the package, instead of a run."""
 
 KEPT_POINTS = 1_000_000
 """Points whose descriptors are kept in memory, at most: about 2.2 GB."""
@@ -34,7 +34,7 @@ KEPT_POINTS = 1_000_000
 
 @dataclass(frozen=True)
 class TrainedStart:
-    """A trained method to go on from, what it was made from, and the notes of its checkpoint."""
+    """A trained method to continue from, what it was made from, and the notes of its checkpoint."""
 
     method: DeePSD
     data: TrainingData
@@ -60,7 +60,7 @@ class PhysicsObjective(DeePSDObjective):
         config = start.method.config
         if config.deformation == "none":
             raise InputError(
-                "--physics-only: a network without a deformation has nothing that physics trains"
+                "--physics-only: a network without a deformation has nothing to train on physics"
             )
         require_supported(start.method, dataset.training[0].outfit)
         super().__init__(config, replace(dataset, data=_joined(start.data, dataset.data)), device)
@@ -151,7 +151,7 @@ class PhysicsObjective(DeePSDObjective):
 
 
 def load_start(run: str) -> TrainedStart:
-    """The trained DeePSD of a run, or the one that ships, to go on from.
+    """The trained DeePSD of a run, or the one that ships, to continue from.
 
     Raises InputError if there is none, and if it is of another method.
     """

@@ -65,7 +65,7 @@ LOOPS: dict[str, LoopConfig] = {
 
 @dataclass(frozen=True)
 class DeePSDRun:
-    """Train DeePSD: outfits in motion teach it, then physics, which also fits it to one without data."""
+    """Train DeePSD on outfits in motion, then on physics; on physics alone for an outfit without data."""
 
     out: Path
     """Folder of the run: checkpoint, training state, TensorBoard."""
@@ -73,7 +73,7 @@ class DeePSDRun:
     """Folders of the outfits that `uvcloth simulate --outfits` moved, or in CLOTH3D's layout; in folders of
     other sequences each garment is an outfit."""
     physics_only: Annotated[str | None, tyro.conf.arg(metavar="RUN|shipped")] = None
-    """Go on from the network of this run: train the branch of physics alone, all else stays."""
+    """Continue from the network of this run: train the branch of physics alone, all else stays."""
     outfit: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")] = ()
     """Fit to these garments, the innermost first, in place of data, with --physics-only."""
     poses: Annotated[
@@ -106,10 +106,10 @@ class DeePSDRun:
             raise InputError("name either --data, or --outfit to fit to it without data")
         if self.outfit and self.physics_only is None:
             raise InputError(
-                "--outfit: is fitted to by physics alone, name a trained model, --physics-only RUN"
+                "--outfit: is trained on physics alone, name a trained model with --physics-only RUN"
             )
         if self.fabric is not None and not self.outfit:
-            raise InputError("--fabric: is that of --outfit, data name their own")
+            raise InputError("--fabric: needs --outfit; data contain their fabric")
         return fit(self._objective(), self.out, self.loop, resume=self.resume)
 
     def _objective(self) -> DeePSDObjective:

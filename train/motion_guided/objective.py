@@ -104,7 +104,7 @@ class ShapeObjective(Objective):
         lengths = dataset.edges(resting[len(rows) :]).norm(dim=2)
         wrong = posed - dataset.rows.vertices[rows]
         shape = wrong.abs().mean() + losses.laplacian * dataset.laplacian(wrong).abs().mean()
-        # From the start, they would teach the decoder to ignore its codes.
+        # From the start, they would train the decoder to ignore its codes.
         settled = (1.0 - shape.detach() / losses.settled).clamp(min=0.0)
         parts = {
             "shape": shape,
@@ -170,7 +170,7 @@ class DynamicsObjective(ShapeObjective):
 
     @property
     def samples(self) -> Tensor:
-        """Rows that the clip goes on from for as many frames as are unrolled."""
+        """First rows of clip parts that are as long as the unrolled frames."""
         rows, last = self.dataset.rows, self.losses.unroll - 1
         first = rows.samples[rows.samples + last < len(rows.starts)]
         return first[rows.starts[first + last] == rows.starts[first]]

@@ -64,9 +64,7 @@ class MotionGuidedRun:
     def train(self) -> dict[str, float]:
         """Train what is missing of both stages; returns the validation errors of the second."""
         if self.losses.past == "own" and self.loop.devices > 1:
-            raise InputError(
-                "--past own: what a network remembers is trained on one device, leave out --devices"
-            )
+            raise InputError("--past own: memory is trained on one device only, leave out --devices")
         first = self.out / SHAPE
         second_began = self.resume and has_begun(self.out)
         check_run(first, resume=self.resume)

@@ -68,7 +68,7 @@ class AttachmentConfig:
     """The pins: band (what holds each garment up), waist, neck, none, or a file of vertex numbers."""
     weights: Literal["auto", "closest", "smooth"] = "auto"
     """Blend weights of the closest body vertex (paper), or those smoothed over the garment; auto takes the
-    smooth ones where cloth hangs free of the body."""
+    smooth ones where cloth drapes freely."""
     train_weights: Literal["auto", "yes", "no"] = "auto"
     """Train the blend weights too; auto trains those of an outfit with a skirt (paper)."""
 

@@ -38,7 +38,7 @@ LOOPS: dict[str, LoopConfig] = {
 
 @dataclass(frozen=True)
 class PBNSRun:
-    """Train PBNS on a garment or an outfit: physics alone teaches, no sequence is needed."""
+    """Train PBNS on a garment or an outfit, on physics alone, without sequences."""
 
     garment: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")]
     """Templates (tops, bottoms, dress) or garment files, the innermost first."""
@@ -70,7 +70,7 @@ class PBNSRun:
         body = load_body(self.body)
         say = partial(Console(stderr=True).print, highlight=False, markup=False)
         outfit = Outfit(body, tuple(load_garment(name, body, say) for name in self.garment))
-        # To draw poses takes minutes: what cannot hang is refused before.
+        # To draw poses takes minutes: a garment without a hem to be held by is refused before.
         held_vertices(outfit, self.attachment)
         poses = poses_for(self.poses, body, self.out)
         objective = PBNSObjective(

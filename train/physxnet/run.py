@@ -45,9 +45,7 @@ class PhysXNetRun:
         """Train; returns the validation errors of the network kept."""
         check_run(self.out, resume=self.resume)
         if self.network.history and self.loop.devices > 1:
-            raise InputError(
-                "--history: what a network remembers is trained on one device, leave out --devices"
-            )
+            raise InputError("--history: memory is trained on one device only, leave out --devices")
         objective = PhysXNetObjective(self.network, self.losses, self.data, self.out, training_device())
         return fit(objective, self.out, self.loop, resume=self.resume)
 

@@ -82,7 +82,7 @@ class Proxy:
 
 @dataclass(frozen=True)
 class Appearance:
-    """Meshes of a character that are seen in the place of the surface that cloth meets, as one.
+    """Meshes of a character that are visible instead of the surface that cloth collides with, as one.
 
     mesh: U vertices at rest, metres. weights: (U, J) blend weights.
     """

@@ -1,9 +1,9 @@
 """Colliders: the body as closed parts, and the parts that each vertex of cloth may touch.
 
-Mocap pushes thighs into bellies and calves into thighs. Cloth between them belongs there: each part on its
-own says where its outside is, where one surface of the whole body would send it through a leg. `opened.py`
-gives it room there. Mocap also pushes forearms through bellies and hands through skirts, and what meets them
-there is dragged along: only the sleeves around them do.
+Mocap pushes thighs into bellies and calves into thighs. Cloth between them has to stay there: each closed
+part defines its outside, where a single surface of the whole body would push cloth through a leg. `opened.py`
+makes room for it. Mocap also pushes forearms through bellies and hands through skirts, which would drag cloth
+along: only sleeves touch forearms.
 """
 
 import math
@@ -23,7 +23,7 @@ from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import boundary_edges
 
 Parts = Sequence[tuple[tuple[str, ...], tuple[int, ...]]]
-"""Regions that move as one, and the sides that have them."""
+"""Regions that move together, and their sides."""
 
 COLLIDER_PARTS: Parts = (
     (("head",), (0,)),
@@ -47,13 +47,13 @@ PRESSED_PARTS = (
 """Pairs of parts that mocap presses into each other: arm, ribs; thigh, belly; both thighs; calf, thigh."""
 
 PART_SLACK = 0.03
-"""Metres by which a part may be farther than twice the nearest one and still lie beside a point at rest."""
+"""Metres by which a part may be farther than twice the closest one and still be next to a point at rest."""
 
 FREE_HANGING_DISTANCE = 0.04
-"""Metres from the body at rest from which on cloth hangs freely, as a skirt does, and meets both legs."""
+"""Metres from the body at rest beyond which cloth drapes freely, as a skirt does, and touches both legs."""
 
 CAP_HEIGHT = 0.7
-"""Height of the caps, in radii of the opening: a cut knee still is a knee, however deep cloth lies in it."""
+"""Height of the caps, in radii of the opening: high enough that a cut knee keeps its shape."""
 
 
 @dataclass(frozen=True)
@@ -95,9 +95,9 @@ class Collider:
     def touches(self, points: Tensor, body_vertices: Tensor) -> Tensor:
         """Mask of the parts that each point of a garment (N, 3) m at rest may touch: (parts, N) bool.
 
-        Cloth touches the parts that it lies beside, and a skirt the legs. In the armpit arm and torso both
-        count: contact opens them, so that cloth has room between. A forearm counts for its sleeve alone,
-        which is twice as far from trunk and legs: a wide skirt beside a hand is none.
+        Cloth touches the parts that it lies next to, and a skirt the legs. In the armpit it touches arm and
+        torso: contact opens them, so that cloth has room between. A forearm is touched by its sleeve alone,
+        which is at least twice as far from trunk and legs; a wide skirt next to a hand does not touch it.
         """
         vertices = self.vertices(body_vertices)
         distance = torch.stack([_nearest(points, vertices[part.unique()]) for part in self.parts])

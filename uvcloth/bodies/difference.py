@@ -52,7 +52,7 @@ def load_kept_body(path: Path) -> Body:
     shipped = body_arrays(load_body())
     data = check_fields(path, kept, FIELDS)
     if str(data["from"]) != _hash(shipped):
-        raise InputError(f"{path}: is the difference from another body than the one that ships here")
+        raise InputError(f"{path}: is a difference from another body than the one of this package")
     arrays: dict[str, np.ndarray] = {}
     # The vertices are expected to be those of the base, which has to be there before.
     for name in sorted(

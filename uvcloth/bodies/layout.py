@@ -169,7 +169,7 @@ def _rings(limb: np.ndarray, torso: np.ndarray, name: str) -> tuple[np.ndarray, 
     loops = boundary_loops(limb) if len(limb) else []
     joins = [bool(np.isin(loop, torso).any()) for loop in loops]
     if True not in joins or False not in joins:
-        raise InputError(f"{name}: this part of the body is no tube between the torso and a free end")
+        raise InputError(f"{name}: this part of the body is not a tube between the torso and a free end")
     return loops[joins.index(True)], loops[joins.index(False)]
 
 

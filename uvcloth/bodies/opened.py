@@ -1,7 +1,7 @@
 """Opened colliders: parts that mocap presses into each other are pushed apart, for contact only.
 
 Cloth between arm and ribs, thigh and belly, thigh and thigh, or calf and thigh needs room there. Where the
-skins of two such parts come nearer than GAP, each is pushed back by half of what is missing, and the skin
+skins of two such parts come closer than GAP, each is pushed back by half of what is missing, and the skin
 around follows. The body that is shown stays as it is.
 """
 
@@ -24,7 +24,7 @@ GAP = 0.012
 """Metres of room between two parts: for two layers of cloth that each keep some millimetres off the skin."""
 
 REST_MARGIN = 1e-4
-"""Metres by which parts may come nearer than at rest: rounding moves nothing there."""
+"""Metres by which parts may come closer than at rest, so that rounding moves nothing."""
 
 SLOPE = 0.75
 """Metres that a push changes for each metre along the skin, at most."""
@@ -123,7 +123,7 @@ def _close_together(rest: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 
 
 def _allowed(other: np.ndarray, graph: csr_array) -> np.ndarray:
-    """Longest push (C,) m of each vertex off another part (N,): the less, the nearer it is along the skin."""
+    """Longest push (C,) m of each vertex off another part (N,): the less, the closer it is along the skin."""
     ways = dijkstra(graph, indices=other, limit=LONGEST_PUSH / SLOPE, min_only=True)
     return np.minimum(SLOPE * ways, LONGEST_PUSH).astype(np.float32)
 

@@ -425,7 +425,7 @@ def _move_tips(corners: np.ndarray, plan: Plan, shift: np.ndarray) -> None:
 def thin_out(
     starts: np.ndarray, neighbours: np.ndarray, lengths: np.ndarray, order: np.ndarray, spacing: float
 ) -> np.ndarray:
-    """Choose vertices, the first in order (N,) first, that lie no nearer than spacing, m, along the skin.
+    """Choose vertices, the first in order (N,) first, that are at least spacing, m, apart along the skin.
 
     The edges of the skin are a graph in compressed rows. Returns of each vertex (C,) how far away, m, others
     were left out for it; -1 of those that are not chosen.

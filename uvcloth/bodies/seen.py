@@ -1,4 +1,4 @@
-"""The body as it is seen: of a character its own meshes, in the place of the surface that cloth meets."""
+"""The visible body: of a character its meshes, instead of the surface that cloth collides with."""
 
 from dataclasses import replace
 

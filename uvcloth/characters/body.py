@@ -163,7 +163,7 @@ def _refuse_unfit(body: Body, off: Tensor) -> None:
         placed = float((distance < FARTHEST * height).float().mean())
         if placed < LEAST_PLACED:
             raise InputError(
-                f"{100 * (1 - placed):.0f} % of the {region.replace('_', ' ')} finds no place on the "
+                f"{100 * (1 - placed):.0f} % of the {region.replace('_', ' ')} has no counterpart on the "
                 "character's surface: its proportions are too far from a person's, or a mesh is missing "
                 "there (--keep)"
             )

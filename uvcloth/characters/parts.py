@@ -85,7 +85,7 @@ def sort_parts(
     }
     if not chosen["surface"]:
         raise InputError(
-            f"no mesh of the character is left for cloth to lie on; name one with --keep: {_names(parts)}"
+            f"cloth has no mesh of the character to collide with; name one with --keep: {_names(parts)}"
         )
     return Sorted(chosen["surface"], chosen["seen"], chosen["left out"])
 
@@ -102,7 +102,7 @@ def _named(parts: Sequence[Part], names: Iterable[str], option: str) -> set[int]
         if not meant:
             near = get_close_matches(name, [part.name for part in parts], n=3, cutoff=0.4)
             hint = f"did you mean {near[0]}?" if near else f"there are {_names(parts)}"
-            raise InputError(f"{option} {name}: no mesh or material of the character is called so; {hint}")
+            raise InputError(f"{option} {name}: the character has no mesh or material of this name; {hint}")
         found |= meant
     return found
 

@@ -1,4 +1,4 @@
-"""Rigged characters in glTF 2.0 files (.glb, .gltf, .vrm): what hangs on their skeleton, in its bind pose."""
+"""Rigged characters in glTF 2.0 files (.glb, .gltf, .vrm): meshes bound to a skeleton, in its bind pose."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -60,13 +60,12 @@ def read_character(path: Path) -> Character:
     """
     if Path(path).suffix.lower() not in SUFFIXES:
         raise InputError(
-            f"{path}: expected a character as {', '.join(SUFFIXES)}; docs/characters.md says how to convert "
-            "others"
+            f"{path}: expected a character as {', '.join(SUFFIXES)}; see docs/characters.md to convert others"
         )
     file = read_gltf(path)
     skin = max(file.entries("skins"), key=lambda entry: len(entry["joints"]), default=None)
     if skin is None:
-        raise InputError(f"{file.path}: has no skin: its meshes hang on no skeleton, rig it first")
+        raise InputError(f"{file.path}: has no skin: its meshes are not bound to a skeleton, rig it first")
     rig = read_rig(file, skin)
     parts: list[Part] = []
     vertices = 0
@@ -77,7 +76,7 @@ def read_character(path: Path) -> Character:
             vertices += len(part.mesh.vertices)
             _require_room(file, vertices, len(rig.names))
     if not parts:
-        raise InputError(f"{file.path}: no mesh hangs on its skeleton")
+        raise InputError(f"{file.path}: no mesh is bound to its skeleton")
     heads = torch.from_numpy(rig.bind[:, :3, 3].astype(np.float32))
     return Character(file.path.stem, rig.names, rig.parents, heads, tuple(parts))
 

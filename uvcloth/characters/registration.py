@@ -1,6 +1,6 @@
 """Registration: our body's surface moved onto a character's, so that each vertex keeps its place on the body.
 
-Non-rigid closest points (Amberg et al. 2007, with displacements in the place of affine maps): in turn, each
+Non-rigid closest points (Amberg et al. 2007, with displacements instead of affine maps): in turn, each
 vertex looks for the closest point of the character that belongs to the same limb and faces the same way; then
 the displacements D minimize sum w |D - (closest - start)|^2 + stiffness |L D|^2 over the mesh, with L its
 Laplacian. The stiffness falls from turn to turn.
@@ -112,7 +112,7 @@ def match(surface: SkinnedSurface, target: SkinnedSurface, limbs: Tensor, reach:
 def lifted(surface: SkinnedSurface, points: Tensor, most: float) -> Tensor:
     """Vertices (V, 3) of a surface, lifted along its normals until points (P, 3) m are hardly above it.
 
-    most: metres by which a point above it counts; what is farther away hangs off the body.
+    most: metres by which a point above it counts; farther points are not on the body.
     """
     vertices = surface.vertices
     average = neighbour_average(surface.faces, len(vertices))

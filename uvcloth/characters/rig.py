@@ -75,7 +75,7 @@ def rig_character(
     if not HEIGHTS[0] <= metres <= HEIGHTS[1]:
         raise InputError(
             f"the character is {tall:.3g} units tall, {metres:.3g} m in {unit_name}, expected "
-            f"{HEIGHTS[0]} to {HEIGHTS[1]} m; say another unit with --unit, or scale it"
+            f"{HEIGHTS[0]} to {HEIGHTS[1]} m; give another unit with --unit, or scale it"
         )
     known_at = character.heads @ turn.T * SIZES[unit_name]
     ours = joint_roles(pattern.skeleton.names)

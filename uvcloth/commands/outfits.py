@@ -135,7 +135,7 @@ def _make_missing(settings: OutfitSettings) -> None:
                 progress.console.print(each.failed, soft_wrap=True)
             if not console.is_terminal and (done % 25 == 0 or done == len(todo)):
                 print(f"{done} of {len(todo)} outfits", flush=True)
-    print(f"{settings.out}: {len(jobs) - len(todo)} outfits were there, {len(todo)} were to be made")
+    print(f"{settings.out}: {len(jobs) - len(todo)} outfits were there, {len(todo)} were missing")
     if refused:
         print(f"{len(refused)} draws were refused and drawn again, the last: {refused[-1]}")
 
@@ -225,8 +225,8 @@ def _workers(jobs: int | None, work: int) -> Iterator[Callable[[Sequence[_Job]],
             pool.shutdown(wait=True, cancel_futures=True)
             if isinstance(error, BrokenProcessPool):
                 raise InputError(
-                    "a process that made outfits has ended; what is finished is kept, run the command again "
-                    "to go on"
+                    "a process that made outfits has ended; finished outfits are kept, run the command again "
+                    "to continue"
                 ) from error
             raise
 

@@ -10,7 +10,7 @@ from time import perf_counter
 from uvcloth.rollout import RolloutFrame
 
 INVISIBLE = 0.05
-"""Percent of the covered skin below which nobody sees that it shows."""
+"""Percent of the covered skin below which showing skin is invisible."""
 
 MOST_FILES = 12
 """Files that a summary lists one by one: an OBJ sequence is one for each frame."""

@@ -95,7 +95,7 @@ def load_animation(path: Path) -> Animation:
     data = check_fields(path, arrays, FIELDS)
     names = tuple(map(str, data["names"]))
     if len(set(names)) < len(names):
-        raise InputError(f"{path}: names holds a garment twice, expected each once")
+        raise InputError(f"{path}: names contains a garment twice, expected each once")
     garments = [_garment(path, arrays, name, len(data["transforms"])) for name in names]
     return Animation(
         names=names,

@@ -112,7 +112,7 @@ def rig_of(
     skeleton, and a number of shapes that there cannot be.
     """
     if clip and clip.skeleton.names != body.skeleton.names:
-        raise InputError(f"clip {clip.name}: it moves another skeleton than that of body {body.name!r}")
+        raise InputError(f"clip {clip.name}: its skeleton is not that of body {body.name!r}")
     if shapes is not None and not 1 <= shapes <= len(model.shapes):
         most = len(model.shapes)
         raise InputError(f"--shapes {shapes}: has to be from 1 to {most}, as many as the model has")
@@ -125,7 +125,7 @@ def rig_of(
     own = model.shapes
     code = own_shapes(own, known) if shapes is None else principal_shapes(own, training, known, shapes)
     if len(own) and not len(code):
-        raise InputError(f"model {model.name}: no pose that it knows moves any of its blend shapes")
+        raise InputError(f"model {model.name}: none of its training poses moves any of its blend shapes")
     rig = Rig(
         garments=_garments(model, code, code.weights(training)),
         skeleton=body.skeleton,

@@ -175,7 +175,7 @@ def _plain(values: np.ndarray, name: str) -> np.ndarray:
     if values.dtype.kind == "U":
         codes = values.view(np.uint32)
         if ((codes > 0x10FFFF) | ((codes >= 0xD800) & (codes <= 0xDFFF))).any():
-            raise InputError(f"{name} holds a text with a character that there is not")
+            raise InputError(f"{name} contains a text with an invalid character")
     return values
 
 
@@ -184,7 +184,7 @@ def _header(stream: IO[bytes], name: str) -> Header:
     start = stream.read(len(MAGIC) + 2)
     length_size = {1: 2, 2: 4, 3: 4}.get(start[-2] if len(start) == len(MAGIC) + 2 else 0)
     if not start.startswith(MAGIC) or length_size is None:
-        raise InputError(f"{name} is no array of numpy's")
+        raise InputError(f"{name} is not a numpy array")
     length = int.from_bytes(stream.read(length_size), "little")
     if length > MOST_HEADER:
         raise InputError(f"{name} has a header of {length} bytes, expected at most {MOST_HEADER}")

@@ -21,7 +21,7 @@ def write_png(path: Path, picture: np.ndarray) -> None:
         write_image(partial, picture, "uint8", ("R", "G", "B"))
         # A disk that is full for the last bytes of a PNG goes unnoticed by OpenImageIO.
         if partial.suffix.lower() == ".png" and not partial.read_bytes().endswith(END_OF_PNG):
-            raise OSError("the picture has no end")
+            raise OSError("the picture is incomplete")
 
 
 @contextmanager

@@ -18,7 +18,7 @@ NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL}
 """Errors of file systems without locks."""
 
 LOCKED = b"\n"
-"""Beginning of the file: the byte that is locked, which on Windows nobody else can read."""
+"""Beginning of the file: the byte that is locked, which on Windows no other process can read."""
 
 
 class HeldError(Exception):

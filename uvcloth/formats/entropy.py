@@ -88,7 +88,7 @@ def decode(code: np.ndarray, shape: tuple[int, int, int], stride: int) -> np.nda
     # A copy, as what comes from a file may not be writable, for which nothing is compiled.
     _run(values, stride, code[CHECKED:].copy(), False, (_ODDS, _LOGITS))
     if not np.array_equal(code[:CHECKED], _checksum(values)):
-        raise ValueError("code is damaged or of other numbers")
+        raise ValueError("code is damaged or belongs to other numbers")
     return values
 
 

@@ -197,7 +197,7 @@ def read_gltf(path: Path) -> Gltf:
         text, binary = _chunks(content) if content[:4] == MAGIC else (content, b"")
         document = json.loads(text)
     except (ValueError, struct.error, KeyError, RecursionError) as error:
-        raise InputError(f"{path}: not a whole glTF file") from error
+        raise InputError(f"{path}: not a complete glTF file") from error
     try:
         check_document(document)
         compressed = sorted(COMPRESSIONS.intersection(document.get("extensionsRequired", [])))

@@ -101,7 +101,9 @@ def _require_solid(file: Gltf, names: Sequence[str], transforms: np.ndarray) -> 
     solid &= np.abs(transforms).max(axis=(1, 2)) <= LARGEST
     broken = np.flatnonzero(~solid)
     if len(broken):
-        raise InputError(f"{file.path}: the bind pose of joint {names[broken[0]]} is no movement of a body")
+        raise InputError(
+            f"{file.path}: the bind pose of joint {names[broken[0]]} is not a rotation and translation"
+        )
 
 
 def chain(node: int, above: dict[int, int]) -> list[int]:

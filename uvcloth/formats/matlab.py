@@ -70,7 +70,7 @@ def _arrays(content: memoryview, order: str) -> Iterator[memoryview]:
             unpacked = stream.decompress(stored[1], room + 1)
             room -= len(unpacked)
             if not stream.eof or room < 0:
-                raise ValueError("an array is not whole, or unpacks to too much")
+                raise ValueError("an array is incomplete, or unpacks to too much")
             element = _next(_elements(memoryview(unpacked), order))
         if element[0] == MATRIX:
             yield element[1]
@@ -88,7 +88,7 @@ def _elements(content: memoryview, order: str) -> Iterator[tuple[int, memoryview
             start, after = place + 4, place + 8
         end = start + size
         if end > len(content) or (start < place + 8 and size > 4):
-            raise ValueError("an element reaches beyond what holds it")
+            raise ValueError("an element reaches beyond its container")
         yield kind, content[start:end]
         place = after if kind == COMPRESSED else after + -after % 8
 
@@ -143,7 +143,7 @@ def _unique(items: Any) -> dict[str, Value]:
     found: dict[str, Value] = {}
     for name, value in items:
         if not name.isidentifier() or name in found:
-            raise ValueError(f"the name {name[:40]!r}, none of a variable or there twice")
+            raise ValueError(f"the name {name[:40]!r}, not a variable's name, or there twice")
         found[name] = value
     return found
 

@@ -97,7 +97,7 @@ def load_moving(path: Path, format: str, expected: str, fields: Mapping[str, Fie
 
 
 def _parents(faces: np.ndarray, count: int) -> np.ndarray:
-    """A neighbour of each of `count` points nearer to the first of its piece of the mesh, or `count`."""
+    """A neighbour of each of `count` points closer to the first of its piece of the mesh, or `count`."""
     start, end = (np.concatenate([faces[:, i] for i in corners]) for corners in ((0, 1, 2), (1, 2, 0)))
     graph = coo_array((np.ones(len(start)), (start, end)), shape=(count, count))
     labels = connected_components(graph, directed=False)[1]

@@ -209,7 +209,7 @@ class _Reader(pickle._Unpickler):
         found = ALLOWED.get(f"{module}.{name}")
         if found is None:
             raise InputError(
-                f"the pickle asks for {module}.{name}, which no SMPL file needs; nothing of it was executed"
+                f"the pickle asks for {module}.{name}, which no SMPL file needs; nothing was executed"
             )
         return found
 

@@ -35,7 +35,7 @@ TEMPLATE_MASS = {
 """Mass of the templates' bands, as a multiple of what their area weighs."""
 
 WAIST_SHARE, SHOULDER_SHARE = 0.85, 0.3
-"""Mass of any other band over that of what hangs from it; shoulders carry most of what lies on them."""
+"""Mass of any other band over the mass below it; shoulders carry most of the rest."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Band:
 
 
 def holding_band(garment: Garment, body: Body) -> Band:
-    """The band of a garment, which a simulation attaches to the body; each separate piece hangs by its own.
+    """The band of a garment, which a simulation attaches to the body; each separate piece is held by its own.
 
     Raises InputError for a piece without an open hem at its top.
     """
@@ -84,7 +84,7 @@ def _top_hem(name: str, vertices: Tensor, faces: Tensor) -> Tensor:
     below = float(heights[faces.unique()].max() - heights[top].max()) if top is not None else np.inf
     if top is None or below > BELOW_TOP:
         found = "no open hem" if top is None else f"no open hem within {BELOW_TOP:.2f} m of its top"
-        raise InputError(f"garment {name}: a piece of it has {found} to hang by, it cannot be simulated")
+        raise InputError(f"garment {name}: a piece of it has {found} to be held by, it cannot be simulated")
     return top[heights[top] > heights[top].max() - DROP]
 
 

@@ -178,16 +178,16 @@ def _no_garment(found: Measures, welded: Tensor) -> str:
 def _misplaced(found: Measures, mesh: Mesh, surface: BodySurface) -> str:
     """Sentence that says how a garment lies wrongly, "" if it lies as clothes lie."""
     if found.around_head > LEAST_AROUND:
-        return "the garment is pulled over the head, expected one modelled on the body's rest pose"
+        return "the garment is over the head, expected one modelled on the body's rest pose"
     if found.deep > MOST_DEEP or found.along < LEAST_ALONG:
         return (
             f"the garment {_turned(mesh, surface) or 'does not lie on the body as clothes lie'}: "
             f"{100 * found.deep:.0f} % of it is more than {1000 * DEEP:.0f} mm inside the body, "
-            f"{100 * (1 - found.along):.0f} % stands across the skin; expected one modelled on this "
+            f"{100 * (1 - found.along):.0f} % crosses the skin; expected one modelled on this "
             "body's rest pose"
         )
     if found.around < LEAST_AROUND:
-        return "the garment goes around no part of the body, so that nothing holds it"
+        return "the garment goes around no part of the body, so nothing holds it"
     return ""
 
 

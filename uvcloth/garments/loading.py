@@ -14,7 +14,7 @@ from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.physics.fabric import FABRICS, JERSEY
 
 AUTO = "auto"
-"""In the place of a template: the one that a garment covers best."""
+"""Instead of a template's name: the template that a garment covers best."""
 
 
 def load_garment(name: str, body: Body, report: Callable[[str], None] = lambda line: None) -> Garment:

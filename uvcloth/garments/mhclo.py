@@ -85,8 +85,8 @@ def fit_clothes(path: Path, body: Body) -> tuple[Mesh, Binding]:
     """
     if body.base is None:
         raise InputError(
-            f"{path}: body {body.name} does not hold the base mesh that these clothes are bound to, make it "
-            "again with `uvcloth body`"
+            f"{path}: body {body.name} does not contain the base mesh that these clothes are bound to, make "
+            "it again with `uvcloth body`"
         )
     binding = read_binding(path)
     mesh = read_mesh(binding.obj)

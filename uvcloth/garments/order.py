@@ -22,5 +22,5 @@ def check_order(garments: Sequence[Garment]) -> None:
             if crossed > MAX_WRONG_SIDE_PERCENT:
                 raise InputError(
                     f"garment {over.name}: cannot be worn over the garment {under.name}, at rest it is "
-                    f"under it in {crossed:.0f} % of the places where they meet"
+                    f"below it in {crossed:.0f} % of the places where they meet"
                 )

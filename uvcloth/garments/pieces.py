@@ -17,7 +17,7 @@ LEAST_SHARE = 0.08
 
 
 def split(name: str, mesh: Mesh, body: Body, template: str | None) -> tuple[Garment, ...]:
-    """Garments of a mesh that lies on a body, the innermost first; one if its pieces hang together.
+    """Garments of a mesh that lies on a body, the innermost first; one if its pieces are connected.
 
     A garment keeps the order of its vertices, and is called NAME_TEMPLATE where there are several. template:
     of all of them, None for each its own, as `make_fitted` takes it.

@@ -63,5 +63,5 @@ def _listed(path: Path, count: int, outfit: str) -> Tensor:
         raise InputError(f"{path}: expected vertex numbers, {str(error)[:80]!r}") from error
     if len(numbers) and not 0 <= numbers.min() <= numbers.max() < count:
         wrong = int(numbers[(numbers < 0) | (numbers >= count)][0])
-        raise InputError(f"{path}: vertex {wrong} is none of the {count} of {outfit}")
+        raise InputError(f"{path}: vertex {wrong} is not one of the {count} of {outfit}")
     return torch.zeros(count, dtype=torch.bool).index_fill(0, torch.from_numpy(numbers), True)

@@ -56,7 +56,7 @@ def arms_held(body: Body, pose: str) -> Tensor:
     """
     skeleton = body.skeleton
     if not _has_arms(body):
-        raise InputError(f"--garment-pose {pose}: body {body.name!r} has no arms that are known by name")
+        raise InputError(f"--garment-pose {pose}: body {body.name!r} has no arms that are recognized by name")
     roles = assign_roles(skeleton.names, {})
     angle = math.radians(POSES[pose])
     own: dict[int, Tensor] = {}

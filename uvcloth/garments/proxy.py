@@ -66,7 +66,7 @@ class ProxiedOutfit:
     def hides(self, shown: Body) -> list[Tensor]:
         """Vertices (K,) of the body that the files of garments say they hide.
 
-        None of a character's own meshes, which are shown in the place of the body that they were fitted to.
+        None of a character's meshes, which are shown instead of the fitted body.
         """
         if shown is not self.outfit.body:
             return []

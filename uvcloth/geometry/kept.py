@@ -1,4 +1,4 @@
-"""Results that are kept for a rerun: npz files that are taken back only as they were written."""
+"""Results kept for a rerun: npz files with a hash, which are refused if they were changed."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -24,9 +24,11 @@ def kept_arrays(path: Path, format: str, expected: str) -> dict[str, np.ndarray]
 
     Raises InputError as `load_arrays` does, and if any of them has changed since.
     """
-    arrays = load_arrays(path, format, f"{expected}; delete the file to make it anew")
+    arrays = load_arrays(path, format, f"{expected}; delete the file to make it again")
     if str(arrays.pop(CONTENT, "")) != _content(arrays):
-        raise InputError(f"{path}: is not as it was written, expected {expected}; delete it to make it anew")
+        raise InputError(
+            f"{path}: was changed after it was written, expected {expected}; delete it to make it again"
+        )
     return arrays
 
 

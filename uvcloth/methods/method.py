@@ -134,7 +134,7 @@ def require_fabric_read(method: Method, fabric: str | None) -> None:
     """Raise InputError where a fabric was asked for, by name, that a method does not look at."""
     if fabric is not None and not method.reads_fabric():
         raise InputError(
-            f"--fabric {fabric}: model {method.name} dresses in the one fabric that taught it, leave it out"
+            f"--fabric {fabric}: model {method.name} knows only the fabric of its training, leave it out"
         )
 
 

@@ -54,7 +54,7 @@ def read_bvh(path: Path) -> Clip:
     lines = _lines(path)
     motion = next((i for i, line in enumerate(lines) if line.strip().upper() == "MOTION"), None)
     if motion is None:
-        raise InputError(f"{path}: not a whole BVH file, it has no MOTION section")
+        raise InputError(f"{path}: not a complete BVH file, it has no MOTION section")
     hierarchy = _parse_hierarchy(path, lines[:motion])
     values, fps = _parse_motion(path, lines, motion, hierarchy)
     positions = _positions(path, hierarchy, values)
@@ -109,7 +109,7 @@ def _parse_hierarchy(path: Path, lines: list[str]) -> _Hierarchy:
 def _parse_line(hierarchy: _Hierarchy, open_blocks: list[int], keyword: str, rest: list[str]) -> None:
     """Add one line to the hierarchy; `open_blocks` is the stack of open joints, END_SITE for an end site."""
     if END_SITE in open_blocks[-1:] and keyword in ("ROOT", "JOINT", "CHANNELS"):
-        raise ValueError("an end site holds nothing but its offset")
+        raise ValueError("an end site contains only its offset")
     if keyword in ("ROOT", "JOINT"):
         hierarchy.parents.append(open_blocks[-1] if open_blocks else -1)
         open_blocks.append(len(hierarchy.names))

@@ -19,7 +19,7 @@ STANDSTILL_DEGREES = 1e-3
 """Degrees within which a joint stands still: far below the noise of a captured joint."""
 
 WITHOUT_CLOTH = ("hand", "fingers", "toes")
-"""Joints that no garment hangs on, whose captures flip most."""
+"""Joints without garments, whose captures flip most."""
 
 
 def find_jump(clip: Clip, first: int = 0) -> str | None:

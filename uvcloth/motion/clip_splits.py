@@ -21,8 +21,8 @@ AMASS = ("*_poses.npz", "*_stageii.npz")
 class Source:
     """A clip to draw poses from.
 
-    file: a path or the name of a built-in clip. split: train, validation or test. subject: who moves, ""
-    where it is not known.
+    file: a path or the name of a built-in clip. split: train, validation or test. subject: the captured
+    person, "" if unknown.
     """
 
     name: str

@@ -42,7 +42,7 @@ def read_gltf_motion(path: Path) -> Clip:
     above = file.above
     skin = max(file.entries("skins"), key=lambda entry: len(entry["joints"]), default=None)
     if skin is None:
-        raise InputError(f"{file.path}: has no skin, so no skeleton whose motion could be taken")
+        raise InputError(f"{file.path}: has no skin, and therefore no skeleton to move")
     rig = read_rig(file, skin)
     moved = set(skin["joints"])
     for joint in skin["joints"]:
@@ -75,8 +75,8 @@ def _hierarchy(file: Gltf, rig: Rig, world: dict[int, np.ndarray], fps: float) -
     if len(bad):
         frame, joint = bad[0]
         raise InputError(
-            f"{file.path}: frame {frame}, joint {rig.names[joint]}: no movement of a body, or beyond "
-            f"{LARGEST:g}"
+            f"{file.path}: frame {frame}, joint {rig.names[joint]}: not a rotation and translation, or "
+            f"beyond {LARGEST:g}"
         )
     heads = rig.bind[:, :3, 3]
     rotations, positions, offsets = turned.copy(), moved[..., :3, 3].copy(), heads.copy()
@@ -120,8 +120,8 @@ def _times(file: Gltf, animation: dict[str, Any], nodes: int) -> tuple[np.ndarra
     held = sum(file.held(output) for output in outputs)
     if frames * nodes > SPARSEST * held + MOST_OF_FEW:
         raise InputError(
-            f"{file.path}: the animation has {len(keys)} keys in {keys[-1] - keys[0]:.0f} s, too few to tell "
-            "how somebody moves"
+            f"{file.path}: the animation has {len(keys)} keys in {keys[-1] - keys[0]:.0f} s, too few for "
+            "a motion"
         )
     return keys[0] + np.arange(frames) / fps, fps
 

@@ -32,7 +32,7 @@ MOST_FRAMES = 100_000_000
 class Entry:
     """One window of a clip.
 
-    subject: the person who moves. split: one of SPLITS, or UNUSED. start, frames: at 30 frames per second.
+    subject: the captured person. split: one of SPLITS, or UNUSED. start, frames: at 30 frames per second.
     file: the clip's file, relative to a folder of clips; "" where the index does not say.
     """
 
@@ -110,7 +110,7 @@ def _require_columns(path: Path, columns: Iterable[str]) -> None:
     missing = [column for column in COLUMNS if column not in columns]
     if "subject" in missing:
         raise InputError(
-            f"{path}: lacks the column subject; add one that says who moves in each clip, "
+            f"{path}: lacks the column subject; add one that names the captured person, "
             f"so that nobody is in two of {', '.join(SPLITS)}"
         )
     if missing:
@@ -120,12 +120,12 @@ def _require_columns(path: Path, columns: Iterable[str]) -> None:
 def _entry(path: Path, row: dict[str, str]) -> Entry:
     clip = row["trial"]
     if not is_file_name(clip):
-        raise InputError(f"{path}: the trial {clip!r:.40} is no part of a file's name")
+        raise InputError(f"{path}: the trial {clip!r:.40} cannot be part of a file's name")
     for column in ("subject", "action", "file"):
         if not row.get(column, "").isprintable() or len(row.get(column, "")) > LONGEST:
-            raise InputError(f"{path}: the {column} of {clip} is no printable text of {LONGEST} at most")
+            raise InputError(f"{path}: the {column} of {clip} is not printable text of {LONGEST} at most")
     if not row["subject"]:
-        raise InputError(f"{path}: does not say who moves in {clip} (column subject)")
+        raise InputError(f"{path}: does not name the person of {clip} (column subject)")
     if row["split"] not in (*SPLITS, UNUSED):
         raise InputError(
             f"{path}: the split of {clip} is {row['split']!r:.40}, expected {', '.join(SPLITS)} or {UNUSED}"

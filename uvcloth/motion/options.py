@@ -1,4 +1,4 @@
-"""Options of commands that take a motion: how its file is read, and what of it is wanted."""
+"""Options of commands that take a motion: how its file is read, and which part of it is used."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,25 +11,25 @@ from uvcloth.errors import InputError
 
 @dataclass(frozen=True)
 class MotionOptions:
-    """Reading of a motion file, and the part of it that is wanted."""
+    """Reading of a motion file, and the part of it to use."""
 
     up: Annotated[
         Literal["y", "z"] | None, arg(metavar="y|z", help_behavior_hint="(default: as the person stands)")
     ] = None
-    """The axis of the file that points up; who lies all the time is taken at its word."""
+    """Axis of the file that points up. With it, the check that the person stands is left out."""
     joints: Annotated[Path | None, arg(metavar="JSON", help_behavior_hint="(default: by their names)")] = None
-    """Which joint plays which role, {"hips": "Pelvis", ...}; `uvcloth motion FILE` lists the roles."""
+    """Roles of joints, {"hips": "Pelvis", ...}; `uvcloth motion FILE` lists the roles."""
     rest_frame: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: found)")] = None
-    """The frame of the file, from 0, in which the person stands straight, arms anywhere to the sides."""
+    """Frame of the file, from 0, in which the person stands straight, arms anywhere to the sides."""
     fps: Annotated[float, arg(metavar="N")] = 30.0
-    """Frames per second that the motion is brought to, 1 to 1000."""
+    """Frames per second to resample the motion to, 1 to 1000."""
     frames: Annotated[str | None, arg(metavar="A:B", help_behavior_hint="(default: all)")] = None
     """Frames A to B - 1 of the motion at that rate."""
     in_place: bool = False
-    """The hips stay over one spot."""
+    """Keep the hips over one point of the floor."""
 
     def window(self, length: int) -> tuple[int, int]:
-        """First frame and number of frames that are wanted of `length`. Raises InputError for others."""
+        """First frame and number of frames to use, of `length`. Raises InputError if there are none."""
         if self.frames is None:
             return 0, length
         first, colon, end = self.frames.partition(":")

@@ -46,7 +46,7 @@ class PoseDatabase:
     """M poses of a skeleton of J joints (PBNS section 4.3).
 
     joints: names. rotations: (M, J, 3, 3) float32 world rotations relative to rest. clip_names: the clips
-    that they come from. subjects: who moves in each of those, "" where it is not known. clips: (M,) int64
+    that they come from. subjects: the captured person of each of those, "" if unknown. clips: (M,) int64
     index of the clip. frames: (M,) int64 frame of it at 30 frames per second. mirrored: (M,) bool, left and
     right swapped. splits: (M,) int64 indices into SPLITS. donors: (M, DONORS) int64 the poses of the file
     whose legs, trunk, left and right arm a recombined one has (clip, frame and mirrored are those of the
@@ -79,7 +79,7 @@ class PoseDatabase:
         return self.select(torch.nonzero(self.splits == SPLITS.index(split)).squeeze(1))
 
     def clips_of(self, split: str) -> dict[str, str]:
-        """Clips of the poses of a split, and the person who moves in each."""
+        """Clips of the poses of a split, and the subject of each."""
         clips = self.of(split).clips.unique().tolist()
         return {self.clip_names[clip]: self.subjects[clip] for clip in clips}
 
@@ -134,14 +134,14 @@ def load_poses(path: Path, body: Body) -> PoseDatabase:
     joints = tuple(map(str, data["joint_names"]))
     if joints != body.skeleton.names:
         raise InputError(
-            f"{path}: the poses are of another skeleton than the body {body.name} "
+            f"{path}: the poses have another skeleton than the body {body.name} "
             f"({len(joints)} joints {', '.join(joints[:3])}, ...)"
         )
     if not len(data["quaternions"]):
         raise InputError(f"{path}: holds no poses")
     quaternions = torch.from_numpy(data["quaternions"])
     if not are_unit(quaternions):
-        raise InputError(f"{path}: a rotation of the poses is no unit quaternion")
+        raise InputError(f"{path}: a rotation of the poses is not a unit quaternion")
     return PoseDatabase(
         joints=joints,
         rotations=from_quaternions(quaternions.double()).float(),

@@ -25,7 +25,7 @@ FRAMES_LOOKED_AT = 500
 """Most frames that an estimate is made of, evenly over the clip."""
 
 UPRIGHT = 0.7
-"""Cosine between an axis and the line from feet to shoulders of somebody who stands along it."""
+"""Cosine between an axis and the line from feet to shoulders of a person who stands along it."""
 
 FLOOR_SHARE = 0.3
 """Height of the lowest foot, over the length of a leg, that is still on the floor."""
@@ -62,8 +62,8 @@ def find_rest(
 
     The pose is that of a named frame; else the zero pose, if it stands; else estimated from the motion, with
     bones that point like the body's. up: "y" or "z", the axis that the motion stands along, by default that
-    of most frames. Raises InputError if there is no such frame, if nobody stands in it, and if no axis can be
-    told.
+    of most frames. Raises InputError if there is no such frame, if the person does not stand in it, and if no
+    axis can be determined.
     """
     looked_at = torch.linspace(0, len(clip) - 1, min(len(clip), FRAMES_LOOKED_AT)).round().long().unique()
     thinned = replace(clip, rotations=clip.rotations[looked_at], translation=clip.translation[looked_at])
@@ -139,7 +139,8 @@ def _from_frame(clip: Clip, roles: Roles, frame: int) -> Rest:
     up = standing_axis(pose.heads, roles)
     if up is None:
         raise InputError(
-            f"--rest-frame {frame}: nobody stands upright in it (legs straight down, hands not crossed)"
+            f"--rest-frame {frame}: the person does not stand upright in it (legs straight down, hands not "
+            "crossed)"
         )
     across = pose.heads[roles["left_thigh"]] - pose.heads[roles["right_thigh"]]
     level = unit(across - (across @ up) * up)
@@ -160,8 +161,8 @@ def _motion_axis(positions: Tensor, roles: Roles) -> Tensor:
     best = int(shares.argmax())
     if float(shares[best]) <= 0.5:
         raise InputError(
-            "the person stands along no axis in most of the frames, and the zero pose is no standing one: "
-            "say which axis is up with --up y or --up z, or name a frame of standing with --rest-frame"
+            "the person stands along no axis in most of the frames, and the zero pose does not stand: "
+            "give the up axis with --up y or --up z, or name a standing frame with --rest-frame"
         )
     return torch.cat([torch.eye(3), -torch.eye(3)])[best]
 
@@ -250,7 +251,7 @@ def _degrees(first: Tensor, second: Tensor) -> float:
 
 
 def _straight_legs(body: Body, roles: Roles) -> Tensor:
-    """Joints of the body at rest (J, 3) with legs that hang straight down, seen from the front."""
+    """Joints of the body at rest (J, 3) with legs that point straight down, seen from the front."""
     heads = body.skeleton.heads.clone()
     for side in ("left", "right"):
         thigh = roles[f"{side}_thigh"]

@@ -168,8 +168,8 @@ def body_axes(heads: Tensor, roles: Mapping[str, int]) -> Tensor:
 def _relative_to_t_pose(clip: Clip, roles: Mapping[str, int]) -> tuple[Tensor, dict[str, Tensor]]:
     """Rotations (T, J, 3, 3) relative to the T-pose, and the T-pose directions of the limb bones.
 
-    The all-zero pose of many capture skeletons splays the legs: the T-pose turns each thigh, and what hangs
-    on it, about the front axis until the shin hangs straight down.
+    The all-zero pose of many capture skeletons splays the legs: the T-pose turns each thigh, and all below
+    it, about the front axis until the shin points straight down.
     """
     heads = clip.skeleton.heads
     t_pose = torch.eye(3).to(heads).repeat(len(heads), 1, 1)

@@ -121,7 +121,7 @@ def read_role_map(path: Path) -> dict[str, str]:
         raise InputError(f"{path}: expected {expected}")
     for role in content:
         if role not in ROLES:
-            raise InputError(f"{path}: {role!r:.40} is no role; there are {', '.join(ROLES)}")
+            raise InputError(f"{path}: {role!r:.40} is not a role; there are {', '.join(ROLES)}")
     return content
 
 

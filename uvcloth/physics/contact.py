@@ -3,12 +3,12 @@
 A frame starts from the corrections of the one before, so that folds last and few passes suffice.
 
 Mocap presses arms into ribs and thighs into bellies: such parts are opened first. A vertex touches only
-the parts of the body that it lies beside at rest, as in the simulations; other parts do not act on it. Where
-two of its own parts still leave no room for it, pushing leads nowhere: it is left where the edges have it and
+the parts of the body that it lies next to at rest, as in the simulations; other parts do not act on it. A
+vertex between two parts without room cannot be pushed out of both: it stays where the edges put it and is
 counted as squeezed.
 
-A garment over others stays on their outer side wherever they cover it. Vertices on their inner side at rest,
-as those of a shirt that is tucked in, and these garments do not act on each other.
+A garment over others stays on their outer side wherever it covers them. Vertices that are on their inner side
+at rest, as those of a tucked-in shirt, are not moved by these garments.
 """
 
 import math
@@ -30,7 +30,7 @@ SKIN_CLEARANCE = 0.004
 """Metres that contact keeps between cloth and skin, so that the faces between vertices clear it too."""
 
 FINAL_CLEARANCE = 0.0005
-"""Metres that cloth keeps in the end, where the edges pull it nearer."""
+"""Metres that cloth keeps at the end, where edges pull it closer."""
 
 LAYER_CLEARANCE = 0.004
 """Metres that contact keeps between one garment and the next."""
@@ -42,19 +42,19 @@ WARM_START_SHARE = 0.7
 """Share of a frame's correction of a vertex that the next frame starts from."""
 
 MAX_WARM_START = 0.04
-"""Most metres that a frame starts from: cloth caught on the wrong side of a limb comes free again."""
+"""Most metres that a frame starts from, so that cloth caught on the wrong side of a limb gets free."""
 
 SQUEEZE_GAP = 0.004
 """Metres between two parts of the body below which they squeeze cloth."""
 
 MAX_PUSHES = 4
-"""Most times that a vertex is moved out in the end: one part's surface may lead into another's."""
+"""Most times that a vertex is moved out at the end: the way out of one part may lead into another."""
 
 PLANE_DISTANCE = 0.03
 """Metres from the skin within which a plane keeps a vertex off it."""
 
 SKIN_SEARCH_DISTANCE = 0.1
-"""Metres within which the nearest skin is sought; cloth deeper in the body is not moved out."""
+"""Metres within which the closest skin is searched; cloth deeper in the body is not moved out."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Contacts:
 
 @dataclass(frozen=True)
 class InnerLayerContact:
-    """Contact of an outer garment with one beneath it.
+    """Contact of an outer garment with an inner one.
 
     rows: (R,) int64, the outer garment's vertices that are kept on its outer side. touches: (R,) int32, as in
     ContactGarment; parts: (F,) int32, the same of the inner garment's faces. A sleeve touches sleeves, not
@@ -131,7 +131,7 @@ class Skin:
     def room(self, clearance: float) -> Tensor:
         """Metres (N,) to keep off the skin: the clearance, or where two parts leave less, the middle.
 
-        Where they overlap, anywhere in the overlap is as good; no step in it, since gaps close slowly.
+        Where they overlap, it is the (negative) gap itself: it changes without a step as the gap closes.
         """
         return torch.where(self.gap > 0, 0.5 * self.gap, self.gap).clamp(max=clearance)
 
@@ -178,13 +178,13 @@ class Obstacle:
     def resolve(
         self, vertices: Tensor, garment: ContactGarment, before: Tensor | None = None
     ) -> tuple[Tensor, Contacts]:
-        """Move garment vertices (N, 3) m out of the body, and give edges a length that cloth has.
+        """Move garment vertices (N, 3) m out of the body, and give edges a plausible length.
 
         before: (N, 3) m, the corrections of the frame before. Passes over the edges and planes SKIN_CLEARANCE
-        off the nearest skin, or off the garment beneath, work together, so that pushing out tears nothing; in
+        off the nearest skin, or off the garment beneath, work together, so that pushing out tears nothing; at
         the end vertices that are still inside are moved out to FINAL_CLEARANCE.
 
-        The layers beneath have to be where they end in this frame.
+        Inner layers have to be at their final places of this frame.
         """
         start = vertices if before is None else vertices + _warm_start(before)
         skin = self.skin(start, garment, exact=PLANE_DISTANCE)
@@ -240,8 +240,8 @@ class Obstacle:
     def _follow(self, skin: Skin, vertices: Tensor, move: Tensor, garment: ContactGarment) -> None:
         """Bring the skin up to date, in place, after a move (N, 3).
 
-        A move changes no distance by more than its length: only vertices that may now be too near are looked
-        up, and not much farther away than they can be inside.
+        A move changes no distance by more than its length: only vertices that may now be too close are
+        searched, within little more than their greatest possible depth.
         """
         skin.distance.sub_(move.norm(dim=1))
         rows = torch.nonzero(skin.distance < FINAL_CLEARANCE).squeeze(1)

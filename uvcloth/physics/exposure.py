@@ -24,7 +24,7 @@ SKIN_POINTS = 12000
 """Points over the whole body: about one in a square of 12 mm."""
 
 COVER_DISTANCE = 0.3
-"""Metres in front of the skin within which a garment at rest covers it: a skirt hangs away from the legs."""
+"""Metres in front of the skin within which a garment at rest covers it: a skirt drapes away from the legs."""
 
 UNDER_SKIN_DISTANCE = 0.05
 """Metres under the skin within which cloth should cover it."""

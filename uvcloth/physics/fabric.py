@@ -42,7 +42,7 @@ class Fabric:
         """Numbers of it that a network reads, FEATURES of them, all 0 for the jersey.
 
         Logarithms of the weight, of the stiffness per weight and, shifted, of Peirce's bending length, each
-        over the jersey's: the last two decide how cloth hangs. Then the differences of the other numbers.
+        over the jersey's: the last two decide how cloth drapes. Then the differences of the other numbers.
         """
         bending_length = (self.bend / self.density / (JERSEY.bend / JERSEY.density)) ** (1 / 3)
         return (
@@ -77,7 +77,7 @@ def fabric_from(numbers: Mapping[str, float], where: str) -> Fabric:
     """
     if unknown := numbers.keys() - RANGES.keys():
         raise InputError(
-            f"{where}: {min(unknown)!r:.40} is no number of a fabric; there are {', '.join(RANGES)}"
+            f"{where}: {min(unknown)!r:.40} is not a number of a fabric; there are {', '.join(RANGES)}"
         )
     for name, value in numbers.items():
         least, most = RANGES[name]

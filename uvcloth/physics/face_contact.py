@@ -21,7 +21,7 @@ from uvcloth.physics.layers import Layer
 from uvcloth.physics.surface import FREE
 
 POINT_SPACING = 0.013
-"""Metres between points on a face: between them, a limb of 40 mm radius comes 1 mm nearer."""
+"""Metres between points on a face: between them, a limb of 40 mm radius comes 1 mm closer."""
 
 FACE_CLEARANCE = 0.002
 """Metres that points keep off the skin and off the garment beneath."""

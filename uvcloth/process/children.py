@@ -1,4 +1,4 @@
-"""Processes that this one started end when it does, however it does."""
+"""Child processes end together with this process, also when it is killed."""
 
 import multiprocessing
 import os

@@ -26,7 +26,7 @@ def run_command(program: str, command: Callable[[], None]) -> int:
 
     0 when it returns; 2 with the sentence of an InputError, or of a disk that is full or refuses, on
     stderr; 130 after Ctrl-C, 143 after SIGTERM, when the process ends within two seconds (see
-    `interruptible`); 141, silently, when nobody reads the output any more (`| head`). Any other exception is
+    `interruptible`); 141, silently, when the output is closed (`| head`). Any other exception is
     a bug and keeps its traceback.
     """
     fix_summation_order()

@@ -52,7 +52,7 @@ MAX_SELF_DISTANCE = 0.25
 """Most mean edge lengths that cloth keeps from itself: farther, neighbours push each other away."""
 
 FACE_MARGIN = 0.01
-"""Metres by which cloth that may touch a face has to be nearer to it at rest than cloth that may not."""
+"""Metres by which cloth that may touch a face has to be closer to it at rest than cloth that may not."""
 
 
 @dataclass(frozen=True)

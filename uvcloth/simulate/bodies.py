@@ -1,4 +1,4 @@
-"""Bodies of a data folder: each lies beside the sequences on it, so that nobody has to name it again."""
+"""Bodies of a data folder: each is stored with its sequences, so that it need not be named again."""
 
 from collections.abc import Callable, Mapping
 from functools import cache

@@ -76,7 +76,7 @@ MODELS = "smpl"
 """Folder, beside the samples, of the model files: model_f and model_m, .npz or .pkl."""
 
 EVERY = 10
-"""Frames of which one is read: neighbours teach the same, and thousands of samples fill memory."""
+"""Frames of which one is read: neighbours add little to training, and thousands of samples fill memory."""
 
 SPLIT_FOLDERS = {"train": "train", "val": "validation", "validation": "validation", "test": "test"}
 

@@ -90,7 +90,7 @@ class Explicit:
             after = Frame(0, scene.rest, _memory(state))
             yield after
         elif after.memory is None:
-            raise ValueError("a frame without a memory cannot be gone on from")
+            raise ValueError("a frame without the engine's state cannot be continued")
         else:
             before = targets[max(after.index - 1, 0)]
             state = _recall(after.memory, before, targets[after.index], scene.fps)

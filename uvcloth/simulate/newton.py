@@ -18,7 +18,7 @@ from uvcloth.simulate.bending import bending_force_hessian
 from uvcloth.simulate.engine import GRAVITY, Frame, Scene
 
 STRIDE_SHARE = 0.85
-"""Share of the distance to other cloth that a vertex may move before self-contact is detected anew."""
+"""Share of the distance to other cloth that a vertex may move before self-contact is detected again."""
 
 MAX_SUBSTEPS = 200
 """Most substeps of a frame: enough for 25 m/s on the body; cloth that flies apart is not followed."""
@@ -73,7 +73,7 @@ class Newton:
 
         Positions and velocities, the memory of a frame, are relative to the mean of the skinned garment,
         which moves evenly between two frames, so that strides bound how cloth moves on the body and not how
-        the body walks. The solver remembers nothing else: contacts are found anew in each substep, in trees
+        the body walks. The solver remembers nothing else: contacts are found again in each substep, in trees
         that are built at rest and refitted.
         """
         start_warp()
@@ -148,7 +148,7 @@ def _memory(state: Any, accelerations: Tensor) -> Tensor:
 def _recall(frame: Frame, state: Any, accelerations: Tensor) -> None:
     """Set a state, and accelerations, to what was remembered at a frame."""
     if frame.memory is None:
-        raise ValueError("a frame without a memory cannot be gone on from")
+        raise ValueError("a frame without the engine's state cannot be continued")
     places = (wp.to_torch(state.particle_q), wp.to_torch(state.particle_qd), accelerations)
     for place, values in zip(places, frame.memory.view(3, -1, 3), strict=True):
         place.copy_(values)
@@ -158,7 +158,7 @@ def _recall(frame: Frame, state: Any, accelerations: Tensor) -> None:
 def _solver_from_acceleration() -> type[Any]:
     """SolverVBD whose substeps start from the acceleration of the substep before, not from free fall.
 
-    Few iterations leave something of where they start. From free fall, cloth that hangs at rest falls a
+    Few iterations leave something of where they start. From free fall, cloth that drapes at rest falls a
     little in every substep, until it is stretched so far that what the iterations do makes up for it; from
     its acceleration, which is none, it stays where forces balance, whatever the iterations. (Chen et al.
     2024, "Vertex Block Descent", section 3.7, take of the acceleration the part along gravity.) It is cut to

@@ -89,7 +89,7 @@ def _labelled(path: Path, sequence: SimulatedSequence, index: Mapping[str, Entry
     if "outfit" in sequence.metadata:
         return sequence
     if sequence.clip not in index:
-        raise InputError(f"{path}: of no split, its clip {sequence.clip} is in no {INDEX} of its folder")
+        raise InputError(f"{path}: has no split: its clip {sequence.clip} is in no {INDEX} of its folder")
     entry = index[sequence.clip]
     labels = {
         "outfit": "_".join([*sequence.layers, str(sequence.metadata.get("body", ""))]),
@@ -106,7 +106,7 @@ def _layers(parts: dict[str, tuple[Path, SimulatedSequence]]) -> list[tuple[Path
     first_path, first = next(iter(parts.values()))
     for layer in first.layers:
         if layer not in parts:
-            raise InputError(f"{first_path}: was simulated with {layer}, of which the folder has no sequence")
+            raise InputError(f"{first_path}: was simulated with {layer}, whose sequence is not in the folder")
     ordered = [parts[layer] for layer in first.layers]
     require_same_motion(dict([(first_path, first), *ordered]), "outfit")
     return ordered

@@ -67,13 +67,13 @@ def load_first(path: Path, mesh_of: Callable[[str], FirstMesh], known: dict[str,
     mesh = mesh_of(metadata["garment"])
     joints, points = len(body.skeleton.names), data["cloth"].shape[1]
     if data["motion"].shape[2] != 4 * joints + 3:
-        raise InputError(f"{path}: its motion is not of the {joints} joints of body {body.name}")
+        raise InputError(f"{path}: its motion does not have the {joints} joints of body {body.name}")
     if points != len(mesh.rest):
         raise InputError(f"{path}: has {points} points, the mesh of {metadata['garment']} {len(mesh.rest)}")
     numbers = torch.from_numpy(_whole(data["motion"]).cumsum(axis=0).cumsum(axis=0) * MOTION_STEP)
     quaternions, places = numbers[:, :-3].unflatten(1, (-1, 4)), numbers[:, -3:]
     if not are_unit(quaternions):
-        raise InputError(f"{path}: its motion has a rotation that is none")
+        raise InputError(f"{path}: a rotation of its motion is not a unit quaternion")
     transforms = joint_transforms(body.skeleton, from_quaternions(quaternions), places).float()
     in_time = mesh.spectrum @ (_whole(data["cloth"]).reshape(points, -1) * STEP)
     seen = idct(in_time.reshape(points, 3, -1), axis=2, norm="ortho").transpose(2, 0, 1)

@@ -96,7 +96,7 @@ def load_motion(folder: Path, name: str, skeleton: Skeleton) -> PackedMotion:
     numbers = torch.from_numpy(steps.cumsum(axis=0).cumsum(axis=0) * MOTION_STEP).flatten(1)
     quaternions, places = numbers[:, : 4 * joints].unflatten(1, (-1, 4)), numbers[:, 4 * joints :][:, :3]
     if not are_unit(quaternions):
-        raise InputError(f"{path}: has a rotation that is none")
+        raise InputError(f"{path}: has a rotation that is not a unit quaternion")
     rotations = world_rotations(skeleton.parents, from_quaternions(quaternions))
     transforms = joint_transforms(skeleton, rotations, places).float()
     return PackedMotion(transforms, float(data["fps"]), int(data["warm_up"]))
@@ -111,7 +111,7 @@ def _differences(transforms: Tensor, skeleton: Skeleton) -> np.ndarray:
     """Second differences in time (F, rows, AXES), in steps, of joints' quaternions and the root's place."""
     local = local_rotations(skeleton.parents, transforms[..., :3].double())
     quaternions = to_quaternions(local)
-    # Of q and -q, the same rotation, the one that is nearer to that of the frame before.
+    # Of q and -q, the same rotation, the one that is closer to that of the frame before.
     turns = (quaternions[1:] * quaternions[:-1]).sum(-1, keepdim=True)
     quaternions[1:] *= torch.where(turns < 0.0, -1.0, 1.0).cumprod(0)
     places = joint_positions(skeleton, transforms.double())[:, 0]

@@ -38,7 +38,7 @@ class PlannedMotion:
 
     name: its own, by which the sequences and the index call it. clip: a built-in clip, or one of a folder.
     start, frames: the window, at PLAN_FPS. hold: seconds that the body stands in its last pose, after it has
-    come to rest. split: one of SPLITS. subject: who moves.
+    come to rest. split: one of SPLITS. subject: the captured person.
     """
 
     name: str
@@ -133,14 +133,14 @@ def _row(path: Path, number: int, row: Mapping[str, str]) -> PlanRow:
     cells = {column: (row.get(column) or "").strip() for column in (*REQUIRED, *OPTIONAL)}
     for column, cell in cells.items():
         if not cell.isprintable() or len(cell) > LONGEST:
-            raise InputError(f"{where}: the {column} is no printable text of {LONGEST} at most")
+            raise InputError(f"{where}: the {column} is not printable text of {LONGEST} at most")
     for column in ("clip", "garments", "subject"):
         if not cells[column]:
             raise InputError(f"{where}: names no {column}")
     name = cells["name"] or cells["clip"]
     for each in (name, cells["clip"]):
         if not is_file_name(each):
-            raise InputError(f"{where}: the clip {each!r:.40} is no part of a file's name")
+            raise InputError(f"{where}: the clip {each!r:.40} cannot be part of a file's name")
     if cells["split"] not in SPLITS:
         raise InputError(f"{where}: the split is {cells['split']!r:.40}, expected {', '.join(SPLITS)}")
     motion = PlannedMotion(
@@ -166,7 +166,7 @@ def _row(path: Path, number: int, row: Mapping[str, str]) -> PlanRow:
         require_file_name(folder, where)
         if folder in (BODIES, REPEAT, REJECTED, LAYERED, MEMBERS_FOLDER):
             raise InputError(
-                f"{where}: data on a body called {folder} have no folder, rename the body's file"
+                f"{where}: data of a body called {folder} have no folder, rename the body's file"
             )
     return planned
 

@@ -109,7 +109,7 @@ def require_same_motion(sequences: Mapping[Path, SimulatedSequence], whole: str)
     for path, other in others:
         same = other.transforms.shape == first.transforms.shape and other.warm_up == first.warm_up
         if not same or (other.transforms - first.transforms).abs().max() > MOTION_TOLERANCE:
-            raise InputError(f"{path}: moves otherwise than {first_path.name} of the same {whole}")
+            raise InputError(f"{path}: has another body motion than {first_path.name} of the same {whole}")
 
 
 def content_hash(sequence: SimulatedSequence) -> str:
@@ -176,5 +176,7 @@ def parse_metadata(path: Path, text: str) -> dict[str, Any]:
     named = [metadata[name] for name in FILE_NAMES if name in metadata] + metadata.get("layers", [])
     wrong = [name for name in named if not is_file_name(name)]
     if wrong:
-        raise InputError(f"{path}: the metadata names {wrong[0]!r:.40}, which is no part of a file's name")
+        raise InputError(
+            f"{path}: the metadata names {wrong[0]!r:.40}, which cannot be part of a file's name"
+        )
     return metadata

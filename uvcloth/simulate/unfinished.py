@@ -62,7 +62,7 @@ def move(
 ) -> Moved:
     """Simulate a scene, up to the first frame that is not finite if there is one.
 
-    place: where frames are kept every SECONDS, and gone on with if they are of an equal scene, engine and
+    place: where frames are kept every SECONDS, and continued if scene and engine are equal, and
     version of this package; nothing is kept where the folder is not there, as on another machine, or what
     cannot be written. report: is told the number of frames that are there, first of those that were kept.
     """

@@ -89,7 +89,7 @@ def results(
     """Do `work` on jobs in the client's workers, and yield each job and its result as it is done.
 
     todo: is asked for the next job when there is room for it. look: is called now and then, and may raise. A
-    job whose worker dies, or that dask forgets, is begun anew. Raises InputError if the scheduler is lost, or
+    job whose worker dies, or that dask forgets, is repeated. Raises InputError if the scheduler is lost, or
     a job is lost for the ATTEMPTS-th time.
     """
     from dask.distributed import as_completed
@@ -159,6 +159,5 @@ def _client(cluster: Any) -> Any:
 
 def _lost(who: str) -> InputError:
     return InputError(
-        f"{who} has ended or was not heard of for too long; what is finished is kept, run the command again "
-        "to go on"
+        f"{who} has ended or does not answer; finished sequences are kept, run the command again to continue"
     )

@@ -46,7 +46,7 @@ class Access:
         if len(hosts) != 1 or not self._is_served(hosts[0].lower()):
             return f"the page is served at port {self.port} of {self.host}, not under another name"
         if any(origin.lower() != f"http://{hosts[0].lower()}" for origin in origins):
-            return "a page of another address asks for this one"
+            return "the request comes from a page of another address"
         token = path.partition("?")[0].removeprefix("/").partition("/")[0]
         # Bytes that are no ASCII come as surrogates.
         if not secrets.compare_digest(token.encode(errors="surrogateescape"), self.token.encode()):

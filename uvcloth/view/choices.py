@@ -119,9 +119,7 @@ class Choices:
         for name in self.garments:
             if sequence.garment in (name, Path(name).stem):
                 return name
-        raise InputError(
-            f"{path}: its garment {sequence.garment} is none that is known, give its file with --garment"
-        )
+        raise InputError(f"{path}: its garment {sequence.garment} is unknown, give its file with --garment")
 
 
 def _require_same(path: str, sequence: SimulatedSequence, outfit: Outfit) -> None:

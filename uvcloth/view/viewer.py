@@ -137,7 +137,7 @@ class Viewer:
         return 1.0 / (self._performance.fps * self._speed.value)
 
     def _stage(self, performance: Performance) -> None:
-        """Put the meshes of a performance into the scene, in the place of others."""
+        """Replace the meshes of the scene by those of a performance."""
         for actor in self._actors:
             actor.remove()
         scene, body, meshes = self.server.scene, performance.body, performance.meshes

@@ -1,4 +1,4 @@
-"""Check of a sewn outfit: lies outside the skin and over itself, one piece each, and can be hung."""
+"""Check of a sewn outfit: outside the skin, not through itself, one piece each, with a hem to be held by."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,8 +31,8 @@ def refuse_faulty(names: Sequence[str], pieces: Sequence[Mesh], body: Body) -> N
 
     pieces: on the body's rest pose, the innermost first. Every piece is finite, of one piece with doubled
     seam vertices as one, turned outward, at least LEAST_OFF off the skin, without spikes, lies as clothes lie
-    where it is (`diagnose`), and has a hem to hang by (`holding_band`); none crosses itself or another, and
-    each is over those before it.
+    where it is (`diagnose`), and has a hem to be held by (`holding_band`); none crosses itself or another,
+    and each is over those before it.
     """
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
     for name, mesh in zip(names, pieces, strict=True):
@@ -43,7 +43,7 @@ def refuse_faulty(names: Sequence[str], pieces: Sequence[Mesh], body: Body) -> N
         holding_band(bare_garment(name, mesh, body), body)
         placing = diagnose(Path(name), mesh, body)[1].placing
         if placing is None or not placing.usual or (placing.unit, placing.up) != ("m", "Z"):
-            raise InputError(f"{name}: would be taken for a file in another frame")
+            raise InputError(f"{name}: would be placed as a file in other axes or units")
     check_order([bare_garment(name, mesh, body) for name, mesh in zip(names, pieces, strict=True)])
     outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in pieces)
     crossing = _crossing(outfit.vertices, outfit.faces)
@@ -65,7 +65,7 @@ def _fault(mesh: Mesh, body: Body, surface: BodySurface) -> str:
     if broken:
         return broken
     if not faces_outward(mesh, body):
-        return "its faces are turned inward"
+        return "its faces point inward"
     off = float(surface.closest(mesh.vertices).signed_distance.min())
     if off < LEAST_OFF:
         return f"comes within {1000 * off:.1f} mm of the skin, expected {1000 * LEAST_OFF:.0f} mm"
@@ -81,12 +81,12 @@ def _broken(mesh: Mesh) -> str:
     welded = weld(mesh.vertices)[mesh.faces]
     parts = int(face_components(welded.numpy(), welded.new_zeros(0).numpy()).max()) + 1
     if parts > 1:
-        return f"falls apart into {parts} pieces"
+        return f"consists of {parts} pieces"
     if bool(flat_faces(mesh.vertices, mesh.faces).any()):
         return "a face has no area"
     directed, _ = edges_of(welded.numpy())
     if len(np.unique(directed, axis=0)) < len(directed):
-        return "two faces at an edge are turned against each other"
+        return "two faces at an edge have opposite orientations"
     return ""
 
 

@@ -1,4 +1,4 @@
-"""Hanging of loose cloth: below the widest place around trunk or leg it falls straight, off the skin."""
+"""Drape of loose cloth: below the widest place around trunk or leg it falls straight, off the skin."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ DIRECTIONS, LEVELS = 32, 28
 """Directions around a column, and heights along it, at which its radius is looked at."""
 
 SMOOTHING = 1.2
-"""Standard deviation, in directions and levels, by which the radius to hang at is smoothed."""
+"""Standard deviation, in directions and levels, by which the radius of the drape is smoothed."""
 
 BEGINNING = 0.06
 """Metres below the top of a column within which cloth begins to fall."""

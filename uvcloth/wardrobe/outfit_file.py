@@ -187,7 +187,7 @@ def _require_ranges(path: Path, values: Mapping[str, Any]) -> None:
         raise InputError(f"{path}: the outfit has no pieces")
     for name in (values["name"], values["fabric"]["name"]):
         if not is_file_name(name):
-            raise InputError(f"{path}: {name!r:.40} is no part of a file's name")
+            raise InputError(f"{path}: {name!r:.40} cannot be part of a file's name")
     if not 0.0 <= values["tightness"] <= 1.0:
         raise InputError(f"{path}: tightness is {values['tightness']}, expected 0 to 1")
     bounds = values["vertex_range"]

@@ -94,7 +94,7 @@ def waist_strip(body: Body, vertices: Array, drop: float) -> Array:
 
 
 def ease(design: Design, body: Body, vertices: Array) -> Array:
-    """Metres (P,) that cloth at points (P, 3) m keeps off the skin: snug where it hangs, easier downwards."""
+    """Metres (P,) that cloth at points (P, 3) m keeps off the skin: tight at the top, looser downwards."""
     z = vertices[:, 2]
     off = np.full(len(vertices), SNUG)
     hip, waist = joint(body, "LeftUpLeg")[2], waist_height(body)
@@ -188,7 +188,7 @@ def _on_arm(body: Body, vertices: Array) -> NDArray[np.bool_]:
 
 
 def _off_arms(body: Body, vertices: Array) -> Array:
-    """Field (P,) m of what is not beyond the elbows sidewards: hands hang beside the hips."""
+    """Field (P,) m of what is not beyond the elbows sidewards: hands are next to the hips."""
     return abs(joint(body, "LeftForeArm")[0]) - 0.03 - np.abs(vertices[:, 0])
 
 

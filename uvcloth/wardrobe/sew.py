@@ -43,7 +43,7 @@ EASE_SMOOTHING = 8
 """Passes that smooth the ease over neighbours, so that a sleeve meets the trunk without a step."""
 
 SEAM_SMOOTHING = 8
-"""Passes that smooth the normals by which front and back are told apart."""
+"""Passes that smooth the normals by which front and back are separated."""
 
 OVER_PASSES = 8
 """Passes that move a piece off those beneath."""

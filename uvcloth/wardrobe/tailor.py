@@ -48,7 +48,7 @@ LONG_SLEEVE = 2.04
 """Length of a long sleeve: the upper arm, and beyond the elbow in shares of the forearm."""
 
 CIRCLE_SKIRT = SkirtCut(ease=0.02, flare=0.55)
-"""The wide skirt, at rest a cone: as it hangs it falls into folds, as it turns it opens."""
+"""The wide skirt, at rest a cone: it falls into folds, and opens in a turn."""
 
 DRAWN_IN = 0.004
 """Metres by which smoothing draws a jacket in, about."""
@@ -110,7 +110,7 @@ def tailor(name: str, body: Body, vertices: int) -> Template:
 
 
 def _bodice(name: str, body: Body) -> Bodice | None:
-    """The part that a skirt hangs from, a dress's upper part or a waistband; None for what has no skirt."""
+    """The part that holds a skirt, a dress's upper part or a waistband; None for what has no skirt."""
     vertices, _ = tight_shell(body)
     if name == "skirt":
         return cut_bodice(body, waist_strip(body, vertices, drop=0.0))

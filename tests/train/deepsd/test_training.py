@@ -297,14 +297,14 @@ def test_outfits_are_of_the_fabric_that_was_simulated(dataset: OutfitDataset) ->
 def test_a_fabric_is_named_for_an_outfit_that_has_no_data(
     folder: Path, dataset: OutfitDataset, tmp_path: Path
 ) -> None:
-    with pytest.raises(InputError, match="--fabric: is that of --outfit, data name their own"):
+    with pytest.raises(InputError, match="--fabric: needs --outfit; data contain their fabric"):
         DeePSDRun(out=tmp_path / "run", data=(folder,), fabric="silk").train()
     blind = Quick(replace(TINY, reads_fabric=False), DataLosses(), dataset)
     blind.save(blind.networks()["net"], tmp_path / "blind", {})
     run = DeePSDRun(
         out=tmp_path / "run", physics_only=str(tmp_path / "blind"), outfit=("tops",), fabric="silk"
     )
-    with pytest.raises(InputError, match="--fabric silk: model deepsd dresses in the one fabric"):
+    with pytest.raises(InputError, match="--fabric silk: model deepsd knows only the fabric"):
         run.train()
 
 
@@ -334,7 +334,7 @@ def test_sequences_of_single_garments_are_outfits_of_one(folder: Path, tmp_path:
     plain = tmp_path / "plain"
     save_clips(plain, ("tops", "bottoms"), clips=3, frames=5)
     with pytest.raises(
-        InputError, match=r"clip0_bottoms.npz: of no split, its clip clip0 is in no index.csv"
+        InputError, match=r"clip0_bottoms.npz: has no split: its clip clip0 is in no index.csv"
     ):
         read_outfits([plain], 1)
     rows = "clip0,ann,train,walk,0,2\nclip1,ann,train,run,0,2\nclip2,bob,validation,walk,0,2\n"

@@ -363,7 +363,7 @@ def test_a_file_of_poses_is_taken_as_it_is(body: Body, tmp_path: Path) -> None:
 def test_poses_of_another_skeleton_are_refused(body: Body, tmp_path: Path) -> None:
     renamed = replace(database_of(body), joints=("root", *body.skeleton.names[1:]))
     save_poses(renamed, tmp_path / "mine.npz")
-    with pytest.raises(InputError, match=r"mine\.npz: the poses are of another skeleton than the body"):
+    with pytest.raises(InputError, match=r"mine\.npz: the poses have another skeleton than the body"):
         poses_for([str(tmp_path / "mine.npz")], body, tmp_path / "run")
 
 

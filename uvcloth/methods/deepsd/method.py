@@ -42,8 +42,8 @@ DEFAULT_JOINTS = 31
 class DeePSDPrepared:
     """The rig of an outfit of N vertices on a device; those at one place are one of U points.
 
-    owner: (N,). points: (U, 3) m. weights: (U, J). seen: (J,), how much of each joint keys see. shapes:
-    (K, 3, U) m, None where no blend shapes are predicted; then described: (U, F) is what offsets are
+    owner: (N,). points: (U, 3) m. weights: (U, J). seen: (J,), how much each joint influences the keys.
+    shapes: (K, 3, U) m, None where no blend shapes are predicted; then described: (U, F) is what offsets are
     predicted from. parents: of the joints. sizes: vertices of each garment.
     """
 
@@ -88,7 +88,7 @@ class DeePSD(Method):
         )
 
     def reads_fabric(self) -> bool:
-        """True if it was taught by garments of several fabrics."""
+        """True if it was trained on garments of several fabrics."""
         return self.config.reads_fabric
 
     def with_contact(self) -> "DeePSD":

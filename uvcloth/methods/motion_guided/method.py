@@ -124,7 +124,7 @@ class MotionGuided(Method):
 
     @torch.no_grad()
     def init(self, prepared: MotionGuidedPrepared, frames: BodyFrames) -> tuple[MotionGuidedState, ...]:
-        """Let every garment hang still, smoothly skinned, on the body before the first frames."""
+        """Let every garment rest, smoothly skinned, on the body before the first frames."""
         transforms = frames.transforms[:, 0]
         return tuple(self._still(maps, transforms) for maps in prepared.maps)
 
@@ -154,7 +154,7 @@ class MotionGuided(Method):
         state: tuple[MotionGuidedState, ...],
         garments: tuple[Tensor, ...],
     ) -> tuple[MotionGuidedState, ...]:
-        """Go on from the garments as they are after contact, unless the config says otherwise."""
+        """Continue from the garments after contact, unless the config says otherwise."""
         if not self.config.contact:
             return state
         return tuple(

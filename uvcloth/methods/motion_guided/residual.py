@@ -21,7 +21,7 @@ DEPTH_WEIGHT = 100.0
 """Weight of the mean depth (lambda_3)."""
 
 SEARCH_EVERY = 10
-"""Steps after which the nearest skin is looked up anew."""
+"""Steps after which the closest skin is searched again."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""PBNS: blend weights and blend shapes that follow the pose, which physics teaches without data.
+"""PBNS: blend weights and blend shapes that follow the pose, trained on physics without data.
 
 A garment or outfit is posed by linear blend skinning of its rest shape plus a deformation, and the
 deformation is a sum of blend shapes weighed by a perceptron that sees the pose (Bertiche et al. 2021, eq. 1

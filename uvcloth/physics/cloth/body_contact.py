@@ -340,7 +340,7 @@ def resolve_contacts(
         approach = dot(slip, normal)
         along = sub(slip, scale(approach, normal))
         stopped = max(-approach, ZERO)
-        # What the body came nearer in this substep is taken back whatever its speed.
+        # The approach of the body in this substep is undone at any speed.
         depth = -gap
         pushed = depth if depth < SHALLOW else min(depth, (PUSH_SPEED + length(surface)) * step)
         store(positions, vertex, combine(ONE, point, pushed, normal))
