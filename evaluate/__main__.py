@@ -18,31 +18,31 @@ from uvcloth.process.command import run_command
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Judge methods on simulated windows of unseen motion; a rerun continues with what is missing."""
+    """Compare methods with simulated test windows; run it again to continue."""
 
     model: tuple[str, ...]
-    """Baselines (lbs, lbs_smooth), what ships (physxnet, motion_guided, pbns), and folders written by
-    `python -m train`; for garments that were simulated together also one for each, the innermost first, as in
+    """Baselines (lbs, lbs_smooth), shipped models (physxnet, motion_guided, pbns, deepsd), and folders
+    written by `python -m train`; for layered outfits also one per garment, the innermost first:
     RUN_A+RUN_B."""
     data: Path
-    """A folder made by `uvcloth simulate`; its index.csv names the clips of each split and their actions. Of
-    one made with --outfits each outfit is judged on its own body, and figures are by type of garment."""
+    """A folder made by `uvcloth simulate`; its index.csv gives splits and actions. Random outfits are
+    evaluated each on its body, and figures are by type of garment."""
     out: Path
     """Folder for metrics.json and report.html."""
     garment: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE ...")] = ()
-    """Judge these garments too: files that sequences were simulated of, beside the templates."""
+    """Also evaluate these garment files, of which sequences were simulated."""
     split: Literal["test", "validation"] = "test"
-    """Judge the windows that the index gives to the test; validation is for making choices."""
+    """Windows to evaluate: test, or validation while choices are made."""
     actions: tuple[str, ...] = ()
-    """Judge only these actions."""
+    """Evaluate only these actions."""
     frames: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
-    """Judge only the first N frames of every window, after the warm-up."""
+    """Evaluate only the first N frames of every window, after the warm-up."""
     map_size: int = 256
-    """Height and width of the maps on which the map MSE is measured."""
+    """Size of the maps for the map MSE."""
     pictures: bool = True
     """Draw pictures: of every action, of spaces of garments, and of training and test motion."""
     threads: Annotated[int, tyro.conf.arg(metavar="N")] = 1
-    """Of the processor, for what is timed; on a loaded machine several are slower than one."""
+    """Number of CPU threads; on a loaded machine several are slower than one."""
 
     def run(self) -> None:
         """Judge, and write metrics.json and the report. Raises InputError for what cannot be judged."""

@@ -141,10 +141,10 @@ class Holdout:
     """The choice of validation clips where the data has no index, and of the training frames."""
 
     holdout: int = 8
-    """Every n-th clip validates and is not trained on, if the data has no index.csv."""
+    """Without an index.csv, every N-th clip is for validation, not for training."""
     rest_frames: int = 15
-    """First frames of a training clip to leave out, in which cloth comes down from the rest shape; the
-    warm-up after them does. In validation none of it counts."""
+    """Warm-up frames to leave out of training, in which cloth comes down from the rest shape. Validation
+    leaves out the whole warm-up."""
 
     def __post_init__(self) -> None:
         """Raises InputError if nothing would be left to train on."""

@@ -26,15 +26,15 @@ class ClothMaterial:
     bend: float = 5e-5
     """J, resistance to bending (PBNS, Figure 5: 1e-6 to 1e-4)."""
     mass: float = 0.3
-    """kg/m2, which gravity pulls at."""
+    """kg/m2, for gravity."""
     collision: float = 50.0
-    """N/m, of what lies too near to the skin or to what is worn beneath (PBNS: 25)."""
+    """N/m, against cloth too close to the skin or to an inner garment (PBNS: 25)."""
     thickness: float = 0.005
-    """Metres that cloth keeps off them (PBNS: 0.004)."""
+    """Distance to keep, in metres (PBNS: 0.004)."""
     pin: float = 10.0
     """N/m, on the deformation of pinned vertices (PBNS: 1000; its program: 10)."""
     plane: Literal["surface", "vertex"] = "surface"
-    """Collide with the plane at the closest point of the skin, or at its closest vertex (PBNS)."""
+    """Collision with the plane at the closest point of the skin, or at the closest vertex (PBNS)."""
 
     def __post_init__(self) -> None:
         """Raises InputError for what no cloth has."""

@@ -32,31 +32,31 @@ class LoopConfig:
     """Settings of the training loop: length, learning rate, averaging, validation."""
 
     steps: int = 3000
-    """Optimizer steps in all."""
+    """Number of optimizer steps."""
     minutes: float | None = None
-    """Stop after so many minutes of training and validation; the learning rate falls over them."""
+    """Stop after so many minutes of training and validation; the learning rate schedule ends there too."""
     batch: int = 8
     """Frames, or poses, in a step, over all devices."""
     double_every: float = 0.0
-    """Share of the training after which the batch doubles, again and again (DeePSD: 0.2); 0 keeps it."""
+    """Share of the training after which the batch doubles, repeatedly (DeePSD: 0.2); 0: never."""
     learning_rate: float = 1e-3
-    """Adam's learning rate at its highest (PhysXNet: 2e-4, PBNS: 1e-3)."""
+    """Highest learning rate of Adam (PhysXNet: 2e-4, PBNS: 1e-3)."""
     schedule: Literal["constant", "cosine"] = "cosine"
     """Constant (paper), or rising for the first percent and falling to zero along a cosine."""
     weight_decay: float = 0.05
     """Decoupled weight decay."""
     average: float = 0.998
-    """Decay of the running mean of the weights, which is validated and saved; 0 takes the weights."""
+    """Decay of the running mean of the weights, which is validated and saved; 0: no mean."""
     validate_every: int = 250
     """Steps between validations."""
     keep: Literal["best", "last"] = "best"
-    """The network that is kept: the best in validation, or the last."""
+    """Network to keep: the best in validation, or the last."""
     save_seconds: float = 120.0
     """Seconds between saved training states."""
     seed: int = 0
-    """Seeds the weights, the order of the samples and every step."""
+    """Random seed of weights, order of samples and steps."""
     devices: int = 1
-    """GPUs to train on, where there are any."""
+    """Number of GPUs, if there are any."""
 
     def __post_init__(self) -> None:
         """Raises InputError for what cannot be trained with."""

@@ -25,25 +25,25 @@ class DataLosses:
     """Losses against the outfits' data, and the priors of the start (paper sections 4.3 and 9)."""
 
     poses_per_outfit: int = 32
-    """Poses that a step takes of each outfit it reads, the frame drawn and others at random (paper: 1)."""
+    """Poses per outfit in a step: the drawn frame and random others (paper: 1)."""
     points: float = 0.33
     """Share of an outfit's points that a step compares, drawn each time (paper: 1)."""
     error: Literal["distance", "squared"] = "distance"
     """Compare points by their distance (the paper's program) or its square (paper, eq. 3)."""
     pose_dropout: float = 0.2
-    """Probability that the keys of a pose do not see a joint (paper: 0)."""
+    """Probability that a joint is hidden from the keys of a pose (paper: 0)."""
     edges: float = 2.0
-    """Weight of the mean change of the lengths of edges between the points compared (paper: none)."""
+    """Weight of the mean change of edge lengths between the compared points (paper: none)."""
     closest_weights: float = 0.0
-    """Weight of the prior that blend weights are those of the closest skin (paper); of no use where they
-    start from the smooth ones."""
+    """Weight of the prior that blend weights are those of the closest skin (paper); useless where they start
+    from the smooth ones."""
     small_shapes: float = 0.0
     """Weight of the prior that deformations are small (paper), on their mean square in square centimetres."""
     mirror: bool = True
-    """Learn from mirror images too, as outfits of their own (paper: no)."""
+    """Also train on mirror images, as separate outfits (paper: no)."""
     rest_frames: int = 15
-    """First frames of a training clip to leave out, in which cloth comes down from the rest shape; the
-    warm-up after them does. In validation none of it counts."""
+    """Warm-up frames to leave out of training, in which cloth comes down from the rest shape. Validation
+    leaves out the whole warm-up."""
 
     def __post_init__(self) -> None:
         """Raises InputError for what cannot be trained with."""
@@ -123,17 +123,17 @@ class PhysicsLosses:
     bend_normals: Literal["vertex", "face"] = "vertex"
     """Normals of vertices, less the mean of their neighbours' (paper), or those of faces (its program)."""
     collision: float = 25.0
-    """N/m, of what lies too near to the skin or to what is worn beneath (paper: 2 to 10; its program: 25)."""
+    """N/m, against cloth too close to the skin or to an inner garment (paper: 2 to 10; its program: 25)."""
     thickness: float = 0.005
-    """Metres that cloth keeps off them."""
+    """Distance to keep, in metres."""
     small: float = 0.01
-    """N/m, on the deformation by chi itself."""
+    """N/m, on the deformation by chi."""
     layers: bool = True
-    """Keep the pieces of an outfit off each other (paper: no)."""
+    """Also resolve collisions between the pieces of an outfit (paper: no)."""
     pose_source: Literal["any", "own"] = "any"
-    """Poses drawn from all training frames, whoever wore what (paper), or from the outfit's own."""
+    """Draw poses from all training frames (paper), or from the outfit's frames alone."""
     poses_drawn: int = 8
-    """Poses that a step takes of each outfit it reads (paper: 1)."""
+    """Poses per outfit in a step (paper: 1)."""
 
     def __post_init__(self) -> None:
         """Raises InputError for what no cloth has."""

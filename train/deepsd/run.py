@@ -70,29 +70,29 @@ class DeePSDRun:
     out: Path
     """Folder of the run: checkpoint, training state, TensorBoard."""
     data: tuple[Path, ...] = ()
-    """Folders of the outfits that `uvcloth simulate --outfits` moved, or in CLOTH3D's layout; in folders of
-    other sequences each garment is an outfit."""
+    """Folders made by `uvcloth simulate --outfits`, or in CLOTH3D's layout; in folders of other sequences
+    each garment is an outfit."""
     physics_only: Annotated[str | None, tyro.conf.arg(metavar="RUN|shipped")] = None
     """Continue from the network of this run: train the branch of physics alone, all else stays."""
     outfit: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")] = ()
-    """Fit to these garments, the innermost first, in place of data, with --physics-only."""
+    """With --physics-only: train on these garments, the innermost first, instead of data."""
     poses: Annotated[
         tuple[str, ...],
         tyro.conf.arg(metavar="NPZ|DIR|CLIP ...", help_behavior_hint="(default: the built-in clips)"),
     ] = ()
     """Poses for --outfit, drawn by `uvcloth poses`, or the motion to draw them from."""
     preset: str = "default"
-    """default, paper or tiny: where every setting below starts from."""
+    """Preset of all settings below: default, paper or tiny."""
     resume: bool = False
-    """Continue the run in `out` where it stopped."""
+    """Continue the run in `out`."""
     balanced: bool = True
-    """Draw outfits alike, however many frames there are of each; else frames alike (paper)."""
+    """Draw all outfits equally often; else all frames (paper)."""
     fabric: FabricName | None = None
-    """What --outfit is made of (default: jersey), for a model that reads fabrics."""
+    """Fabric of --outfit (default: jersey), for a model that reads fabrics."""
     body: Path | None = None
-    """The body that --outfit is on, made by `uvcloth body`; default: the one in the package."""
+    """Body of --outfit, made by `uvcloth body`; default: the one in the package."""
     network: OmitArgPrefixes[DeePSDConfig] = field(default_factory=DeePSDConfig)
-    """The network; with --physics-only it is that of the run."""
+    """The network; with --physics-only that of the run is used."""
     losses: OmitArgPrefixes[DataLosses] = field(default_factory=DataLosses)
     physics: OmitArgPrefixes[PhysicsLosses] = field(default_factory=PhysicsLosses)
     loop: OmitArgPrefixes[LoopConfig] = field(default_factory=LoopConfig)

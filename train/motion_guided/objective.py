@@ -42,27 +42,27 @@ class MotionGuidedLosses(Holdout):
     """Weights of the losses of both stages (sections 4.2 and 5), and how they are trained."""
 
     laplacian: float = 1.0
-    """Error of the mesh Laplacian, beside that of the vertices."""
+    """Error of the mesh Laplacian, in addition to that of the vertices."""
     random: float = 0.1
     """Edge lengths of shapes decoded from random codes."""
     inside: float = 100.0
-    """Depth of rest shapes, seen and random, in the body at rest."""
+    """Depth in the body at rest, of training shapes and random shapes."""
     settled: float = 0.02
-    """Metres of error below which these two set in, to their full weight at none."""
+    """Metres of error below which the last two are used, with full weight at zero."""
     regular: float = 0.001
     """Distance of the mean square of codes from 1."""
     code: float = 0.01
     """Error of the predicted codes (paper: 1, with errors of vertices summed)."""
     steady: float = 1.0
-    """Error of the change since the frame before, beside that of the vertices: less jitter (paper: 0)."""
+    """Error of the change since the last frame, against jitter (paper: 0)."""
     mirror: bool = True
-    """Train on the mirror images of the clips too, if the garment is symmetric (paper: no)."""
+    """Also train on mirror images of the clips, if the garment is symmetric (paper: no)."""
     still: bool = True
-    """Train on the virtual sample too of which nothing changes: E_t = 0."""
+    """Also train on the virtual sample in which nothing changes: E_t = 0."""
     past: Literal["own", "true"] = "own"
-    """Histories in training: the network's latest predictions, or the simulation's (paper)."""
+    """Past garments in training: the network's latest predictions, or simulated ones (paper)."""
     unroll: int = 4
-    """Frames in a row that a step predicts, each from those before, with the gradient of all (paper: 1)."""
+    """Consecutive frames that a step predicts, each from the last, with gradients through all (paper: 1)."""
 
 
 SHAPE = "shape"

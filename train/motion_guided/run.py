@@ -47,19 +47,20 @@ class MotionGuidedRun:
     data: Path
     """Folder of sequences made by `uvcloth simulate`, all on one body."""
     out: Path
-    """Folder of the run: checkpoint, training state, TensorBoard; in its folder shape, the first stage."""
+    """Folder of the run: checkpoint, training state, TensorBoard; the first stage is in its subfolder
+    shape."""
     preset: str = "fast"
-    """fast, paper or tiny: where every setting below starts from."""
+    """Preset of all settings below: fast, paper or tiny."""
     resume: bool = False
-    """Continue the run in `out` where it stopped, at either stage."""
+    """Continue the run in `out`, in either stage."""
     frames: int | None = None
-    """Train on the first so many frames only, clip after clip."""
+    """Train on the first N frames only, clip after clip."""
     network: OmitArgPrefixes[MotionGuidedConfig] = field(default_factory=MotionGuidedConfig)
     losses: OmitArgPrefixes[MotionGuidedLosses] = field(default_factory=MotionGuidedLosses)
     loop: OmitArgPrefixes[LoopConfig] = field(default_factory=LoopConfig)
-    """The loop that trains the dynamics."""
+    """Training loop of the dynamics."""
     shape: LoopConfig = field(default_factory=LoopConfig)
-    """The same for the space of shapes."""
+    """Training loop of the space of shapes."""
 
     def train(self) -> dict[str, float]:
         """Train what is missing of both stages; returns the validation errors of the second."""

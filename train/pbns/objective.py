@@ -65,12 +65,12 @@ class AttachmentConfig:
     """The initial attachment of a garment to the body: pins and blend weights."""
 
     pins: tuple[str, ...] = ("band",)
-    """The pins: band (what holds each garment up), waist, neck, none, or a file of vertex numbers."""
+    """Pins: band (the vertices that hold each garment up), waist, neck, none, or a file of vertex numbers."""
     weights: Literal["auto", "closest", "smooth"] = "auto"
-    """Blend weights of the closest body vertex (paper), or those smoothed over the garment; auto takes the
-    smooth ones where cloth drapes freely."""
+    """Blend weights of the closest body vertex (paper), or smoothed over the garment; auto: the smooth ones
+    where cloth drapes freely."""
     train_weights: Literal["auto", "yes", "no"] = "auto"
-    """Train the blend weights too; auto trains those of an outfit with a skirt (paper)."""
+    """Also train the blend weights; auto: only of outfits with a skirt (paper)."""
 
 
 @dataclass(frozen=True)

@@ -48,11 +48,11 @@ class PBNSRun:
         tuple[str, ...],
         tyro.conf.arg(metavar="NPZ|DIR|CLIP ...", help_behavior_hint="(default: the built-in clips)"),
     ] = ()
-    """Poses drawn by `uvcloth poses`, or the motion to draw them from."""
+    """Poses drawn by `uvcloth poses`, or motion to draw them from."""
     preset: str = "default"
-    """default, paper or tiny: where every setting below starts from."""
+    """Preset of all settings below: default, paper or tiny."""
     resume: bool = False
-    """Continue the run in `out` where it stopped."""
+    """Continue the run in `out`."""
     body: Path | None = None
     """A body made by `uvcloth body`; default: the one in the package."""
     network: OmitArgPrefixes[PBNSConfig] = field(default_factory=PBNSConfig)

@@ -59,7 +59,7 @@ class Losses(Holdout):
     adversarial: bool = False
     """Train against a PatchGAN discriminator (paper)."""
     mirror: bool = True
-    """Show half of the samples left-right mirrored."""
+    """Mirror half of the samples left to right."""
 
 
 @dataclass(frozen=True)

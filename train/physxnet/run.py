@@ -34,9 +34,9 @@ class PhysXNetRun:
     out: Path
     """Folder of the run: checkpoint, training state, TensorBoard."""
     preset: str = "default"
-    """default, paper or tiny: where every setting below starts from."""
+    """Preset of all settings below: default, paper or tiny."""
     resume: bool = False
-    """Continue the run in `out` where it stopped."""
+    """Continue the run in `out`."""
     network: OmitArgPrefixes[PhysXNetConfig] = field(default_factory=PhysXNetConfig)
     losses: OmitArgPrefixes[Losses] = field(default_factory=Losses)
     loop: OmitArgPrefixes[LoopConfig] = field(default_factory=LoopConfig)

@@ -23,42 +23,42 @@ class DeePSDConfig:
     """Sizes of the network, what it reads and what it predicts."""
 
     inputs: Literal["mesh", "body"] = "body"
-    """What a vertex brings: position and normal (mesh, paper), or besides its offset from the closest point
-    of the skin and its smooth blend weights (body)."""
+    """Input of a vertex: position and normal (mesh, paper), or also its offset from the closest point of the
+    skin and its smooth blend weights (body)."""
     blend_weights: Literal["learned", "changed", "smooth"] = "smooth"
-    """Predicted alone (learned, paper), as a change of the smooth ones of the baseline, or those."""
+    """Predicted (learned, paper), predicted as a change of the smooth ones (changed), or the smooth ones."""
     influences: int = 4
-    """Joints that may move a vertex, the strongest (paper: all): four are what every engine plays. The weight
-    of the next one is taken off each, so that weights are continuous over the cloth."""
+    """Number of joints that may move a vertex, the strongest (paper: all); every engine plays four. The
+    weight of the next one is subtracted from each, so that weights are continuous over the cloth."""
     deformation: Literal["blend_shapes", "offsets", "none"] = "blend_shapes"
-    """Blend shapes weighed by the pose's keys (paper), offsets from descriptor and pose (its Table 1), or
+    """Blend shapes weighted by the pose's keys (paper), offsets from descriptor and pose (its Table 1), or
     skinning alone (its Table 6)."""
     convolutions: tuple[int, ...] = (32, 64, 128, 256)
     """Channels of the graph convolutions."""
     spread: float = 0.03
-    """Metres, root mean square, from which a graph convolution averages, so that a finer mesh of a garment
-    gets the same rig; 0 for the neighbours of a vertex and itself, wherever they are (paper)."""
+    """Radius of a graph convolution in metres (root mean square), so that a finer mesh of a garment gets the
+    same rig; 0: a vertex and its neighbours (paper)."""
     global_layers: tuple[int, ...] = ()
-    """Widths of the layers before max pooling over the outfit (paper: 256); empty for no global descriptor,
-    which overfits to some dozens of outfits."""
+    """Widths of the layers before max pooling over the outfit (paper: 256); empty: no global descriptor,
+    which overfits to a few dozen outfits."""
     weight_layers: tuple[int, ...] = (128, 64, 32)
     """Widths of the hidden layers that predict blend weights."""
     shape_layers: tuple[int, ...] = (256, 256, 256)
     """Widths of the hidden layers that predict blend shapes."""
     reads_fabric: bool = True
-    """Whether the fabric of its garment joins the descriptor of a vertex (paper: in its Table 2 alone)."""
+    """The descriptor of a vertex contains the fabric of its garment (paper: in its Table 2 alone)."""
     graph_heads: bool = False
-    """Graph convolutions instead of layers per vertex after the descriptor, too (its Table 1)."""
+    """Graph convolutions also after the descriptor, instead of layers per vertex (its Table 1)."""
     seen_joints: float = 0.02
-    """Share of an outfit that a joint, with all beyond it, has to move by the smooth blend weights, for the
-    outfit's keys to see its rotation; from half of it some. 0 for all joints (paper)."""
+    """Share of an outfit that a joint and its descendants have to move (smooth blend weights) to be an input
+    of the outfit's keys; from half of it with reduced weight. 0: all joints (paper)."""
     standardized: bool = True
-    """Whether what the network reads, poses too, is told by the difference from its mean in training, in
-    standard deviations, and layers begin with outputs of zero mean and unit variance (paper: no)."""
+    """Inputs, poses included, are differences from the training mean in standard deviations, and layers start
+    with outputs of zero mean and unit variance (paper: no)."""
     pose_layers: tuple[int, ...] = (128,)
     """Widths of the hidden layers of the pose embedding (paper: 256, 256, 256)."""
     keys: int = 128
-    """Pose keys, and blend shapes; 0 takes the pose itself as keys (its Table 1)."""
+    """Number of pose keys and blend shapes; 0: the pose is used as keys (its Table 1)."""
 
     def __post_init__(self) -> None:
         """Raises InputError for sizes that are none."""

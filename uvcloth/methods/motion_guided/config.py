@@ -28,11 +28,11 @@ class MotionGuidedConfig:
     """Inputs and sizes of the networks; `PRESETS["paper"]` is the method as published."""
 
     garment: str = "dress"
-    """The garment that the networks are for, a template or a mesh file: they are garment-specific."""
+    """Garment of the networks, a template or a mesh file."""
     under: str = ""
-    """The garment worn beneath it, likewise, whose surface stands for the body's (section 6.5)."""
+    """Inner garment, a template or a mesh file, used instead of the body (section 6.5)."""
     size: int = 32
-    """Height and width of the maps that are encoded (paper: 128); the decoded ones have twice as much."""
+    """Height and width of the encoded maps (paper: 128); decoded maps are twice as large."""
     width: int = 32
     """Channels of maps at full size (paper: 128)."""
     stem: int = 2
@@ -40,34 +40,33 @@ class MotionGuidedConfig:
     motion_stem: int = 2
     """Convolutions at full size on motion and contact (paper: 6)."""
     linear: bool = True
-    """The space of shapes is linear, fitted in closed form; else a convolutional autoencoder (paper)."""
+    """Linear space of shapes, fitted in closed form; else a convolutional autoencoder (paper)."""
     vertices: int = 3600
-    """Of the garment, to which a linear space decodes; training counts them."""
+    """Number of vertices of the garment; set by training."""
     latent: int = 64
     """Length of a latent code."""
     hidden: int = 64
     """Width of the perceptron that displaces vertices."""
     layers: int = 4
-    """Its layers (paper: 6)."""
+    """Layers of the perceptron (paper: 6)."""
     norm: Literal["batch", "group", "instance", "none"] = "none"
     """Normalization layers (paper: instance, which hide how large a motion is)."""
     dropout: float = 0.0
-    """Share of what the dynamic encoder's last layer sees that training drops."""
+    """Dropout before the last layer of the dynamic encoder."""
     upsample: Literal["transposed", "resize"] = "resize"
     """Enlargement in the decoder (paper: transposed)."""
     seeds: int = 581
     """Seed points on the body."""
     near: int = 64
-    """Of them, those nearest at rest that may move a vertex by their kernels (paper: all)."""
+    """Number of seeds, the closest at rest, whose kernels move a vertex (paper: all)."""
     skinning: Skinning = "smooth_lbs"
-    """The skinning of a shape: the smooth blend weights (smooth_lbs); or Gaussian kernels around the seeds,
-    weighed at rest (fixed) or where a vertex is displaced to (kernels, paper)."""
+    """Skinning of a shape: smooth blend weights (smooth_lbs), or Gaussian kernels around the seeds, evaluated
+    at rest (fixed) or at the displaced vertex (kernels, paper)."""
     local_offsets: bool = True
-    """The encoder sees offsets from the smooth LBS reference, in axes that turn with it, their
-    change, and pose and motion of that garment; else positions relative to every seed and the garment's own
-    motion, along the world's axes (paper)."""
+    """Encode offsets from the smooth LBS reference in its axes, their change, and pose and motion of that
+    reference; else positions relative to every seed and the garment's motion, in world axes (paper)."""
     contact: bool = True
-    """The next frame sees the garment after contact; else as it was predicted."""
+    """The next frame starts from the garment after contact; else from the prediction."""
     residual: bool = False
     """Collisions are resolved by a residual displacement map first (paper, section 5.1)."""
     sigma: float = 0.04

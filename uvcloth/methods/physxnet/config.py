@@ -30,7 +30,7 @@ class PhysXNetConfig:
     width: int = 32
     """Channels of the first encoder level; every next level doubles them, up to eight times."""
     levels: int = 4
-    """Encoder and decoder levels; with fewer, less of the body is seen at once."""
+    """Encoder and decoder levels; fewer have a smaller receptive field."""
     norm: Literal["batch", "group", "instance"] = "group"
     """Normalization layers."""
     upsample: Literal["transposed", "resize"] = "resize"
@@ -40,23 +40,23 @@ class PhysXNetConfig:
     frame: Literal["world", "body"] = "body"
     """Axes of motion and offsets: the world's (paper) or the rest axes that turn with the body."""
     acceleration: Literal["plain", "specific_force"] = "specific_force"
-    """Acceleration (paper) or acceleration minus gravity, which also says where down is."""
+    """Acceleration (paper) or specific force: acceleration minus gravity, which also tells where down is."""
     motion: bool = True
-    """Velocity and acceleration of the body in three frames (paper); without them the network sees poses."""
+    """Velocity and acceleration of the body in three frames (paper)."""
     pose: bool = True
-    """Three more channels: where the body point is, seen from the root joint, against its place at rest."""
+    """Three more channels: position of the body point relative to the root joint, minus that at rest."""
     anchor: Literal["body", "smooth_lbs"] = "smooth_lbs"
     """The origin of offsets: the texel's body point (paper) or the smoothly skinned garment."""
     history: int = 0
-    """The number of its own last offset maps that the network sees; 0 remembers nothing."""
+    """Number of last predicted offset maps in the input; 0: no memory."""
     scaling: Literal["min_max", "mean_std"] = "mean_std"
     """Each channel to [-1, 1] by its extremes (paper), or to zero mean and unit deviation."""
     reach: float = 4.0
-    """Scaled inputs beyond this count as this: no motion is far from those seen. 0 sets no limit (paper)."""
+    """Limit of scaled inputs, for motion far from the training. 0: no limit (paper)."""
     centre: Literal["channel", "texel"] = "texel"
     """Predicted offsets are measured from the middle of their channel (paper) or the mean of each texel."""
     templates: tuple[str, ...] = ("tops", "bottoms", "dress")
-    """The templates with a decoder each."""
+    """Templates with a decoder."""
 
     def __post_init__(self) -> None:
         """Raises InputError for values out of range, and if the levels do not halve the size evenly."""
