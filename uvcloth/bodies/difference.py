@@ -14,17 +14,15 @@ DIFFERENCE_FORMAT = "uvcloth-body-difference-1"
 EXPECTED = "a body kept as the difference from the one that ships"
 
 OWN = {"format", "from", "absent"}
-"""Arrays of such a file besides those of bodies."""
+"""Arrays of such a file in addition to those of bodies."""
 
 FIELDS = {"from": names(), "absent": names("A").or_empty()}
 """from: hash of the body that ships. absent: arrays that it has and this body lacks."""
 
 
 def save_difference(body: Body, path: Path) -> None:
-    """Write a body without what it shares with the one that ships.
-
-    Of numbers in an array of the same shape, the differences of their bits are kept, so that every bit comes
-    back. Raises InputError if it cannot be written.
+    """Write a body without its common part with the one that ships. For arrays of the same shape the
+    differences of the bits are stored, so that reading is exact. Raises InputError if it cannot be written.
     """
     arrays, shipped = body_arrays(body), body_arrays(load_body())
     kept = {
@@ -67,7 +65,7 @@ def load_kept_body(path: Path) -> Body:
 
 
 def _expected(name: str, shipped: dict[str, np.ndarray], arrays: dict[str, np.ndarray]) -> np.ndarray | None:
-    """The array that is likely by that name for a body whose base is known; None if there is none."""
+    """The expected array of that name for a body whose base is known; None if there is none."""
     known = name == "vertices" and {"base", "vertices"} <= shipped.keys() and "base" in arrays
     if known and arrays["base"].shape == shipped["base"].shape:
         rows = {tuple(row): place for place, row in enumerate(shipped["base"].tolist())}
@@ -83,7 +81,7 @@ def _difference(values: np.ndarray, expected: np.ndarray) -> np.ndarray:
 
 
 def _restored(values: np.ndarray, expected: np.ndarray) -> np.ndarray:
-    """An array of its difference from what is expected, or as it was kept."""
+    """An array from its difference from the expected one, or as stored."""
     if values.dtype != np.uint8 or expected.dtype != np.float32 or values.shape != (4, expected.size):
         return values
     bits = np.ascontiguousarray(values.T).view("<u4").astype(np.uint32).reshape(expected.shape)

@@ -30,7 +30,7 @@ SLOPE = 0.75
 """Metres that a push changes for each metre along the skin, at most."""
 
 LONGEST_PUSH = 0.05
-"""Metres that a part gives way, at most: half of an arm's thickness."""
+"""Most metres that a part is pushed: half of an arm's thickness."""
 
 POINT_SPACING = 0.012
 """Metres between the points at which distances are measured: a finer mesh has vertices to spare."""

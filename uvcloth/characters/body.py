@@ -38,7 +38,7 @@ LEAST_PLACED = 0.85
 """Share of a region's vertices that have to have one."""
 
 DIFFUSION = 0.01
-"""Metres over which the weights taken from the character are evened out."""
+"""Metres over which the character's weights are smoothed."""
 
 NEIGHBOURS, SOFTENING = 12, 0.005
 """Vertices whose displacements a point off the surface takes, and metres within which none stands out."""
@@ -49,7 +49,7 @@ EASE_TURNS, EASE_REACH = 6, 0.05
 
 @dataclass(frozen=True)
 class CharacterBody:
-    """A body made of a character, and what was found on the way.
+    """A body made from a character, and how well it fits.
 
     off: (V,) m from each vertex of its surface to the character's own.
     """
@@ -60,7 +60,7 @@ class CharacterBody:
     off: Tensor
 
     def lines(self) -> list[str]:
-        """Report of what was read and how well the surface fits, a finding a line."""
+        """Report, line by line, of the meshes and of how well the surface fits."""
         own = self.body.appearance
         near = 1000.0 * self.off[region_vertices(self.body, CLOTHED)]
         return [

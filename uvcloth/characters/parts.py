@@ -1,4 +1,4 @@
-"""Parts of a character: what is skin or serves as it, what is only looked at, what is left out.
+"""Parts of a character: skin or a substitute for it, visible parts without contact, and parts to leave out.
 
 Cloth lies on skin. Hair, eyes and the like are looked at and nothing more. A character's own clothes go where
 there is skin beneath them; where there is none, as in games that leave covered skin out, they serve as it.
@@ -20,7 +20,7 @@ LOOKS = (
     r"hair|brow|lash|beard|mustache|moustache|eye|iris|cornea|pupil|sclera|tear|teeth|tooth|tongue|gum|mouth|"
     r"glasses|goggles|hat|cap|helmet|horn|ear_?ring|necklace|ribbon|tail|wing|weapon|sword|gun|prop|backpack|bag"
 )
-"""Words, in the name of a mesh or a material, of what is only looked at."""
+"""Words, in the name of a mesh or a material, of parts that are visible without contact."""
 
 CLOTHES = (
     r"cloth(es|ing)?|outfit|tops?|bottoms?|shirts?|tshirt|blouse|jacket|coat|hood(ie|y)?|sweater|vest|dress|skirt|pants?|"
@@ -40,7 +40,8 @@ LEAST_SHARE = 0.35
 
 @dataclass(frozen=True)
 class Sorted:
-    """Parts of a character: the surface that cloth lies on, what is only seen, and what goes."""
+    """Parts of a character: the surface that cloth collides with, parts that are visible only, and parts left
+    out."""
 
     surface: tuple[Part, ...]
     seen: tuple[Part, ...]
@@ -64,8 +65,8 @@ def sort_parts(
 ) -> Sorted:
     """Sort the parts of a character by their names.
 
-    joints: names of the J joints of the parts' weights. keep: meshes, or materials, that cloth lies on; drop:
-    such as are left out, whatever their names say. Raises InputError for a name that no part has, and if
+    joints: names of the J joints of the parts' weights. keep: meshes, or materials, that cloth collides with;
+    drop: those to leave out, in spite of their names. Raises InputError for a name that no part has, and if
     nothing is left for cloth to lie on.
     """
     kept, dropped = _named(parts, keep, "--keep"), _named(parts, drop, "--drop")

@@ -54,7 +54,7 @@ class Character:
 def read_character(path: Path) -> Character:
     """Read a rigged character: the skeleton of its largest skin, and all meshes that this skeleton moves.
 
-    Meshes of other skins on the same joints come along, and such as are no skin's but hang on a joint, as
+    Meshes of other skins on the same joints are included, and meshes without a skin that a joint moves, as
     eyes and the limbs of a robot do. Morph targets stay at zero. Raises InputError naming the file if it is
     none, has no skin, or holds what is not read.
     """

@@ -27,8 +27,8 @@ SUFFIXES = (".npz", ".obj", ".glb")
 class CharacterFile:
     """A rigged character in a glTF file, and how to read it.
 
-    joints: JSON of roles and joint names. keep, drop: meshes that cloth lies on, and such as are left out.
-    unit: of its file, None to find it.
+    joints: JSON of roles and joint names. keep, drop: meshes that cloth collides with, and meshes to leave
+    out. unit: of its file, None to determine it.
     """
 
     path: Path

@@ -30,7 +30,7 @@ from uvcloth.simulate.sequence import load_sequence
 CLIP = "jump"
 GARMENT = "miniskirt.obj"
 FOREIGN = "female_casualsuit01.mhclo"
-"""An outfit that none of the models has seen, and no part of this project made."""
+"""An outfit from elsewhere that no model was trained on."""
 
 MODELS = {"tops": "physxnet", "bottoms": "physxnet", "dress": "motion_guided"}
 """Templates that are shown, and the model that predicts each."""

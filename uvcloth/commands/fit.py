@@ -1,4 +1,4 @@
-"""`uvcloth fit`: what a garment file is and how it lies on the body, in words and as a picture."""
+"""`uvcloth fit`: a garment file and how it lies on the body, as text and as a picture."""
 
 from pathlib import Path
 
@@ -33,7 +33,7 @@ def examine(
     picture: Path | None,
     pose: str | None = None,
 ) -> list[str]:
-    """Fit a garment file to a body and describe it, a finding a line.
+    """Fit a garment file to a body and describe it, line by line.
 
     template, pose: as `fit` takes them. out: OBJ of the garment as it is worn, one for each of several.
     picture: PNG of it on the body, also where it is refused for how it lies. Raises InputError as `fit` does.

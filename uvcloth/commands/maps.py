@@ -1,4 +1,4 @@
-"""From a simulated sequence to EXR maps and one PNG contact sheet: what `uvcloth maps` does."""
+"""`uvcloth maps`: from a simulated sequence to EXR maps and one PNG contact sheet."""
 
 from pathlib import Path
 
@@ -27,8 +27,8 @@ def draw_maps(
 ) -> int:
     """Write one EXR file per chosen frame of a sequence, and contact_sheet.png; returns how many frames.
 
-    size: texels along each side. frames: a slice such as 0:60:10. Raises InputError for bad input, and for a
-    body or a layout that the sequence is not of.
+    size: texels along each side. frames: a slice such as 0:60:10. Raises InputError for bad input, and for
+    another body or layout than the sequence's.
     """
     if size < 1:
         raise InputError(f"--size {size}: expected at least one texel")

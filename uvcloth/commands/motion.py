@@ -1,4 +1,4 @@
-"""`uvcloth motion`: what is in a motion file, how it is understood, and a picture of it."""
+"""`uvcloth motion`: a motion file as it is understood, and a picture of it."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -23,10 +23,10 @@ UNIT_ERROR = 1.25
 
 
 def describe(motion: str, out: Path, options: MotionOptions, body_file: Path | None = None) -> None:
-    """Print what a motion file holds and how it is understood, and write a sheet of stick figures to `out`.
+    """Print how a motion file is understood, and write a sheet of stick figures to `out`.
 
-    Raises InputError as `load_clip` does, after what can be said is printed; for a motion that no person can
-    have made, after the sheet is written too.
+    Raises InputError as `load_clip` does, after the readable part is printed; for an impossible motion, after
+    the sheet is written too.
     """
     body = load_body(body_file)
     console = Console()

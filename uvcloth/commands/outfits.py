@@ -44,7 +44,7 @@ PHENOTYPES = {
     "height": (0.25, 0.8),
     "proportions": (0.3, 1.0),
 }
-"""Between what drawn bodies lie: grown people."""
+"""Ranges of drawn bodies: adults."""
 
 HELD_OUT = 6
 """One body in so many is for validation, and another for the test."""
@@ -107,7 +107,7 @@ class _Made:
 
 
 def make_outfits(settings: OutfitSettings) -> None:
-    """Make what is missing of a folder of outfits; each is there whole or not at all.
+    """Make the missing outfits of a folder; each appears complete or not at all.
 
     Raises InputError for settings out of range, bodies that outfits cannot be cut on, and a folder that was
     made with other settings.
@@ -250,7 +250,7 @@ def wearer(number: int, bodies: Sequence[Path], seed: int) -> Path:
 
 
 def _bodies(settings: OutfitSettings) -> list[Path]:
-    """Files of the bodies in OUT/bodies, made or copied where they are not there."""
+    """Files of the bodies in OUT/bodies, made or copied if missing."""
     folder = settings.out / "bodies"
     if not settings.bodies:
         return _drawn_bodies(folder, settings.drawn_bodies, settings.seed)

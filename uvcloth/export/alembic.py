@@ -17,10 +17,10 @@ from uvcloth.geometry.mesh import Mesh
 BYTES_PER_POINT, BYTES_PER_FACE = 12, 40
 
 DATE, NO_DATE = b"_ai_DateWritten=", b"Thu Jan  1 00:00:00 1970"
-"""What comes before the moment of writing in the file's metadata, and what is put in its place."""
+"""Text before the time of writing in the file's metadata, and its replacement."""
 
 RATE = b"_ai_DCC_FPS="
-"""What comes before the frame rate there, which the library writes as the process's locale has it: 30,0."""
+"""Text before the frame rate there, which the library writes in the process's locale: 30,0."""
 
 
 def write_abc(animation: Animation, path: Path) -> None:

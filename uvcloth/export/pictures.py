@@ -90,7 +90,7 @@ def sheet_interval(frames: int, coarse: bool) -> int:
 
 
 class Pictures:
-    """Drawing of frames as they come: all of them into a video, or some onto a contact sheet.
+    """Drawing of frames one by one: all of them into a video, or some onto a contact sheet.
 
     motion: (F, J, 3, 4), the joint transforms of the frames that are to come, from which the camera's path is
     made. Raises InputError for a video where PyAV is not installed.
@@ -130,7 +130,7 @@ class Pictures:
         """Do nothing: the frames are drawn already."""
 
     def finish(self, path: Path) -> None:
-        """Write what was drawn. Raises OSError if the disk is full."""
+        """Write the result. Raises OSError if the disk is full."""
         if self._video is not None:
             self._video.close()
             self._partial.replace(path)
@@ -138,7 +138,7 @@ class Pictures:
             write_png(path, contact_sheet(self._sheet, min(SHEET_COLUMNS, len(self._sheet))))
 
     def discard(self) -> None:
-        """Close what is open."""
+        """Close open files."""
         if self._video is not None:
             self._video.discard()
 

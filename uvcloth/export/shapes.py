@@ -39,11 +39,11 @@ class ShapeCode:
         return len(self.mix)
 
     def weights(self, embeddings: Tensor) -> Tensor:
-        """Weights in [0, 1] of embeddings (B, W): (B, K); what lies beyond the known range is clamped."""
+        """Weights in [0, 1] of embeddings (B, W): (B, K); values outside the known range are clamped."""
         return (embeddings @ self.scale + self.shift).clamp(0.0, 1.0)
 
     def restored(self, weights: Tensor) -> Tensor:
-        """Embeddings (B, W) that weights (B, K) stand for."""
+        """Embeddings (B, W) of weights (B, K)."""
         return self.constant + weights @ self.mix
 
 

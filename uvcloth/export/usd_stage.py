@@ -86,7 +86,7 @@ def define_mesh(stage: Any, prim: str, mesh: Mesh, color: Color) -> Any:
 
 
 def uv_name(index: int) -> str:
-    """Name of a set of texture coordinates, as other programs have it: st, st1, st2."""
+    """Usual name of a set of texture coordinates: st, st1, st2."""
     return f"st{index}" if index else "st"
 
 

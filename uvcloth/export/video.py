@@ -80,7 +80,7 @@ class Video:
 
 
 def open_video(path: Path, size: tuple[int, int], fps: float) -> Video:
-    """Start a video of pictures of a size (width, height), even numbers; the suffix says which kind.
+    """Start a video of pictures of a size (width, height), even numbers; the suffix chooses the format.
 
     Raises InputError if PyAV is not installed, and OSError if the file cannot be written.
     """

@@ -145,7 +145,7 @@ def _require_moderate(members: Sequence[zipfile.ZipInfo], size: int) -> None:
 
 
 def _read(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
-    """The array of a member; InputError without the path if it is none."""
+    """The array of a member; InputError without the path if it is not one."""
     # numpy writes no others, and some of them take the memory that their own headers ask for.
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
         raise InputError(f"{_name(member)} is compressed in another way than an npz")
@@ -180,7 +180,7 @@ def _plain(values: np.ndarray, name: str) -> np.ndarray:
 
 
 def _header(stream: IO[bytes], name: str) -> Header:
-    """Read the header of an array; raises InputError that names the array if it is none."""
+    """Read the header of an array; raises InputError that names the array if it is invalid."""
     start = stream.read(len(MAGIC) + 2)
     length_size = {1: 2, 2: 4, 3: 4}.get(start[-2] if len(start) == len(MAGIC) + 2 else 0)
     if not start.startswith(MAGIC) or length_size is None:

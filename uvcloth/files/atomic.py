@@ -1,4 +1,4 @@
-"""Writing of files: they appear whole or not at all, each from one process at a time.
+"""Writing of files: they appear complete or not at all, each from one process at a time.
 
 What is not finished lies in a hidden folder beside the file, `.NAME.partial`, which its process has locked.
 The next process that writes the file finds the folder of one that was killed unlocked, and clears it.
@@ -191,7 +191,7 @@ def require_there(folder: Path) -> None:
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder and those above it, if they are not there. Raises InputError if that cannot be."""
+    """Make a folder and its parents, if they are missing. Raises InputError if that fails."""
     try:
         Path(path).mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -37,7 +37,7 @@ def read_json(path: Path, expected: str) -> dict[str, Any]:
 
 
 def parse_json(text: str, source: str, expected: str) -> dict[str, Any]:
-    """The JSON object of a text; source: where it stands, which errors begin with.
+    """The JSON object of a text; source: its place, with which errors begin.
 
     NaN and infinities are read as Python writes them. Raises InputError if it is none, nested deeper than
     MOST_DEPTH, names a key twice, or holds a whole number of more than MOST_DIGITS or a text of no

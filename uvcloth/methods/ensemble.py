@@ -70,7 +70,7 @@ class Ensemble(Method):
     def feed_back(
         self, prepared: tuple[Any, ...], state: tuple[Any, ...], garments: tuple[Tensor, ...]
     ) -> tuple[Any, ...]:
-        """Feed each its own back; the very state where that changes none."""
+        """Feed back each garment to its model; returns the same state if nothing changes."""
         parts = zip(self.methods, prepared, state, garments, strict=True)
         following = tuple(m.feed_back(ready, before, (vertices,)) for m, ready, before, vertices in parts)
         changed = any(after is not before for after, before in zip(following, state, strict=True))

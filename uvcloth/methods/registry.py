@@ -49,7 +49,7 @@ def model_folder(name_or_run: str | Path) -> Path | None:
 
 
 def load_method(name_or_run: str | Path, body: Body) -> Method:
-    """A method that needs no training or ships trained by its name, or a trained one from its run folder.
+    """Load a method by name (a baseline or a shipped model), or a trained one from its run folder.
 
     A trained method is named after its folder, so that several can stand in one report. One that ships sees
     a body that is no adult's as large as one. Raises InputError for an unknown name, and for a checkpoint

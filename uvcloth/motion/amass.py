@@ -64,7 +64,7 @@ FINGER_OFFSETS = {"1": (0.1, -0.01, 0.0), "2": (0.03, 0.0, 0.0), "3": (0.025, 0.
 
 
 def is_amass(path: Path) -> bool:
-    """Test for an npz with the fields of AMASS. Raises InputError if it is none that can be read."""
+    """Test for an npz with the fields of AMASS. Raises InputError if it cannot be read."""
     return bool({"poses", "pose_body", "trans", "betas"} & set(list_arrays(path, EXPECTED)))
 
 

@@ -10,7 +10,7 @@ from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
 
 HELD_JOINTS = 0.6
-"""Share of the joints below a child that is taken for the person's root in place of its parent."""
+"""Share of the joints below a child from which it is the person's root instead of its parent."""
 
 MOVING = 0.002
 """Way that such a child goes relative to its parent, over the length of all bones."""

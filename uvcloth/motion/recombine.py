@@ -27,10 +27,10 @@ DONOR_PARTS: tuple[tuple[str, ...], ...] = (
 """Top joints of each part, the first that a skeleton has: legs (all the rest), trunk, left and right arm."""
 
 RECOMBINED = 2000
-"""Poses that are made unless another number is asked for."""
+"""Default number of poses to make."""
 
 CANDIDATES_PER_POSE = 20
-"""Most candidates for each pose that is wanted."""
+"""Most candidates per pose."""
 
 
 def recombine(

@@ -97,7 +97,7 @@ def joint_roles(names: Iterable[str]) -> dict[str, int]:
 
 
 def naming_family(names: Iterable[str]) -> str:
-    """Name of the family that the joints are named after, "unknown" if it is none of these."""
+    """Name of the family of the joints' names, or "unknown"."""
     names = list(names)
     spelled = {name.lower() for name in names} | {"".join(parts) for parts in _plain_words(names)}
     return next(

@@ -20,7 +20,7 @@ MOST_LAYERS = 64
 
 @dataclass(frozen=True)
 class DeePSDConfig:
-    """Sizes of the network, what it reads and what it predicts."""
+    """Sizes, inputs and outputs of the network."""
 
     inputs: Literal["mesh", "body"] = "body"
     """Input of a vertex: position and normal (mesh, paper), or also its offset from the closest point of the
@@ -61,7 +61,7 @@ class DeePSDConfig:
     """Number of pose keys and blend shapes; 0: the pose is used as keys (its Table 1)."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for sizes that are none."""
+        """Raises InputError for invalid sizes."""
         require_settings(self, RANGES)
         if not self.convolutions:
             raise InputError("--convolutions: has to be one number or more")

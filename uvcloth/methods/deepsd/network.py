@@ -26,7 +26,7 @@ FIRST_SHAPE = 0.1
 
 
 LEAST_DEVIATION = 0.05
-"""Metres, radians, shares: what hardly varied in training is not told in finer steps."""
+"""Least standard deviation (metres, radians, shares) by which an input is divided."""
 
 LEAST_SPREAD = 1e-6
 """Standard deviation up to which a layer's values are one value."""

@@ -120,7 +120,7 @@ class MotionGuidedConfig:
         )
 
     def maps(self, garment: Garment, body: Body, under: Garment | None = None) -> GarmentMaps:
-        """A garment on a body, or over what is worn under it, as the networks see it."""
+        """A garment on a body, or over an inner garment, as input of the networks."""
         seeds = sample_seeds(body, self.seeds, under)
         return garment_maps(garment, seeds, self.size, self.near, self.skinning)
 

@@ -93,7 +93,8 @@ class MotionGuided(Method):
         return cls(config, config.shape_space(), config.dynamics())
 
     def unsupported_reason(self, outfit: Outfit) -> str:
-        """The reason that it cannot dress an outfit: it is for one garment, over what it was trained over."""
+        """Reason why it cannot dress an outfit: it is for one garment, over the inner garment of its
+        training."""
         config, under = self.config, outfit.under
         for garment in outfit.garments:
             who = f"garment {garment.name}: model {self.name}"
@@ -191,7 +192,7 @@ class MotionGuided(Method):
         return tuple(read)
 
     def _seeds(self, maps: GarmentMaps, frames: BodyFrames) -> PosedSeeds:
-        """The seeds in B frames, on the body or on what is worn beneath."""
+        """The seeds in B frames, on the body or on the inner garment."""
         transforms = frames.transforms[:, -1]
         if not self.config.under:
             return pose_seeds(maps.seeds, transforms)

@@ -1,4 +1,4 @@
-"""Seed points on what a garment moves on, and the Gaussian kernels around them (Motion-guided)."""
+"""Seed points on the body or the inner garment, and the Gaussian kernels around them (Motion-guided)."""
 
 import math
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.skinning import skin_frames
 
 PARTS = ("torso", "upper_arm", "forearm", "thigh", "calf")
-"""Body parts whose seeds share a kernel radius; the others count as what they are attached to."""
+"""Body parts whose seeds share a kernel radius; other parts count as their parent."""
 
 ATTACHED = {"head": "torso", "hand": "forearm", "foot": "calf"}
 

@@ -103,7 +103,7 @@ class PBNS(Method):
         return cls(config, PBNSNetwork(config, 0, 0, 1, 0), RestOutfit((), (), torch.zeros(1, 3), (-1,)))
 
     def unsupported_reason(self, outfit: Outfit) -> str:
-        """The reason that it cannot dress an outfit: it is for its own garments in order, on its own body."""
+        """Reason why it cannot dress an outfit: it is for the garments and the body of its training."""
         names = tuple(garment.name for garment in outfit.garments)
         own = " over ".join(reversed(self.garments.names)) or "no garment yet"
         who = f"model {self.name} is for {own}"
@@ -130,7 +130,7 @@ class PBNS(Method):
         return f"model {self.name} was trained on another body than {body.name!r}, in skeleton or shape"
 
     def prepare(self, outfit: Outfit, device: torch.device) -> PBNSPrepared:
-        """Choose the vertices of the outfit. Raises InputError for one that is not supported."""
+        """Choose the vertices of the outfit. Raises InputError for an unsupported outfit."""
         require_supported(self, outfit)
         rows = self._rows([garment.name for garment in outfit.garments])
         network = for_inference(self.network, device)
@@ -157,9 +157,8 @@ class PBNS(Method):
 
     @torch.no_grad()
     def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> PoseRig:
-        """The model itself: it is nothing but a rig; of its garments all, or those named.
-
-        Raises InputError for another body, and for garments that are not its own.
+        """The model itself, which is a rig: all of its garments, or the named ones. Raises InputError for
+        another body, and for other garments.
         """
         if fault := self.body_fault(body):
             raise InputError(fault)
@@ -239,7 +238,7 @@ def load_pbns(checkpoint: Checkpoint, folder: Path) -> PBNS:
 
 
 def _outfit(checkpoint: Checkpoint, path: Path) -> RestOutfit:
-    """The outfit of a checkpoint. Raises InputError if its meshes or its joints are none."""
+    """The outfit of a checkpoint. Raises InputError if its meshes or its joints are invalid."""
     arrays = {
         name: tensor.numpy() for name, tensor in checkpoint.tensors.items() if not name.startswith("network.")
     }

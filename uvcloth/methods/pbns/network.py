@@ -14,7 +14,7 @@ SHARPNESS = 100.0
 
 
 LEAST_WEIGHT = 0.01
-"""Of SHARPNESS: what a joint without weight starts from, so that it can gain some."""
+"""Start of a joint without weight, in units of SHARPNESS, so that it can gain some."""
 
 
 FIRST_SHAPE = 1e-3
@@ -33,7 +33,7 @@ class PBNSConfig:
     """Joints that may move a vertex, the strongest (paper: all): four are what every engine plays."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for sizes that are none."""
+        """Raises InputError for invalid sizes."""
         require_settings(self, {"width": (1, 4096), "layers": (1, 64), "influences": (1, 1000)})
 
 

@@ -1,4 +1,4 @@
-"""Cloth as the solver has it: masses, faces and hinges at rest, and which parts of it are neighbours."""
+"""Cloth for the solver: masses, faces and hinges at rest, and neighbourhoods."""
 
 import math
 from dataclasses import dataclass

@@ -26,13 +26,13 @@ MOST_SUBSTEPS_PER_SECOND = 60_000
 """Substeps above which cloth is refused: its faces are too small, or it is too stiff, for its mass."""
 
 FASTEST = 200.0
-"""Speed, m/s, relative to the body, that no cloth has: a frame in which a vertex is faster is made again."""
+"""Impossible speed of cloth relative to the body, m/s: a frame in which a vertex is faster is repeated."""
 
 FASTEST_BODY = 40.0
-"""Speed, m/s, relative to the cloth as a whole, with which a body is followed at most."""
+"""Greatest speed of a body, m/s, relative to the mean of the cloth, that can be followed."""
 
 RETRIES = 2
-"""Times that a frame is made again, each with twice the substeps."""
+"""Times that a frame is repeated, each with twice the substeps."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Settings:
 
 @dataclass(frozen=True)
 class Solver:
-    """Cloth, the body that it meets, and the longest stable step, s, of the cloth at rest."""
+    """Cloth, the body that it collides with, and the longest stable step, s, of the cloth at rest."""
 
     cloth: Cloth
     body: Body
