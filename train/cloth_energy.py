@@ -19,7 +19,7 @@ from uvcloth.physics.posed_batch import ClosestPointCache
 
 @dataclass(frozen=True)
 class ClothMaterial:
-    """The material of the cloth, and how hard it is kept off the body. Energies are in joules."""
+    """Material of the cloth, and stiffness of its contact with the body. Energies are in joules."""
 
     edge: float = 15.0
     """N/m, resistance to stretch and compression (PBNS, Figure 5: 5 to 25)."""
@@ -37,7 +37,7 @@ class ClothMaterial:
     """Collision with the plane at the closest point of the skin, or at the closest vertex (PBNS)."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for what no cloth has."""
+        """Raises InputError for values out of range."""
         for name in ("edge", "bend", "mass", "collision", "thickness", "pin"):
             value = getattr(self, name)
             if not 0 <= value < math.inf:

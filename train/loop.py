@@ -1,4 +1,4 @@
-"""The training loop: any objective, on CPU, one GPU or several, interrupted and resumed without a trace."""
+"""The training loop: any objective, on CPU, one GPU or several, with an exact resume after interruption."""
 
 import copy
 import json
@@ -21,7 +21,7 @@ from uvcloth.files.atomic import make_folder, require_there
 from uvcloth.process.interruption import uninterrupted
 
 PROGRESS_KEYS = ("step", "minutes")
-"""Keys beside the scores of a validation."""
+"""Keys in addition to the scores of a validation."""
 
 LOG_EVERY = 10
 """Steps between entries in the log."""
@@ -59,7 +59,7 @@ class LoopConfig:
     """Number of GPUs, if there are any."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for what cannot be trained with."""
+        """Raises InputError for values out of range."""
         for name in ("steps", "batch", "validate_every", "devices", "minutes", "learning_rate"):
             value = getattr(self, name)
             if value is not None and not value > 0:
@@ -73,7 +73,7 @@ class LoopConfig:
 
 
 class Objective(Protocol):
-    """The part of training that is a method's own, on one device; derived classes inherit the defaults."""
+    """The method-specific part of training, on one device; derived classes inherit the defaults."""
 
     @property
     def samples(self) -> Tensor:
@@ -140,7 +140,7 @@ class Training:
 
 
 def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) -> dict[str, float]:
-    """Train until the steps or the minutes are spent; returns the validation scores of the network kept.
+    """Train until the end of the steps or minutes; returns the validation scores of the kept network.
 
     Every step seeds its own randomness and draws its samples by its number, so that a resumed run continues
     exactly. Ctrl-C ends the step and saves. Raises InputError if there is nothing to resume, if the run was
@@ -164,7 +164,7 @@ def fit(objective: Objective, run: Path, config: LoopConfig, *, resume: bool) ->
 
 
 def format_scores(scores: Mapping[str, float]) -> str:
-    """Validation scores in words, without those that say when."""
+    """Validation scores as text, without step and minutes."""
     return ", ".join(f"{name} {score:.4g}" for name, score in scores.items() if name not in PROGRESS_KEYS)
 
 
@@ -276,7 +276,7 @@ def _validated(done: Progressed) -> bool:
 
 
 def _validate(training: Training) -> str:
-    """Validate, save the network if it is to be kept so far, and say the errors in words."""
+    """Validate, save the network if it is to be kept, and return the errors as text."""
     done = training.done
     errors = training.objective.validate(training.average)
     when = {"step": done.step, "minutes": done.seconds / 60}

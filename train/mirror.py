@@ -1,4 +1,4 @@
-"""Mirror images of training clips: as much data again, where body and garment are symmetric."""
+"""Mirror images of training clips, which double the data where body and garment are symmetric."""
 
 from collections.abc import Sequence
 from dataclasses import replace

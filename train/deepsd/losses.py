@@ -46,7 +46,7 @@ class DataLosses:
     leaves out the whole warm-up."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for what cannot be trained with."""
+        """Raises InputError for values out of range."""
         if self.poses_per_outfit < 1:
             raise InputError(f"--poses-per-outfit {self.poses_per_outfit}: has to be 1 or more")
         if not 0 < self.points <= 1:
@@ -62,7 +62,7 @@ class DataLosses:
 
 
 def prior_share(epochs: float) -> float:
-    """The weight of the priors after some epochs: all in the first, then a tenth of that with each."""
+    """Weight of the priors after some epochs: 1 in the first, then a tenth of the last with each."""
     return 10.0 ** min(0.0, 1.0 - epochs)
 
 
@@ -136,7 +136,7 @@ class PhysicsLosses:
     """Poses per outfit in a step (paper: 1)."""
 
     def __post_init__(self) -> None:
-        """Raises InputError for what no cloth has."""
+        """Raises InputError for values out of range."""
         for name in ("edge", "bend", "collision", "thickness", "small"):
             value = getattr(self, name)
             if not 0 <= value < math.inf:

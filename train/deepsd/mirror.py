@@ -1,4 +1,4 @@
-"""Mirror images of outfits in motion: as much data again, since any mesh may be read."""
+"""Mirror images of outfits in motion, which double the data, since any mesh may be read."""
 
 from dataclasses import replace
 

@@ -22,10 +22,10 @@ Energy = Callable[[OutfitFrames, PosedOutfit, Tensor], Tensor]
 """The energy () of an outfit in Q poses, joint transforms (Q, J, 3, 4)."""
 
 OUTFITS = 48
-"""Validation outfits that are judged, at most."""
+"""Most validation outfits to evaluate."""
 
 POSES = 8
-"""Poses that each is judged in, at most."""
+"""Most poses of each."""
 
 INSIDE_POSES = 2
 """Poses in which the vertices inside the body are counted, which is slow."""
@@ -108,7 +108,7 @@ class Validation:
             yield held, pose_outfits(net, described, held.poses, branches)[0]
 
     def _measures(self, held: HeldOutfit, posed: Tensor) -> dict[str, Tensor]:
-        """The measures of an outfit (Q, U, 3) m."""
+        """Measures of an outfit (Q, U, 3) m."""
         graph = held.frames.graph
         measures = {}
         if len(held.truth):

@@ -48,7 +48,7 @@ class MotionGuidedLosses(Holdout):
     inside: float = 100.0
     """Depth in the body at rest, of training shapes and random shapes."""
     settled: float = 0.02
-    """Metres of error below which the last two are used, with full weight at zero."""
+    """Error in metres below which `random` and `inside` are used, with full weight at zero."""
     regular: float = 0.001
     """Distance of the mean square of codes from 1."""
     code: float = 0.01

@@ -19,10 +19,11 @@ BAND_WIDTH = 0.03
 """Metres from the hem that the band reaches."""
 
 BELOW_TOP = 0.1
-"""Metres that the uppermost hem may lie below the top of its piece: a hood's does, a sack's does not."""
+"""Metres that the uppermost hem may be below the top of its piece, as that of a hood is."""
 
 DROP = 0.2
-"""Metres below its top from which a hem holds nothing: an open jacket's runs down to its bottom."""
+"""Metres below its top to which a hem holds the piece: that of an open jacket continues down to its
+bottom."""
 
 TEMPLATE_MASS = {
     "tops": 11.0,
@@ -32,7 +33,7 @@ TEMPLATE_MASS = {
     "skirt": 39.0,
     "jacket": 23.0,
 }
-"""Mass of the templates' bands, as a multiple of what their area weighs."""
+"""Mass of the templates' bands, as a multiple of the mass of their area."""
 
 WAIST_SHARE, SHOULDER_SHARE = 0.85, 0.3
 """Mass of any other band over the mass below it; shoulders carry most of the rest."""

@@ -47,7 +47,7 @@ class Diagnosis:
     pose: str = ""
 
     def lines(self) -> list[str]:
-        """Text of the diagnosis, one finding a line; what is as expected is left out."""
+        """Text of the diagnosis, one line per finding; expected properties are left out."""
         pieces = "1 piece" if self.components == 1 else f"{self.components} separate pieces"
         found = [
             f"{self.path}: {self.vertices} vertices, {self.faces} triangles, {pieces}",

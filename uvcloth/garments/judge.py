@@ -1,4 +1,4 @@
-"""Judgement of how a garment lies on a body at rest: as clothes lie, or not and why."""
+"""Check that a garment lies on a body at rest as clothes do, and the reason if not."""
 
 import math
 from dataclasses import dataclass
@@ -15,43 +15,43 @@ from uvcloth.physics.exposure import Shell
 from uvcloth.physics.surface import BodySurface
 
 POINTS = 2000
-"""Points over the cloth that are asked how they found."""
+"""Points over the cloth that are tested."""
 
 DEEP = 0.01
-"""Metres inside the body beyond which contact does not simply ease cloth out."""
+"""Metres inside the body beyond which contact does not easily move cloth out."""
 
 MOST_DEEP = 0.05
-"""Share of the cloth that may be as deep."""
+"""Largest share of the cloth that may be so deep."""
 
 LEAST_ALONG = 0.75
-"""Share of the cloth that lies along the skin."""
+"""Least share of the cloth along the skin."""
 
 FARTHEST = 0.15
-"""Metres from the skin on average beyond which cloth is not worn."""
+"""Mean distance to the skin, m, above which cloth is not worn."""
 
 ENGULFED = 0.95
 """Share of the cloth inside the body above which a garment counts as wholly inside it."""
 
 CLOTHED = ("torso", "upper_arm", "thigh")
-"""Regions of which a garment covers some: no cloth model moves shoes, gloves or hats."""
+"""Regions of which a garment has to cover some: shoes, gloves and hats are not moved as cloth."""
 
 LEAST_CLOTHED = 0.2
-"""Share of the cloth that lies over these."""
+"""Least share of the cloth over these."""
 
 BARE = ("head", "hand", "foot")
-"""Regions that a garment does not all cover; the body itself does."""
+"""Regions that only the body itself covers all."""
 
 COVERED = 0.5
-"""Share of a region's area from which on it counts as covered."""
+"""Share of a region's area from which it counts as covered."""
 
 LEAST_AROUND = 0.7
-"""Share of the directions across a bone in which a garment is met that goes around it."""
+"""Share of the directions across a bone in which a ray hits a garment that goes around it."""
 
 AROUND_REACH = 0.4
-"""Metres from a bone within which it is met."""
+"""Length of these rays, m."""
 
 SHORTEST_BONE = 0.05
-"""Metres from which on a bone has a direction to look across."""
+"""Least length of a bone, m, to cast rays across it."""
 
 PLACES, DIRECTIONS = 5, 24
 """Places along each bone, and directions across it."""
@@ -62,11 +62,11 @@ TURNS = {
     "on its side": (((0, 0, 1), (0, 1, 0), (-1, 0, 0)), ((0, 0, -1), (0, 1, 0), (1, 0, 0))),
     "flat on its back or belly": (((1, 0, 0), (0, 0, 1), (0, -1, 0)), ((1, 0, 0), (0, 0, -1), (0, 1, 0))),
 }
-"""Rotations after which a garment that lies so would lie well."""
+"""Rotations that make a wrongly oriented garment lie well."""
 
 
 class UnwearableError(InputError):
-    """A garment that does not lie as clothes lie, with its mesh in the best placing that was found."""
+    """A garment that does not lie as clothes do, with its mesh in the best placing."""
 
     def __init__(self, message: str, mesh: Mesh) -> None:
         super().__init__(message)
@@ -149,7 +149,7 @@ def refuse_unworn(path: Path, mesh: Mesh, welded: Tensor, body: Body, surface: B
 
 
 def _no_garment(found: Measures, welded: Tensor) -> str:
-    """Sentence that says why a mesh is no garment for the body, "" if it is."""
+    """Reason why a mesh is not a garment for the body, "" if it is one."""
     over = {region: float(share) for region, share in zip(REGIONS, found.regions, strict=True)}
     most = max(over, key=lambda region: over[region])
     for wrong, sentence in (
@@ -176,7 +176,7 @@ def _no_garment(found: Measures, welded: Tensor) -> str:
 
 
 def _misplaced(found: Measures, mesh: Mesh, surface: BodySurface) -> str:
-    """Sentence that says how a garment lies wrongly, "" if it lies as clothes lie."""
+    """Description of how a garment lies wrongly, "" if it lies as clothes do."""
     if found.around_head > LEAST_AROUND:
         return "the garment is over the head, expected one modelled on the body's rest pose"
     if found.deep > MOST_DEEP or found.along < LEAST_ALONG:
@@ -206,7 +206,7 @@ def _is_ball(welded: Tensor) -> bool:
 
 
 def _turned(mesh: Mesh, surface: BodySurface) -> str:
-    """Clause that says how a garment lies, where turning it back about its centre would make it lie well."""
+    """Description of its orientation, if a rotation about its centre would make it lie well."""
     cloth = ClothSample.of(mesh.vertices, mesh.faces, POINTS // 4)
     centre = (mesh.vertices.amax(0) + mesh.vertices.amin(0)) / 2
     turns = [(name, turn) for name, ways in TURNS.items() for turn in ways]

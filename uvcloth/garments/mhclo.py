@@ -27,10 +27,10 @@ SAME = 1e-6
 """Metres within which a vertex of the body is one of the base mesh."""
 
 LARGEST = 1e6
-"""Of an offset or a place."""
+"""Greatest offset or coordinate, m."""
 
 MOST_OF_BASE = 100_000
-"""Vertices that any base mesh may have."""
+"""Most vertices of a base mesh."""
 
 BODY_AXES = {"x": 0, "y": 2, "z": 1}
 """Axis of the body (Z up) along each axis of MakeHuman (Y up, facing +Z)."""
@@ -116,7 +116,7 @@ def _with_material(mesh: Mesh, folder: Path, name: str) -> Mesh:
 
 
 def read_binding(path: Path) -> Binding:
-    """Read an .mhclo. Raises InputError naming the file if it is none, or for another base mesh."""
+    """Read an .mhclo. Raises InputError naming the file if it is not one, or has another base mesh."""
     path = Path(path)
     bound: list[list[float]] = []
     scales: dict[str, tuple[int, int, float]] = {}

@@ -13,7 +13,7 @@ from uvcloth.geometry.mesh import Mesh, face_normals, weld
 from uvcloth.physics.layers import wrong_side_percent
 
 LEAST_SHARE = 0.08
-"""Share of a file's area from which on a piece is a garment: buttons and belts go with the nearest."""
+"""Share of a file's area from which a piece is a garment; buttons and belts belong to the closest one."""
 
 
 def split(name: str, mesh: Mesh, body: Body, template: str | None) -> tuple[Garment, ...]:
@@ -30,7 +30,8 @@ def split(name: str, mesh: Mesh, body: Body, template: str | None) -> tuple[Garm
 
 
 def pieces(mesh: Mesh) -> Tensor:
-    """Garment of each vertex of a mesh, from 0: (N,) int64. What has no faces goes with the nearest, too."""
+    """Garment of each vertex of a mesh, from 0: (N,) int64. Vertices without faces belong to the closest
+    garment."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import KDTree

@@ -26,7 +26,7 @@ ORIGINS = ("body", "feet")
 """Origin of a file: the body's own, at the hips, or on the floor between its feet."""
 
 SMALLEST, LARGEST = 0.12, 1.2
-"""Diagonals of what can be a garment, in body diagonals: a decade, so that few units fit a size."""
+"""Diagonals of a garment in body diagonals: a decade, so that few units fit."""
 
 UNUSUAL = 1.25
 """Factor on the misfit of another facing or origin than the usual: skirts lie alike in several."""
@@ -41,7 +41,7 @@ ALONG_COSINE = 0.5
 """Cosine between the normals of cloth and of the skin below it from which on cloth lies along the skin."""
 
 ACROSS_COST = 0.2
-"""Metres that cloth across the skin counts as farther away: shrunk cloth is near, but crumpled."""
+"""Metres added to the distance of cloth across the skin, since shrunk, crumpled cloth is close to it."""
 
 POINTS = 256
 """Points over the cloth by which candidates are compared."""
@@ -64,7 +64,7 @@ class Placing:
 
     @property
     def usual(self) -> bool:
-        """Test for a file whose front and origin are as the up axis lets expect."""
+        """Test for a file with the usual front and origin of its up axis."""
         return self.front == FRONTS[self.up][0] and self.origin == ORIGINS[0]
 
     def apply(self, points: Tensor, body: Body) -> Tensor:
@@ -78,7 +78,7 @@ class Placing:
         return (directions @ self._rotation().to(directions).T).float()
 
     def text(self) -> str:
-        """Description of the frame, and what was done about it; one line."""
+        """Description of the frame and its conversion; one line."""
         found = f"unit {self.unit}, {self.up} up"
         done = [] if (self.unit, self.up) == ("m", "Z") else ["converted to metres, Z up"]
         if self.front != FRONTS[self.up][0]:

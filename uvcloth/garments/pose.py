@@ -25,7 +25,7 @@ ARM = ("upper_arm", "forearm", "hand")
 """Roles of the joints along an arm."""
 
 LIES_WELL = 0.02
-"""Metres of misfit up to which cloth lies as well on the rest pose as one asks."""
+"""Misfit, m, up to which cloth lies well enough on the rest pose."""
 
 FAR_BETTER = 0.6
 """Factor on that misfit in the pose that a garment was modelled in: sleeves of templates have 0.13 to 0.5,

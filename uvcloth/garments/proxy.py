@@ -1,4 +1,4 @@
-"""Coarse garments, as games have them: a finer proxy takes their place in a rollout and carries them."""
+"""Coarse garments, as games have them: a finer proxy is moved instead and carries them along."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from uvcloth.geometry.subdivide import subdivide
 from uvcloth.physics.face_contact import FaceContact
 
 COARSE = 0.022
-"""Spacing of vertices, m, from which on a garment is coarse; the coarsest template, the dress, has 21 mm."""
+"""Spacing of vertices, m, from which a garment is coarse; the coarsest template, the dress, has 21 mm."""
 
 PROXY_EDGE = 0.025
 """Longest edge of a proxy, m."""
@@ -34,7 +34,7 @@ class ProxiedOutfit:
 
     @classmethod
     def as_is(cls, outfit: Outfit) -> "ProxiedOutfit":
-        """An outfit that carries itself."""
+        """An outfit without proxies."""
         return cls(outfit, tuple(garment.mesh for garment in outfit.garments), (), None)
 
     @classmethod
@@ -60,7 +60,7 @@ class ProxiedOutfit:
         return cls(replace(outfit, garments=garments), shown, lines, contact)
 
     def named(self) -> list[tuple[str, Mesh]]:
-        """Name and mesh of all that is shown."""
+        """Name and mesh of each visible garment."""
         return [(garment.name, mesh) for garment, mesh in zip(self.outfit.garments, self.meshes, strict=True)]
 
     def hides(self, shown: Body) -> list[Tensor]:

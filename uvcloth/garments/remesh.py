@@ -18,7 +18,7 @@ POINTS_PER_VERTEX = 12
 """Points of the subdivided surface, for each vertex, that are clustered."""
 
 RELAXATIONS = 10
-"""Passes that even the triangles out."""
+"""Passes that equalize the triangles."""
 
 
 def remesh(vertices: Array, faces: Indices, count: int) -> tuple[Array, Indices]:

@@ -27,7 +27,7 @@ EASE_PASSES = 12
 """Passes that move a template off the skin."""
 
 EVENING_PASSES = 30
-"""Passes that even out a template which starts off its shell: in armpits it is squeezed together there."""
+"""Passes that equalize a template that starts off its shell, where armpits squeeze it together."""
 
 LEAST_CLEARANCE = 0.0035
 """Metres that every template keeps off the skin at rest."""

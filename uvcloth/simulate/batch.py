@@ -86,9 +86,8 @@ def simulate_batch(
 
 
 def chosen_engine(engine: str, fabric: str | None, workers: Workers) -> Engine:
-    """The engine of a command's options.
-
-    Raises InputError for an unknown or missing one, and for workers of which there are none.
+    """The engine of a command's options. Raises InputError for an unknown or missing engine, and for less
+    than one worker.
     """
     if engine not in ENGINES:
         raise InputError(f"--engine {engine}: expected one of {', '.join(ENGINES)}")
@@ -99,7 +98,7 @@ def chosen_engine(engine: str, fabric: str | None, workers: Workers) -> Engine:
 
 
 def simulate_jobs(todo: Sequence[Job], engine: Engine, workers: Workers, folder: Path) -> None:
-    """Simulate jobs as `simulate_all` does, or say that there are none."""
+    """Simulate jobs as `simulate_all` does, or print that there are none."""
     if not todo:
         print(f"{folder}: every sequence is there already")
         return
@@ -196,7 +195,8 @@ def _refuse(reason: str | None, targets: Sequence[Path]) -> str:
 
 
 def _store(reason: str | None, sequence: SimulatedSequence, target: Path) -> str:
-    """Write a finished sequence, a refused one to the folder of those, and return a line of text on it."""
+    """Write a finished sequence, a refused one to the folder of refused ones, and return a line of text on
+    it."""
     if reason is not None:
         elsewhere = rejected(target)
         save_sequence(replace(sequence, metadata={**sequence.metadata, "rejected": reason}), elsewhere)

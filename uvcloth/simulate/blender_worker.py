@@ -99,7 +99,7 @@ def add_vertex_group(cloth: Any, name: str, arrays: dict[str, np.ndarray], weigh
 
 
 def vertex_positions(cloth: Any) -> np.ndarray:
-    """Positions of an object's vertices as the modifiers leave them: (3 V,) float32, m."""
+    """Positions of an object's vertices after the modifiers: (3 V,) float32, m."""
     evaluated = cloth.evaluated_get(bpy.context.evaluated_depsgraph_get())
     mesh = evaluated.to_mesh()
     points = np.empty(3 * len(mesh.vertices), "<f4")

@@ -14,7 +14,7 @@ from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate.sequence import read_metadata
 
 BODIES = "bodies"
-"""Folder, in a data folder, of the bodies that its sequences are on, but for the one in the package."""
+"""Folder, in a data folder, of the bodies of its sequences, except the one of the package."""
 
 
 def keep_body(body: Body, folder: Path, save: Callable[[Body, Path], None] = save_body) -> None:

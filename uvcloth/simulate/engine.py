@@ -84,9 +84,9 @@ class CompiledEngine(Engine, Protocol):
     """An engine that is compiled where it runs, once after an installation."""
 
     def is_compiled(self) -> bool:
-        """True if that was done before."""
+        """True if it is compiled already."""
         ...
 
     def compile(self) -> None:
-        """Compile it, and keep that for later processes."""
+        """Compile it for this and later processes."""
         ...

@@ -41,12 +41,12 @@ class Stored:
 
 
 def rejected(target: Path) -> Path:
-    """Path at which a sequence is kept if it is refused."""
+    """Path of a sequence if it is refused."""
     return target.parent / REJECTED / target.name
 
 
 def is_finished(target: Path) -> bool:
-    """True if a sequence is there, or kept apart as refused."""
+    """True if a sequence exists, finished or refused."""
     return target.exists() or rejected(target).exists()
 
 

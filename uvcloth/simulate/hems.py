@@ -1,4 +1,4 @@
-"""Unsupported hems: an overdamped simulation leaves cloth up in the air after a squat."""
+"""Unsupported hems: overdamped cloth stays raised after a squat."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ from uvcloth.geometry.mesh import boundary_edges, weld
 from uvcloth.physics.contact import Skin
 
 LEAST_RISE = 0.1
-"""Metres above the skinned hem, on average, above which something has to support a hem."""
+"""Mean height over the skinned hem, m, from which a hem needs support."""
 
 STILL_SPEED = 1.0
 """Mean speed relative to the garment, m/s, below which a hem does not swing: with it, it swings 5 cm up."""

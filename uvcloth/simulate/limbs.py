@@ -1,4 +1,4 @@
-"""Limbs that have left their cloth: bones that stick through it, limbs that are out of their cuffs."""
+"""Limbs that have left their cloth: bones that stick through it, limbs outside their cuffs."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Sequences of outfits: several garments that moved together on a body of their own."""
+"""Sequences of outfits: several garments that moved together on one body."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -122,7 +122,7 @@ def _outfit(parts: Iterable[tuple[Path, SimulatedSequence]], body: Body) -> Outf
 
 
 def _fabric(path: Path, sequence: SimulatedSequence) -> Fabric:
-    """The fabric that a sequence was simulated of."""
+    """The fabric of a sequence."""
     settings = sequence.metadata.get("settings", {})
     require_kinds(settings, {"fabric?": {"*": float}}, f"{path}: the settings")
     return fabric_from(settings.get("fabric", {}), str(path))

@@ -1,4 +1,4 @@
-"""Batch simulation of made outfits: each on its own body, over windows of its own split."""
+"""Batch simulation of random outfits: each on its body, over windows of its split."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -25,14 +25,14 @@ from uvcloth.wardrobe.outfit_file import OutfitFile, load_outfit_file, on_body, 
 
 @dataclass(frozen=True)
 class _Task:
-    """An outfit and the windows that it may be moved by, the first that is no faulty capture."""
+    """An outfit and its candidate windows; the first one with a good capture is used."""
 
     outfit: OutfitFile
     windows: Sequence[Source]
 
     @property
     def frames(self) -> int:
-        """Frames to simulate, about."""
+        """Approximate number of frames to simulate."""
         window = self.windows[0].window
         return (window.frames if window else 0) + RUN_UP + len(LEAD_IN)
 
@@ -129,7 +129,7 @@ def _jobs(tasks: Sequence[_Task], out: Path) -> Iterator[Job]:
 
 
 def _job(task: _Task, out: Path) -> Job | None:
-    """The job of an outfit over the first of its windows that is no faulty capture; None if all are."""
+    """The job of an outfit over the first of its windows with a good capture; None if there is none."""
     worn = on_body(task.outfit)
     body = worn.body
     keep_body(body, out)

@@ -18,7 +18,7 @@ from uvcloth.simulate.sequence import read_metadata
 from uvcloth.simulate.unfinished import unfinished_files, unfinished_frames
 
 MAX_NAMED = 12
-"""Most missing clips of each split that are named."""
+"""Number of missing clips to name per split."""
 
 
 def overview(folder: Path) -> RenderableType:
@@ -99,7 +99,7 @@ def _table(index: Mapping[str, Entry], kept: list[Stored]) -> Table:
 
 
 def _garment(each: Stored) -> str:
-    """Name of the garment; of made outfits, of which no two are alike, its type."""
+    """Name of the garment; of random outfits, which all differ, its type."""
     name = str(each.metadata["garment"])
     return str(each.metadata.get("types", {}).get(name, name))
 

@@ -55,10 +55,10 @@ EXPECTED = "a sequence packed by `uvcloth data --pack`"
 EXPECTED_MESH = "the mesh of a garment beside packed sequences"
 
 MEAN_ERROR = 0.001
-"""Metres, on average, that vertices may be off after they are unpacked, unless another error is asked for."""
+"""Default mean error of unpacked vertices, m."""
 
 ERROR_RANGE = 1e-5, 0.1
-"""Metres of the mean error that may be asked for, and that a file may name."""
+"""Range of the mean error, m, of options and files."""
 
 MESHES_AT_ONCE = 8
 """Garments whose spectra are kept in memory, tens of megabytes each; made outfits have one sequence each."""

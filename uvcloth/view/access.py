@@ -1,4 +1,4 @@
-"""Access to the live view: which requests its server answers."""
+"""Access to the live view: the rule for requests."""
 
 import os
 import secrets
@@ -37,7 +37,7 @@ class Access:
         return f"http://{WILDCARDS.get(self.host, _bracketed(self.host))}:{self.port}/{self.token}"
 
     def refusal(self, path: str, hosts: Sequence[str], origins: Sequence[str]) -> str:
-        """Reason why a request is refused, in words for people, "" if it is answered.
+        """Reason why a request is refused, as text, "" if it is answered.
 
         path: of the request, query included. hosts, origins: values of its headers of these names. A page of
         another site has another origin or, where its name was made to lead to this machine (DNS rebinding),

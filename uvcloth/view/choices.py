@@ -19,7 +19,7 @@ from uvcloth.simulate.sequence import REST_TOLERANCE, SimulatedSequence, load_se
 from uvcloth.view.computation import Performance
 
 TEMPLATES = ("bottoms", "tops", "shirt", "dress", "skirt", "jacket")
-"""The templates in the order in which people put them on."""
+"""The templates, the innermost first."""
 
 DEFAULT_BODY = "default"
 """Name of the body in the package."""
@@ -55,7 +55,7 @@ class Choices:
         bodies: Sequence[str] = (),
         sequences: Sequence[str] = (),
     ) -> "Choices":
-        """Choices that are given, in front of all that ships."""
+        """Given choices, followed by all that ships."""
 
         def first(given: Sequence[str], shipped: Sequence[str]) -> tuple[str, ...]:
             return (*given, *(name for name in shipped if name not in given))
@@ -69,10 +69,8 @@ class Choices:
         )
 
     def perform(self, chosen: Chosen) -> Performance:
-        """Load what was chosen, and begin its rollout.
-
-        Raises InputError where it does not go together, and for what is not among the choices, which a page
-        other than ours may ask for.
+        """Load a choice and start its rollout. Raises InputError for an impossible combination, and for
+        anything that is not among the choices, which a page other than ours may send.
         """
         for what, offered in (
             (chosen.motion, self.motions),

@@ -1,4 +1,4 @@
-"""Frames for the live view, computed by a thread of its own while those before them are shown."""
+"""Frames for the live view, computed in a separate thread while earlier ones are shown."""
 
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -37,7 +37,7 @@ class ShownFrame:
 
 @dataclass(frozen=True)
 class Performance:
-    """A body in garments that move over frames which come one after the other.
+    """A body in garments over frames that are computed one by one.
 
     meshes: the garments at rest. truth: (F, N, 3) m of the only garment as it was simulated, if it was.
     """
@@ -68,7 +68,7 @@ class Computation:
         self._thread = threading.Thread(target=self._run, name="view", daemon=True)
 
     def start(self) -> "Computation":
-        """Begin, and return at once."""
+        """Start, and return at once."""
         self._thread.start()
         return self
 
@@ -77,7 +77,7 @@ class Computation:
         self._stopped.set()
 
     def wait(self, seconds: float | None = None) -> None:
-        """Wait until it has come to its end."""
+        """Wait for its end."""
         self._thread.join(seconds)
 
     def _run(self) -> None:

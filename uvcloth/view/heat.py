@@ -19,12 +19,12 @@ COLORS = (
     (170, 220, 50),
     (253, 231, 37),
 )
-"""Of the bands, from the least value to the largest: matplotlib's viridis."""
+"""Colours of the bands, from the least value to the largest: matplotlib's viridis."""
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity on cloth: the largest value that has a colour of its own, unit and factor for people."""
+    """A quantity on cloth: the largest value with a separate colour, and unit and factor of labels."""
 
     label: str
     largest: float

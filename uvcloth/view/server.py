@@ -23,7 +23,7 @@ from uvcloth.view.access import Access, listen
 
 
 class PrivateServer(viser.ViserServer):
-    """viser's server, for those who know the token in its address.
+    """viser's server, for requests with the token.
 
     host, port: what it listens on. access: the rule that decides on every request. Raises InputError as
     `listen` does, and for a version of viser that does not start as this module says.
@@ -40,7 +40,7 @@ class PrivateServer(viser.ViserServer):
         self.gui.configure_theme(show_share_button=False)
 
     def request_share_url(self, verbose: bool = True) -> None:
-        """Do nothing: viser's own opens a tunnel from the internet, for whichever client asks."""
+        """Do nothing: viser's handler would open a tunnel from the internet for any client."""
 
 
 @contextmanager
