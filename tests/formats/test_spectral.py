@@ -109,7 +109,7 @@ def test_what_does_not_fit_is_refused() -> None:
         with pytest.raises(ValueError, match=words):
             code_points(points, parts, 1e-3)
     coded = code_points(waving(9, 0.1), parts, 1e-3)
-    with pytest.raises(ValueError, match="of other numbers"):
+    with pytest.raises(ValueError, match="to other numbers"):
         decode_points(coded, parts, 1e-3, 8, COUNT)
     wrong = CodedPoints(coded.step, coded.code, np.array([9 * COUNT]), np.zeros((1, 3), np.int64))
     with pytest.raises(ValueError, match="corrections are of other points"):
