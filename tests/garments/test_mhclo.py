@@ -96,7 +96,7 @@ def test_the_material_of_clothes_is_read(named: str, boxed: Body, tmp_path: Path
 
 
 def test_a_body_without_base_mesh_says_how_to_get_one(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"box\.mhclo: body box does not hold .* `uvcloth body`"):
+    with pytest.raises(InputError, match=r"box\.mhclo: body box does not contain .* `uvcloth body`"):
         fit_clothes(written(tmp_path, ROWS), small_body())
 
 
