@@ -401,7 +401,7 @@ def test_the_frame_rate_is_that_of_most_windows(world: Path, tmp_path: Path) -> 
 
 
 def test_a_method_that_dresses_nothing_is_refused(world: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="data: nothing to evaluate for_one on: garment tops: model for_one is"):
+    with pytest.raises(InputError, match="data: nothing to evaluate for_one on: garment tops: model for_one"):
         judged(ForOne("cape"), world, tmp_path / "out")
 
 

@@ -52,7 +52,7 @@ def test_figures_are_by_type_and_of_the_split(data: Path, tmp_path: Path) -> Non
 
 
 def test_what_cannot_be_judged_is_named(data: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"nothing to evaluate pbns on: .*model pbns is for tops over bottoms"):
+    with pytest.raises(InputError, match=r"nothing to evaluate pbns on: .*model pbns is for tops"):
         compare_outfits(["pbns"], Selection(data), tmp_path, machine="a test")
     with pytest.raises(InputError, match="no test action is called 'run', expected clip0"):
         compare_outfits(["lbs"], Selection(data, actions=("run",)), tmp_path, machine="a test")
