@@ -125,7 +125,7 @@ def levels_of(mesh: Mesh) -> list[Mesh]:
 
 
 def speed(method: DeePSD, outfit: Outfit, transforms: Tensor, rounds: int) -> Table:
-    """Milliseconds of the processor a sample of VERTICES vertices, beside linear blend skinning of them."""
+    """CPU milliseconds per sample of VERTICES vertices, compared with linear blend skinning."""
     ready = method.prepare(outfit, CPU)
     if len(ready.points) < VERTICES:
         raise InputError(f"{outfit.garments[0].name}: has {len(ready.points)} vertices, {VERTICES} are timed")

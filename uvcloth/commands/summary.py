@@ -79,8 +79,8 @@ class Summary:
             return "no skin shows through the cloth"
         least = f"below {INVISIBLE} %" if self.skin < INVISIBLE else f"{self.skin:.2f} %"
         return (
-            f"skin will show through the cloth: on {least} of what it covers on average, on {worst:.1f} % at "
-            f"frame {frame}, where to look"
+            f"skin will show through the cloth: on {least} of what it covers on average, at most on "
+            f"{worst:.1f} % at frame {frame}"
         )
 
 

@@ -51,9 +51,9 @@ def model_folder(name_or_run: str | Path) -> Path | None:
 def load_method(name_or_run: str | Path, body: Body) -> Method:
     """Load a method by name (a baseline or a shipped model), or a trained one from its run folder.
 
-    A trained method is named after its folder, so that several can stand in one report. One that ships sees
-    a body that is no adult's as large as one. Raises InputError for an unknown name, and for a checkpoint
-    that is damaged, of another method or version, or of another body.
+    A trained method is named after its folder, so that several can stand in one report. A shipped one scales
+    a body that is not an adult's to an adult's size. Raises InputError for an unknown name, and for a
+    checkpoint that is damaged, of another method or version, or of another body.
     """
     name, folder = str(name_or_run), model_folder(name_or_run)
     if folder is None:

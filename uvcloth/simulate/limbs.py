@@ -41,8 +41,9 @@ def limbs_left_percent(
     """Percent of frames in which a limb has left its cloth.
 
     vertices: (T, N, 3) m. rest: (N, 3) m. faces: (M, 3). transforms: (T, J, 3, 4). touches: (N,) int32, a bit
-    per part of the collider. A limb has left it where a bone crosses a face that lies beside its part at
-    rest, as in passing, and as long as it does not pass the cuff that it alone passes at rest.
+    per part of the collider. A limb has left its cloth in frames in which a bone crosses a face that is next
+    to its part at rest, and in frames in which the limb is outside the cuff through which no other limb
+    passes at rest.
     """
     if not len(vertices):
         return 0.0
