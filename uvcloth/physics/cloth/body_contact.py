@@ -206,14 +206,14 @@ def _search(
     since = share - passage.share[0]
     passage.share[0] = share
     parts, count = body.touches.shape
-    found = 0
+    contacts = 0
     for vertex in range(count):
         point = load(positions, vertex)
-        moved = length(sub(point, load(passage.cloth, vertex)))
+        way = length(sub(point, load(passage.cloth, vertex)))
         for part in range(parts):
             if not body.touches[part, vertex]:
                 continue
-            clear = passage.clear[part, vertex] - (moved + since * passage.ways[part] + ROUNDED)
+            clear = passage.clear[part, vertex] - (way + since * passage.ways[part] + ROUNDED)
             if clear <= reach + ROUNDED:
                 face, beyond = closest_face(
                     body.tree,
@@ -233,12 +233,12 @@ def _search(
                 )
                 passage.hints[part, vertex] = face
                 if face >= 0:
-                    vertices[found], faces[found] = vertex, face
-                    found += 1
+                    vertices[contacts], faces[contacts] = vertex, face
+                    contacts += 1
                 clear = math.sqrt(beyond) if face < 0 else ZERO
             passage.clear[part, vertex] = clear
         store(passage.cloth, vertex, point)
-    return found
+    return contacts
 
 
 @borrowing

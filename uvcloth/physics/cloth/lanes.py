@@ -25,15 +25,15 @@ LOW, HIGH = [0, 8, 1, 9, 4, 12, 5, 13], [2, 10, 3, 11, 6, 14, 7, 15]
 
 
 def _gather(
-    context: Any, rows: Any, corners: Any, corner: Any, first: Any, moved: Any, line: Any, k: Any
+    context: Any, rows: Any, corners: Any, corner: Any, first: Any, lines: Any, line: Any, k: Any
 ) -> tuple[Any, Any]:
-    """Copy rows (N, 8) of the vertices corners[corner, first:first + 8] to columns k to k + 8 of `moved`.
+    """Copy rows (N, 8) of the vertices corners[corner, first:first + 8] to columns k to k + 8 of `lines`.
 
     A position goes to lines `line` to line + 2, a velocity to those from line + 12 on.
     """
 
     def emit(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        kinds, (rows, corners, corner, first, moved, line, k) = signature.args, arguments
+        kinds, (rows, corners, corner, first, lines, line, k) = signature.args, arguments
         loaded = []
         for lane in range(LANES):
             vertex = _load(context, builder, kinds[1], corners, corner, _plus(builder, first, lane))
@@ -42,12 +42,12 @@ def _gather(
         columns = _transposed(builder, loaded)
         for place in PLACES:
             target = _plus(builder, line, place if place < 3 else place + 8)
-            pointer = _pointer(context, builder, kinds[4], moved, target, k, LANES)
+            pointer = _pointer(context, builder, kinds[4], lines, target, k, LANES)
             builder.store(columns[place], pointer, align=4)
         return context.get_dummy_value()
 
     whole = types.intp
-    return types.void(rows, corners, whole, whole, moved, whole, whole), emit
+    return types.void(rows, corners, whole, whole, lines, whole, whole), emit
 
 
 def _scatter(

@@ -128,10 +128,10 @@ def _walk(
 ) -> int:
     """Find the pairs of nodes of single faces that may be near, and put those that fit into leaves (L, 2).
 
-    stack: holds two nodes, and the number of their pair if they share a vertex. Returns how many were found.
+    stack: holds two nodes, and the number of their pair if they share a vertex. Returns how many there are.
     """
     tree = sheet.tree
-    top = found = 0
+    top = count = 0
     for i in range(len(tree.roots)):
         for j in range(i, len(tree.roots)):
             stack[top, 0], stack[top, 1], stack[top, 2] = tree.roots[i], tree.roots[j], APART
@@ -159,10 +159,10 @@ def _walk(
             sheet.faces, positions, g, load(cones, b), f, watched
         ):
             continue
-        if found < len(leaves):
-            leaves[found, 0], leaves[found, 1] = a, b
-        found += 1
-    return found
+        if count < len(leaves):
+            leaves[count, 0], leaves[count, 1] = a, b
+        count += 1
+    return count
 
 
 @borrowing

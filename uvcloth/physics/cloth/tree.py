@@ -221,9 +221,9 @@ def _numbered(tree: Tree, adjacent: NDArray[np.int64], a: NDArray, b: NDArray) -
     """Numbers of pairs of nodes, APART for those that are not adjacent, DONE for those of two leaves."""
     keys = a.astype(np.int64) * len(tree.ranges) + b
     at = np.searchsorted(adjacent, keys)
-    found = np.append(adjacent, -1)[at] == keys
+    present = np.append(adjacent, -1)[at] == keys
     last = (tree.children[a, 0] < 0) & (tree.children[b, 0] < 0)
-    return np.where(found, np.where(last, DONE, at), APART).astype(np.int32)
+    return np.where(present, np.where(last, DONE, at), APART).astype(np.int32)
 
 
 @inlined
