@@ -310,7 +310,7 @@ def test_page_leaves_out_what_a_method_does_not_dress(tmp_path: Path) -> None:
         ),
     ]
     page = write_report(tmp_path, only_the_dress(), clips, []).read_text()
-    assert "net does not dress every garment: it is judged on dress." in page
+    assert "net does not dress every garment: it is evaluated on dress." in page
     assert "net" not in rows(page, "tops: vertices inside the body")[0]
     assert "net" in rows(page, "dress: vertices inside the body")[0]
     assert "net" not in rows(page, "tops: map MSE")[0]
