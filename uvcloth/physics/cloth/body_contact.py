@@ -52,7 +52,7 @@ PUSH_SPEED = np.float32(1.0)
 """Speed, m/s, at which cloth is moved out of a greater depth, so that it does not jump."""
 
 ALERT_SPEED = np.float32(0.5)
-"""Speed, m/s, that a contact may gain before it is looked at again."""
+"""Speed, m/s, that a contact may gain before it is searched again."""
 
 PATCH = 64
 """Faces in a patch of a body at most, whose boxes are fitted where cloth is near."""
@@ -62,7 +62,7 @@ ROUNDED = np.float32(1e-5)
 
 
 class Body(NamedTuple):
-    """Parts of a body that cloth meets, each a closed surface, all over the same V vertices.
+    """Parts of a body that cloth collides with, each a closed surface, all over the same V vertices.
 
     faces: (F, 3) int32, part after part. neighbours: (F, 3) int32, across edge i to i + 1. tree: one root per
     part. patches: of the tree; patch_parts: (P,) int32, which part each is of. around: the faces around each
@@ -340,7 +340,7 @@ def resolve_contacts(
         approach = dot(slip, normal)
         along = sub(slip, scale(approach, normal))
         stopped = max(-approach, ZERO)
-        # What the body came nearer in this substep is taken back whatever its speed.
+        # The approach of the body in this substep is undone at any speed.
         depth = -gap
         pushed = depth if depth < SHALLOW else min(depth, (PUSH_SPEED + length(surface)) * step)
         store(positions, vertex, combine(ONE, point, pushed, normal))

@@ -38,13 +38,13 @@ PUSH_SPEED = np.float32(0.5)
 """Speed, m/s, at which cloth is moved out of cloth."""
 
 ALERT_SPEED = np.float32(1.0)
-"""Speed, m/s, that a pair may gain before it is looked at again."""
+"""Speed, m/s, that a pair may gain before it is searched again."""
 
 LOST = np.float32(0.004)
-"""Metres on the wrong side, beyond twice the distance kept, from which on a vertex is left there."""
+"""Metres on the wrong side, beyond twice the kept distance, from which a vertex is no longer moved."""
 
 LOST_EDGES = np.float32(0.006)
-"""The same for two edges."""
+"""The same of two edges."""
 
 TOUCHING = np.float32(1e-6)
 """Metres below which the direction between two points is not defined."""
@@ -68,7 +68,7 @@ class Pairs(NamedTuple):
 
 
 def no_pairs() -> Pairs:
-    """Pairs of cloth that is nowhere near itself."""
+    """No pairs."""
     return Pairs(
         np.zeros((0, 2), np.int32),
         np.zeros(0, np.float32),

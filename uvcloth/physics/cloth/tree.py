@@ -103,7 +103,7 @@ def _split(centres: Array, leaf: int) -> tuple[Array, Array, Array]:
 
 @compiled
 def _find_connected(ranges: Array, order: Array, neighbours: Array, connected: Array) -> None:
-    """Mark the nodes whose faces hang together by edges."""
+    """Mark the nodes whose faces are connected by edges."""
     place = np.empty(len(order), np.int32)
     for k in range(len(order)):
         place[order[k]] = k
