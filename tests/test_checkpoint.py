@@ -50,7 +50,7 @@ def test_comes_back_equal(checkpoint, tmp_path):
 
 
 def test_says_which_version_of_the_package_wrote_it(checkpoint, tmp_path, monkeypatch):
-    monkeypatch.setattr("uvcloth.checkpoint.version", lambda name: {"uvcloth": "1.2.3"}[name])
+    monkeypatch.setattr("uvcloth.version.version", lambda name: {"uvcloth": "1.2.3"}[name])
     save_checkpoint(checkpoint, tmp_path)
     assert json.loads((tmp_path / CONFIG).read_text())["uvcloth"] == "1.2.3"
 

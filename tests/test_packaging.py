@@ -44,6 +44,10 @@ def test_the_wheel_holds_every_module_and_all_data(wheel_names):
     assert not missing
 
 
+def test_the_wheel_says_that_it_is_typed(wheel_names):
+    assert {f"{floor}/py.typed" for floor in FLOORS} <= wheel_names
+
+
 def test_the_wheel_carries_the_licence_and_the_notice(wheel_names):
     assert {name.rsplit("/", 1)[-1] for name in wheel_names if "/licenses/" in name} >= {"LICENSE", "NOTICE"}
 

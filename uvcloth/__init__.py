@@ -1,0 +1,106 @@
+"""Motion capture in, moving clothes out.
+
+The public names of the library, each loaded when it is first used: `import uvcloth` alone loads no torch.
+docs/library.md says what they are and how they go together.
+"""
+
+import logging
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from uvcloth.api import (
+        export,
+        fit,
+        load_body,
+        load_model,
+        load_motion,
+        rollout,
+        rollout_frames,
+        simulate,
+    )
+    from uvcloth.bodies.body import Body
+    from uvcloth.errors import InputError
+    from uvcloth.export.animation import Animation
+    from uvcloth.garments.garment import Garment, Outfit
+    from uvcloth.geometry.mesh import Mesh
+    from uvcloth.geometry.skeleton import Skeleton
+    from uvcloth.methods.method import Method
+    from uvcloth.motion.clip import Clip
+    from uvcloth.physics.fabric import Fabric
+    from uvcloth.rollout import BrokenRolloutError, RolloutFrame
+    from uvcloth.version import __version__
+
+__all__ = [
+    "Animation",
+    "Body",
+    "BrokenRolloutError",
+    "Clip",
+    "Fabric",
+    "Garment",
+    "InputError",
+    "Mesh",
+    "Method",
+    "Outfit",
+    "RolloutFrame",
+    "Skeleton",
+    "__version__",
+    "export",
+    "fit",
+    "load_body",
+    "load_model",
+    "load_motion",
+    "rollout",
+    "rollout_frames",
+    "simulate",
+]
+
+_HOMES = {
+    **dict.fromkeys(("export", "fit", "load_body", "load_model", "load_motion"), "uvcloth.api"),
+    **dict.fromkeys(("rollout", "rollout_frames", "simulate"), "uvcloth.api"),
+    "Animation": "uvcloth.export.animation",
+    "Body": "uvcloth.bodies.body",
+    "BrokenRolloutError": "uvcloth.rollout",
+    "Clip": "uvcloth.motion.clip",
+    "Fabric": "uvcloth.physics.fabric",
+    "Garment": "uvcloth.garments.garment",
+    "InputError": "uvcloth.errors",
+    "Mesh": "uvcloth.geometry.mesh",
+    "Method": "uvcloth.methods.method",
+    "Outfit": "uvcloth.garments.garment",
+    "RolloutFrame": "uvcloth.rollout",
+    "Skeleton": "uvcloth.geometry.skeleton",
+    "__version__": "uvcloth.version",
+}
+"""Module of each public name."""
+
+logging.getLogger(__name__).addHandler(logging.NullHandler())
+
+
+class _Package(ModuleType):
+    """The package, in which three public functions have the names of modules."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        # Python puts a module that is imported into its package: `uvcloth.export` stays the function, while
+        # `from uvcloth.export.writer import open_writer` finds the module all the same.
+        if not (name in _HOMES and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        """Load a public name (PEP 562)."""
+        if name not in _HOMES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = getattr(import_module(_HOMES[name]), name)
+        globals()[name] = value
+        return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

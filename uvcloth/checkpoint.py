@@ -8,7 +8,6 @@ travel with the weights.
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +22,7 @@ from uvcloth.files.atomic import atomic_files, atomic_write
 from uvcloth.files.json_file import parse_json, read_json, require_kinds
 from uvcloth.files.reading import require_file
 from uvcloth.geometry.fingerprint import fingerprint
+from uvcloth.version import package_version
 
 VERSION = 3
 """Raised whenever a model of an older version can no longer be read or would no longer mean the same."""
@@ -226,11 +226,3 @@ def load_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
         if tensor.is_floating_point() and not torch.isfinite(tensor).all():
             raise InputError(f"{path}: {name!r:.80} holds a value that is not a finite number")
     return tensors, parse_json(metadata, f"{path}: the metadata", "JSON values")
-
-
-def package_version() -> str:
-    """The version of this package."""
-    try:
-        return version("uvcloth")
-    except PackageNotFoundError:
-        return "not installed"

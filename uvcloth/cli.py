@@ -4,6 +4,7 @@ demo.
 Heavy modules are imported by the subcommand that needs them, so that `uvcloth --help` answers at once.
 """
 
+import sys
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
@@ -12,11 +13,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 from tyro.conf import OmitArgPrefixes, Positional, arg, subcommand
 
+from uvcloth.commands.log import printed_log
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import make_folder
 from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.fabric import FabricName
 from uvcloth.process.command import run_command
+from uvcloth.version import package_version
 
 if TYPE_CHECKING:
     from uvcloth.commands.view import LiveAudience
@@ -29,7 +32,9 @@ uvcloth view
 
 uvcloth fit shirt.obj
 
-uvcloth rollout --motion walk.bvh --garment shirt.obj --out walk.mp4 walk.glb"""
+uvcloth rollout --motion walk.bvh --garment shirt.obj --out walk.mp4 walk.glb
+
+uvcloth --version"""
 
 TemplateName = Literal["tops", "bottoms", "dress", "shirt", "skirt", "jacket"]
 EngineName = Literal["explicit", "newton", "blender"]
@@ -659,7 +664,11 @@ def main() -> int:
 
 
 def _run() -> None:
+    if sys.argv[1:] == ["--version"]:
+        print(f"uvcloth {package_version()}")
+        return
     command: (
         MakeBody | Motion | Simulate | Data | Maps | Fit | Rollout | View | Poses | Outfits | Export | Demo
     ) = tyro.cli(Command, prog="uvcloth", description=DESCRIPTION)
-    command.run()
+    with printed_log():
+        command.run()

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from tests.export.glb_reader import GlbReader, to_z_up
+from uvcloth import ready
 from uvcloth.commands import rollout as animation
 from uvcloth.commands.summary import Totals
 from uvcloth.errors import InputError
@@ -18,6 +19,7 @@ from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
+from uvcloth.methods.ensemble import Ensemble
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.contact import Contacts
 from uvcloth.rollout import BrokenRolloutError, RolloutFrame
@@ -57,8 +59,8 @@ def scene(monkeypatch, body):
         unsupported_reason=lambda outfit: "it itches" if len(outfit.garments) > 1 else ""
     )
     monkeypatch.setattr(animation, "load_methods", lambda *_: method)
-    monkeypatch.setattr(animation, "with_proxies", lambda outfit, _: ProxiedOutfit.as_is(outfit))
-    monkeypatch.setattr(animation, "rollout_proxied", rollout)
+    monkeypatch.setattr(ready, "with_proxies", lambda outfit, _: ProxiedOutfit.as_is(outfit))
+    monkeypatch.setattr(ready, "rollout_proxied", rollout)
     return SimpleNamespace(resolved=resolved, rollout=rollout)
 
 
@@ -118,7 +120,7 @@ def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
             )
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
-    monkeypatch.setattr(animation, "rollout_proxied", rollout)
+    monkeypatch.setattr(ready, "rollout_proxied", rollout)
     shown = [
         animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"], contact=contact)
         for contact in (True, False)
@@ -167,7 +169,7 @@ def test_a_rollout_that_stops_keeps_the_frames_before(scene, tmp_path, monkeypat
         yield next(frames)
         raise BrokenRolloutError("frame 2: garment tops is torn")
 
-    monkeypatch.setattr(animation, "rollout_proxied", stops)
+    monkeypatch.setattr(ready, "rollout_proxied", stops)
     with pytest.raises(
         InputError, match=r"frame 2: .* is torn; the 2 frames before it are in .*walk\.npz; --keep-going"
     ):
@@ -182,13 +184,17 @@ def test_a_broken_rollout_leaves_nothing(scene, tmp_path, monkeypatch, error):
         yield next(frames)
         raise error
 
-    monkeypatch.setattr(animation, "rollout_proxied", breaks)
+    monkeypatch.setattr(ready, "rollout_proxied", breaks)
     with pytest.raises(type(error)):
         animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"])
     assert not list(tmp_path.iterdir())
 
 
-def test_an_objection_of_one_model_to_several_garments_hints_at_one_each(scene, tmp_path):
+def test_an_objection_of_one_model_to_several_garments_hints_at_one_each(scene, tmp_path, monkeypatch):
+    fussy = SimpleNamespace(unsupported_reason=lambda outfit: "it itches")
+    made = {1: fussy, 2: Ensemble((fussy, fussy))}
+    monkeypatch.setattr(animation, "load_methods", lambda models, _: made[len(models)])
+
     def refused(models):
         with pytest.raises(InputError, match="it itches") as caught:
             animation.animate(models, "walk", ["tops", "dress"], [tmp_path / "walk.npz"])

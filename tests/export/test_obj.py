@@ -43,7 +43,7 @@ def test_a_failed_write_leaves_nothing(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("uvcloth.export.obj.np.savetxt", full)
+    monkeypatch.setattr("numpy.savetxt", full)
     with pytest.raises(InputError, match="No space left"):
         save_obj(SQUARE, tmp_path / "square.obj")
     assert not list(tmp_path.iterdir())

@@ -226,7 +226,7 @@ def test_data_of_this_body_and_engine_are_added_to(
 
 
 def test_a_faulty_capture_is_reported_and_the_others_go_on(
-    finished: Path, body: Body, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    finished: Path, body: Body, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(
         planning, "find_jump", lambda clip, first: "LeftFoot turns" if clip.name == "run" else None
@@ -235,7 +235,7 @@ def test_a_faulty_capture_is_reported_and_the_others_go_on(
     monkeypatch.setattr(batch, "simulate_all", lambda todo, *_: made.extend(todo))
     simulate_batch(ClipSelection(["walk", "run", "jump"]), [["tops"]], finished, body)
     assert [job.motion.name for job in made] == ["jump"]
-    assert "run: refused, LeftFoot turns" in capsys.readouterr().out
+    assert "run: refused, LeftFoot turns" in caplog.messages
     assert refused_captures(finished) == {"run": "LeftFoot turns"}
 
 
@@ -251,7 +251,7 @@ def test_what_cannot_be_simulated_is_named_and_the_others_go_on(
         return (replace(skinned, metadata=skinned.metadata | measured),)
 
     monkeypatch.setattr(batch, "simulate", simulated)
-    monkeypatch.setattr(batch, "examine", lambda sequence, *_: (sequence, None))
+    monkeypatch.setattr(quality_check, "examine", lambda sequence, *_: (sequence, None))
     client = SimpleNamespace(subscribe_topic=lambda *_: None)
     monkeypatch.setattr(batch, "connected", lambda *_: nullcontext(client))
     monkeypatch.setattr(batch, "results", lambda _, todo, work, look: ((job, work(job)) for job in todo))

@@ -14,6 +14,7 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.motion.index import read_index
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate import batch
+from uvcloth.simulate import plan as planning
 from uvcloth.simulate.folder import refused_captures
 from uvcloth.simulate.plan import Job
 from uvcloth.simulate.plan_file import PLAN, read_plan
@@ -161,7 +162,7 @@ def test_a_faulty_capture_is_named_in_its_folder(
     plan: Path, made: list[Job], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "uvcloth.simulate.plan.find_jump", lambda clip, first: "Hips turn" if clip.name == "run" else None
+        planning, "find_jump", lambda clip, first: "Hips turn" if clip.name == "run" else None
     )
     out = tmp_path / "out"
     simulate_plan(plan, out)

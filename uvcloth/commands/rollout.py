@@ -7,7 +7,6 @@ from pathlib import Path
 from time import perf_counter
 from typing import Protocol
 
-import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from torch import Tensor
@@ -22,16 +21,16 @@ from uvcloth.export.size import announce
 from uvcloth.export.writer import close_together, open_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
-from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.methods.method import Method, require_fabric_read
+from uvcloth.methods.method import require_fabric_read
 from uvcloth.methods.registry import DEFAULT, load_methods
-from uvcloth.motion.lead_in import pose_from_rest
+from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import DEFAULTS, load_clip
 from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.exposure import Exposure
 from uvcloth.physics.hidden_skin import HiddenSkin
-from uvcloth.rollout import BrokenRolloutError, RolloutFrame, rollout_proxied, with_proxies
+from uvcloth.ready import ReadyRollout, find_device, ready_rollout
+from uvcloth.rollout import BrokenRolloutError, RolloutFrame
 
 
 class Audience(Protocol):
@@ -88,16 +87,16 @@ def animate(
     report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
     with console.status("preparing"):
         outfit = Outfit(body, load_outfit(garments, body, report, templates, garment_pose, fabric))
-        clip = pose_from_rest(load_clip(motion, body, options), body)
-        place = _device(device)
-        method = _load(models, outfit, fabric)
-        proxied = with_proxies(outfit, method) if contact else ProxiedOutfit.as_is(outfit)
+        clip = load_clip(motion, body, options)
+        place = find_device(device)
+        ready = _ready(models, outfit, clip, fabric, contact)
+        clip, transforms, proxied = ready.motion, ready.transforms, ready.proxied
         meshes = proxied.named()
         exposure = Exposure(body, [mesh for _, mesh in meshes])
         shown = seen(body)
         hidden = HiddenSkin(shown, proxied.meshes, proxied.hides(shown)) if hide_skin else None
     every = _interval(out, len(clip)) if preview else 1
-    transforms, fps = clip.transforms(torch.float64), clip.fps / every
+    fps = clip.fps / every
     sizes = [announce(path, len(transforms[::every]), proxied.meshes, shown) for path in out]
     for line in filter(None, (*proxied.lines, *sizes)):
         report(line)
@@ -113,16 +112,7 @@ def animate(
         task = progress.add_task(clip.name, total=len(transforms[::every]), rate="")
         broken: BrokenRolloutError | None = None
         try:
-            for frame in rollout_proxied(
-                method,
-                proxied,
-                transforms,
-                clip.fps,
-                contact,
-                device=place,
-                every=every,
-                keep_going=keep_going,
-            ):
+            for frame in ready.frames(place, every, keep_going):
                 placed = frame.in_world()
                 if audience:
                     audience.add(placed)
@@ -174,29 +164,13 @@ def _interval(out: Sequence[Path], frames: int) -> int:
     return EVERY_IN_PREVIEW
 
 
-def _device(name: str) -> torch.device:
-    """The device of a name. Raises InputError if this machine has none such."""
-    try:
-        device = torch.device(name)
-        torch.empty(0, device=device)
-    except (RuntimeError, AssertionError) as error:
-        raise InputError(f"--device {name}: not on this machine") from error
-    return device
-
-
-def _load(models: Sequence[str], outfit: Outfit, fabric: str | None) -> Method:
-    """Load the method that the models make.
-
-    Raises InputError if it cannot dress the outfit, or does not look at the fabric that was asked for.
-    """
-    models = models or [DEFAULT]
-    method = load_methods(models, outfit.body)
+def _ready(
+    models: Sequence[str], outfit: Outfit, clip: Clip, fabric: str | None, contact: bool
+) -> ReadyRollout:
+    """Load the method that the models make, for a fabric that was asked for, and bring all together."""
+    method = load_methods(models or [DEFAULT], outfit.body)
     require_fabric_read(method, fabric)
-    if reason := method.unsupported_reason(outfit):
-        several = len(models) == 1 < len(outfit.garments)
-        hint = "; each garment may have a model of its own, as in --model A B" if several else ""
-        raise InputError(reason + hint)
-    return method
+    return ready_rollout(method, outfit, clip, contact)
 
 
 def _progress(console: Console) -> Progress:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
 
+from uvcloth.difficulties import Difficulties
 from uvcloth.rollout import RolloutFrame
 
 INVISIBLE = 0.05
@@ -14,9 +15,6 @@ INVISIBLE = 0.05
 
 MOST_FILES = 12
 """Files that a summary lists one by one: an OBJ sequence is one for each frame."""
-
-MOST_SPANS = 5
-"""Spans of difficult frames that a summary lists one by one."""
 
 MOST_LISTED = 5
 """Broken frames that a summary lists one by one."""
@@ -85,29 +83,6 @@ class Summary:
 
 
 @dataclass
-class FrameSpans:
-    """Frames as spans, in the order in which they came; no more than are listed are kept."""
-
-    count: int = 0
-    last: int = -1
-    listed: list[tuple[int, int]] = field(default_factory=list)
-
-    def add(self, frame: int) -> None:
-        """Add a frame after all others."""
-        if self.listed and self.listed[-1][1] == frame - 1:
-            self.listed[-1] = (self.listed[-1][0], frame)
-        elif len(self.listed) < MOST_SPANS:
-            self.listed.append((frame, frame))
-        self.count, self.last = self.count + 1, frame
-
-    def __str__(self) -> str:
-        spans = ", ".join(str(first) if first == end else f"{first}-{end}" for first, end in self.listed)
-        if self.listed[-1][1] < self.last:
-            spans += f", ... to {self.last} ({self.count} in all)"
-        return f"frame {spans}" if self.count == 1 else f"frames {spans}"
-
-
-@dataclass
 class Totals:
     """Sums over the frames of a rollout so far; counts are of vertices."""
 
@@ -118,7 +93,7 @@ class Totals:
     skin: float = 0.0
     worst: tuple[float, int] = (0.0, 0)
     replaced: list[str] = field(default_factory=list)
-    difficult: dict[str, "FrameSpans"] = field(default_factory=lambda: defaultdict(FrameSpans))
+    difficulties: Difficulties = field(default_factory=Difficulties)
     milliseconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
 
     def add(self, frame: RolloutFrame) -> None:
@@ -131,8 +106,7 @@ class Totals:
             self.inside_after += contacts.inside_after
             self.squeezed += contacts.squeezed
         self.replaced.extend(frame.replaced)
-        for words in frame.difficulties:
-            self.difficult[words].add(frame.index)
+        self.difficulties.add(frame.difficulties, frame.index)
 
     def add_skin(self, percent: float, frame: int) -> None:
         """Add the share of the skin that shows in a frame."""
@@ -164,5 +138,5 @@ class Totals:
             squeezed=percent(self.squeezed),
             every=every,
             replaced=tuple(self.replaced),
-            difficult=tuple(f"difficult at {spans}: {words}" for words, spans in self.difficult.items()),
+            difficult=self.difficulties.lines(),
         )

@@ -203,7 +203,7 @@ def open_writer(
         if suffix in WRITERS:
             sink = Spool(partial.folder, garments, body, fps, WRITERS[suffix])
         elif body is None or motion is None:
-            raise ValueError("pictures need the body and its motion")
+            raise InputError(f"{path}: pictures need the body and its motion")
         else:
             sink = Pictures(partial.folder / path.name, garments, body, fps, motion, coarse)
     except BaseException:

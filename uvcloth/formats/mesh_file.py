@@ -31,6 +31,12 @@ def read_mesh(path: Path) -> Mesh:
         found = f"not in '{path.suffix}'" if path.suffix else "this name has no ending"
         raise InputError(f"{path}: a garment file ends in {', '.join(EXTENSIONS)} or .mhclo, {found}")
     mesh = _read(path)
+    check_mesh(path, mesh)
+    return mesh
+
+
+def check_mesh(path: Path, mesh: Mesh) -> None:
+    """Raise InputError naming the path for a mesh that is no garment's, as `read_mesh` says."""
     refuse_too_many(path, len(mesh.vertices), len(mesh.faces))
     if not len(mesh.vertices) or not len(mesh.faces):
         raise InputError(f"{path}: the garment is empty, it has {len(mesh.vertices)} vertices and no faces")
@@ -45,7 +51,6 @@ def read_mesh(path: Path) -> Mesh:
         raise InputError(f"{path}: vertex {int(broken[0])} is {fault}")
     if not (mesh.uvs.abs() <= LARGEST).all():
         raise InputError(f"{path}: a texture coordinate is not a finite number, or beyond {LARGEST:g}")
-    return mesh
 
 
 def _read(path: Path) -> Mesh:

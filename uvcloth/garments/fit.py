@@ -16,7 +16,7 @@ from uvcloth.garments.diagnose import Diagnosis, diagnose
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.mhclo import SUFFIX, fit_clothes
-from uvcloth.garments.pose import arms_held, other_pose, posed_body, unposed
+from uvcloth.garments.pose import POSES, arms_held, other_pose, posed_body, unposed
 from uvcloth.geometry.authored import AuthoredMesh, follow_triangles
 from uvcloth.geometry.mesh import Mesh, vertex_normals, weld
 
@@ -73,19 +73,33 @@ def read_on_body(path: Path, body: Body, pose: str | None = None) -> PlacedFile:
     what skin they hide. pose: one of POSES that a mesh file was modelled in, None for the rest pose. Raises
     InputError as `fit` does, and for a garment that was modelled in another pose.
     """
-    path, hides = Path(path), torch.zeros(0, dtype=torch.int64)
+    path = Path(path)
     if path.suffix.lower() == SUFFIX:
         mesh, binding = fit_clothes(path, body)
         mesh, found = diagnose(path, mesh, body, bound=True)
-        found, hides = replace(found, depth=binding.depth), binding.hides(body)
-    else:
-        try:
-            mesh, found = _on_rest_pose(path, body) if pose is None else _from_pose(path, body, pose)
-        except UnwearableError as error:
-            clothes = path.with_suffix(SUFFIX)
-            if not clothes.is_file():
-                raise
-            raise UnwearableError(f"{error}; {clothes} beside it fits it to any body", error.mesh) from error
+        return _unwrapped(path, mesh, replace(found, depth=binding.depth), binding.hides(body))
+    try:
+        return place_on_body(path, read_mesh(path), body, pose)
+    except UnwearableError as error:
+        clothes = path.with_suffix(SUFFIX)
+        if not clothes.is_file():
+            raise
+        raise UnwearableError(f"{error}; {clothes} beside it fits it to any body", error.mesh) from error
+
+
+def place_on_body(path: Path, mesh: Mesh, body: Body, pose: str | None = None) -> PlacedFile:
+    """Place a mesh on a body's rest pose where it lies best, unwrapped if it has no texture coordinates.
+
+    path: its file, or the name that sentences call it by. pose: as `read_on_body` takes it. Raises InputError
+    as that does.
+    """
+    if pose is not None and pose not in POSES:
+        raise InputError(f"--garment-pose {pose}: expected one of {', '.join(POSES)}")
+    placed, found = _on_rest_pose(path, mesh, body) if pose is None else _from_pose(path, mesh, body, pose)
+    return _unwrapped(path, placed, found, torch.zeros(0, dtype=torch.int64))
+
+
+def _unwrapped(path: Path, mesh: Mesh, found: Diagnosis, hides: Tensor) -> PlacedFile:
     mesh = follow_triangles(mesh)
     if isinstance(mesh, AuthoredMesh):
         found = replace(found, missing=mesh.polygons.missing)
@@ -95,10 +109,10 @@ def read_on_body(path: Path, body: Body, pose: str | None = None) -> PlacedFile:
     return PlacedFile(replace(mesh, uvs=uvs, face_uvs=face_uvs), replace(found, unwrapped=True), hides)
 
 
-def _on_rest_pose(path: Path, body: Body) -> tuple[Mesh, Diagnosis]:
-    """A mesh file on the rest pose; an UnwearableError says so if it was modelled in another."""
+def _on_rest_pose(path: Path, mesh: Mesh, body: Body) -> tuple[Mesh, Diagnosis]:
+    """A mesh on the rest pose; an UnwearableError says so if it was modelled in another."""
     try:
-        mesh, found = diagnose(path, read_mesh(path), body)
+        mesh, found = diagnose(path, mesh, body)
     except UnwearableError as error:
         raise _modelled_in_another(path, error.mesh, body) or error from error
     if otherwise := _modelled_in_another(path, mesh, body):
@@ -116,12 +130,12 @@ def _modelled_in_another(path: Path, mesh: Mesh, body: Body) -> UnwearableError 
     )
 
 
-def _from_pose(path: Path, body: Body, pose: str) -> tuple[Mesh, Diagnosis]:
-    """A mesh file of a garment modelled on the body in one of POSES, taken along to the rest pose."""
+def _from_pose(path: Path, mesh: Mesh, body: Body, pose: str) -> tuple[Mesh, Diagnosis]:
+    """The mesh of a garment modelled on the body in one of POSES, taken along to the rest pose."""
     transforms = arms_held(body, pose)
     posed = posed_body(body, transforms)
-    mesh, found = diagnose(path, read_mesh(path), posed)
-    return unposed(mesh, posed, transforms), replace(found, pose=pose)
+    placed, found = diagnose(path, mesh, posed)
+    return unposed(placed, posed, transforms), replace(found, pose=pose)
 
 
 def make_fitted(name: str, mesh: Mesh, body: Body, template: str | None) -> tuple[Garment, int]:

@@ -6,12 +6,13 @@ from pathlib import Path
 
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
-from uvcloth.garments.fit import fit, read_on_body
+from uvcloth.garments.arrays import NamedMesh
+from uvcloth.garments.fit import PlacedFile, fit, place_on_body, read_on_body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.mhclo import SUFFIX
 from uvcloth.garments.pieces import pieces, split
 from uvcloth.garments.templates import TEMPLATES, fit_template
-from uvcloth.physics.fabric import FABRICS, JERSEY
+from uvcloth.physics.fabric import Fabric, find_fabric
 
 AUTO = "auto"
 """Instead of a template's name: the template that a garment covers best."""
@@ -32,36 +33,38 @@ def load_garment(name: str, body: Body, report: Callable[[str], None] = lambda l
 
 
 def load_outfit(
-    names: Sequence[str],
+    names: Sequence[str | NamedMesh],
     body: Body,
     report: Callable[[str], None] = lambda line: None,
     templates: Sequence[str] = (),
     pose: str | None = None,
-    fabric: str | None = None,
+    fabric: str | Fabric | None = None,
 ) -> tuple[Garment, ...]:
-    """Load garments worn together, the innermost first; a file that holds several gives all of them.
+    """Load garments worn together, the innermost first; a file or mesh that holds several gives all of them.
 
-    Where all are MakeHuman's clothes, the layers that they name decide the order. templates: whose motion the
-    garments take, one for all names or one for each, none or "auto" for the one that each covers best.
-    report: as `load_garment` has it. pose: that mesh files were modelled in, as `read_on_body` takes it.
-    fabric: of all of them, a key of FABRICS, None for the jersey.
+    names: templates, garment files and meshes. Where all are MakeHuman's clothes, the layers that they name
+    decide the order. templates: whose motion the garments take, one for all names or one for each, none or
+    "auto" for the one that each covers best. report: as `load_garment` has it. pose: that mesh files and
+    meshes were modelled in, as `read_on_body` takes it. fabric: of all of them, as `find_fabric` takes it.
     Raises InputError as `fit_template` and `fit` do, and where templates are neither one nor as many as
-    names.
+    names, or unknown.
     """
+    made_of = find_fabric(fabric)
     if len(templates) not in (0, 1, len(names)):
         raise InputError(
             f"--template: {len(templates)} for {len(names)} garments, expected one, or one for each"
         )
     chosen = [templates[min(index, len(templates) - 1)] if templates else AUTO for index in range(len(names))]
+    if unknown := [template for template in chosen if template not in (*TEMPLATES, AUTO)]:
+        raise InputError(f"--template {unknown[0]}: expected one of {', '.join((*TEMPLATES, AUTO))}")
     loaded: list[tuple[int, tuple[Garment, ...]]] = []
     for name, template in zip(names, chosen, strict=True):
-        if name in TEMPLATES:
+        if isinstance(name, str) and name in TEMPLATES:
             garment = fit_template(name, body)
             loaded.append((0, (garment if template == AUTO else replace(garment, template=template),)))
             continue
-        path = _file(name)
-        placed = read_on_body(path, body, pose)
-        parts = split(path.stem, placed.mesh, body, None if template == AUTO else template)
+        called, placed = _placed(name, body, pose)
+        parts = split(called, placed.mesh, body, None if template == AUTO else template)
         for line in placed.diagnosis.lines():
             report(line)
         for piece in parts:
@@ -69,10 +72,17 @@ def load_outfit(
         # What a file hides, all of its pieces hide together.
         parts = (replace(parts[0], hides=placed.hides), *parts[1:])
         loaded.append((placed.diagnosis.depth, parts))
-    if all(name.lower().endswith(SUFFIX) for name in names):
+    if all(isinstance(name, str) and name.lower().endswith(SUFFIX) for name in names):
         loaded.sort(key=lambda layer: layer[0])
-    made_of = JERSEY if fabric is None else FABRICS[fabric]
     return tuple(replace(garment, fabric=made_of) for _, parts in loaded for garment in parts)
+
+
+def _placed(source: str | NamedMesh, body: Body, pose: str | None) -> tuple[str, PlacedFile]:
+    """Name and mesh of a garment from a file or a mesh."""
+    if isinstance(source, NamedMesh):
+        return source.name, place_on_body(Path(source.name), source.mesh, body, pose)
+    path = _file(source)
+    return path.stem, read_on_body(path, body, pose)
 
 
 def _file(name: str) -> Path:

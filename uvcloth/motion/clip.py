@@ -5,10 +5,18 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from uvcloth.errors import InputError
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 
 FPS_RANGE = (1.0, 1000.0)
 """Least and greatest frame rate of a motion, frames per second."""
+
+
+def require_fps(fps: float) -> None:
+    """Raise InputError for frames per second outside FPS_RANGE."""
+    least, greatest = FPS_RANGE
+    if not least <= fps <= greatest:
+        raise InputError(f"--fps {fps:g}: expected {least:g} to {greatest:g} frames per second")
 
 
 @dataclass(frozen=True)

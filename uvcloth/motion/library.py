@@ -73,9 +73,14 @@ def load_clip(path_or_name: str | Path, body: Body, options: MotionOptions = DEF
     try:
         clip = moved(source, body, options.fps)
         check_posture(clip, lying=options.up is not None)
-        clip = clip.window(*options.window(len(clip)))
+        return wanted_part(clip, options)
     except InputError as error:
         raise InputError(f"{path_or_name}: {error}") from error
+
+
+def wanted_part(clip: Clip, options: MotionOptions) -> Clip:
+    """The frames of a clip that options want, in place if they say so. Raises InputError for other frames."""
+    clip = clip.window(*options.window(len(clip)))
     if options.in_place:
         clip = replace(clip, translation=clip.translation * torch.tensor([0.0, 0.0, 1.0]))
     return clip

@@ -32,11 +32,7 @@ def check_posture(clip: Clip, lying: bool = False) -> None:
     Over most of the frames the feet have to be below the hips and these below the head (not asked where
     `lying`), the knees to bend forwards where they bend, and left arm and left leg to be on one side.
     """
-    positions = clip.positions()
-    away = ~(positions.norm(dim=-1).amax(1) <= FARTHEST)
-    if bool(away.any()):
-        frame = int(away.int().argmax())
-        raise InputError(f"frame {frame}: the person is more than {FARTHEST / 1000:.0f} km from the origin")
+    positions = require_near(clip)
     roles = joint_roles(clip.skeleton.names)
     upright = _upright(positions, roles)
     if upright <= MOST and not lying:
@@ -56,6 +52,16 @@ def check_posture(clip: Clip, lying: bool = False) -> None:
             f"knees bend backwards in {1 - forwards:.0%} of the frames in which they bend: left and right "
             f"joints are exchanged, or the rest pose is another: {ADVICE}"
         )
+
+
+def require_near(clip: Clip) -> Tensor:
+    """Joints (T, J, 3) of a clip, m. Raises InputError naming a frame FARTHEST from the origin."""
+    positions = clip.positions()
+    away = ~(positions.norm(dim=-1).amax(1) <= FARTHEST)
+    if bool(away.any()):
+        frame = int(away.int().argmax())
+        raise InputError(f"frame {frame}: the person is more than {FARTHEST / 1000:.0f} km from the origin")
+    return positions
 
 
 def _upright(positions: Tensor, roles: Mapping[str, int]) -> float:

@@ -16,7 +16,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.geometry.rotations import from_axis_angles, from_euler, smallest_rotation, to_axis_angles
 from uvcloth.geometry.skeleton import Skeleton
-from uvcloth.motion.clip import FPS_RANGE, Clip
+from uvcloth.motion.clip import Clip, require_fps
 from uvcloth.motion.rest import nearest_axis
 from uvcloth.motion.roles import joint_roles
 
@@ -92,9 +92,7 @@ def resample(clip: Clip, fps: float) -> Clip:
 
     fps: frames per second. Raises InputError for a rate outside FPS_RANGE.
     """
-    least, greatest = FPS_RANGE
-    if not least <= fps <= greatest:
-        raise InputError(f"--fps {fps:g}: expected {least:g} to {greatest:g} frames per second")
+    require_fps(fps)
     if fps == clip.fps:
         return clip
     steps = int((len(clip) - 1) * fps / clip.fps + 1e-6)

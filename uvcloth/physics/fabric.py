@@ -69,6 +69,15 @@ FABRICS: dict[str, Fabric] = {
 """Fabrics by name."""
 
 
+def find_fabric(fabric: str | Fabric | None) -> Fabric:
+    """A fabric, the one of a name, or the jersey for None. Raises InputError for an unknown name."""
+    if isinstance(fabric, Fabric):
+        return fabric
+    if fabric is not None and fabric not in FABRICS:
+        raise InputError(f"--fabric {fabric}: expected one of {', '.join(FABRICS)}")
+    return JERSEY if fabric is None else FABRICS[fabric]
+
+
 def fabric_from(numbers: Mapping[str, float], where: str) -> Fabric:
     """Make a fabric of its numbers, the jersey's where they are missing.
 

@@ -1,5 +1,6 @@
 """Batch simulation: many sequences in parallel processes, on this machine or on a dask cluster."""
 
+import logging
 from collections.abc import Iterable, Sequence, Sized
 from dataclasses import replace
 from functools import partial
@@ -12,11 +13,11 @@ from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.order import check_order
 from uvcloth.motion.index import INDEX
 from uvcloth.motion.lead_in import LeadIn
-from uvcloth.physics.fabric import FABRICS
+from uvcloth.physics.fabric import find_fabric
 from uvcloth.simulate.bodies import keep_body
 from uvcloth.simulate.cloth import Cloth, join
-from uvcloth.simulate.engine import CompiledEngine, Engine
-from uvcloth.simulate.engines import ENGINES
+from uvcloth.simulate.engine import Engine, compile_once
+from uvcloth.simulate.engines import ENGINES, require_engine_name
 from uvcloth.simulate.folder import (
     REPEAT,
     keep_index,
@@ -28,11 +29,13 @@ from uvcloth.simulate.folder import (
 from uvcloth.simulate.members import member_engine
 from uvcloth.simulate.plan import ClipSelection, Job, batch_sources, plan
 from uvcloth.simulate.progress import FramesBar
-from uvcloth.simulate.quality_check import examine
+from uvcloth.simulate.quality_check import examine_together
 from uvcloth.simulate.run import simulate
 from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 from uvcloth.simulate.unfinished import Place, clear_finished
 from uvcloth.simulate.workers import ONE_PER_CORE, Workers, connected, results
+
+LOGGER = logging.getLogger(__name__)
 
 FRAMES_TOPIC = "uvcloth-frames"
 """Topic under which workers report frames."""
@@ -81,7 +84,8 @@ def simulate_batch(
             keep_index(selection.windows, out / INDEX)
         if refused:
             keep_refused(refused, out)
-            print("\n".join(f"{clip}: refused, {reason}" for clip, reason in refused.items()))
+            for clip, reason in refused.items():
+                LOGGER.warning("%s: refused, %s", clip, reason)
         simulate_jobs(todo, made_by, workers, out)
 
 
@@ -89,18 +93,17 @@ def chosen_engine(engine: str, fabric: str | None, workers: Workers) -> Engine:
     """The engine of a command's options. Raises InputError for an unknown or missing engine, and for less
     than one worker.
     """
-    if engine not in ENGINES:
-        raise InputError(f"--engine {engine}: expected one of {', '.join(ENGINES)}")
+    require_engine_name(engine)
     if workers.jobs is not None and workers.jobs < 1:
         raise InputError(f"--jobs {workers.jobs}: expected at least 1")
     made_by = ENGINES[engine]()
-    return made_by if fabric is None else made_by.with_fabric(FABRICS[fabric])
+    return made_by if fabric is None else made_by.with_fabric(find_fabric(fabric))
 
 
 def simulate_jobs(todo: Sequence[Job], engine: Engine, workers: Workers, folder: Path) -> None:
     """Simulate jobs as `simulate_all` does, or print that there are none."""
     if not todo:
-        print(f"{folder}: every sequence is there already")
+        LOGGER.info("%s: every sequence is there already", folder)
         return
     simulate_all(todo, sum(map(_frames, todo)), engine, workers, folder)
 
@@ -111,9 +114,7 @@ def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Work
     todo: is asked for the next job when there is room for it. frames: of all jobs. folder: of their targets.
     Raises InputError without dask, as soon as the folder is gone, and as `results` does.
     """
-    if isinstance(engine, CompiledEngine) and not engine.is_compiled():
-        print("compiling the cloth solver, once after an installation (half a minute)", flush=True)
-        engine.compile()
+    compile_once(engine)
     count = len(todo) if isinstance(todo, Sized) else None
     with connected(workers, count) as client, FramesBar(frames) as bar:
         client.subscribe_topic(FRAMES_TOPIC, lambda event: bar.report(*event[1]))
@@ -137,7 +138,7 @@ def _cloths(outfits: Sequence[Sequence[str]], body: Body) -> list[tuple[Cloth, .
     taken: dict[str, str] = {}
 
     def load(name: str) -> Cloth:
-        cloth = join(load_garment_for_data(name, body, print), body)
+        cloth = join(load_garment_for_data(name, body, LOGGER.info), body)
         same = cloth.garment.name.casefold()
         if same in taken:
             raise InputError(f"garment {name}: another one is also named {taken[same]}")
@@ -175,16 +176,9 @@ def _simulate_job(
         made = simulate(job.motion, job.warm_up, job.cloths, job.body, engine, LEAD_IN, report, place)
     except InputError as error:
         return [], str(error)
-    examined = [
-        examine(sequence, cloth.garment, job.body) for sequence, cloth in zip(made, job.cloths, strict=True)
-    ]
-    reasons = [
-        reason if len(made) == 1 else f"{sequence.garment}: {reason}"
-        for sequence, reason in examined
-        if reason is not None
-    ]
-    labelled = [replace(sequence, metadata={**sequence.metadata, **job.labels}) for sequence, _ in examined]
-    return labelled, "; ".join(reasons) or None
+    examined, reason = examine_together(made, [cloth.garment for cloth in job.cloths], job.body)
+    labelled = [replace(sequence, metadata={**sequence.metadata, **job.labels}) for sequence in examined]
+    return labelled, reason
 
 
 def _refuse(reason: str | None, targets: Sequence[Path]) -> str:

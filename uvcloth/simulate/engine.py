@@ -1,5 +1,6 @@
 """Protocol of the cloth engines, and their scene; each engine is one file beside this one."""
 
+import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol, Self, runtime_checkable
@@ -8,6 +9,8 @@ from torch import Tensor
 
 from uvcloth.bodies import frames
 from uvcloth.physics.fabric import Fabric
+
+LOGGER = logging.getLogger(__name__)
 
 GRAVITY = -frames.GRAVITY[2]
 """Acceleration of gravity, m/s2, downwards."""
@@ -90,3 +93,10 @@ class CompiledEngine(Engine, Protocol):
     def compile(self) -> None:
         """Compile it for this and later processes."""
         ...
+
+
+def compile_once(engine: Engine) -> None:
+    """Compile an engine where that was not done before on this machine, and say so."""
+    if isinstance(engine, CompiledEngine) and not engine.is_compiled():
+        LOGGER.info("compiling the cloth solver, once after an installation (half a minute)")
+        engine.compile()

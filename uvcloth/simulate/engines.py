@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from uvcloth.errors import InputError
 from uvcloth.simulate.blender import find_blender
 from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.explicit import Explicit
@@ -13,3 +14,9 @@ ENGINES: dict[str, Callable[[], Engine]] = {
     "blender": find_blender,
 }
 """Functions that make each; they raise InputError if the engine is not installed."""
+
+
+def require_engine_name(name: str) -> None:
+    """Raise InputError for a name that is none of ENGINES."""
+    if name not in ENGINES:
+        raise InputError(f"--engine {name}: expected one of {', '.join(ENGINES)}")

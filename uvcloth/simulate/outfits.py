@@ -1,5 +1,6 @@
 """Batch simulation of random outfits: each on its body, over windows of its split."""
 
+import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,13 +15,15 @@ from uvcloth.simulate.batch import LEAD_IN, simulate_all
 from uvcloth.simulate.bodies import keep_body
 from uvcloth.simulate.cloth import join
 from uvcloth.simulate.engine import Engine
-from uvcloth.simulate.engines import ENGINES
+from uvcloth.simulate.engines import ENGINES, require_engine_name
 from uvcloth.simulate.folder import Stored, is_finished, keep_refused, require_engine, stored_sequences
 from uvcloth.simulate.plan import ClipSelection, Job, Source, batch_sources, load_motion
 from uvcloth.simulate.run import RUN_UP
 from uvcloth.simulate.unfinished import clear_finished
 from uvcloth.simulate.workers import ONE_PER_CORE, Workers
 from uvcloth.wardrobe.outfit_file import OutfitFile, load_outfit_file, on_body, outfit_files
+
+LOGGER = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -53,8 +56,7 @@ def simulate_outfits(
     what is there already is kept. Raises InputError as `simulate_batch` does, for a folder without outfits,
     and for outfits of a split without windows.
     """
-    if engine not in ENGINES:
-        raise InputError(f"--engine {engine}: expected one of {', '.join(ENGINES)}")
+    require_engine_name(engine)
     if frames is not None and frames < 1:
         raise InputError(f"--most-frames {frames}: has to be 1 or more")
     outfits = [load_outfit_file(path) for path in outfit_files(folder)]
@@ -67,7 +69,7 @@ def simulate_outfits(
         clear_finished(out)
         todo = [task for task in tasks if not _done(task, out)]
         if not todo:
-            print(f"{out}: every outfit is there already")
+            LOGGER.info("%s: every outfit is there already", out)
             return
         expected = sum(
             task.windows[0].window.frames + RUN_UP + len(LEAD_IN) for task in todo if task.windows[0].window

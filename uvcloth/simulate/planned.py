@@ -1,5 +1,6 @@
 """Simulation of a plan: all rows of a file, each into the data folder where its readers look for it."""
 
+import logging
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -36,6 +37,8 @@ from uvcloth.simulate.plan import Job, Source, interleaved, load_motion
 from uvcloth.simulate.plan_file import PLAN, PlanRow, plan_folders, read_plan
 from uvcloth.simulate.unfinished import clear_finished
 from uvcloth.simulate.workers import ONE_PER_CORE, Workers
+
+LOGGER = logging.getLogger(__name__)
 
 
 def simulate_plan(
@@ -86,7 +89,8 @@ def simulate_plan(
             add_windows((row.motion.entry for row in own), out / folder / INDEX)
         for folder, faults in refused.items():
             keep_refused(faults, out / folder)
-            print("\n".join(f"{out / folder}: {name} is refused, {fault}" for name, fault in faults.items()))
+            for name, fault in faults.items():
+                LOGGER.warning("%s: %s is refused, %s", out / folder, name, fault)
         simulate_jobs(todo, made_by, workers, out)
 
 

@@ -1,5 +1,6 @@
 """Quality check: measures of a simulated sequence, and the limits within which it may be trained on."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -89,6 +90,23 @@ def examine(
             "skinned one while nothing supports it"
         )
     return replace(sequence, metadata=metadata), reason
+
+
+def examine_together(
+    sequences: Sequence[SimulatedSequence], garments: Sequence[Garment], body: Body
+) -> tuple[list[SimulatedSequence], str | None]:
+    """Examine the sequences of garments that were simulated together, each as `examine` does.
+
+    Returns them, and the reasons of a refusal of any, with the garments' names where there are several.
+    """
+    pairs = zip(sequences, garments, strict=True)
+    examined = [examine(sequence, garment, body) for sequence, garment in pairs]
+    reasons = [
+        reason if len(examined) == 1 else f"{sequence.garment}: {reason}"
+        for sequence, reason in examined
+        if reason is not None
+    ]
+    return [sequence for sequence, _ in examined], "; ".join(reasons) or None
 
 
 def _mean(percent: Tensor) -> float:

@@ -1,0 +1,37 @@
+"""Arrays that callers of the library pass: NumPy's, tensors on any device, nested lists."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from uvcloth.errors import InputError, cause
+from uvcloth.files.fields import Field, check_fields
+
+Array: TypeAlias = NDArray[Any] | Tensor | list[Any]
+"""A NumPy array, a tensor on any device, or nested lists of numbers."""
+
+
+def check_arrays(
+    owner: str, arrays: Mapping[str, Array], fields: Mapping[str, Field], **sizes: int
+) -> dict[str, np.ndarray]:
+    """Arrays of a caller, checked and converted as those of a file are.
+
+    owner: whose arrays they are, for the sentence. Nothing of the result shares memory with what was passed.
+    Raises InputError as `check_fields` does, and for what is no array.
+    """
+    copies = {name: as_array(owner, name, values) for name, values in arrays.items()}
+    return check_fields(Path(owner), copies, fields, **sizes)
+
+
+def as_array(owner: str, name: str, values: Array) -> np.ndarray:
+    """A copy of what a caller passed as a NumPy array. Raises InputError for what is no array."""
+    if isinstance(values, Tensor):
+        values = values.detach().cpu().numpy()
+    try:
+        return np.array(values)
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{owner}: {name} is no array of numbers ({cause(error)})") from error

@@ -1,0 +1,83 @@
+"""Rollouts that are ready to begin: a method, an outfit and a motion that go together."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from uvcloth.errors import InputError
+from uvcloth.garments.garment import Outfit
+from uvcloth.garments.proxy import ProxiedOutfit
+from uvcloth.geometry.records import CPU
+from uvcloth.methods.ensemble import Ensemble
+from uvcloth.methods.method import Method
+from uvcloth.motion.clip import Clip
+from uvcloth.motion.lead_in import pose_from_rest
+from uvcloth.rollout import RolloutFrame, rollout_proxied, with_proxies
+
+
+@dataclass(frozen=True)
+class ReadyRollout:
+    """A rollout before its first frame.
+
+    proxied: the outfit, its coarse garments carried by proxies where there is contact. motion: of a pose, the
+    way into it from rest. transforms: (F, J, 3, 4) float64, the joints of the motion.
+    """
+
+    method: Method
+    proxied: ProxiedOutfit
+    motion: Clip
+    transforms: Tensor
+    contact: bool
+
+    def frames(
+        self, device: torch.device = CPU, every: int = 1, keep_going: bool = False
+    ) -> Iterator[RolloutFrame]:
+        """Predict the frames, as `rollout_proxied` does; they are relative to origins of their own."""
+        return rollout_proxied(
+            self.method,
+            self.proxied,
+            self.transforms,
+            self.motion.fps,
+            self.contact,
+            device=device,
+            every=every,
+            keep_going=keep_going,
+        )
+
+
+def ready_rollout(method: Method, outfit: Outfit, motion: Clip, contact: bool = True) -> ReadyRollout:
+    """Bring a method, an outfit and a motion on its body together.
+
+    A motion of one frame, a pose, becomes the way into it from rest. Raises InputError for an outfit that the
+    method cannot dress, and a motion on another body than the outfit's.
+    """
+    if reason := method.unsupported_reason(outfit):
+        several = not isinstance(method, Ensemble) and len(outfit.garments) > 1
+        hint = "; each garment may have a model of its own, as in --model A B" if several else ""
+        raise InputError(reason + hint)
+    require_same_skeleton(motion, outfit)
+    motion = pose_from_rest(motion, outfit.body)
+    proxied = with_proxies(outfit, method) if contact else ProxiedOutfit.as_is(outfit)
+    return ReadyRollout(method, proxied, motion, motion.transforms(torch.float64), contact)
+
+
+def require_same_skeleton(motion: Clip, outfit: Outfit) -> None:
+    """Raise InputError for a motion on another skeleton than that of the outfit's body."""
+    one, other = motion.skeleton, outfit.body.skeleton
+    if one.names != other.names or not torch.equal(one.heads, other.heads):
+        raise InputError(
+            f"{motion.name}: is a motion of another body than {outfit.body.name}, which wears the garments; "
+            "load it for that one"
+        )
+
+
+def find_device(name: str) -> torch.device:
+    """Find the device of a name, as torch has it. Raises InputError if this machine has none such."""
+    try:
+        device = torch.device(name)
+        torch.empty(0, device=device)
+    except (RuntimeError, AssertionError) as error:
+        raise InputError(f"--device {name}: not on this machine") from error
+    return device
