@@ -48,7 +48,7 @@ from uvcloth.motion.library import load_clip
 from uvcloth.physics.cloth.solver import Settings
 from uvcloth.physics.fabric import Fabric
 from uvcloth.process.command import run_command
-from uvcloth.simulate.cloth import Cloth, join
+from uvcloth.garments.joined import Cloth, join
 from uvcloth.simulate.engine import Engine, Frame, Scene
 from uvcloth.simulate.explicit import Explicit
 from uvcloth.simulate.newton import Newton

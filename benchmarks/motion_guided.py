@@ -36,7 +36,7 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
 from uvcloth.rollout import rollout
-from uvcloth.simulate.cloth import join
+from uvcloth.garments.joined import join
 from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.run import simulate
 from uvcloth.wardrobe.tailor import tailor

@@ -28,7 +28,7 @@ from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.simulate import batch, quality_check
 from uvcloth.simulate import plan as planning
 from uvcloth.simulate.batch import simulate_batch
-from uvcloth.simulate.cloth import Cloth
+from uvcloth.garments.joined import Cloth
 from uvcloth.simulate.explicit import Explicit
 from uvcloth.simulate.folder import refused_captures
 from uvcloth.simulate.plan import ClipSelection, Job

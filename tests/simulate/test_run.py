@@ -15,9 +15,9 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
-from uvcloth.simulate.cloth import join
+from uvcloth.garments.joined import join
 from uvcloth.simulate.engine import Frame, Scene
-from uvcloth.simulate.layers import LAYER_THICKNESS, inner_thickness
+from uvcloth.garments.layer_thickness import LAYER_THICKNESS, inner_thickness
 from uvcloth.simulate.run import simulate
 
 PARTS = LeadIn(rest=1, blend=2, ramp=1)

@@ -16,7 +16,7 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
-from uvcloth.simulate.cloth import join
+from uvcloth.garments.joined import join
 from uvcloth.simulate.engine import Frame, Scene
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate

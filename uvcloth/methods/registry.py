@@ -15,11 +15,13 @@ from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.method import Method, MethodEntry
 from uvcloth.methods.motion_guided import method as motion_guided
 from uvcloth.methods.pbns import method as pbns
+from uvcloth.methods.physics import method as physics
 from uvcloth.methods.physxnet import method as physxnet
 from uvcloth.methods.resized import for_size
 
 METHODS: dict[str, MethodEntry] = {
     **lbs.ENTRIES,
+    "physics": physics.ENTRY,
     "physxnet": physxnet.ENTRY,
     "motion_guided": motion_guided.ENTRY,
     "pbns": pbns.ENTRY,

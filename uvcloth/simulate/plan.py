@@ -17,7 +17,7 @@ from uvcloth.motion.library import DEFAULTS, load_clip
 from uvcloth.motion.options import MotionOptions
 from uvcloth.motion.poses import SPLITS
 from uvcloth.physics.fabric import Fabric
-from uvcloth.simulate.cloth import Cloth
+from uvcloth.garments.joined import Cloth
 from uvcloth.simulate.folder import is_finished
 from uvcloth.simulate.run import run_up
 

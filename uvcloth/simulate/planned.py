@@ -22,7 +22,7 @@ from uvcloth.motion.library import builtin_clips
 from uvcloth.motion.stop import come_to_rest
 from uvcloth.simulate.batch import chosen_engine, simulate_jobs
 from uvcloth.simulate.bodies import keep_body
-from uvcloth.simulate.cloth import Cloth, join
+from uvcloth.garments.joined import Cloth, join
 from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.folder import (
     add_windows,

@@ -17,9 +17,9 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import LeadIn, lead_in
 from uvcloth.motion.poses import rest_hash
 from uvcloth.physics.layers import wrong_side_percent
-from uvcloth.simulate.cloth import Cloth
+from uvcloth.garments.joined import Cloth
 from uvcloth.simulate.engine import Engine, Scene
-from uvcloth.simulate.layers import inner_thickness
+from uvcloth.garments.layer_thickness import inner_thickness
 from uvcloth.simulate.sequence import SimulatedSequence
 from uvcloth.simulate.unfinished import Place, move
 
@@ -122,7 +122,12 @@ def _scene(
             [torch.where(band, cloth.band.mass, 1.0) for band, cloth in zip(bands, cloths, strict=True)]
         ),
         inner_thickness=torch.cat(
-            [inner_thickness(cloth, cloths[:index]) for index, cloth in enumerate(cloths)]
+            [
+                inner_thickness(
+                    cloth.garment.mesh.vertices[cloth.kept], (inner.garment.mesh for inner in cloths[:index])
+                )
+                for index, cloth in enumerate(cloths)
+            ]
         ),
         skinned=skinned,
         collider=opening.opened(collider.vertices(posed_skin(body, transforms))),

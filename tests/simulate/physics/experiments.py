@@ -17,7 +17,7 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import face_pairs
 from uvcloth.physics.energies import hinge_angles
 from uvcloth.physics.fabric import Fabric
-from uvcloth.simulate.cloth import join
+from uvcloth.garments.joined import join
 
 LIMP = Fabric(drag=0.0, bend=1e-7)
 """Cloth without air that hardly resists bending."""

@@ -1,0 +1,120 @@
+"""Fine meshes on a body, moved off its skin: what a cage carries may lie in it by a few millimetres."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rasterize.compiled import compiled, inlined
+from uvcloth.physics.cloth.body_contact import Body, Contacts, find_contacts
+from uvcloth.physics.cloth.triangles import closest_barycentrics, weighted
+from uvcloth.physics.cloth.vectors import (
+    ONE,
+    ZERO,
+    Array,
+    Number,
+    Vector,
+    add,
+    combine,
+    dot,
+    length,
+    load,
+    scale,
+    store,
+    sub,
+    unit,
+)
+
+REACH = np.float32(0.03)
+"""Metres from the skin within which it is looked for; what lies deeper stays."""
+
+SPREAD = np.float32(0.6)
+"""Share of the mean move of its neighbours by which a vertex that is free follows them."""
+
+FREE_MOVE = np.float32(1e-3)
+"""Metres of its own move at which a vertex no longer follows its neighbours."""
+
+PASSES = 3
+"""Times that vertices are moved off the skin; after all but the last one their neighbours follow."""
+
+ON_SURFACE = np.float32(1e-6)
+"""Metres from a face below which its normal counts, and not the direction to it."""
+
+
+class FineMesh(NamedTuple):
+    """Mesh that is cleared.
+
+    thickness: (N,) m of other cloth between a vertex and the body. ring_starts: (N + 1,), ring: the vertices
+    on an edge with each.
+    """
+
+    thickness: NDArray[np.float32]
+    ring_starts: NDArray[np.int32]
+    ring: NDArray[np.int32]
+
+
+@compiled
+def clear(
+    mesh: FineMesh, body: Body, points: Array, positions: Array, clearance: Number, hints: Array
+) -> None:
+    """Move vertices (N, 3) m to at least a clearance, m, off the body at points (V, 3) m.
+
+    hints: (K, N) int32, the faces found in the last frame, -1 for none, are renewed.
+    """
+    normals = np.empty_like(points)
+    boxes = np.empty((len(body.tree.ranges), 6), np.float32)
+    contacts = find_contacts(body, points, normals, boxes, positions, REACH, hints)
+    moves = np.empty_like(positions)
+    for turn in range(PASSES):
+        moves[:] = ZERO
+        _push(mesh, body, points, normals, contacts, positions, moves, clearance)
+        if turn < PASSES - 1:
+            _spread(mesh, positions, moves)
+
+
+@inlined
+def _push(
+    mesh: FineMesh,
+    body: Body,
+    points: Array,
+    normals: Array,
+    contacts: Contacts,
+    positions: Array,
+    moves: Array,
+    clearance: Number,
+) -> None:
+    for k in range(len(contacts.vertices)):
+        vertex, face = contacts.vertices[k], contacts.faces[k]
+        distance, normal = _signed(body.faces, points, normals, face, load(positions, vertex))
+        lack = clearance + mesh.thickness[vertex] - distance
+        if lack > ZERO:
+            store(positions, vertex, combine(ONE, load(positions, vertex), lack, normal))
+            store(moves, vertex, combine(ONE, load(moves, vertex), lack, normal))
+
+
+@inlined
+def _spread(mesh: FineMesh, positions: Array, moves: Array) -> None:
+    for vertex in range(len(positions)):
+        first, last = mesh.ring_starts[vertex], mesh.ring_starts[vertex + 1]
+        free = ONE - length(load(moves, vertex)) / FREE_MOVE
+        if last > first and free > ZERO:
+            mean = (ZERO, ZERO, ZERO)
+            for place in range(first, last):
+                mean = add(mean, load(moves, mesh.ring[place]))
+            share = SPREAD * free / np.float32(last - first)
+            store(positions, vertex, combine(ONE, load(positions, vertex), share, mean))
+
+
+@inlined
+def _signed(
+    faces: Array, points: Array, normals: Array, face: int, point: Vector
+) -> tuple[Number, Vector]:
+    """Distance of a point from a face, negative inside, and the direction in which it grows."""
+    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+    corners = load(points, a), load(points, b), load(points, c)
+    weights = closest_barycentrics(point, *corners)
+    away = sub(point, weighted(weights, *corners))
+    outwards = weighted(weights, load(normals, a), load(normals, b), load(normals, c))
+    side = ONE if dot(away, outwards) >= ZERO else -ONE
+    distance = length(away)
+    return side * distance, scale(side / distance, away) if distance > ON_SURFACE else unit(outwards)
