@@ -37,6 +37,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.errors import InputError
+from uvcloth.garments.joined import Cloth, join
 from uvcloth.garments.remesh import remesh, surface_of
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import unique_edges
@@ -48,7 +49,6 @@ from uvcloth.motion.library import load_clip
 from uvcloth.physics.cloth.solver import Settings
 from uvcloth.physics.fabric import Fabric
 from uvcloth.process.command import run_command
-from uvcloth.garments.joined import Cloth, join
 from uvcloth.simulate.engine import Engine, Frame, Scene
 from uvcloth.simulate.explicit import Explicit
 from uvcloth.simulate.newton import Newton

@@ -157,8 +157,8 @@ def measure(method: str, names: Sequence[str], body: Body, clip: Clip) -> dict[s
 
 def engine(names: Sequence[str], body: Body, clip: Clip) -> float:
     """Milliseconds of a frame of the default cloth engine."""
-    from uvcloth.motion.lead_in import LeadIn
     from uvcloth.garments.joined import join
+    from uvcloth.motion.lead_in import LeadIn
     from uvcloth.simulate.newton import Newton
     from uvcloth.simulate.run import simulate
 

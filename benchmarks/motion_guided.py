@@ -28,6 +28,7 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.joined import join
 from uvcloth.garments.templates import fit_template, tailored
 from uvcloth.methods.motion_guided.config import PRESETS
 from uvcloth.methods.motion_guided.descriptor import TAPS, Forces, RelativePositions, SeedForces
@@ -36,7 +37,6 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
 from uvcloth.rollout import rollout
-from uvcloth.garments.joined import join
 from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.run import simulate
 from uvcloth.wardrobe.tailor import tailor

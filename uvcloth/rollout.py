@@ -209,6 +209,7 @@ def prepare_rollout(
 
     Raises InputError for an outfit that the method does not support.
     """
+    contact = contact and not method.keeps_off_body
     if contact:
         method = method.with_contact()
     prepared = method.prepare(outfit, device)
@@ -239,7 +240,8 @@ def rollout(
     frame. With contact, vertices inside the body (forearms and hands left out, as in the simulations) are
     moved out of it after each frame, outer garments off the inner ones that they cover, and edges get
     their rest length back; that is fed back to an autoregressive method. A method leaves out what contact
-    does better (`Method.with_contact`), so that it may predict otherwise than without.
+    does better (`Method.with_contact`), so that it may predict otherwise than without; a method that keeps
+    garments off the body itself has no contact.
 
     truth: the garments, (N, 3) m each, that are fed back to an autoregressive method after each of the first
     frames instead of its own. Contact continues from its last corrections, as always. Other methods

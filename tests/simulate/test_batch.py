@@ -20,6 +20,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.garments.garment import Garment
+from uvcloth.garments.joined import Cloth
 from uvcloth.garments.templates import fit_template
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import load_clip
@@ -28,7 +29,6 @@ from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.simulate import batch, quality_check
 from uvcloth.simulate import plan as planning
 from uvcloth.simulate.batch import simulate_batch
-from uvcloth.garments.joined import Cloth
 from uvcloth.simulate.explicit import Explicit
 from uvcloth.simulate.folder import refused_captures
 from uvcloth.simulate.plan import ClipSelection, Job

@@ -7,10 +7,10 @@ import pytest
 
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
+from uvcloth.garments.joined import Cloth, join
 from uvcloth.garments.templates import fit_template
 from uvcloth.motion.index import Entry, read_index
 from uvcloth.motion.library import builtin_clips
-from uvcloth.garments.joined import Cloth, join
 from uvcloth.simulate.plan import ClipSelection, Job, batch_sources, interleaved, plan
 
 HEADER = "trial,subject,split,action,window_start,window_frames\n"

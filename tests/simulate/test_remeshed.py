@@ -10,10 +10,10 @@ import torch
 from rasterize.charts import boundary_loops
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
+from uvcloth.garments.joined import Cloth, join
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import boundary_edges, edge_lengths, join_meshes, unique_edges
 from uvcloth.physics.fabric import FABRICS, Fabric
-from uvcloth.garments.joined import Cloth, join
 from uvcloth.simulate.engine import Frame, Scene
 from uvcloth.simulate.members import MEMBERS, member_engine
 from uvcloth.simulate.newton import Newton

@@ -10,14 +10,14 @@ import torch
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
+from uvcloth.garments.joined import join
+from uvcloth.garments.layer_thickness import LAYER_THICKNESS, inner_thickness
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
-from uvcloth.garments.joined import join
 from uvcloth.simulate.engine import Frame, Scene
-from uvcloth.garments.layer_thickness import LAYER_THICKNESS, inner_thickness
 from uvcloth.simulate.run import simulate
 
 PARTS = LeadIn(rest=1, blend=2, ramp=1)

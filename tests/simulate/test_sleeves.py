@@ -12,11 +12,11 @@ from tests.simulate.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import COLLIDER_PARTS, FOREARM_PARTS, make_collider
 from uvcloth.garments.garment import Garment
+from uvcloth.garments.joined import join
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
-from uvcloth.garments.joined import join
 from uvcloth.simulate.engine import Frame, Scene
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate

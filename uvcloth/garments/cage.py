@@ -124,7 +124,9 @@ def make_cage(vertices: Tensor, faces: Tensor, edge: float) -> Cage:
 def _without_trim(vertices: Tensor, faces: Tensor) -> Tensor:
     """Mask (M,) of the faces of pieces that are cloth, not buttons."""
     pieces = torch.from_numpy(face_components(faces.numpy(), np.zeros(0, np.int64)))
-    areas = torch.zeros(int(pieces.max()) + 1).index_add_(0, pieces, face_normals(vertices, faces).norm(dim=1))
+    areas = torch.zeros(int(pieces.max()) + 1).index_add_(
+        0, pieces, face_normals(vertices, faces).norm(dim=1)
+    )
     return (areas > TRIM_SHARE * areas.sum())[pieces]
 
 
@@ -185,7 +187,9 @@ def _wanted(mesh: Mesh, edges: Tensor, rims: Tensor, edge: float) -> Floats:
     if len(used):
         first, second = ends.numpy().T
         ones = np.ones(len(rims))
-        runs = connected_components(coo_array((ones, (first, second)), shape=(len(used), len(used))), directed=False)[1]
+        runs = connected_components(
+            coo_array((ones, (first, second)), shape=(len(used), len(used))), directed=False
+        )[1]
         around = np.bincount(runs[first], edge_lengths(mesh.vertices, rims).numpy())
         narrow[used.numpy()] = np.maximum(around[runs] / AROUND, FINEST * edge)
     sources = np.flatnonzero(narrow < edge)
@@ -202,7 +206,9 @@ def _graph(points: Tensor, edges: Tensor, lengths: Floats) -> csr_array:
     first, second = edges.T.numpy()
     ways = edge_lengths(points, edges).numpy() / (0.5 * (lengths[first] + lengths[second]))
     rows, columns = np.concatenate([first, second]), np.concatenate([second, first])
-    return csr_array(coo_array((np.maximum(np.tile(ways, 2), 1e-9), (rows, columns)), shape=(len(points), len(points))))
+    return csr_array(
+        coo_array((np.maximum(np.tile(ways, 2), 1e-9), (rows, columns)), shape=(len(points), len(points)))
+    )
 
 
 def _cells(surface: _Surface) -> tuple[Indices, Indices]:
@@ -313,7 +319,9 @@ def _embedded(points: Floats, near: Indices, vertices: Floats, faces: Indices) -
     order = np.argsort(faces.ravel(), kind="stable")
     starts = np.searchsorted(faces.ravel()[order], np.arange(len(vertices) + 1))
     near = np.where(near >= 0, near, KDTree(vertices).query(points)[1])
-    near = np.where(starts[near + 1] > starts[near], near, KDTree(vertices[np.unique(faces)]).query(points)[1])
+    near = np.where(
+        starts[near + 1] > starts[near], near, KDTree(vertices[np.unique(faces)]).query(points)[1]
+    )
     counts = starts[near + 1] - starts[near]
     owner = np.repeat(np.arange(len(points)), counts)
     place = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)

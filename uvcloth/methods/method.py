@@ -31,6 +31,8 @@ class Method(Protocol):
     rollouts side by side; if not, any B frames."""
     quasi_static: bool = False
     """True if a frame depends on its own pose alone, however fast the body came there."""
+    keeps_off_body: bool = False
+    """True if its garments are off the body and off each other as it predicts them: contact is left out."""
     is_baseline: bool = False
     """True if other methods are measured against it."""
 

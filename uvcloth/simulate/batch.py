@@ -9,6 +9,7 @@ from pathlib import Path
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import require_there, sole_writer
+from uvcloth.garments.joined import Cloth, join
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.order import check_order
 from uvcloth.motion.index import INDEX

@@ -8,12 +8,12 @@ from pathlib import Path
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import sole_writer
 from uvcloth.files.fields import require_file_name
+from uvcloth.garments.joined import join
 from uvcloth.motion.index import Entry
 from uvcloth.motion.poses import SPLITS
 from uvcloth.physics.fabric import FABRICS
 from uvcloth.simulate.batch import LEAD_IN, simulate_all
 from uvcloth.simulate.bodies import keep_body
-from uvcloth.garments.joined import join
 from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.engines import ENGINES, require_engine_name
 from uvcloth.simulate.folder import Stored, is_finished, keep_refused, require_engine, stored_sequences

@@ -10,6 +10,7 @@ from rich.progress import track
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.files.fields import require_file_name
+from uvcloth.garments.joined import Cloth
 from uvcloth.motion.capture import find_jump, find_standstill
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.index import Entry, clip_file, read_index
@@ -17,7 +18,6 @@ from uvcloth.motion.library import DEFAULTS, load_clip
 from uvcloth.motion.options import MotionOptions
 from uvcloth.motion.poses import SPLITS
 from uvcloth.physics.fabric import Fabric
-from uvcloth.garments.joined import Cloth
 from uvcloth.simulate.folder import is_finished
 from uvcloth.simulate.run import run_up
 

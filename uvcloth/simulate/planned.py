@@ -13,6 +13,7 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import atomic_write, sole_writer
 from uvcloth.files.reading import file_below
+from uvcloth.garments.joined import Cloth, join
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.order import check_order
 from uvcloth.garments.templates import TEMPLATES
@@ -22,7 +23,6 @@ from uvcloth.motion.library import builtin_clips
 from uvcloth.motion.stop import come_to_rest
 from uvcloth.simulate.batch import chosen_engine, simulate_jobs
 from uvcloth.simulate.bodies import keep_body
-from uvcloth.garments.joined import Cloth, join
 from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.folder import (
     add_windows,

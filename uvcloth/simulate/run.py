@@ -11,15 +11,15 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.opened import make_opening
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.garments.joined import Cloth
+from uvcloth.garments.layer_thickness import inner_thickness
 from uvcloth.geometry.mesh import join_meshes
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import LeadIn, lead_in
 from uvcloth.motion.poses import rest_hash
 from uvcloth.physics.layers import wrong_side_percent
-from uvcloth.garments.joined import Cloth
 from uvcloth.simulate.engine import Engine, Scene
-from uvcloth.garments.layer_thickness import inner_thickness
 from uvcloth.simulate.sequence import SimulatedSequence
 from uvcloth.simulate.unfinished import Place, move
 

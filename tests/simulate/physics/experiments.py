@@ -13,11 +13,11 @@ from torch import Tensor
 
 from tests.simulate.physics.scenes import FPS, G, disc, play, scene, sheet, turned_about_y, turning_points
 from uvcloth.bodies.body import load_body
+from uvcloth.garments.joined import join
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import face_pairs
 from uvcloth.physics.energies import hinge_angles
 from uvcloth.physics.fabric import Fabric
-from uvcloth.garments.joined import join
 
 LIMP = Fabric(drag=0.0, bend=1e-7)
 """Cloth without air that hardly resists bending."""

@@ -5,7 +5,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rasterize.compiled import compiled, inlined
 from uvcloth.physics.cloth.body_contact import Body, Contacts, find_contacts
 from uvcloth.physics.cloth.triangles import closest_barycentrics, weighted
 from uvcloth.physics.cloth.vectors import (
@@ -24,6 +23,7 @@ from uvcloth.physics.cloth.vectors import (
     sub,
     unit,
 )
+from uvcloth.process.compiled import compiled, inlined
 
 REACH = np.float32(0.03)
 """Metres from the skin within which it is looked for; what lies deeper stays."""
@@ -106,9 +106,7 @@ def _spread(mesh: FineMesh, positions: Array, moves: Array) -> None:
 
 
 @inlined
-def _signed(
-    faces: Array, points: Array, normals: Array, face: int, point: Vector
-) -> tuple[Number, Vector]:
+def _signed(faces: Array, points: Array, normals: Array, face: int, point: Vector) -> tuple[Number, Vector]:
     """Distance of a point from a face, negative inside, and the direction in which it grows."""
     a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
     corners = load(points, a), load(points, b), load(points, c)

@@ -1,0 +1,106 @@
+"""Finish: the prediction of any method pulls the cages of its garments, and the solver moves them."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from uvcloth.bodies.frames import BodyFrames
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.methods.method import GarmentSpace, Method
+from uvcloth.methods.physics.method import Physics
+from uvcloth.methods.physics.outfit import CagedOutfit, Moved, carried, moved
+
+
+@dataclass(frozen=True)
+class FinishState:
+    """States of the method and of the solver."""
+
+    guide: Any
+    cloth: tuple[Moved, ...]
+
+
+@dataclass(frozen=True)
+class Finished(Method):
+    """A method whose garments are moved by the solver, on cages that are pulled to its prediction.
+
+    pull: 1/s, frequency of the critically damped spring that pulls; 0 is physics alone, and the greater it
+    is, the more the result is the prediction.
+    """
+
+    guide: Method
+    physics: Physics
+    pull: float
+    name: str = ""
+    autoregressive: bool = True
+    keeps_off_body: bool = True
+
+    @classmethod
+    def of(cls, guide: Method, physics: Physics, pull: float) -> "Finished":
+        """A method with the finish, under the name of the method."""
+        return cls(guide.with_contact(), physics, pull, guide.name)
+
+    def unsupported_reason(self, outfit: Outfit) -> str:
+        """The reason of the method, or of the solver."""
+        return self.guide.unsupported_reason(outfit) or self.physics.unsupported_reason(outfit)
+
+    def reads_fabric(self) -> bool:
+        """True: the solver does."""
+        return True
+
+    def prepare(self, outfit: Outfit, device: torch.device) -> tuple[Any, CagedOutfit]:
+        """Prepare the method on a device, and the solver on the CPU."""
+        return self.guide.prepare(outfit, device), self.physics.prepare(outfit, device)
+
+    def init(self, prepared: tuple[Any, CagedOutfit], frames: BodyFrames) -> FinishState:
+        """Start both."""
+        guide, cages = prepared
+        return FinishState(self.guide.init(guide, frames), self.physics.init(cages, frames))
+
+    def step(
+        self, prepared: tuple[Any, CagedOutfit], state: FinishState, frames: BodyFrames
+    ) -> tuple[FinishState, tuple[Tensor, ...]]:
+        """Garments (B, N, 3) m of the next frame of B rollouts."""
+        guide, cages = prepared
+        guided, raw = self.guide.step(guide, state.guide, frames)
+        cloth, rows = [], []
+        for place, before in enumerate(state.cloth):
+            transforms, vertices = frames.transforms[place, -1].cpu(), frames.vertices[place, -1].cpu()
+            predicted = [garment[place].cpu() for garment in raw]
+            targets = _targets(cages, transforms, predicted)
+            after = moved(cages, before, cages.collider(vertices), targets, self.pull, frames.fps)
+            after, garments = carried(
+                cages, after, cages.skinned_cages(transforms), cages.skinned(transforms)
+            )
+            cloth.append(after)
+            rows.append(garments)
+        finished = tuple(torch.stack(garments).to(raw[0].device) for garments in zip(*rows, strict=True))
+        guided = self.guide.feed_back(guide, guided, finished)
+        return FinishState(guided, tuple(cloth)), finished
+
+    def displaced(self, prepared: tuple[Any, CagedOutfit], state: FinishState, shift: Tensor) -> FinishState:
+        """Both displaced by (B, 3) m."""
+        guide, cages = prepared
+        return FinishState(
+            self.guide.displaced(guide, state.guide, shift),
+            self.physics.displaced(cages, state.cloth, shift),
+        )
+
+    def garment_space(self, garment: Garment, body: Any) -> GarmentSpace | None:
+        """The space of the method."""
+        return self.guide.garment_space(garment, body)
+
+
+def _targets(cages: CagedOutfit, transforms: Tensor, predicted: list[Tensor]) -> NDArray[np.float32]:
+    """Places (n, 3) m of the cages in predicted garments (N, 3) m; bands are held where they are skinned."""
+    guided = torch.cat(
+        [
+            each.cage.at_cage(vertices[each.kept])
+            for each, vertices in zip(cages.garments, predicted, strict=True)
+        ]
+    ).numpy()
+    held = (cages.hold > 0)[:, None]
+    return np.where(held, cages.skinned_cages(transforms), guided).astype(np.float32)

@@ -1,0 +1,298 @@
+"""Outfits on cages: what the solver moves, and the garments that follow it, cleared off the skin."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import compress
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from uvcloth.bodies.collider import Collider, make_collider
+from uvcloth.bodies.opened import Opening, make_opening
+from uvcloth.garments.band import holding_band
+from uvcloth.garments.cage import QUALITIES, Cage, make_cage
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.layer_thickness import inner_thickness
+from uvcloth.geometry.mesh import join_meshes, unique_edges, weld
+from uvcloth.geometry.skinning import skin
+from uvcloth.physics.cloth import body_contact
+from uvcloth.physics.cloth.clearing import FineMesh, clear
+from uvcloth.physics.cloth.cloth import Damping, make_cloth
+from uvcloth.physics.cloth.solver import Motion, Settings, Solver, State, make_solver, step
+from uvcloth.physics.layers import Layer
+
+HOLD, HOLD_DAMPING = 100.0, 0.7
+"""Frequency, 1/s, and damping ratio of the soft attachment of the band."""
+
+CLEARANCE = 0.003
+"""Metres that garments keep from the skin, and from each other."""
+
+
+@dataclass(frozen=True)
+class PhysicsConfig:
+    """Settings of the solver on cages.
+
+    quality: of the cages, a key of QUALITIES. compression: share of the membrane's stiffness that is left in
+    compression, where a coarse face cannot buckle as fine cloth does.
+    """
+
+    quality: str = "default"
+    compression: float = 0.3
+    damping: Damping = field(default_factory=Damping)
+    settings: Settings = field(default_factory=Settings)
+
+
+@dataclass(frozen=True)
+class CagedGarment:
+    """A garment with its cage.
+
+    kept: (U,) its vertices at different places; places: (N,) the one of these that each vertex is at. points:
+    (U, 3) m at rest, weights: (U, J). cage: of those points. cage_weights: (n, J). rows: of its cage among
+    all cages.
+    """
+
+    kept: Tensor
+    places: Tensor
+    points: Tensor
+    weights: Tensor
+    cage: Cage
+    cage_weights: Tensor
+    rows: slice
+
+
+@dataclass(frozen=True)
+class Over:
+    """A garment that lies over another: its points that are kept on the outer side of it, (R,) rows."""
+
+    outer: int
+    inner: int
+    rows: Tensor
+    layer: Layer
+
+
+@dataclass(frozen=True)
+class CagedOutfit:
+    """An outfit on cages, ready to be stepped.
+
+    closed: the body as closed parts. opening: what gives cloth room between them. used: (C,) the collider's
+    vertices that the solver has. hold: (n,) 1/s, the attachment of bands. fine, fine_body: of all garments'
+    points. over: the pairs of layers, the innermost first.
+    """
+
+    garments: tuple[CagedGarment, ...]
+    solver: Solver
+    closed: Collider
+    opening: Opening
+    used: Tensor
+    hold: NDArray[np.float32]
+    fine: FineMesh
+    fine_body: body_contact.Body
+    over: tuple[Over, ...]
+
+    def collider(self, body_vertices: Tensor) -> NDArray[np.float32]:
+        """Opened collider (C, 3) m of a posed body (V, 3) m."""
+        return self.opening.opened(self.closed.vertices(body_vertices))[self.used].numpy()
+
+    def skinned(self, transforms: Tensor) -> tuple[Tensor, ...]:
+        """Smoothly skinned points (U, 3) m of each garment. transforms: (J, 3, 4)."""
+        return tuple(skin(each.points, each.weights, transforms[None])[0] for each in self.garments)
+
+    def skinned_cages(self, transforms: Tensor) -> NDArray[np.float32]:
+        """Smoothly skinned cages (n, 3) m of all garments. transforms: (J, 3, 4)."""
+        return torch.cat(
+            [skin(each.cage.vertices, each.cage_weights, transforms[None])[0] for each in self.garments]
+        ).numpy()
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Cloth of one rollout, and what moved it last.
+
+    body: (C, 3) m, the collider. targets: (n, 3) m that its cages were pulled to. hints: (K, U) int32, the
+    faces of the collider that points of garments were nearest to.
+    """
+
+    cloth: State
+    body: NDArray[np.float32]
+    targets: NDArray[np.float32]
+    hints: NDArray[np.int32]
+
+    def displaced(self, way: NDArray[np.float64]) -> "Moved":
+        """The same displaced by (3,) m."""
+        return replace(
+            self,
+            cloth=replace(self.cloth, origin=self.cloth.origin + way),
+            body=(self.body + way).astype(np.float32),
+            targets=(self.targets + way).astype(np.float32),
+        )
+
+
+def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
+    """Make cages of an outfit's garments, and the solver that moves them all as one cloth.
+
+    Raises InputError for a garment that nothing holds up, and for cloth that the solver cannot step.
+    """
+    body = outfit.body
+    collider = make_collider(body)
+    garments = tuple(_caged(outfit.garments, QUALITIES[config.quality]))
+    joined = join_meshes((each.cage.vertices, each.cage.faces) for each in garments)
+    points = torch.cat([each.points for each in garments])
+    touches = collider.touches(joined.vertices, body.mesh.vertices)
+    fine_touches = collider.touches(points, body.mesh.vertices)
+    met = touches.any(1) | fine_touches.any(1)
+    parts = tuple(compress(collider.parts, met))
+    used, corners = torch.cat(parts).unique(return_inverse=True)
+    faces = [part.numpy() for part in corners.split([len(part) for part in parts])]
+    at_rest = collider.vertices(body.mesh.vertices)[used].numpy()
+    bands = [holding_band(garment, body) for garment in outfit.garments]
+    held = torch.cat(
+        [
+            each.cage.at_cage(band.vertices[each.kept, None].float())[:, 0] > 0.5
+            for each, band in zip(garments, bands, strict=True)
+        ]
+    )
+    mass = torch.cat(
+        [torch.full((len(each.cage_weights),), band.mass) for each, band in zip(garments, bands, strict=True)]
+    )
+    cloth = make_cloth(
+        joined.vertices.numpy(),
+        joined.faces.numpy(),
+        outfit.garments[0].fabric,
+        mass_factor=torch.where(held, mass, 1.0).numpy(),
+        thickness=_thickness([each.cage.vertices for each in garments], outfit.garments),
+        compression=config.compression,
+        damping=config.damping,
+    )
+    solid = body_contact.make_body(at_rest, faces, touches[met].numpy())
+    names = " + ".join(garment.name for garment in outfit.garments)
+    return CagedOutfit(
+        garments,
+        make_solver(cloth, joined.vertices.numpy(), solid, config.settings, f"garment {names}"),
+        collider,
+        make_opening(collider, body.mesh.vertices),
+        used,
+        np.where(held.numpy(), HOLD, 0.0).astype(np.float32),
+        _fine_mesh(garments, outfit.garments),
+        body_contact.make_body(at_rest, faces, fine_touches[met].numpy()),
+        tuple(_layers(garments, outfit.garments)),
+    )
+
+
+def moved(
+    prepared: CagedOutfit,
+    state: Moved,
+    body: NDArray[np.float32],
+    targets: NDArray[np.float32],
+    pull: float,
+    fps: float,
+) -> Moved:
+    """Cloth one frame later: the collider at (C, 3) m, cages pulled to targets (n, 3) m with `pull`, 1/s."""
+    held = prepared.hold > 0
+    motion = Motion(
+        1.0 / fps,
+        state.body,
+        body,
+        state.targets,
+        targets,
+        np.where(held, prepared.hold, pull).astype(np.float32),
+        np.where(held, HOLD_DAMPING, 1.0).astype(np.float32),
+    )
+    return replace(state, cloth=step(prepared.solver, state.cloth, motion), body=body, targets=targets)
+
+
+def carried(
+    prepared: CagedOutfit, state: Moved, cages: NDArray[np.float32], garments: Sequence[Tensor]
+) -> tuple[Moved, tuple[Tensor, ...]]:
+    """Garments (N, 3) m that follow their cages, cleared off the body and off each other.
+
+    cages: (n, 3) m and garments: (U, 3) m of each, that belong to one another; what cloth is off the former
+    is added to the latter.
+    """
+    offsets = torch.from_numpy((state.cloth.vertices() - cages).astype(np.float32))
+    origin = np.asarray(state.body, np.float64).mean(0)
+    points = torch.cat(
+        [
+            near + each.cage.at_garment(offsets[each.rows])
+            for each, near in zip(prepared.garments, garments, strict=True)
+        ]
+    )
+    positions = (points.numpy() - origin).astype(np.float32)
+    hints = state.hints.copy()
+    clear(
+        prepared.fine,
+        prepared.fine_body,
+        (state.body - origin).astype(np.float32),
+        positions,
+        np.float32(CLEARANCE),
+        hints,
+    )
+    finished = list((torch.from_numpy(positions) + torch.from_numpy(origin)).float().split(_sizes(prepared)))
+    for pair in prepared.over:
+        _lift(pair, finished)
+    return replace(state, hints=hints), tuple(
+        vertices[each.places] for each, vertices in zip(prepared.garments, finished, strict=True)
+    )
+
+
+def _caged(garments: Sequence[Garment], edge: float) -> Iterator[CagedGarment]:
+    first = 0
+    for garment in garments:
+        mesh = garment.mesh
+        kept, places = weld(mesh.vertices).unique(return_inverse=True)
+        cage = make_cage(mesh.vertices[kept], places[mesh.faces], edge)
+        weights = garment.smooth_weights[kept]
+        yield CagedGarment(
+            kept=kept,
+            places=places,
+            points=mesh.vertices[kept],
+            weights=weights,
+            cage=cage,
+            cage_weights=cage.at_cage(weights),
+            rows=slice(first, first + len(cage.vertices)),
+        )
+        first += len(cage.vertices)
+
+
+def _sizes(prepared: CagedOutfit) -> list[int]:
+    return [len(each.points) for each in prepared.garments]
+
+
+def _thickness(points: Sequence[Tensor], garments: Sequence[Garment]) -> NDArray[np.float32]:
+    return torch.cat(
+        [inner_thickness(own, (inner.mesh for inner in garments[:index])) for index, own in enumerate(points)]
+    ).numpy()
+
+
+def _fine_mesh(garments: Sequence[CagedGarment], worn: Sequence[Garment]) -> FineMesh:
+    meshes = zip(garments, worn, strict=True)
+    joined = join_meshes((each.points, each.places[garment.mesh.faces]) for each, garment in meshes)
+    edges = unique_edges(joined.faces)
+    both = torch.cat([edges, edges.flip(1)])
+    pairs = both[torch.argsort(both[:, 0], stable=True)].numpy()
+    return FineMesh(
+        _thickness([each.points for each in garments], worn),
+        np.searchsorted(pairs[:, 0], np.arange(len(joined.vertices) + 1)).astype(np.int32),
+        np.ascontiguousarray(pairs[:, 1], np.int32),
+    )
+
+
+def _layers(garments: Sequence[CagedGarment], worn: Sequence[Garment]) -> Iterator[Over]:
+    """Pairs of garments, with the points of the outer one that are not on the inner side at rest."""
+    for outer, own in enumerate(garments):
+        for inner, below in enumerate(garments[:outer]):
+            layer = Layer(below.points, below.places[worn[inner].mesh.faces])
+            beside = layer.beside(own.points)
+            rows = torch.nonzero(~beside.covered | (beside.distance >= 0)).squeeze(1)
+            yield Over(outer, inner, rows, layer)
+
+
+def _lift(pair: Over, garments: list[Tensor]) -> None:
+    """Move the outer garment of a pair off the inner one."""
+    pair.layer.update(garments[pair.inner])
+    beside = pair.layer.beside(garments[pair.outer][pair.rows])
+    lack = torch.where(beside.covered, CLEARANCE - beside.distance, 0.0).clamp(min=0.0)
+    lifted = garments[pair.outer].clone()
+    lifted[pair.rows] += lack[:, None] * beside.normals
+    garments[pair.outer] = lifted
