@@ -418,11 +418,19 @@ class Rollout:
     programs, .mp4 or .gif for a video, .png for a contact sheet."""
     model: Annotated[
         tuple[str, ...],
-        arg(metavar="NAME|RUN ...", help_behavior_hint="(default: physxnet)"),
+        arg(metavar="NAME|RUN ...", help_behavior_hint="(default: physics)"),
     ] = ()
-    """Method: a shipped model, physxnet (any garment), deepsd (any garment), motion_guided (the dress) or
-    pbns (bottoms tops); lbs or lbs_smooth; or a folder written by `python -m train`. One for all garments, or
-    one for each in order."""
+    """Method: physics, the cloth solver on coarse cages of the garments (any garment, nothing learned); a
+    shipped model, physxnet (any garment), deepsd (any garment), motion_guided (the dress) or pbns (bottoms
+    tops); lbs or lbs_smooth; or a folder written by `python -m train`. One for all garments, or one for each
+    in order."""
+    finish: Annotated[Literal["contact", "dynamic"], arg(help_behavior_hint="(default: contact)")] = "contact"
+    """Last step after a model: contact moves its garments off the body; dynamic lets the cloth solver move
+    them, pulled to what the model predicts."""
+    quality: Annotated[Literal["fast", "default", "fine"], arg(help_behavior_hint="(default: default)")] = (
+        "default"
+    )
+    """Size of the faces that the cloth solver moves: edges of about 57, 40 or 30 mm."""
     template: Annotated[
         tuple[Literal["tops", "bottoms", "dress", "shirt", "skirt", "jacket", "auto"], ...],
         arg(metavar="NAME|auto ...", help_behavior_hint="(default: the one each covers best)"),
@@ -432,7 +440,7 @@ class Rollout:
     """Pose of the body on which garment files were modelled: arms straight and level (t), or 45 degrees down
     (a)."""
     fabric: Fabric = None
-    """Fabric of the garments, for DeePSD models (default: jersey)."""
+    """Fabric of the garments, for the cloth solver and DeePSD models (default: jersey)."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     contact: bool = True
@@ -473,6 +481,8 @@ class Rollout:
                 templates=self.template,
                 garment_pose=self.garment_pose,
                 fabric=self.fabric,
+                quality=self.quality,
+                finish=self.finish == "dynamic",
                 body_file=self.body,
                 contact=self.contact,
                 hide_skin=self.hide_skin,
@@ -502,7 +512,7 @@ class View:
     garment: Garments = ("tops",)
     """Templates or garment files to start with, the innermost first."""
     model: Annotated[
-        tuple[str, ...], arg(metavar="NAME|RUN ...", help_behavior_hint="(default: physxnet)")
+        tuple[str, ...], arg(metavar="NAME|RUN ...", help_behavior_hint="(default: physics)")
     ] = ()
     """Models to choose from, in addition to those that ship; the first is shown first."""
     body: BodyFile = None

@@ -22,7 +22,10 @@ from uvcloth.export.writer import close_together, open_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.methods.method import require_fabric_read
+from uvcloth.methods.method import Method, require_fabric_read
+from uvcloth.methods.physics.finish import Finished
+from uvcloth.methods.physics.method import Physics
+from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import DEFAULTS, load_clip
@@ -58,6 +61,8 @@ def animate(
     templates: Sequence[str] = (),
     garment_pose: str | None = None,
     fabric: str | None = None,
+    quality: str = "default",
+    finish: bool = False,
     body_file: Path | None = None,
     contact: bool = True,
     hide_skin: bool = False,
@@ -73,9 +78,10 @@ def animate(
     model in the package. garments: template names or mesh files, the innermost first; contact keeps each out
     of the body and off what is beneath. templates: whose motion they take, and garment_pose: what files were
     modelled in, as `load_outfit` has both. fabric: of the garments, for a model that reads it.
-    hide_skin: leave out the faces of the body that garments cover closely in every frame, or whose files say
-    that they hide them. device: as torch names it. preview: every third frame, in coarse pictures; a contact
-    sheet alone needs fewer. keep_going: a garment that is torn is replaced in that frame. audience: is shown
+    quality: of the cages that the solver moves, a key of QUALITIES. finish: the solver moves the garments,
+    pulled to what the model predicts. hide_skin: leave out the faces of the body that garments cover closely
+    in every frame, or whose files say that they hide them. device: as torch names it. preview: every third
+    frame, in coarse pictures; a contact sheet alone needs fewer. keep_going: a garment that is torn is replaced in that frame. audience: is shown
     each frame. options: how the motion is read; of one frame, a pose, the body moves into it from rest.
 
     Coarse garments are carried by proxies, unless there is no contact.
@@ -89,7 +95,8 @@ def animate(
         outfit = Outfit(body, load_outfit(garments, body, report, templates, garment_pose, fabric))
         clip = load_clip(motion, body, options)
         place = find_device(device)
-        ready = _ready(models, outfit, clip, fabric, contact)
+        method = _load(models, body, fabric, Physics(PhysicsConfig(quality)), finish)
+        ready = ready_rollout(method, outfit, clip, contact)
         clip, transforms, proxied = ready.motion, ready.transforms, ready.proxied
         meshes = proxied.named()
         exposure = Exposure(body, [mesh for _, mesh in meshes])
@@ -164,13 +171,17 @@ def _interval(out: Sequence[Path], frames: int) -> int:
     return EVERY_IN_PREVIEW
 
 
-def _ready(
-    models: Sequence[str], outfit: Outfit, clip: Clip, fabric: str | None, contact: bool
-) -> ReadyRollout:
-    """Load the method that the models make, for a fabric that was asked for, and bring all together."""
-    method = load_methods(models or [DEFAULT], outfit.body)
+def _load(
+    models: Sequence[str], body: Body, fabric: str | None, physics: Physics, finish: bool
+) -> Method:
+    """Load the method that the models make, for a fabric that was asked for, with the solver's finish if so."""
+    method = load_methods(models or [DEFAULT], body)
+    if isinstance(method, Physics):
+        method = physics
+    elif finish:
+        method = Finished.of(method, physics)
     require_fabric_read(method, fabric)
-    return ready_rollout(method, outfit, clip, contact)
+    return method
 
 
 def _progress(console: Console) -> Progress:

@@ -32,8 +32,8 @@ METHODS: dict[str, MethodEntry] = {
 SHIPPED = Path(str(files("uvcloth"))) / "data" / "models"
 """Folder of the trained models in the package, each named as its method."""
 
-DEFAULT = "physxnet"
-"""The method of a rollout that names none: it dresses any garment."""
+DEFAULT = "physics"
+"""The method of a rollout that names none: it dresses any garment that has a hem to hang by."""
 
 
 def load_methods(models: Sequence[str | Path], body: Body) -> Method:

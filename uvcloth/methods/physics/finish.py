@@ -14,6 +14,9 @@ from uvcloth.methods.method import GarmentSpace, Method
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import CagedOutfit, Moved, carried, moved
 
+PULL = 2.0
+"""Frequency, 1/s, of the spring that pulls cages to a prediction: more of it freezes skirts."""
+
 
 @dataclass(frozen=True)
 class FinishState:
@@ -39,7 +42,7 @@ class Finished(Method):
     keeps_off_body: bool = True
 
     @classmethod
-    def of(cls, guide: Method, physics: Physics, pull: float) -> "Finished":
+    def of(cls, guide: Method, physics: Physics, pull: float = PULL) -> "Finished":
         """A method with the finish, under the name of the method."""
         return cls(guide.with_contact(), physics, pull, guide.name)
 

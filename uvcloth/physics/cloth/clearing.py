@@ -18,7 +18,6 @@ from uvcloth.physics.cloth.vectors import (
     dot,
     length,
     load,
-    scale,
     store,
     sub,
     unit,
@@ -36,9 +35,6 @@ FREE_MOVE = np.float32(1e-3)
 
 PASSES = 3
 """Times that vertices are moved off the skin; after all but the last one their neighbours follow."""
-
-ON_SURFACE = np.float32(1e-6)
-"""Metres from a face below which its normal counts, and not the direction to it."""
 
 
 class FineMesh(NamedTuple):
@@ -107,12 +103,14 @@ def _spread(mesh: FineMesh, positions: Array, moves: Array) -> None:
 
 @inlined
 def _signed(faces: Array, points: Array, normals: Array, face: int, point: Vector) -> tuple[Number, Vector]:
-    """Distance of a point from a face, negative inside, and the direction in which it grows."""
+    """Distance of a point from a face, negative inside, and the interpolated normal there.
+
+    From the inside the way to the closest face jumps where another one becomes that; normals do not.
+    """
     a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
     corners = load(points, a), load(points, b), load(points, c)
     weights = closest_barycentrics(point, *corners)
     away = sub(point, weighted(weights, *corners))
     outwards = weighted(weights, load(normals, a), load(normals, b), load(normals, c))
     side = ONE if dot(away, outwards) >= ZERO else -ONE
-    distance = length(away)
-    return side * distance, scale(side / distance, away) if distance > ON_SURFACE else unit(outwards)
+    return side * length(away), unit(outwards)

@@ -1,0 +1,142 @@
+"""Physics: the solver on cages as a method, alone and as the finish of another one."""
+
+from dataclasses import dataclass, replace
+
+import pytest
+import torch
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+from uvcloth.bodies.collider import make_collider
+from uvcloth.bodies.frames import body_frames, side_by_side, with_lead
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.templates import fit_template
+from uvcloth.geometry.skinning import skin
+from uvcloth.methods.lbs import LBSConfig, LinearBlendSkinning, create_lbs
+from uvcloth.methods.physics.finish import Finished
+from uvcloth.methods.physics.method import Physics
+from uvcloth.methods.physics.outfit import PhysicsConfig
+from uvcloth.methods.registry import load_method
+from uvcloth.motion.library import load_clip
+from uvcloth.physics.contact import Obstacle
+from uvcloth.physics.fabric import FABRICS
+from uvcloth.physics.layers import wrong_side_percent
+from uvcloth.rollout import rollout
+
+FAST = Physics(PhysicsConfig("fast"))
+FPS = 30.0
+
+
+@pytest.fixture(scope="module")
+def skirt(body: Body) -> Outfit:
+    return Outfit(body, (fit_template("skirt", body),))
+
+
+def _sliding(body: Body, frames: int, stop: int, speed: float = 1.5) -> Tensor:
+    """Transforms (T, J, 3, 4) of a body that slides sideways, stiff, and stops dead."""
+    transforms = torch.eye(3, 4).expand(frames, len(body.skeleton.names), 3, 4).clone()
+    transforms[..., 0, 3] = (torch.arange(frames).clamp(max=stop) * speed / FPS)[:, None]
+    return transforms
+
+
+def _garment(method: object, outfit: Outfit, transforms: Tensor, fps: float = FPS) -> Tensor:
+    return torch.stack([frame.vertices[0] for frame in rollout(method, outfit, transforms, fps)])  # type: ignore[arg-type]
+
+
+def test_cloth_swings_on_after_the_body_has_stopped(skirt: Outfit) -> None:
+    transforms = _sliding(skirt.body, 34, stop=20)
+    garment = skirt.garments[0]
+    moved = _garment(FAST, skirt, transforms)
+    skinned = skin(garment.mesh.vertices, garment.smooth_weights, transforms)
+    hem = garment.mesh.vertices[:, 2] < garment.mesh.vertices[:, 2].min() + 0.05
+    off = (moved - skinned)[:, hem, 0].mean(1)
+    assert float(off[20]) < -0.02
+    assert float(off[21:].max()) > float(off[20]) + 0.03
+    speed = (moved[1:] - moved[:-1])[:, hem].norm(dim=-1).mean(1) * FPS
+    assert float(speed[22:26].mean()) > 0.1
+
+
+def test_cloth_starts_settled_and_stays_so_while_the_body_stands(skirt: Outfit) -> None:
+    moved = _garment(FAST, skirt, _sliding(skirt.body, 6, stop=0))
+    assert float((moved[-1] - moved[0]).norm(dim=1).mean()) < 0.006
+
+
+def test_garments_are_off_the_body_in_a_dance(body: Body) -> None:
+    transforms = load_clip("dance", body).window(20, 12).transforms()
+    outfit = Outfit(body, (fit_template("bottoms", body), fit_template("tops", body)))
+    frames = list(rollout(FAST, outfit, transforms, FPS))
+    obstacle = Obstacle(make_collider(body), body.mesh.vertices)
+    for place, garment in enumerate(outfit.garments):
+        contact = obstacle.contact_garment(garment.mesh.vertices, garment.mesh.faces)
+        vertices = torch.stack([frame.vertices[place] for frame in frames])
+        posed = torch.stack([frame.body_vertices for frame in frames])
+        assert float(obstacle.inside_percent(vertices, contact, posed).mean()) < 0.3
+    outer, inner = (torch.stack([frame.vertices[place] for frame in frames]) for place in (1, 0))
+    assert wrong_side_percent(outer, inner, outfit.garments[0].mesh.faces) < 0.5
+
+
+def test_it_goes_the_same_way_far_from_the_origin(skirt: Outfit) -> None:
+    """A rollout is computed around the root; the state moves with it."""
+    transforms = _sliding(skirt.body, 12, stop=12, speed=3.0).double()
+    far = transforms.clone()
+    far[..., 1, 3] += 1000.0
+    here, there = _garment(FAST, skirt, transforms), _garment(FAST, skirt, far)
+    there[..., 1] -= 1000.0
+    assert float((there - here).norm(dim=-1).mean()) < 0.001
+
+
+def test_rollouts_side_by_side_are_those_alone(skirt: Outfit) -> None:
+    method, body = FAST, skirt.body
+    prepared = method.prepare(skirt, torch.device("cpu"))
+    motions = [_sliding(body, 3, stop, 2.0) for stop in (0, 3)]
+    each = [body_frames(body, with_lead(motion), FPS) for motion in motions]
+    both = side_by_side(each)
+    together = method.step(prepared, method.init(prepared, both[::3]), both[1::3])[1][0]
+    for place, frames in enumerate(each):
+        alone = method.step(prepared, method.init(prepared, frames[:1]), frames[1:2])[1][0]
+        assert alone[0].equal(together[place])
+
+
+def test_a_heavier_stiffer_fabric_moves_otherwise(skirt: Outfit) -> None:
+    denim = replace(skirt, garments=(replace(skirt.garments[0], fabric=FABRICS["denim"]),))
+    transforms = _sliding(skirt.body, 8, stop=8, speed=2.0)
+    apart = (_garment(FAST, skirt, transforms) - _garment(FAST, denim, transforms)).norm(dim=-1)
+    assert float(apart[-1].max()) > 0.005
+
+
+def test_what_cannot_be_solved_is_said(body: Body) -> None:
+    tops, bottoms = fit_template("tops", body), fit_template("bottoms", body)
+    mixed = Outfit(body, (replace(bottoms, fabric=FABRICS["silk"]), tops))
+    assert "one fabric" in FAST.unsupported_reason(mixed)
+    closed = replace(tops, template=None, source="file", mesh=body.mesh)
+    assert "to hang by" in FAST.unsupported_reason(Outfit(body, (closed,)))
+
+
+@dataclass(frozen=True)
+class _Lifted(LinearBlendSkinning):
+    """Skinned garments, 5 cm higher."""
+
+    def step(self, prepared, state, frames):  # type: ignore[no-untyped-def]
+        state, garments = super().step(prepared, state, frames)
+        return state, tuple(vertices + torch.tensor([0.0, 0.0, 0.05]) for vertices in garments)
+
+
+def test_a_finish_lies_between_the_prediction_and_physics(skirt: Outfit) -> None:
+    transforms = _sliding(skirt.body, 10, stop=0)
+    guide = _Lifted("lifted", smooth=True)
+    free = _garment(FAST, skirt, transforms)[-1]
+    none = _garment(Finished.of(guide, FAST, 0.0), skirt, transforms)[-1]
+    assert float((none - free).norm(dim=1).mean()) < 0.004
+    heights = [
+        _garment(Finished.of(guide, FAST, pull), skirt, transforms)[-1, :, 2].mean() for pull in (5.0, 60.0)
+    ]
+    predicted = _garment(guide, skirt, transforms)[-1, :, 2].mean()
+    assert float(free[:, 2].mean()) < float(heights[0]) < float(heights[1]) < float(predicted) + 0.002
+
+
+def test_a_finish_keeps_the_name_and_the_reasons_of_its_method(body: Body) -> None:
+    finished = Finished.of(create_lbs(LBSConfig(smooth=True)), FAST)
+    assert finished.name == "lbs_smooth"
+    assert finished.reads_fabric()
+    dress: Garment = fit_template("dress", body)
+    assert Finished.of(load_method("pbns", body), FAST).unsupported_reason(Outfit(body, (dress,)))
