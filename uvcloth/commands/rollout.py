@@ -81,8 +81,9 @@ def animate(
     quality: of the cages that the solver moves, a key of QUALITIES. finish: the solver moves the garments,
     pulled to what the model predicts. hide_skin: leave out the faces of the body that garments cover closely
     in every frame, or whose files say that they hide them. device: as torch names it. preview: every third
-    frame, in coarse pictures; a contact sheet alone needs fewer. keep_going: a garment that is torn is replaced in that frame. audience: is shown
-    each frame. options: how the motion is read; of one frame, a pose, the body moves into it from rest.
+    frame, in coarse pictures; a contact sheet alone needs fewer. keep_going: a garment that is torn is
+    replaced in that frame. audience: is shown each frame. options: how the motion is read; of one frame, a
+    pose, the body moves into it from rest.
 
     Coarse garments are carried by proxies, unless there is no contact.
     Raises InputError for bad input or a full disk; then, as after Ctrl-C, writes nothing. Of a rollout that
