@@ -260,7 +260,7 @@ def _fit_patches(body: Body, points: Array, boxes: Array) -> None:
 
 
 @inlined
-def _find_normals(body: Body, passage: Passage, face: int) -> None:
+def find_normals(body: Body, passage: Passage, face: int) -> None:
     """Find the normals of a face's corners at the last search, where they are not known."""
     for corner in range(3):
         vertex = body.faces[face, corner]
@@ -320,7 +320,7 @@ def resolve_contacts(
             face, weights, away = across, other, farther
         contacts.faces[k] = face
         a, b, c = body.faces[face, 0], body.faces[face, 1], body.faces[face, 2]
-        _find_normals(body, passage, face)
+        find_normals(body, passage, face)
         outwards = weighted(weights, load(normals, a), load(normals, b), load(normals, c))
         side = ONE if dot(away, outwards) >= ZERO else -ONE
         distance = length(away)

@@ -5,7 +5,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from uvcloth.physics.cloth.body_contact import Body, Contacts, find_contacts
+from uvcloth.physics.cloth.body_contact import (
+    Body,
+    Contacts,
+    Passage,
+    begin_passage,
+    find_contacts,
+    find_normals,
+)
 from uvcloth.physics.cloth.triangles import closest_barycentrics, weighted
 from uvcloth.physics.cloth.vectors import (
     ONE,
@@ -57,13 +64,15 @@ def clear(
 
     hints: (K, N) int32, the faces found in the last frame, -1 for none, are renewed.
     """
-    normals = np.empty_like(points)
-    boxes = np.empty((len(body.tree.ranges), 6), np.float32)
-    contacts = find_contacts(body, points, normals, boxes, positions, REACH, hints)
+    passage = begin_passage(body, points, points, positions, hints)
+    contacts = find_contacts(body, passage, ONE, positions, REACH)
+    hints[:] = passage.hints
+    for face in contacts.faces:
+        find_normals(body, passage, face)
     moves = np.empty_like(positions)
     for turn in range(PASSES):
         moves[:] = ZERO
-        _push(mesh, body, points, normals, contacts, positions, moves, clearance)
+        _push(mesh, body.faces, passage, contacts, positions, moves, clearance)
         if turn < PASSES - 1:
             _spread(mesh, positions, moves)
 
@@ -71,9 +80,8 @@ def clear(
 @inlined
 def _push(
     mesh: FineMesh,
-    body: Body,
-    points: Array,
-    normals: Array,
+    faces: Array,
+    passage: Passage,
     contacts: Contacts,
     positions: Array,
     moves: Array,
@@ -81,7 +89,7 @@ def _push(
 ) -> None:
     for k in range(len(contacts.vertices)):
         vertex, face = contacts.vertices[k], contacts.faces[k]
-        distance, normal = _signed(body.faces, points, normals, face, load(positions, vertex))
+        distance, normal = _signed(faces, passage.points, passage.normals, face, load(positions, vertex))
         lack = clearance + mesh.thickness[vertex] - distance
         if lack > ZERO:
             store(positions, vertex, combine(ONE, load(positions, vertex), lack, normal))
