@@ -1,5 +1,6 @@
 """Long sleeves in simulation: which parts of the body they meet, and when a forearm has left its sleeve."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -11,12 +12,17 @@ from torch import Tensor
 from tests.simulate.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import COLLIDER_PARTS, FOREARM_PARTS, make_collider
+from uvcloth.bodies.opened import make_opening
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.joined import join
 from uvcloth.garments.templates import fit_template
+from uvcloth.geometry.rotations import from_axis_angles
+from uvcloth.geometry.skeleton import joint_transforms, world_rotations
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
+from uvcloth.physics.contact import Obstacle
 from uvcloth.simulate.engine import Frame, Scene
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
@@ -90,3 +96,41 @@ def test_only_parts_that_the_garment_touches_are_in_its_scene(name: str, parts: 
     simulate(
         clip, 0, (join(fit_template(name, body), body),), body, Looking(), LeadIn(rest=1, blend=2, ramp=1)
     )
+
+
+def _arm_at_hip(body: Body) -> Tensor:
+    """Transforms (J, 3, 4) of a body whose forearms are in its hips and thighs."""
+    local = torch.eye(3).expand(1, len(body.skeleton.names), 3, 3).clone()
+    for name, degrees in (("LeftArm", 62.0), ("RightArm", -62.0)):
+        turn = torch.tensor([[0.0, math.radians(degrees), 0.0]])
+        local[0, body.skeleton.names.index(name)] = from_axis_angles(turn)[0]
+    turned = world_rotations(body.skeleton.parents, local)
+    return joint_transforms(body.skeleton, turned, torch.zeros(1, 3))[0]
+
+
+def test_a_forearm_in_the_hip_is_opened_where_it_has_a_sleeve(body: Body) -> None:
+    """Its sleeve would be caught between both, and the arm leave it (validation window 26_01)."""
+    posed = posed_skin(body, _arm_at_hip(body)[None])[0]
+    moved = {}
+    for name in ("tops", "shirt"):
+        mesh = fit_template(name, body).mesh
+        collider = make_collider(body)
+        touched = collider.touches(mesh.vertices, body.mesh.vertices).any(1)
+        fitted = collider.for_cloth(touched)
+        closed = fitted.vertices(posed)
+        forearms = torch.cat([collider.parts[part].unique() for part in FOREARM_PARTS])
+        opened = make_opening(fitted, body.mesh.vertices).opened(closed)
+        moved[name] = float((opened - closed)[forearms].norm(dim=1).max())
+        assert (fitted.pressed == collider.pressed) == (name == "tops")
+    assert moved["shirt"] > moved["tops"] + 0.01
+
+
+def test_contact_opens_forearms_for_sleeves_as_the_simulation_does(body: Body) -> None:
+    obstacle = Obstacle(make_collider(body), body.mesh.vertices)
+    posed, mesh = posed_skin(body, _arm_at_hip(body)[None])[0], fit_template("shirt", body).mesh
+    collider = make_collider(body)
+    touched = collider.touches(mesh.vertices, body.mesh.vertices).any(1)
+    opened = make_opening(collider.for_cloth(touched), body.mesh.vertices).opened(collider.vertices(posed))
+    obstacle.contact_garment(mesh.vertices, mesh.faces)
+    obstacle.update(posed)
+    torch.testing.assert_close(obstacle._parts.points, opened)

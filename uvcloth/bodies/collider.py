@@ -46,6 +46,12 @@ PRESSED_PARTS = (
 )
 """Pairs of parts that mocap presses into each other: arm, ribs; thigh, belly; both thighs; calf, thigh."""
 
+SLEEVE_PAIRS = (
+    *((forearm, TORSO_PART) for forearm in FOREARM_PARTS),
+    *zip(FOREARM_PARTS, LEG_PARTS[:2], strict=True),
+)
+"""Pairs of a forearm and a part that mocap presses it into: a sleeve around it would be caught there."""
+
 PART_SLACK = 0.03
 """Metres by which a part may be farther than twice the closest one and still be next to a point at rest."""
 
@@ -91,6 +97,14 @@ class Collider:
         size = area.norm(dim=-1, keepdim=True)
         tips = centre + CAP_HEIGHT * (size / math.pi).sqrt() * area / size.clamp(min=1e-9)
         return torch.cat([body_vertices, tips], dim=-2)
+
+    def for_cloth(self, touched: Tensor) -> "Collider":
+        """The collider for cloth that touches some of its parts, (parts,) bool.
+
+        A forearm with a sleeve needs room beside trunk and thigh too; without one it acts on nothing.
+        """
+        sleeved = tuple(pair for pair in SLEEVE_PAIRS if self.pressed and bool(touched[pair[0]]))
+        return replace(self, pressed=tuple(dict.fromkeys((*self.pressed, *sleeved))))
 
     def touches(self, points: Tensor, body_vertices: Tensor) -> Tensor:
         """Mask of the parts that each point of a garment (N, 3) m at rest may touch: (parts, N) bool.

@@ -149,12 +149,16 @@ class Obstacle:
 
     def __init__(self, collider: Collider, body_vertices: Tensor) -> None:
         self.collider, self._rest = collider, body_vertices
-        self._opening = make_opening(collider, body_vertices)
+        self._opened, self._opening = collider, make_opening(collider, body_vertices)
         self._parts = surface.MovingMeshes(collider.vertices(body_vertices), collider.parts)
 
     def contact_garment(self, vertices: Tensor, faces: Tensor, over: Sequence[Layer] = ()) -> ContactGarment:
         """Prepare a garment at rest, vertices (N, 3) m and faces (M, 3), over others at rest."""
         touches = self._touches(vertices)
+        touched = torch.stack([(touches >> part & 1).any() for part in range(len(self.collider.parts))])
+        opened = self._opened.for_cloth(touched)
+        if opened.pressed != self._opened.pressed:
+            self._opened, self._opening = opened, make_opening(opened, self._rest)
         beneath = tuple(self._beneath(layer, vertices, touches) for layer in over)
         return ContactGarment(StrainLimiter(vertices, faces), touches, beneath)
 

@@ -108,12 +108,12 @@ def _scene(
 ) -> Scene:
     """Make one scene of the cloths, one after another, with the opened parts that one may touch."""
     collider = make_collider(body)
-    opening = make_opening(collider, body.mesh.vertices)
     skinned = torch.cat([c[:, cloth.kept] for c, cloth in zip(references, cloths, strict=True)], dim=1)
     bands = [cloth.band.vertices[cloth.kept] for cloth in cloths]
     outfit = join_meshes((cloth.garment.mesh.vertices[cloth.kept], cloth.faces) for cloth in cloths)
     touches = collider.touches(outfit.vertices, body.mesh.vertices)
     met = touches.any(1)
+    opening = make_opening(collider.for_cloth(met), body.mesh.vertices)
     return Scene(
         rest=skinned[0],
         faces=outfit.faces,

@@ -171,7 +171,7 @@ def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
         garments,
         make_solver(cloth, joined.vertices.numpy(), solid, config.settings, f"garment {names}"),
         collider,
-        make_opening(collider, body.mesh.vertices),
+        make_opening(collider.for_cloth(met), body.mesh.vertices),
         used,
         np.where(held.numpy(), HOLD, 0.0).astype(np.float32),
         _fine_mesh(garments, outfit.garments),
