@@ -76,7 +76,9 @@ def test_refuses_another_version(checkpoint, tmp_path):
     save_checkpoint(checkpoint, tmp_path)
     meta = json.loads((tmp_path / CONFIG).read_text())
     (tmp_path / CONFIG).write_text(json.dumps({**meta, "version": 1}))
-    with pytest.raises(InputError, match="a model of version 1, this program reads version 3; train it again"):
+    with pytest.raises(
+        InputError, match="a model of version 1, this program reads version 3; train it again"
+    ):
         load_checkpoint(tmp_path)
 
 

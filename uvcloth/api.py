@@ -25,6 +25,7 @@ from uvcloth.export.size import announce
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.arrays import named_mesh
 from uvcloth.garments.garment import Outfit
+from uvcloth.garments.joined import join
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.order import check_order
 from uvcloth.geometry.arrays import Array
@@ -40,7 +41,6 @@ from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.fabric import FABRICS, JERSEY, Fabric, FabricName, find_fabric
 from uvcloth.ready import ReadyRollout, find_device, ready_rollout, require_same_skeleton
 from uvcloth.rollout import RolloutFrame
-from uvcloth.simulate.cloth import join
 from uvcloth.simulate.engine import compile_once
 from uvcloth.simulate.engines import ENGINES, require_engine_name
 from uvcloth.simulate.quality_check import examine_together
@@ -148,9 +148,9 @@ def fit(
 def load_model(model: File | Sequence[File] = DEFAULT, body: Body | None = None) -> Method:
     """Load what moves garments: a model by its name or the folder of its training.
 
-    model: "physxnet" (any garment), "motion_guided" (the dress), "pbns" (bottoms and tops) or "deepsd" (any)
-    as they ship, "lbs", "lbs_smooth", or a folder that `python -m train` wrote; several, one for each garment
-    of an outfit in order. body: that of the outfit, by default the one in the package.
+    model: "physics", the cloth solver on cages of the garments; "physxnet" (any garment), "motion_guided"
+    (the dress), "pbns" (bottoms and tops) or "deepsd" (any) as they ship; "lbs", "lbs_smooth", or a folder
+    that `python -m train` wrote; several, one for each garment of an outfit in order. body: that of the outfit, by default the one in the package.
 
     Raises InputError for an unknown name, and for a damaged model, or one of another body.
     """

@@ -27,12 +27,11 @@ from uvcloth.methods.physics.finish import Finished
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import DEFAULT, load_methods
-from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import DEFAULTS, load_clip
 from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.exposure import Exposure
 from uvcloth.physics.hidden_skin import HiddenSkin
-from uvcloth.ready import ReadyRollout, find_device, ready_rollout
+from uvcloth.ready import find_device, ready_rollout
 from uvcloth.rollout import BrokenRolloutError, RolloutFrame
 
 
@@ -94,10 +93,9 @@ def animate(
     report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
     with console.status("preparing"):
         outfit = Outfit(body, load_outfit(garments, body, report, templates, garment_pose, fabric))
-        clip = load_clip(motion, body, options)
         place = find_device(device)
         method = _load(models, body, fabric, Physics(PhysicsConfig(quality)), finish)
-        ready = ready_rollout(method, outfit, clip, contact)
+        ready = ready_rollout(method, outfit, load_clip(motion, body, options), contact)
         clip, transforms, proxied = ready.motion, ready.transforms, ready.proxied
         meshes = proxied.named()
         exposure = Exposure(body, [mesh for _, mesh in meshes])
@@ -172,10 +170,11 @@ def _interval(out: Sequence[Path], frames: int) -> int:
     return EVERY_IN_PREVIEW
 
 
-def _load(
-    models: Sequence[str], body: Body, fabric: str | None, physics: Physics, finish: bool
-) -> Method:
-    """Load the method that the models make, for a fabric that was asked for, with the solver's finish if so."""
+def _load(models: Sequence[str], body: Body, fabric: str | None, physics: Physics, finish: bool) -> Method:
+    """Load the method that the models make, for a fabric that was asked for.
+
+    finish: the solver, `physics`, moves its garments.
+    """
     method = load_methods(models or [DEFAULT], body)
     if isinstance(method, Physics):
         method = physics

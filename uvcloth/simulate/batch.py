@@ -18,7 +18,6 @@ from uvcloth.physics.fabric import find_fabric
 from uvcloth.simulate.bodies import keep_body
 from uvcloth.simulate.engine import Engine, compile_once
 from uvcloth.simulate.engines import ENGINES, require_engine_name
-from uvcloth.garments.joined import Cloth, join
 from uvcloth.simulate.folder import (
     REPEAT,
     keep_index,

@@ -12,7 +12,7 @@ from uvcloth.bodies.frames import BodyFrames
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.method import GarmentSpace, Method
 from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.physics.outfit import CagedOutfit, Moved, carried, moved
+from uvcloth.methods.physics.outfit import CagedOutfit, Moved, carry, moved
 
 PULL = 2.0
 """Frequency, 1/s, of the spring that pulls cages to a prediction: more of it freezes skirts."""
@@ -75,9 +75,7 @@ class Finished(Method):
             predicted = [garment[place].cpu() for garment in raw]
             targets = _targets(cages, transforms, predicted)
             after = moved(cages, before, cages.collider(vertices), targets, self.pull, frames.fps)
-            after, garments = carried(
-                cages, after, cages.skinned_cages(transforms), cages.skinned(transforms)
-            )
+            after, garments = carry(cages, after, cages.skinned_cages(transforms), cages.skinned(transforms))
             cloth.append(after)
             rows.append(garments)
         finished = tuple(torch.stack(garments).to(raw[0].device) for garments in zip(*rows, strict=True))

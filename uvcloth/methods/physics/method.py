@@ -16,7 +16,7 @@ from uvcloth.methods.physics.outfit import (
     CagedOutfit,
     Moved,
     PhysicsConfig,
-    carried,
+    carry,
     make_caged_outfit,
     moved,
 )
@@ -41,7 +41,7 @@ class Physics(Method):
             for garment in outfit.garments:
                 holding_band(garment, outfit.body)
         except InputError as error:
-            return str(error)
+            return f"{error}; --model physxnet or lbs_smooth will serve"
         if len({garment.fabric for garment in outfit.garments}) > 1:
             return "model physics: all garments of an outfit have to be of one fabric, name one with --fabric"
         return ""
@@ -73,7 +73,7 @@ class Physics(Method):
         for before, transforms, vertices in now:
             targets = prepared.skinned_cages(transforms)
             after = moved(prepared, before, prepared.collider(vertices), targets, 0.0, frames.fps)
-            after, garments = carried(prepared, after, targets, prepared.skinned(transforms))
+            after, garments = carry(prepared, after, targets, prepared.skinned(transforms))
             following.append(after)
             rows.append(garments)
         return tuple(following), tuple(map(torch.stack, zip(*rows, strict=True)))

@@ -1,5 +1,6 @@
 """Outfits on cages: what the solver moves, and the garments that follow it, cleared off the skin."""
 
+import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import compress
@@ -20,8 +21,10 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.physics.cloth import body_contact
 from uvcloth.physics.cloth.clearing import FineMesh, clear
 from uvcloth.physics.cloth.cloth import Damping, make_cloth
-from uvcloth.physics.cloth.solver import Motion, Settings, Solver, State, make_solver, step
+from uvcloth.physics.cloth.solver import Motion, Settings, Solver, State, is_compiled, make_solver, step
 from uvcloth.physics.layers import Layer
+
+LOGGER = logging.getLogger(__name__)
 
 HOLD, HOLD_DAMPING = 100.0, 0.7
 """Frequency, 1/s, and damping ratio of the soft attachment of the band."""
@@ -134,6 +137,8 @@ def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
 
     Raises InputError for a garment that nothing holds up, and for cloth that the solver cannot step.
     """
+    if not is_compiled():
+        LOGGER.info("compiling the cloth solver, once after an installation (half a minute)")
     body = outfit.body
     collider = make_collider(body)
     garments = tuple(_caged(outfit.garments, QUALITIES[config.quality]))
@@ -202,7 +207,7 @@ def moved(
     return replace(state, cloth=step(prepared.solver, state.cloth, motion), body=body, targets=targets)
 
 
-def carried(
+def carry(
     prepared: CagedOutfit, state: Moved, cages: NDArray[np.float32], garments: Sequence[Tensor]
 ) -> tuple[Moved, tuple[Tensor, ...]]:
     """Garments (N, 3) m that follow their cages, cleared off the body and off each other.
