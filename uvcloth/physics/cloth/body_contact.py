@@ -54,6 +54,9 @@ PUSH_SPEED = np.float32(1.0)
 ALERT_SPEED = np.float32(0.5)
 """Speed, m/s, that a contact may gain before it is searched again."""
 
+BLOCK = 64
+"""Normals that are computed side by side."""
+
 PATCH = 64
 """Faces in a patch of a body at most, whose boxes are fitted where cloth is near."""
 
@@ -118,11 +121,13 @@ class Passage(NamedTuple):
     """The body on its way through a frame, and what the searches of the frame know.
 
     start, end: (V, 3) m before and after the frame. points: (V, 3) m at the last search. normals: (V, 3)
-    there, of the vertices for which `known`, (V,) int32, is the number of that search. boxes: (T, 6) of the
-    tree, in patches for which `fitted`, (P,) int32, is it. hints: (K, N) int32, the face of each part that
-    was found last for each vertex of the cloth, -1 for none; guesses: those of the frame before. clear:
-    (K, N) m, within which there was none. ways: (K,) m that a part moves in the frame at most. cloth: (N, 3)
-    m at the last search. share: (1,) of the way at which it was. searches: (1,) int32, how many there were.
+    there, of the vertices for which `known`, (V,) int32, is the number of that search. face_normals:
+    (F, 3) m2, face_known: (F,), the same of the faces. units: a block in which they are computed. boxes:
+    (T, 6) of the tree, in patches for which `fitted`, (P,) int32, is it. hints: (K, N) int32, the face of
+    each part that was found last for each vertex of the cloth, -1 for none; guesses: those of the frame
+    before. clear: (K, N) m, within which there was none. ways: (K,) m that a part moves in the frame at most.
+    cloth: (N, 3) m at the last search. share: (1,) of the way at which it was. searches: (1,) int32, how many
+    there were.
     """
 
     start: NDArray[np.float32]
@@ -130,6 +135,9 @@ class Passage(NamedTuple):
     points: NDArray[np.float32]
     normals: NDArray[np.float32]
     known: NDArray[np.int32]
+    face_normals: NDArray[np.float32]
+    face_known: NDArray[np.int32]
+    units: NDArray[np.float32]
     boxes: NDArray[np.float32]
     fitted: NDArray[np.int32]
     hints: NDArray[np.int32]
@@ -162,6 +170,9 @@ def begin_passage(body: Body, start: Array, end: Array, positions: Array, guesse
         np.empty_like(start),
         np.empty_like(start),
         np.zeros(len(start), np.int32),
+        np.empty(body.faces.shape, np.float32),
+        np.zeros(len(body.faces), np.int32),
+        np.zeros((BLOCK + len(start) % BLOCK, 3), np.float32),
         np.empty((len(body.tree.ranges), 6), np.float32),
         np.zeros(len(patches.roots), np.int32),
         np.full(body.touches.shape, -1, np.int32),
@@ -261,20 +272,46 @@ def _fit_patches(body: Body, points: Array, boxes: Array) -> None:
 
 @inlined
 def find_normals(body: Body, passage: Passage, face: int) -> None:
-    """Find the normals of a face's corners at the last search, where they are not known."""
+    """Find the normals of a face's corners at the last search, where they are not known.
+
+    They are rounded as in loops over all faces and all vertices: those of the faces around are kept, since a
+    sum in registers rounds otherwise, and those of the vertices are made units in a block, in whose end are
+    the last vertices, with which the registers are not filled.
+    """
+    search, units = passage.searches[0], passage.units
+    tail = len(passage.normals) - len(units)
+    unknown = False
     for corner in range(3):
         vertex = body.faces[face, corner]
-        if passage.known[vertex] == passage.searches[0]:
+        if passage.known[vertex] == search:
             continue
-        passage.known[vertex] = passage.searches[0]
+        unknown = True
         total = ZERO, ZERO, ZERO
         for k in range(body.around_starts[vertex], body.around_starts[vertex + 1]):
             other = body.around[k]
-            a = load(passage.points, body.faces[other, 0])
-            b = load(passage.points, body.faces[other, 1])
-            c = load(passage.points, body.faces[other, 2])
-            total = add(total, cross(sub(b, a), sub(c, a)))
-        store(passage.normals, vertex, unit(total))
+            if passage.face_known[other] != search:
+                passage.face_known[other] = search
+                a = load(passage.points, body.faces[other, 0])
+                b = load(passage.points, body.faces[other, 1])
+                c = load(passage.points, body.faces[other, 2])
+                store(passage.face_normals, other, cross(sub(b, a), sub(c, a)))
+            total = add(total, load(passage.face_normals, other))
+        store(units, vertex - tail if vertex - tail >= BLOCK else corner, total)
+    if unknown:
+        _make_units(units)
+        for corner in range(3):
+            vertex = body.faces[face, corner]
+            if passage.known[vertex] != search:
+                passage.known[vertex] = search
+                store(
+                    passage.normals, vertex, load(units, vertex - tail if vertex - tail >= BLOCK else corner)
+                )
+
+
+@borrowing
+def _make_units(vectors: Array) -> None:
+    for k in range(len(vectors)):
+        store(vectors, k, unit(load(vectors, k)))
 
 
 @borrowing
