@@ -51,8 +51,8 @@ def run(out: Path) -> None:
     simulate_batch(ClipSelection([CLIP]), [(name,) for name in MODELS], out / "sequences", body)
     skirt, foreign = (str(files("uvcloth") / "data" / "garments" / name) for name in (GARMENT, FOREIGN))
     console.print(
-        "2. Rolling the shipped models out on the same clip: Motion-guided on its dress, PhysXNet on a shirt "
-        "and a skirt it never saw, DeePSD on MakeHuman's top and leggings"
+        "2. Rolling out on the same clip: Motion-guided on its dress, physics on a skirt under a T-shirt, "
+        "DeePSD on MakeHuman's top and leggings"
     )
     for name, model, garments in (
         ("dress", MODELS["dress"], ["dress"]),

@@ -1,0 +1,103 @@
+"""Physics on cages, networks with and without its finish, and skinning, against the fine simulation.
+
+Run from the checkout with PYTHONPATH=. as
+
+    python benchmarks/cages.py DATA [--garments tops bottoms dress] [--clips 11_01 26_01 31_01 35_01]
+
+on one thread; DATA: a folder of `uvcloth simulate`. For every sequence CLIP_GARMENT it rolls each method out over
+the whole motion and prints, after the warm-up, the mean distance of the vertices in mm, and of the tenth of
+the vertices that moves most against the skinned garment the ratio of its speed to the simulation's and their
+correlation (swing); then the milliseconds of thread time that a frame's prediction and finish take, as the
+fastest tenth of the frames takes at most, and the median. The machine's load is printed.
+"""
+
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+import tyro
+from torch import Tensor
+
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.garments.garment import Outfit
+from uvcloth.garments.loading import load_garment
+from uvcloth.geometry.skinning import skin
+from uvcloth.methods.method import Method
+from uvcloth.methods.physics.finish import Finished
+from uvcloth.methods.physics.method import Physics
+from uvcloth.methods.physics.outfit import PhysicsConfig
+from uvcloth.methods.registry import load_method
+from uvcloth.process.command import run_command
+from uvcloth.rollout import rollout
+from uvcloth.simulate.sequence import SimulatedSequence, load_sequence
+
+
+@dataclass(frozen=True)
+class Cages:
+    """Compare physics on cages with the fine simulation."""
+
+    data: tyro.conf.Positional[Path]
+    """Folder of sequences."""
+    garments: tuple[str, ...] = ("tops", "bottoms", "dress")
+    """Garments of the sequences."""
+    clips: tuple[str, ...] = ("11_01", "26_01", "31_01", "35_01")
+    """Clips of the sequences: windows of validation."""
+
+    def run(self) -> None:
+        """Print the table. Raises InputError for a sequence that is not there."""
+        torch.set_num_threads(1)
+        torch.set_grad_enabled(False)
+        body = load_body()
+        print(f"load {os.getloadavg()[0]:.1f}; mm, swing, correlation, ms (fastest tenth, median)")
+        for garment in self.garments:
+            for clip in self.clips:
+                sequence = load_sequence(self.data / f"{clip}_{garment}.npz")
+                for name, method in methods(body):
+                    print(f"{garment} {clip} {name}: {measured(method, sequence, garment, body)}", flush=True)
+
+
+def methods(body: Body) -> Iterator[tuple[str, Method]]:
+    """Yield what is compared, by name."""
+    network = load_method("physxnet", body)
+    yield "lbs_smooth", load_method("lbs_smooth", body)
+    yield "physxnet, contact", network
+    yield "physxnet, dynamic", Finished.of(network, Physics(PhysicsConfig()))
+    for quality in ("fast", "default", "fine"):
+        yield f"physics, {quality}", Physics(PhysicsConfig(quality))
+
+
+def measured(method: Method, sequence: SimulatedSequence, name: str, body: Body) -> str:
+    """Measure a method on a sequence: one line of figures."""
+    garment = load_garment(name, body)
+    frames, spent = [], []
+    before = time.thread_time()
+    for frame in rollout(method, Outfit(body, (garment,)), sequence.transforms, sequence.fps):
+        spent.append(1000.0 * (time.thread_time() - before))
+        frames.append(frame.vertices[0])
+        before = time.thread_time()
+    scored = slice(sequence.warm_up, None)
+    skinned = skin(garment.mesh.vertices, garment.smooth_weights, sequence.transforms)[scored]
+    vertices, truth = torch.stack(frames)[scored], sequence.vertices[scored]
+    error = 1000.0 * float((vertices - truth).norm(dim=2).mean())
+    ratio, correlation = swing(vertices - skinned, truth - skinned)
+    tenth, median = torch.tensor(spent[sequence.warm_up :]).quantile(torch.tensor([0.1, 0.5])).tolist()
+    return f"{error:.1f}, {ratio:.2f}, {correlation:.2f}, {tenth:.1f}, {median:.1f}"
+
+
+def swing(offsets: Tensor, expected: Tensor) -> tuple[float, float]:
+    """Ratio of speeds and correlation of offsets (F, N, 3) m from the skinned garment with expected ones.
+
+    Over the tenth of the vertices whose expected offsets move most.
+    """
+    moved, wanted = offsets.diff(dim=0), expected.diff(dim=0)
+    free = wanted.norm(dim=2).mean(0).topk(max(1, wanted.shape[1] // 10)).indices
+    moved, wanted = moved[:, free], wanted[:, free]
+    ratio = moved.norm(dim=2).mean() / wanted.norm(dim=2).mean()
+    return float(ratio), float((moved * wanted).sum() / (moved.norm() * wanted.norm()))
+
+
+if __name__ == "__main__":
+    run_command(lambda: tyro.cli(Cages).run())
