@@ -4,14 +4,15 @@ Run from the checkout with PYTHONPATH=. as
 
     python benchmarks/cages.py DATA [--garments tops bottoms dress] [--clips 11_01 26_01 31_01 35_01]
 
-on one thread; DATA: a folder of `uvcloth simulate`. For every sequence CLIP_GARMENT it rolls each method out over
-the whole motion and prints, after the warm-up, the mean distance of the vertices in mm, and of the tenth of
+on one thread; DATA: a folder of `uvcloth simulate`. For every sequence CLIP_GARMENT it rolls each method out
+over the whole motion and prints, after the warm-up, the mean distance of the vertices in mm, and of the tenth of
 the vertices that moves most against the skinned garment the ratio of its speed to the simulation's and their
 correlation (swing); then the milliseconds of thread time that a frame's prediction and finish take, as the
 fastest tenth of the frames takes at most, and the median. The machine's load is printed.
 """
 
 import os
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -100,4 +101,4 @@ def swing(offsets: Tensor, expected: Tensor) -> tuple[float, float]:
 
 
 if __name__ == "__main__":
-    run_command(lambda: tyro.cli(Cages).run())
+    sys.exit(run_command("cages.py", lambda: tyro.cli(Cages).run()))
