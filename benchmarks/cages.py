@@ -5,9 +5,9 @@ Run from the checkout with PYTHONPATH=. as
     python benchmarks/cages.py DATA [--garments tops bottoms dress] [--clips 11_01 26_01 31_01 35_01]
 
 on one thread; DATA: a folder of `uvcloth simulate`. For every sequence CLIP_GARMENT it rolls each method out
-over the whole motion and prints, after the warm-up, the mean distance of the vertices in mm, and of the tenth of
-the vertices that moves most against the skinned garment the ratio of its speed to the simulation's and their
-correlation (swing); then the milliseconds of thread time that a frame's prediction and finish take, as the
+over the whole motion and prints, after the warm-up, the mean distance of the vertices in mm, and of the tenth
+of the vertices that moves most against the skinned garment the ratio of its speed to the simulation's and
+their correlation (swing); then the milliseconds of processor time that a frame takes, posing included, as the
 fastest tenth of the frames takes at most, and the median. The machine's load is printed.
 """
 
@@ -74,11 +74,11 @@ def measured(method: Method, sequence: SimulatedSequence, name: str, body: Body)
     """Measure a method on a sequence: one line of figures."""
     garment = load_garment(name, body)
     frames, spent = [], []
-    before = time.thread_time()
+    before = time.process_time()
     for frame in rollout(method, Outfit(body, (garment,)), sequence.transforms, sequence.fps):
-        spent.append(1000.0 * (time.thread_time() - before))
+        spent.append(1000.0 * (time.process_time() - before))
         frames.append(frame.vertices[0])
-        before = time.thread_time()
+        before = time.process_time()
     scored = slice(sequence.warm_up, None)
     skinned = skin(garment.mesh.vertices, garment.smooth_weights, sequence.transforms)[scored]
     vertices, truth = torch.stack(frames)[scored], sequence.vertices[scored]
