@@ -59,7 +59,7 @@ def test_its_memory_holds_speeds_and_the_sides_of_cloth_on_cloth() -> None:
         other[part] *= factor
         found = next(engine.simulate(made, after=replace(frame, memory=other))).vertices
         assert (found - truth).abs().max() > 1e-4
-    with pytest.raises(ValueError, match="without a memory"):
+    with pytest.raises(ValueError, match="without the engine's state"):
         next(engine.simulate(made, after=replace(frame, memory=None)))
 
 
