@@ -10,6 +10,7 @@ import torch
 from rasterize.charts import boundary_loops
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
+from uvcloth.garments.cage import Cage
 from uvcloth.garments.joined import Cloth, join
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import boundary_edges, edge_lengths, join_meshes, unique_edges
@@ -17,7 +18,7 @@ from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.simulate.engine import Frame, Scene
 from uvcloth.simulate.members import MEMBERS, member_engine
 from uvcloth.simulate.newton import Newton
-from uvcloth.simulate.remeshed import OtherMesh, Remeshed, other_mesh
+from uvcloth.simulate.remeshed import Remeshed, other_mesh
 
 pytest.importorskip("pyacvd")
 
@@ -60,7 +61,7 @@ def rest(dress: Cloth) -> torch.Tensor:
 
 
 @pytest.fixture(scope="module")
-def mesh(dress: Cloth, rest: torch.Tensor) -> OtherMesh:
+def mesh(dress: Cloth, rest: torch.Tensor) -> Cage:
     return other_mesh(rest, dress.faces)
 
 
@@ -82,28 +83,28 @@ def scene(dress: Cloth, rest: torch.Tensor) -> Scene:
     )
 
 
-def test_it_is_another_mesh_of_the_same_surface(dress: Cloth, rest: torch.Tensor, mesh: OtherMesh) -> None:
-    points = mesh.at_own(rest)
+def test_it_is_another_mesh_of_the_same_surface(dress: Cloth, rest: torch.Tensor, mesh: Cage) -> None:
+    points = mesh.at_cage(rest)
     assert 0.97 * len(rest) < len(points) <= len(rest)
     own, other = (edge_lengths(v, unique_edges(f)) for v, f in ((rest, dress.faces), (points, mesh.faces)))
     assert float(other.median()) == pytest.approx(float(own.median()), rel=0.1)
     assert float(torch.cdist(points, rest).amin(1).median()) > 0.002
-    back = (mesh.given_back(points) - rest).norm(dim=1)
+    back = (mesh.at_garment(points) - rest).norm(dim=1)
     assert float(back.mean()) < 0.001
     assert float(back.max()) < 0.01
 
 
-def test_hems_lie_on_hems(dress: Cloth, rest: torch.Tensor, mesh: OtherMesh) -> None:
+def test_hems_lie_on_hems(dress: Cloth, rest: torch.Tensor, mesh: Cage) -> None:
     assert len(boundary_loops(mesh.faces.numpy())) == len(boundary_loops(dress.faces.numpy()))
     start, end = rest[boundary_edges(dress.faces)].unbind(1)
-    rim = mesh.at_own(rest)[boundary_edges(mesh.faces).unique()]
+    rim = mesh.at_cage(rest)[boundary_edges(mesh.faces).unique()]
     along = end - start
     share = ((rim[:, None] - start) * along).sum(-1) / along.square().sum(-1)
     on_line = start + share.clamp(0, 1)[..., None] * along
     assert float((on_line - rim[:, None]).norm(dim=-1).amin(1).max()) < 0.001
 
 
-def test_the_same_surface_gives_the_same_mesh(dress: Cloth, rest: torch.Tensor, mesh: OtherMesh) -> None:
+def test_the_same_surface_gives_the_same_mesh(dress: Cloth, rest: torch.Tensor, mesh: Cage) -> None:
     again = other_mesh(rest, dress.faces)
     assert torch.equal(again.faces, mesh.faces)
     assert torch.equal(again.weights, mesh.weights)

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
@@ -132,6 +133,14 @@ def make_collider(body: Body, parts: Parts = COLLIDER_PARTS) -> Collider:
     ]
     closed = _closed(kept, len(body.mesh.vertices))
     return replace(closed, pressed=PRESSED_PARTS) if parts is COLLIDER_PARTS else closed
+
+
+def compact(parts: Sequence[Tensor]) -> tuple[Tensor, list[NDArray]]:
+    """Collider vertices (C,) int64 that some parts have, and the faces (F, 3) of each part into these."""
+    if not parts:
+        return torch.zeros(0, dtype=torch.int64), []
+    used, corners = torch.cat(list(parts)).unique(return_inverse=True)
+    return used, [part.numpy() for part in corners.split([len(part) for part in parts])]
 
 
 def collider_near(body: Body, points: Tensor, reach: float) -> tuple[Tensor, Collider]:

@@ -33,7 +33,7 @@ QUALITIES = {"fast": 0.057, "default": 0.040, "fine": 0.030}
 """Edge length, m, of a cage."""
 
 AROUND = 10
-"""Edges around a hem at least: a cuff, a collar."""
+"""Edges that are wanted around a hem, a cuff or a collar, as far as FINEST allows."""
 
 FINEST = 0.6
 """Share of the edge length below which no hem makes edges, since the smallest decide the time step."""
@@ -57,7 +57,7 @@ TRIM_SHARE = 0.02
 """Share of a garment's area below which a separate piece, a button, follows the cloth around it."""
 
 FEWEST = 60
-"""Vertices of a piece's cage at least: a strap has smaller faces than a coat."""
+"""Vertices of a cage, about, at least: a strap has smaller faces than a coat."""
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -91,8 +91,8 @@ class Cage:
 def make_cage(vertices: Tensor, faces: Tensor, edge: float) -> Cage:
     """Make the cage of a garment at rest, (N, 3) m and (M, 3), with edges of a length, m.
 
-    Near narrow hems edges are shorter, so that AROUND of them go around. Small separate pieces have none of
-    their own. The same garment gives the same cage.
+    Near narrow hems edges are shorter. Small separate pieces have none of their own. The same garment gives
+    the same cage.
     """
     faces = weld(vertices)[faces]
     kept = faces[_without_trim(vertices, faces)]
@@ -262,7 +262,7 @@ def _relaxed(surface: _Surface, graph: csr_array, fixed: Indices, seeds: Indices
     """Seeds (S,) that were moved to the vertices nearest to the centres of their cells."""
     if not len(seeds):
         return seeds
-    allowed = surface.on_hem if not len(fixed) and graph is surface.hems else ~surface.on_hem
+    allowed = surface.on_hem if graph is surface.hems else ~surface.on_hem
     for _ in range(RELAXATIONS):
         everyone = np.concatenate([fixed, seeds])
         cells = _nearest(graph, everyone)[1]
@@ -294,7 +294,7 @@ def _smoothed(
     """
     on_hem = np.zeros(len(points), bool)
     on_hem[boundary_edges(torch.from_numpy(faces)).flatten().numpy()] = True
-    near, tree = np.zeros(0), KDTree(surface)
+    tree = KDTree(surface)
     for turn in range(SMOOTHINGS + 1):
         if turn:
             triangles = points[faces]
@@ -305,8 +305,7 @@ def _smoothed(
             np.add.at(sums, faces, np.column_stack([areas[:, None] * triangles.mean(1), areas])[:, None])
             middles = sums[:, :3] / sums[:, 3:]
             points = np.where(on_hem[:, None], points, 0.3 * points + 0.7 * middles)
-        near = tree.query(points)[1]
-        around, shares = _embedded(points, near, surface, corners)
+        around, shares = _embedded(points, tree.query(points)[1], surface, corners)
         points = (surface[around] * shares[..., None]).sum(1)
     return points, around, shares
 

@@ -8,6 +8,7 @@ from typing import Any, Protocol, Self, runtime_checkable
 from torch import Tensor
 
 from uvcloth.bodies import frames
+from uvcloth.physics.cloth.solver import COMPILING
 from uvcloth.physics.fabric import Fabric
 
 LOGGER = logging.getLogger(__name__)
@@ -98,5 +99,5 @@ class CompiledEngine(Engine, Protocol):
 def compile_once(engine: Engine) -> None:
     """Compile an engine where that was not done before on this machine, and say so."""
     if isinstance(engine, CompiledEngine) and not engine.is_compiled():
-        LOGGER.info("compiling the cloth solver, once after an installation (half a minute)")
+        LOGGER.info(COMPILING)
         engine.compile()

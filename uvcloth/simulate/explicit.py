@@ -11,10 +11,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from uvcloth.bodies.collider import compact
 from uvcloth.physics.cloth.body_contact import make_body
 from uvcloth.physics.cloth.cloth import Damping, make_cloth
 from uvcloth.physics.cloth.self_contact import Pairs
 from uvcloth.physics.cloth.solver import (
+    HOLD,
+    HOLD_DAMPING,
     Motion,
     Settings,
     Solver,
@@ -27,9 +30,6 @@ from uvcloth.physics.cloth.solver import (
 )
 from uvcloth.physics.fabric import Fabric
 from uvcloth.simulate.engine import Frame, Scene
-
-HOLD_DAMPING = 0.7
-"""Damping ratio of the soft attachment of the band."""
 
 # Versions are looked up in files, and an engine is described once for every sequence of a folder.
 _version = cache(version)
@@ -49,7 +49,7 @@ class Explicit:
     moved_mass: float = 0.01
     settings: Settings = field(default_factory=Settings)
     more_substeps: float = 1.0
-    hold: float = 100.0
+    hold: float = HOLD
 
     def describe(self) -> dict[str, Any]:
         """Describe engine, versions and settings, as `Engine` says."""
@@ -80,7 +80,7 @@ class Explicit:
 
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
         """Yield the frames as `Engine` says. Raises InputError for cloth that the solver cannot step."""
-        used, parts = _compact(scene.collider_parts)
+        used, parts = compact(scene.collider_parts)
         body, targets = scene.collider[:, used].numpy(), scene.skinned.numpy()
         solver = self._solver(scene, body[0], parts)
         pull = np.where(scene.band.numpy(), self.hold, 0.0).astype(np.float32)
@@ -113,14 +113,6 @@ class Explicit:
         return make_solver(
             cloth, scene.rest.numpy(), make_body(body_vertices, parts, scene.touches.numpy()), settings
         )
-
-
-def _compact(parts: tuple[Tensor, ...]) -> tuple[Tensor, list[NDArray]]:
-    """Collider vertices (V,) that parts have, and the parts' faces into these."""
-    if not parts:
-        return torch.zeros(0, dtype=torch.int64), []
-    used, corners = torch.cat(parts).unique(return_inverse=True)
-    return used, [part.numpy() for part in corners.split([len(part) for part in parts])]
 
 
 def _memory(state: State) -> Tensor:

@@ -9,46 +9,18 @@ import torch
 from torch import Tensor
 
 from rasterize.charts import face_components
-from rasterize.gather import gather
+from uvcloth.garments.cage import Cage
 from uvcloth.garments.remesh import remesh, surface_of
 from uvcloth.geometry.mesh import join_meshes
 from uvcloth.physics.fabric import Fabric
 from uvcloth.simulate.engine import Engine, Frame, Scene
 
 
-@dataclass(frozen=True)
-class OtherMesh:
-    """Another mesh of a surface, and where the vertices of each lie in the other.
-
-    faces: (m, 3) into its n vertices. corners, weights: (n, 3) vertices of the surface around each of its
-    own, and their barycentrics. own_corners, own_weights: (N, 3) its own vertices around each of the
-    surface's.
-    """
-
-    faces: Tensor
-    corners: Tensor
-    weights: Tensor
-    own_corners: Tensor
-    own_weights: Tensor
-
-    def at_own(self, values: Tensor) -> Tensor:
-        """Values (..., n, 3) at its vertices of those at the surface's (..., N, 3)."""
-        return gather(values, self.corners, self.weights)
-
-    def given_back(self, offsets: Tensor) -> Tensor:
-        """Values (..., N, 3) at the surface's vertices of those at its own (..., n, 3)."""
-        return gather(offsets, self.own_corners, self.own_weights)
-
-    def nearest(self) -> Tensor:
-        """The surface's vertex (n,) that is nearest to each of its own."""
-        return self.corners.gather(1, self.weights.argmax(1, keepdim=True))[:, 0]
-
-
-def other_mesh(vertices: Tensor, faces: Tensor) -> OtherMesh:
+def other_mesh(vertices: Tensor, faces: Tensor) -> Cage:
     """Remesh a surface (N, 3) m, (M, 3) to triangles of about one size, with no more vertices than it has.
 
-    Each connected piece is remeshed by itself, its hems stay on its hems; the same surface gives the same
-    mesh. Raises InputError as `remesh` does.
+    It is a cage with all of the surface's vertices. Each connected piece is remeshed by itself, its hems stay
+    on its hems; the same surface gives the same mesh. Raises InputError as `remesh` does.
     """
     pieces = torch.from_numpy(face_components(faces.numpy(), np.zeros(0, dtype=np.int64)))
     parts: list[tuple[Tensor, Tensor]] = []
@@ -67,8 +39,9 @@ def other_mesh(vertices: Tensor, faces: Tensor) -> OtherMesh:
         own_corners[kept] = placed[1][back.faces] + sum(len(part) for part, _ in parts)
         own_weights[kept] = back.barycentrics
         parts.append(placed)
-    return OtherMesh(
-        join_meshes(parts).faces, torch.cat(corners), torch.cat(weights), own_corners, own_weights
+    joined = join_meshes(parts)
+    return Cage(
+        joined.vertices, joined.faces, torch.cat(corners), torch.cat(weights), own_corners, own_weights
     )
 
 
@@ -96,21 +69,21 @@ class Remeshed:
         other = _scene_of(scene, mesh)
         for frame in self.engine.simulate(other, _recalled(after, len(other.rest))):
             offsets = frame.vertices - other.skinned[frame.index]
-            vertices = scene.skinned[frame.index] + mesh.given_back(offsets)
+            vertices = scene.skinned[frame.index] + mesh.at_garment(offsets)
             yield Frame(frame.index, vertices, _with_vertices(frame))
 
 
-def _scene_of(scene: Scene, mesh: OtherMesh) -> Scene:
+def _scene_of(scene: Scene, mesh: Cage) -> Scene:
     """The scene with another mesh of its cloth."""
-    near = mesh.nearest()
+    near = mesh.corners.gather(1, mesh.weights.argmax(1, keepdim=True))[:, 0]
     return replace(
         scene,
-        rest=mesh.at_own(scene.rest),
+        rest=mesh.at_cage(scene.rest),
         faces=mesh.faces,
         band=scene.band[near],
         mass_factor=scene.mass_factor[near],
         inner_thickness=scene.inner_thickness[near],
-        skinned=mesh.at_own(scene.skinned),
+        skinned=mesh.at_cage(scene.skinned),
         touches=scene.touches[:, near],
     )
 

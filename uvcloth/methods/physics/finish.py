@@ -8,11 +8,12 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.method import GarmentSpace, Method
 from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.physics.outfit import CagedOutfit, Moved, carry, moved
+from uvcloth.methods.physics.outfit import CagedOutfit, Moved, carry, moved, posed
 
 PULL = 2.0
 """Frequency, 1/s, of the spring that pulls cages to a prediction: more of it freezes skirts."""
@@ -70,12 +71,12 @@ class Finished(Method):
         guide, cages = prepared
         guided, raw = self.guide.step(guide, state.guide, frames)
         cloth, rows = [], []
-        for place, before in enumerate(state.cloth):
-            transforms, vertices = frames.transforms[place, -1].cpu(), frames.vertices[place, -1].cpu()
-            predicted = [garment[place].cpu() for garment in raw]
-            targets = _targets(cages, transforms, predicted)
+        now = zip(state.cloth, posed(frames), strict=True)
+        for place, (before, (transforms, vertices)) in enumerate(now):
+            skinned = cages.skinned_cages(transforms)
+            targets = _targets(cages, skinned, [garment[place].cpu() for garment in raw])
             after = moved(cages, before, cages.collider(vertices), targets, self.pull, frames.fps)
-            after, garments = carry(cages, after, cages.skinned_cages(transforms), cages.skinned(transforms))
+            after, garments = carry(cages, after, skinned, cages.skinned(transforms))
             cloth.append(after)
             rows.append(garments)
         finished = tuple(torch.stack(garments).to(raw[0].device) for garments in zip(*rows, strict=True))
@@ -90,13 +91,18 @@ class Finished(Method):
             self.physics.displaced(cages, state.cloth, shift),
         )
 
-    def garment_space(self, garment: Garment, body: Any) -> GarmentSpace | None:
+    def garment_space(self, garment: Garment, body: Body) -> GarmentSpace | None:
         """The space of the method."""
         return self.guide.garment_space(garment, body)
 
 
-def _targets(cages: CagedOutfit, transforms: Tensor, predicted: list[Tensor]) -> NDArray[np.float32]:
-    """Places (n, 3) m of the cages in predicted garments (N, 3) m; bands are held where they are skinned."""
+def _targets(
+    cages: CagedOutfit, skinned: NDArray[np.float32], predicted: list[Tensor]
+) -> NDArray[np.float32]:
+    """Places (n, 3) m of the cages in predicted garments (N, 3) m; bands are held where they are skinned.
+
+    skinned: (n, 3) m, the cages.
+    """
     guided = torch.cat(
         [
             each.cage.at_cage(vertices[each.kept])
@@ -104,4 +110,4 @@ def _targets(cages: CagedOutfit, transforms: Tensor, predicted: list[Tensor]) ->
         ]
     ).numpy()
     held = (cages.hold > 0)[:, None]
-    return np.where(held, cages.skinned_cages(transforms), guided).astype(np.float32)
+    return np.where(held, skinned, guided).astype(np.float32)

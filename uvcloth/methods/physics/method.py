@@ -19,6 +19,7 @@ from uvcloth.methods.physics.outfit import (
     carry,
     make_caged_outfit,
     moved,
+    posed,
 )
 from uvcloth.physics.cloth.solver import start
 
@@ -57,7 +58,7 @@ class Physics(Method):
     def init(self, prepared: CagedOutfit, frames: BodyFrames) -> tuple[Moved, ...]:
         """Let cloth settle on the bodies as they stand in the frames."""
         states = []
-        for transforms, vertices in zip(frames.transforms[:, -1], frames.vertices[:, -1], strict=True):
+        for transforms, vertices in posed(frames):
             body, targets = prepared.collider(vertices), prepared.skinned_cages(transforms)
             hints = np.full(prepared.fine_body.touches.shape, -1, np.int32)
             state = Moved(start(prepared.solver, targets), body, targets, hints)
@@ -69,14 +70,14 @@ class Physics(Method):
     ) -> tuple[tuple[Moved, ...], tuple[Tensor, ...]]:
         """Garments (B, N, 3) m of the next frame of B rollouts."""
         following, rows = [], []
-        now = zip(state, frames.transforms[:, -1].cpu(), frames.vertices[:, -1].cpu(), strict=True)
-        for before, transforms, vertices in now:
+        for before, (transforms, vertices) in zip(state, posed(frames), strict=True):
             targets = prepared.skinned_cages(transforms)
             after = moved(prepared, before, prepared.collider(vertices), targets, 0.0, frames.fps)
             after, garments = carry(prepared, after, targets, prepared.skinned(transforms))
             following.append(after)
             rows.append(garments)
-        return tuple(following), tuple(map(torch.stack, zip(*rows, strict=True)))
+        device = frames.vertices.device
+        return tuple(following), tuple(torch.stack(each).to(device) for each in zip(*rows, strict=True))
 
     def displaced(self, prepared: CagedOutfit, state: tuple[Moved, ...], shift: Tensor) -> tuple[Moved, ...]:
         """The rollouts displaced by (B, 3) m."""

@@ -10,7 +10,8 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from uvcloth.bodies.collider import Collider, make_collider
+from uvcloth.bodies.collider import Collider, compact, make_collider
+from uvcloth.bodies.frames import BodyFrames
 from uvcloth.bodies.opened import Opening, make_opening
 from uvcloth.garments.band import holding_band
 from uvcloth.garments.cage import QUALITIES, Cage, make_cage
@@ -20,14 +21,22 @@ from uvcloth.geometry.mesh import join_meshes, unique_edges, weld
 from uvcloth.geometry.skinning import skin
 from uvcloth.physics.cloth import body_contact
 from uvcloth.physics.cloth.clearing import FineMesh, clear
-from uvcloth.physics.cloth.cloth import Damping, make_cloth
-from uvcloth.physics.cloth.solver import Motion, Settings, Solver, State, is_compiled, make_solver, step
+from uvcloth.physics.cloth.cloth import Damping, make_cloth, vertex_rings
+from uvcloth.physics.cloth.solver import (
+    COMPILING,
+    HOLD,
+    HOLD_DAMPING,
+    Motion,
+    Settings,
+    Solver,
+    State,
+    is_compiled,
+    make_solver,
+    step,
+)
 from uvcloth.physics.layers import Layer
 
 LOGGER = logging.getLogger(__name__)
-
-HOLD, HOLD_DAMPING = 100.0, 0.7
-"""Frequency, 1/s, and damping ratio of the soft attachment of the band."""
 
 CAGE_INTERVAL = 1.0 / 60.0
 """Seconds between two searches for contact; fine cloth is searched twice as often."""
@@ -135,13 +144,18 @@ class Moved:
         )
 
 
+def posed(frames: BodyFrames) -> Iterator[tuple[Tensor, Tensor]]:
+    """Yield joint transforms (J, 3, 4) and body vertices (V, 3) m of each frame, on the CPU as the solver."""
+    return zip(frames.transforms[:, -1].cpu(), frames.vertices[:, -1].cpu(), strict=True)
+
+
 def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
     """Make cages of an outfit's garments, and the solver that moves them all as one cloth.
 
     Raises InputError for a garment that nothing holds up, and for cloth that the solver cannot step.
     """
     if not is_compiled():
-        LOGGER.info("compiling the cloth solver, once after an installation (half a minute)")
+        LOGGER.info(COMPILING)
     body = outfit.body
     collider = make_collider(body)
     garments = tuple(_caged(outfit.garments, QUALITIES[config.quality]))
@@ -151,8 +165,7 @@ def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
     fine_touches = collider.touches(points, body.mesh.vertices)
     met = touches.any(1) | fine_touches.any(1)
     parts = tuple(compress(collider.parts, met))
-    used, corners = torch.cat(parts).unique(return_inverse=True)
-    faces = [part.numpy() for part in corners.split([len(part) for part in parts])]
+    used, faces = compact(parts)
     at_rest = collider.vertices(body.mesh.vertices)[used].numpy()
     bands = [holding_band(garment, body) for garment in outfit.garments]
     held = torch.cat(
@@ -183,7 +196,7 @@ def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
         used,
         np.where(held.numpy(), HOLD, 0.0).astype(np.float32),
         _fine_mesh(garments, outfit.garments),
-        body_contact.make_body(at_rest, faces, fine_touches[met].numpy()),
+        solid._replace(touches=fine_touches[met].numpy()),
         tuple(_layers(garments, outfit.garments)),
     )
 
@@ -276,14 +289,8 @@ def _thickness(points: Sequence[Tensor], garments: Sequence[Garment]) -> NDArray
 def _fine_mesh(garments: Sequence[CagedGarment], worn: Sequence[Garment]) -> FineMesh:
     meshes = zip(garments, worn, strict=True)
     joined = join_meshes((each.points, each.places[garment.mesh.faces]) for each, garment in meshes)
-    edges = unique_edges(joined.faces)
-    both = torch.cat([edges, edges.flip(1)])
-    pairs = both[torch.argsort(both[:, 0], stable=True)].numpy()
-    return FineMesh(
-        _thickness([each.points for each in garments], worn),
-        np.searchsorted(pairs[:, 0], np.arange(len(joined.vertices) + 1)).astype(np.int32),
-        np.ascontiguousarray(pairs[:, 1], np.int32),
-    )
+    rings = vertex_rings(unique_edges(joined.faces).numpy(), len(joined.vertices))
+    return FineMesh(_thickness([each.points for each in garments], worn), *rings)
 
 
 def _layers(garments: Sequence[CagedGarment], worn: Sequence[Garment]) -> Iterator[Over]:

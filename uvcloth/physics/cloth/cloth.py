@@ -188,6 +188,17 @@ def _hinges(rest: NDArray[np.float64], faces: Integers, bend: float, damping: fl
     )
 
 
+def vertex_rings(edges: Integers, count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Vertices on an edge (E, 2) with each of `count` vertices, and of each the first row (N + 1,) of them.
+
+    Returns the first rows first.
+    """
+    both = np.concatenate([edges, edges[:, ::-1]])
+    both = both[np.lexsort((both[:, 1], both[:, 0]))]
+    starts = np.searchsorted(both[:, 0], np.arange(count + 1))
+    return starts.astype(np.int32), np.ascontiguousarray(both[:, 1], np.int32)
+
+
 def _sheet(rest: NDArray[np.float64], faces: Integers) -> Sheet:
     # In pieces, so that the faces of a node of the tree are mostly one patch.
     pieces = face_components(faces, np.zeros(0, np.int64))
@@ -199,9 +210,7 @@ def _sheet(rest: NDArray[np.float64], faces: Integers) -> Sheet:
     np.bitwise_or.at(owned, owner[first], (8 << (first // len(faces))).astype(np.uint8))
     _, corner = np.unique(faces.ravel(), return_index=True)
     np.bitwise_or.at(owned, corner // 3, (1 << (corner % 3)).astype(np.uint8))
-    both = np.concatenate([edges, edges[:, ::-1]])
-    both = both[np.lexsort((both[:, 1], both[:, 0]))]
-    starts = np.searchsorted(both[:, 0], np.arange(len(rest) + 1))
+    ring_starts, ring = vertex_rings(edges, len(rest))
     tree = build_tree(rest.astype(np.float32), faces, np.bincount(pieces), SHEET_LEAF)
     halves, following = adjacent_walk(tree, adjacent_nodes(tree, faces))
     return Sheet(
@@ -209,8 +218,8 @@ def _sheet(rest: NDArray[np.float64], faces: Integers) -> Sheet:
         edges=np.ascontiguousarray(edges, np.int32),
         owned=owned,
         face_edges=np.ascontiguousarray(which.reshape(3, -1).T, np.int32),
-        ring_starts=starts.astype(np.int32),
-        ring=np.ascontiguousarray(both[:, 1], np.int32),
+        ring_starts=ring_starts,
+        ring=ring,
         tree=tree,
         halves=halves,
         following=following,

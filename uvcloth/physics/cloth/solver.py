@@ -22,6 +22,12 @@ Floats = NDArray[np.float32]
 GRAVITY = np.float32(-frames.GRAVITY[2])
 """Acceleration of gravity, m/s2, downwards."""
 
+HOLD, HOLD_DAMPING = 100.0, 0.7
+"""Frequency, 1/s, and damping ratio of the springs that hold the band of a garment."""
+
+COMPILING = "compiling the cloth solver, once after an installation (half a minute)"
+"""Sentence for whoever waits for the first step."""
+
 MOST_SUBSTEPS_PER_SECOND = 60_000
 """Substeps above which cloth is refused: its faces are too small, or it is too stiff, for its mass."""
 
