@@ -7,8 +7,8 @@ Run from the checkout with PYTHONPATH=. as
 on one thread; DATA: a folder of `uvcloth simulate`. For every sequence CLIP_GARMENT it rolls each method out
 over the whole motion and prints, after the warm-up, the mean distance of the vertices in mm, and of the tenth
 of the vertices that moves most against the skinned garment the ratio of its speed to the simulation's and
-their correlation (swing); then the milliseconds of processor time that a frame takes, posing included, as the
-fastest tenth of the frames takes at most, and the median. The machine's load is printed.
+their correlation (swing); then the milliseconds of processor time that a frame takes on average, posing
+included. The machine's load is printed.
 """
 
 import os
@@ -32,7 +32,7 @@ from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.process.command import run_command
-from uvcloth.rollout import rollout
+from uvcloth.rollout import prepare_rollout
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence
 
 
@@ -52,7 +52,7 @@ class Cages:
         torch.set_num_threads(1)
         torch.set_grad_enabled(False)
         body = load_body()
-        print(f"load {os.getloadavg()[0]:.1f}; mm, swing, correlation, ms (fastest tenth, median)")
+        print(f"load {os.getloadavg()[0]:.1f}; mm, swing, correlation, ms")
         for garment in self.garments:
             for clip in self.clips:
                 sequence = load_sequence(self.data / f"{clip}_{garment}.npz")
@@ -73,19 +73,16 @@ def methods(body: Body) -> Iterator[tuple[str, Method]]:
 def measured(method: Method, sequence: SimulatedSequence, name: str, body: Body) -> str:
     """Measure a method on a sequence: one line of figures."""
     garment = load_garment(name, body)
-    frames, spent = [], []
+    prepared = prepare_rollout(method, Outfit(body, (garment,)))
     before = time.process_time()
-    for frame in rollout(method, Outfit(body, (garment,)), sequence.transforms, sequence.fps):
-        spent.append(1000.0 * (time.process_time() - before))
-        frames.append(frame.vertices[0])
-        before = time.process_time()
+    frames = [frame.vertices[0] for frame in prepared.frames(sequence.transforms, sequence.fps)]
+    spent = 1000.0 * (time.process_time() - before) / len(frames)
     scored = slice(sequence.warm_up, None)
     skinned = skin(garment.mesh.vertices, garment.smooth_weights, sequence.transforms)[scored]
     vertices, truth = torch.stack(frames)[scored], sequence.vertices[scored]
     error = 1000.0 * float((vertices - truth).norm(dim=2).mean())
     ratio, correlation = swing(vertices - skinned, truth - skinned)
-    tenth, median = torch.tensor(spent[sequence.warm_up :]).quantile(torch.tensor([0.1, 0.5])).tolist()
-    return f"{error:.1f}, {ratio:.2f}, {correlation:.2f}, {tenth:.1f}, {median:.1f}"
+    return f"{error:.1f}, {ratio:.2f}, {correlation:.2f}, {spent:.1f}"
 
 
 def swing(offsets: Tensor, expected: Tensor) -> tuple[float, float]:
