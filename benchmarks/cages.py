@@ -23,6 +23,7 @@ import tyro
 from torch import Tensor
 
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.dataset.sequence import SimulatedSequence, load_sequence
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.skinning import skin
@@ -33,7 +34,6 @@ from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.process.command import run_command
 from uvcloth.rollout import prepare_rollout
-from uvcloth.simulate.sequence import SimulatedSequence, load_sequence
 
 
 @dataclass(frozen=True)

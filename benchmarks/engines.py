@@ -36,6 +36,7 @@ from rich.table import Table
 from torch import Tensor
 
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.dataset.sequence import SimulatedSequence
 from uvcloth.errors import InputError
 from uvcloth.garments.joined import Cloth, join
 from uvcloth.garments.remesh import remesh, surface_of
@@ -55,7 +56,6 @@ from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.remeshed import Remeshed
 from uvcloth.simulate.run import run_up, simulate
-from uvcloth.simulate.sequence import SimulatedSequence
 
 MOCAP = Path(os.environ.get("UVCLOTH_MOCAP", Path(__file__).parents[2] / "shared" / "mocap"))
 

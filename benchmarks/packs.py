@@ -20,8 +20,8 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from uvcloth.simulate.packed import PackedFolder, load_packed, pack_folder
-from uvcloth.simulate.sequence import load_sequence
+from uvcloth.dataset.packed import PackedFolder, load_packed, pack_folder
+from uvcloth.dataset.sequence import load_sequence
 
 FRAMES = 90
 

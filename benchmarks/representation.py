@@ -19,9 +19,9 @@ from torch import Tensor
 from rasterize.decode import nearest_sampler
 from rasterize.gather import gather
 from uvcloth.bodies.body import load_body
+from uvcloth.dataset.sequence import SimulatedSequence, load_sequence
 from uvcloth.geometry.mesh import Mesh, vertex_normals
 from uvcloth.methods.physxnet.texels import body_texels, template_texels
-from uvcloth.simulate.sequence import SimulatedSequence, load_sequence
 
 
 def floor(sequence: SimulatedSequence, size: int, neighbours: int, stride: int = 5) -> Tensor:

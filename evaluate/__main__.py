@@ -63,7 +63,7 @@ class Evaluate:
         from evaluate.report import write_metrics, write_report
         from evaluate.show import pictured, pictures, viewer_clips
         from uvcloth.commands.threads import limited_threads
-        from uvcloth.simulate.bodies import folder_body
+        from uvcloth.dataset.bodies import folder_body
 
         selection = Selection(self.data, self.actions, self.garment, self.frames, self.split)
         used = f"{machine()}, threads used: {self.threads}"

@@ -12,10 +12,10 @@ from evaluate.maps import Texels
 from evaluate.metrics import Reference
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.dataset.sequence import REST_TOLERANCE, SimulatedSequence, load_sequence, read_metadata
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh, join_meshes
-from uvcloth.simulate.sequence import REST_TOLERANCE, SimulatedSequence, load_sequence, read_metadata
 
 SHOWN = 50
 """Frames of a case that are kept to be looked at, at most."""

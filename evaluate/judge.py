@@ -17,12 +17,12 @@ from evaluate.metrics import distance_scores, frame_scores, layer_scores
 from evaluate.stability import stability_scores, uses_feedback
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import LEAD, body_frames, with_lead
+from uvcloth.dataset.sequence import MOTION_TOLERANCE, SimulatedSequence, content_hash, load_sequence
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.kept import keep_arrays, kept_arrays
 from uvcloth.rollout import PreparedRollout, prepare_rollout
-from uvcloth.simulate.sequence import MOTION_TOLERANCE, SimulatedSequence, content_hash, load_sequence
 
 SCORES_FORMAT = "uvcloth-judged-6"
 

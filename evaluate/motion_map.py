@@ -11,8 +11,8 @@ from evaluate.case import SHOWN
 from evaluate.report import MotionMap
 from evaluate.show import Shown
 from uvcloth.bodies.body import Body
+from uvcloth.dataset.sequence import load_sequence
 from uvcloth.methods.motion_guided.seeds import pose_seeds, sample_seeds
-from uvcloth.simulate.sequence import load_sequence
 
 SEEDS = 581
 """Points on the body that a pose is described by."""

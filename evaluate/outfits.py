@@ -16,10 +16,10 @@ from evaluate.compare import Selection, garment_size, judged_case, measured
 from evaluate.judge import body_fingerprint, cached, code_fingerprint
 from evaluate.progress import progress
 from evaluate.show import Shown
+from uvcloth.dataset.outfit_sequence import OutfitSequence, load_outfit_sequences
+from uvcloth.dataset.sequence import SimulatedSequence, read_metadata
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
-from uvcloth.simulate.outfit_sequence import OutfitSequence, load_outfit_sequences
-from uvcloth.simulate.sequence import SimulatedSequence, read_metadata
 
 UNTYPED = "garment"
 """The type of a garment whose data do not say it."""

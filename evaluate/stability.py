@@ -9,11 +9,11 @@ from torch import Tensor
 from evaluate.case import Case
 from evaluate.metrics import distance_scores
 from uvcloth.bodies.frames import body_frames, with_lead
+from uvcloth.dataset.sequence import SimulatedSequence
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.rotations import rotate, rotate_back
 from uvcloth.geometry.skinning import skin_frames
 from uvcloth.rollout import PreparedRollout
-from uvcloth.simulate.sequence import SimulatedSequence
 
 SHORT_ROLLOUT = 50
 """Frames of a short rollout (Motion-guided, Table 3)."""

@@ -19,6 +19,7 @@ import uvcloth
 from uvcloth import cli
 from uvcloth.api import _sources
 from uvcloth.bodies.body import Body, resized, save_body
+from uvcloth.dataset.sequence import load_sequence
 from uvcloth.export.animation import load_animation
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.templates import fit_template
@@ -26,7 +27,6 @@ from uvcloth.motion.library import load_clip
 from uvcloth.physics.fabric import FABRICS
 from uvcloth.rollout import JUMPED, RolloutFrame
 from uvcloth.simulate import batch
-from uvcloth.simulate.sequence import load_sequence
 
 ROOT = Path(__file__).parents[1]
 

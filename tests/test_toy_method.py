@@ -24,6 +24,7 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.checkpoint import Checkpoint, body_identity, save_checkpoint
 from uvcloth.commands.export_rig import export
 from uvcloth.commands.rollout import animate
+from uvcloth.dataset.sequence import SimulatedSequence, save_sequence
 from uvcloth.export.animation import load_animation
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import fit_template
@@ -32,7 +33,6 @@ from uvcloth.methods.method import Method, MethodEntry
 from uvcloth.methods.registry import METHODS
 from uvcloth.methods.rig import PoseRig
 from uvcloth.motion.library import load_clip
-from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
 OUTFIT = ("bottoms", "tops")
 BODY = load_body()

@@ -10,16 +10,16 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData
-from uvcloth.errors import InputError
-from uvcloth.motion.index import INDEX, Entry, read_index, require_one_split
-from uvcloth.motion.poses import rest_hash
-from uvcloth.simulate.bodies import sequence_body
-from uvcloth.simulate.sequence import (
+from uvcloth.dataset.bodies import sequence_body
+from uvcloth.dataset.sequence import (
     REST_TOLERANCE,
     SimulatedSequence,
     load_sequence,
     require_same_motion,
 )
+from uvcloth.errors import InputError
+from uvcloth.motion.index import INDEX, Entry, read_index, require_one_split
+from uvcloth.motion.poses import rest_hash
 
 TRAINING_SPLITS = ("train", "validation")
 """The splits of an index that training sees: training, and validation, which chooses the network to keep."""

@@ -269,12 +269,12 @@ class Data:
         if self.pack and self.unpack:
             raise InputError("data: give --pack or --unpack, not both")
         if self.pack:
-            from uvcloth.simulate.packed import pack_folder
+            from uvcloth.dataset.packed import pack_folder
 
             print(f"{self.pack}: {pack_folder(self.folder, self.pack, 1e-3 * self.error)} sequences packed")
             return
         if self.unpack:
-            from uvcloth.simulate.packed import unpack_folder
+            from uvcloth.dataset.packed import unpack_folder
 
             print(f"{self.unpack}: {unpack_folder(self.folder, self.unpack)} sequences unpacked")
             return

@@ -12,8 +12,8 @@ from tests.rasterize.exr_channels import read_channels
 from tests.small_body import small_body
 from uvcloth import cli
 from uvcloth.bodies.body import Body, save_body
+from uvcloth.dataset.sequence import SimulatedSequence, save_sequence
 from uvcloth.geometry.mesh import vertex_normals
-from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
 FPS = 30.0
 

@@ -26,6 +26,9 @@ from tests.train.simulated import save_clips
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import WEIGHTS, TrainingData, save_checkpoint
+from uvcloth.dataset.bodies import keep_body
+from uvcloth.dataset.folder import keep_refused
+from uvcloth.dataset.sequence import SimulatedSequence, load_sequence, save_sequence
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
@@ -36,9 +39,6 @@ from uvcloth.methods.method import Method
 from uvcloth.methods.physxnet.config import PRESETS
 from uvcloth.methods.physxnet.method import PhysXNet, physxnet_checkpoint
 from uvcloth.motion.poses import rest_hash
-from uvcloth.simulate.bodies import keep_body
-from uvcloth.simulate.folder import keep_refused
-from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, save_sequence
 
 SETTLING = 8
 FILE_MM = 0.05

@@ -15,11 +15,11 @@ from evaluate.judge import judge, score
 from tests.evaluate.test_compare import capsule_body, simulated, tube_garment
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
+from uvcloth.dataset.sequence import SimulatedSequence
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.methods.method import Method
-from uvcloth.simulate.sequence import SimulatedSequence
 
 
 def test_inside_counts_what_lies_within_the_body() -> None:

@@ -11,9 +11,9 @@ from evaluate.motion_map import embedded, motion_maps, seed_positions
 from evaluate.show import Shown
 from tests.train.simulated import save_clips, swaying
 from uvcloth.bodies.body import Body
+from uvcloth.dataset.sequence import load_sequence
 from uvcloth.garments.templates import fit_template
 from uvcloth.methods.registry import load_method
-from uvcloth.simulate.sequence import load_sequence
 
 pytest.importorskip("sklearn")
 

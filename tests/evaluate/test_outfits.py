@@ -27,11 +27,11 @@ from tests.evaluate.test_compare import (
     tube_garment,
 )
 from uvcloth.bodies.frames import BodyFrames
+from uvcloth.dataset.sequence import load_sequence, save_sequence
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.method import Method
-from uvcloth.simulate.sequence import load_sequence, save_sequence
 
 OUTFIT = "tops over bottoms"
 RADIUS = {"bottoms": 0.18, "tops": 0.21, "dress": 0.18}

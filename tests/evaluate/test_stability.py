@@ -14,11 +14,11 @@ from evaluate.results import stability
 from evaluate.stability import copied_truth, stability_scores
 from tests.evaluate.test_compare import COUNTED, FPS, SETTLING, capsule_body, motion, simulated, tube_garment
 from uvcloth.bodies.frames import BodyFrames
+from uvcloth.dataset.sequence import SimulatedSequence
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 from uvcloth.rollout import prepare_rollout
-from uvcloth.simulate.sequence import SimulatedSequence
 
 STRAY = 0.001
 END = SETTLING + COUNTED

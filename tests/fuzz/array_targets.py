@@ -13,15 +13,15 @@ from tests.layout_file import save_layout
 from tests.small_body import small_body
 from uvcloth.bodies.body import Body, load_body, resized, save_body
 from uvcloth.bodies.difference import load_kept_body, save_difference
+from uvcloth.dataset.bodies import keep_body
+from uvcloth.dataset.packed import PackedFolder, load_packed, pack_folder
+from uvcloth.dataset.sequence import SimulatedSequence, load_sequence, read_metadata, save_sequence
 from uvcloth.formats.layout_file import load_layout
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import read_archive, save_clip
 from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase, load_poses, rest_hash, save_poses
-from uvcloth.simulate.bodies import keep_body
-from uvcloth.simulate.packed import PackedFolder, load_packed, pack_folder
-from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, read_metadata, save_sequence
 
 FRAMES = 5
 

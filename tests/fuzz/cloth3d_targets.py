@@ -13,9 +13,9 @@ from tests.fuzz.array_targets import check_mesh
 from tests.fuzz.smpl_targets import good_npz
 from tests.fuzz.target import Target, require, require_numbers
 from tests.small_body import small_body
+from uvcloth.dataset.cloth3d import read_cloth3d_sample
+from uvcloth.dataset.outfit_sequence import OutfitSequence
 from uvcloth.formats.matlab import Value, read_matlab
-from uvcloth.simulate.cloth3d import read_cloth3d_sample
-from uvcloth.simulate.outfit_sequence import OutfitSequence
 
 FRAMES = 4
 INFO = {

@@ -1,10 +1,10 @@
 """Sequences without an engine: garments that are simply skinned."""
 
 from uvcloth.bodies.body import Body
+from uvcloth.dataset.sequence import SimulatedSequence
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.library import load_clip
-from uvcloth.simulate.sequence import SimulatedSequence
 
 
 def skinned_sequence(garment: Garment, body: Body) -> SimulatedSequence:

@@ -17,6 +17,15 @@ from rich.progress import Progress
 
 from tests.simulate.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
+from uvcloth.dataset.folder import refused_captures
+from uvcloth.dataset.sequence import (
+    SEQUENCE_FORMAT,
+    SimulatedSequence,
+    content_hash,
+    load_sequence,
+    read_metadata,
+    save_sequence,
+)
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.garments.garment import Garment
@@ -30,18 +39,9 @@ from uvcloth.simulate import batch, quality_check
 from uvcloth.simulate import plan as planning
 from uvcloth.simulate.batch import simulate_batch
 from uvcloth.simulate.explicit import Explicit
-from uvcloth.simulate.folder import refused_captures
 from uvcloth.simulate.plan import ClipSelection, Job
 from uvcloth.simulate.progress import FramesBar, progress_text
 from uvcloth.simulate.quality_check import MAX_INSIDE_PERCENT, examine
-from uvcloth.simulate.sequence import (
-    SEQUENCE_FORMAT,
-    SimulatedSequence,
-    content_hash,
-    load_sequence,
-    read_metadata,
-    save_sequence,
-)
 from uvcloth.simulate.workers import Workers, forgotten
 
 HEADER = "trial,subject,split,action,window_start,window_frames\n"

@@ -10,6 +10,8 @@ import pytest
 import torch
 
 from uvcloth.bodies.body import Body, save_body
+from uvcloth.dataset.outfit_sequence import load_outfit_sequences
+from uvcloth.dataset.sequence import SimulatedSequence, load_sequence, save_sequence
 from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.templates import fit_template
@@ -18,10 +20,8 @@ from uvcloth.motion.poses import rest_hash
 from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.simulate import outfits
 from uvcloth.simulate.explicit import Explicit
-from uvcloth.simulate.outfit_sequence import load_outfit_sequences
 from uvcloth.simulate.outfits import simulate_outfits
 from uvcloth.simulate.plan import ClipSelection, Job
-from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, save_sequence
 from uvcloth.wardrobe.designs import KINDS, PARTS, Design, limits
 from uvcloth.wardrobe.outfit_file import OutfitFile, PieceFile, save_outfit_file
 

@@ -9,11 +9,11 @@ import torch
 from rich.console import Console
 
 from tests.small_body import small_body
+from uvcloth.dataset.folder import keep_refused
+from uvcloth.dataset.sequence import SimulatedSequence, save_sequence
 from uvcloth.errors import InputError
 from uvcloth.files.archive import save_arrays
-from uvcloth.simulate.folder import keep_refused
 from uvcloth.simulate.overview import overview
-from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
 
 def save(path: Path, clip: str, garment: str, frames: int, **said: object) -> None:

@@ -9,17 +9,17 @@ import pytest
 import torch
 
 from uvcloth.bodies.body import Body, save_body
+from uvcloth.dataset.folder import refused_captures
+from uvcloth.dataset.sequence import SimulatedSequence, load_sequence, read_metadata, save_sequence
 from uvcloth.errors import InputError
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.index import read_index
 from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate import batch
 from uvcloth.simulate import plan as planning
-from uvcloth.simulate.folder import refused_captures
 from uvcloth.simulate.plan import Job
 from uvcloth.simulate.plan_file import PLAN, read_plan
 from uvcloth.simulate.planned import simulate_plan
-from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, read_metadata, save_sequence
 
 HEADER = "name,clip,start,frames,hold,garments,body,member,split,subject,action\n"
 WALK = ",walk,40,30,,tops,,,train,ann,walking\n"

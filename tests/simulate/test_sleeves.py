@@ -14,6 +14,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import COLLIDER_PARTS, FOREARM_PARTS, make_collider
 from uvcloth.bodies.opened import make_opening
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.dataset.sequence import SimulatedSequence
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.joined import join
 from uvcloth.garments.templates import fit_template
@@ -26,7 +27,6 @@ from uvcloth.physics.contact import Obstacle
 from uvcloth.simulate.engine import Frame, Scene
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
-from uvcloth.simulate.sequence import SimulatedSequence
 
 UPPER = len(
     [side for regions, sides in COLLIDER_PARTS for side in sides if regions[0] not in ("calf", "forearm")]

@@ -10,9 +10,9 @@ import pytest
 import torch
 from rich.console import Console
 
+from uvcloth.dataset.folder import rejected
 from uvcloth.simulate import unfinished
 from uvcloth.simulate.engine import Frame, Scene
-from uvcloth.simulate.folder import rejected
 from uvcloth.simulate.overview import overview
 from uvcloth.simulate.unfinished import (
     Place,

@@ -5,11 +5,11 @@ from pathlib import Path
 import torch
 
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.dataset.sequence import SimulatedSequence, save_sequence
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.poses import DONORS, PoseDatabase, rest_hash
-from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
 
 def save_clips(folder: Path, templates: tuple[str, ...], clips: int, frames: int, warm_up: int = 3) -> None:

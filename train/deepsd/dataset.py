@@ -13,14 +13,14 @@ from train.clips import TRAINING_SPLITS
 from train.pbns.poses import Poses
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData, body_identity
+from uvcloth.dataset.cloth3d import is_cloth3d, load_cloth3d
+from uvcloth.dataset.outfit_sequence import OutfitSequence, load_outfit_sequences
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import first_of
 from uvcloth.methods.deepsd.outfit_graph import OutfitGraph, outfit_graph
 from uvcloth.methods.rig import pose_vectors
 from uvcloth.motion.index import require_one_split
-from uvcloth.simulate.cloth3d import is_cloth3d, load_cloth3d
-from uvcloth.simulate.outfit_sequence import OutfitSequence, load_outfit_sequences
 
 
 @dataclass(frozen=True)

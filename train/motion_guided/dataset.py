@@ -17,6 +17,7 @@ from train.clips import (
     training_data,
 )
 from train.mirror import mirror_clips
+from uvcloth.dataset.bodies import folder_body
 from uvcloth.errors import InputError
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.geometry.mesh import edge_lengths, laplacian, unique_edges
@@ -28,7 +29,6 @@ from uvcloth.methods.motion_guided.garment_maps import GarmentMaps
 from uvcloth.methods.motion_guided.latent import Space
 from uvcloth.methods.motion_guided.seeds import PosedSeeds, pose_seeds, seeds_on
 from uvcloth.physics.surface import BodySurface
-from uvcloth.simulate.bodies import folder_body
 
 CLEARANCE = 0.002
 """Metres that the rest shape should keep off the body at rest (epsilon of L_SDF)."""

@@ -16,6 +16,7 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.commands.export_rig import export
 from uvcloth.commands.rollout import animate
+from uvcloth.dataset.sequence import load_sequence
 from uvcloth.errors import InputError
 from uvcloth.files.image import write_png
 from uvcloth.garments.garment import Outfit
@@ -25,7 +26,6 @@ from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, r
 from uvcloth.rollout import rollout
 from uvcloth.simulate.batch import simulate_batch
 from uvcloth.simulate.plan import ClipSelection
-from uvcloth.simulate.sequence import load_sequence
 
 CLIP = "jump"
 GARMENT = "miniskirt.obj"

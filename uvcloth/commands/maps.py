@@ -10,10 +10,10 @@ from rasterize.texels import rasterize_layout
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.layout import layout_of
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.dataset.sequence import load_sequence
 from uvcloth.errors import InputError
 from uvcloth.files.image import atomic_image, write_png
 from uvcloth.formats.layout_file import load_layout
-from uvcloth.simulate.sequence import load_sequence
 
 
 def draw_maps(

@@ -7,6 +7,16 @@ from functools import partial
 from pathlib import Path
 
 from uvcloth.bodies.body import Body
+from uvcloth.dataset.bodies import keep_body
+from uvcloth.dataset.folder import (
+    REPEAT,
+    keep_index,
+    keep_refused,
+    rejected,
+    require_same,
+    stored_sequences,
+)
+from uvcloth.dataset.sequence import SimulatedSequence, save_sequence
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import require_there, sole_writer
 from uvcloth.garments.joined import Cloth, join
@@ -15,23 +25,13 @@ from uvcloth.garments.order import check_order
 from uvcloth.motion.index import INDEX
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.physics.fabric import find_fabric
-from uvcloth.simulate.bodies import keep_body
 from uvcloth.simulate.engine import Engine, compile_once
 from uvcloth.simulate.engines import ENGINES, require_engine_name
-from uvcloth.simulate.folder import (
-    REPEAT,
-    keep_index,
-    keep_refused,
-    rejected,
-    require_same,
-    stored_sequences,
-)
 from uvcloth.simulate.members import member_engine
 from uvcloth.simulate.plan import ClipSelection, Job, batch_sources, plan
 from uvcloth.simulate.progress import FramesBar
 from uvcloth.simulate.quality_check import examine_together
 from uvcloth.simulate.run import simulate
-from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 from uvcloth.simulate.unfinished import Place, clear_finished
 from uvcloth.simulate.workers import ONE_PER_CORE, Workers, connected, results
 
@@ -75,7 +75,7 @@ def simulate_batch(
         check_order([cloth.garment for cloth in outfit])
     sources = batch_sources(selection)
     names = [tuple(cloth.garment.name for cloth in outfit) for outfit in cloths]
-    require_same(stored_sequences(out), body, made_by, names)
+    require_same(stored_sequences(out), body, made_by.describe(), names)
     todo, refused = plan(sources, cloths, out / REPEAT if repeat else out, body, repeat)
     with sole_writer(out):
         clear_finished(out)

@@ -5,6 +5,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from uvcloth.dataset.bodies import keep_body
+from uvcloth.dataset.folder import Stored, is_finished, keep_refused, require_engine, stored_sequences
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import sole_writer
 from uvcloth.files.fields import require_file_name
@@ -13,10 +15,8 @@ from uvcloth.motion.index import Entry
 from uvcloth.motion.poses import SPLITS
 from uvcloth.physics.fabric import FABRICS
 from uvcloth.simulate.batch import LEAD_IN, simulate_all
-from uvcloth.simulate.bodies import keep_body
 from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.engines import ENGINES, require_engine_name
-from uvcloth.simulate.folder import Stored, is_finished, keep_refused, require_engine, stored_sequences
 from uvcloth.simulate.plan import ClipSelection, Job, Source, batch_sources, load_motion
 from uvcloth.simulate.run import RUN_UP
 from uvcloth.simulate.unfinished import clear_finished
@@ -82,7 +82,7 @@ def _require_fabrics(stored: Sequence[Stored], outfits: Sequence[OutfitFile], en
     fabrics = {outfit.name: outfit.fabric for outfit in outfits}
     for each in stored:
         fabric = fabrics.get(str(each.metadata.get("outfit")))
-        require_engine([each], engine if fabric is None else engine.with_fabric(fabric))
+        require_engine([each], (engine if fabric is None else engine.with_fabric(fabric)).describe())
 
 
 def _deal(outfits: Sequence[OutfitFile], sources: Sequence[Source], frames: int | None) -> list[_Task]:

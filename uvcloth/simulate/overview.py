@@ -9,12 +9,12 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from uvcloth.dataset.folder import REPEAT, Stored, is_finished, refused_captures, sequence_files
+from uvcloth.dataset.sequence import read_metadata
 from uvcloth.errors import InputError
 from uvcloth.motion.index import INDEX, Entry, read_index
 from uvcloth.motion.poses import SPLITS
-from uvcloth.simulate.folder import REPEAT, Stored, is_finished, refused_captures, sequence_files
 from uvcloth.simulate.plan_file import PLAN, plan_folders, read_plan
-from uvcloth.simulate.sequence import read_metadata
 from uvcloth.simulate.unfinished import unfinished_files, unfinished_frames
 
 MAX_NAMED = 12

@@ -8,6 +8,7 @@ from typing import Any
 from rich.progress import track
 
 from uvcloth.bodies.body import Body
+from uvcloth.dataset.folder import is_finished
 from uvcloth.errors import InputError
 from uvcloth.files.fields import require_file_name
 from uvcloth.garments.joined import Cloth
@@ -18,7 +19,6 @@ from uvcloth.motion.library import DEFAULTS, load_clip
 from uvcloth.motion.options import MotionOptions
 from uvcloth.motion.poses import SPLITS
 from uvcloth.physics.fabric import Fabric
-from uvcloth.simulate.folder import is_finished
 from uvcloth.simulate.run import run_up
 
 REPEAT_LEAD_FRAMES = 20

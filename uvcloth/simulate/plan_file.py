@@ -5,14 +5,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
+from uvcloth.dataset.bodies import BODIES
+from uvcloth.dataset.folder import REJECTED, REPEAT
 from uvcloth.errors import InputError
 from uvcloth.files.fields import LONGEST, is_file_name, require_file_name
 from uvcloth.files.reading import require_file
 from uvcloth.garments.templates import TEMPLATES
 from uvcloth.motion.index import MOST_FRAMES, WHOLE, Entry
 from uvcloth.motion.poses import SPLITS
-from uvcloth.simulate.bodies import BODIES
-from uvcloth.simulate.folder import REJECTED, REPEAT
 from uvcloth.simulate.members import MEMBERS
 
 PLAN = "plan.csv"

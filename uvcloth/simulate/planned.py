@@ -10,6 +10,15 @@ from pathlib import Path
 from rich.progress import track
 
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.dataset.bodies import keep_body
+from uvcloth.dataset.folder import (
+    add_windows,
+    is_finished,
+    keep_refused,
+    require_same,
+    require_windows,
+    stored_sequences,
+)
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import atomic_write, sole_writer
 from uvcloth.files.reading import file_below
@@ -22,16 +31,7 @@ from uvcloth.motion.index import INDEX, clip_file
 from uvcloth.motion.library import builtin_clips
 from uvcloth.motion.stop import come_to_rest
 from uvcloth.simulate.batch import chosen_engine, simulate_jobs
-from uvcloth.simulate.bodies import keep_body
 from uvcloth.simulate.engine import Engine
-from uvcloth.simulate.folder import (
-    add_windows,
-    is_finished,
-    keep_refused,
-    require_same,
-    require_windows,
-    stored_sequences,
-)
 from uvcloth.simulate.members import member_engine
 from uvcloth.simulate.plan import Job, Source, interleaved, load_motion
 from uvcloth.simulate.plan_file import PLAN, PlanRow, plan_folders, read_plan
@@ -64,7 +64,7 @@ def simulate_plan(
     for folder, own in folders.items():
         outfits = [*{row.names: None for row in own}]
         made = member_engine(made_by, own[0].member)
-        require_same(stored_sequences(out / folder), stock.body(own[0]), made, outfits)
+        require_same(stored_sequences(out / folder), stock.body(own[0]), made.describe(), outfits)
         require_windows((row.motion.entry for row in own), out / folder / INDEX)
     missing = [row for row in rows if not all(is_finished(out / file) for file in row.files)]
     clips = [stock.clip_file(row) for row in missing]

@@ -9,6 +9,7 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.dataset.sequence import SimulatedSequence
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import unique_edges, weld
 from uvcloth.geometry.skinning import skin
@@ -16,7 +17,6 @@ from uvcloth.physics.contact import Obstacle, Skin
 from uvcloth.physics.self_intersection import crossing_edges_percent
 from uvcloth.simulate.hems import unsupported_hem
 from uvcloth.simulate.limbs import limbs_left_percent
-from uvcloth.simulate.sequence import SimulatedSequence
 
 MAX_INSIDE_PERCENT = 0.5
 """Percent of vertices that may be inside the collider, averaged over the scored frames."""

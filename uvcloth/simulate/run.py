@@ -11,6 +11,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.opened import make_opening
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.dataset.sequence import SimulatedSequence
 from uvcloth.garments.joined import Cloth
 from uvcloth.garments.layer_thickness import inner_thickness
 from uvcloth.geometry.mesh import join_meshes
@@ -20,7 +21,6 @@ from uvcloth.motion.lead_in import LeadIn, lead_in
 from uvcloth.motion.poses import rest_hash
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.simulate.engine import Engine, Scene
-from uvcloth.simulate.sequence import SimulatedSequence
 from uvcloth.simulate.unfinished import Place, move
 
 RUN_UP = 15

@@ -15,13 +15,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from uvcloth.dataset.folder import is_finished
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import require_there
 from uvcloth.files.fields import check_fields, numbers, text
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.kept import keep_arrays, kept_arrays
 from uvcloth.simulate.engine import Engine, Frame, Scene
-from uvcloth.simulate.folder import is_finished
 from uvcloth.version import package_version
 
 SUFFIX = ".unfinished"

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import load_body
+from uvcloth.dataset.sequence import REST_TOLERANCE, SimulatedSequence, load_sequence
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
@@ -15,7 +16,6 @@ from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.methods.registry import DEFAULT, METHODS, load_methods
 from uvcloth.motion.library import builtin_clips, load_clip
 from uvcloth.rollout import rollout_proxied, with_proxies
-from uvcloth.simulate.sequence import REST_TOLERANCE, SimulatedSequence, load_sequence
 from uvcloth.view.computation import Performance
 
 TEMPLATES = ("bottoms", "tops", "shirt", "dress", "skirt", "jacket")

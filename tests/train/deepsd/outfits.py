@@ -9,14 +9,14 @@ import torch
 from tests.train.cropped import cropped
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body, load_body, save_body
+from uvcloth.dataset.bodies import BODIES
+from uvcloth.dataset.sequence import SimulatedSequence, save_sequence
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.rig import pose_vectors
 from uvcloth.motion.poses import rest_hash
 from uvcloth.physics.fabric import FABRICS
-from uvcloth.simulate.bodies import BODIES
-from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
 BULGE = 0.02
 """Metres that the cloth moves outwards, times the sine of the sum of the pose vector."""

@@ -21,6 +21,7 @@ from train.loop import LoopConfig, batch_after, fit, rows_of_step
 from train.state import STATE
 from uvcloth.bodies.body import load_body
 from uvcloth.checkpoint import load_checkpoint, load_tensors
+from uvcloth.dataset.bodies import BODIES
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import edge_lengths
@@ -30,7 +31,6 @@ from uvcloth.methods.deepsd.network import DeePSDNetwork, pose
 from uvcloth.methods.deepsd.outfit_graph import outfit_graph, pack
 from uvcloth.methods.registry import load_method
 from uvcloth.physics.fabric import FABRICS
-from uvcloth.simulate.bodies import BODIES
 
 pytest.importorskip("lightning")
 

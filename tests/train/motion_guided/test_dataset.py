@@ -10,9 +10,9 @@ from train.motion_guided.dataset import GarmentDataset
 from train.motion_guided.objective import DynamicsObjective
 from train.motion_guided.run import LOSSES
 from uvcloth.bodies.body import load_body
+from uvcloth.dataset.sequence import SimulatedSequence, save_sequence
 from uvcloth.garments.templates import fit_template
 from uvcloth.methods.motion_guided.config import PRESETS
-from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
 STEP = 0.05
 """Metres from frame to frame."""

@@ -14,12 +14,12 @@ from tests.train.simulated import save_clips
 from train.physxnet import objective as module
 from train.physxnet.objective import Losses, PhysXNetObjective
 from uvcloth.bodies.body import load_body
+from uvcloth.dataset.sequence import load_sequence
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.methods.physxnet.config import PRESETS
 from uvcloth.methods.physxnet.method import PhysXNet
 from uvcloth.rollout import rollout
-from uvcloth.simulate.sequence import load_sequence
 
 TRUE = torch.tensor([0.0, 0.015625, -0.03125]).expand(4, 3)
 """Offsets of the simulated garment, m, which half precision holds exactly."""

@@ -9,11 +9,11 @@ from rasterize.texels import Texels
 from tests.small_body import small_body
 from train.physxnet.prepare import Prepared
 from uvcloth.bodies.body import Body
+from uvcloth.dataset.bodies import keep_body
+from uvcloth.dataset.sequence import SimulatedSequence, save_sequence
 from uvcloth.geometry.mesh import unique_edges
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.texels import BodyTexels, GarmentDecoder, TemplateTexels
-from uvcloth.simulate.bodies import keep_body
-from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
 BODY: Body = small_body()
 SIDE = 1.0

@@ -15,11 +15,11 @@ from scipy.io import loadmat, savemat
 from tests.bodies.smpl_file import smpl_arrays, smpl_vertices, write_npz
 from train.__main__ import main
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.dataset.cloth3d import cloth3d_samples, load_cloth3d, read_cloth3d_sample
+from uvcloth.dataset.outfit_sequence import OutfitSequence
 from uvcloth.errors import InputError
 from uvcloth.formats.matlab import read_matlab
 from uvcloth.physics.fabric import FABRICS
-from uvcloth.simulate.cloth3d import cloth3d_samples, load_cloth3d, read_cloth3d_sample
-from uvcloth.simulate.outfit_sequence import OutfitSequence
 
 Arrays = dict[str, np.ndarray]
 

@@ -11,6 +11,8 @@ from rich.progress import track
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
+from uvcloth.dataset.bodies import sequence_body
+from uvcloth.dataset.sequence import SimulatedSequence, load_sequence, require_same_motion
 from uvcloth.errors import InputError
 from uvcloth.files.json_file import require_kinds
 from uvcloth.garments.fit import make_fitted
@@ -19,8 +21,6 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.index import INDEX, Entry, read_index
 from uvcloth.motion.poses import SPLITS
 from uvcloth.physics.fabric import Fabric, fabric_from
-from uvcloth.simulate.bodies import sequence_body
-from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, require_same_motion
 
 
 @dataclass(frozen=True)

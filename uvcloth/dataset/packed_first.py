@@ -10,6 +10,8 @@ from scipy.fft import idct
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
+from uvcloth.dataset.bodies import sequence_body
+from uvcloth.dataset.sequence import SimulatedSequence, parse_metadata
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays
 from uvcloth.files.fields import check_fields, indices, numbers, text, whole
@@ -17,8 +19,6 @@ from uvcloth.formats.spectral import MOST_POINTS, mesh_spectrum
 from uvcloth.geometry.rotations import are_unit, from_quaternions, rotate
 from uvcloth.geometry.skeleton import joint_transforms
 from uvcloth.motion.clip import FPS_RANGE
-from uvcloth.simulate.bodies import sequence_body
-from uvcloth.simulate.sequence import SimulatedSequence, parse_metadata
 
 FIRST_FORMAT = "uvcloth-packed-1"
 FIRST_MESH_FORMAT = "uvcloth-mesh-1"

@@ -20,6 +20,7 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.smpl import RestingModel, read_smpl
 from uvcloth.bodies.smpl_joints import SMPL_JOINTS, STANDING
+from uvcloth.dataset.outfit_sequence import OutfitSequence
 from uvcloth.errors import InputError
 from uvcloth.files.fields import LONGEST
 from uvcloth.formats.matlab import read_matlab
@@ -33,7 +34,6 @@ from uvcloth.geometry.skeleton import joint_transforms, world_rotations
 from uvcloth.motion.clip_splits import deal_splits
 from uvcloth.motion.poses import SPLITS
 from uvcloth.physics.fabric import FABRICS, JERSEY, Fabric
-from uvcloth.simulate.outfit_sequence import OutfitSequence
 
 INFO = "info.mat"
 

@@ -7,6 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from uvcloth.dataset.sequence import SimulatedSequence
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.files.atomic import make_folder
@@ -22,7 +23,6 @@ from uvcloth.geometry.skeleton import (
     world_rotations,
 )
 from uvcloth.motion.clip import FPS_RANGE
-from uvcloth.simulate.sequence import SimulatedSequence
 
 MOTIONS = "motions"
 """Folder, in a packed one, of the motions."""

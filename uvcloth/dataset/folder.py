@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from uvcloth.bodies.body import Body
+from uvcloth.dataset.sequence import read_metadata
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import atomic_write
 from uvcloth.files.reading import require_file
 from uvcloth.motion.index import COLUMNS, Entry, read_index
 from uvcloth.motion.poses import rest_hash
-from uvcloth.simulate.engine import Engine
-from uvcloth.simulate.sequence import read_metadata
 
 REPEAT, REJECTED = "repeat", "rejected"
 """Folders in a data folder: second simulations of windows, and sequences that were refused (of either)."""
@@ -66,15 +65,16 @@ def stored_sequences(folder: Path) -> list[Stored]:
 
 
 def require_same(
-    stored: Sequence[Stored], body: Body, engine: Engine, outfits: Sequence[tuple[str, ...]]
+    stored: Sequence[Stored], body: Body, made: Mapping[str, Any], outfits: Sequence[tuple[str, ...]]
 ) -> None:
     """Raise InputError if a sequence is of another body, engine or outfit than what would be made.
 
-    engine: the one that makes sequences now. outfits: names of the garments that are simulated together.
+    made: description of the engine that makes sequences now. outfits: names of the garments that are
+    simulated together.
     """
     shape = rest_hash(body)
     layers = {name: outfit for outfit in outfits for name in outfit}
-    require_engine(stored, engine)
+    require_engine(stored, made)
     for each in stored:
         metadata = each.metadata
         if metadata.get("body_hash", shape) != shape:
@@ -91,12 +91,15 @@ def require_same(
             )
 
 
-def require_engine(stored: Sequence[Stored], engine: Engine) -> None:
-    """Raise InputError if a sequence was made by another engine than `engine`, or with other settings."""
-    made = json.loads(json.dumps(engine.describe()))
+def require_engine(stored: Sequence[Stored], made: Mapping[str, Any]) -> None:
+    """Raise InputError if a sequence was made by another engine, or with other settings.
+
+    made: description of the engine that makes sequences now, as `Engine.describe` gives it.
+    """
+    expected = json.loads(json.dumps(made))
     for each in stored:
         if "engine" in each.metadata:
-            _require_engine(each.path, each.metadata, made)
+            _require_engine(each.path, each.metadata, expected)
 
 
 def _require_engine(path: Path, metadata: Mapping[str, Any], made: Mapping[str, Any]) -> None:

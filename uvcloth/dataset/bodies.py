@@ -7,11 +7,11 @@ from typing import Any
 
 from uvcloth.bodies.body import Body, load_body, save_body
 from uvcloth.bodies.difference import load_kept_body
+from uvcloth.dataset.sequence import read_metadata
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import make_folder
 from uvcloth.files.fields import require_file_name
 from uvcloth.motion.poses import rest_hash
-from uvcloth.simulate.sequence import read_metadata
 
 BODIES = "bodies"
 """Folder, in a data folder, of the bodies of its sequences, except the one of the package."""

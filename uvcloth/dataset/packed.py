@@ -18,6 +18,17 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.difference import save_difference
+from uvcloth.dataset.bodies import keep_body, sequence_body
+from uvcloth.dataset.bone_axes import moved_by_bones, seen_from_bones
+from uvcloth.dataset.folder import REFUSED, keep_index, keep_refused, refused_captures
+from uvcloth.dataset.packed_first import FIRST_FORMAT, FirstMesh, load_first, load_first_mesh
+from uvcloth.dataset.packed_motion import NAME_LENGTH, PackedMotion, keep_motion, load_motion
+from uvcloth.dataset.sequence import (
+    SimulatedSequence,
+    load_sequence,
+    parse_metadata,
+    save_sequence,
+)
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, read_arrays, save_arrays, smallest_indices
 from uvcloth.files.atomic import make_folder, sole_writer
@@ -34,17 +45,6 @@ from uvcloth.formats.spectral import (
 )
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.index import INDEX
-from uvcloth.simulate.bodies import keep_body, sequence_body
-from uvcloth.simulate.bone_axes import moved_by_bones, seen_from_bones
-from uvcloth.simulate.folder import REFUSED, keep_index, keep_refused, refused_captures
-from uvcloth.simulate.packed_first import FIRST_FORMAT, FirstMesh, load_first, load_first_mesh
-from uvcloth.simulate.packed_motion import NAME_LENGTH, PackedMotion, keep_motion, load_motion
-from uvcloth.simulate.sequence import (
-    SimulatedSequence,
-    load_sequence,
-    parse_metadata,
-    save_sequence,
-)
 
 PACKED_FORMAT = "uvcloth-packed-2"
 MESH_FORMAT = "uvcloth-mesh-2"

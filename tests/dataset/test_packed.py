@@ -12,15 +12,15 @@ import torch
 from tests.small_body import small_body
 from uvcloth import cli
 from uvcloth.bodies.body import save_body
+from uvcloth.dataset.bodies import folder_body, keep_body, sequence_body
+from uvcloth.dataset.folder import keep_refused, refused_captures, stored_sequences
+from uvcloth.dataset.packed import PackedFolder, load_packed, pack_folder, unpack_folder
+from uvcloth.dataset.sequence import SimulatedSequence, load_sequence, save_sequence
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import joint_transforms
 from uvcloth.motion.poses import rest_hash
-from uvcloth.simulate.bodies import folder_body, keep_body, sequence_body
-from uvcloth.simulate.folder import keep_refused, refused_captures, stored_sequences
-from uvcloth.simulate.packed import PackedFolder, load_packed, pack_folder, unpack_folder
-from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, save_sequence
 
 FRAMES = 40
 INDEX = "trial,subject,split,action,window_start,window_frames\n01_01,a,train,walk,0,1000\n"
