@@ -23,7 +23,8 @@ import tyro
 from torch import Tensor
 
 from uvcloth.bodies.body import Body, load_body
-from uvcloth.dataset.sequence import SimulatedSequence, load_sequence
+from uvcloth.dataset.clip import SimulatedClip
+from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.skinning import skin
@@ -55,7 +56,7 @@ class Cages:
         print(f"load {os.getloadavg()[0]:.1f}; mm, swing, correlation, ms")
         for garment in self.garments:
             for clip in self.clips:
-                sequence = load_sequence(self.data / f"{clip}_{garment}.npz")
+                sequence = load_simulated(self.data / f"{clip}_{garment}.npz")
                 for name, method in methods(body):
                     print(f"{garment} {clip} {name}: {measured(method, sequence, garment, body)}", flush=True)
 
@@ -70,7 +71,7 @@ def methods(body: Body) -> Iterator[tuple[str, Method]]:
         yield f"physics, {quality}", Physics(PhysicsConfig(quality))
 
 
-def measured(method: Method, sequence: SimulatedSequence, name: str, body: Body) -> str:
+def measured(method: Method, sequence: SimulatedClip, name: str, body: Body) -> str:
     """Measure a method on a sequence: one line of figures."""
     garment = load_garment(name, body)
     prepared = prepare_rollout(method, Outfit(body, (garment,)))

@@ -36,7 +36,7 @@ from rich.table import Table
 from torch import Tensor
 
 from uvcloth.bodies.body import Body, load_body
-from uvcloth.dataset.sequence import SimulatedSequence
+from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.errors import InputError
 from uvcloth.garments.joined import Cloth, join
 from uvcloth.garments.remesh import remesh, surface_of
@@ -133,7 +133,7 @@ def _resampled(scene: Scene, count: int) -> Scene:
 class Run:
     """A simulated window. seconds: (F,) of processor time that each frame took."""
 
-    sequence: SimulatedSequence
+    sequence: SimulatedClip
     seconds: Tensor
 
     def scored(self, frames: int) -> tuple[Tensor, Tensor]:
@@ -180,7 +180,7 @@ def _run(engine: Engine, cloth: Cloth, motion: tuple[Clip, int, int], frames: in
     clip, start, most = motion
     window, before = run_up(clip, start, min(frames, most))
     clocks: list[float] = []
-    (made,) = simulate(
+    made = simulate(
         window, before, (cloth,), body, engine, LeadIn(), lambda _: clocks.append(time.thread_time())
     )
     return Run(made, torch.tensor(clocks, dtype=torch.float64).diff())
@@ -207,7 +207,9 @@ def _engines(
         moved = {clip: run.scored(count) for clip, run in runs.items()}
         beside = {clip: ours[clip].scored(len(vertices)) for clip, (vertices, _) in moved.items()}
         apart = {clip: (moved[clip][0] - beside[clip][0]).norm(dim=-1).mean(1) for clip in runs}
-        examined = [examine(run.sequence, cloth.garment, body)[0].metadata for run in runs.values()]
+        examined = [
+            examine(run.sequence, [cloth.garment], body)[0].garments[0].metadata for run in runs.values()
+        ]
         table.add_row(
             name,
             str(sum(len(vertices) for vertices, _ in moved.values())),
@@ -273,7 +275,8 @@ def _cost(seconds: list[Tensor]) -> str:
 
 def _long_edges(run: Run, frames: int) -> float:
     """Edges of a frame that are over twice as long as at rest."""
-    edges, rest = unique_edges(run.sequence.faces), run.sequence.rest
+    (garment,) = run.sequence.garments
+    edges, rest = unique_edges(garment.faces), garment.rest
     lengths = (rest[edges[:, 0]] - rest[edges[:, 1]]).norm(dim=-1)
     vertices, _ = run.scored(frames)
     moved = (vertices[:, edges[:, 0]] - vertices[:, edges[:, 1]]).norm(dim=-1)

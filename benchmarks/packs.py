@@ -20,8 +20,8 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.dataset.packed import PackedFolder, load_packed, pack_folder
-from uvcloth.dataset.sequence import load_sequence
 
 FRAMES = 90
 
@@ -31,9 +31,9 @@ def judged(data: Path, packed: Path) -> dict[str, tuple[int, float, float, np.nd
     shared = PackedFolder(packed)
     sums: dict[str, list[tuple[int, int, np.ndarray]]] = defaultdict(list)
     for path in sorted(packed.glob("*.npz")):
-        before, after = load_sequence(data / path.name), load_packed(path, shared)
+        before, after = load_simulated(data / path.name), load_packed(path, shared)
         off = 1e3 * (before.vertices - after.vertices).norm(dim=-1).numpy()
-        sums[before.garment].append((path.stat().st_size, len(off), off.reshape(-1)))
+        sums[before.garments[0].name].append((path.stat().st_size, len(off), off.reshape(-1)))
     return {
         garment: (len(rows), sum(row[0] for row in rows), sum(row[1] for row in rows), flattened(rows))
         for garment, rows in sums.items()

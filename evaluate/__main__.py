@@ -54,39 +54,31 @@ class Evaluate:
             self._judge()
 
     def _judge(self) -> None:
-        from evaluate.candidates import Candidate, load_candidates
-        from evaluate.compare import Selection, compare
+        from evaluate.candidates import load_candidates
+        from evaluate.compare import compare
         from evaluate.garment_space import interpolations
         from evaluate.motion_map import motion_maps
-        from evaluate.outfits import compare_outfits, holds_outfits
         from evaluate.progress import progress
         from evaluate.report import write_metrics, write_report
+        from evaluate.selection import Selection, find_cases
         from evaluate.show import pictured, pictures, viewer_clips
         from uvcloth.commands.threads import limited_threads
-        from uvcloth.dataset.bodies import folder_body
 
-        selection = Selection(self.data, self.actions, self.garment, self.frames, self.split)
+        selection = Selection(self.data, self.actions, self.garment, self.frames, self.split, self.map_size)
         used = f"{machine()}, threads used: {self.threads}"
-        # Outfits on bodies of their own have no body in common.
-        body = None if holds_outfits(self.data) else folder_body(self.data)
-        candidates: tuple[Candidate, ...] = ()
         with limited_threads(self.threads):
-            if body is None:
-                results, shown = compare_outfits(self.model, selection, self.out, machine=used)
-            else:
-                candidates = load_candidates(self.model, body)
-                results, shown = compare(
-                    candidates, selection, self.out, body=body, map_size=self.map_size, machine=used
-                )
+            cases = find_cases(selection)
+            candidates = load_candidates(self.model, cases.body)
+            results, shown = compare(candidates, cases, self.out, machine=used)
         metrics = write_metrics(self.out, results)
         images, spaces, motion = [], [], []
         if self.pictures:
             chosen = pictured(shown)
             with progress("Pictures", len(chosen)) as tick:
                 images = list(pictures(chosen, list(results["methods"]), tick))
-            if body is not None:
-                spaces = interpolations(candidates, shown, body)
-                motion = motion_maps(candidates, self.data, shown, body)
+            if cases.one_body:
+                spaces = interpolations(candidates, shown, cases.body)
+                motion = motion_maps(candidates, self.data, shown, cases.body)
         report = write_report(self.out, results, viewer_clips(shown), images, spaces, motion)
         print(summary(results))
         print(f"{metrics}\n{report}")

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from uvcloth.dataset.clip_file import read_metadata
 from uvcloth.dataset.folder import REPEAT, Stored, refused_captures, rejected
-from uvcloth.dataset.sequence import read_metadata
 from uvcloth.errors import InputError
 from uvcloth.garments.templates import TEMPLATES
 from uvcloth.motion.index import INDEX, read_index

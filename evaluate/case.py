@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from pathlib import Path
 
 import torch
 from torch import Tensor
@@ -12,7 +12,8 @@ from evaluate.maps import Texels
 from evaluate.metrics import Reference
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
-from uvcloth.dataset.sequence import REST_TOLERANCE, SimulatedSequence, load_sequence, read_metadata
+from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip, SimulatedGarment
+from uvcloth.dataset.clip_file import load_simulated, read_metadata
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh, join_meshes
@@ -39,13 +40,13 @@ class Part:
 class Case:
     """An outfit over a clip; a garment that was simulated alone is an outfit of one.
 
-    windows, sequences: of its garments, the innermost first. parts: what is scored, each garment and last, if
-    there are several, the whole outfit. start: number of warm-up frames. transforms: (F, J, 3, 4) and
-    body_vertices: (F, V, 3) of the body in the scored frames.
+    windows: of its garments, the innermost first. clip: what was simulated. parts: what is scored, each
+    garment and last, if there are several, the whole outfit. start: number of warm-up frames. transforms:
+    (F, J, 3, 4) and body_vertices: (F, V, 3) of the body in the scored frames.
     """
 
     windows: tuple[Window, ...]
-    sequences: tuple[SimulatedSequence, ...]
+    clip: SimulatedClip
     outfit: Outfit
     parts: tuple[Part, ...]
     start: int
@@ -65,12 +66,12 @@ class Case:
     @property
     def fps(self) -> float:
         """Frames per second."""
-        return self.sequences[0].fps
+        return self.clip.fps
 
     @property
     def motion(self) -> Tensor:
         """Joint transforms (T, J, 3, 4) of all frames, warm-up included."""
-        return self.sequences[0].transforms[: self.end]
+        return self.clip.transforms[: self.end]
 
     @property
     def truth(self) -> Tensor:
@@ -79,7 +80,7 @@ class Case:
 
     @property
     def end(self) -> int:
-        """The frame of the sequences after the last scored one."""
+        """The frame of the clip after the last scored one."""
         return self.start + len(self.transforms)
 
     @property
@@ -121,40 +122,36 @@ def open_case(
     Raises InputError naming the file if a mesh, a rest shape or the skeleton differs, or garments do not
     move with the same body.
     """
-    sequences = tuple(
-        _load(window, garment, outfit.body) for window, garment in zip(windows, outfit.garments, strict=True)
-    )
-    for window, (first, other) in zip(windows[1:], pairwise(sequences), strict=True):
-        if first.warm_up != other.warm_up or not torch.equal(first.transforms, other.transforms):
-            raise InputError(f"{window.path}: was not simulated together with {windows[0].path}")
-    return make_case(windows, sequences, outfit, texels, frames)
+    clip = load_simulated(*(window.path for window in windows))
+    for window, garment, simulated in zip(windows, outfit.garments, clip.garments, strict=True):
+        _require_same(window.path, clip, simulated, garment, outfit.body)
+    return make_case(windows, clip, outfit, texels, frames)
 
 
 def make_case(
     windows: tuple[Window, ...],
-    sequences: tuple[SimulatedSequence, ...],
+    clip: SimulatedClip,
     outfit: Outfit,
     texels: Mapping[str, Texels | None],
     frames: int | None = None,
 ) -> Case:
-    """The case of sequences that fit together; see `open_case`."""
-    first, body = sequences[0], outfit.body
-    scored = slice(first.warm_up, None if frames is None else first.warm_up + frames)
+    """The case of a clip whose garments are those of the outfit; see `open_case`."""
+    scored = slice(clip.warm_up, None if frames is None else clip.warm_up + frames)
     parts: list[Part] = []
     row = 0
-    for garment, sequence in zip(outfit.garments, sequences, strict=True):
+    for garment, simulated in zip(outfit.garments, clip.garments, strict=True):
         seen = texels.get(garment.name)
         reference = Reference(
-            sequence.vertices[scored], sequence.rest, sequence.faces, first.fps, *(seen or (None, None))
+            simulated.vertices[scored], simulated.rest, simulated.faces, clip.fps, *(seen or (None, None))
         )
-        rows = slice(row, row + len(sequence.rest))
+        rows = slice(row, row + len(simulated.rest))
         parts.append(Part(garment.name, rows, (garment.mesh,), reference))
         row = rows.stop
     if len(parts) > 1:
         parts.append(_whole(parts, row))
-    transforms = first.transforms[scored]
-    posed = posed_skin(body, transforms)
-    return Case(windows, sequences, outfit, tuple(parts), first.warm_up, transforms, posed)
+    transforms = clip.transforms[scored]
+    posed = posed_skin(outfit.body, transforms)
+    return Case(windows, clip, outfit, tuple(parts), clip.warm_up, transforms, posed)
 
 
 def _whole(parts: Sequence[Part], vertices: int) -> Part:
@@ -172,21 +169,21 @@ def _whole(parts: Sequence[Part], vertices: int) -> Part:
     return Part(outfit_name([part.name for part in parts]), slice(0, vertices), meshes, reference)
 
 
-def _load(window: Window, garment: Garment, body: Body) -> SimulatedSequence:
-    """The sequence of a window. Raises InputError if it was not simulated with this garment on this body."""
-    sequence = load_sequence(window.path)
+def _require_same(
+    path: Path, clip: SimulatedClip, simulated: SimulatedGarment, garment: Garment, body: Body
+) -> None:
+    """Raise InputError naming the file if it was not simulated with this garment on this body."""
     mesh, joints = garment.mesh, len(body.skeleton.names)
-    if not torch.equal(sequence.faces, mesh.faces):
-        raise InputError(f"{window.path}: its mesh is not that of the garment {garment.name}")
-    if sequence.transforms.shape[1] != joints:
+    if not torch.equal(simulated.faces, mesh.faces):
+        raise InputError(f"{path}: its mesh is not that of the garment {garment.name}")
+    if clip.transforms.shape[1] != joints:
         raise InputError(
-            f"{window.path}: simulated on a body of {sequence.transforms.shape[1]} joints, "
+            f"{path}: simulated on a body of {clip.transforms.shape[1]} joints, "
             f"body {body.name!r} has {joints}"
         )
-    apart = float((sequence.rest - mesh.vertices).norm(dim=1).max())
+    apart = float((simulated.rest - mesh.vertices).norm(dim=1).max())
     if apart > REST_TOLERANCE:
         raise InputError(
-            f"{window.path}: at rest it is up to {1000 * apart:.0f} mm from the garment {garment.name} "
+            f"{path}: at rest it is up to {1000 * apart:.0f} mm from the garment {garment.name} "
             f"on body {body.name!r}; it was simulated in another shape or on another body"
         )
-    return sequence

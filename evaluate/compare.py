@@ -1,16 +1,17 @@
 """The whole comparison: every method on every case, the floors, and the content of metrics.json."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 from functools import partial
 from pathlib import Path
+from statistics import mean
 from typing import Any
 
-from evaluate.actions import Window, find_missing, find_windows, people_in
+from evaluate.actions import Window
 from evaluate.candidates import SIMULATION, Candidate, assigned
-from evaluate.case import Case, open_case, outfit_name, simulated_together
+from evaluate.case import Case, outfit_name
 from evaluate.familiar import training_overlap
 from evaluate.judge import (
     CaseScores,
@@ -22,31 +23,12 @@ from evaluate.judge import (
     judge_simulation,
     repeatability,
 )
-from evaluate.maps import garment_map
 from evaluate.progress import progress
 from evaluate.results import Entry, floor, representation_floor, stability, summarize
+from evaluate.selection import Cases
 from evaluate.show import Shown
 from evaluate.stability import copied_truth
-from uvcloth.bodies.body import Body
-from uvcloth.errors import InputError
-from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.garments.loading import load_garment_for_data
-from uvcloth.garments.templates import TEMPLATES, fit_template
-
-
-@dataclass(frozen=True)
-class Selection:
-    """The part of a data folder that is judged.
-
-    actions: only these, all if empty. files: garments other than the templates. frames: of each window, None
-    for all. split: test, or validation to choose by.
-    """
-
-    data: Path
-    actions: Sequence[str] = ()
-    files: Sequence[str] = ()
-    frames: int | None = None
-    split: str = "test"
+from uvcloth.garments.garment import Outfit
 
 
 @dataclass(frozen=True)
@@ -66,49 +48,30 @@ class JudgedCase:
 
 
 def compare(
-    candidates: Sequence[Candidate],
-    selection: Selection,
-    out: Path,
-    *,
-    body: Body,
-    map_size: int,
-    machine: str,
+    candidates: Sequence[Candidate], cases: Cases, out: Path, *, machine: str
 ) -> tuple[dict[str, Any], list[Shown]]:
     """Judge methods on the outfits, most of them of one garment, that were simulated over unseen clips.
 
-    map_size: of the maps that are measured. machine: for the record. Returns the content of metrics.json and
-    what there is to look at. Finished cases are kept under OUT/partial and taken over by a rerun. A method is
-    judged on the outfits that it supports. Raises InputError for a model or data that does not fit, and for a
-    method that supports none of the outfits.
+    machine: for the record. Returns the content of metrics.json and what there is to look at. Finished cases
+    are kept under OUT/partial and taken over by a rerun. A method is judged on the outfits that it supports.
+    Raises InputError for a model or data that does not fit, and for a method that supports none of the
+    outfits.
     """
-    data, split = selection.data, selection.split
-    others = load_garment_files(selection.files, body)
-    chosen = (data, selection.actions, (*TEMPLATES, *others), split)
-    windows = find_windows(*chosen)
-    for name in others:
-        if name not in {window.garment for window in windows}:
-            raise InputError(f"{data}: holds no {split} sequence of the garment {name} (CLIP_{name}.npz)")
-    names = dict.fromkeys(window.garment for window in windows)
-    garments = {name: others[name] if name in others else fit_template(name, body) for name in names}
-    cases = simulated_together(windows)
-    outfits = {_named(case): Outfit(body, tuple(garments[w.garment] for w in case)) for case in cases}
-    dressing = assigned(candidates, outfits, data)
-    texels = {name: garment_map(garment, body, map_size) for name, garment in garments.items()}
+    dressing = assigned(candidates, cases.outfits, cases.data)
     code = code_fingerprint()
-    setting = f"{code}/{body_fingerprint(body)}/{map_size}/{machine}"
     judged = []
-    with progress("Windows", sum(1 + len(dressing[_named(case)]) for case in cases)) as tick:
-        for case in cases:
-            name = _named(case)
-            opened = open_case(case, outfits[name], texels, selection.frames)
-            judged.append(judged_case(opened, dressing[name], partial(cached, out, opened), setting, tick))
+    with progress("Cases", sum(1 + len(dressing[name]) for name, _ in cases.openers)) as tick:
+        for name, open_one in cases.openers:
+            case = open_one()
+            setting = f"{code}/{body_fingerprint(case.outfit.body)}/{cases.map_size}/{machine}"
+            judged.append(judged_case(case, dressing[name], partial(cached, out, case), setting, tick))
     return {
-        **measured(judged, candidates, people_in(data)),
-        "garments": {name: garment_size(garment) for name, garment in garments.items()},
-        "missing": find_missing(*chosen),
-        "split": split,
-        "map_size": map_size,
-        "body": body.name,
+        **measured(judged, candidates, cases.people),
+        "garments": garment_sizes(cases.outfits.values()),
+        "missing": cases.missing,
+        "split": cases.split,
+        "map_size": cases.map_size,
+        "body": cases.body_name,
         "date": date.today().isoformat(),
         "machine": machine,
         "code": code[:12],
@@ -123,12 +86,13 @@ def judged_case(
     tick: Callable[..., None],
 ) -> JudgedCase:
     """Judge methods on a case. keep: takes over what is finished, by name and setting, or works it out."""
-    note = f"{case.action}, {_named(case.windows)}"
+    note = f"{case.action}, {outfit_name([window.garment for window in case.windows])}"
     tick(0, note=note)
     scores = {SIMULATION: keep(SIMULATION, setting, partial(judge_simulation, case))}
-    simulated = list(zip(case.windows, case.outfit.garments, case.sequences, strict=True))
-    repeated = {garment.name: repeatability(window, sequence) for window, garment, sequence in simulated}
-    copied = {garment.name: copied_truth(garment, sequence, case.end) for _, garment, sequence in simulated}
+    garments = {garment.name: garment for garment in case.outfit.garments}
+    alone = {name: case.clip.alone(name) for name in garments}
+    repeated = {window.garment: repeatability(window, alone[window.garment]) for window in case.windows}
+    copied = {name: copied_truth(garment, alone[name], case.end) for name, garment in garments.items()}
     tick()
     for candidate in candidates:
         tick(0, note=f"{note}: {candidate.name}")
@@ -137,7 +101,9 @@ def judged_case(
         tick()
     return JudgedCase(
         scores=scores,
-        contents={window: str(sequence.metadata.get("hash")) for window, _, sequence in simulated},
+        contents={
+            window: str(case.clip.by_name[window.garment].metadata.get("hash")) for window in case.windows
+        },
         fps=case.fps,
         repeated=repeated,
         copied={kind: {name: by[kind] for name, by in copied.items()} for kind in ("held", "carried")},
@@ -222,30 +188,18 @@ def by_garment(cases: Sequence[Mapping[str, Scores]]) -> dict[str, list[Scores]]
     return {garment: [case[garment] for case in cases if garment in case] for garment in garments}
 
 
-def load_garment_files(files: Sequence[str], body: Body) -> dict[str, Garment]:
-    """Garments from files by the names that their sequences have; what is a template is not among them.
-
-    Raises InputError also if two have one name.
-    """
-    garments: dict[str, Garment] = {}
-    for file in files:
-        garment = load_garment_for_data(file, body, print)
-        if garment.name in garments:
-            raise InputError(f"garment {file}: another one is also named {garment.name}")
-        garments[garment.name] = garment
-    return {name: garment for name, garment in garments.items() if name not in TEMPLATES}
-
-
-def _named(windows: Sequence[Window]) -> str:
-    """The outfit of windows that were simulated together."""
-    return outfit_name([window.garment for window in windows])
-
-
-def garment_size(garment: Garment) -> dict[str, float | int]:
-    """Vertices of a garment and the size of its 3D model in MB (positions, faces and texture coordinates)."""
-    mesh = garment.mesh
-    tensors = (mesh.vertices.float(), mesh.faces.int(), mesh.uvs.float(), mesh.face_uvs.int())
+def garment_sizes(outfits: Iterable[Outfit]) -> dict[str, dict[str, float | int]]:
+    """Mean vertices of the garments of each name, and of their 3D models' sizes, MB (with coordinates)."""
+    sizes: dict[str, list[tuple[int, float]]] = {}
+    for garment in (garment for outfit in outfits for garment in outfit.garments):
+        mesh = garment.mesh
+        tensors = (mesh.vertices.float(), mesh.faces.int(), mesh.uvs.float(), mesh.face_uvs.int())
+        size = sum(tensor.nbytes for tensor in tensors) / 1e6
+        sizes.setdefault(garment.name, []).append((len(mesh.vertices), size))
     return {
-        "vertices": len(mesh.vertices),
-        "model_mb": sum(tensor.nbytes for tensor in tensors) / 1e6,
+        name: {
+            "vertices": round(mean(vertices for vertices, _ in each)),
+            "model_mb": mean(size for _, size in each),
+        }
+        for name, each in sizes.items()
     }

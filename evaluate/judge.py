@@ -17,7 +17,8 @@ from evaluate.metrics import distance_scores, frame_scores, layer_scores
 from evaluate.stability import stability_scores, uses_feedback
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import LEAD, body_frames, with_lead
-from uvcloth.dataset.sequence import MOTION_TOLERANCE, SimulatedSequence, content_hash, load_sequence
+from uvcloth.dataset.clip import MOTION_TOLERANCE, SimulatedClip, content_hash
+from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.fingerprint import fingerprint
@@ -37,7 +38,7 @@ JUDGING = (
     "evaluate/body_scores.py",
     "evaluate/stability.py",
     "evaluate/case.py",
-    "evaluate/outfits.py",
+    "evaluate/selection.py",
     "evaluate/judge.py",
 )
 """The sources and data that decide a score."""
@@ -130,7 +131,7 @@ def representation(case: Case, prepared: PreparedRollout) -> dict[str, Scores]:
     for first in range(case.start, case.end, ENCODED_AT_ONCE):
         last = min(first + ENCODED_AT_ONCE, case.end)
         frames = body_frames(case.outfit.body, led[first : last + LEAD], case.fps)
-        truth = tuple(sequence.vertices[first:last] for sequence in case.sequences)
+        truth = tuple(garment.vertices[first:last] for garment in case.clip.garments)
         read = prepared.method.round_trip(prepared.prepared, frames, truth)
         if read is None:
             return {}
@@ -140,7 +141,7 @@ def representation(case: Case, prepared: PreparedRollout) -> dict[str, Scores]:
     return {name: {f"representation_{k}": v for k, v in found.items()} for name, found in errors.items()}
 
 
-def repeatability(window: Window, simulated: SimulatedSequence) -> dict[str, Tensor]:
+def repeatability(window: Window, simulated: SimulatedClip) -> dict[str, Tensor]:
     """Distances of a simulation from its repeat, per frame that is scored in both; empty without a repeat.
 
     Frames are matched by the body's pose. A clip that has nothing before its window cannot start earlier: its
@@ -149,7 +150,7 @@ def repeatability(window: Window, simulated: SimulatedSequence) -> dict[str, Ten
     """
     if window.repeat is None:
         return {}
-    repeat = load_sequence(window.repeat)
+    repeat = load_simulated(window.repeat)
     if repeat.vertices.shape[1:] != simulated.vertices.shape[1:]:
         raise InputError(f"{window.repeat}: not the mesh of {window.path}")
     gaps = (repeat.transforms - simulated.transforms[-1]).abs().amax(dim=(1, 2, 3))
@@ -168,7 +169,7 @@ def repeatability(window: Window, simulated: SimulatedSequence) -> dict[str, Ten
 def cached(out: Path, case: Case, name: str, setting: str, work: Callable[[], CaseScores]) -> CaseScores:
     """The result of an earlier run of the same code on the same input, or that of `work`, then kept."""
     garments = [garment_fingerprint(garment) for garment in case.outfit.garments]
-    contents = [content_hash(sequence) for sequence in case.sequences]
+    contents = [content_hash(garment, case.clip.transforms) for garment in case.clip.garments]
     text = "/".join([SCORES_FORMAT, setting, *garments, *contents, str(len(case.transforms))])
     key = fingerprint(text)[:16]
     path = Path(out) / "partial" / f"{case.name}_{name}_{key}.npz"

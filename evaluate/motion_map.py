@@ -11,7 +11,7 @@ from evaluate.case import SHOWN
 from evaluate.report import MotionMap
 from evaluate.show import Shown
 from uvcloth.bodies.body import Body
-from uvcloth.dataset.sequence import load_sequence
+from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.methods.motion_guided.seeds import pose_seeds, sample_seeds
 
 SEEDS = 581
@@ -66,11 +66,11 @@ def _training_motion(data: Path, seen: frozenset[str]) -> dict[str, tuple[str, T
     """By content hash in `seen`: the clip, and (F, J, 3, 4) of its frames."""
     found = {}
     for path in sorted(Path(data).glob("*.npz")):
-        sequence = load_sequence(path)
-        content = sequence.metadata.get("hash")
+        clip = load_simulated(path)
+        content = clip.files[path.name]
         if content in seen:
-            transforms = sequence.transforms[sequence.warm_up :]
-            found[content] = (sequence.clip, transforms[:: max(1, -(-len(transforms) // SHOWN))])
+            transforms = clip.transforms[clip.warm_up :]
+            found[content] = (clip.name, transforms[:: max(1, -(-len(transforms) // SHOWN))])
     return found
 
 

@@ -9,7 +9,7 @@ from torch import Tensor
 from evaluate.case import Case
 from evaluate.metrics import distance_scores
 from uvcloth.bodies.frames import body_frames, with_lead
-from uvcloth.dataset.sequence import SimulatedSequence
+from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.rotations import rotate, rotate_back
 from uvcloth.geometry.skinning import skin_frames
@@ -55,7 +55,7 @@ def uses_feedback(prepared: PreparedRollout, case: Case) -> bool:
         return False
     frames = body_frames(case.outfit.body, with_lead(case.motion[:1]), case.fps)
     state = method.init(prepared.prepared, frames)
-    observed = tuple(sequence.vertices[:1] for sequence in case.sequences)
+    observed = tuple(garment.vertices[:1] for garment in case.clip.garments)
     return method.feed_back(prepared.prepared, state, observed) is not state
 
 
@@ -65,7 +65,7 @@ def _errors(prepared: PreparedRollout, case: Case, span: tuple[int, int], known:
     known: of how many frames, from its first on, the truth is observed.
     """
     first, last = span
-    garments = [sequence.vertices[first:last] for sequence in case.sequences]
+    garments = [garment.vertices[first:last] for garment in case.clip.garments]
     truth = list(zip(*garments, strict=True))
     frames = prepared.frames(case.motion[first:last], case.fps, truth=truth[:known])
     errors = []
@@ -79,7 +79,7 @@ def _errors(prepared: PreparedRollout, case: Case, span: tuple[int, int], known:
     return torch.stack(errors)
 
 
-def copied_truth(garment: Garment, simulated: SimulatedSequence, end: int) -> dict[str, dict[str, Tensor]]:
+def copied_truth(garment: Garment, simulated: SimulatedClip, end: int) -> dict[str, dict[str, Tensor]]:
     """The errors, mm, (F,) each, of predicting no change since the last true garment that was observed.
 
     "held": it stays where it was. "carried": it keeps its offsets from the smoothly skinned garment, in the
@@ -103,7 +103,7 @@ def copied_truth(garment: Garment, simulated: SimulatedSequence, end: int) -> di
     return found
 
 
-def _copy_errors(garment: Garment, simulated: SimulatedSequence, frames: Tensor, seen: Tensor) -> Tensor:
+def _copy_errors(garment: Garment, simulated: SimulatedClip, frames: Tensor, seen: Tensor) -> Tensor:
     """Errors (F, 2), mm, in `frames` of the garments of the frames `seen`, held and carried."""
     points, weights, transforms = garment.mesh.vertices, garment.smooth_weights, simulated.transforms
     held = simulated.vertices[seen]

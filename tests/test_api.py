@@ -19,7 +19,7 @@ import uvcloth
 from uvcloth import cli
 from uvcloth.api import _sources
 from uvcloth.bodies.body import Body, resized, save_body
-from uvcloth.dataset.sequence import load_sequence
+from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.export.animation import load_animation
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.templates import fit_template
@@ -164,7 +164,7 @@ def test_a_simulation_gives_the_frames_of_the_command_line(
     monkeypatch.setattr("dask.distributed.get_worker", lambda: worker)
     words = ("--garment", "tops", "--fabric", "silk", "--frames", "0:5", "--jobs", "1")
     command_line(monkeypatch, "simulate", "jump", *words, "--out", tmp_path)
-    written = load_sequence(tmp_path / "jump_tops.npz")
+    written = load_simulated(tmp_path / "jump_tops.npz")
     made: list[int] = []
     motion = uvcloth.load_motion("jump", frames="0:5")
     animation = uvcloth.simulate(motion, uvcloth.fit("tops", fabric="silk"), progress=made.append)

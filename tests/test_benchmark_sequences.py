@@ -6,8 +6,9 @@ import pytest
 import torch
 
 from uvcloth.bodies.body import load_body
+from uvcloth.dataset.clip import SimulatedClip
+from uvcloth.dataset.clip_file import load_simulated, save_simulated
 from uvcloth.dataset.packed import MEAN_ERROR, PackedFolder, load_packed, pack_folder
-from uvcloth.dataset.sequence import SimulatedSequence, load_sequence, save_sequence
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.index import read_index
@@ -19,30 +20,31 @@ TEMPLATES = ("tops", "bottoms", "dress", "shirt")
 
 
 @pytest.fixture(scope="module")
-def sequence() -> SimulatedSequence:
+def sequence() -> SimulatedClip:
     return load_packed(FOLDER / "26_01_bottoms.npz", PackedFolder(FOLDER))
 
 
-def test_a_sequence_is_cloth_on_a_body(sequence: SimulatedSequence) -> None:
+def test_a_sequence_is_cloth_on_a_body(sequence: SimulatedClip) -> None:
     """One garment's: a file that does not unpack to what was packed is refused, with any LAPACK."""
     garment = load_garment("bottoms", load_body())
-    assert torch.equal(sequence.faces, garment.mesh.faces)
-    torch.testing.assert_close(sequence.rest, garment.mesh.vertices)
+    (simulated,) = sequence.garments
+    assert torch.equal(simulated.faces, garment.mesh.faces)
+    torch.testing.assert_close(simulated.rest, garment.mesh.vertices)
     scored = slice(sequence.warm_up, None, 10)
-    skinned = skin(sequence.rest, garment.smooth_weights, sequence.transforms[scored])
+    skinned = skin(simulated.rest, garment.smooth_weights, sequence.transforms[scored])
     apart = (sequence.vertices[scored] - skinned).norm(dim=-1)
     assert 0.005 < float(apart.mean()) < 0.05
-    assert float(edge_change(sequence.vertices[scored], sequence.rest, sequence.faces).mean()) < 1.5e-3
+    assert float(edge_change(sequence.vertices[scored], simulated.rest, simulated.faces).mean()) < 1.5e-3
 
 
-def test_real_cloth_is_packed_within_the_error(sequence: SimulatedSequence, tmp_path: Path) -> None:
+def test_real_cloth_is_packed_within_the_error(sequence: SimulatedClip, tmp_path: Path) -> None:
     path = tmp_path / "data" / "26_01_bottoms.npz"
-    save_sequence(sequence, path)
+    save_simulated(sequence, path)
     assert pack_folder(path.parent, tmp_path / "packed") == 1
     packed = tmp_path / "packed" / path.name
     assert packed.stat().st_size < (FOLDER / path.name).stat().st_size / 2
     after = load_packed(packed, PackedFolder(packed.parent))
-    off = (after.vertices - load_sequence(path).vertices).norm(dim=-1).flatten()
+    off = (after.vertices - load_simulated(path).vertices).norm(dim=-1).flatten()
     assert float(off.mean()) < MEAN_ERROR
     assert float(off.kthvalue(int(0.99 * len(off))).values) < 3.0 * MEAN_ERROR
     assert float(off.max()) < 6.01 * MEAN_ERROR
@@ -81,7 +83,9 @@ def test_sequences_on_other_bodies_lie_beside_them() -> None:
             assert not {f"{name}_tops.npz" for name in names} & {path.name for path in FOLDER.glob("*.npz")}
     sequence = load_packed(folder / "16_15_tops.npz", PackedFolder(folder))
     assert sequence.metadata["body"] == "tall"
-    torch.testing.assert_close(sequence.rest, load_garment("tops", body).mesh.vertices, atol=1e-5, rtol=0)
+    torch.testing.assert_close(
+        sequence.garments[0].rest, load_garment("tops", body).mesh.vertices, atol=1e-5, rtol=0
+    )
 
 
 def test_made_outfits_lie_beside_them() -> None:
@@ -92,7 +96,8 @@ def test_made_outfits_lie_beside_them() -> None:
     for name in ("12_01_o0019_tshirt", "26_01_o0018_skirt", "16_08_o0001_shorts"):
         sequence = load_packed(folder / f"{name}.npz", PackedFolder(folder))
         entry = index[clips[name]]
-        assert (sequence.metadata["split"], sequence.metadata["subject"]) == (entry.split, entry.subject)
-        assert name.endswith(f"{sequence.metadata['outfit']}_{sequence.metadata['types'][sequence.garment]}")
+        assert (sequence.split, sequence.subject) == (entry.split, entry.subject)
+        (garment,) = sequence.garments
+        assert name.endswith(f"{sequence.outfit}_{sequence.kind(garment.name)}")
         body = load_body(folder / "bodies" / f"{sequence.metadata['body']}.npz")
-        assert (sequence.rest - body.mesh.vertices.mean(0)).norm(dim=1).max() < 1.5
+        assert (garment.rest - body.mesh.vertices.mean(0)).norm(dim=1).max() < 1.5

@@ -76,14 +76,14 @@ def test_help_imports_nothing_heavy():
 def simulated(body, tmp_path):
     """A folder in which the sequence of the tops over the built-in walk is there already."""
     from tests.simulate.skinned import skinned_sequence
-    from uvcloth.dataset.sequence import save_sequence
+    from uvcloth.dataset.clip_file import save_simulated
     from uvcloth.garments.templates import fit_template
     from uvcloth.motion.poses import rest_hash
     from uvcloth.simulate.explicit import Explicit
 
     made = skinned_sequence(fit_template("tops", body), body)
     made_by = {"body_hash": rest_hash(body), **json.loads(json.dumps(Explicit().describe()))}
-    save_sequence(replace(made, metadata={**made.metadata, **made_by}), tmp_path / "out" / "walk_tops.npz")
+    save_simulated(made.labelled(**made_by), tmp_path / "out" / "walk_tops.npz")
     return tmp_path / "out"
 
 

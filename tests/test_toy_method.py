@@ -15,7 +15,6 @@ from torch import Tensor, nn
 from evaluate.__main__ import main as evaluate
 from tests.export.glb_reader import GlbReader
 from train.__main__ import main as train
-from train.clips import load_training_clips, training_data
 from train.loop import LoopConfig, Objective, fit
 from train.registry import TRAINERS
 from train.trainer import TrainerEntry
@@ -24,7 +23,10 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.checkpoint import Checkpoint, body_identity, save_checkpoint
 from uvcloth.commands.export_rig import export
 from uvcloth.commands.rollout import animate
-from uvcloth.dataset.sequence import SimulatedSequence, save_sequence
+from uvcloth.dataset.clip import clip_of_garment
+from uvcloth.dataset.clip_file import save_simulated
+from uvcloth.dataset.reader import read_clips
+from uvcloth.dataset.splits import training_data
 from uvcloth.export.animation import load_animation
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import fit_template
@@ -65,7 +67,8 @@ class MovedObjective(Objective):
     samples = torch.arange(1)
 
     def __init__(self, data: Path) -> None:
-        self.clips = load_training_clips([data], OUTFIT)
+        ((_, clips),) = read_clips([data], OUTFIT)
+        self.clips = [clip.labelled(split="train") for clip in clips]
         self.garments = [fit_template(name, BODY) for name in OUTFIT]
 
     def networks(self) -> dict[str, nn.Module]:
@@ -80,7 +83,7 @@ class MovedObjective(Objective):
         loss = torch.zeros(())
         for g in self.garments:
             moved = skin(g.mesh.vertices + move, g.smooth_weights, clip.transforms)
-            loss = loss + (moved - clip.vertices[g.name]).abs().mean()
+            loss = loss + (moved - clip.by_name[g.name].vertices).abs().mean()
         yield "net", loss, {"distance": loss}
 
     def validate(self, net: Any) -> dict[str, float]:
@@ -89,11 +92,11 @@ class MovedObjective(Objective):
         return mean_errors(rollout_distances(Moved(net.bias), prepared, BODY, OUTFIT, self.clips, device))
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
-        tensors, data = {"move": net.bias.detach()}, training_data(self.clips, [])
+        tensors, data = {"move": net.bias.detach()}, training_data(self.clips)
         save_checkpoint(Checkpoint("moved", {}, tensors, body_identity(BODY), OUTFIT, data, notes), run)
 
     def settings(self) -> dict[str, Any]:
-        return {"data": asdict(training_data(self.clips, []))}
+        return {"data": asdict(training_data(self.clips))}
 
 
 @dataclass(frozen=True)
@@ -119,7 +122,7 @@ def data(tmp_path: Path) -> Path:
         transforms = load_clip("walk", BODY).window(10 * frames, frames).transforms()
         for garment in (fit_template(name, BODY) for name in OUTFIT):
             front = garment.mesh.vertices + torch.tensor([0.0, -0.02, 0.0])
-            sequence = SimulatedSequence(
+            sequence = clip_of_garment(
                 vertices=skin(front, garment.smooth_weights, transforms),
                 faces=garment.mesh.faces,
                 rest=garment.mesh.vertices,
@@ -128,7 +131,7 @@ def data(tmp_path: Path) -> Path:
                 warm_up=2,
                 metadata={"clip": clip, "garment": garment.name, "layers": list(OUTFIT)},
             )
-            save_sequence(sequence, tmp_path / "data" / f"{clip}_{garment.name}.npz")
+            save_simulated(sequence, tmp_path / "data" / f"{clip}_{garment.name}.npz")
     return tmp_path / "data"
 
 

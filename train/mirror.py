@@ -7,8 +7,8 @@ import torch
 from torch import Tensor
 
 from rasterize.raycast import closest_points
-from train.clips import TrainingClip
 from uvcloth.bodies.body import Body
+from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mirror import mirror_transforms
 
@@ -16,7 +16,9 @@ SYMMETRIC = 0.005
 """Metres that a garment's mirrored vertices may be off its surface at rest."""
 
 
-def mirror_clips(clips: list[TrainingClip], body: Body, garments: Sequence[Garment]) -> list[TrainingClip]:
+def mirror_clips(
+    clips: Sequence[SimulatedClip], body: Body, garments: Sequence[Garment]
+) -> list[SimulatedClip]:
     """The clips with left and right changed, of some garments; none if one of these is not symmetric.
 
     The vertices of a mesh have no partners: each takes the mirrored motion of the point of the surface that
@@ -33,7 +35,10 @@ def mirror_clips(clips: list[TrainingClip], body: Body, garments: Sequence[Garme
         replace(
             clip,
             transforms=mirror_transforms(clip.transforms, body.skeleton),
-            vertices={name: _mirrored(clip.vertices[name], *points) for name, points in opposite.items()},
+            garments=tuple(
+                replace(clip.by_name[name], vertices=_mirrored(clip.by_name[name].vertices, *points))
+                for name, points in opposite.items()
+            ),
         )
         for clip in clips
     ]

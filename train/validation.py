@@ -6,8 +6,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from train.clips import TrainingClip
 from uvcloth.bodies.body import Body
+from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.records import to_device
 from uvcloth.methods.method import Method
@@ -23,7 +23,7 @@ def rollout_distances(
     prepared: Any,
     body: Body,
     garments: Sequence[str],
-    clips: Sequence[TrainingClip],
+    clips: Sequence[SimulatedClip],
     device: torch.device,
     under: str = "",
 ) -> dict[str, list[Tensor]]:
@@ -38,13 +38,13 @@ def rollout_distances(
     for fps in sorted({clip.fps for clip in clips}):
         together = [clip for clip in clips if clip.fps == fps]
         motions = [clip.transforms[: clip.warm_up + ROLLOUT_FRAMES].to(device) for clip in together]
-        beneath = [clip.vertices[under].to(device) for clip in together] if under else []
+        beneath = [clip.by_name[under].vertices.to(device) for clip in together] if under else []
         frames = roll_out_together(method, prepared, outfit, motions, fps, beneath)
         for index, predicted in enumerate(frames):
             for name, vertices in zip(garments, predicted, strict=True):
                 for clip, own in zip(together, vertices, strict=True):
-                    if name in clip.vertices and index >= clip.warm_up:
-                        truth = clip.vertices[name][index].to(own)
+                    if name in clip.by_name and index >= clip.warm_up:
+                        truth = clip.by_name[name].vertices[index].to(own)
                         errors[name].append(1000.0 * (own - truth).norm(dim=1).mean())
     return errors
 

@@ -43,7 +43,7 @@ from uvcloth.ready import ReadyRollout, find_device, ready_rollout, require_same
 from uvcloth.rollout import RolloutFrame
 from uvcloth.simulate.engine import compile_once
 from uvcloth.simulate.engines import ENGINES, require_engine_name
-from uvcloth.simulate.quality_check import examine_together
+from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate as simulate_scene
 
 LOGGER = logging.getLogger(__name__)
@@ -271,18 +271,18 @@ def simulate(
     compile_once(made_by)
     clip = pose_from_rest(clip, outfit.body)
     made = simulate_scene(clip, 0, cloths, outfit.body, made_by, LeadIn(), progress)
-    sequences, reason = examine_together(made, outfit.garments, outfit.body)
-    if reason and not all(bool(torch.isfinite(sequence.vertices[-1]).all()) for sequence in sequences):
+    made, reason = examine(made, outfit.garments, outfit.body)
+    if reason and not all(bool(torch.isfinite(each.vertices[-1]).all()) for each in made.garments):
         raise InputError(f"{clip.name}: {reason}")
     if reason:
         LOGGER.warning("%s: %s", clip.name, reason)
-    start = sequences[0].warm_up
+    start = made.warm_up
     return Animation(
-        names=tuple(sequence.garment for sequence in sequences),
+        names=tuple(each.name for each in made.garments),
         meshes=tuple(garment.mesh for garment in outfit.garments),
-        vertices=tuple(sequence.vertices[start:].numpy() for sequence in sequences),
+        vertices=tuple(each.vertices[start:].numpy() for each in made.garments),
         body=outfit.body,
-        transforms=sequences[0].transforms[start:].numpy(),
+        transforms=made.transforms[start:].numpy(),
         fps=clip.fps,
     )
 

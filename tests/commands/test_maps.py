@@ -12,7 +12,8 @@ from tests.rasterize.exr_channels import read_channels
 from tests.small_body import small_body
 from uvcloth import cli
 from uvcloth.bodies.body import Body, save_body
-from uvcloth.dataset.sequence import SimulatedSequence, save_sequence
+from uvcloth.dataset.clip import clip_of_garment
+from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.geometry.mesh import vertex_normals
 
 FPS = 30.0
@@ -29,7 +30,7 @@ def sequence(body: Body, tmp_path: Path) -> Path:
     moving = suit + shift[:, None, None] * torch.tensor([1.0, 0.0, 0.0])
     path = tmp_path / "suit.npz"
     metadata = {"garment": "tops", "clip": "push"}
-    save_sequence(SimulatedSequence(moving, body.mesh.faces, suit, transforms, FPS, 0, metadata), path)
+    save_simulated(clip_of_garment(moving, body.mesh.faces, suit, transforms, FPS, 0, metadata), path)
     return path
 
 

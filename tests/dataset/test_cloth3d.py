@@ -15,10 +15,11 @@ from scipy.io import loadmat, savemat
 from tests.bodies.smpl_file import smpl_arrays, smpl_vertices, write_npz
 from train.__main__ import main
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.dataset.cloth3d import cloth3d_samples, load_cloth3d, read_cloth3d_sample
-from uvcloth.dataset.outfit_sequence import OutfitSequence
 from uvcloth.errors import InputError
 from uvcloth.formats.matlab import read_matlab
+from uvcloth.garments.garment import Outfit
 from uvcloth.physics.fabric import FABRICS
 
 Arrays = dict[str, np.ndarray]
@@ -108,59 +109,63 @@ def sample(model: tuple[Arrays, dict[str, Path]], tmp_path_factory: pytest.TempP
 
 
 @pytest.fixture(scope="module")
-def sequence(sample: Path, model: tuple[Arrays, dict[str, Path]]) -> OutfitSequence:
+def dressed(sample: Path, model: tuple[Arrays, dict[str, Path]]) -> tuple[Outfit, SimulatedClip]:
     return read_cloth3d_sample(sample, model[1])
 
 
-def test_a_sample_is_an_outfit_on_a_body(sequence: OutfitSequence) -> None:
-    assert (sequence.name, sequence.subject, sequence.split) == ("01_05_s2", "01", "train")
+def test_a_sample_is_an_outfit_on_a_body(dressed: tuple[Outfit, SimulatedClip]) -> None:
+    outfit, clip = dressed
+    assert (clip.name, clip.outfit, clip.subject, clip.split) == ("01_05_s2", "01_05_s2", "01", "train")
     # The innermost comes first, whatever the order in the file is.
-    assert sequence.types == ("trousers", "tshirt")
-    assert [garment.name for garment in sequence.outfit.garments] == ["Trousers", "Tshirt"]
-    assert (sequence.fps, sequence.warm_up, len(sequence.vertices)) == (30.0, 0, FRAMES)
-    assert sum(sequence.sizes) == sequence.vertices.shape[1]
-    assert sequence.transforms.shape == (FRAMES, 24, 3, 4)
-    said = sequence.metadata
+    assert [clip.kind(garment.name) for garment in clip.garments] == ["trousers", "tshirt"]
+    assert [garment.name for garment in outfit.garments] == ["Trousers", "Tshirt"]
+    assert [len(garment.mesh.vertices) for garment in outfit.garments] == [
+        garment.vertices.shape[1] for garment in clip.garments
+    ]
+    assert (clip.fps, clip.warm_up, len(clip.vertices)) == (30.0, 0, FRAMES)
+    assert clip.transforms.shape == (FRAMES, 24, 3, 4)
+    said = clip.metadata
     assert (said["gender"], said["tightness"], said["fabric"]["Tshirt"]) == ("female", [1.0, -0.5], "silk")
-    assert [garment.fabric for garment in sequence.outfit.garments] == [FABRICS["denim"], FABRICS["silk"]]
+    assert [garment.fabric for garment in outfit.garments] == [FABRICS["denim"], FABRICS["silk"]]
     # Samples have files of the same names, which one record of a training holds.
     files = {f"01_05_s2/{name}" for name in ("info.mat", "Trousers.pc16", "Tshirt.pc16")}
-    assert set(sequence.files) == files
+    assert set(clip.files) == files
 
 
 def test_cloth_and_body_are_where_the_data_sets_own_equations_put_them(
-    sequence: OutfitSequence, model: tuple[Arrays, dict[str, Path]]
+    dressed: tuple[Outfit, SimulatedClip], model: tuple[Arrays, dict[str, Path]]
 ) -> None:
     arrays, _ = model
-    body = sequence.outfit.body
+    outfit, clip = dressed
+    body = outfit.body
     assert len(body.mesh.vertices) == len(arrays["v_template"])
-    posed = posed_skin(body, sequence.transforms).double().numpy()
+    posed = posed_skin(body, clip.transforms).double().numpy()
     for frame, pose in enumerate(poses()):
         world = (aligned(arrays, pose) + TRANS[frame]) @ turned(ZROT).T
         off = np.linalg.norm(posed[frame] - world, axis=1)
         assert off[arrays["weights"].max(1) > 0.9999].max() < 1e-5
         assert off.max() < 4e-3
-        rows = np.cumsum([0, *sequence.sizes])
         for index, (low, high) in enumerate(((-0.9, -0.1), (-0.05, 0.25))):
             used, _ = patch(arrays, low, high)
-            cloth = sequence.vertices[frame, rows[index] : rows[index + 1]].double().numpy()
+            cloth = clip.garments[index].vertices[frame].double().numpy()
             assert np.abs(cloth - world[used]).max() < 1e-3  # half floats
-            rest = sequence.outfit.garments[index].mesh.vertices
+            rest = outfit.garments[index].mesh.vertices
             torch.testing.assert_close(rest, body.mesh.vertices[used], atol=5e-6, rtol=0)
 
 
 def test_fewer_frames_and_full_floats(
-    model: tuple[Arrays, dict[str, Path]], sequence: OutfitSequence, tmp_path: Path
+    model: tuple[Arrays, dict[str, Path]], dressed: tuple[Outfit, SimulatedClip], tmp_path: Path
 ) -> None:
+    _, clip = dressed
     folder = write_sample(tmp_path / "00012", model[0])
     for name in ("Tshirt", "Trousers"):
         half = np.frombuffer((folder / f"{name}.pc16").read_bytes()[32:], "<f2").reshape(FRAMES, -1, 3)
         (folder / f"{name}.pc16").unlink()
         write_cache(folder / f"{name}.pc2", half, half=False)
-    found = read_cloth3d_sample(folder, model[1], "test", every=2)
+    _, found = read_cloth3d_sample(folder, model[1], "test", every=2)
     assert (found.fps, found.subject, found.split) == (15.0, "00012", "test")
-    torch.testing.assert_close(found.vertices, sequence.vertices[::2])
-    torch.testing.assert_close(found.transforms, sequence.transforms[::2])
+    torch.testing.assert_close(found.vertices, clip.vertices[::2])
+    torch.testing.assert_close(found.transforms, clip.transforms[::2])
 
 
 def test_samples_are_found_and_nobody_is_in_two_splits(tmp_path: Path) -> None:
@@ -187,7 +192,7 @@ def test_samples_are_found_and_nobody_is_in_two_splits(tmp_path: Path) -> None:
 def test_training_starts_with_a_folder_of_samples(
     sample: Path,
     model: tuple[Arrays, dict[str, Path]],
-    sequence: OutfitSequence,
+    dressed: tuple[Outfit, SimulatedClip],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -199,11 +204,11 @@ def test_training_starts_with_a_folder_of_samples(
         load_cloth3d(tmp_path / "data")
     (tmp_path / "data" / "smpl").mkdir()
     (tmp_path / "data" / "smpl" / "model_f.npz").symlink_to(model[1]["female"])
-    found = load_cloth3d(tmp_path / "data", ("validation",), every=3)
-    assert [(each.name, each.split) for each in found] == [("00002", "validation")]
-    torch.testing.assert_close(found[0].vertices, sequence.vertices[::3])
+    ((outfit, clip),) = load_cloth3d(tmp_path / "data", ("validation",), every=3)
+    assert (clip.name, clip.split) == ("00002", "validation")
+    torch.testing.assert_close(clip.vertices, dressed[1].vertices[::3])
     # Bodies of one model share the largest of what they hold.
-    assert found[0].outfit.body.pose_shapes is load_cloth3d(tmp_path / "data")[0].outfit.body.pose_shapes
+    assert outfit.body.pose_shapes is load_cloth3d(tmp_path / "data")[0][0].body.pose_shapes
     main()
     assert (tmp_path / "run" / "model.safetensors").is_file()
 

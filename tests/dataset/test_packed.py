@@ -9,13 +9,15 @@ import numpy as np
 import pytest
 import torch
 
+from tests.dataset.altered import altered
 from tests.small_body import small_body
 from uvcloth import cli
 from uvcloth.bodies.body import save_body
 from uvcloth.dataset.bodies import folder_body, keep_body, sequence_body
+from uvcloth.dataset.clip import SimulatedClip, clip_of_garment, flat_metadata
+from uvcloth.dataset.clip_file import load_simulated, save_simulated
 from uvcloth.dataset.folder import keep_refused, refused_captures, stored_sequences
 from uvcloth.dataset.packed import PackedFolder, load_packed, pack_folder, unpack_folder
-from uvcloth.dataset.sequence import SimulatedSequence, load_sequence, save_sequence
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.geometry.rotations import from_axis_angles
@@ -26,7 +28,7 @@ FRAMES = 40
 INDEX = "trial,subject,split,action,window_start,window_frames\n01_01,a,train,walk,0,1000\n"
 
 
-def sequence(garment: str = "tops", **said: object) -> SimulatedSequence:
+def sequence(garment: str = "tops", **said: object) -> SimulatedClip:
     """A box that walks 12 m and turns around twice in a second, in cloth that swings around it."""
     body = small_body()
     time = torch.linspace(0.0, 1.0, FRAMES)[:, None]
@@ -40,20 +42,20 @@ def sequence(garment: str = "tops", **said: object) -> SimulatedSequence:
     vertices = (transforms[:, :1, :, :3] @ (rest + swing)[..., None]).squeeze(-1) + transforms[:, :1, :, 3]
     shape = {"body": "box", "body_hash": rest_hash(body), "engine": "newton.X"}
     metadata = {"clip": "01_01", "garment": garment, **shape, **said}
-    return SimulatedSequence(vertices, body.mesh.faces, rest, transforms, 30.0, 5, metadata)
+    return clip_of_garment(vertices, body.mesh.faces, rest, transforms, 30.0, 5, metadata)
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     for garment in ("tops", "dress"):
-        save_sequence(sequence(garment), tmp_path / "data" / f"01_01_{garment}.npz")
-    save_sequence(sequence(), tmp_path / "data" / "repeat" / "01_01_tops.npz")
+        save_simulated(sequence(garment), tmp_path / "data" / f"01_01_{garment}.npz")
+    save_simulated(sequence(), tmp_path / "data" / "repeat" / "01_01_tops.npz")
     keep_body(small_body(), tmp_path / "data")
     (tmp_path / "data" / "index.csv").write_text(INDEX)
     return tmp_path / "data"
 
 
-def require_within(before: SimulatedSequence, after: SimulatedSequence, error: float) -> None:
+def require_within(before: SimulatedClip, after: SimulatedClip, error: float) -> None:
     """Check the errors that packing promises; on top come 0.05 mm of a sequence's file and rounding."""
     off = (before.vertices - after.vertices).norm(dim=-1)
     slack = 1e-4
@@ -66,17 +68,18 @@ def test_what_is_unpacked_is_what_was_packed_to_a_millimetre(folder: Path, tmp_p
     assert pack_folder(folder, tmp_path / "packed") == 2
     assert unpack_folder(tmp_path / "packed", tmp_path / "again") == 2
     for name in ("01_01_tops.npz", "01_01_dress.npz"):
-        before, after = load_sequence(folder / name), load_sequence(tmp_path / "again" / name)
+        before, after = load_simulated(folder / name), load_simulated(tmp_path / "again" / name)
         require_within(before, after, 1e-3)
         torch.testing.assert_close(after.transforms, before.transforms, atol=4e-4, rtol=0)
-        assert torch.equal(after.faces, before.faces)
-        assert torch.equal(after.rest, before.rest)
+        (garment,), (original,) = after.garments, before.garments
+        assert torch.equal(garment.faces, original.faces)
+        assert torch.equal(garment.rest, original.rest)
         assert (after.fps, after.warm_up) == (before.fps, before.warm_up)
         own = ("hash", "packed_error")
-        assert {k: v for k, v in after.metadata.items() if k not in own} == {
-            k: v for k, v in before.metadata.items() if k not in own
+        assert {k: v for k, v in flat_metadata(after, garment).items() if k not in own} == {
+            k: v for k, v in flat_metadata(before, original).items() if k not in own
         }
-        assert after.metadata["packed_error"] == 1e-3
+        assert garment.metadata["packed_error"] == 1e-3
     assert (tmp_path / "again" / "index.csv").read_text() == INDEX
     assert len(stored_sequences(tmp_path / "again")) == 2
     assert torch.equal(folder_body(tmp_path / "again").mesh.vertices, small_body().mesh.vertices)
@@ -90,11 +93,11 @@ def test_outfits_are_packed_with_their_bodies(folder: Path, tmp_path: Path) -> N
     for garment in made["layers"]:
         on = {"body": stout.name, "body_hash": rest_hash(stout)}
         wider = sequence(garment, **made, **on)
-        save_sequence(replace(wider, rest=1.2 * wider.rest), folder / f"01_01_{garment}.npz")
+        save_simulated(altered(wider, rest=1.2 * wider.garments[0].rest), folder / f"01_01_{garment}.npz")
     assert pack_folder(folder, tmp_path / "packed") == 4
     assert unpack_folder(tmp_path / "packed", tmp_path / "again") == 4
-    after = load_sequence(tmp_path / "again" / "01_01_o1_skirt.npz")
-    assert after.metadata["outfit"] == "o1"
+    after = load_simulated(tmp_path / "again" / "01_01_o1_skirt.npz")
+    assert after.outfit == "o1"
     assert after.layers == ("o1_skirt", "o1_top")
     body = sequence_body(tmp_path / "again" / "01_01_o1_skirt.npz", after.metadata, {})
     assert torch.equal(body.mesh.vertices, stout.mesh.vertices)
@@ -144,10 +147,8 @@ def test_what_cannot_be_packed_is_refused_by_its_file(folder: Path, tmp_path: Pa
     with pytest.raises(InputError, match=r"repeat/..: is the folder itself"):
         pack_folder(folder, folder / "repeat" / "..")
     other = sequence()
-    moved = SimulatedSequence(
-        other.vertices, other.faces, 1.01 * other.rest, other.transforms, 30.0, 5, other.metadata
-    )
-    save_sequence(moved, folder / "01_03_tops.npz")
+    wider = altered(other, rest=1.01 * other.garments[0].rest)
+    save_simulated(wider, folder / "01_03_tops.npz")
     with pytest.raises(InputError, match=r"01_03_tops.npz: tops has another mesh there than"):
         pack_folder(folder, packed)
 
@@ -156,8 +157,8 @@ def test_what_cannot_be_packed_is_refused_by_its_file(folder: Path, tmp_path: Pa
 def test_errors_are_those_that_are_allowed(error: float, folder: Path, tmp_path: Path) -> None:
     assert pack_folder(folder, tmp_path / "packed", error) == 2
     after = load_packed(tmp_path / "packed" / "01_01_tops.npz", PackedFolder(tmp_path / "packed"))
-    require_within(load_sequence(folder / "01_01_tops.npz"), after, error)
-    assert after.metadata["packed_error"] == error
+    require_within(load_simulated(folder / "01_01_tops.npz"), after, error)
+    assert after.garments[0].metadata["packed_error"] == error
     with pytest.raises(InputError, match=r"--error 1000: expected 0.01 to 100 mm"):
         pack_folder(folder, tmp_path / "packed", 1.0)
 
@@ -165,7 +166,7 @@ def test_errors_are_those_that_are_allowed(error: float, folder: Path, tmp_path:
 def test_garments_of_a_clip_share_its_motion(folder: Path, tmp_path: Path) -> None:
     pack_folder(folder, tmp_path / "packed")
     assert len(list((tmp_path / "packed" / "motions").iterdir())) == 1
-    save_sequence(replace(sequence("shirt"), warm_up=6), folder / "01_01_shirt.npz")
+    save_simulated(replace(sequence("shirt"), warm_up=6), folder / "01_01_shirt.npz")
     assert pack_folder(folder, tmp_path / "packed") == 1
     assert len(list((tmp_path / "packed" / "motions").iterdir())) == 2
 
@@ -228,7 +229,7 @@ def test_files_that_do_not_belong_together_are_refused(folder: Path, tmp_path: P
     with pytest.raises(InputError, match=r"expected a sequence packed by `uvcloth data --pack`"):
         unpack_folder(folder, tmp_path / "again")
     with pytest.raises(InputError, match=r"expected a sequence that this version's `uvcloth simulate` made"):
-        load_sequence(packed / "01_01_tops.npz")
+        load_simulated(packed / "01_01_tops.npz")
     mesh = load_arrays(packed / "meshes" / "tops.npz", "uvcloth-mesh-2", "")
     save_arrays(packed / "meshes" / "tops.npz", {**mesh, "faces": np.roll(mesh["faces"], 1, axis=0)[:-4]})
     with pytest.raises(InputError, match=r"01_01_tops.npz: does not unpack to what was packed, its mesh"):

@@ -14,21 +14,25 @@ from torch import Tensor
 
 import evaluate.compare as comparison
 import evaluate.judge as judging
+import evaluate.selection as selecting
 from evaluate.__main__ import main
 from evaluate.actions import find_windows
 from evaluate.candidates import Candidate, load_candidates
 from evaluate.case import Case
-from evaluate.compare import Selection, compare
+from evaluate.compare import compare
 from evaluate.judge import CaseScores, judge
 from evaluate.report import write_report
+from evaluate.selection import Selection, cases_on
 from evaluate.show import Shown, pictures
+from tests.dataset.altered import altered
 from tests.train.simulated import save_clips
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import WEIGHTS, TrainingData, save_checkpoint
 from uvcloth.dataset.bodies import keep_body
+from uvcloth.dataset.clip import SimulatedClip, clip_of_garment
+from uvcloth.dataset.clip_file import load_simulated, save_simulated
 from uvcloth.dataset.folder import keep_refused
-from uvcloth.dataset.sequence import SimulatedSequence, load_sequence, save_sequence
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
@@ -77,14 +81,14 @@ def motion(frames: int, start: int = 0) -> Tensor:
     return torch.cat([torch.eye(3).expand(frames, 3, 3), path[:, :, None]], dim=-1)[:, None]
 
 
-def simulated(garment: Garment, clip: str, off: Tensor, start: int = 0) -> SimulatedSequence:
+def simulated(garment: Garment, clip: str, off: Tensor, start: int = 0) -> SimulatedClip:
     """A garment that hangs `off` metres beside its rest shape on the moving body."""
     transforms = motion(SETTLING + COUNTED - start, start)
     carried = skin(garment.mesh.vertices, garment.weights, transforms)
     body = capsule_body()
     metadata = {"clip": clip, "garment": garment.name, "template": garment.template}
     metadata |= {"body": body.name, "body_hash": rest_hash(body)}
-    return SimulatedSequence(
+    return clip_of_garment(
         carried + off, garment.mesh.faces, garment.mesh.vertices, transforms, FPS, SETTLING, metadata
     )
 
@@ -92,24 +96,24 @@ def simulated(garment: Garment, clip: str, off: Tensor, start: int = 0) -> Simul
 @pytest.fixture
 def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A data folder of two actions and two templates, and templates that are tubes."""
-    monkeypatch.setattr(comparison, "fit_template", lambda name, body: tube_garment(name))
+    monkeypatch.setattr(selecting, "fit_template", lambda name, body: tube_garment(name))
 
     def every_vertex(garment: Garment, body: Body, size: int) -> tuple[Tensor, Tensor]:
         corners = torch.arange(len(garment.mesh.vertices))[:, None].expand(-1, 3)
         return corners, torch.tensor([[1.0, 0.0, 0.0]]).expand(len(corners), 3)
 
-    monkeypatch.setattr(comparison, "garment_map", every_vertex)
+    monkeypatch.setattr(selecting, "garment_map", every_vertex)
 
     data = tmp_path / "data"
     for clip, off in (("02_04", 0.005), ("12_01", 0.010)):
         for name in ("tops", "dress"):
             garment = tube_garment(name)
-            save_sequence(
+            save_simulated(
                 simulated(garment, clip, torch.tensor([0.0, 0.0, off])), data / f"{clip}_{name}.npz"
             )
     # The repeat of one window starts three frames later and hangs 2 mm apart.
     repeat = simulated(tube_garment("tops"), "02_04", torch.tensor([0.002, 0.0, 0.005]), start=3)
-    save_sequence(repeat, data / "repeat" / "02_04_tops.npz")
+    save_simulated(repeat, data / "repeat" / "02_04_tops.npz")
     (data / "index.csv").write_text(
         "trial,subject,split,action,window_start,window_frames\n"
         "02_04,02,test,jump,0,9\n12_01,12,test,walking,0,9\n01_01,01,train,playground,0,9\n"
@@ -126,9 +130,9 @@ def skirt(world: Path, monkeypatch: pytest.MonkeyPatch) -> str:
     def from_file(file: str, *_: object) -> Garment:
         return replace(garment, name=Path(file).stem)
 
-    monkeypatch.setattr(comparison, "load_garment_for_data", from_file)
+    monkeypatch.setattr(selecting, "load_garment_for_data", from_file)
     hanging = simulated(garment, "12_01", torch.tensor([0.0, 0.0, 0.02]))
-    save_sequence(hanging, world / "12_01_long_skirt.npz")
+    save_simulated(hanging, world / "12_01_long_skirt.npz")
     return "wardrobe/long_skirt.obj"
 
 
@@ -144,10 +148,8 @@ def run(
     body = body or capsule_body()
     return compare(
         load_candidates(("lbs", "lbs_smooth"), body),
-        Selection(data, actions, files, frames),
+        cases_on(body, Selection(data, actions, files, frames, map_size=16)),
         out,
-        body=body,
-        map_size=16,
         machine=machine,
     )[0]
 
@@ -200,10 +202,8 @@ def test_floors(world: Path, tmp_path: Path) -> None:
     assert results["floor"]["representation_mm"] == results["methods"]["lbs"]["representation"] == {}
     results, _ = compare(
         [Candidate(n, Rounded(off, n), 0.0, n, frozenset()) for n, off in (("near", 0.001), ("far", 0.002))],
-        Selection(world),
+        cases_on(capsule_body(), Selection(world, map_size=16)),
         tmp_path / "out",
-        body=capsule_body(),
-        map_size=16,
         machine="a test",
     )
     root = 3**0.5
@@ -245,11 +245,9 @@ def test_actions_and_frames_narrow_it_down(world: Path, tmp_path: Path) -> None:
 def test_missing_windows_are_listed_with_the_reason(world: Path, tmp_path: Path) -> None:
     assert run(world, tmp_path / "out")["missing"] == {}
     exploded = simulated(tube_garment("dress"), "12_01", torch.tensor(torch.nan))
-    metadata = {**exploded.metadata, "rejected": "frame 3: a vertex is not a finite number"}
+    exploded = exploded.labelled(rejected="frame 3: a vertex is not a finite number")
     (world / "12_01_dress.npz").unlink()
-    save_sequence(
-        SimulatedSequence(**{**vars(exploded), "metadata": metadata}), world / "rejected" / "12_01_dress.npz"
-    )
+    save_simulated(exploded, world / "rejected" / "12_01_dress.npz")
     (world / "02_04_dress.npz").unlink()
     missing = {
         "jump": {"dress": "not simulated"},
@@ -278,16 +276,14 @@ def test_a_trained_model_is_judged_on_the_real_body(body: Body, tmp_path: Path) 
     for parameter in method.net.parameters():
         parameter.data.zero_()
     seen = TrainingData(
-        {"clip0_tops.npz": load_sequence(data / "clip0_tops.npz").metadata["hash"]},
+        {"clip0_tops.npz": load_simulated(data / "clip0_tops.npz").files["clip0_tops.npz"]},
         {"train": {"clip0": ""}, "validation": {"clip1": ""}},
     )
     save_checkpoint(physxnet_checkpoint(method, body, seen, {"training_frames": 1434}), folder)
     results, _ = compare(
         load_candidates(("lbs_smooth", str(folder)), body),
-        Selection(data, frames=2),
+        cases_on(body, Selection(data, frames=2, map_size=64)),
         tmp_path / "out",
-        body=body,
-        map_size=64,
         machine="a test",
     )
     walker, baseline = results["methods"]["lbs_walker"], results["methods"]["lbs_smooth"]
@@ -328,10 +324,8 @@ class ForOne(Method):
 def judged(method: Method, data: Path, out: Path) -> tuple[dict, list[Shown]]:
     return compare(
         (*load_candidates(("lbs",), capsule_body()), Candidate(method.name, method, 0.0, "", frozenset())),
-        Selection(data),
+        cases_on(capsule_body(), Selection(data, map_size=16)),
         out,
-        body=capsule_body(),
-        map_size=16,
         machine="a test",
     )
 
@@ -364,10 +358,10 @@ class Sinking(Method):
 
 def test_before_contact_a_method_never_sees_contact(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Alone it sinks by a millimetre a frame; what contact leaves is wider, its edges having their length."""
-    monkeypatch.setattr(comparison, "fit_template", lambda name, body: tube_garment(name))
-    monkeypatch.setattr(comparison, "garment_map", lambda *_: None)
+    monkeypatch.setattr(selecting, "fit_template", lambda name, body: tube_garment(name))
+    monkeypatch.setattr(selecting, "garment_map", lambda *_: None)
     garment = tube_garment("tops")
-    save_sequence(simulated(garment, "02_04", torch.zeros(3)), tmp_path / "data" / "02_04_tops.npz")
+    save_simulated(simulated(garment, "02_04", torch.zeros(3)), tmp_path / "data" / "02_04_tops.npz")
     results, _ = judged(Sinking(), tmp_path / "data", tmp_path / "out")
     own = results["methods"]["sinking"]
     alone = [SETTLING + 1.0 + frame for frame in range(COUNTED)]
@@ -396,7 +390,7 @@ def test_a_method_is_judged_on_what_it_dresses(world: Path, tmp_path: Path) -> N
 
 def test_the_frame_rate_is_that_of_most_windows(world: Path, tmp_path: Path) -> None:
     last = world / "12_01_dress.npz"
-    save_sequence(replace(load_sequence(last), fps=60.0), last)
+    save_simulated(replace(load_simulated(last), fps=60.0), last)
     assert run(world, tmp_path / "out", frames=3)["fps"] == FPS
 
 
@@ -447,16 +441,13 @@ def test_bad_input_is_one_sentence(
     short = tmp_path / "short"
     garment = tube_garment("tops")
     sequence = simulated(garment, "a", torch.zeros(3))
-    save_sequence(SimulatedSequence(**{**vars(sequence), "warm_up": 1000}), short / "a_tops.npz")
+    save_simulated(altered(sequence, warm_up=1000), short / "a_tops.npz")
     assert "a_tops.npz: was simulated on another body (capsule) than" in refused("lbs", short)
     keep_body(capsule_body(), short)
     assert "a_tops.npz: warm_up holds 1000, expected 0 to 19" in refused("lbs", short)
-    grown = SimulatedSequence(**{**vars(sequence), "rest": 1.2 * sequence.rest})
-    save_sequence(grown, short / "a_tops.npz")
+    save_simulated(altered(sequence, rest=1.2 * garment.mesh.vertices), short / "a_tops.npz")
     assert "another body" in refused("lbs", short)
-    save_sequence(
-        SimulatedSequence(**{**vars(sequence), "faces": sequence.faces.flip(1)}), short / "a_tops.npz"
-    )
+    save_simulated(altered(sequence, faces=garment.mesh.faces.flip(1)), short / "a_tops.npz")
     assert "a_tops.npz: its mesh is not that of the garment tops" in refused("lbs", short)
 
 
@@ -472,8 +463,10 @@ def test_a_garment_from_a_file_is_judged_where_it_is_named(world: Path, skirt: s
         run(world, tmp_path / "out", files=(skirt, "cape.obj"))
     with pytest.raises(InputError, match=r"other/long_skirt.obj: another one is also named long_skirt"):
         run(world, tmp_path / "out", files=(skirt, "other/long_skirt.obj"))
-    sequence = load_sequence(world / "12_01_long_skirt.npz")
-    save_sequence(replace(sequence, faces=sequence.faces.flip(1)), world / "12_01_long_skirt.npz")
+    sequence = load_simulated(world / "12_01_long_skirt.npz")
+    save_simulated(
+        altered(sequence, faces=sequence.garments[0].faces.flip(1)), world / "12_01_long_skirt.npz"
+    )
     with pytest.raises(
         InputError, match=r"12_01_long_skirt\.npz: its mesh is not that of the garment long_skirt"
     ):
@@ -496,20 +489,20 @@ def test_a_changed_file_is_judged_again(
 
     assert len(judged_again()) == 2 * 5
     assert judged_again() == []
-    before = comparison.load_garment_for_data
+    before = selecting.load_garment_for_data
 
     def turned(file: str, *more: object) -> Garment:
         garment = before(file, *more)  # type: ignore[arg-type]
         return replace(garment, mesh=replace(garment.mesh, uvs=garment.mesh.uvs.flip(1)))
 
-    monkeypatch.setattr(comparison, "load_garment_for_data", turned)
+    monkeypatch.setattr(selecting, "load_garment_for_data", turned)
     assert judged_again() == 2 * ["12_01_long_skirt"]
 
 
 def test_a_garment_that_no_texel_sees_has_no_map(
     world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(comparison, "garment_map", lambda *_: None)
+    monkeypatch.setattr(selecting, "garment_map", lambda *_: None)
     results = run(world, tmp_path / "out")
     assert results["methods"]["lbs"]["actions"]["jump"]["tops"]["map_mse_mm2"] is None
     assert results["floor"]["representation_mm"] == {}
@@ -520,7 +513,7 @@ def test_a_garment_that_no_texel_sees_has_no_map(
 
 def test_a_repeat_without_an_earlier_start_tells_nothing(world: Path, tmp_path: Path) -> None:
     same = simulated(tube_garment("tops"), "12_01", torch.tensor([0.0, 0.0, 0.010]))
-    save_sequence(same, world / "repeat" / "12_01_tops.npz")
+    save_simulated(same, world / "repeat" / "12_01_tops.npz")
     floor = run(world, tmp_path / "out")["floor"]
     assert floor["repeatability_mm"] == pytest.approx({"tops": 2.0}, abs=1e-3)
 
@@ -529,8 +522,8 @@ def test_repeat_of_another_motion_is_refused(world: Path, tmp_path: Path) -> Non
     other = simulated(tube_garment("tops"), "02_04", torch.zeros(3))
     bent = other.transforms[2:].clone()
     bent[:-1, :, 0, 3] += 0.05
-    save_sequence(
-        SimulatedSequence(**{**vars(other), "vertices": other.vertices[2:], "transforms": bent}),
+    save_simulated(
+        clip_of_garment(**{**vars(other), "vertices": other.vertices[2:], "transforms": bent}),
         world / "repeat" / "02_04_tops.npz",
     )
     with pytest.raises(InputError, match="does not repeat the motion"):

@@ -12,10 +12,11 @@ from evaluate.body_scores import body_scores, dressed_body
 from evaluate.candidates import Candidate
 from evaluate.case import make_case
 from evaluate.judge import judge, score
+from tests.dataset.altered import altered
 from tests.evaluate.test_compare import capsule_body, simulated, tube_garment
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
-from uvcloth.dataset.sequence import SimulatedSequence
+from uvcloth.dataset.clip import clip_of_garment
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
@@ -40,7 +41,7 @@ def test_inside_counts_what_lies_within_the_body() -> None:
     corners = torch.arange(300)[:, None].expand(-1, 3)
     case = make_case(
         (Window("a", "a", "", "g", None, None),),  # type: ignore[arg-type]
-        (SimulatedSequence(points, sheet, points[0], transforms, 30.0, 0, {}),),
+        clip_of_garment(points, sheet, points[0], transforms, 30.0, 0, {"clip": "a", "garment": "g"}),
         Outfit(body, (garment,)),
         {"g": (corners, torch.full((300, 3), 1 / 3))},
     )
@@ -75,10 +76,10 @@ class Raised(Method):
 
 def test_figures_before_contact_are_of_the_method_without_it() -> None:
     moved, garment = simulated(tube_garment("tops"), "02_04", torch.zeros(3)), tube_garment("tops")
-    moved = replace(moved, transforms=torch.eye(3, 4).expand_as(moved.transforms))
-    moved = replace(moved, vertices=garment.mesh.vertices.expand_as(moved.vertices))
+    still = torch.eye(3, 4).expand_as(moved.transforms)
+    moved = altered(moved, transforms=still, vertices=garment.mesh.vertices.expand_as(moved.vertices))
     window = Window("a", "02_04", "", "tops", None, None)  # type: ignore[arg-type]
-    case = make_case((window,), (moved,), Outfit(capsule_body(), (garment,)), {})
+    case = make_case((window,), moved, Outfit(capsule_body(), (garment,)), {})
     scores = judge(case, Candidate("raised", Raised(), 0.0, "", frozenset())).parts["tops"]
     assert scores["vertex_mean_mm_raw"].mean() == pytest.approx(410.0, abs=0.1)
     assert scores["vertex_mean_mm"].mean() == pytest.approx(400.0, abs=0.1)

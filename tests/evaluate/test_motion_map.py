@@ -11,7 +11,7 @@ from evaluate.motion_map import embedded, motion_maps, seed_positions
 from evaluate.show import Shown
 from tests.train.simulated import save_clips, swaying
 from uvcloth.bodies.body import Body
-from uvcloth.dataset.sequence import load_sequence
+from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.garments.templates import fit_template
 from uvcloth.methods.registry import load_method
 
@@ -45,9 +45,9 @@ def test_like_poses_lie_together() -> None:
 
 def test_a_map_per_training_set(body: Body, tmp_path: Path) -> None:
     save_clips(tmp_path, ("tops", "dress"), clips=3, frames=12)
-    judged = load_sequence(tmp_path / "clip0_tops.npz")
+    judged = load_simulated(tmp_path / "clip0_tops.npz")
     seen = ("clip1_tops", "clip1_dress", "clip2_tops")
-    known = frozenset(load_sequence(tmp_path / f"{name}.npz").metadata["hash"] for name in seen)
+    known = frozenset(load_simulated(tmp_path / f"{name}.npz").files[f"{name}.npz"] for name in seen)
     lbs = load_method("lbs", body)
 
     def candidate(name: str, seen: frozenset[str]) -> Candidate:

@@ -11,10 +11,12 @@ import torch
 from torch import Tensor
 
 import evaluate.compare as comparison
+import evaluate.selection as selecting
 from evaluate.__main__ import summary
 from evaluate.candidates import Candidate, load_candidates
-from evaluate.compare import Selection, compare
+from evaluate.compare import compare
 from evaluate.report import write_report
+from evaluate.selection import Selection, cases_on
 from evaluate.show import Shown, pictures, viewer_clips
 from tests.evaluate.test_compare import (
     COUNTED,
@@ -27,7 +29,7 @@ from tests.evaluate.test_compare import (
     tube_garment,
 )
 from uvcloth.bodies.frames import BodyFrames
-from uvcloth.dataset.sequence import load_sequence, save_sequence
+from uvcloth.dataset.clip_file import load_simulated, save_simulated
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.ensemble import Ensemble
@@ -44,15 +46,13 @@ def fitted(name: str, *_: object) -> Garment:
 @pytest.fixture
 def data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Tops that were simulated over bottoms, 10 and 5 mm above their rest, and a dress alone."""
-    monkeypatch.setattr(comparison, "fit_template", fitted)
-    monkeypatch.setattr(comparison, "garment_map", lambda *_: None)
+    monkeypatch.setattr(selecting, "fit_template", fitted)
+    monkeypatch.setattr(selecting, "garment_map", lambda *_: None)
     folder = tmp_path / "data"
     for name, off in (("bottoms", 0.005), ("tops", 0.010), ("dress", 0.0)):
         sequence = simulated(fitted(name), "02_04", torch.tensor([0.0, 0.0, off]))
         layers = {} if name == "dress" else {"layers": ["bottoms", "tops"]}
-        save_sequence(
-            replace(sequence, metadata={**sequence.metadata, **layers}), folder / f"02_04_{name}.npz"
-        )
+        save_simulated(sequence.labelled(**layers), folder / f"02_04_{name}.npz")
     return folder
 
 
@@ -63,10 +63,8 @@ def judged(
     given = [Candidate(method.name, method, 0.0, "", frozenset()) for method in methods]
     return compare(
         [*load_candidates(models, body), *given],
-        Selection(data),
+        cases_on(body, Selection(data, map_size=16)),
         data.parent / "out",
-        body=body,
-        map_size=16,
         machine="a test",
     )
 
@@ -155,9 +153,9 @@ def test_methods_that_use_feedback_see_the_truth_of_all_garments(data: Path) -> 
 
 def test_garments_of_an_outfit_belong_together(data: Path) -> None:
     tops = data / "02_04_tops.npz"
-    sequence = load_sequence(tops)
-    save_sequence(replace(sequence, warm_up=SETTLING - 1), tops)
-    with pytest.raises(InputError, match=r"02_04_tops\.npz: was not simulated together with .*02_04_bottoms"):
+    sequence = load_simulated(tops)
+    save_simulated(replace(sequence, warm_up=SETTLING - 1), tops)
+    with pytest.raises(InputError, match=r"02_04_tops\.npz: has another body motion than 02_04_bottoms\.npz"):
         judged(data)
     tops.unlink()
     with pytest.raises(InputError, match=r"02_04_bottoms\.npz: was simulated with the garment tops"):

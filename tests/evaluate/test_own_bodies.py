@@ -5,9 +5,10 @@ from pathlib import Path
 import pytest
 
 from evaluate.__main__ import summary
-from evaluate.compare import Selection
-from evaluate.outfits import compare_outfits, holds_outfits
+from evaluate.candidates import load_candidates
+from evaluate.compare import compare
 from evaluate.report import write_report
+from evaluate.selection import Selection, find_cases
 from evaluate.show import viewer_clips
 from tests.train.deepsd.outfits import MadeUp, save_outfits
 from uvcloth.errors import InputError
@@ -29,8 +30,9 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_figures_are_by_type_and_of_the_split(data: Path, tmp_path: Path) -> None:
-    assert holds_outfits(data)
-    results, shown = compare_outfits(["lbs_smooth"], Selection(data), tmp_path, machine="a test")
+    cases = find_cases(Selection(data))
+    assert not cases.one_body
+    results, shown = compare(load_candidates(["lbs_smooth"], cases.body), cases, tmp_path, machine="a test")
     smooth = results["methods"]["lbs_smooth"]
     assert list(smooth["actions"]) == ["clip0"]
     cells = smooth["actions"]["clip0"]
@@ -52,9 +54,11 @@ def test_figures_are_by_type_and_of_the_split(data: Path, tmp_path: Path) -> Non
 
 
 def test_what_cannot_be_judged_is_named(data: Path, tmp_path: Path) -> None:
+    cases = find_cases(Selection(data))
+    candidates = load_candidates(["pbns"], cases.body)
     with pytest.raises(InputError, match=r"nothing to evaluate pbns on: .*model pbns is for tops"):
-        compare_outfits(["pbns"], Selection(data), tmp_path, machine="a test")
+        compare(candidates, cases, tmp_path, machine="a test")
     with pytest.raises(InputError, match="no test action is called 'run', expected clip0"):
-        compare_outfits(["lbs"], Selection(data, actions=("run",)), tmp_path, machine="a test")
+        find_cases(Selection(data, actions=("run",)))
     with pytest.raises(InputError, match="--garment is not allowed"):
-        compare_outfits(["lbs"], Selection(data, files=("skirt.obj",)), tmp_path, machine="a test")
+        find_cases(Selection(data, files=("skirt.obj",)))

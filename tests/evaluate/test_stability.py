@@ -1,6 +1,6 @@
 """Errors of methods that feed on themselves, where they are known in advance."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -12,9 +12,10 @@ from evaluate.actions import Window
 from evaluate.case import make_case
 from evaluate.results import stability
 from evaluate.stability import copied_truth, stability_scores
+from tests.dataset.altered import altered
 from tests.evaluate.test_compare import COUNTED, FPS, SETTLING, capsule_body, motion, simulated, tube_garment
 from uvcloth.bodies.frames import BodyFrames
-from uvcloth.dataset.sequence import SimulatedSequence
+from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
@@ -50,18 +51,18 @@ class Straying(Method):
 
 
 @pytest.fixture
-def window() -> SimulatedSequence:
+def window() -> SimulatedClip:
     """A garment that stays 5 cm above its rest shape: far enough that contact leaves it alone."""
     return simulated(tube_garment("tops"), "02_04", torch.tensor([0.0, 0.0, 0.05]))
 
 
 def test_errors_grow_with_the_frames_since_the_truth(
-    window: SimulatedSequence, monkeypatch: pytest.MonkeyPatch
+    window: SimulatedClip, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(measured, "SHORT_ROLLOUT", 5)
     outfit = Outfit(capsule_body(), (tube_garment("tops"),))
     where = Window("jump", "02_04", "", "tops", Path(), None)
-    case = make_case((where,), (window,), outfit, {})
+    case = make_case((where,), window, outfit, {})
     scores = stability_scores(prepare_rollout(Straying(), outfit), case)["tops"]
     assert scores["one_step_mm"].tolist() == pytest.approx([1.0] * COUNTED, abs=0.05)
     assert scores["one_step_mm_raw"].tolist() == pytest.approx([1.0] * COUNTED, abs=1e-3)
@@ -70,7 +71,7 @@ def test_errors_grow_with_the_frames_since_the_truth(
 
 
 def test_copies_of_the_truth_miss_what_has_moved_since(
-    window: SimulatedSequence, monkeypatch: pytest.MonkeyPatch
+    window: SimulatedClip, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(measured, "SHORT_ROLLOUT", 5)
     copies = copied_truth(tube_garment("tops"), window, END)
@@ -82,14 +83,14 @@ def test_copies_of_the_truth_miss_what_has_moved_since(
         assert copies["carried"][key].max() < 1e-2
 
 
-def test_carried_copies_turn_with_the_body(window: SimulatedSequence) -> None:
+def test_carried_copies_turn_with_the_body(window: SimulatedClip) -> None:
     garment = tube_garment("tops")
     turns = torch.arange(END) / FPS
     rotation = torch.stack([turns.cos(), -turns.sin(), turns.sin(), turns.cos()], dim=-1).view(END, 2, 2)
     transforms = torch.eye(3, 4).repeat(END, 1, 1, 1)
     transforms[:, 0, :2, :2] = rotation
     beside = garment.mesh.vertices + torch.tensor([0.03, 0.0, 0.0])
-    turned = replace(window, transforms=transforms, vertices=skin(beside, garment.weights, transforms))
+    turned = altered(window, transforms=transforms, vertices=skin(beside, garment.weights, transforms))
     copies = copied_truth(garment, turned, END)
     assert copies["carried"]["one_step_mm"].max() < 1e-2
     assert copies["held"]["one_step_mm"].min() > 1.0

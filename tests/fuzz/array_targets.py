@@ -14,8 +14,9 @@ from tests.small_body import small_body
 from uvcloth.bodies.body import Body, load_body, resized, save_body
 from uvcloth.bodies.difference import load_kept_body, save_difference
 from uvcloth.dataset.bodies import keep_body
+from uvcloth.dataset.clip import SimulatedClip, clip_of_garment, flat_metadata
+from uvcloth.dataset.clip_file import load_simulated, read_metadata, save_simulated
 from uvcloth.dataset.packed import PackedFolder, load_packed, pack_folder
-from uvcloth.dataset.sequence import SimulatedSequence, load_sequence, read_metadata, save_sequence
 from uvcloth.formats.layout_file import load_layout
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
@@ -145,21 +146,22 @@ def good_sequence(folder: Path) -> Path:
         "seed": 0,
         "wrong_side_percent": {"bottoms": 0.5},
     }
-    sequence = SimulatedSequence(moved, mesh.faces, mesh.vertices, still, 30.0, 2, metadata)
-    save_sequence(sequence, folder / "walk_dress.npz")
+    sequence = clip_of_garment(moved, mesh.faces, mesh.vertices, still, 30.0, 2, metadata)
+    save_simulated(sequence, folder / "walk_dress.npz")
     return folder / "walk_dress.npz"
 
 
-def check_sequence(sequence: SimulatedSequence) -> None:
-    frames, count = len(sequence.vertices), len(sequence.rest)
+def check_sequence(sequence: SimulatedClip) -> None:
+    (garment,) = sequence.garments
+    frames, count = len(garment.vertices), len(garment.rest)
     require(frames > 0, "no frames")
-    require_numbers(sequence.vertices, (frames, count, 3), "vertices")
-    require_numbers(sequence.rest, (count, 3), "rest")
-    require_indices(sequence.faces, (-1, 3), count, "faces")
+    require_numbers(garment.vertices, (frames, count, 3), "vertices")
+    require_numbers(garment.rest, (count, 3), "rest")
+    require_indices(garment.faces, (-1, 3), count, "faces")
     require_numbers(sequence.transforms, (frames, -1, 3, 4), "transforms")
     require(0.1 <= sequence.fps <= 10_000, f"{sequence.fps} frames per second")
     require(0 <= sequence.warm_up < frames, f"{sequence.warm_up} settling frames of {frames}")
-    check_metadata(sequence.metadata)
+    check_metadata(flat_metadata(sequence, garment))
     require(all(isinstance(name, str) for name in sequence.layers), "layers that are no names")
 
 
@@ -169,10 +171,10 @@ def check_metadata(metadata: dict) -> None:
 
 
 def good_packed(folder: Path) -> Path:
-    sequence = load_sequence(good_sequence(folder))
+    sequence = load_simulated(good_sequence(folder))
     body = small_body()
-    labels = {**sequence.metadata, "body": body.name, "body_hash": rest_hash(body)}
-    save_sequence(replace(sequence, metadata=labels), folder / "made" / "walk_dress.npz")
+    on_body = sequence.labelled(body=body.name, body_hash=rest_hash(body))
+    save_simulated(on_body, folder / "made" / "walk_dress.npz")
     (folder / "walk_dress.npz").unlink()
     keep_body(body, folder / "made")
     pack_folder(folder / "made", folder)
@@ -180,7 +182,7 @@ def good_packed(folder: Path) -> Path:
     return folder / "walk_dress.npz"
 
 
-def read_packed(path: Path) -> SimulatedSequence:
+def read_packed(path: Path) -> SimulatedClip:
     return load_packed(path, PackedFolder(path.parent))
 
 
@@ -242,7 +244,7 @@ TARGETS = [
     Target("clip", good_clip, read_archive, check_clip),
     Target("amass", good_amass, read_archive, check_clip),
     Target("amass_x", good_amass_x, read_archive, check_clip),
-    Target("sequence", good_sequence, load_sequence, check_sequence),
+    Target("sequence", good_sequence, load_simulated, check_sequence),
     Target("metadata", good_sequence, read_metadata, check_metadata),
     Target("packed", good_packed, read_packed, check_sequence),
     Target("poses", good_poses, lambda path: load_poses(path, small_body()), check_poses),

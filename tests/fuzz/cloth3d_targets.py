@@ -13,9 +13,10 @@ from tests.fuzz.array_targets import check_mesh
 from tests.fuzz.smpl_targets import good_npz
 from tests.fuzz.target import Target, require, require_numbers
 from tests.small_body import small_body
+from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.dataset.cloth3d import read_cloth3d_sample
-from uvcloth.dataset.outfit_sequence import OutfitSequence
 from uvcloth.formats.matlab import Value, read_matlab
+from uvcloth.garments.garment import Outfit
 
 FRAMES = 4
 INFO = {
@@ -68,15 +69,16 @@ def good_sample(folder: Path) -> Path:
     return sample
 
 
-def check_sample(sample: OutfitSequence) -> None:
-    count = sum(len(garment.mesh.vertices) for garment in sample.outfit.garments)
-    require(count > 0 and sum(sample.sizes) == count, "garments of other sizes")
-    require_numbers(sample.vertices, (-1, count, 3), "vertices")
-    require(len(sample.vertices) > 0, "no frames")
-    require_numbers(sample.transforms, (len(sample.vertices), 24, 3, 4), "transforms")
-    require(sample.fps == 30.0 and sample.subject == "01", "frame rate, or person")
-    check_mesh(sample.outfit.body.mesh, "body")
-    for garment in sample.outfit.garments:
+def check_sample(sample: tuple[Outfit, SimulatedClip]) -> None:
+    outfit, clip = sample
+    count = sum(len(garment.mesh.vertices) for garment in outfit.garments)
+    require(count > 0 and sum(len(garment.rest) for garment in clip.garments) == count, "other sizes")
+    require_numbers(clip.vertices, (-1, count, 3), "vertices")
+    require(len(clip.vertices) > 0, "no frames")
+    require_numbers(clip.transforms, (len(clip.vertices), 24, 3, 4), "transforms")
+    require(clip.fps == 30.0 and clip.subject == "01", "frame rate, or person")
+    check_mesh(outfit.body.mesh, "body")
+    for garment in outfit.garments:
         check_mesh(garment.mesh, garment.name)
         require(torch.isfinite(garment.weights).all(), "weights that are not finite")
 

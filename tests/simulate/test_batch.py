@@ -2,7 +2,7 @@
 
 from concurrent.futures import Future
 from contextlib import nullcontext
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from datetime import datetime, timedelta
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,17 +15,12 @@ from dask.distributed import KilledWorker
 from distributed.client import FutureCancelledError
 from rich.progress import Progress
 
+from tests.dataset.altered import altered
 from tests.simulate.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
+from uvcloth.dataset.clip import SimulatedClip, content_hash
+from uvcloth.dataset.clip_file import SEQUENCE_FORMAT, load_simulated, read_metadata, save_simulated
 from uvcloth.dataset.folder import refused_captures
-from uvcloth.dataset.sequence import (
-    SEQUENCE_FORMAT,
-    SimulatedSequence,
-    content_hash,
-    load_sequence,
-    read_metadata,
-    save_sequence,
-)
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.garments.garment import Garment
@@ -53,30 +48,34 @@ def shirt(body: Body) -> Garment:
 
 
 @pytest.fixture(scope="module")
-def skinned(shirt: Garment, body: Body) -> SimulatedSequence:
+def skinned(shirt: Garment, body: Body) -> SimulatedClip:
     """A shirt that is simply skinned: outside the body for a small motion."""
     return skinned_sequence(shirt, body)
 
 
-def test_a_sequence_survives_its_file(skinned: SimulatedSequence, tmp_path: Path) -> None:
-    save_sequence(skinned, tmp_path / "s.npz")
-    again = load_sequence(tmp_path / "s.npz")
+def test_a_sequence_survives_its_file(skinned: SimulatedClip, tmp_path: Path) -> None:
+    save_simulated(skinned, tmp_path / "s.npz")
+    again = load_simulated(tmp_path / "s.npz")
     assert (again.vertices - skinned.vertices).norm(dim=-1).max() < 5e-5
-    for exact in ("rest", "faces", "transforms"):
-        assert torch.equal(getattr(again, exact), getattr(skinned, exact))
-    assert again.metadata["hash"] == content_hash(again) == read_metadata(tmp_path / "s.npz")["hash"]
-    assert again.metadata["scored_frames"] == 3
-    assert (again.warm_up, again.garment, again.clip) == (1, "tops", "walk")
-    assert (again.template, again.layers) == ("tops", ("tops",))
-    skirt = replace(skinned, metadata={"clip": "walk", "garment": "skirt", "template": "dress"})
-    assert (skirt.garment, skirt.template) == ("skirt", "dress")
-    assert replace(skirt, metadata={**skirt.metadata, "template": None}).template is None
+    assert torch.equal(again.transforms, skinned.transforms)
+    (before,), (garment,) = skinned.garments, again.garments
+    for exact in ("rest", "faces"):
+        assert torch.equal(getattr(garment, exact), getattr(before, exact))
+    content = content_hash(garment, again.transforms)
+    assert garment.metadata["hash"] == again.files["s.npz"] == content
+    assert read_metadata(tmp_path / "s.npz")["hash"] == content
+    assert garment.metadata["scored_frames"] == 3
+    assert (again.warm_up, garment.name, again.name) == (1, "tops", "walk")
+    assert (garment.template, again.layers) == ("tops", ("tops",))
+    (skirt,) = altered(skinned, {"garment": "skirt", "template": "dress"}).garments
+    assert (skirt.name, skirt.template) == ("skirt", "dress")
+    assert altered(skinned, {"template": None}).garments[0].template is None
     assert [path.name for path in tmp_path.iterdir()] == ["s.npz"]
 
 
 def test_an_older_sequence_is_refused_with_the_way_to_a_new_one(tmp_path: Path) -> None:
     save_arrays(tmp_path / "s.npz", {"format": np.array("uvcloth-sequence-1")})
-    for read in (load_sequence, read_metadata):
+    for read in (load_simulated, read_metadata):
         with pytest.raises(InputError, match=r"simulate older ones again .* found format uvcloth-sequence-1"):
             read(tmp_path / "s.npz")
 
@@ -85,11 +84,12 @@ def test_an_older_sequence_is_refused_with_the_way_to_a_new_one(tmp_path: Path) 
     ("part", "array"), [("vertices", "changes"), ("rest", "rest"), ("transforms", "transforms")]
 )
 def test_a_sequence_with_a_number_that_is_not_finite_is_refused(
-    skinned: SimulatedSequence, tmp_path: Path, part: str, array: str
+    skinned: SimulatedClip, tmp_path: Path, part: str, array: str
 ) -> None:
-    save_sequence(replace(skinned, **{part: getattr(skinned, part) * float("nan")}), tmp_path / "s.npz")
+    good = {"transforms": skinned.transforms, **vars(skinned.garments[0])}
+    save_simulated(altered(skinned, **{part: good[part] * float("nan")}), tmp_path / "s.npz")
     with pytest.raises(InputError, match=rf"s\.npz: {array} holds a value"):
-        load_sequence(tmp_path / "s.npz")
+        load_simulated(tmp_path / "s.npz")
 
 
 @pytest.mark.parametrize(
@@ -97,67 +97,68 @@ def test_a_sequence_with_a_number_that_is_not_finite_is_refused(
     [("{", "not readable as JSON"), ("[]", "not a JSON object"), ('{"clip": "walk"}', "lacks 'garment'")],
 )
 def test_damaged_metadata_is_refused(
-    skinned: SimulatedSequence, tmp_path: Path, metadata: str, words: str
+    skinned: SimulatedClip, tmp_path: Path, metadata: str, words: str
 ) -> None:
-    save_sequence(skinned, tmp_path / "s.npz")
+    save_simulated(skinned, tmp_path / "s.npz")
     arrays = load_arrays(tmp_path / "s.npz", SEQUENCE_FORMAT, "a sequence")
     save_arrays(tmp_path / "s.npz", {**arrays, "metadata": np.array(metadata)})
     with pytest.raises(InputError, match=rf"s\.npz: the metadata: {words}"):
-        load_sequence(tmp_path / "s.npz")
+        load_simulated(tmp_path / "s.npz")
 
 
 def test_exploded_and_swallowed_sequences_are_refused(
-    skinned: SimulatedSequence, shirt: Garment, body: Body
+    skinned: SimulatedClip, shirt: Garment, body: Body
 ) -> None:
     torn = skinned.vertices.clone()
     torn[2, 100] += 5.0
-    assert "frame 2" in str(examine(replace(skinned, vertices=torn), shirt, body)[1])
+    assert "frame 2" in str(examine(altered(skinned, vertices=torn), [shirt], body)[1])
     lost = skinned.vertices.clone()
     lost[3, 0, 0] = float("nan")
-    assert "finite" in str(examine(replace(skinned, vertices=lost), shirt, body)[1])
+    assert "finite" in str(examine(altered(skinned, vertices=lost), [shirt], body)[1])
     hips = skinned.transforms[:, :1, :, :3] @ body.skeleton.heads[0] + skinned.transforms[:, :1, :, 3]
     # All but the sleeves: arms stay in their cuffs.
-    shrunk = (0.3 + 6.0 * skinned.rest[:, :1].abs()).clamp(max=1.0)
+    shrunk = (0.3 + 6.0 * shirt.mesh.vertices[:, :1].abs()).clamp(max=1.0)
     sunken = hips + shrunk * (skinned.vertices - hips)
-    seen, reason = examine(replace(skinned, vertices=sunken), shirt, body)
+    seen, reason = examine(altered(skinned, vertices=sunken), [shirt], body)
     assert "inside the body" in str(reason)
-    assert seen.metadata["inside_percent"] > MAX_INSIDE_PERCENT
+    assert seen.garments[0].metadata["inside_percent"] > MAX_INSIDE_PERCENT
 
 
 def test_a_sleeve_that_came_off_its_arm_is_refused(
-    skinned: SimulatedSequence, shirt: Garment, body: Body
+    skinned: SimulatedClip, shirt: Garment, body: Body
 ) -> None:
-    assert examine(skinned, shirt, body)[0].metadata["left_percent"] == 0.0
+    assert examine(skinned, [shirt], body)[0].garments[0].metadata["left_percent"] == 0.0
     names = body.skeleton.names
     shoulder, elbow = (body.skeleton.heads[names.index(name)] for name in ("LeftArm", "LeftForeArm"))
     along = torch.nn.functional.normalize(elbow - shoulder, dim=0)
-    reach = (skinned.rest - shoulder) @ along
-    beside = (skinned.rest - shoulder - reach[:, None] * along).norm(dim=1)
-    sleeve = (skinned.rest[:, 0] > 0.0) & (beside < 0.1)
+    rest = shirt.mesh.vertices
+    reach = (rest - shoulder) @ along
+    beside = (rest - shoulder - reach[:, None] * along).norm(dim=1)
+    sleeve = (rest[:, 0] > 0.0) & (beside < 0.1)
     slid = skinned.vertices.clone()
     slid[2:, :, 0] += 0.2 * sleeve * ((reach - 0.08) / 0.06).clamp(0.0, 1.0)
     assert "a limb has left its cloth in 67 %" in str(
-        examine(replace(skinned, vertices=slid), shirt, body)[1]
+        examine(altered(skinned, vertices=slid), [shirt], body)[1]
     )
 
 
 def test_a_shirt_that_runs_through_itself_is_refused(
-    skinned: SimulatedSequence, shirt: Garment, body: Body, monkeypatch: pytest.MonkeyPatch
+    skinned: SimulatedClip, shirt: Garment, body: Body, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert examine(skinned, shirt, body)[0].metadata["crossing_percent"] < 1.0
+    assert examine(skinned, [shirt], body)[0].garments[0].metadata["crossing_percent"] < 1.0
     monkeypatch.setattr(quality_check, "MAX_INSIDE_PERCENT", 100.0)
     noise = torch.randn(skinned.vertices.shape, generator=torch.Generator().manual_seed(0))
-    crumpled = replace(skinned, vertices=skinned.vertices + 0.01 * noise)
-    assert "% of the edges run through the garment itself" in str(examine(crumpled, shirt, body)[1])
+    crumpled = altered(skinned, vertices=skinned.vertices + 0.01 * noise)
+    assert "% of the edges run through the garment itself" in str(examine(crumpled, [shirt], body)[1])
 
 
 @pytest.fixture
-def finished(skinned: SimulatedSequence, body: Body, tmp_path: Path) -> Path:
+def finished(skinned: SimulatedClip, body: Body, tmp_path: Path) -> Path:
     """A folder in which the sequence of one window is there, so that nothing is left to simulate."""
     (tmp_path / "mine.csv").write_text(HEADER + "walk,a,test,walking,40,30\n")
     out = tmp_path / "out"
     out.mkdir()
-    save_sequence(skinned, out / "walk_tops.npz")
+    save_simulated(skinned, out / "walk_tops.npz")
     simulate_batch(ClipSelection(["walk"], tmp_path / "mine.csv"), [["tops"]], out, body)
     return out
 
@@ -191,10 +192,10 @@ def test_what_was_simulated_alone_is_not_taken_for_a_layer(finished: Path, body:
     ],
 )
 def test_data_of_another_body_or_engine_are_refused(
-    finished: Path, body: Body, skinned: SimulatedSequence, said: dict, words: str
+    finished: Path, body: Body, skinned: SimulatedClip, said: dict, words: str
 ) -> None:
-    other = replace(skinned, metadata={**skinned.metadata, "clip": "run", **said})
-    save_sequence(other, finished / "repeat" / "rejected" / "run_dress.npz")
+    other = skinned.labelled(clip="run", **said)
+    save_simulated(other, finished / "repeat" / "rejected" / "run_dress.npz")
     with pytest.raises(InputError, match=rf"run_dress\.npz: {words}.*simulate into another folder"):
         simulate_batch(ClipSelection(["walk"]), [["tops"]], finished, body)
 
@@ -216,12 +217,10 @@ def test_a_job_is_simulated_in_a_fabric_of_its_own(
 
 
 def test_data_of_this_body_and_engine_are_added_to(
-    finished: Path, body: Body, skinned: SimulatedSequence
+    finished: Path, body: Body, skinned: SimulatedClip
 ) -> None:
     said = {"body_hash": rest_hash(body), **Explicit().describe()}
-    save_sequence(
-        replace(skinned, metadata={**skinned.metadata, **said}), finished / "rejected" / "run_tops.npz"
-    )
+    save_simulated(skinned.labelled(**said), finished / "rejected" / "run_tops.npz")
     simulate_batch(ClipSelection(["walk", "run"]), [["tops"]], finished, body)
 
 
@@ -240,18 +239,17 @@ def test_a_faulty_capture_is_reported_and_the_others_go_on(
 
 
 def test_what_cannot_be_simulated_is_named_and_the_others_go_on(
-    skinned: SimulatedSequence, body: Body, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    skinned: SimulatedClip, body: Body, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """The solver follows no body at 40 m/s: a command for a whole night must not end with such a clip."""
 
-    def simulated(clip: Clip, *_: object) -> tuple[SimulatedSequence]:
+    def simulated(clip: Clip, *_: object) -> SimulatedClip:
         if clip.name == "run":
             raise InputError("the body moves at 90 m/s")
-        measured = {"wall_seconds": 1.0, "inside_percent": 0.0}
-        return (replace(skinned, metadata=skinned.metadata | measured),)
+        return altered(skinned, {"wall_seconds": 1.0, "inside_percent": 0.0})
 
     monkeypatch.setattr(batch, "simulate", simulated)
-    monkeypatch.setattr(quality_check, "examine", lambda sequence, *_: (sequence, None))
+    monkeypatch.setattr(batch, "examine", lambda clip, *_: (clip, None))
     client = SimpleNamespace(subscribe_topic=lambda *_: None)
     monkeypatch.setattr(batch, "connected", lambda *_: nullcontext(client))
     monkeypatch.setattr(batch, "results", lambda _, todo, work, look: ((job, work(job)) for job in todo))

@@ -10,15 +10,16 @@ import pytest
 import torch
 
 from uvcloth.bodies.body import Body, save_body
-from uvcloth.dataset.outfit_sequence import load_outfit_sequences
-from uvcloth.dataset.sequence import SimulatedSequence, load_sequence, save_sequence
+from uvcloth.dataset.clip import clip_of_garment
+from uvcloth.dataset.clip_file import load_simulated, save_simulated
+from uvcloth.dataset.reader import read_outfit_clips
 from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.poses import rest_hash
 from uvcloth.physics.fabric import FABRICS, Fabric
-from uvcloth.simulate import outfits
+from uvcloth.simulate import batch
 from uvcloth.simulate.explicit import Explicit
 from uvcloth.simulate.outfits import simulate_outfits
 from uvcloth.simulate.plan import ClipSelection, Job
@@ -91,7 +92,7 @@ def jobs(wardrobe: Path, out: Path) -> list[Job]:
 
     (out / "windows.csv").write_text(WINDOWS)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(outfits, "simulate_all", skinned)
+        patch.setattr(batch, "simulate_all", skinned)
         for _ in range(2):
             simulate_outfits(wardrobe, _selection(out), out, frames=25)
     return made
@@ -109,8 +110,8 @@ def _store_skinned(job: Job) -> None:
         metadata |= {"template": garment.template, "body_hash": rest_hash(job.body)}
         if len(job.cloths) > 1:
             metadata["layers"] = [each.garment.name for each in job.cloths]
-        save_sequence(
-            SimulatedSequence(
+        save_simulated(
+            clip_of_garment(
                 skin(garment.mesh.vertices, garment.smooth_weights, transforms),
                 garment.mesh.faces,
                 garment.mesh.vertices,
@@ -144,7 +145,7 @@ def test_one_fabric_for_all_is_that_of_each(
     wardrobe: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made: list[Job] = []
-    monkeypatch.setattr(outfits, "simulate_all", lambda todo, *_: made.extend(todo))
+    monkeypatch.setattr(batch, "simulate_all", lambda todo, *_: made.extend(todo))
     (tmp_path / "windows.csv").write_text(WINDOWS)
     simulate_outfits(wardrobe, _selection(tmp_path), tmp_path / "out", 25, fabric="silk")
     assert {job.fabric for job in made} == {FABRICS["silk"]}
@@ -157,24 +158,25 @@ def test_data_of_another_fabric_than_the_outfit_are_refused(
     assert jobs
     copytree(out, tmp_path / "out")
     for path in (tmp_path / "out").glob("*.npz"):
-        sequence = load_sequence(path)
+        sequence = load_simulated(path)
         made_by = Explicit(fabric=Fabric(density=0.3 if "o0001" in path.name else 0.2)).describe()
-        save_sequence(replace(sequence, metadata={**sequence.metadata, **made_by}), path)
+        save_simulated(sequence.labelled(**made_by), path)
     simulate_outfits(wardrobe, _selection(out), tmp_path / "out", 25)
     with pytest.raises(InputError, match=r"jump_o0003_top\.npz: was .* \(density 0\.2 instead of 0\.08,"):
         simulate_outfits(wardrobe, _selection(out), tmp_path / "out", 25, fabric="silk")
 
 
 def test_outfits_are_read_again_with_their_bodies(jobs: list[Job], out: Path, body: Body) -> None:
-    found = load_outfit_sequences(out, ("train",))
-    assert [(s.name, s.clip, s.types) for s in found] == [
-        ("o0000", "walk", ("tshirt",)),
-        ("o0001", "run", ("trousers", "tshirt")),
-        ("o0002", "walk", ("trousers",)),
+    found = read_outfit_clips(out, ("train",))
+    assert [(c.outfit, c.name, [c.kind(g.name) for g in c.garments]) for _, c in found] == [
+        ("o0000", "walk", ["tshirt"]),
+        ("o0001", "run", ["trousers", "tshirt"]),
+        ("o0002", "walk", ["trousers"]),
     ]
-    both = found[1]
-    assert both.sizes == [len(cloth.garment.mesh.vertices) for cloth in jobs[1].cloths]
-    assert torch.equal(both.outfit.body.mesh.vertices, body.mesh.vertices)
+    outfit, both = found[1]
+    sizes = [len(cloth.garment.mesh.vertices) for cloth in jobs[1].cloths]
+    assert [len(garment.rest) for garment in both.garments] == sizes
+    assert torch.equal(outfit.body.mesh.vertices, body.mesh.vertices)
     expected = [
         skin(g.mesh.vertices, g.smooth_weights, both.transforms) for g in (c.garment for c in jobs[1].cloths)
     ]
@@ -185,16 +187,15 @@ def test_a_fabric_that_is_none_is_refused(jobs: list[Job], out: Path, tmp_path: 
     assert jobs
     copytree(out, tmp_path / "out")
     path = tmp_path / "out" / "walk_o0002_trousers.npz"
-    sequence = load_sequence(path)
+    sequence = load_simulated(path)
     for fabric, reason in (
         ({"density": 1e9}, "the fabric's density is 1000000000.0, expected 0.01 to 2"),
         ({"colour": 1.0}, "'colour' is not a number of a fabric"),
         ("silk", "the settings, fabric"),
     ):
-        metadata = {**sequence.metadata, "settings": {"fabric": fabric}}
-        save_sequence(replace(sequence, metadata=metadata), path)
+        save_simulated(sequence.labelled(settings={"fabric": fabric}), path)
         with pytest.raises(InputError, match=rf"walk_o0002_trousers\.npz: {reason}"):
-            load_outfit_sequences(tmp_path / "out", ("train",))
+            read_outfit_clips(tmp_path / "out", ("train",))
 
 
 def test_a_sequence_without_its_layer_is_refused(jobs: list[Job], out: Path, tmp_path: Path) -> None:
@@ -202,7 +203,7 @@ def test_a_sequence_without_its_layer_is_refused(jobs: list[Job], out: Path, tmp
     copytree(out, tmp_path / "out")
     (tmp_path / "out" / "run_o0001_tshirt.npz").unlink()
     with pytest.raises(InputError, match=r"run_o0001_trousers\.npz: was simulated with o0001_tshirt, whose"):
-        load_outfit_sequences(tmp_path / "out")
+        read_outfit_clips(tmp_path / "out")
 
 
 def test_a_body_that_is_another_is_refused(jobs: list[Job], out: Path, tmp_path: Path, body: Body) -> None:
@@ -214,14 +215,14 @@ def test_a_body_that_is_another_is_refused(jobs: list[Job], out: Path, tmp_path:
         InputError,
         match=r"was simulated on another body \(default\) than .*bodies.default\.npz or the one that ships",
     ):
-        load_outfit_sequences(tmp_path / "out")
+        read_outfit_clips(tmp_path / "out")
 
 
 def test_a_body_whose_name_is_a_path_stays_in_the_folder(
     wardrobe: Path, tmp_path: Path, body: Body, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its file is copied by its name into the data."""
-    monkeypatch.setattr(outfits, "simulate_all", lambda todo, *_: list(todo))
+    monkeypatch.setattr(batch, "simulate_all", lambda todo, *_: list(todo))
     copied = copytree(wardrobe, tmp_path / "wardrobe")
     save_body(replace(body, name="../../b01"), copied / "bodies" / "b01.npz")
     (tmp_path / "windows.csv").write_text(WINDOWS)

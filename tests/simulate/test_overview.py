@@ -9,8 +9,9 @@ import torch
 from rich.console import Console
 
 from tests.small_body import small_body
+from uvcloth.dataset.clip import clip_of_garment
+from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.dataset.folder import keep_refused
-from uvcloth.dataset.sequence import SimulatedSequence, save_sequence
 from uvcloth.errors import InputError
 from uvcloth.files.archive import save_arrays
 from uvcloth.simulate.overview import overview
@@ -22,7 +23,7 @@ def save(path: Path, clip: str, garment: str, frames: int, **said: object) -> No
     transforms = torch.eye(3, 4).repeat(frames + 2, 2, 1, 1)
     metadata = {"clip": clip, "garment": garment, "body": "box", "body_hash": "0123456789", **said}
     vertices = rest.repeat(frames + 2, 1, 1)
-    save_sequence(SimulatedSequence(vertices, body.mesh.faces, rest, transforms, 30.0, 2, metadata), path)
+    save_simulated(clip_of_garment(vertices, body.mesh.faces, rest, transforms, 30.0, 2, metadata), path)
 
 
 @pytest.fixture

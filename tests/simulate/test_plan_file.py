@@ -9,8 +9,9 @@ import pytest
 import torch
 
 from uvcloth.bodies.body import Body, save_body
+from uvcloth.dataset.clip import clip_of_garment
+from uvcloth.dataset.clip_file import load_simulated, read_metadata, save_simulated
 from uvcloth.dataset.folder import refused_captures
-from uvcloth.dataset.sequence import SimulatedSequence, load_sequence, read_metadata, save_sequence
 from uvcloth.errors import InputError
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.index import read_index
@@ -65,8 +66,8 @@ def _store_skinned(job: Job) -> None:
         metadata |= {"body_hash": rest_hash(job.body), "layers": [c.garment.name for c in job.cloths]}
         vertices = skin(garment.mesh.vertices, garment.smooth_weights, transforms)
         mesh = garment.mesh
-        save_sequence(
-            SimulatedSequence(vertices, mesh.faces, mesh.vertices, transforms, 30.0, 1, metadata), target
+        save_simulated(
+            clip_of_garment(vertices, mesh.faces, mesh.vertices, transforms, 30.0, 1, metadata), target
         )
 
 
@@ -146,14 +147,12 @@ def test_data_of_another_engine_or_body_are_refused(plan: Path, made: list[Job],
     out = tmp_path / "out"
     simulate_plan(plan, out)
     assert made
-    sequence = load_sequence(out / "broad" / "run_tops.npz")
+    sequence = load_simulated(out / "broad" / "run_tops.npz")
     for said, words in (
         ({"engine": "blender"}, "was simulated by blender, not by uvcloth.explicit"),
         ({"body_hash": "a"}, r"was simulated on another body \(broad\) than broad"),
     ):
-        save_sequence(
-            replace(sequence, metadata={**sequence.metadata, **said}), out / "broad" / "run_tops.npz"
-        )
+        save_simulated(sequence.labelled(**said), out / "broad" / "run_tops.npz")
         with pytest.raises(InputError, match=rf"broad/run_tops\.npz: {words}"):
             simulate_plan(plan, out)
 

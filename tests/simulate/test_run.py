@@ -61,25 +61,27 @@ def cut(body: Body) -> Garment:
 def test_a_mesh_that_is_cut_at_seams_is_simulated_whole(cut: Garment, body: Body, clip: Clip) -> None:
     cloth = join(cut, body)
     assert len(cloth.kept) == len(fit_template("bottoms", body).mesh.vertices)
-    (made,) = simulate(clip, 0, (cloth,), body, Carrying(up=0.02), PARTS)
+    made = simulate(clip, 0, (cloth,), body, Carrying(up=0.02), PARTS)
+    (garment,) = made.garments
     moved = skin(cut.mesh.vertices, cut.smooth_weights, made.transforms)
     lifted = torch.full((len(moved[0]),), 0.02)
     lifted[-1] = 0.0
-    torch.testing.assert_close(made.vertices[..., 2], moved[..., 2] + lifted, atol=1e-6, rtol=0)
-    assert torch.equal(made.faces, cut.mesh.faces)
-    assert (made.garment, made.template, made.layers) == ("slacks", "bottoms", ("slacks",))
-    assert made.metadata["source"] == "file"
+    torch.testing.assert_close(garment.vertices[..., 2], moved[..., 2] + lifted, atol=1e-6, rtol=0)
+    assert torch.equal(garment.faces, cut.mesh.faces)
+    assert (garment.name, garment.template, made.layers) == ("slacks", "bottoms", ("slacks",))
+    assert garment.metadata["source"] == "file"
     assert "layers" not in made.metadata
 
 
 def test_layers_are_simulated_as_one_and_come_back_apart(body: Body, clip: Clip) -> None:
     layers = tuple(join(fit_template(name, body), body) for name in ("bottoms", "tops"))
-    under, over = simulate(clip, 0, layers, body, Carrying(), PARTS)
-    for made, cloth in ((under, layers[0]), (over, layers[1])):
+    made = simulate(clip, 0, layers, body, Carrying(), PARTS)
+    assert made.layers == ("bottoms", "tops")
+    under, over = made.garments
+    for simulated, cloth in ((under, layers[0]), (over, layers[1])):
         garment = cloth.garment
         moved = skin(garment.mesh.vertices, garment.smooth_weights, made.transforms)
-        torch.testing.assert_close(made.vertices, moved)
-        assert made.layers == ("bottoms", "tops")
+        torch.testing.assert_close(simulated.vertices, moved)
     assert over.metadata["wrong_side_percent"]["bottoms"] < 10.0
     assert "wrong_side_percent" not in under.metadata
 

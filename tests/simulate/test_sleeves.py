@@ -2,19 +2,19 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 import pytest
 import torch
 from torch import Tensor
 
+from tests.dataset.altered import altered
 from tests.simulate.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import COLLIDER_PARTS, FOREARM_PARTS, make_collider
 from uvcloth.bodies.opened import make_opening
 from uvcloth.bodies.posing import posed_skin
-from uvcloth.dataset.sequence import SimulatedSequence
+from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.joined import join
 from uvcloth.garments.templates import fit_template
@@ -40,44 +40,45 @@ def shirt(body: Body) -> Garment:
 
 
 @pytest.fixture(scope="module")
-def skinned(shirt: Garment, body: Body) -> SimulatedSequence:
+def skinned(shirt: Garment, body: Body) -> SimulatedClip:
     """A long-sleeved shirt that is simply skinned."""
     return skinned_sequence(shirt, body)
 
 
 @pytest.fixture(scope="module")
-def sleeves(body: Body, skinned: SimulatedSequence) -> Tensor:
+def sleeves(body: Body, skinned: SimulatedClip) -> Tensor:
     """The vertices that touch the left forearm and hand and nothing else: (N,) bool."""
-    touches = make_collider(body).touches(skinned.rest, body.mesh.vertices)
+    touches = make_collider(body).touches(skinned.garments[0].rest, body.mesh.vertices)
     return touches[FOREARM_PARTS[0]] & (touches.sum(0) == 1)
 
 
-def test_a_worn_sleeve_is_accepted(skinned: SimulatedSequence, shirt: Garment, body: Body) -> None:
-    seen, reason = examine(skinned, shirt, body)
+def test_a_worn_sleeve_is_accepted(skinned: SimulatedClip, shirt: Garment, body: Body) -> None:
+    seen, reason = examine(skinned, [shirt], body)
     assert reason is None
-    assert seen.metadata["left_percent"] == 0.0
-    assert seen.metadata["inside_percent"] < 0.2
+    assert seen.garments[0].metadata["left_percent"] == 0.0
+    assert seen.garments[0].metadata["inside_percent"] < 0.2
 
 
 def test_a_sleeve_inside_its_forearm_is_inside_the_body(
-    skinned: SimulatedSequence, sleeves: Tensor, shirt: Garment, body: Body
+    skinned: SimulatedClip, sleeves: Tensor, shirt: Garment, body: Body
 ) -> None:
     bones = [body.skeleton.heads[body.skeleton.names.index(name)] for name in ("LeftForeArm", "LeftHand")]
     along = (bones[1] - bones[0]) / (bones[1] - bones[0]).norm()
-    axis = bones[0] + ((skinned.rest - bones[0]) @ along)[:, None] * along
-    sunken = torch.where(sleeves[:, None], axis + 0.2 * (skinned.rest - axis), skinned.rest)
+    rest = shirt.mesh.vertices
+    axis = bones[0] + ((rest - bones[0]) @ along)[:, None] * along
+    sunken = torch.where(sleeves[:, None], axis + 0.2 * (rest - axis), rest)
     vertices = skin(sunken, shirt.smooth_weights, skinned.transforms)
-    seen, reason = examine(replace(skinned, vertices=vertices), shirt, body)
+    seen, reason = examine(altered(skinned, vertices=vertices), [shirt], body)
     share = 100.0 * float(sleeves.float().mean())
     assert reason is not None
-    assert 0.7 * share < seen.metadata["inside_percent"] < 1.1 * share
+    assert 0.7 * share < seen.garments[0].metadata["inside_percent"] < 1.1 * share
 
 
 def test_a_forearm_beside_its_sleeve_has_left_it(
-    skinned: SimulatedSequence, sleeves: Tensor, shirt: Garment, body: Body
+    skinned: SimulatedClip, sleeves: Tensor, shirt: Garment, body: Body
 ) -> None:
     aside = torch.where(sleeves[:, None], torch.tensor([0.0, 0.05, 0.0]), torch.zeros(3))
-    _, reason = examine(replace(skinned, vertices=skinned.vertices + aside), shirt, body)
+    _, reason = examine(altered(skinned, vertices=skinned.vertices + aside), [shirt], body)
     assert reason == "a limb has left its cloth in 100 % of the frames"
 
 

@@ -5,7 +5,8 @@ from pathlib import Path
 import torch
 
 from uvcloth.bodies.body import Body, load_body
-from uvcloth.dataset.sequence import SimulatedSequence, save_sequence
+from uvcloth.dataset.clip import clip_of_garment
+from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
@@ -21,7 +22,7 @@ def save_clips(folder: Path, templates: tuple[str, ...], clips: int, frames: int
         for name in templates[:-1] if index == clips - 1 else templates:
             garment = garments[name]
             late = torch.cat([motion[:1], motion[:-1]])
-            sequence = SimulatedSequence(
+            sequence = clip_of_garment(
                 vertices=skin(garment.mesh.vertices, garment.smooth_weights, late),
                 faces=garment.mesh.faces,
                 rest=garment.mesh.vertices,
@@ -30,7 +31,7 @@ def save_clips(folder: Path, templates: tuple[str, ...], clips: int, frames: int
                 warm_up=warm_up,
                 metadata={"clip": f"clip{index}", "garment": name, "body": "default"},
             )
-            save_sequence(sequence, folder / f"clip{index}_{name}.npz")
+            save_simulated(sequence, folder / f"clip{index}_{name}.npz")
 
 
 def swaying(frames: int, seed: int) -> Clip:

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 import torch
 
-from train.clips import TrainingClip
 from train.mirror import mirror_clips
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.dataset.clip import SimulatedClip, clip_of_garment
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mirror import mirror_transforms
@@ -27,15 +27,13 @@ def dress(body: Body) -> Garment:
     return fit_template("dress", body)
 
 
-def skinned_clip(body: Body, garment: Garment) -> TrainingClip:
+def skinned_clip(body: Body, garment: Garment) -> SimulatedClip:
     """Four frames of the jump, the garment carried by the body's joints."""
     clip = load_clip("jump", body)
     transforms = clip.transforms()[[0, 12, 24, 36]]
     vertices = skin(garment.mesh.vertices, garment.weights, transforms)
-    rests = {garment.name: garment.mesh.vertices}
-    return TrainingClip(
-        "jump", "", "train", body, clip.fps, 0, transforms, {garment.name: vertices}, rests, {}
-    )
+    mesh, metadata = garment.mesh, {"clip": "jump", "garment": garment.name}
+    return clip_of_garment(vertices, mesh.faces, mesh.vertices, transforms, clip.fps, 0, metadata)
 
 
 def test_the_mirrored_garment_is_the_garment_on_the_mirrored_motion(body: Body, dress: Garment) -> None:
@@ -43,8 +41,8 @@ def test_the_mirrored_garment_is_the_garment_on_the_mirrored_motion(body: Body, 
     (image,) = mirror_clips([clip], body, [dress])
     torch.testing.assert_close(image.transforms, mirror_transforms(clip.transforms, body.skeleton))
     on_mirrored_motion = skin(dress.mesh.vertices, dress.weights, image.transforms)
-    off = (image.vertices["dress"] - on_mirrored_motion).norm(dim=2)
-    moved = (clip.vertices["dress"] - on_mirrored_motion).norm(dim=2)
+    off = (image.vertices - on_mirrored_motion).norm(dim=2)
+    moved = (clip.vertices - on_mirrored_motion).norm(dim=2)
     assert float(off.mean()) < 0.002
     assert float(moved.mean()) > 0.02
 
@@ -52,7 +50,7 @@ def test_the_mirrored_garment_is_the_garment_on_the_mirrored_motion(body: Body, 
 def test_the_image_of_the_image_is_the_clip(body: Body, dress: Garment) -> None:
     clip = skinned_clip(body, dress)
     again = mirror_clips(mirror_clips([clip], body, [dress]), body, [dress])
-    off = (again[0].vertices["dress"] - clip.vertices["dress"]).norm(dim=2)
+    off = (again[0].vertices - clip.vertices).norm(dim=2)
     assert float(off.mean()) < 0.002
     torch.testing.assert_close(again[0].transforms, clip.transforms)
 

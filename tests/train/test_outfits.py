@@ -76,7 +76,7 @@ def test_an_outfit_trains_on_the_clips_that_have_both(data: Path) -> None:
         f"{data.name}/clip{k}_{name}.npz" for k in (0, 1) for name in ("bottoms", "tops")
     ]
     bottoms = fit_template("bottoms", load_body()).mesh
-    seeds = dataset.rows.pose.seeds.points[0]
+    seeds = dataset.training.pose.seeds.points[0]
     late = swaying(12, seed=0).transforms()[:1]
     vertices = skin(bottoms.vertices, fit_template("bottoms", load_body()).smooth_weights, late)[0]
     assert BodySurface(vertices, bottoms.faces).closest(seeds).signed_distance.abs().max() < 1e-4

@@ -1,13 +1,14 @@
 """Scores of rollouts of a box in a sheet, worked out by hand."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import pytest
 import torch
 
+from tests.dataset.altered import altered
 from tests.small_body import small_body
-from train.clips import TrainingClip
 from train.validation import ROLLOUT_FRAMES, mean_errors, rollout_distances
+from uvcloth.dataset.clip import SimulatedClip, SimulatedGarment
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.method import Method
 
@@ -31,16 +32,16 @@ class Drifting(Method):
 
 def clip_of(
     name: str, frames: int, garments: tuple[str, ...], fps: float = 10.0, warm_up: int = 2
-) -> TrainingClip:
+) -> SimulatedClip:
     """A walk along X, and garments that lie where the first of `Drifting` does."""
     transforms = torch.eye(3, 4).repeat(frames, 2, 1, 1)
     transforms[:, :, 0, 3] = torch.arange(frames)[:, None] / fps
     vertices = SHEET + transforms[:, 1, None, :, 3]
-    worn = {garment: vertices for garment in garments}
-    return TrainingClip(name, "", "", BODY, fps, warm_up, transforms, worn, {}, {})
+    worn = tuple(SimulatedGarment(garment, vertices, torch.zeros(0, 3), SHEET) for garment in garments)
+    return SimulatedClip(worn, transforms, fps, warm_up, {"clip": name})
 
 
-def errors(*clips: TrainingClip) -> dict[str, float]:
+def errors(*clips: SimulatedClip) -> dict[str, float]:
     return mean_errors(rollout_distances(Drifting(), None, BODY, ("vest", "coat"), clips, CPU))
 
 
@@ -54,7 +55,7 @@ def test_scores_are_means_over_the_scored_frames_of_each_garment() -> None:
 def test_a_garment_that_a_clip_lacks_is_not_scored_in_it() -> None:
     alone = clip_of("b", 5, ("vest",))
     aside = torch.tensor([0.004, 0.0, 0.0])
-    moved = replace(alone, vertices={"vest": alone.vertices["vest"] + aside})
+    moved = altered(alone, vertices=alone.vertices + aside)
     found = errors(clip_of("a", 5, ("vest", "coat")), moved)
     assert found == pytest.approx({"mean_mm": 2.5, "vest_mm": 2.0, "coat_mm": 3.0}, abs=1e-3)
     assert set(errors(moved)) == {"mean_mm", "vest_mm"}

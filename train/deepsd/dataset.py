@@ -1,7 +1,7 @@
 """The training data of DeePSD: outfits as graphs, with frames of what they did and poses of their bodies."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -9,12 +9,14 @@ import torch
 from rich.progress import track
 from torch import Tensor
 
-from train.clips import TRAINING_SPLITS
 from train.pbns.poses import Poses
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData, body_identity
+from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.dataset.cloth3d import is_cloth3d, load_cloth3d
-from uvcloth.dataset.outfit_sequence import OutfitSequence, load_outfit_sequences
+from uvcloth.dataset.reader import read_outfit_clips
+from uvcloth.dataset.rows import joined_rows
+from uvcloth.dataset.splits import TRAINING_SPLITS, cut_warm_up, of_split, training_data
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import first_of
@@ -111,52 +113,44 @@ def read_outfits(folders: Sequence[Path], rest_frames: int, *, balanced: bool = 
     """Read the training and validation outfits of some folders.
 
     rest_frames: first frames that training leaves out; validation leaves out the whole warm-up.
-    balanced: as OutfitDataset has it. Raises InputError as `load_outfit_sequences` does, if a split has no
+    balanced: as OutfitDataset has it. Raises InputError as `read_outfit_clips` does, if a split has no
     outfit, for a person in two splits, and if bodies differ in mesh or skeleton.
     """
-    sequences = [sequence for folder in folders for sequence in _named(folder, len(folders) > 1)]
+    dressed = [each for folder in folders for each in _named(folder, len(folders) > 1)]
+    clips = [clip for _, clip in dressed]
     source = " ".join(map(str, folders))
-    require_one_split(source, ((each.clip, each.subject, each.split) for each in sequences))
+    require_one_split(source, ((clip.name, clip.subject, clip.split) for clip in clips))
     for split in TRAINING_SPLITS:
-        if not any(sequence.split == split for sequence in sequences):
+        if not of_split(clips, split):
             raise InputError(f"{source}: holds no outfit for {split}, training needs some")
-    first = sequences[0].outfit.body
-    for sequence in sequences:
-        if body_identity(sequence.outfit.body)["topology"] != body_identity(first)["topology"]:
+    kinds = [body_identity(outfit.body)["topology"] for outfit, _ in dressed]
+    for kind, clip in zip(kinds, clips, strict=True):
+        if kind != kinds[0]:
             raise InputError(
-                f"{source}: outfit {sequence.name} is on a body of another mesh or skeleton than outfit "
-                f"{sequences[0].name}; one model learns one kind of body"
+                f"{source}: outfit {clip.outfit} is on a body of another mesh or skeleton than outfit "
+                f"{clips[0].outfit}; one model learns one kind of body"
             )
-    data = TrainingData(
-        files={name: digest for sequence in sequences for name, digest in sequence.files.items()},
-        clips={
-            split: {s.clip: s.subject for s in sequences if s.split == split} for split in TRAINING_SPLITS
-        },
-    )
-    training, held = (_grouped(sequences, split, rest_frames) for split in TRAINING_SPLITS)
-    return OutfitDataset(training, held, data, balanced)
+    cut = [(outfit, cut_warm_up(clip, rest_frames)) for outfit, clip in dressed]
+    training, held = (_grouped(cut, split) for split in TRAINING_SPLITS)
+    return OutfitDataset(training, held, training_data(clips), balanced)
 
 
-def _named(folder: Path, among_others: bool) -> list[OutfitSequence]:
-    """The sequences of a folder; among others it is part of their names, which two folders may share."""
-    sequences = outfit_sequences(folder)
+def _named(folder: Path, among_others: bool) -> list[tuple[Outfit, SimulatedClip]]:
+    """The clips of a folder; among others it is part of outfits' names, which two folders may share."""
+    dressed = outfit_clips(folder)
     if not among_others:
-        return sequences
+        return dressed
     return [
-        replace(
-            sequence,
-            name=f"{folder.name}/{sequence.name}",
-            files={f"{folder.name}/{name}": digest for name, digest in sequence.files.items()},
-        )
-        for sequence in sequences
+        (outfit, clip.from_folder(folder.name).labelled(outfit=f"{folder.name}/{clip.outfit}"))
+        for outfit, clip in dressed
     ]
 
 
-def outfit_sequences(folder: Path) -> list[OutfitSequence]:
-    """The training and validation sequences of a folder, simulated here or in the layout of CLOTH3D."""
+def outfit_clips(folder: Path) -> list[tuple[Outfit, SimulatedClip]]:
+    """The training and validation clips of a folder, simulated here or in the layout of CLOTH3D."""
     if is_cloth3d(folder):
         return load_cloth3d(folder, TRAINING_SPLITS)
-    return load_outfit_sequences(folder, TRAINING_SPLITS)
+    return read_outfit_clips(folder, TRAINING_SPLITS)
 
 
 def posed_outfit(outfit: Outfit, poses: Poses) -> OutfitDataset:
@@ -171,29 +165,25 @@ def posed_outfit(outfit: Outfit, poses: Poses) -> OutfitDataset:
     return OutfitDataset((frames[0],), (frames[1],), poses.data)
 
 
-def _grouped(sequences: Sequence[OutfitSequence], split: str, rest_frames: int) -> tuple[OutfitFrames, ...]:
-    """The outfits of a split, each with the scored frames of all its sequences."""
-    own: dict[str, list[OutfitSequence]] = {}
-    for sequence in sequences:
-        if sequence.split == split:
-            own.setdefault(sequence.name, []).append(sequence)
-    teaches = split == TRAINING_SPLITS[0]
-    described = track(own.items(), f"{split} outfits", transient=True)
-    return tuple(_frames(name, parts, rest_frames if teaches else None) for name, parts in described)
+def _grouped(dressed: Sequence[tuple[Outfit, SimulatedClip]], split: str) -> tuple[OutfitFrames, ...]:
+    """The outfits of a split, each with the scored frames of all its clips."""
+    outfits: dict[str, tuple[Outfit, list[SimulatedClip]]] = {}
+    for outfit, clip in dressed:
+        if clip.split == split:
+            outfits.setdefault(clip.outfit, (outfit, []))[1].append(clip)
+    described = track(outfits.items(), f"{split} outfits", transient=True)
+    return tuple(_frames(name, outfit, clips) for name, (outfit, clips) in described)
 
 
-def _frames(name: str, parts: Sequence[OutfitSequence], rest_frames: int | None) -> OutfitFrames:
-    """The scored frames of an outfit's sequences; without `rest_frames` none of their warm-up."""
-    outfit = parts[0].outfit
+def _frames(name: str, outfit: Outfit, clips: Sequence[SimulatedClip]) -> OutfitFrames:
+    """The scored frames of an outfit's clips."""
     graph = outfit_graph(outfit)
-    kept = first_of(graph.owner)
-    starts = [part.warm_up if rest_frames is None else min(part.warm_up, rest_frames) for part in parts]
-    transforms = torch.cat([part.transforms[start:] for part, start in zip(parts, starts, strict=True)])
+    kept, transforms = first_of(graph.owner), joined_rows(clips, 0).transforms
     return OutfitFrames(
         name=name,
         outfit=outfit,
         graph=graph,
-        vertices=torch.cat([part.vertices[start:, kept] for part, start in zip(parts, starts, strict=True)]),
+        vertices=torch.cat([clip.vertices[clip.warm_up :, kept] for clip in clips]),
         transforms=transforms,
         vectors=pose_vectors(outfit.body.skeleton.parents, transforms),
     )

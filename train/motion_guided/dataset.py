@@ -7,17 +7,12 @@ import torch
 from rich.console import Console
 from torch import Tensor
 
-from train.clips import (
-    Holdout,
-    TrainingClip,
-    check_rests,
-    frames_of,
-    hold_out,
-    load_training_clips,
-    training_data,
-)
 from train.mirror import mirror_clips
 from uvcloth.dataset.bodies import folder_body
+from uvcloth.dataset.clip import SimulatedClip, count_frames
+from uvcloth.dataset.reader import read_clips, require_rests
+from uvcloth.dataset.rows import Rows, joined_rows, joined_vertices, led_in
+from uvcloth.dataset.splits import Holdout, hold_out, of_split, training_data
 from uvcloth.errors import InputError
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.geometry.mesh import edge_lengths, laplacian, unique_edges
@@ -38,49 +33,34 @@ FRAMES_AT_ONCE = 16
 
 
 @dataclass(frozen=True)
-class Rows:
+class GarmentFrames:
     """R frames of the garment, clip after clip, each led in by MEMORY frames of its warm-up.
 
     vertices: (R, N, 3) m, world; offsets: (R, P, 3) of their texels from the smooth LBS reference. pose: of
-    the body. fps: (R,) of the row's clip. samples: (S,) int64 scored rows. starts: (R,) int64 first row of
-    the clip.
+    the body.
     """
 
+    rows: Rows
     vertices: Tensor
     offsets: Tensor
     pose: Pose
-    fps: Tensor
-    samples: Tensor
-    starts: Tensor
 
 
-def load_rows(clips: list[TrainingClip], garment: str, under: str, maps: GarmentMaps) -> Rows:
+def load_frames(clips: list[SimulatedClip], garment: str, under: str, maps: GarmentMaps) -> GarmentFrames:
     """Join the clips; under: the garment that the seeds lie on, if any."""
-    vertices, seeds, transforms, fps, samples, starts = [], [], [], [], [], []
-    row = 0
-    for clip in clips:
-        first = max(0, clip.warm_up - MEMORY)
-        frames = slice(first, None)
-        vertices.append(clip.vertices[garment][frames].float())
-        transforms.append(clip.transforms[frames])
+    seeds = []
+    for clip, first in led_in(clips, MEMORY):
+        transforms = clip.transforms[first:]
         if under:
-            seeds.append(seeds_on(maps.seeds, clip.vertices[under][frames], transforms[-1]))
+            seeds.append(seeds_on(maps.seeds, clip.by_name[under].vertices[first:], transforms))
         else:
-            seeds.append(pose_seeds(maps.seeds, transforms[-1]))
-        count = len(transforms[-1])
-        samples.append(torch.arange(row + max(MEMORY, clip.warm_up - first), row + count))
-        fps.append(torch.full((count,), clip.fps))
-        starts.append(torch.full((count,), row))
-        row += count
-    joined = torch.cat(transforms)
-    simulated = torch.cat(vertices)
-    return Rows(
+            seeds.append(pose_seeds(maps.seeds, transforms))
+    rows, simulated = joined_rows(clips, MEMORY), joined_vertices(clips, garment, MEMORY).float()
+    return GarmentFrames(
+        rows=rows,
         vertices=simulated,
-        offsets=offsets_of(maps, simulated, joined),
-        pose=Pose(joined, joined_seeds(seeds)),
-        fps=torch.cat(fps),
-        samples=torch.cat(samples),
-        starts=torch.cat(starts),
+        offsets=offsets_of(maps, simulated, rows.transforms),
+        pose=Pose(rows.transforms, joined_seeds(seeds)),
     )
 
 
@@ -99,16 +79,18 @@ def offsets_of(maps: GarmentMaps, vertices: Tensor, transforms: Tensor) -> Tenso
     return torch.cat([local_offsets(maps, maps.positions(v), now) for v, now in parts])
 
 
-def load_clips_of(rests: dict[str, Tensor], data: Path) -> list[TrainingClip]:
+def load_clips_of(rests: dict[str, Tensor], data: Path) -> list[SimulatedClip]:
     """The training clips with all of some garments. rests: by name, (N, 3) m, their vertices at rest.
 
     Raises InputError if there is none, or if one is of another garment or body.
     """
-    clips = [r for r in load_training_clips([data], tuple(rests)) if rests.keys() <= r.rests.keys()]
-    if not clips:
+    found = read_clips([data], tuple(rests))
+    dressed = [(body, [c for c in clips if rests.keys() <= c.by_name.keys()]) for body, clips in found]
+    if not any(clips for _, clips in dressed):
         raise InputError(f"{data}: no training clip was simulated with {' and '.join(rests)}")
-    check_rests(rests, clips)
-    return clips
+    for body, clips in dressed:
+        require_rests(rests, clips, body)
+    return [clip for _, clips in dressed for clip in clips]
 
 
 class GarmentDataset:
@@ -140,20 +122,21 @@ class GarmentDataset:
             vertices=len(garment.mesh.vertices),
         )
         rests = {g.name: g.mesh.vertices for g in (garment, under) if g}
-        training, held = hold_out(load_clips_of(rests, data), holdout, str(data))
-        if not training:
+        dealt = hold_out(load_clips_of(rests, data), holdout, str(data))
+        training, held = of_split(dealt, "train"), of_split(dealt, "validation")
+        if not training or not held:
             raise InputError(f"{data}: needs two clips of {garment.name} at least, one to validate with")
         if frames is not None and frames < 2:
             raise InputError(f"--frames {frames}: has to be 2 or more")
-        self.data = training_data(training, held)
+        self.data = training_data(dealt)
         self.device, self.clips = device, held
         maps = config.maps(garment, self.body, under)
         images = mirror_clips(training, self.body, [g for g in (garment, under) if g]) if mirror else []
-        rows = load_rows([*training, *images], garment.name, config.under, maps)
-        counted = rows.samples.view(2 if images else 1, -1)[:, :frames]
-        rows = replace(rows, samples=counted.flatten())
-        self.rows: Rows = to_device(rows, device)
-        self.held: Rows = to_device(load_rows(held, garment.name, config.under, maps), device)
+        learned = load_frames([*training, *images], garment.name, config.under, maps)
+        counted = learned.rows.samples.view(2 if images else 1, -1)[:, :frames]
+        learned = replace(learned, rows=replace(learned.rows, samples=counted.flatten()))
+        self.training: GarmentFrames = to_device(learned, device)
+        self.held: GarmentFrames = to_device(load_frames(held, garment.name, config.under, maps), device)
         self.maps: GarmentMaps = to_device(maps, device)
         edges = unique_edges(garment.mesh.faces)
         count = len(garment.mesh.vertices)
@@ -171,13 +154,13 @@ class GarmentDataset:
             also = f"; {garment.name} is not symmetric, without their mirror images"
         Console().print(
             f"{self.frames} training frames of {len(training)} clips{also}; "
-            f"{frames_of(held)} validation frames ({', '.join(r.clip for r in held)})"
+            f"{count_frames(held)} validation frames ({', '.join(clip.name for clip in held)})"
         )
 
-    def codes(self, space: Space, rows: Rows, chosen: Tensor) -> Tensor:
-        """Z* of simulated garments: (B, Z)."""
-        texels = self.maps.positions(rows.vertices[chosen])
-        seen = (texels, rows.offsets[chosen], rows.pose.seeds.points[chosen])
+    def codes(self, space: Space, frames: GarmentFrames, chosen: Tensor) -> Tensor:
+        """Z* of simulated garments in chosen rows: (B, Z)."""
+        texels = self.maps.positions(frames.vertices[chosen])
+        seen = (texels, frames.offsets[chosen], frames.pose.seeds.points[chosen])
         return space.encode(shape_features(space, self.maps, *seen))
 
     def depth(self, resting: Tensor) -> Tensor:

@@ -21,7 +21,7 @@ def rest_displacements(space: Space, dataset: GarmentDataset, chosen: Tensor) ->
 
     Kernels that take a vertex back may depend on where it comes to lie: found by iteration.
     """
-    maps, rows = dataset.maps, dataset.rows
+    maps, rows = dataset.maps, dataset.training
     resting = maps.points.expand(len(chosen), -1, -1)
     for _ in range(ROUNDS):
         blended = pose_transforms(space, maps, resting, rows.pose[chosen])
@@ -36,7 +36,7 @@ def fit_linear(space: LinearSpace, dataset: GarmentDataset) -> None:
     Shapes are the simulated garments taken back to the rest space by the kernels there; the encoder is ridge
     regression from the maps that it sees.
     """
-    maps, rows, chosen = dataset.maps, dataset.rows, dataset.rows.samples
+    maps, rows, chosen = dataset.maps, dataset.training, dataset.training.rows.samples
     shapes = torch.cat(
         [
             rest_displacements(space, dataset, part)

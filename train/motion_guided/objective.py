@@ -9,12 +9,12 @@ import torch
 from rich.progress import track
 from torch import Tensor, nn
 
-from train.clips import Holdout
 from train.loop import Objective
-from train.motion_guided.dataset import FRAMES_AT_ONCE, GarmentDataset, Rows, offsets_of
+from train.motion_guided.dataset import FRAMES_AT_ONCE, GarmentDataset, GarmentFrames, offsets_of
 from train.motion_guided.linear_space import fit_linear
 from train.validation import mean_errors, rollout_distances
 from uvcloth.checkpoint import load_checkpoint, save_checkpoint
+from uvcloth.dataset.splits import Holdout
 from uvcloth.errors import InputError
 from uvcloth.methods.method import for_inference
 from uvcloth.methods.motion_guided.config import MotionGuidedConfig
@@ -78,12 +78,12 @@ class ShapeObjective(Objective):
     @property
     def samples(self) -> Tensor:
         """The scored rows of all training clips."""
-        return self.dataset.rows.samples
+        return self.dataset.training.rows.samples
 
     def networks(self) -> dict[str, nn.Module]:
         """The space, its inputs scaled to the data; a linear one is fitted."""
         dataset, net = self.dataset, self.dataset.config.shape_space()
-        offsets = dataset.rows.offsets[dataset.rows.samples[::4]]
+        offsets = dataset.training.offsets[dataset.training.rows.samples[::4]]
         seen = dataset.maps.map(offsets)
         net.shift.copy_(seen.mean(0))
         net.scale.copy_((seen - net.shift).std().clamp(min=1e-3))
@@ -97,12 +97,12 @@ class ShapeObjective(Objective):
         """The losses of a batch (section 4.2)."""
         dataset, losses = self.dataset, self.losses
         space = networks["net"]
-        codes = dataset.codes(space, dataset.rows, rows)
+        codes = dataset.codes(space, dataset.training, rows)
         random = torch.randn_like(codes[: max(1, len(codes) // 2)])
         resting = rest_shape(space, dataset.maps, torch.cat([codes, random]), dataset.sample)
-        posed = posed_shape(space, dataset.maps, resting[: len(rows)], dataset.rows.pose[rows])
+        posed = posed_shape(space, dataset.maps, resting[: len(rows)], dataset.training.pose[rows])
         lengths = dataset.edges(resting[len(rows) :]).norm(dim=2)
-        wrong = posed - dataset.rows.vertices[rows]
+        wrong = posed - dataset.training.vertices[rows]
         shape = wrong.abs().mean() + losses.laplacian * dataset.laplacian(wrong).abs().mean()
         # From the start, they would train the decoder to ignore its codes.
         settled = (1.0 - shape.detach() / losses.settled).clamp(min=0.0)
@@ -119,7 +119,7 @@ class ShapeObjective(Objective):
         """Mean vertex error of held-out garments encoded and decoded, mm."""
         net.eval()
         dataset, errors = self.dataset, []
-        for chosen in dataset.held.samples[::2].split(8):
+        for chosen in dataset.held.rows.samples[::2].split(8):
             codes = dataset.codes(net, dataset.held, chosen)
             resting = rest_shape(net, dataset.maps, codes)
             posed = posed_shape(net, dataset.maps, resting, dataset.held.pose[chosen])
@@ -157,11 +157,11 @@ class DynamicsObjective(ShapeObjective):
     def __init__(self, dataset: GarmentDataset, losses: MotionGuidedLosses, space: Space) -> None:
         super().__init__(dataset, losses)
         self.space = for_inference(space, dataset.device)
-        self.past, self.past_offsets = dataset.rows.vertices.clone(), dataset.rows.offsets.clone()
+        self.past, self.past_offsets = dataset.training.vertices.clone(), dataset.training.offsets.clone()
         with torch.no_grad():
             self.codes = torch.cat(
                 [
-                    dataset.codes(self.space, dataset.rows, chosen)
+                    dataset.codes(self.space, dataset.training, chosen)
                     for chosen in track(
                         torch.arange(len(self.past)).split(FRAMES_AT_ONCE), "codes", transient=True
                     )
@@ -171,17 +171,15 @@ class DynamicsObjective(ShapeObjective):
     @property
     def samples(self) -> Tensor:
         """First rows of clip parts that are as long as the unrolled frames."""
-        rows, last = self.dataset.rows, self.losses.unroll - 1
-        first = rows.samples[rows.samples + last < len(rows.starts)]
-        return first[rows.starts[first + last] == rows.starts[first]]
+        return self.dataset.training.rows.windows(self.losses.unroll)
 
     def networks(self) -> dict[str, nn.Module]:
         """The dynamic encoder, its inputs scaled to the data."""
         net = self.dataset.config.dynamics()
         dataset = self.dataset
         seen = [
-            motion_of(dataset.config.local_offsets, dataset.maps, self._input(dataset.rows, chosen))
-            for chosen in dataset.rows.samples[::8].split(FRAMES_AT_ONCE)
+            motion_of(dataset.config.local_offsets, dataset.maps, self._input(dataset.training, chosen))
+            for chosen in dataset.training.rows.samples[::8].split(FRAMES_AT_ONCE)
         ]
         scale = torch.cat(seen).square().mean((0, 1)).sqrt()
         net.motion_scale.copy_(scale.clamp(min=1e-3)[:, None, None])
@@ -192,10 +190,13 @@ class DynamicsObjective(ShapeObjective):
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
         """The losses of a batch, unrolled over several frames (section 5)."""
         dataset, losses = self.dataset, self.losses
-        past, last = self._input(dataset.rows, rows, (self.past, self.past_offsets)).past, self.past[rows - 1]
+        past, last = (
+            self._input(dataset.training, rows, (self.past, self.past_offsets)).past,
+            self.past[rows - 1],
+        )
         frames: list[dict[str, Tensor]] = []
         for now in (rows + frame for frame in range(losses.unroll)):
-            seen = self._after(dataset.rows, now, past)
+            seen = self._after(dataset.training, now, past)
             parts, last = self._losses(networks["net"], seen, now, last)
             frames.append(parts)
             past = past.followed_by(dataset.maps, last, seen.pose.transforms)
@@ -218,9 +219,9 @@ class DynamicsObjective(ShapeObjective):
             wanted = rows
         codes = net(features, change)
         resting = rest_shape(self.space, dataset.maps, codes, dataset.sample)
-        posed = posed_shape(self.space, dataset.maps, resting, dataset.rows.pose[wanted])
-        wrong = posed - dataset.rows.vertices[wanted]
-        before = last - dataset.rows.vertices[rows - 1]
+        posed = posed_shape(self.space, dataset.maps, resting, dataset.training.pose[wanted])
+        wrong = posed - dataset.training.vertices[wanted]
+        before = last - dataset.training.vertices[rows - 1]
         parts = {
             "shape": wrong.abs().mean(),
             "steady": losses.steady * (wrong[: len(rows)] - before).abs().mean(),
@@ -234,27 +235,29 @@ class DynamicsObjective(ShapeObjective):
 
         The garment is the simulated one whatever the histories are: from another, it would have to change.
         """
-        clips, maps = self.dataset.rows, self.dataset.maps
+        clips, maps = self.dataset.training, self.dataset.maps
         pose = clips.pose[rows]
         texels, offsets = maps.positions(clips.vertices[rows]), clips.offsets[rows]
         return state_features(self.space, maps, texels, offsets, pose.seeds.points, pose.transforms)
 
-    def _input(self, rows: Rows, chosen: Tensor, past: tuple[Tensor, Tensor] | None = None) -> DynamicsInput:
+    def _input(
+        self, frames: GarmentFrames, chosen: Tensor, past: tuple[Tensor, Tensor] | None = None
+    ) -> DynamicsInput:
         """The encoder's input for chosen rows (B,). past: garments (R, N, 3) and their offsets."""
-        vertices, offsets = past or (rows.vertices, rows.offsets)
+        vertices, offsets = past or (frames.vertices, frames.offsets)
         back = chosen[:, None] - torch.arange(1, MEMORY + 1, device=chosen.device)
         history = GarmentHistory(self.dataset.maps.positions(vertices[back]), offsets[back])
-        return self._after(rows, chosen, history)
+        return self._after(frames, chosen, history)
 
-    def _after(self, rows: Rows, chosen: Tensor, past: GarmentHistory) -> DynamicsInput:
+    def _after(self, frames: GarmentFrames, chosen: Tensor, past: GarmentHistory) -> DynamicsInput:
         """The encoder's input for chosen rows (B,) after a history."""
         now = chosen[:, None] - torch.arange(MEMORY, device=chosen.device)
         return DynamicsInput(
             past=past,
-            transforms=rows.pose.transforms[now],
-            seeds_before=rows.pose.seeds[chosen - 1],
-            seeds=rows.pose.seeds[chosen],
-            fps=rows.fps[chosen],
+            transforms=frames.pose.transforms[now],
+            seeds_before=frames.pose.seeds[chosen - 1],
+            seeds=frames.pose.seeds[chosen],
+            fps=frames.rows.fps[chosen],
         )
 
     def validate(self, net: Any) -> dict[str, float]:
@@ -282,7 +285,9 @@ class DynamicsObjective(ShapeObjective):
         """Restore the state that `memory` gave."""
         if self.losses.past == "own":
             self.past.copy_(memory["past"])
-            self.past_offsets = offsets_of(self.dataset.maps, self.past, self.dataset.rows.pose.transforms)
+            self.past_offsets = offsets_of(
+                self.dataset.maps, self.past, self.dataset.training.pose.transforms
+            )
 
 
 def _regular(codes: Tensor) -> Tensor:

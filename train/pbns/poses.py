@@ -7,10 +7,10 @@ from pathlib import Path
 import torch
 from rich.progress import track
 
-from train.clips import TRAINING_SPLITS
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.checkpoint import TrainingData
+from uvcloth.dataset.splits import TRAINING_SPLITS
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import make_folder
 from uvcloth.geometry.fingerprint import fingerprint

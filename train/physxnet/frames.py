@@ -8,10 +8,10 @@ from rich.progress import track
 from torch import Tensor
 
 from rasterize.bake import scatter_map
-from train.clips import TrainingClip
 from train.physxnet.prepare import Prepared, SharedTexels
-from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
+from uvcloth.dataset.reader import BodyClips
+from uvcloth.dataset.rows import Rows, joined_rows, led_in
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.maps import motion_values, pose_values, template_offsets
 
@@ -21,23 +21,20 @@ BAKED_AT_ONCE = 16
 
 @dataclass(frozen=True)
 class Frames:
-    """R rows: the scored frames of every clip, each clip led in by HISTORY - 1 more, body after body.
+    """The frames of every clip, body after body, each clip led in by HISTORY - 1 frames of its warm-up.
 
-    motion: (R, 6, H, W) and pose: (R, 3, H, W) float16 maps; of what the network does not see, motion has no
-    channels, and pose is empty.
+    rows: R of them. motion: (R, 6, H, W) and pose: (R, 3, H, W) float16 maps; of what the network does not
+    see, motion has no channels, and pose is empty.
     offsets: per template (R, U, 3) float16, m, of its shared texels, zero in those that a body does not see.
-    present: (R, templates) bool. transforms: (R, J, 3, 4). bodies: (R,) int64 which body. samples: (S,) int64
-    rows that count. starts: (R,) int64 first row of the row's clip.
+    present: (R, templates) bool. bodies: (R,) int64 which body.
     """
 
+    rows: Rows
     motion: Tensor
     pose: Tensor
     offsets: tuple[Tensor, ...]
     present: Tensor
-    transforms: Tensor
     bodies: Tensor
-    samples: Tensor
-    starts: Tensor
 
     def inputs(self, rows: Tensor) -> Tensor:
         """The network's motion channels, oldest frame first: (B, C, H, W)."""
@@ -48,7 +45,7 @@ class Frames:
 
 def load_frames(
     config: PhysXNetConfig,
-    worn: Sequence[tuple[Body, list[TrainingClip]]],
+    worn: Sequence[BodyClips],
     prepared: Sequence[Prepared],
     shared: Sequence[SharedTexels],
     title: str,
@@ -57,13 +54,13 @@ def load_frames(
 
     prepared: for each body. shared: of each template.
     """
-    motion, pose, present, transforms, bodies, samples, starts = [], [], [], [], [], [], []
+    motion, pose, present, bodies = [], [], [], []
     offsets: list[list[Tensor]] = [[] for _ in config.templates]
-    row = 0
-    clips = [(which, clip) for which, (_, own) in enumerate(worn) for clip in own]
-    for which, clip in track(clips, title, transient=True):
+    owners = [which for which, (_, clips) in enumerate(worn) for _ in clips]
+    clips = [clip for _, clips in worn for clip in clips]
+    cut = zip(owners, led_in(clips, HISTORY - 1), strict=True)
+    for which, (clip, first) in track(cut, title, len(clips), transient=True):
         body, seen = worn[which][0], prepared[which]
-        first = max(0, clip.warm_up - (HISTORY - 1))
         led = with_lead(clip.transforms)
         lead = len(led) - len(clip.transforms)
         for begin in range(first, len(clip.transforms), BAKED_AT_ONCE):
@@ -79,28 +76,21 @@ def load_frames(
                 pose.append(sheet_of(pose_values(seen.texels, vertices, now), seen))
             for part, name, texels in zip(offsets, config.templates, shared, strict=True):
                 values = torch.zeros(len(now), len(texels.pixels), 3, dtype=torch.float16)
-                if name in clip.vertices:
-                    simulated = clip.vertices[name][begin:end]
+                if name in clip.by_name:
+                    simulated = clip.by_name[name].vertices[begin:end]
                     values[:, texels.slots[which]] = _offsets(config, seen, name, simulated, vertices, now)
                 part.append(values)
         count = len(clip.transforms) - first
-        has = torch.tensor([name in clip.vertices for name in config.templates])
+        has = torch.tensor([name in clip.by_name for name in config.templates])
         present.append(has.expand(count, -1))
-        transforms.append(clip.transforms[first:])
         bodies.append(torch.full((count,), which))
-        skip = max(HISTORY - 1, clip.warm_up - first)
-        samples.append(torch.arange(row + skip, row + count))
-        starts.append(torch.full((count,), row))
-        row += count
     return Frames(
+        rows=joined_rows(clips, HISTORY - 1),
         motion=torch.cat(motion),
         pose=torch.cat(pose) if pose else torch.zeros(0),
         offsets=tuple(torch.cat(part) for part in offsets),
         present=torch.cat(present),
-        transforms=torch.cat(transforms),
         bodies=torch.cat(bodies),
-        samples=torch.cat(samples),
-        starts=torch.cat(starts),
     )
 
 

@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -10,16 +11,6 @@ import torch
 from rich.console import Console
 from torch import Tensor, nn
 
-from train.clips import (
-    Holdout,
-    TrainingClip,
-    by_body,
-    check_rests,
-    frames_of,
-    hold_out,
-    load_training_clips,
-    training_data,
-)
 from train.loop import Objective
 from train.physxnet.frames import Frames, load_frames
 from train.physxnet.patchgan import PatchGAN, discriminator_loss, generator_loss
@@ -28,6 +19,9 @@ from train.validation import mean_errors, rollout_distances
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.checkpoint import save_checkpoint
+from uvcloth.dataset.clip import SimulatedClip, count_frames
+from uvcloth.dataset.reader import read_clips, require_rests
+from uvcloth.dataset.splits import Holdout, hold_out, of_split, training_data
 from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import edge_lengths
 from uvcloth.geometry.operators import Operator, differences, sampling
@@ -71,7 +65,7 @@ class Wearer:
 
     body: Body
     prepared: Prepared
-    clips: tuple[TrainingClip, ...]
+    clips: tuple[SimulatedClip, ...]
     geometry: tuple[tuple[Operator, Operator, Tensor], ...]
 
 
@@ -92,26 +86,30 @@ class PhysXNetObjective(Objective):
         """
         self.config, self.weights, self.device = config, losses, device
         folders = " ".join(map(str, data))
-        worn = by_body(load_training_clips(data, config.templates))
+        worn = read_clips(data, config.templates)
         prepared = [prepare(run, body, config.templates, config.size) for body, _ in worn]
         _require_one_layout([body for body, _ in worn], prepared)
-        for (_, clips), own in zip(worn, prepared, strict=True):
-            check_rests({name: decoder.points for name, decoder in own.decoders.items()}, clips)
-        training, held = hold_out([clip for _, clips in worn for clip in clips], losses, folders)
+        for (body, clips), own in zip(worn, prepared, strict=True):
+            require_rests({name: decoder.points for name, decoder in own.decoders.items()}, clips, body)
+        dealt = hold_out([clip for _, clips in worn for clip in clips], losses, folders)
+        training, held = of_split(dealt, "train"), of_split(dealt, "validation")
         for name in config.templates:
-            if not any(name in r.vertices for r in training):
+            if not any(name in clip.by_name for clip in training):
                 raise InputError(
                     f"{folders}: no training sequence of {name}; simulate some or set --templates"
                 )
-        self.data = training_data(training, held)
+        self.data = training_data(dealt)
+        validating = "validation" if held else "train"
         held = held or training
         on = f" on {len(worn)} bodies" if len(worn) > 1 else ""
         Console().print(
-            f"{frames_of(training)} training frames of {len(training)} clips{on}, "
-            f"{frames_of(held)} validation frames ({', '.join(r.clip for r in held)})"
+            f"{count_frames(training)} training frames of {len(training)} clips{on}, "
+            f"{count_frames(held)} validation frames ({', '.join(clip.name for clip in held)})"
         )
         shared = [share_texels(prepared, name) for name in config.templates]
-        learned = [(body, [r for r in training if r.body is body]) for body, _ in worn]
+        rest = iter(dealt)
+        worn = [(body, list(islice(rest, len(clips)))) for body, clips in worn]
+        learned = [(body, of_split(clips, "train")) for body, clips in worn]
         frames = load_frames(config, learned, prepared, shared, "training frames")
         self.frames = to_device(frames, device)
         self.shared: list[SharedTexels] = to_device(shared, device)
@@ -120,12 +118,12 @@ class PhysXNetObjective(Objective):
                 Wearer(
                     body,
                     own,
-                    tuple(r for r in held if r.body is body),
+                    tuple(of_split(clips, validating)),
                     tuple(_geometry(own, name) for name in config.templates),
                 ),
                 device,
             )
-            for (body, _), own in zip(worn, prepared, strict=True)
+            for (body, clips), own in zip(worn, prepared, strict=True)
         ]
         self.past = _new_past(config, self.frames) if config.history else torch.zeros(0)
         if config.anchor == "smooth_lbs":
@@ -135,7 +133,7 @@ class PhysXNetObjective(Objective):
     @property
     def samples(self) -> Tensor:
         """The rows that a step may ask for."""
-        return self.frames.samples
+        return self.frames.rows.samples
 
     def networks(self) -> dict[str, nn.Module]:
         """The network, scaled to the training data, and the discriminator if there is one."""
@@ -195,7 +193,7 @@ class PhysXNetObjective(Objective):
             decoded.append((offsets[some], wrong[some]))
         for which in bodies[some].unique().tolist():
             own = torch.nonzero(bodies[some] == which).squeeze(1)
-            wearer, transforms = self.wearers[which], self.frames.transforms[rows[some][own]]
+            wearer, transforms = self.wearers[which], self.frames.rows.transforms[rows[some][own]]
             posed = posed_skin(wearer.body, transforms) if self.config.anchor == "body" else transforms
             for index, texels in enumerate(self.shared):
                 offsets, wrong = (values[own][:, texels.slots[which]] for values in decoded[index])
@@ -234,10 +232,8 @@ class PhysXNetObjective(Objective):
 
     def _history(self, rows: Tensor) -> Tensor:
         """The latest predictions of the frames before: (B, history * templates * 3, H, W), oldest first."""
-        back = torch.arange(self.config.history, 0, -1, device=rows.device)
-        before = rows[:, None] - back
-        known = (before >= self.frames.starts[rows][:, None])[..., None, None, None]
-        past = self.past[before.clamp(min=0)].float() * known
+        before, known = self.frames.rows.before(rows, self.config.history)
+        past = self.past[before.clamp(min=0)].float() * known[..., None, None, None]
         return past.flatten(1, 2)
 
     def _discriminator_inputs(
@@ -321,7 +317,8 @@ def set_statistics(
     frames: Frames,
 ) -> None:
     """Take the scales of inputs and outputs from the training frames."""
-    rows = frames.samples[::STATISTICS_STRIDE]
+    samples = frames.rows.samples
+    rows = samples[::STATISTICS_STRIDE]
     body = prepared.texels.sheet.pixels
 
     def values(maps: Tensor) -> Tensor:
@@ -335,7 +332,7 @@ def set_statistics(
         scales.append(pose[1])
     net.output_shift.zero_()
     for index, texels in enumerate(shared):
-        rows = frames.samples[frames.present[frames.samples, index]][::STATISTICS_STRIDE]
+        rows = samples[frames.present[samples, index]][::STATISTICS_STRIDE]
         if not len(rows):
             continue
         channels = slice(3 * index, 3 * index + 3)
@@ -375,4 +372,4 @@ def _require_one_layout(bodies: Sequence[Body], prepared: Sequence[Prepared]) ->
 def _new_past(config: PhysXNetConfig, frames: Frames) -> Tensor:
     """Zeros in place of the predictions of all rows (R, C, H, W), half precision."""
     sheet = (3 * len(config.templates), config.size, config.size)
-    return frames.transforms.new_zeros(len(frames.transforms), *sheet, dtype=torch.float16)
+    return frames.rows.transforms.new_zeros(len(frames.rows.starts), *sheet, dtype=torch.float16)

@@ -16,7 +16,7 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.commands.export_rig import export
 from uvcloth.commands.rollout import animate
-from uvcloth.dataset.sequence import load_sequence
+from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.errors import InputError
 from uvcloth.files.image import write_png
 from uvcloth.garments.garment import Outfit
@@ -75,7 +75,7 @@ def _side_by_side(path: Path, name: str, body: Body) -> np.ndarray:
     """Draw a sheet of PICTURES moments of a simulated sequence, a shipped model's rollout below each."""
     if not path.exists():
         raise InputError(f"{path}: the simulation was kept apart, see {path.parent / 'rejected'}")
-    sequence = load_sequence(path)
+    sequence = load_simulated(path)
     method = load_method(MODELS[name], body)
     outfit = Outfit(body, (fit_template(name, body),))
     moments = torch.linspace(sequence.warm_up, len(sequence.vertices) - 1, PICTURES).long().tolist()
@@ -87,7 +87,7 @@ def _side_by_side(path: Path, name: str, body: Body) -> np.ndarray:
         for skin_vertices, vertices in zip(posed, cloth, strict=True):
             yield (
                 Surface(skin_vertices, body.mesh.faces, BODY_COLOR),
-                Surface(vertices, sequence.faces, GARMENT_COLORS[list(MODELS).index(name)]),
+                Surface(vertices, sequence.garments[0].faces, GARMENT_COLORS[list(MODELS).index(name)]),
             )
 
     simulated = render_frames(surfaces(sequence.vertices[moments]), size=PICTURE_SIZE)

@@ -10,7 +10,7 @@ from rasterize.texels import rasterize_layout
 from uvcloth.bodies.body import load_body
 from uvcloth.bodies.layout import layout_of
 from uvcloth.bodies.posing import posed_skin
-from uvcloth.dataset.sequence import load_sequence
+from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.errors import InputError
 from uvcloth.files.image import atomic_image, write_png
 from uvcloth.formats.layout_file import load_layout
@@ -32,28 +32,29 @@ def draw_maps(
     """
     if size < 1:
         raise InputError(f"--size {size}: expected at least one texel")
-    sequence = load_sequence(path)
+    clip = load_simulated(path)
+    (garment,) = clip.garments
     body = load_body(body_file)
-    if len(body.skeleton.names) != sequence.transforms.shape[1]:
+    if len(body.skeleton.names) != clip.transforms.shape[1]:
         raise InputError(f"{path}: was not simulated on the body {body.name}, whose skeleton is another")
     layout = load_layout(layout_file) if layout_file else layout_of(body)
     rest, faces = body.mesh.vertices, body.mesh.faces
     if int(layout.faces.max()) >= len(faces):
         raise InputError(f"{layout_file}: this layout is not of the body {body.name}")
-    chosen = _chosen(frames, len(sequence.vertices))
+    chosen = _chosen(frames, len(garment.vertices))
     texels = rasterize_layout(layout, size)
-    hits = see_garment(rest, faces, sequence.rest, sequence.faces, texels)
+    hits = see_garment(rest, faces, garment.rest, garment.faces, texels)
     shown = {}
     for frame in track(chosen, f"{path.name}: maps"):
         history = [max(frame - back, 0) for back in (2, 1, 0)]
         maps = frame_maps(
-            posed_skin(body, sequence.transforms[history]),
+            posed_skin(body, clip.transforms[history]),
             faces,
-            sequence.vertices[frame],
-            sequence.faces,
+            garment.vertices[frame],
+            garment.faces,
             hits=hits,
             texels=texels,
-            fps=sequence.fps,
+            fps=clip.fps,
         )
         with atomic_image(out / f"{path.stem}_{frame:04d}.exr") as partial:
             write_exr(partial, maps.channels())

@@ -7,7 +7,7 @@ from typing import Any
 
 from uvcloth.bodies.body import Body, load_body, save_body
 from uvcloth.bodies.difference import load_kept_body
-from uvcloth.dataset.sequence import read_metadata
+from uvcloth.dataset.clip_file import read_metadata
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import make_folder
 from uvcloth.files.fields import require_file_name

@@ -20,7 +20,7 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.smpl import RestingModel, read_smpl
 from uvcloth.bodies.smpl_joints import SMPL_JOINTS, STANDING
-from uvcloth.dataset.outfit_sequence import OutfitSequence
+from uvcloth.dataset.clip import SimulatedClip, SimulatedGarment
 from uvcloth.errors import InputError
 from uvcloth.files.fields import LONGEST
 from uvcloth.formats.matlab import read_matlab
@@ -86,7 +86,9 @@ def is_cloth3d(root: Path) -> bool:
     return bool(_folders(root))
 
 
-def load_cloth3d(root: Path, splits: Sequence[str] = SPLITS, every: int = EVERY) -> list[OutfitSequence]:
+def load_cloth3d(
+    root: Path, splits: Sequence[str] = SPLITS, every: int = EVERY
+) -> list[tuple[Outfit, SimulatedClip]]:
     """Read the samples of a folder in some splits, on the models in its folder smpl, one frame of `every`.
 
     Raises InputError as `cloth3d_samples` and `read_cloth3d_sample` do, and if the folder lacks both models.
@@ -122,8 +124,8 @@ def cloth3d_samples(root: Path) -> dict[Path, str]:
 
 def read_cloth3d_sample(
     folder: Path, smpl: Mapping[str, Path], split: str = "train", every: int = 1
-) -> OutfitSequence:
-    """Read a sample: its person as a body of SMPL's, its garments, their motion.
+) -> tuple[Outfit, SimulatedClip]:
+    """Read a sample: its person as a body of SMPL's in its garments, and their motion.
 
     folder: with info.mat, and for each garment NAME.obj and NAME.pc16. smpl: model files of SMPL by gender,
     female and male. every: read one frame out of so many. The body rests in the pose in which the garments
@@ -142,34 +144,29 @@ def read_cloth3d_sample(
         replace(_garment(folder, name, body, upright), fabric=LABELS.get(label.lower(), JERSEY))
         for name, label in labels.items()
     )
-    moved, files = [], {f"{folder.name}/{INFO}": fingerprint((folder / INFO).read_bytes())}
+    transforms = _transforms(body, poses[::every], trans[::every], upright)
+    files = {f"{folder.name}/{INFO}": fingerprint((folder / INFO).read_bytes())}
+    simulated = []
     for garment in garments:
         cache_file, vertices = _cache(folder, garment, len(poses), every)
         files[f"{folder.name}/{cache_file.name}"] = fingerprint(vertices)
-        moved.append(vertices)
-    transforms = _transforms(body, poses[::every], trans[::every], upright)
-    vertices = (torch.cat(moved, dim=1) + trans[::every, None]) @ upright.T
-    return OutfitSequence(
-        name=folder.name,
-        outfit=Outfit(body, garments),
-        types=tuple(name.lower() for name in pieces),
-        clip=folder.name,
-        subject=_subject(folder),
-        split=split,
-        transforms=transforms,
-        vertices=vertices,
-        fps=FPS / every,
-        warm_up=0,
-        files=files,
-        metadata={
-            "source": "CLOTH3D",
-            "gender": gender,
-            "shape": _array(folder, info, "shape").tolist(),
-            "tightness": np.atleast_1d(_array(folder, info, "tightness")).tolist()
-            if "tightness" in info
-            else [],
-            "fabric": labels,
-        },
+        vertices = (vertices + trans[::every, None]) @ upright.T
+        mesh, metadata = garment.mesh, {"template": garment.template}
+        simulated.append(SimulatedGarment(garment.name, vertices, mesh.faces, mesh.vertices, metadata))
+    metadata = {
+        "clip": folder.name,
+        "outfit": folder.name,
+        "types": {name: name.lower() for name in pieces},
+        "subject": _subject(folder),
+        "split": split,
+        "source": "CLOTH3D",
+        "gender": gender,
+        "shape": _array(folder, info, "shape").tolist(),
+        "tightness": np.atleast_1d(_array(folder, info, "tightness")).tolist() if "tightness" in info else [],
+        "fabric": labels,
+    }
+    return Outfit(body, garments), SimulatedClip(
+        tuple(simulated), transforms, FPS / every, 0, metadata, files
     )
 
 

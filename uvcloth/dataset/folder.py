@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from uvcloth.bodies.body import Body
-from uvcloth.dataset.sequence import read_metadata
+from uvcloth.dataset.clip_file import read_metadata
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import atomic_write
 from uvcloth.files.reading import require_file

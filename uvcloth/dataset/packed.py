@@ -20,15 +20,11 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.difference import save_difference
 from uvcloth.dataset.bodies import keep_body, sequence_body
 from uvcloth.dataset.bone_axes import moved_by_bones, seen_from_bones
+from uvcloth.dataset.clip import SimulatedClip, SimulatedGarment, clip_of_garment, flat_metadata
+from uvcloth.dataset.clip_file import load_simulated, parse_metadata, save_simulated
 from uvcloth.dataset.folder import REFUSED, keep_index, keep_refused, refused_captures
 from uvcloth.dataset.packed_first import FIRST_FORMAT, FirstMesh, load_first, load_first_mesh
 from uvcloth.dataset.packed_motion import NAME_LENGTH, PackedMotion, keep_motion, load_motion
-from uvcloth.dataset.sequence import (
-    SimulatedSequence,
-    load_sequence,
-    parse_metadata,
-    save_sequence,
-)
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, read_arrays, save_arrays, smallest_indices
 from uvcloth.files.atomic import make_folder, sole_writer
@@ -136,14 +132,15 @@ def pack_folder(folder: Path, out: Path, error: float = MEAN_ERROR) -> int:
     known: dict[str, Body] = {}
 
     def convert(path: Path) -> None:
-        sequence = load_sequence(path)
-        body = sequence_body(path, sequence.metadata, known)
+        clip = load_simulated(path)
+        (garment,) = clip.garments
+        body = sequence_body(path, clip.metadata, known)
         keep_body(body, out, save_difference)
-        _keep_mesh(sequence, out, path)
-        mesh = shared.mesh(sequence.garment)
-        if not (torch.equal(mesh.faces, sequence.faces) and torch.equal(mesh.rest, sequence.rest)):
-            raise InputError(f"{path}: {sequence.garment} has another mesh there than in {out / MESHES}")
-        save_packed(sequence, mesh, body.skeleton, out / path.name, error)
+        _keep_mesh(garment, out, path)
+        mesh = shared.mesh(garment.name)
+        if not (torch.equal(mesh.faces, garment.faces) and torch.equal(mesh.rest, garment.rest)):
+            raise InputError(f"{path}: {garment.name} has another mesh there than in {out / MESHES}")
+        save_packed(clip, mesh, body.skeleton, out / path.name, error)
 
     return _convert(paths, folder, out, convert, "packing")
 
@@ -158,9 +155,9 @@ def unpack_folder(folder: Path, out: Path) -> int:
     shared = PackedFolder(folder)
 
     def convert(path: Path) -> None:
-        sequence = load_packed(path, shared)
-        keep_body(sequence_body(path, sequence.metadata, shared.bodies), out)
-        save_sequence(sequence, out / path.name)
+        clip = load_packed(path, shared)
+        keep_body(sequence_body(path, clip.metadata, shared.bodies), out)
+        save_simulated(clip, out / path.name)
 
     return _convert(paths, folder, out, convert, "unpacking")
 
@@ -182,25 +179,26 @@ def _convert(
     return len(todo)
 
 
-def save_packed(
-    sequence: SimulatedSequence, mesh: GarmentMesh, skeleton: Skeleton, path: Path, error: float
-) -> None:
-    """Write a packed sequence and, unless it is there, its motion; error: see `pack_folder`.
+def save_packed(clip: SimulatedClip, mesh: GarmentMesh, skeleton: Skeleton, path: Path, error: float) -> None:
+    """Write the packed clip of one garment and, unless it is there, its motion; error: see `pack_folder`.
 
     Raises InputError if it is too far from the origin to be packed.
     """
+    (garment,) = clip.garments
     folder = path.parent
     try:
-        motion = keep_motion(sequence, skeleton, folder)
+        motion = keep_motion(clip, skeleton, folder)
         # The cloth is packed in axes that unpacking finds again.
         transforms = load_motion(folder, motion, skeleton).transforms
-        seen = seen_from_bones(sequence.vertices, mesh.rest, skeleton, transforms).numpy()
+        seen = seen_from_bones(garment.vertices, mesh.rest, skeleton, transforms).numpy()
         cloth = code_points(seen, mesh.parts, error)
     except ValueError as fault:
         raise InputError(f"{path.name}: cannot be packed, its {fault}") from fault
     unpacked = decode_points(cloth, mesh.parts, error, *seen.shape[:2])
     metadata = {
-        key: value for key, value in sequence.metadata.items() if key not in ("hash", "scored_frames")
+        key: value
+        for key, value in flat_metadata(clip, garment).items()
+        if key not in ("hash", "scored_frames")
     }
     description = {"motion": motion, "step": cloth.step, "error": error, "metadata": metadata}
     arrays = {
@@ -215,7 +213,7 @@ def save_packed(
     save_arrays(path, arrays)
 
 
-def load_packed(path: Path, shared: PackedFolder) -> SimulatedSequence:
+def load_packed(path: Path, shared: PackedFolder) -> SimulatedClip:
     """Read a packed sequence, of this format or the first; shared: of the folder in which it lies.
 
     Raises InputError naming the file if it is none, on a body that its folder lacks, of another mesh, or does
@@ -242,7 +240,7 @@ def load_packed(path: Path, shared: PackedFolder) -> SimulatedSequence:
     if not np.abs(_probes(seen) - data["probes"]).max() < error:
         raise InputError(f"{path}: does not unpack to what was packed, its mesh or the file is another")
     vertices = moved_by_bones(torch.from_numpy(seen), mesh.rest, body.skeleton, motion.transforms)
-    return SimulatedSequence(
+    return clip_of_garment(
         vertices=vertices.float(),
         faces=mesh.faces,
         rest=mesh.rest,
@@ -280,17 +278,15 @@ def _description(path: Path, content: str) -> dict:
     return description | {"metadata": parse_metadata(path, json.dumps(description["metadata"]))}
 
 
-def _keep_mesh(sequence: SimulatedSequence, out: Path, path: Path) -> None:
+def _keep_mesh(garment: SimulatedGarment, out: Path, path: Path) -> None:
     """Write the mesh of a garment's sequences into a packed folder where it is not yet."""
-    kept = out / MESHES / f"{sequence.garment}.npz"
+    kept = out / MESHES / f"{garment.name}.npz"
     require_file_name(kept.name, path)
     if not kept.exists():
-        if len(sequence.rest) > MOST_POINTS:
-            raise InputError(
-                f"{path}: has {len(sequence.rest)} vertices, {MOST_POINTS} at most can be packed"
-            )
+        if len(garment.rest) > MOST_POINTS:
+            raise InputError(f"{path}: has {len(garment.rest)} vertices, {MOST_POINTS} at most can be packed")
         make_folder(kept.parent)
-        faces, rest = sequence.faces.numpy(), sequence.rest.numpy().astype(np.float32)
+        faces, rest = garment.faces.numpy(), garment.rest.numpy().astype(np.float32)
         arrays = {"faces": smallest_indices(faces), "rest": rest, "second": second_half(faces, len(rest))}
         save_arrays(kept, {"format": np.array(MESH_FORMAT), **arrays})
 

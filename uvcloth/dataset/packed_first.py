@@ -11,7 +11,8 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.dataset.bodies import sequence_body
-from uvcloth.dataset.sequence import SimulatedSequence, parse_metadata
+from uvcloth.dataset.clip import SimulatedClip, clip_of_garment
+from uvcloth.dataset.clip_file import parse_metadata
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays
 from uvcloth.files.fields import check_fields, indices, numbers, text, whole
@@ -55,7 +56,7 @@ class FirstMesh:
     spectrum: np.ndarray
 
 
-def load_first(path: Path, mesh_of: Callable[[str], FirstMesh], known: dict[str, Body]) -> SimulatedSequence:
+def load_first(path: Path, mesh_of: Callable[[str], FirstMesh], known: dict[str, Body]) -> SimulatedClip:
     """Read a packed sequence; mesh_of: gives a garment's mesh by its name; known: see `sequence_body`.
 
     Raises InputError naming the file if it is none, on a body that its folder lacks, of another mesh, or does
@@ -82,7 +83,7 @@ def load_first(path: Path, mesh_of: Callable[[str], FirstMesh], known: dict[str,
         raise InputError(f"{path}: does not unpack to what was packed, its mesh or the file is another")
     root = transforms[:, None, 0].double()
     vertices = rotate(root[..., :3], torch.from_numpy(seen)) + root[..., 3]
-    return SimulatedSequence(
+    return clip_of_garment(
         vertices=vertices.float(),
         faces=mesh.faces,
         rest=mesh.rest,

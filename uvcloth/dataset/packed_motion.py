@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from uvcloth.dataset.sequence import SimulatedSequence
+from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.files.atomic import make_folder
@@ -57,17 +57,17 @@ class PackedMotion:
     warm_up: int
 
 
-def keep_motion(sequence: SimulatedSequence, skeleton: Skeleton, folder: Path) -> str:
-    """Write the motion of a sequence into a packed folder, unless it is there; returns its name.
+def keep_motion(clip: SimulatedClip, skeleton: Skeleton, folder: Path) -> str:
+    """Write the motion of a clip into a packed folder, unless it is there; returns its name.
 
     Raises ValueError for motion that is too fast to be packed, InputError if it cannot be written.
     """
-    code = encode(_differences(sequence.transforms, skeleton), stride=1)
+    code = encode(_differences(clip.transforms, skeleton), stride=1)
     arrays = {
         "code": code,
-        "frames": np.array(len(sequence.transforms), dtype=np.int64),
-        "fps": np.array(sequence.fps, dtype=np.float64),
-        "warm_up": np.array(sequence.warm_up, dtype=np.int64),
+        "frames": np.array(len(clip.transforms), dtype=np.int64),
+        "fps": np.array(clip.fps, dtype=np.float64),
+        "warm_up": np.array(clip.warm_up, dtype=np.int64),
     }
     name = fingerprint(*(values.tobytes() for values in arrays.values()))[:NAME_LENGTH]
     path = folder / MOTIONS / f"{name}.npz"

@@ -1,13 +1,15 @@
 """Batch simulation: many sequences in parallel processes, on this machine or on a dask cluster."""
 
 import logging
-from collections.abc import Iterable, Sequence, Sized
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
 from uvcloth.bodies.body import Body
 from uvcloth.dataset.bodies import keep_body
+from uvcloth.dataset.clip import SimulatedClip
+from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.dataset.folder import (
     REPEAT,
     keep_index,
@@ -16,7 +18,6 @@ from uvcloth.dataset.folder import (
     require_same,
     stored_sequences,
 )
-from uvcloth.dataset.sequence import SimulatedSequence, save_sequence
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import require_there, sole_writer
 from uvcloth.garments.joined import Cloth, join
@@ -30,7 +31,7 @@ from uvcloth.simulate.engines import ENGINES, require_engine_name
 from uvcloth.simulate.members import member_engine
 from uvcloth.simulate.plan import ClipSelection, Job, batch_sources, plan
 from uvcloth.simulate.progress import FramesBar
-from uvcloth.simulate.quality_check import examine_together
+from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
 from uvcloth.simulate.unfinished import Place, clear_finished
 from uvcloth.simulate.workers import ONE_PER_CORE, Workers, connected, results
@@ -41,6 +42,22 @@ FRAMES_TOPIC = "uvcloth-frames"
 """Topic under which workers report frames."""
 
 LEAD_IN = LeadIn()
+
+
+@dataclass(frozen=True)
+class Work:
+    """Simulations that a command makes into its folder, or folders in it.
+
+    jobs: those that are missing, in order; the next is asked for when there is room for it. frames: of all,
+    about. folders: data folders of the targets. refused: by folder, captures that are not simulated, and the
+    reason of each. keep: writes what goes with the sequences, such as bodies and the index.
+    """
+
+    jobs: Iterable[Job]
+    frames: int
+    folders: Sequence[Path]
+    refused: Mapping[Path, Mapping[str, str]] = field(default_factory=dict)
+    keep: Callable[[], None] = lambda: None
 
 
 def simulate_batch(
@@ -77,16 +94,14 @@ def simulate_batch(
     names = [tuple(cloth.garment.name for cloth in outfit) for outfit in cloths]
     require_same(stored_sequences(out), body, made_by.describe(), names)
     todo, refused = plan(sources, cloths, out / REPEAT if repeat else out, body, repeat)
-    with sole_writer(out):
-        clear_finished(out)
+
+    def keep() -> None:
         keep_body(body, out)
         if selection.windows is not None:
             keep_index(selection.windows, out / INDEX)
-        if refused:
-            keep_refused(refused, out)
-            for clip, reason in refused.items():
-                LOGGER.warning("%s: refused, %s", clip, reason)
-        simulate_jobs(todo, made_by, workers, out)
+
+    work = Work(todo, count_frames(todo), [out], {out: refused} if refused else {}, keep)
+    simulate_work(work, made_by, workers, out)
 
 
 def chosen_engine(engine: str, fabric: str | None, workers: Workers) -> Engine:
@@ -100,12 +115,23 @@ def chosen_engine(engine: str, fabric: str | None, workers: Workers) -> Engine:
     return made_by if fabric is None else made_by.with_fabric(find_fabric(fabric))
 
 
-def simulate_jobs(todo: Sequence[Job], engine: Engine, workers: Workers, folder: Path) -> None:
-    """Simulate jobs as `simulate_all` does, or print that there are none."""
-    if not todo:
-        LOGGER.info("%s: every sequence is there already", folder)
-        return
-    simulate_all(todo, sum(map(_frames, todo)), engine, workers, folder)
+def simulate_work(work: Work, engine: Engine, workers: Workers, out: Path) -> None:
+    """Keep what goes with the sequences, and simulate as `simulate_all` does, if anything is missing.
+
+    out: the command's folder, which one process alone may write.
+    """
+    with sole_writer(out):
+        for folder in work.folders:
+            clear_finished(folder)
+        work.keep()
+        for folder, reasons in work.refused.items():
+            keep_refused(reasons, folder)
+            for clip, reason in reasons.items():
+                LOGGER.warning("%s: refused, %s", clip, reason)
+        if work.frames:
+            simulate_all(work.jobs, work.frames, engine, workers, out)
+        else:
+            LOGGER.info("%s: every sequence is there already", out)
 
 
 def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Workers, folder: Path) -> None:
@@ -122,10 +148,10 @@ def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Work
             partial(_simulate_job, engine=engine, folder=folder, here=Path.cwd()),
             partial(require_there, folder),
         )
-        for job, (sequences, reason) in results(client, todo, work, look):
-            bar.advance(_frames(job) - sum(len(sequence.vertices) for sequence in sequences[:1]))
-            lines = map(partial(_store, reason), sequences, job.targets)
-            bar.print("\n".join(lines if sequences else [_refuse(reason, job.targets)]))
+        for job, (clip, reason) in results(client, todo, work, look):
+            bar.advance(count_frames([job]) - (len(clip.transforms) if clip else 0))
+            lines = _store(reason, clip, job.targets) if clip else [_refuse(reason, job.targets)]
+            bar.print("\n".join(lines))
             clear_finished(job.targets[0].parent)
             bar.print_progress()
 
@@ -150,12 +176,12 @@ def _cloths(outfits: Sequence[Sequence[str]], body: Body) -> list[tuple[Cloth, .
 
 def _simulate_job(
     job: Job, engine: Engine, folder: Path, here: Path
-) -> tuple[list[SimulatedSequence], str | None]:
+) -> tuple[SimulatedClip | None, str | None]:
     """Simulate and examine a job in a worker process, on one core, and report frames as they are made.
 
     folder: of its targets. here: the folder that paths start from, which may be another for workers. Returns
-    the sequences, and the reasons why they are refused, None if they are not; no sequences, and the reason,
-    for a job that the engine cannot simulate.
+    the clip, and the reasons why it is refused, None if it is not; no clip, and the reason, for a job that
+    the engine cannot simulate.
     """
     import torch
     from dask.distributed import get_worker
@@ -175,10 +201,9 @@ def _simulate_job(
     try:
         made = simulate(job.motion, job.warm_up, job.cloths, job.body, engine, LEAD_IN, report, place)
     except InputError as error:
-        return [], str(error)
-    examined, reason = examine_together(made, [cloth.garment for cloth in job.cloths], job.body)
-    labelled = [replace(sequence, metadata={**sequence.metadata, **job.labels}) for sequence in examined]
-    return labelled, reason
+        return None, str(error)
+    examined, reason = examine(made, [cloth.garment for cloth in job.cloths], job.body)
+    return examined.labelled(**job.labels), reason
 
 
 def _refuse(reason: str | None, targets: Sequence[Path]) -> str:
@@ -188,20 +213,23 @@ def _refuse(reason: str | None, targets: Sequence[Path]) -> str:
     return f"{targets[-1]}: refused, {reason}"
 
 
-def _store(reason: str | None, sequence: SimulatedSequence, target: Path) -> str:
-    """Write a finished sequence, a refused one to the folder of refused ones, and return a line of text on
-    it."""
+def _store(reason: str | None, clip: SimulatedClip, targets: Sequence[Path]) -> list[str]:
+    """Write a finished clip, a refused one to the folder of refused ones; a line of text on each garment."""
     if reason is not None:
-        elsewhere = rejected(target)
-        save_sequence(replace(sequence, metadata={**sequence.metadata, "rejected": reason}), elsewhere)
-        return f"{elsewhere}: kept apart, {reason}"
-    save_sequence(sequence, target)
-    seconds = sequence.metadata["wall_seconds"] / len(sequence.vertices)
-    figures = [f"{seconds:.2f} s per frame", f"{sequence.metadata['inside_percent']:.2f} % inside"]
-    for name, share in sequence.metadata.get("wrong_side_percent", {}).items():
-        figures.append(f"{share:.2f} % on the wrong side of {name}")
-    return f"{target}: {', '.join(figures)}"
+        elsewhere = [rejected(target) for target in targets]
+        save_simulated(clip.labelled(rejected=reason), *elsewhere)
+        return [f"{target}: kept apart, {reason}" for target in elsewhere]
+    save_simulated(clip, *targets)
+    seconds = clip.metadata["wall_seconds"] / len(clip.transforms)
+    lines = []
+    for garment, target in zip(clip.garments, targets, strict=True):
+        figures = [f"{seconds:.2f} s per frame", f"{garment.metadata['inside_percent']:.2f} % inside"]
+        for name, share in garment.metadata.get("wrong_side_percent", {}).items():
+            figures.append(f"{share:.2f} % on the wrong side of {name}")
+        lines.append(f"{target}: {', '.join(figures)}")
+    return lines
 
 
-def _frames(job: Job) -> int:
-    return len(job.motion) + len(LEAD_IN)
+def count_frames(jobs: Iterable[Job]) -> int:
+    """Number of frames that jobs simulate, lead-in included."""
+    return sum(len(job.motion) + len(LEAD_IN) for job in jobs)

@@ -1,6 +1,5 @@
 """Batch simulation of random outfits: each on its body, over windows of its split."""
 
-import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -8,22 +7,17 @@ from pathlib import Path
 from uvcloth.dataset.bodies import keep_body
 from uvcloth.dataset.folder import Stored, is_finished, keep_refused, require_engine, stored_sequences
 from uvcloth.errors import InputError
-from uvcloth.files.atomic import sole_writer
 from uvcloth.files.fields import require_file_name
 from uvcloth.garments.joined import join
 from uvcloth.motion.index import Entry
 from uvcloth.motion.poses import SPLITS
 from uvcloth.physics.fabric import FABRICS
-from uvcloth.simulate.batch import LEAD_IN, simulate_all
+from uvcloth.simulate.batch import LEAD_IN, Work, chosen_engine, simulate_work
 from uvcloth.simulate.engine import Engine
-from uvcloth.simulate.engines import ENGINES, require_engine_name
 from uvcloth.simulate.plan import ClipSelection, Job, Source, batch_sources, load_motion
 from uvcloth.simulate.run import RUN_UP
-from uvcloth.simulate.unfinished import clear_finished
 from uvcloth.simulate.workers import ONE_PER_CORE, Workers
 from uvcloth.wardrobe.outfit_file import OutfitFile, load_outfit_file, on_body, outfit_files
-
-LOGGER = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -56,25 +50,17 @@ def simulate_outfits(
     what is there already is kept. Raises InputError as `simulate_batch` does, for a folder without outfits,
     and for outfits of a split without windows.
     """
-    require_engine_name(engine)
+    made_by = chosen_engine(engine, None, workers)
     if frames is not None and frames < 1:
         raise InputError(f"--most-frames {frames}: has to be 1 or more")
     outfits = [load_outfit_file(path) for path in outfit_files(folder)]
     if fabric is not None:
         outfits = [replace(outfit, fabric_name=fabric, fabric=FABRICS[fabric]) for outfit in outfits]
-    made_by = ENGINES[engine]()
     _require_fabrics(stored_sequences(out), outfits, made_by)
     tasks = _deal(outfits, batch_sources(selection), frames)
-    with sole_writer(out):
-        clear_finished(out)
-        todo = [task for task in tasks if not _done(task, out)]
-        if not todo:
-            LOGGER.info("%s: every outfit is there already", out)
-            return
-        expected = sum(
-            task.windows[0].window.frames + RUN_UP + len(LEAD_IN) for task in todo if task.windows[0].window
-        )
-        simulate_all(_jobs(todo, out), expected, made_by, workers, out)
+    todo = [task for task in tasks if not _done(task, out)]
+    expected = sum(task.frames for task in todo)
+    simulate_work(Work(_jobs(todo, out), expected, [out]), made_by, workers, out)
 
 
 def _require_fabrics(stored: Sequence[Stored], outfits: Sequence[OutfitFile], engine: Engine) -> None:

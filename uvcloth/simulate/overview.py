@@ -9,8 +9,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from uvcloth.dataset.clip_file import read_metadata
 from uvcloth.dataset.folder import REPEAT, Stored, is_finished, refused_captures, sequence_files
-from uvcloth.dataset.sequence import read_metadata
 from uvcloth.errors import InputError
 from uvcloth.motion.index import INDEX, Entry, read_index
 from uvcloth.motion.poses import SPLITS

@@ -1,6 +1,5 @@
 """Simulation of a plan: all rows of a file, each into the data folder where its readers look for it."""
 
-import logging
 import shutil
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -14,13 +13,12 @@ from uvcloth.dataset.bodies import keep_body
 from uvcloth.dataset.folder import (
     add_windows,
     is_finished,
-    keep_refused,
     require_same,
     require_windows,
     stored_sequences,
 )
 from uvcloth.errors import InputError
-from uvcloth.files.atomic import atomic_write, sole_writer
+from uvcloth.files.atomic import atomic_write
 from uvcloth.files.reading import file_below
 from uvcloth.garments.joined import Cloth, join
 from uvcloth.garments.loading import load_garment_for_data
@@ -30,15 +28,12 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.index import INDEX, clip_file
 from uvcloth.motion.library import builtin_clips
 from uvcloth.motion.stop import come_to_rest
-from uvcloth.simulate.batch import chosen_engine, simulate_jobs
+from uvcloth.simulate.batch import Work, chosen_engine, count_frames, simulate_work
 from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.members import member_engine
 from uvcloth.simulate.plan import Job, Source, interleaved, load_motion
 from uvcloth.simulate.plan_file import PLAN, PlanRow, plan_folders, read_plan
-from uvcloth.simulate.unfinished import clear_finished
 from uvcloth.simulate.workers import ONE_PER_CORE, Workers
-
-LOGGER = logging.getLogger(__name__)
 
 
 def simulate_plan(
@@ -76,22 +71,20 @@ def simulate_plan(
     ):
         motion, warm_up, fault = stock.motion(row, clip)
         if fault is not None:
-            refused.setdefault(row.folder, {})[row.motion.name] = fault
+            refused.setdefault(out / row.folder, {})[row.motion.name] = fault
             continue
         targets, body = tuple(out / file for file in row.files), stock.body(row)
         todo.append(Job(motion, warm_up, body, cloths, targets, member=row.member, labels=_labels(row)))
-    with sole_writer(out):
+
+    def keep() -> None:
         with atomic_write(out / PLAN) as partial:
             shutil.copyfile(plan, partial)
         for folder, own in folders.items():
-            clear_finished(out / folder)
             keep_body(stock.body(own[0]), out / folder)
             add_windows((row.motion.entry for row in own), out / folder / INDEX)
-        for folder, faults in refused.items():
-            keep_refused(faults, out / folder)
-            for name, fault in faults.items():
-                LOGGER.warning("%s: %s is refused, %s", out / folder, name, fault)
-        simulate_jobs(todo, made_by, workers, out)
+
+    work = Work(todo, count_frames(todo), [out / folder for folder in folders], refused, keep)
+    simulate_work(work, made_by, workers, out)
 
 
 def ordered(rows: Sequence[PlanRow]) -> list[PlanRow]:

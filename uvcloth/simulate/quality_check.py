@@ -1,4 +1,4 @@
-"""Quality check: measures of a simulated sequence, and the limits within which it may be trained on."""
+"""Quality check: measures of a simulated clip, and the limits within which it may be trained on."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,7 +9,7 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.posing import posed_skin
-from uvcloth.dataset.sequence import SimulatedSequence
+from uvcloth.dataset.clip import SimulatedClip, SimulatedGarment
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import unique_edges, weld
 from uvcloth.geometry.skinning import skin
@@ -31,10 +31,10 @@ MAX_CROSSING_PERCENT = 5.0
 """Percent of the edges that may run through the garment itself, averaged over the scored frames."""
 
 
-def examine(
-    sequence: SimulatedSequence, garment: Garment, body: Body
-) -> tuple[SimulatedSequence, str | None]:
-    """Examine the sequence of a garment: it, with the measures in its metadata, and the reason of a refusal.
+def examine(clip: SimulatedClip, garments: Sequence[Garment], body: Body) -> tuple[SimulatedClip, str | None]:
+    """Examine a clip: it, with the measures of each garment in its metadata, and the reasons of a refusal.
+
+    Where there are several garments, the reasons give their names. The measures:
 
     inside_percent: of the vertices inside a part of the collider that they may touch, but for those squeezed
     between two such parts.
@@ -45,33 +45,47 @@ def examine(
 
     An unsupported hem is refused too (`unsupported_hem`).
     """
-    frames, vertices = len(sequence.vertices), sequence.vertices
+    pairs = zip(clip.garments, garments, strict=True)
+    examined = [_examine(clip, simulated, garment, body) for simulated, garment in pairs]
+    reasons = [
+        reason if len(examined) == 1 else f"{simulated.name}: {reason}"
+        for simulated, reason in examined
+        if reason is not None
+    ]
+    return replace(clip, garments=tuple(each for each, _ in examined)), "; ".join(reasons) or None
+
+
+def _examine(
+    clip: SimulatedClip, simulated: SimulatedGarment, garment: Garment, body: Body
+) -> tuple[SimulatedGarment, str | None]:
+    """Examine a garment of a clip: it, with its measures, and the reason of a refusal."""
+    frames, vertices = len(simulated.vertices), simulated.vertices
     if not torch.isfinite(vertices).all():
-        return sequence, f"frame {frames - 1}: a vertex is not a finite number"
-    edges = unique_edges(sequence.faces)
-    rest = (sequence.rest[edges[:, 0]] - sequence.rest[edges[:, 1]]).norm(dim=-1)
+        return simulated, f"frame {frames - 1}: a vertex is not a finite number"
+    edges = unique_edges(simulated.faces)
+    rest = (simulated.rest[edges[:, 0]] - simulated.rest[edges[:, 1]]).norm(dim=-1)
     ratio = ((vertices[:, edges[:, 0]] - vertices[:, edges[:, 1]]).norm(dim=-1) / rest).amax(1)
     if float(ratio.max()) > MAX_STRETCH:
-        return sequence, f"frame {int(ratio.argmax())}: an edge is {float(ratio.max()):.1f} times its length"
+        return simulated, f"frame {int(ratio.argmax())}: an edge is {float(ratio.max()):.1f} times its length"
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
-    contact = obstacle.contact_garment(sequence.rest, sequence.faces)
-    scored = slice(sequence.warm_up, None)
-    vertices, transforms = vertices[scored], sequence.transforms[scored]
+    contact = obstacle.contact_garment(simulated.rest, simulated.faces)
+    scored = slice(clip.warm_up, None)
+    vertices, transforms = vertices[scored], clip.transforms[scored]
     left = limbs_left_percent(
-        vertices, sequence.rest, sequence.faces, transforms, body.skeleton, contact.touches
+        vertices, simulated.rest, simulated.faces, transforms, body.skeleton, contact.touches
     )
     posed = posed_skin(body, transforms)
     inside = _mean(obstacle.inside_percent(vertices, contact, posed))
-    crossing = _mean(crossing_edges_percent(vertices, weld(sequence.rest)[sequence.faces]))
-    skinned = skin(sequence.rest, garment.smooth_weights, transforms)
+    crossing = _mean(crossing_edges_percent(vertices, weld(simulated.rest)[simulated.faces]))
+    skinned = skin(simulated.rest, garment.smooth_weights, transforms)
 
     def skin_at(frame: int) -> Skin:
         obstacle.update(posed[frame])
         return obstacle.skin(vertices[frame], contact)
 
-    raised = unsupported_hem(vertices, skinned, sequence.rest, sequence.faces, sequence.fps, skin_at)
+    raised = unsupported_hem(vertices, skinned, simulated.rest, simulated.faces, clip.fps, skin_at)
     metadata = {
-        **sequence.metadata,
+        **simulated.metadata,
         "inside_percent": round(inside, 4),
         "left_percent": round(left, 4),
         "crossing_percent": round(crossing, 4),
@@ -86,27 +100,10 @@ def examine(
     elif raised is not None:
         frame, rise = raised
         reason = (
-            f"frame {sequence.warm_up + frame}: a hem stays up, for a second {100 * rise:.0f} cm above the "
+            f"frame {clip.warm_up + frame}: a hem stays up, for a second {100 * rise:.0f} cm above the "
             "skinned one while nothing supports it"
         )
-    return replace(sequence, metadata=metadata), reason
-
-
-def examine_together(
-    sequences: Sequence[SimulatedSequence], garments: Sequence[Garment], body: Body
-) -> tuple[list[SimulatedSequence], str | None]:
-    """Examine the sequences of garments that were simulated together, each as `examine` does.
-
-    Returns them, and the reasons of a refusal of any, with the garments' names where there are several.
-    """
-    pairs = zip(sequences, garments, strict=True)
-    examined = [examine(sequence, garment, body) for sequence, garment in pairs]
-    reasons = [
-        reason if len(examined) == 1 else f"{sequence.garment}: {reason}"
-        for sequence, reason in examined
-        if reason is not None
-    ]
-    return [sequence for sequence, _ in examined], "; ".join(reasons) or None
+    return replace(simulated, metadata=metadata), reason
 
 
 def _mean(percent: Tensor) -> float:

@@ -11,7 +11,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.opened import make_opening
 from uvcloth.bodies.posing import posed_skin
-from uvcloth.dataset.sequence import SimulatedSequence
+from uvcloth.dataset.clip import SimulatedClip, SimulatedGarment
 from uvcloth.garments.joined import Cloth
 from uvcloth.garments.layer_thickness import inner_thickness
 from uvcloth.geometry.mesh import join_meshes
@@ -42,7 +42,7 @@ def simulate(
     parts: LeadIn,
     progress: Callable[[int], None] = lambda made: None,
     place: Place | None = None,
-) -> tuple[SimulatedSequence, ...]:
+) -> SimulatedClip:
     """Simulate one garment or more, innermost first, from rest over a clip on the body's skeleton.
 
     warm_up: leading frames of the clip that are not scored (its run-up). The lead-in is added here. Several
@@ -62,7 +62,7 @@ def simulate(
     ]
     warm_up += len(parts)
     scored = slice(warm_up, None if torch.isfinite(made.vertices[-1]).all() else -1)
-    shared: dict[str, Any] = {
+    metadata: dict[str, Any] = {
         "clip": clip.name,
         "body": body.name,
         "body_hash": rest_hash(body),
@@ -71,18 +71,14 @@ def simulate(
         **engine.describe(),
     }
     if len(cloths) > 1:
-        shared["layers"] = [cloth.garment.name for cloth in cloths]
-    return tuple(
-        SimulatedSequence(
+        metadata["layers"] = [cloth.garment.name for cloth in cloths]
+    garments = tuple(
+        SimulatedGarment(
+            name=cloth.garment.name,
             vertices=vertices,
             faces=cloth.garment.mesh.faces,
             rest=cloth.garment.mesh.vertices,
-            transforms=transforms[:frames],
-            fps=clip.fps,
-            warm_up=warm_up,
             metadata={
-                **shared,
-                "garment": cloth.garment.name,
                 "template": cloth.garment.template,
                 "source": cloth.garment.source,
                 **_sides(cloths[:index], [other[scored] for other in moved], vertices[scored]),
@@ -90,6 +86,7 @@ def simulate(
         )
         for index, (cloth, vertices) in enumerate(zip(cloths, moved, strict=True))
     )
+    return SimulatedClip(garments, transforms[:frames], clip.fps, warm_up, metadata)
 
 
 def _sides(inner: Sequence[Cloth], moved: Sequence[Tensor], outer: Tensor) -> dict[str, Any]:

@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import load_body
-from uvcloth.dataset.sequence import REST_TOLERANCE, SimulatedSequence, load_sequence
+from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip
+from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
@@ -82,7 +83,7 @@ class Choices:
                 raise InputError(f"{what} is not among the choices")
         body = load_body(None if chosen.body == DEFAULT_BODY else Path(chosen.body))
         if chosen.motion in self.sequences:
-            sequence = load_sequence(Path(chosen.motion))
+            sequence = load_simulated(Path(chosen.motion))
             garments: tuple[str, ...] = (self._simulated_garment(chosen.motion, sequence),)
             transforms, fps = sequence.transforms, sequence.fps
         else:
@@ -112,21 +113,22 @@ class Choices:
             truth=truth,
         )
 
-    def _simulated_garment(self, path: str, sequence: SimulatedSequence) -> str:
+    def _simulated_garment(self, path: str, sequence: SimulatedClip) -> str:
         """The template or file of a sequence's garment. Raises InputError if it is none of the choices."""
+        (simulated,) = sequence.garments
         for name in self.garments:
-            if sequence.garment in (name, Path(name).stem):
+            if simulated.name in (name, Path(name).stem):
                 return name
-        raise InputError(f"{path}: its garment {sequence.garment} is unknown, give its file with --garment")
+        raise InputError(f"{path}: its garment {simulated.name} is unknown, give its file with --garment")
 
 
-def _require_same(path: str, sequence: SimulatedSequence, outfit: Outfit) -> None:
+def _require_same(path: str, sequence: SimulatedClip, outfit: Outfit) -> None:
     """Raise InputError if a sequence is not of the outfit's garment on its body."""
     body, (garment,) = outfit.body, outfit.garments
-    rest = garment.mesh.vertices
+    rest, simulated = garment.mesh.vertices, sequence.garments[0].rest
     if sequence.transforms.shape[1] != len(body.skeleton.names):
         raise InputError(f"{path}: was simulated on a body of another skeleton, give it with --body")
-    if rest.shape != sequence.rest.shape or float((rest - sequence.rest).abs().max()) > REST_TOLERANCE:
+    if rest.shape != simulated.shape or float((rest - simulated).abs().max()) > REST_TOLERANCE:
         raise InputError(
             f"{path}: its garment {garment.name} is not the one that this body has, give the body that it "
             "was simulated on with --body"

@@ -10,7 +10,8 @@ from tests.train.cropped import cropped
 from tests.train.simulated import swaying
 from uvcloth.bodies.body import Body, load_body, save_body
 from uvcloth.dataset.bodies import BODIES
-from uvcloth.dataset.sequence import SimulatedSequence, save_sequence
+from uvcloth.dataset.clip import clip_of_garment
+from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.skinning import skin
@@ -59,7 +60,7 @@ def save_outfits(folder: Path, outfits: Sequence[MadeUp], frames: int = 6, warm_
                 "body": "ann", "body_hash": rest_hash(body),
                 "settings": {"fabric": asdict(FABRICS[outfit.fabric])},
             }  # fmt: skip
-            sequence = SimulatedSequence(
+            sequence = clip_of_garment(
                 vertices=moved,
                 faces=mesh.faces,
                 rest=mesh.vertices,
@@ -68,5 +69,5 @@ def save_outfits(folder: Path, outfits: Sequence[MadeUp], frames: int = 6, warm_
                 warm_up=warm_up,
                 metadata=metadata,
             )
-            save_sequence(sequence, folder / f"clip{seed}_{name}.npz")
+            save_simulated(sequence, folder / f"clip{seed}_{name}.npz")
     return body

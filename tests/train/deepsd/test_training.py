@@ -357,13 +357,9 @@ def test_bodies_of_two_kinds_are_refused(
 ) -> None:
     from train.deepsd import dataset as module
 
-    sequences = module.outfit_sequences(folder)
-    other = replace(sequences[1].outfit, body=small_body())
-    monkeypatch.setattr(
-        module,
-        "outfit_sequences",
-        lambda *_: [sequences[0], replace(sequences[1], outfit=other), sequences[2]],
-    )
+    first, (outfit, clip), last = module.outfit_clips(folder)
+    other = replace(outfit, body=small_body())
+    monkeypatch.setattr(module, "outfit_clips", lambda *_: [first, (other, clip), last])
     with pytest.raises(
         InputError, match="outfit hips is on a body of another mesh or skeleton than outfit belt"
     ):

@@ -10,7 +10,8 @@ from train.motion_guided.dataset import GarmentDataset
 from train.motion_guided.objective import DynamicsObjective
 from train.motion_guided.run import LOSSES
 from uvcloth.bodies.body import load_body
-from uvcloth.dataset.sequence import SimulatedSequence, save_sequence
+from uvcloth.dataset.clip import clip_of_garment
+from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.garments.templates import fit_template
 from uvcloth.methods.motion_guided.config import PRESETS
 
@@ -26,7 +27,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> GarmentDataset:
     transforms = torch.eye(3, 4).repeat(7, len(body.skeleton.names), 1, 1)
     transforms[:, :, 0, 3] = STEP * torch.arange(7)[:, None]
     for clip, fps in (("a", 30.0), ("b", 60.0), ("c", 60.0)):
-        sequence = SimulatedSequence(
+        sequence = clip_of_garment(
             vertices=garment.mesh.vertices + transforms[:, :1, :, 3],
             faces=garment.mesh.faces,
             rest=garment.mesh.vertices,
@@ -35,7 +36,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> GarmentDataset:
             warm_up=4,
             metadata={"clip": clip, "garment": "dress", "body": body.name},
         )
-        save_sequence(sequence, folder / f"{clip}_dress.npz")
+        save_simulated(sequence, folder / f"{clip}_dress.npz")
     return GarmentDataset(PRESETS["tiny"], LOSSES["tiny"], folder)
 
 
@@ -52,10 +53,10 @@ class Seeing(nn.Module):
 
 def test_rows_are_led_in_and_know_their_clip(dataset: GarmentDataset) -> None:
     """Of the seven frames of each clip the last six are kept, of which the last three count."""
-    assert dataset.rows.fps.tolist() == [30.0] * 6 + [60.0] * 6
-    assert dataset.rows.starts.tolist() == [0] * 6 + [6] * 6
-    assert dataset.rows.samples.tolist() == [3, 4, 5, 9, 10, 11]
-    assert dataset.rows.vertices[0].mean(0)[0] == pytest.approx(
+    assert dataset.training.rows.fps.tolist() == [30.0] * 6 + [60.0] * 6
+    assert dataset.training.rows.starts.tolist() == [0] * 6 + [6] * 6
+    assert dataset.training.rows.samples.tolist() == [3, 4, 5, 9, 10, 11]
+    assert dataset.training.vertices[0].mean(0)[0] == pytest.approx(
         float(dataset.maps.points.mean(0)[0]) + STEP, abs=1e-4
     )
 

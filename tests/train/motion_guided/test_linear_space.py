@@ -47,7 +47,7 @@ def combined(skinning: Any) -> tuple[LinearSpace, Any, Tensor, Tensor]:
 def test_posed_garments_go_back_to_where_they_came_from(skinning: str) -> None:
     space, dataset, displaced, _ = combined(skinning)
     with torch.no_grad():
-        found = rest_displacements(space, dataset, dataset.rows.samples)
+        found = rest_displacements(space, dataset, dataset.training.rows.samples)
     torch.testing.assert_close(found, displaced, atol=1e-5, rtol=0)
 
 
@@ -55,7 +55,7 @@ def test_kernels_that_depend_on_the_displacement_are_undone_by_iteration() -> No
     """Between two legs it does not converge; nine vertices in ten come back to a millimetre, half exactly."""
     space, dataset, displaced, _ = combined("kernels")
     with torch.no_grad():
-        found = rest_displacements(space, dataset, dataset.rows.samples)
+        found = rest_displacements(space, dataset, dataset.training.rows.samples)
     wrong = (found - displaced).unflatten(1, (-1, 3)).norm(dim=2).flatten()
     assert wrong.median() < 1e-5
     assert wrong.quantile(0.9) < 1e-3
@@ -80,7 +80,7 @@ def test_the_encoder_finds_the_codes_of_what_it_was_fitted_to() -> None:
     space, dataset, displaced, _ = combined("smooth_lbs")
     fit_linear(space, dataset)
     with torch.no_grad():
-        codes = space.encode(space.features(dataset.maps.map(dataset.rows.offsets)))
+        codes = space.encode(space.features(dataset.maps.map(dataset.training.offsets)))
         decoded = space.decode(codes, dataset.maps.sample, dataset.maps.places).flatten(1)
     torch.testing.assert_close(codes[:, :2].std(0), torch.ones(2), atol=0.05, rtol=0)
     assert (decoded - displaced).norm() < 0.05 * (displaced - displaced.mean(0)).norm()

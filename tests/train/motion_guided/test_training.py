@@ -116,7 +116,7 @@ def test_the_network_that_is_kept(
 def test_a_linear_space_holds_the_garments_it_was_fitted_to(data: Path) -> None:
     seen = GarmentDataset(replace(PRESETS["tiny"], size=32), LOSSES["tiny"], data)
     space = ShapeObjective(seen, LOSSES["tiny"]).networks()["net"]
-    rows, chosen = seen.rows, seen.rows.samples
+    rows, chosen = seen.rows, seen.training.samples
     with torch.no_grad():
         resting = rest_shape(space, seen.maps, seen.codes(space, rows, chosen))
         posed = posed_shape(space, seen.maps, resting, rows.pose[chosen])
@@ -164,7 +164,7 @@ def stepped(
 def test_the_virtual_sample_is_of_a_clip_that_stands_still(past: str, data: Path, space: Space) -> None:
     rows = torch.tensor([5, 8])
     objective, net, _ = stepped(data, space, rows, past=past)
-    clips, maps, before = objective.dataset.rows, objective.dataset.maps, rows - 1
+    clips, maps, before = objective.dataset.training, objective.dataset.maps, rows - 1
     pose = clips.pose[before]
     standing = DynamicsInput(
         past=GarmentHistory(
@@ -174,7 +174,7 @@ def test_the_virtual_sample_is_of_a_clip_that_stands_still(past: str, data: Path
         transforms=pose.transforms[:, None].repeat(1, MEMORY, 1, 1, 1),
         seeds_before=pose.seeds,
         seeds=pose.seeds,
-        fps=clips.fps[before],
+        fps=clips.rows.fps[before],
     )
     expected, _ = dynamics_features(space, net, maps, standing, objective.dataset.config.sigma)
     torch.testing.assert_close(net.features[2:], expected)
@@ -190,13 +190,13 @@ def test_who_keeps_the_garment_loses_nothing_by_the_virtual_sample(
     _, _, real = stepped(data, space, rows, past=past, still=False)
     seen, before = objective.dataset, rows - 1
     kept = posed_shape(
-        space, seen.maps, rest_shape(space, seen.maps, objective.codes[before]), seen.rows.pose[before]
+        space, seen.maps, rest_shape(space, seen.maps, objective.codes[before]), seen.training.pose[before]
     )
     virtual = {name: 2.0 * both[name] - real[name] for name in ("shape", "code")}
     assert real["code"] > 1e-4
     torch.testing.assert_close(virtual["code"], torch.tensor(0.0), atol=1e-6, rtol=0)
     # What is left is what the space itself loses of the garment.
-    torch.testing.assert_close(virtual["shape"], (kept - seen.rows.vertices[before]).abs().mean())
+    torch.testing.assert_close(virtual["shape"], (kept - seen.training.vertices[before]).abs().mean())
 
 
 def test_one_command_trains_both_stages(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

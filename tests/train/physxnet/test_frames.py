@@ -7,10 +7,10 @@ import pytest
 import torch
 
 from tests.train.physxnet.two_triangles import BODY, CONFIG, PIXELS, prepared, save_clip
-from train.clips import by_body, load_training_clips
 from train.physxnet.frames import Frames, load_frames, sheet_of
 from train.physxnet.prepare import share_texels
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.dataset.reader import read_clips
 
 BOTH = ("tops", "dress")
 ASIDE = torch.tensor([0.0, 0.015625, -0.03125]).expand(4, 3)
@@ -21,7 +21,7 @@ def frames(tmp_path: Path) -> Frames:
     """A clip of both garments at 10 frames a second, and one of the tops alone at 20, with no warm-up."""
     save_clip(tmp_path, "a", {"tops": 0.0 * ASIDE, "dress": ASIDE})
     save_clip(tmp_path, "b", {"tops": 2.0 * ASIDE}, frames=5, fps=20.0, warm_up=0)
-    worn = by_body(load_training_clips([tmp_path], BOTH))
+    worn = read_clips([tmp_path], BOTH)
     seen = [prepared(BOTH)]
     shared = [share_texels(seen, name) for name in BOTH]
     return load_frames(replace(CONFIG, templates=BOTH), worn, seen, shared, "")
@@ -29,11 +29,11 @@ def frames(tmp_path: Path) -> Frames:
 
 def test_rows_are_the_scored_frames_with_their_lead(frames: Frames) -> None:
     """Of the first clip frames 1 to 7 are kept, of which 3 to 7 count; of the second all, 2 to 4 count."""
-    assert frames.samples.tolist() == [2, 3, 4, 5, 6, 9, 10, 11]
-    assert frames.starts.tolist() == [0] * 7 + [7] * 5
+    assert frames.rows.samples.tolist() == [2, 3, 4, 5, 6, 9, 10, 11]
+    assert frames.rows.starts.tolist() == [0] * 7 + [7] * 5
     assert frames.present.tolist() == [[True, True]] * 7 + [[True, False]] * 5
-    assert frames.transforms.shape == (12, 2, 3, 4)
-    assert frames.transforms[0, 0, 0, 3].item() == pytest.approx(0.5 * 2.0 * 0.1**2)
+    assert frames.rows.transforms.shape == (12, 2, 3, 4)
+    assert frames.rows.transforms[0, 0, 0, 3].item() == pytest.approx(0.5 * 2.0 * 0.1**2)
 
 
 def test_each_clip_moves_at_its_own_frame_rate(frames: Frames) -> None:

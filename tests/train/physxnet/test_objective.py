@@ -14,7 +14,7 @@ from tests.train.simulated import save_clips
 from train.physxnet import objective as module
 from train.physxnet.objective import Losses, PhysXNetObjective
 from uvcloth.bodies.body import load_body
-from uvcloth.dataset.sequence import load_sequence
+from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.methods.physxnet.config import PRESETS
@@ -153,7 +153,7 @@ def test_statistics_are_mean_and_deviation_of_the_offsets(
     made = objective(data, monkeypatch)
     net: Any = made.networks()["net"]
     rows = made.samples[::4]
-    offsets = [STRETCH if made.frames.starts[row] > 0 else TRUE for row in rows]
+    offsets = [STRETCH if made.frames.rows.starts[row] > 0 else TRUE for row in rows]
     values = torch.cat(offsets)
     torch.testing.assert_close(net.output_shift.flatten(), values.mean(0), atol=2e-5, rtol=0)
     expected = values.std(0).clamp(min=1e-6)
@@ -176,7 +176,7 @@ def test_validation_is_that_of_a_rollout(tmp_path: Path) -> None:
     made = PhysXNetObjective(config, LOSSES, [tmp_path], tmp_path / "run")
     torch.manual_seed(0)
     net: Any = made.networks()["net"].eval()
-    truth = load_sequence(tmp_path / "clip1_tops.npz")
+    truth = load_simulated(tmp_path / "clip1_tops.npz")
     outfit = Outfit(body, (fit_template("tops", body),))
     frames = rollout(PhysXNet(config, net), outfit, truth.transforms, truth.fps, contact=False)
     errors = [

@@ -10,7 +10,8 @@ from tests.small_body import small_body
 from train.physxnet.prepare import Prepared
 from uvcloth.bodies.body import Body
 from uvcloth.dataset.bodies import keep_body
-from uvcloth.dataset.sequence import SimulatedSequence, save_sequence
+from uvcloth.dataset.clip import clip_of_garment
+from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.geometry.mesh import unique_edges
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.texels import BodyTexels, GarmentDecoder, TemplateTexels
@@ -85,7 +86,7 @@ def save_clip(
     keep_body(body, folder)
     transforms = walking(frames, fps)
     for template, offset in offsets.items():
-        sequence = SimulatedSequence(
+        sequence = clip_of_garment(
             vertices=SHEET + transforms[:, 1, None, :, 3] + offset,
             faces=FACES,
             rest=SHEET,
@@ -94,4 +95,4 @@ def save_clip(
             warm_up=warm_up,
             metadata={"clip": clip, "garment": template, "body": body.name},
         )
-        save_sequence(sequence, folder / f"{clip}_{template}.npz")
+        save_simulated(sequence, folder / f"{clip}_{template}.npz")

@@ -9,7 +9,9 @@ import torch
 from tests.small_body import small_body
 from tests.train.physxnet.two_triangles import save_clip
 from tests.train.simulated import save_clips
-from train.clips import Holdout, by_body, hold_out, load_training_clips, training_data
+from uvcloth.dataset.clip import SimulatedClip
+from uvcloth.dataset.reader import read_clips
+from uvcloth.dataset.splits import Holdout, hold_out, of_split, training_data
 from uvcloth.errors import InputError
 
 HEADER = "trial,subject,split,action,window_start,window_frames\n"
@@ -23,14 +25,23 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def clips_of(data: Path, *garments: str) -> list[SimulatedClip]:
+    ((_, clips),) = read_clips([data], garments)
+    return clips
+
+
+def names(clips: list[SimulatedClip]) -> tuple[list[str], list[str]]:
+    """The clips of training and validation."""
+    training, held = of_split(clips, "train"), of_split(clips, "validation")
+    return [clip.name for clip in training], [clip.name for clip in held]
+
+
 def shares(data: Path, index: str = "", holdout: int = 8) -> tuple[list[str], list[str]]:
     """The clips of training and validation, by the rows of an index if there are any."""
     (data / "index.csv").unlink(missing_ok=True)
     if index:
         (data / "index.csv").write_text(HEADER + index)
-    clips = load_training_clips([data], ("tops",))
-    training, held = hold_out(clips, Holdout(holdout), "data")
-    return [r.clip for r in training], [r.clip for r in held]
+    return names(hold_out(clips_of(data, "tops"), Holdout(holdout), "data"))
 
 
 def test_an_index_says_what_trains_and_what_chooses(data: Path) -> None:
@@ -39,8 +50,7 @@ def test_an_index_says_what_trains_and_what_chooses(data: Path) -> None:
         "clip3,cid,unused,,0,5\nclip4,ann,train,,0,5\n"
     )
     assert shares(data, index) == (["clip0", "clip4"], ["clip1"])
-    training, held = hold_out(load_training_clips([data], ("tops", "bottoms")), Holdout(), "data")
-    made_from = training_data(training, held)
+    made_from = training_data(hold_out(clips_of(data, "tops", "bottoms"), Holdout(), "data"))
     assert made_from.clips == {"train": {"clip0": "ann", "clip4": "ann"}, "validation": {"clip1": "bob"}}
     assert made_from.files.keys() == {
         f"{data.name}/clip0_tops.npz",
@@ -56,20 +66,19 @@ def test_several_folders_are_read_together(data: Path, tmp_path: Path) -> None:
     save_clip(tmp_path / "box", "a", {"tops": torch.zeros(4, 3)})
     save_clip(tmp_path / "stout", "a", {"tops": torch.zeros(4, 3)}, body=stout)
     folders = [tmp_path / "box", tmp_path / "stout", tmp_path / "box"]
-    worn = by_body(load_training_clips(folders, ("tops",)))
+    worn = read_clips(folders, ("tops",))
     assert [(body.name, len(clips)) for body, clips in worn] == [("box", 2), ("stout", 1)]
-    assert all(clip.body is body for body, clips in worn for clip in clips)
     (tmp_path / "box" / "index.csv").write_text(HEADER + "a,ann,train,,0,5\n")
     (tmp_path / "stout" / "index.csv").write_text(HEADER + "a,ann,validation,,0,5\n")
     with pytest.raises(
         InputError, match=r"box .*stout .*: person ann is in two splits, train \(clip a\) and validation"
     ):
-        load_training_clips(folders, ("tops",))
+        read_clips(folders, ("tops",))
     save_clip(tmp_path / "other", "a", {"tops": torch.zeros(4, 3)}, body=replace(stout, name="box"))
     with pytest.raises(InputError, match="--data: names no folder"):
-        load_training_clips([], ("tops",))
+        read_clips([], ("tops",))
     with pytest.raises(InputError, match="two bodies are called box"):
-        by_body(load_training_clips([tmp_path / "box", tmp_path / "other"], ("tops",)))
+        read_clips([tmp_path / "box", tmp_path / "other"], ("tops",))
 
 
 @pytest.mark.parametrize(("one", "lacking"), [("train", "validation"), ("validation", "train")])
@@ -84,16 +93,16 @@ def test_without_an_index_every_nth_clip_chooses(data: Path) -> None:
     assert shares(data, holdout=2) == (["clip0", "clip2", "clip4"], ["clip1", "clip3", "clip5"])
     assert shares(data, holdout=3)[1] == ["clip2", "clip5"]
     assert shares(data, holdout=9)[1] == ["clip5"]
-    clips = load_training_clips([data], ("tops",))
-    assert [[r.clip for r in part] for part in hold_out(clips[:1], Holdout(), "data")] == [["clip0"], []]
-    assert training_data(clips[:1], []).clips == {"train": {"clip0": ""}, "validation": {}}
+    alone = hold_out(clips_of(data, "tops")[:1], Holdout(), "data")
+    assert names(alone) == (["clip0"], [])
+    assert training_data(alone).clips == {"train": {"clip0": ""}, "validation": {}}
     with pytest.raises(InputError, match="--holdout 1: has to be 2 or more"):
         Holdout(1)
 
 
 def test_the_warm_up_teaches_but_for_its_beginning_and_validates_never(data: Path) -> None:
-    clips = load_training_clips([data], ("tops", "bottoms"))
+    clips = clips_of(data, "tops", "bottoms")
     for rest_frames, left_out in ((0, 0), (1, 1), (15, 3)):
-        training, held = hold_out(clips, Holdout(rest_frames=rest_frames), "data")
-        assert {r.warm_up for r in training} == {left_out}
-        assert {r.warm_up for r in held} == {3}
+        dealt = hold_out(clips, Holdout(rest_frames=rest_frames), "data")
+        assert {clip.warm_up for clip in of_split(dealt, "train")} == {left_out}
+        assert {clip.warm_up for clip in of_split(dealt, "validation")} == {3}

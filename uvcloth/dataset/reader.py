@@ -1,0 +1,183 @@
+"""Data folders as clips: by their motion for training on templates, or by their outfits, dressed."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+from rich.progress import track
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+from uvcloth.dataset.bodies import sequence_body
+from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip, join_clips
+from uvcloth.dataset.clip_file import load_simulated
+from uvcloth.dataset.splits import TRAINING_SPLITS
+from uvcloth.errors import InputError
+from uvcloth.files.json_file import require_kinds
+from uvcloth.garments.fit import make_fitted
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.motion.index import INDEX, Entry, clip_file, read_index, require_one_split
+from uvcloth.motion.library import load_clip
+from uvcloth.motion.poses import SPLITS, rest_hash
+from uvcloth.physics.fabric import fabric_from
+
+BodyClips = tuple[Body, list[SimulatedClip]]
+"""A body, and the clips that were simulated on it."""
+
+
+def read_clips(folders: Sequence[Path], garments: Sequence[str]) -> list[BodyClips]:
+    """Read the training and validation clips of some folders, by body, in each folder sorted by name.
+
+    A clip has all garments that a folder holds of its motion, however they were simulated. Without an
+    index.csv in a folder all its clips are read, and have no split. Raises InputError naming the file if one
+    is damaged, on a body that its folder lacks, or of another motion than its clip's other garments, naming
+    the folder if it holds none of the garments, and naming the person who is in two splits, each in another
+    folder, and the name that two bodies share.
+    """
+    if not folders:
+        raise InputError("--data: names no folder of sequences")
+    found = [each for folder in folders for each in _clips_of(Path(folder), garments)]
+    source = " ".join(map(str, folders))
+    require_one_split(source, ((clip.name, clip.subject, clip.split) for _, clip in found))
+    bodies: dict[str, BodyClips] = {}
+    for body, clip in found:
+        bodies.setdefault(rest_hash(body), (body, []))[1].append(clip)
+    names = [body.name for body, _ in bodies.values()]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(f"--data: two bodies are called {name}, simulate one of them under another name")
+    return list(bodies.values())
+
+
+def read_motions(
+    windows: Path, body: Body, splits: Sequence[str] = SPLITS, clips_from: Path | None = None
+) -> list[SimulatedClip]:
+    """Read the windows of an index as clips without garments: motion to learn from without simulations.
+
+    clips_from: folder of the motion files, by default that of the index. Raises InputError as
+    `read_index`, `clip_file` and `load_clip` do, and for a window that ends after its motion.
+    """
+    clips = []
+    for entry in read_index(windows).values():
+        if entry.split in splits:
+            path = clip_file(entry, clips_from or windows.parent)
+            motion = load_clip(path, body)
+            if entry.start + entry.frames > len(motion):
+                raise InputError(
+                    f"{path}: has {len(motion)} frames, the window ends at {entry.start + entry.frames}"
+                )
+            transforms = motion.window(entry.start, entry.frames).transforms()
+            labels = {"clip": entry.clip, "body": body.name, "body_hash": rest_hash(body), **_labels(entry)}
+            clips.append(SimulatedClip((), transforms, motion.fps, 0, labels))
+    return clips
+
+
+def require_rests(rests: Mapping[str, Tensor], clips: Sequence[SimulatedClip], body: Body) -> None:
+    """Raise InputError naming the clip if it was simulated with another garment or on another body.
+
+    rests: by the name of each garment (N, 3) m, its vertices at rest on the body.
+    """
+    for clip in clips:
+        for garment in clip.garments:
+            expected = rests[garment.name]
+            same = garment.rest.shape == expected.shape
+            if not same or (garment.rest - expected).norm(dim=1).max() > REST_TOLERANCE:
+                raise InputError(
+                    f"{clip.name}_{garment.name}: at rest not the garment {garment.name} on body "
+                    f"{body.name!r}; it was simulated with another garment or body"
+                )
+
+
+def read_outfit_clips(folder: Path, splits: Sequence[str] = SPLITS) -> list[tuple[Outfit, SimulatedClip]]:
+    """Read the clips of a folder by outfit and name, each with its outfit, dressed.
+
+    What was not made with --outfits is one too, by itself or with its layers, of the split that the folder's
+    index says. Raises InputError naming the file if one is damaged, of no split, on a body that the folder
+    lacks, or of another motion than the outfit's other garments; and the folder if it holds none in these
+    splits.
+    """
+    found: dict[tuple[str, str], dict[str, tuple[Path, SimulatedClip]]] = {}
+    for path, clip in _files_of(folder):
+        if not clip.split:
+            raise InputError(f"{path}: has no split: its clip {clip.name} is in no {INDEX} of its folder")
+        if clip.split in splits:
+            found.setdefault((clip.outfit, clip.name), {})[clip.garments[0].name] = (path, clip)
+    if not found:
+        raise InputError(f"{folder}: holds no outfit for {' or '.join(splits)}")
+    bodies: dict[str, Body] = {}
+    outfits: dict[str, Outfit] = {}
+    dressed = []
+    for name, clip_name in track(sorted(found), "dressing bodies", transient=True):
+        parts = _layers(found[name, clip_name])
+        clip = join_clips(parts, "outfit")
+        body = sequence_body(next(iter(parts)), clip.metadata, bodies)
+        if name not in outfits:
+            outfits[name] = Outfit(body, tuple(_dress(path, part, body) for path, part in parts.items()))
+        dressed.append((outfits[name], clip))
+    return dressed
+
+
+def _clips_of(folder: Path, garments: Sequence[str]) -> list[tuple[Body, SimulatedClip]]:
+    """The clips of one folder, see `read_clips`."""
+    found: dict[str, dict[Path, SimulatedClip]] = {}
+    bodies: dict[str, Body] = {}
+    on: dict[str, Body] = {}
+    indexed = (folder / INDEX).is_file()
+    for path, clip in _files_of(folder):
+        body = sequence_body(path, clip.metadata, bodies)
+        if clip.transforms.shape[1] != len(body.skeleton.names):
+            raise InputError(
+                f"{path}: simulated on a body with {clip.transforms.shape[1]} joints, "
+                f"body {body.name!r} has {len(body.skeleton.names)}"
+            )
+        if clip.garments[0].name in garments and (not indexed or clip.split in TRAINING_SPLITS):
+            found.setdefault(clip.name, {})[path] = clip
+            on[clip.name] = body
+    if not found:
+        raise InputError(f"{folder}: none of its sequences is a training clip of {', '.join(garments)}")
+    joined = [(on[name], join_clips(found[name], f"clip {name!r}")) for name in sorted(found)]
+    return [(body, clip.from_folder(folder.name)) for body, clip in joined]
+
+
+def _files_of(folder: Path) -> Iterator[tuple[Path, SimulatedClip]]:
+    """Read every sequence of a folder, with the labels that its index adds."""
+    paths = sorted(folder.glob("*.npz"))
+    if not paths:
+        raise InputError(f"{folder}: no sequence (*.npz) made by `uvcloth simulate` in this folder")
+    index = read_index(folder / INDEX) if (folder / INDEX).is_file() else {}
+    for path in track(paths, "reading sequences", transient=True):
+        yield path, _labelled(load_simulated(path), index)
+
+
+def _labelled(clip: SimulatedClip, index: Mapping[str, Entry]) -> SimulatedClip:
+    """The clip with the labels of the index; made outfits have their own."""
+    entry = index.get(clip.name)
+    if entry is None or "outfit" in clip.metadata:
+        return clip
+    return clip.labelled(**_labels(entry))
+
+
+def _labels(entry: Entry) -> dict[str, str]:
+    """Metadata that an index has of a clip."""
+    return {"split": entry.split, "subject": entry.subject, "action": entry.action}
+
+
+def _layers(parts: dict[str, tuple[Path, SimulatedClip]]) -> dict[Path, SimulatedClip]:
+    """The garments of an outfit in order, by file. Raises InputError if one is missing."""
+    path, first = next(iter(parts.values()))
+    for layer in first.layers:
+        if layer not in parts:
+            raise InputError(f"{path}: was simulated with {layer}, whose sequence is not in the folder")
+    return dict(parts[layer] for layer in first.layers)
+
+
+def _dress(path: Path, clip: SimulatedClip, body: Body) -> Garment:
+    """The garment of a file on its body, of the fabric that it was simulated with."""
+    (simulated,) = clip.garments
+    mesh = Mesh(simulated.rest, simulated.faces, torch.zeros(1, 2), torch.zeros_like(simulated.faces))
+    garment = make_fitted(simulated.name, mesh, body, simulated.metadata.get("template"))[0]
+    settings = clip.metadata.get("settings", {})
+    require_kinds(settings, {"fabric?": {"*": float}}, f"{path}: the settings")
+    return replace(garment, fabric=fabric_from(settings.get("fabric", {}), str(path)))
