@@ -1,4 +1,4 @@
-"""Planning, keeping apart, and the sequence file."""
+"""Planning, and keeping apart."""
 
 from concurrent.futures import Future
 from contextlib import nullcontext
@@ -8,7 +8,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
-import numpy as np
 import pytest
 import torch
 from dask.distributed import KilledWorker
@@ -18,11 +17,10 @@ from rich.progress import Progress
 from tests.dataset.altered import altered
 from tests.simulate.skinned import skinned_sequence
 from uvcloth.bodies.body import Body
-from uvcloth.dataset.clip import SimulatedClip, content_hash
-from uvcloth.dataset.clip_file import SEQUENCE_FORMAT, load_simulated, read_metadata, save_simulated
+from uvcloth.dataset.clip import SimulatedClip
+from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.dataset.folder import refused_captures
 from uvcloth.errors import InputError
-from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.joined import Cloth
 from uvcloth.garments.templates import fit_template
@@ -51,59 +49,6 @@ def shirt(body: Body) -> Garment:
 def skinned(shirt: Garment, body: Body) -> SimulatedClip:
     """A shirt that is simply skinned: outside the body for a small motion."""
     return skinned_sequence(shirt, body)
-
-
-def test_a_sequence_survives_its_file(skinned: SimulatedClip, tmp_path: Path) -> None:
-    save_simulated(skinned, tmp_path / "s.npz")
-    again = load_simulated(tmp_path / "s.npz")
-    assert (again.vertices - skinned.vertices).norm(dim=-1).max() < 5e-5
-    assert torch.equal(again.transforms, skinned.transforms)
-    (before,), (garment,) = skinned.garments, again.garments
-    for exact in ("rest", "faces"):
-        assert torch.equal(getattr(garment, exact), getattr(before, exact))
-    content = content_hash(garment, again.transforms)
-    assert garment.metadata["hash"] == again.files["s.npz"] == content
-    assert read_metadata(tmp_path / "s.npz")["hash"] == content
-    assert garment.metadata["scored_frames"] == 3
-    assert (again.warm_up, garment.name, again.name) == (1, "tops", "walk")
-    assert (garment.template, again.layers) == ("tops", ("tops",))
-    (skirt,) = altered(skinned, {"garment": "skirt", "template": "dress"}).garments
-    assert (skirt.name, skirt.template) == ("skirt", "dress")
-    assert altered(skinned, {"template": None}).garments[0].template is None
-    assert [path.name for path in tmp_path.iterdir()] == ["s.npz"]
-
-
-def test_an_older_sequence_is_refused_with_the_way_to_a_new_one(tmp_path: Path) -> None:
-    save_arrays(tmp_path / "s.npz", {"format": np.array("uvcloth-sequence-1")})
-    for read in (load_simulated, read_metadata):
-        with pytest.raises(InputError, match=r"simulate older ones again .* found format uvcloth-sequence-1"):
-            read(tmp_path / "s.npz")
-
-
-@pytest.mark.parametrize(
-    ("part", "array"), [("vertices", "changes"), ("rest", "rest"), ("transforms", "transforms")]
-)
-def test_a_sequence_with_a_number_that_is_not_finite_is_refused(
-    skinned: SimulatedClip, tmp_path: Path, part: str, array: str
-) -> None:
-    good = {"transforms": skinned.transforms, **vars(skinned.garments[0])}
-    save_simulated(altered(skinned, **{part: good[part] * float("nan")}), tmp_path / "s.npz")
-    with pytest.raises(InputError, match=rf"s\.npz: {array} holds a value"):
-        load_simulated(tmp_path / "s.npz")
-
-
-@pytest.mark.parametrize(
-    ("metadata", "words"),
-    [("{", "not readable as JSON"), ("[]", "not a JSON object"), ('{"clip": "walk"}', "lacks 'garment'")],
-)
-def test_damaged_metadata_is_refused(
-    skinned: SimulatedClip, tmp_path: Path, metadata: str, words: str
-) -> None:
-    save_simulated(skinned, tmp_path / "s.npz")
-    arrays = load_arrays(tmp_path / "s.npz", SEQUENCE_FORMAT, "a sequence")
-    save_arrays(tmp_path / "s.npz", {**arrays, "metadata": np.array(metadata)})
-    with pytest.raises(InputError, match=rf"s\.npz: the metadata: {words}"):
-        load_simulated(tmp_path / "s.npz")
 
 
 def test_exploded_and_swallowed_sequences_are_refused(
