@@ -12,6 +12,7 @@ import pytest
 
 from tests.export.glb_reader import GlbReader
 from uvcloth import cli
+from uvcloth.commands import options, simulate
 from uvcloth.errors import InputError
 from uvcloth.motion.library import load_clip
 
@@ -38,11 +39,13 @@ def run(monkeypatch, *arguments: str) -> int:
 
 def test_the_names_that_options_take_are_those_of_the_tables():
     """They are written out so that `--help` imports nothing heavy."""
+    from uvcloth.garments.templates import TEMPLATES
     from uvcloth.physics.fabric import FABRICS
     from uvcloth.simulate.engines import ENGINES
 
-    assert get_args(cli.FabricName) == tuple(FABRICS)
-    assert get_args(cli.EngineName) == tuple(ENGINES)
+    assert get_args(options.TemplateName) == tuple(options.TEMPLATE_NAMES.split(", ")) == tuple(TEMPLATES)
+    assert get_args(options.FabricName) == tuple(options.FABRIC_NAMES.split("|")) == tuple(FABRICS)
+    assert get_args(simulate.EngineName) == tuple(ENGINES)
 
 
 def test_help_imports_nothing_heavy():
@@ -239,10 +242,10 @@ def test_export_writes_the_rig_that_its_options_ask_for(monkeypatch, capsys, tmp
     ],
 )
 def test_failing_commands_say_one_sentence(monkeypatch, stand_in, capsys, error, expected):
-    def failing(out):
+    def failing(out: object):
         raise error
 
-    stand_in("uvcloth.commands.demo", run=failing)
+    stand_in("uvcloth.commands.demonstrate", demonstrate=failing)
     assert (run(monkeypatch, "demo"), capsys.readouterr().err) == expected
 
 
