@@ -4,9 +4,10 @@ Their modules import heavy ones when they run, so that `uvcloth --help` answers 
 """
 
 import sys
-from typing import Annotated, Any, Protocol, Union
+from collections.abc import Callable
+from typing import Protocol
 
-import tyro
+from tyro.extras import subcommand_cli_from_dict
 
 from uvcloth.commands.body import MakeBody
 from uvcloth.commands.data import Data
@@ -45,7 +46,7 @@ class Command(Protocol):
         ...
 
 
-COMMANDS: dict[str, type[Command]] = {
+COMMANDS: dict[str, Callable[..., Command]] = {
     "view": View,
     "motion": Motion,
     "fit": Fit,
@@ -71,7 +72,6 @@ def _run() -> None:
     if sys.argv[1:] == ["--version"]:
         print(f"uvcloth {package_version()}")
         return
-    kinds: Any = Union[tuple(Annotated[kind, tyro.conf.subcommand(name)] for name, kind in COMMANDS.items())]  # noqa: UP007
-    command: Command = tyro.cli(kinds, prog="uvcloth", description=DESCRIPTION)
+    command: Command = subcommand_cli_from_dict(COMMANDS, prog="uvcloth", description=DESCRIPTION)
     with printed_log():
         command.run()

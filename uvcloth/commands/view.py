@@ -6,7 +6,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from uvcloth.commands.options import TRAINED, BodyFile, Garments, Host, Port, Threads
+from uvcloth.commands.options import BodyFile, Garments, Host, Port, Threads
 from uvcloth.methods.registry import DEFAULT, METHODS
 
 
@@ -22,8 +22,8 @@ class View:
         tuple[str, ...],
         arg(
             metavar="NAME|RUN ...",
-            help=f"Models to choose from, names or folders, the first to start with: {TRAINED}, in addition "
-            f"to {', '.join(METHODS)}.",
+            help="Folders written by `python -m train` to choose from, in addition to "
+            f"{', '.join(METHODS)}; or one of these names. The first is shown first.",
             help_behavior_hint=f"(default: {DEFAULT})",
         ),
     ] = ()
