@@ -1,6 +1,7 @@
 """The command line: what it parses, what it calls, and how it fails."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from tests.export.glb_reader import GlbReader
 from uvcloth import cli
 from uvcloth.commands import options, simulate
 from uvcloth.errors import InputError
+from uvcloth.methods.registry import METHODS
 from uvcloth.motion.library import load_clip
 
 HEAVY = ("torch", "warp", "numba", "newton", "lightning", "scipy", "trimesh", "pxr", "kornia", "anny")
@@ -59,19 +61,7 @@ def test_help_imports_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "[]"
-    for subcommand in (
-        "body",
-        "motion",
-        "simulate",
-        "data",
-        "maps",
-        "fit",
-        "rollout",
-        "poses",
-        "outfits",
-        "export",
-        "demo",
-    ):
+    for subcommand in cli.COMMANDS:
         assert subcommand in done.stdout
 
 
@@ -282,7 +272,11 @@ def test_unknown_options_exit_with_two(monkeypatch):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("--outfits", "made", "--repeat"), "--repeat: not allowed with --outfits"),
+        *(
+            (("--outfits", "made", *option), f"{option[0]}: not allowed with --outfits")
+            for option in (("--repeat",), ("--layered",), ("--body", "b.npz"))
+        ),
+        (("--plan", "p.csv"), "clips: not allowed with --plan, whose table contains it"),
         (("--outfits", "made", "--garment", "tops"), "--garment: not allowed with --outfits"),
         (("--most-frames", "5"), "--most-frames: needs --outfits"),
     ],
@@ -292,3 +286,29 @@ def test_options_that_would_do_nothing_are_refused(monkeypatch, capsys, tmp_path
     assert run(monkeypatch, *command) == 2
     assert sentence in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", cli.COMMANDS)
+def test_help_says_defaults_once_and_titles_its_groups(monkeypatch, capsys, command):
+    monkeypatch.setenv("COLUMNS", "200")
+    with pytest.raises(SystemExit) as exit_:
+        run(monkeypatch, command, "--help")
+    assert exit_.value.code == 0
+    printed = capsys.readouterr().out
+    assert "options options" not in printed
+    assert not re.search(r"(\(default: [^)]*\))\W*\1", printed)
+
+
+@pytest.mark.parametrize("command", ["rollout", "view"])
+def test_help_names_every_method_of_the_registry(monkeypatch, capsys, command):
+    with pytest.raises(SystemExit):
+        run(monkeypatch, command, "--help")
+    words = set(re.findall(r"\w+", capsys.readouterr().out))
+    assert set(METHODS) <= words
+
+
+def test_help_of_export_names_the_rigs(monkeypatch, capsys):
+    with pytest.raises(SystemExit):
+        run(monkeypatch, "export", "--help")
+    words = set(re.findall(r"\w+", capsys.readouterr().out))
+    assert words & set(METHODS) == {name for name, method in METHODS.items() if method.rig}
