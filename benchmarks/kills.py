@@ -31,7 +31,7 @@ from tests.train.deepsd.outfits import save_outfits
 from tests.train.simulated import database_of, save_clips
 from train.deepsd import physics, validation
 from uvcloth.bodies.body import load_body
-from uvcloth.commands import outfits
+from uvcloth.commands import make_outfits
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.poses import save_poses
 from uvcloth.process.command import run_command
@@ -104,7 +104,7 @@ def prepare() -> None:
     for module in (
         *("lightning.fabric", "tensorboard.summary.writer.event_file_writer", "newton", "dask.distributed"),
         *("pxr.Usd", "pxr.UsdGeom", "pxr.UsdSkel", "alembic3d", "imath", "av", "onnx", "jinja2"),
-        *("uvcloth.commands.rollout", "uvcloth.commands.export_rig", "uvcloth.commands.outfits"),
+        *("uvcloth.commands.animate", "uvcloth.commands.export_rig", "uvcloth.commands.make_outfits"),
         *("uvcloth.motion.draw_poses", "uvcloth.motion.recombine", "uvcloth.physics.self_contact"),
         *("evaluate.compare", "evaluate.report", "evaluate.show", "evaluate.motion_map", "evaluate.outfits"),
         *("evaluate.garment_space", "torch.utils.tensorboard", "lightning.fabric.loggers.tensorboard"),
@@ -112,7 +112,7 @@ def prepare() -> None:
         importlib.import_module(module)
     # A new process would import all of this once more.
     dask.config.set({"distributed.worker.multiprocessing-method": "fork"})
-    vars(outfits)["get_context"] = lambda method: multiprocessing.get_context("fork")
+    vars(make_outfits)["get_context"] = lambda method: multiprocessing.get_context("fork")
     batch.LEAD_IN = LeadIn(rest=1, blend=1, ramp=1)
     unfinished.SECONDS = 0.1
     ENGINES["explicit"] = Following

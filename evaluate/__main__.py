@@ -13,6 +13,7 @@ import tyro
 
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import sole_writer
+from uvcloth.methods.registry import list_methods
 from uvcloth.process.command import run_command
 
 
@@ -20,10 +21,14 @@ from uvcloth.process.command import run_command
 class Evaluate:
     """Compare methods with simulated test windows; run it again to continue."""
 
-    model: tuple[str, ...]
-    """Baselines (lbs, lbs_smooth), shipped models (physxnet, motion_guided, pbns, deepsd), and folders
-    written by `python -m train`; for layered outfits also one per garment, the innermost first:
-    RUN_A+RUN_B."""
+    model: Annotated[
+        tuple[str, ...],
+        tyro.conf.arg(
+            metavar="NAME|RUN ...",
+            help=f"Methods: {list_methods()}; and folders written by `python -m train`; for layered outfits "
+            "also one for each garment, the innermost first: RUN_A+RUN_B.",
+        ),
+    ]
     data: Path
     """A folder made by `uvcloth simulate`; its index.csv gives splits and actions. Random outfits are
     evaluated each on its body, and figures are by type of garment."""

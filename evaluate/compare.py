@@ -175,8 +175,8 @@ def facts(candidate: Candidate, judged_on: Mapping[Window, str], people: Mapping
     return {
         "weights_mb": candidate.weights_mb,
         **training_overlap(candidate, judged_on, people),
-        "static": candidate.method.quasi_static,
-        "baseline": candidate.method.is_baseline,
+        "static": candidate.method.traits.quasi_static,
+        "baseline": candidate.method.traits.is_baseline,
         "training_frames": candidate.training_frames,
         "training": dict(candidate.training),
     }

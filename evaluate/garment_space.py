@@ -12,7 +12,7 @@ from evaluate.report import Picture
 from evaluate.show import Shown, method_color, png
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
-from uvcloth.methods.method import GarmentSpace
+from uvcloth.methods.capabilities import GarmentSpace, garment_space
 from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
 
 BLEND_SHARES = (1.0, 0.8, 0.6, 0.5, 0.4, 0.2, 0.0)
@@ -34,7 +34,7 @@ def interpolations(candidates: Sequence[Candidate], shown: Sequence[Shown], body
         (candidate.name, garment, space)
         for candidate in candidates
         for garment in {window.outfit_name: window.outfit.garments[0] for window in alone}.values()
-        if (space := candidate.method.garment_space(garment, body))
+        if (space := garment_space(candidate.method, garment, body))
     ]
     sheets = []
     with progress("Spaces of garments", len(spaces)) as tick:

@@ -23,6 +23,7 @@ from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.kept import keep_arrays, kept_arrays
+from uvcloth.methods.capabilities import round_trip
 from uvcloth.rollout import PreparedRollout, prepare_rollout
 
 SCORES_FORMAT = "uvcloth-judged-6"
@@ -132,7 +133,7 @@ def representation(case: Case, prepared: PreparedRollout) -> dict[str, Scores]:
         last = min(first + ENCODED_AT_ONCE, case.end)
         frames = body_frames(case.outfit.body, led[first : last + LEAD], case.fps)
         truth = tuple(garment.vertices[first:last] for garment in case.clip.garments)
-        read = prepared.method.round_trip(prepared.prepared, frames, truth)
+        read = round_trip(prepared.method, prepared.prepared, frames, truth)
         if read is None:
             return {}
         chunks.append(torch.cat(read, dim=1))

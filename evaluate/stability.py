@@ -13,6 +13,7 @@ from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.rotations import rotate, rotate_back
 from uvcloth.geometry.skinning import skin_frames
+from uvcloth.methods.capabilities import feed_back
 from uvcloth.rollout import PreparedRollout
 
 SHORT_ROLLOUT = 50
@@ -51,12 +52,12 @@ def stability_scores(prepared: PreparedRollout, case: Case) -> dict[str, dict[st
 def uses_feedback(prepared: PreparedRollout, case: Case) -> bool:
     """True if observed garments change a method's state; one may remember its own predictions only."""
     method = prepared.method
-    if not method.autoregressive:
+    if not method.traits.autoregressive:
         return False
     frames = body_frames(case.outfit.body, with_lead(case.motion[:1]), case.fps)
     state = method.init(prepared.prepared, frames)
     observed = tuple(garment.vertices[:1] for garment in case.clip.garments)
-    return method.feed_back(prepared.prepared, state, observed) is not state
+    return feed_back(method, prepared.prepared, state, observed) is not state
 
 
 def _errors(prepared: PreparedRollout, case: Case, span: tuple[int, int], known: int) -> Tensor:

@@ -1,6 +1,7 @@
 """The command line: what it parses, what it calls, and how it fails."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -12,7 +13,9 @@ import pytest
 
 from tests.export.glb_reader import GlbReader
 from uvcloth import cli
+from uvcloth.commands import options, simulate
 from uvcloth.errors import InputError
+from uvcloth.methods.registry import METHODS
 from uvcloth.motion.library import load_clip
 
 HEAVY = ("torch", "warp", "numba", "newton", "lightning", "scipy", "trimesh", "pxr", "kornia", "anny")
@@ -38,11 +41,13 @@ def run(monkeypatch, *arguments: str) -> int:
 
 def test_the_names_that_options_take_are_those_of_the_tables():
     """They are written out so that `--help` imports nothing heavy."""
+    from uvcloth.garments.templates import TEMPLATES
     from uvcloth.physics.fabric import FABRICS
     from uvcloth.simulate.engines import ENGINES
 
-    assert get_args(cli.FabricName) == tuple(FABRICS)
-    assert get_args(cli.EngineName) == tuple(ENGINES)
+    assert get_args(options.TemplateName) == tuple(options.TEMPLATE_NAMES.split(", ")) == tuple(TEMPLATES)
+    assert get_args(options.FabricName) == tuple(options.FABRIC_NAMES.split("|")) == tuple(FABRICS)
+    assert get_args(simulate.EngineName) == tuple(ENGINES)
 
 
 def test_help_imports_nothing_heavy():
@@ -56,19 +61,7 @@ def test_help_imports_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "[]"
-    for subcommand in (
-        "body",
-        "motion",
-        "simulate",
-        "data",
-        "maps",
-        "fit",
-        "rollout",
-        "poses",
-        "outfits",
-        "export",
-        "demo",
-    ):
+    for subcommand in cli.COMMANDS:
         assert subcommand in done.stdout
 
 
@@ -239,10 +232,10 @@ def test_export_writes_the_rig_that_its_options_ask_for(monkeypatch, capsys, tmp
     ],
 )
 def test_failing_commands_say_one_sentence(monkeypatch, stand_in, capsys, error, expected):
-    def failing(out):
+    def failing(out: object):
         raise error
 
-    stand_in("uvcloth.commands.demo", run=failing)
+    stand_in("uvcloth.commands.demonstrate", demonstrate=failing)
     assert (run(monkeypatch, "demo"), capsys.readouterr().err) == expected
 
 
@@ -279,7 +272,11 @@ def test_unknown_options_exit_with_two(monkeypatch):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (("--outfits", "made", "--repeat"), "--repeat: not allowed with --outfits"),
+        *(
+            (("--outfits", "made", *option), f"{option[0]}: not allowed with --outfits")
+            for option in (("--repeat",), ("--layered",), ("--body", "b.npz"))
+        ),
+        (("--plan", "p.csv"), "clips: not allowed with --plan, whose table contains it"),
         (("--outfits", "made", "--garment", "tops"), "--garment: not allowed with --outfits"),
         (("--most-frames", "5"), "--most-frames: needs --outfits"),
     ],
@@ -289,3 +286,29 @@ def test_options_that_would_do_nothing_are_refused(monkeypatch, capsys, tmp_path
     assert run(monkeypatch, *command) == 2
     assert sentence in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", cli.COMMANDS)
+def test_help_says_defaults_once_and_titles_its_groups(monkeypatch, capsys, command):
+    monkeypatch.setenv("COLUMNS", "200")
+    with pytest.raises(SystemExit) as exit_:
+        run(monkeypatch, command, "--help")
+    assert exit_.value.code == 0
+    printed = capsys.readouterr().out
+    assert "options options" not in printed
+    assert not re.search(r"(\(default: [^)]*\))\W*\1", printed)
+
+
+@pytest.mark.parametrize("command", ["rollout", "view"])
+def test_help_names_every_method_of_the_registry(monkeypatch, capsys, command):
+    with pytest.raises(SystemExit):
+        run(monkeypatch, command, "--help")
+    words = set(re.findall(r"\w+", capsys.readouterr().out))
+    assert set(METHODS) <= words
+
+
+def test_help_of_export_names_the_rigs(monkeypatch, capsys):
+    with pytest.raises(SystemExit):
+        run(monkeypatch, "export", "--help")
+    words = set(re.findall(r"\w+", capsys.readouterr().out))
+    assert words & set(METHODS) == {name for name, method in METHODS.items() if method.rig}

@@ -16,7 +16,7 @@ from tests.motion.families import FAMILIES
 from tests.motion.layouts import write_layout
 from uvcloth.bodies.body import Body
 from uvcloth.cli import main
-from uvcloth.commands import view as view_command
+from uvcloth.commands import live_view
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
@@ -88,7 +88,7 @@ def test_the_commands_of_the_page_run_in_its_order(
 ) -> None:
     pytest.importorskip("viser", reason="viser is not installed")
     monkeypatch.chdir(files)
-    monkeypatch.setattr(view_command, "Viewer", Visit)
+    monkeypatch.setattr(live_view, "Viewer", Visit)
     for command in COMMANDS:
         monkeypatch.setattr(sys, "argv", shlex.split(command))
         assert main() == 0, command

@@ -12,15 +12,17 @@ ROLLOUTS = """
 import sys
 from pathlib import Path
 from uvcloth.process.command import run_command
-from uvcloth.commands.rollout import animate
+from uvcloth.commands.animate import animate
+from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.threads import limited_threads
 from uvcloth.motion.options import MotionOptions
 
 def main():
     for threads in (1, 4):
-        out = [Path(sys.argv[1]) / str(threads) / f"walk.{suffix}" for suffix in sys.argv[2].split()]
+        folder, options = Path(sys.argv[1]) / str(threads), MotionOptions(frames="40:42")
+        out = tuple(folder / f"walk.{suffix}" for suffix in sys.argv[2].split())
         with limited_threads(threads):
-            animate(["physxnet"], "walk", ["dress"], out, options=MotionOptions(frames="40:42"))
+            animate(Rollout("walk", ("dress",), out, ("physxnet",), options=options))
 
 sys.exit(run_command("rollout", main))
 """

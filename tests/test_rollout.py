@@ -13,7 +13,8 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.method import Method
+from uvcloth.methods.capabilities import Feedback
+from uvcloth.methods.method import Method, Traits
 from uvcloth.methods.physxnet.config import PRESETS
 from uvcloth.methods.physxnet.method import PhysXNet
 from uvcloth.physics.layers import wrong_side_percent
@@ -42,12 +43,16 @@ def falling(frames: int) -> torch.Tensor:
 
 
 @dataclass
-class Recorder(Method):
+class Recorder(Method, Feedback):
     """Skins the garment and keeps the body frames that it was shown; its state is what was fed back."""
 
     autoregressive: bool = False
     name: str = "recorder"
     prepared: int = 0
+
+    @property
+    def traits(self):
+        return Traits(autoregressive=self.autoregressive)
 
     def prepare(self, outfit, device):
         self.prepared += 1

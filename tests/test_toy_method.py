@@ -12,6 +12,7 @@ import pytest
 import torch
 from torch import Tensor, nn
 
+import uvcloth
 from evaluate.__main__ import main as evaluate
 from tests.export.glb_reader import GlbReader
 from train.__main__ import main as train
@@ -21,8 +22,10 @@ from train.trainer import TrainerEntry
 from train.validation import mean_errors, rollout_distances
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.checkpoint import Checkpoint, body_identity, save_checkpoint
+from uvcloth.commands.animate import animate
+from uvcloth.commands.export import Export
 from uvcloth.commands.export_rig import export
-from uvcloth.commands.rollout import animate
+from uvcloth.commands.rollout import Rollout
 from uvcloth.dataset.clip import clip_of_garment
 from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.dataset.reader import read_clips
@@ -31,8 +34,9 @@ from uvcloth.export.animation import load_animation
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.method import Method, MethodEntry
-from uvcloth.methods.registry import METHODS
+from uvcloth.methods.capabilities import Riggable
+from uvcloth.methods.method import Method, MethodEntry, Traits
+from uvcloth.methods.registry import METHODS, Registered, list_methods
 from uvcloth.methods.rig import PoseRig
 from uvcloth.motion.library import load_clip
 
@@ -42,10 +46,10 @@ BODY = load_body()
 
 # The method: smooth LBS of garments that were moved at rest. The trainer: by how much.
 @dataclass(frozen=True)
-class Moved(Method):
+class Moved(Method, Riggable):
     move: Tensor
     name: str = "moved"
-    quasi_static: bool = True
+    traits = Traits(quasi_static=True)
 
     def prepare(self, outfit, device):
         return [(g.mesh.vertices + self.move, g.smooth_weights) for g in outfit.garments]
@@ -109,9 +113,17 @@ class MovedRun:
         return fit(MovedObjective(self.data), self.out, self.loop, resume=False)
 
 
+def load_moved(checkpoint: Checkpoint, folder: Path) -> Moved:
+    return Moved(checkpoint.tensors["move"])
+
+
+ENTRY = MethodEntry(None, lambda _: Moved(torch.zeros(3)), load=load_moved)
+
+
+# The two lines in the registries.
 def register(monkeypatch: pytest.MonkeyPatch) -> None:
-    load = lambda checkpoint, folder: Moved(checkpoint.tensors["move"])  # noqa: E731
-    monkeypatch.setitem(METHODS, "moved", MethodEntry(None, lambda _: Moved(torch.zeros(3)), load=load))
+    line = Registered("bottoms under tops", "tests.test_toy_method:ENTRY", rig=True)
+    monkeypatch.setitem(METHODS, "moved", line)
     monkeypatch.setitem(TRAINERS, "moved", TrainerEntry(MovedRun, {}))
 
 
@@ -139,11 +151,15 @@ def test_a_method_in_one_file_trains_rolls_out_is_judged_and_exported(
     data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     register(monkeypatch)
+    assert "moved (bottoms under tops)" in list_methods()
+    untrained = uvcloth.rollout_frames("moved", "walk", list(OUTFIT), contact=False)
+    assert len(next(untrained).vertices) == len(OUTFIT)
+
     run = tmp_path / "mine"
     monkeypatch.setattr(sys, "argv", ["train", "moved", "--data", str(data), "--out", str(run)])
     train()
 
-    summary = animate([str(run)], "walk", OUTFIT, [tmp_path / "walk.npz"], contact=False)
+    summary = animate(Rollout("walk", OUTFIT, (tmp_path / "walk.npz",), (str(run),), contact=False))
     worn = load_animation(tmp_path / "walk.npz")
     assert worn.names == OUTFIT
     assert len(worn) == summary.frames
@@ -156,7 +172,7 @@ def test_a_method_in_one_file_trains_rolls_out_is_judged_and_exported(
     assert cells["lbs_smooth"]["vertex_mean_mm_raw"] > 15.0
     assert cells["mine"]["vertex_mean_mm_raw"] < 2.0
 
-    exported = export(str(run), tmp_path / "rig.glb", motion="walk")
+    exported = export(Export(str(run), tmp_path / "rig.glb", motion="walk"))
     assert exported.written == (tmp_path / "rig.glb",)
     played = GlbReader.load(tmp_path / "rig.glb")
     for name, vertices in zip(OUTFIT, worn.vertices, strict=True):

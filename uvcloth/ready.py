@@ -47,11 +47,14 @@ class ReadyRollout:
         )
 
 
-def ready_rollout(method: Method, outfit: Outfit, motion: Clip, contact: bool = True) -> ReadyRollout:
+def ready_rollout(
+    method: Method, outfit: Outfit, motion: Clip, contact: bool = True, proxies: bool = True
+) -> ReadyRollout:
     """Bring a method, an outfit and a motion on its body together.
 
-    A motion of one frame, a pose, becomes the way into it from rest. Raises InputError for an outfit that the
-    method cannot dress, and a motion on another body than the outfit's.
+    proxies: carry coarse garments by finer ones where there is contact. A motion of one frame, a pose,
+    becomes the way into it from rest. Raises InputError for an outfit that the method cannot dress, and a
+    motion on another body than the outfit's.
     """
     if reason := method.unsupported_reason(outfit):
         several = not isinstance(method, Ensemble) and len(outfit.garments) > 1
@@ -59,7 +62,7 @@ def ready_rollout(method: Method, outfit: Outfit, motion: Clip, contact: bool = 
         raise InputError(reason + hint)
     require_same_skeleton(motion, outfit)
     motion = pose_from_rest(motion, outfit.body)
-    proxied = with_proxies(outfit, method) if contact else ProxiedOutfit.as_is(outfit)
+    proxied = with_proxies(outfit, method) if contact and proxies else ProxiedOutfit.as_is(outfit)
     return ReadyRollout(method, proxied, motion, motion.transforms(torch.float64), contact)
 
 

@@ -15,6 +15,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
 from uvcloth.geometry.records import CPU, to_device
 from uvcloth.geometry.skinning import skin
+from uvcloth.methods.capabilities import feed_back, with_contact
 from uvcloth.methods.method import Method
 
 if TYPE_CHECKING:
@@ -123,7 +124,7 @@ class PreparedRollout:
                     self.prepared, state, (origin - batch.origin)[None].to(frames.vertices)
                 )
             origin = batch.origin
-            for indices, part in _parts(frames, start, method.autoregressive, every):
+            for indices, part in _parts(frames, start, method.traits.autoregressive, every):
                 begun = time.perf_counter()
                 state, garments = method.step(self.prepared, state, part)
                 network_ms = 1000.0 * (time.perf_counter() - begun) / len(part)
@@ -152,17 +153,19 @@ class PreparedRollout:
                         frame = replace(
                             frame, difficulties=frame.difficulties + _difficulties(frame, longest)
                         )
-                    if method.autoregressive and frame.replaced:
+                    if method.traits.autoregressive and frame.replaced:
                         # What it remembers may be as broken as what it predicted.
                         state = method.init(self.prepared, part)
-                    if method.autoregressive and (index < len(truth) or self.contact or frame.replaced):
+                    if method.traits.autoregressive and (
+                        index < len(truth) or self.contact or frame.replaced
+                    ):
                         seen = (
                             tuple(_displaced(vertices, -origin) for vertices in truth[index])
                             if index < len(truth)
                             else frame.vertices
                         )
                         batched = tuple(vertices[None].to(raw[0].device) for vertices in seen)
-                        following = method.feed_back(self.prepared, state, batched)
+                        following = feed_back(method, self.prepared, state, batched)
                         needs_contact, state = following is not state, following
                     if wanted:
                         yield frame
@@ -209,9 +212,9 @@ def prepare_rollout(
 
     Raises InputError for an outfit that the method does not support.
     """
-    contact = contact and not method.keeps_off_body
+    contact = contact and not method.traits.keeps_off_body
     if contact:
-        method = method.with_contact()
+        method = with_contact(method)
     prepared = method.prepare(outfit, device)
     outfit = to_device(outfit, device)
     if not contact:
@@ -240,7 +243,7 @@ def rollout(
     frame. With contact, vertices inside the body (forearms and hands left out, as in the simulations) are
     moved out of it after each frame, outer garments off the inner ones that they cover, and edges get
     their rest length back; that is fed back to an autoregressive method. A method leaves out what contact
-    does better (`Method.with_contact`), so that it may predict otherwise than without; a method that keeps
+    does better (`ContactAware`), so that it may predict otherwise than without; a method that keeps
     garments off the body itself has no contact.
 
     truth: the garments, (N, 3) m each, that are fed back to an autoregressive method after each of the first

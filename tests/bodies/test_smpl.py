@@ -20,7 +20,8 @@ from uvcloth.bodies.layout import layout_of
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.bodies.smpl import read_smpl
 from uvcloth.bodies.smpl_joints import SMPL_JOINTS
-from uvcloth.commands.body import SmplFile, make
+from uvcloth.commands.body import MakeBody, Phenotype
+from uvcloth.commands.make_body import make
 from uvcloth.errors import InputError
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import joint_transforms, world_rotations
@@ -121,7 +122,7 @@ def test_the_models_have_their_joints_regions_and_sides(kind: str, joints: int, 
 
 
 def test_the_command_makes_a_body_with_texture_coordinates_and_a_layout(file: Path, tmp_path: Path) -> None:
-    body = make(tmp_path / "tall.npz", {}, smpl=SmplFile(file, (1.0,)))
+    body = make(MakeBody(tmp_path / "tall.npz", smpl=file, betas=(1.0,)))
     again = load_body(tmp_path / "tall.npz")
     assert again.name == "tall"
     assert len(again.mesh.uvs) > len(again.mesh.vertices)
@@ -130,11 +131,11 @@ def test_the_command_makes_a_body_with_texture_coordinates_and_a_layout(file: Pa
     assert tall == pytest.approx(1.1 * height, rel=1e-4)
     assert len(layout_of(body).islands.unique()) == 6
     with pytest.raises(InputError, match=r"person\.npz.*without phenotypes"):
-        make(tmp_path / "x.npz", {"height": 1.0}, smpl=SmplFile(file))
+        make(MakeBody(tmp_path / "x.npz", smpl=file, phenotype=Phenotype(height=1.0)))
     with pytest.raises(InputError, match="has 10 shape parameters, 11 were given"):
-        make(tmp_path / "x.npz", {}, smpl=SmplFile(file, (0.0,) * 11))
+        make(MakeBody(tmp_path / "x.npz", smpl=file, betas=(0.0,) * 11))
     with pytest.raises(InputError, match="not a finite number"):
-        make(tmp_path / "x.npz", {}, smpl=SmplFile(file, (float("nan"),)))
+        make(MakeBody(tmp_path / "x.npz", smpl=file, betas=(float("nan"),)))
     assert not (tmp_path / "x.npz").exists()
 
 

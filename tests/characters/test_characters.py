@@ -16,7 +16,8 @@ from uvcloth.characters.body import CharacterBody, body_from_character, region_v
 from uvcloth.characters.parts import label, sort_parts
 from uvcloth.characters.reader import read_character
 from uvcloth.characters.rig import rig_character
-from uvcloth.commands.body import CharacterFile, make
+from uvcloth.commands.body import MakeBody, Phenotype
+from uvcloth.commands.make_body import make
 from uvcloth.errors import InputError
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.templates import load_template, tailored
@@ -168,15 +169,14 @@ def test_characters_that_cannot_be_dressed_are_refused(body: Body, tmp_path: Pat
         body_from_character(path, body)
     with pytest.raises(InputError, match=r"odd\.fbx: expected a character as \.glb"):
         body_from_character(tmp_path / "odd.fbx", body)
-    with pytest.raises(InputError, match=r"odd\.glb: has a shape of its own"):
-        make(tmp_path / "b.npz", {"height": 0.5}, character=CharacterFile(path))
+    with pytest.raises(InputError, match=r"odd\.glb: has its own shape"):
+        make(MakeBody(tmp_path / "b.npz", character=path, phenotype=Phenotype(height=0.5)))
 
 
 @pytest.mark.skipif(not CESIUM_MAN.is_file(), reason=f"no {CESIUM_MAN}")
 def test_a_character_with_a_large_head_is_dressed(body: Body, tmp_path: Path) -> None:
     (tmp_path / "map.json").write_text(json.dumps(CESIUM_ROLES))
-    file = CharacterFile(CESIUM_MAN, tmp_path / "map.json")
-    man = make(tmp_path / "man.npz", {}, character=file)
+    man = make(MakeBody(tmp_path / "man.npz", character=CESIUM_MAN, joints=tmp_path / "map.json"))
     assert 1.4 < float(man.mesh.vertices[:, 2].max() - man.mesh.vertices[:, 2].min()) < 1.6
     surface = BodySurface(man.mesh.vertices, man.mesh.faces)
     own = seen(man).mesh

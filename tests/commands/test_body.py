@@ -8,14 +8,15 @@ import torch
 
 from tests.export.glb_reader import GlbReader, to_z_up
 from uvcloth.bodies.body import Body, load_body
-from uvcloth.commands.body import make
+from uvcloth.commands.body import MakeBody, Phenotype
+from uvcloth.commands.make_body import make
 from uvcloth.errors import InputError
 from uvcloth.formats.mesh_file import read_mesh
 
 
 def test_the_body_comes_as_obj_glb_and_npz(body: Body, tmp_path: Path) -> None:
     for suffix in ("obj", "glb", "npz"):
-        made = make(tmp_path / f"model.{suffix}", {})
+        made = make(MakeBody(tmp_path / f"model.{suffix}"))
         assert (made.name, len(made.mesh.vertices)) == ("model", len(body.mesh.vertices))
     mesh = read_mesh(tmp_path / "model.obj")
     torch.testing.assert_close(mesh.vertices.float(), body.mesh.vertices)
@@ -28,6 +29,6 @@ def test_the_body_comes_as_obj_glb_and_npz(body: Body, tmp_path: Path) -> None:
 
 def test_what_cannot_be_written_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"model\.fbx: a body is written as \.npz, \.obj, \.glb"):
-        make(tmp_path / "model.fbx", {})
+        make(MakeBody(tmp_path / "model.fbx"))
     with pytest.raises(InputError, match="not both"):
-        make(tmp_path / "model.npz", {"height": 0.9}, tmp_path / "other.npz")
+        make(MakeBody(tmp_path / "model.npz", tmp_path / "other.npz", phenotype=Phenotype(height=0.9)))

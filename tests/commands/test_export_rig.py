@@ -11,8 +11,10 @@ import torch
 from tests.export.glb_reader import GlbReader
 from uvcloth.bodies.body import Body, save_body
 from uvcloth.checkpoint import TrainingData, save_checkpoint
+from uvcloth.commands.animate import animate
+from uvcloth.commands.export import Export
 from uvcloth.commands.export_rig import RIG_WRITERS, export
-from uvcloth.commands.rollout import animate
+from uvcloth.commands.rollout import Rollout
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
@@ -57,7 +59,7 @@ def opened(path: Path) -> tuple[set[str], int, int]:
 @pytest.mark.parametrize("suffix", RIG_WRITERS)
 def test_a_motion_gives_one_file(run: Path, tmp_path: Path, suffix: str) -> None:
     out = tmp_path / "new" / f"spin{suffix}"
-    exported = export(str(run), out, motion="spin", shapes=2, with_body=False)
+    exported = export(Export(str(run), out, motion="spin", shapes=2, with_body=False))
     assert list(out.parent.iterdir()) == [out] == list(exported.written)
     assert opened(out) == ({"tops"}, 2, 133)
     lines = exported.lines()
@@ -73,7 +75,7 @@ def test_a_motion_gives_one_file(run: Path, tmp_path: Path, suffix: str) -> None
 def test_without_a_motion_the_embedding_lies_beside(run: Path, tmp_path: Path, suffix: str) -> None:
     pytest.importorskip("onnx")
     onnxruntime = pytest.importorskip("onnxruntime")
-    exported = export(str(run), tmp_path / f"rig{suffix}")
+    exported = export(Export(str(run), tmp_path / f"rig{suffix}"))
     assert sorted(tmp_path.iterdir()) == sorted(exported.written)
     assert {path.name for path in exported.written} == {f"rig{suffix}", "rig.onnx"}
     assert exported.lines()[2].startswith("tops, body; 31 joints")
@@ -104,23 +106,23 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(
     (tmp_path / "taken.glb").mkdir()
     (tmp_path / "taken.usdc").write_text("")
     with pytest.raises(InputError, match=words) as caught:
-        export(str(run), tmp_path / out, **options)
+        export(Export(str(run), tmp_path / out, **options))
     assert "\n" not in str(caught.value)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["taken.glb", "taken.usdc"]
 
 
 @pytest.mark.parametrize("model", ["physxnet", "lbs_smooth"])
 def test_a_model_without_blend_shapes_is_refused(tmp_path: Path, model: str) -> None:
-    with pytest.raises(InputError, match=f"{model}: no rig .*`uvcloth rollout` writes"):
-        export(model, tmp_path / "rig.glb")
+    with pytest.raises(InputError, match=f"model {model}: has no blend weights .*`uvcloth rollout` writes"):
+        export(Export(model, tmp_path / "rig.glb"))
     assert not list(tmp_path.iterdir())
 
 
 def test_a_fabric_that_the_model_does_not_read_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="--fabric silk: model pbns knows only the fabric of its training"):
-        export("pbns", tmp_path / "rig.glb", fabric="silk")
+        export(Export("pbns", tmp_path / "rig.glb", fabric="silk"))
     with pytest.raises(InputError, match="--fabric silk: model lbs knows only the fabric"):
-        animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"], fabric="silk")
+        animate(Rollout("walk", ("tops",), (tmp_path / "walk.npz",), ("lbs",), fabric="silk"))
     assert not list(tmp_path.iterdir())
 
 
@@ -128,7 +130,7 @@ def test_a_body_of_another_shape_is_refused(run: Path, body: Body, tmp_path: Pat
     skeleton = replace(body.skeleton, heads=body.skeleton.heads * 1.1)
     save_body(replace(body, name="tall", skeleton=skeleton), tmp_path / "tall.npz")
     with pytest.raises(InputError, match="model shirt was trained on another body than 'tall'"):
-        export(str(run), tmp_path / "rig.glb", body_file=tmp_path / "tall.npz")
+        export(Export(str(run), tmp_path / "rig.glb", body=tmp_path / "tall.npz"))
     assert [path.name for path in tmp_path.iterdir()] == ["tall.npz"]
 
 
@@ -139,7 +141,7 @@ def test_a_clip_of_an_unknown_skeleton_is_refused(run: Path, tmp_path: Path) -> 
         "End Site\n{\nOFFSET 0 1 0\n}\n}\nMOTION\nFrames: 2\nFrame Time: 0.033\n0 0 0\n0 0 1\n"
     )
     with pytest.raises(InputError, match=r"snake\.bvh: "):
-        export(str(run), tmp_path / "rig.glb", motion=str(bvh))
+        export(Export(str(run), tmp_path / "rig.glb", motion=str(bvh)))
     assert [path.name for path in tmp_path.iterdir()] == ["snake.bvh"]
 
 
@@ -153,7 +155,7 @@ def test_what_fails_in_the_second_file_leaves_both_as_they_were(
     monkeypatch.setattr("uvcloth.commands.export_rig.write_embedding", failing)
     (tmp_path / "rig.glb").write_text("old")
     with pytest.raises((KeyboardInterrupt, InputError)):
-        export(str(run), tmp_path / "rig.glb")
+        export(Export(str(run), tmp_path / "rig.glb"))
     assert [path.name for path in tmp_path.iterdir()] == ["rig.glb"]
     assert (tmp_path / "rig.glb").read_text() == "old"
 
@@ -163,5 +165,5 @@ def test_without_onnx_the_sentence_names_the_extra(
 ) -> None:
     monkeypatch.setitem(sys.modules, "onnx", None)
     with pytest.raises(InputError, match=r"rig\.onnx: .*uvcloth\[export\]"):
-        export(str(run), tmp_path / "rig.glb")
+        export(Export(str(run), tmp_path / "rig.glb"))
     assert not list(tmp_path.iterdir())

@@ -10,7 +10,8 @@ import pytest
 from tests.motion.families import FAMILIES
 from tests.motion.layouts import write_layout
 from uvcloth.bodies.body import Body
-from uvcloth.commands.motion import describe
+from uvcloth.commands.describe_motion import describe
+from uvcloth.commands.motion import Motion
 from uvcloth.errors import InputError
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.options import MotionOptions
@@ -19,7 +20,7 @@ from uvcloth.motion.options import MotionOptions
 def test_a_motion_file_is_described_and_drawn(tmp_path: Path, capsys, body: Body) -> None:
     layout = replace(FAMILIES["LAFAN1"], above=("Scene",))
     write_layout(load_clip("walk", body).window(20, 30), layout, tmp_path / "walk.bvh")
-    describe(str(tmp_path / "walk.bvh"), tmp_path / "sheet.png", MotionOptions(frames="5:25"))
+    describe(Motion(str(tmp_path / "walk.bvh"), tmp_path / "sheet.png", options=MotionOptions(frames="5:25")))
     printed = capsys.readouterr().out
     for text in (
         "walk: 30 frames at 30 per second, 1.00 s",
@@ -46,10 +47,10 @@ def test_what_is_known_is_printed_before_a_refusal(tmp_path: Path, capsys, body:
     path = tmp_path / "walk.bvh"
     write_layout(load_clip("walk", body).window(20, 10), odd, path)
     with pytest.raises(InputError, match=r"no joint is the left shin, right shin; name them with --joints"):
-        describe(str(path), tmp_path / "sheet.png", MotionOptions())
+        describe(Motion(str(path), tmp_path / "sheet.png", options=MotionOptions()))
     assert "move with the one above: LeftWheel, RightWheel" in capsys.readouterr().out
     assert not (tmp_path / "sheet.png").exists()
     roles = tmp_path / "map.json"
     roles.write_text(json.dumps({"left_shin": "LeftWheel", "right_shin": "RightWheel"}))
-    describe(str(path), tmp_path / "sheet.png", MotionOptions(joints=roles))
+    describe(Motion(str(path), tmp_path / "sheet.png", options=MotionOptions(joints=roles)))
     assert (tmp_path / "sheet.png").exists()

@@ -9,7 +9,9 @@ import torch
 
 from tests.export.glb_reader import GlbReader, to_z_up
 from uvcloth import ready
-from uvcloth.commands import rollout as animation
+from uvcloth.commands import animate as animation
+from uvcloth.commands.animate import animate
+from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.summary import Totals
 from uvcloth.errors import InputError
 from uvcloth.export.animation import load_animation
@@ -25,6 +27,12 @@ from uvcloth.physics.contact import Contacts
 from uvcloth.rollout import BrokenRolloutError, RolloutFrame
 
 FRAMES = 4
+
+
+def skinned(out, **options) -> Rollout:
+    """A rollout of the tops over the walk by linear blend skinning."""
+    files = tuple(out) if isinstance(out, list) else (out,)
+    return Rollout("walk", ("tops",), files, ("lbs",), **options)
 
 
 @pytest.fixture
@@ -58,7 +66,7 @@ def scene(monkeypatch, body):
     method = SimpleNamespace(
         unsupported_reason=lambda outfit: "it itches" if len(outfit.garments) > 1 else ""
     )
-    monkeypatch.setattr(animation, "load_methods", lambda *_: method)
+    monkeypatch.setattr(animation, "load_method", lambda *_: method)
     monkeypatch.setattr(ready, "with_proxies", lambda outfit, _: ProxiedOutfit.as_is(outfit))
     monkeypatch.setattr(ready, "rollout_proxied", rollout)
     return SimpleNamespace(resolved=resolved, rollout=rollout)
@@ -66,7 +74,7 @@ def scene(monkeypatch, body):
 
 def test_the_file_holds_the_resolved_frames(scene, tmp_path):
     out = tmp_path / "walk.npz"
-    summary = animation.animate(["lbs"], "walk", ["tops"], [out])
+    summary = animate(skinned(out))
     written = load_animation(out)
     assert written.names == ("tops",)
     torch.testing.assert_close(
@@ -78,7 +86,7 @@ def test_the_file_holds_the_resolved_frames(scene, tmp_path):
 
 def test_one_rollout_writes_every_file_that_is_asked_for(scene, tmp_path):
     wanted = [tmp_path / "walk.npz", tmp_path / "walk.glb"]
-    assert animation.animate(["lbs"], "walk", ["tops"], wanted).written == tuple(wanted)
+    assert animate(skinned(wanted)).written == tuple(wanted)
     assert len(load_animation(wanted[0])) == FRAMES
     glb = GlbReader.load(wanted[1])
     assert len(glb.times()) == FRAMES
@@ -88,13 +96,13 @@ def test_one_rollout_writes_every_file_that_is_asked_for(scene, tmp_path):
 
 
 def test_the_summary_counts_what_is_inside_the_body(scene, tmp_path):
-    summary = animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"])
+    summary = animate(skinned(tmp_path / "walk.npz"))
     assert summary.inside_before == pytest.approx(100 / 3)
     assert summary.inside_after == 0
     assert summary.squeezed == pytest.approx(200 / 3)
     assert summary.milliseconds["network"] == pytest.approx(2.0)
     assert set(summary.milliseconds) == {"network", "measuring", "writing"}
-    without = animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "raw.npz"], contact=False)
+    without = animate(skinned(tmp_path / "raw.npz", contact=False))
     assert without.inside_before is None
     assert [line.partition(" ")[0] for line in without.lines()[-2:]] == ["ms", "no"]
 
@@ -121,10 +129,7 @@ def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
     monkeypatch.setattr(ready, "rollout_proxied", rollout)
-    shown = [
-        animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"], contact=contact)
-        for contact in (True, False)
-    ]
+    shown = [animate(skinned(tmp_path / "walk.npz", contact=contact)) for contact in (True, False)]
     assert shown[0].skin < 1.0
     assert shown[1].skin > 10.0
     assert shown[1].worst[0] >= shown[1].skin
@@ -158,7 +163,7 @@ def test_a_file_that_cannot_be_written_keeps_the_others_away(scene, tmp_path, mo
     monkeypatch.setitem(WRITERS, ".glb", full)
     for order in (["a.npz", "a.glb"], ["a.glb", "a.npz"]):
         with pytest.raises(InputError, match=r"a\.glb: cannot be written \(No space left"):
-            animation.animate(["lbs"], "walk", ["tops"], [tmp_path / name for name in order])
+            animate(skinned([tmp_path / name for name in order]))
         assert not list(tmp_path.iterdir())
 
 
@@ -173,7 +178,7 @@ def test_a_rollout_that_stops_keeps_the_frames_before(scene, tmp_path, monkeypat
     with pytest.raises(
         InputError, match=r"frame 2: .* is torn; the 2 frames before it are in .*walk\.npz; --keep-going"
     ):
-        animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"])
+        animate(skinned(tmp_path / "walk.npz"))
     assert len(load_animation(tmp_path / "walk.npz")) == 2
 
 
@@ -186,19 +191,34 @@ def test_a_broken_rollout_leaves_nothing(scene, tmp_path, monkeypatch, error):
 
     monkeypatch.setattr(ready, "rollout_proxied", breaks)
     with pytest.raises(type(error)):
-        animation.animate(["lbs"], "walk", ["tops"], [tmp_path / "walk.npz"])
+        animate(skinned(tmp_path / "walk.npz"))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("models", "place"), [(("physics",), None), (("lbs", "physics"), 1)])
+def test_the_quality_is_that_of_physics_alone_and_among_others(tmp_path, monkeypatch, models, place):
+    asked = []
+
+    def stop(method, *_):
+        asked.append(method if place is None else method.methods[place])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(animation, "ready_rollout", stop)
+    files = (tmp_path / "walk.npz",)
+    with pytest.raises(KeyboardInterrupt):
+        animate(Rollout("walk", ("bottoms", "tops"), files, models, quality="fine"))
+    assert [physics.config.quality for physics in asked] == ["fine"]
 
 
 def test_an_objection_of_one_model_to_several_garments_hints_at_one_each(scene, tmp_path, monkeypatch):
     fussy = SimpleNamespace(unsupported_reason=lambda outfit: "it itches")
-    made = {1: fussy, 2: Ensemble((fussy, fussy))}
-    monkeypatch.setattr(animation, "load_methods", lambda models, _: made[len(models)])
+    monkeypatch.setattr(animation, "load_method", lambda *_: fussy)
+    monkeypatch.setattr(animation, "in_order", lambda some: some[0] if len(some) == 1 else Ensemble((*some,)))
 
     def refused(models):
         with pytest.raises(InputError, match="it itches") as caught:
-            animation.animate(models, "walk", ["tops", "dress"], [tmp_path / "walk.npz"])
+            animate(Rollout("walk", ("tops", "dress"), (tmp_path / "walk.npz",), models))
         return str(caught.value)
 
-    assert refused(["lbs"]).endswith("each garment may have a model of its own, as in --model A B")
-    assert refused(["lbs", "lbs"]) == "it itches"
+    assert refused(("lbs",)).endswith("each garment may have a model of its own, as in --model A B")
+    assert refused(("lbs", "lbs")) == "it itches"

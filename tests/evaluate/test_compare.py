@@ -38,8 +38,9 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.geometry.skinning import skin
+from uvcloth.methods.capabilities import Feedback, Representation
 from uvcloth.methods.lbs import LBSConfig, create_lbs
-from uvcloth.methods.method import Method
+from uvcloth.methods.method import Method, Traits
 from uvcloth.methods.physxnet.config import PRESETS
 from uvcloth.methods.physxnet.method import PhysXNet, physxnet_checkpoint
 from uvcloth.motion.poses import rest_hash
@@ -179,7 +180,7 @@ def test_known_errors_come_out(world: Path, tmp_path: Path) -> None:
 
 
 @dataclass(frozen=True)
-class Rounded(Method):
+class Rounded(Method, Representation):
     """The baseline, whose representation moves every garment by (off, off, off) m."""
 
     off: float
@@ -331,11 +332,11 @@ def judged(method: Method, data: Path, out: Path) -> tuple[dict, list[Shown]]:
 
 
 @dataclass(frozen=True)
-class Sinking(Method):
+class Sinking(Method, Feedback):
     """Brings the garment a millimetre nearer to the body's axis in every frame, from wherever it was left."""
 
     name: str = "sinking"
-    autoregressive: bool = True
+    traits = Traits(autoregressive=True)
 
     def prepare(self, outfit: Outfit, device: torch.device) -> Tensor:
         return outfit.garments[0].mesh.vertices

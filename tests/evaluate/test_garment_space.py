@@ -11,7 +11,7 @@ from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.method import GarmentSpace
+from uvcloth.methods.capabilities import GarmentSpace, garment_space
 from uvcloth.methods.motion_guided.config import PRESETS
 from uvcloth.methods.motion_guided.method import MotionGuided
 from uvcloth.methods.registry import METHODS
@@ -52,8 +52,8 @@ def test_the_codes_farthest_apart_are_those_of_the_garments_that_differ_most(bod
 
 def test_only_methods_that_decode_have_a_space(body: Body) -> None:
     dress = fit_template("dress", body)
-    methods = {name: entry.create(entry.config) for name, entry in METHODS.items()}
-    assert [name for name, method in methods.items() if method.garment_space(dress, body)] == [
+    methods = {name: line.entry.create(line.entry.config) for name, line in METHODS.items()}
+    assert [name for name, method in methods.items() if garment_space(method, dress, body)] == [
         "motion_guided"
     ]
 

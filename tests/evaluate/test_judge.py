@@ -20,6 +20,7 @@ from uvcloth.dataset.clip import clip_of_garment
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
+from uvcloth.methods.capabilities import ContactAware
 from uvcloth.methods.method import Method
 
 
@@ -56,7 +57,7 @@ def test_inside_counts_what_lies_within_the_body() -> None:
 
 
 @dataclass(frozen=True)
-class Raised(Method):
+class Raised(Method, ContactAware):
     """Its garment 40 cm above rest, where contact leaves it alone, and 1 cm higher where none follows."""
 
     name: str = "raised"

@@ -18,7 +18,8 @@ from uvcloth.bodies.frames import BodyFrames
 from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.method import Method
+from uvcloth.methods.capabilities import Feedback
+from uvcloth.methods.method import Method, Traits
 from uvcloth.rollout import prepare_rollout
 
 STRAY = 0.001
@@ -26,11 +27,11 @@ END = SETTLING + COUNTED
 
 
 @dataclass(frozen=True)
-class Straying(Method):
+class Straying(Method, Feedback):
     """Carries its garment along with the body's only joint, and a millimetre upwards in every frame."""
 
     name: str = "straying"
-    autoregressive: bool = True
+    traits = Traits(autoregressive=True)
 
     def prepare(self, outfit: Outfit, device: torch.device) -> Garment:
         return outfit.garments[0]

@@ -14,6 +14,7 @@ from uvcloth.export.animation import Animation
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
+from uvcloth.methods.capabilities import Riggable
 from uvcloth.methods.deepsd.config import PRESETS
 from uvcloth.methods.deepsd.method import DeePSD
 from uvcloth.methods.deepsd.network import DeePSDNetwork
@@ -142,9 +143,9 @@ def model(request: pytest.FixtureRequest) -> Method:
 
 @pytest.fixture(scope="session")
 def pose_rig(model: Method, outfit: Outfit) -> PoseRig:
-    rig = model.as_rig(outfit.body, outfit.garments)
-    assert rig is not None
-    return rig
+    riggable = model.capability(Riggable)
+    assert riggable is not None
+    return riggable.as_rig(outfit.body, outfit.garments)
 
 
 @pytest.fixture(scope="session")

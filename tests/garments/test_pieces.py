@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from uvcloth.bodies.body import Body
-from uvcloth.commands.fit import examine
+from uvcloth.commands.examine_garment import examine
+from uvcloth.commands.fit import Fit
 from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
 from uvcloth.formats.mesh_file import read_mesh
@@ -55,7 +56,7 @@ def test_simulation_takes_one_garment_and_says_how_to_part_them(body: Body, tmp_
     save_obj(joined(tops, bottoms), suit)
     with pytest.raises(InputError, match=r"suit\.obj: holds 2 garments, .* `uvcloth fit .*suit\.obj --out"):
         load_garment_for_data(str(suit), body)
-    lines = examine(suit, body_file=None, template=None, out=tmp_path / "mine.obj", picture=None)
+    lines = examine(Fit(suit, out=tmp_path / "mine.obj", picture=None))
     parted = [tmp_path / "mine-bottoms.obj", tmp_path / "mine-tops.obj"]
     assert lines[-2:] == [str(path) for path in parted]
     for path, mesh in zip(parted, (bottoms, tops), strict=True):

@@ -14,11 +14,17 @@ import pytest
 import torch
 from torch import Tensor
 
+from tests.simulate.skinned import skinned_sequence
 from tests.small_body import small_body
-from uvcloth.cli import Rollout, View
-from uvcloth.commands.view import LiveAudience
+from uvcloth.bodies.body import Body
+from uvcloth.commands.live_view import LiveAudience
+from uvcloth.commands.rollout import Rollout
+from uvcloth.commands.view import View
+from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.errors import InputError
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.motion.library import load_clip, save_clip
 from uvcloth.rollout import RolloutFrame
 from uvcloth.view.choices import Choices, Chosen
 from uvcloth.view.computation import Computation, Performance
@@ -244,3 +250,29 @@ def test_a_choice_is_rolled_out_as_the_command_would() -> None:
     assert first.vertices[0].shape == performance.meshes[0].vertices.shape
     with pytest.raises(InputError, match="choose a garment"):
         choices.perform(Chosen("walk", (), "lbs", "default"))
+
+
+def test_a_pose_is_reached_from_rest(body: Body, tmp_path: Path) -> None:
+    pose = str(tmp_path / "pose.npz")
+    save_clip(load_clip("walk", body).window(40, 1), Path(pose))
+    choices = Choices.of(motions=[pose], models=["lbs"])
+    performance = choices.perform(Chosen(pose, ("tops",), "lbs", "default", contact=False))
+    frames = list(performance.frames)
+    assert len(frames) == performance.count > 1
+    rest = torch.eye(3, 4).expand_as(frames[0].transforms)
+    assert (frames[0].transforms - rest)[..., :3].abs().max() < 0.01
+    reached = load_clip("walk", body).window(40, 1).transforms()[0]
+    torch.testing.assert_close(frames[-1].transforms, reached, atol=1e-5, rtol=0)
+
+
+def test_a_sequence_is_shown_with_the_rollout_over_its_motion(body: Body, tmp_path: Path) -> None:
+    sequence = skinned_sequence(fit_template("tops", body), body)
+    save_simulated(sequence, tmp_path / "walk_tops.npz")
+    path = str(tmp_path / "walk_tops.npz")
+    choices = Choices.of(models=["lbs"], sequences=[path])
+    performance = choices.perform(Chosen(path, (), "lbs", "default", contact=False))
+    assert (performance.title, performance.count) == ("walk_tops", len(sequence.vertices))
+    assert performance.truth is not None
+    torch.testing.assert_close(performance.truth, sequence.vertices, atol=1e-4, rtol=0)
+    for frame, transforms in zip(performance.frames, sequence.transforms, strict=True):
+        torch.testing.assert_close(frame.transforms, transforms, atol=1e-4, rtol=0)

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from uvcloth.bodies.body import load_body, save_body
-from uvcloth.commands.outfits import OutfitSettings, make_outfits, split_of, wearer
+from uvcloth.commands.make_outfits import make_outfits, split_of, wearer
+from uvcloth.commands.outfits import Outfits
 from uvcloth.errors import InputError
 from uvcloth.wardrobe.outfit_file import load_outfit_file, load_pieces, on_body, outfit_files
 
@@ -108,12 +109,12 @@ def test_outfits_are_the_same_every_time_and_what_is_there_is_kept(tmp_path: Pat
 
     def made(name: str, count: int, seed: int = 5, kind: str = "shorts") -> Path:
         make_outfits(
-            OutfitSettings(
+            Outfits(
                 out=tmp_path / name,
                 count=count,
                 seed=seed,
-                bodies=("builtin",),
-                types=(kind,),
+                body=("builtin",),
+                type=(kind,),
                 vertices=(1000, 1100),
                 jobs=1,
             )
@@ -159,14 +160,14 @@ def test_splits_follow_the_number_and_share_no_body() -> None:
         ({"jobs": 0}, "--jobs 0: expected at least 1"),
         ({"vertices": (10, 2000)}, "--vertices 10 2000: expected two numbers from 1000 to 16000"),
         ({"vertices": (2000, 1000)}, "--vertices 2000 1000: expected two numbers"),
-        ({"types": ("cape",)}, "--type cape: unknown, expected one of tshirt"),
-        ({"drawn_bodies": 2}, "--bodies: 2 bodies, expected one for all, or at least three"),
-        ({"bodies": ("gone.npz",)}, "gone.npz: no such file"),
-        ({"bodies": ("builtin", "a.npz", "b/a.npz")}, "--body: two bodies are named a"),
+        ({"type": ("cape",)}, "--type cape: unknown, expected one of tshirt"),
+        ({"bodies": 2}, "--bodies: 2 bodies, expected one for all, or at least three"),
+        ({"body": ("gone.npz",)}, "gone.npz: no such file"),
+        ({"body": ("builtin", "a.npz", "b/a.npz")}, "--body: two bodies are named a"),
     ],
 )
 def test_settings_out_of_range_are_refused(tmp_path: Path, settings: dict[str, Any], sentence: str) -> None:
-    chosen = OutfitSettings(**{"out": tmp_path / "out", "count": 1, **settings})
+    chosen = Outfits(**{"out": tmp_path / "out", "count": 1, **settings})
     with pytest.raises(InputError, match=re.escape(sentence)):
         make_outfits(chosen)
     assert not list(tmp_path.rglob("*.json"))
@@ -177,4 +178,4 @@ def test_a_body_without_proxies_is_refused(tmp_path: Path) -> None:
 
     save_body(replace(load_body(), proxies={}), tmp_path / "bare.npz")
     with pytest.raises(InputError, match="has no garment proxy, outfits cannot be cut on it"):
-        make_outfits(OutfitSettings(out=tmp_path / "out", count=1, bodies=(str(tmp_path / "bare.npz"),)))
+        make_outfits(Outfits(out=tmp_path / "out", count=1, body=(str(tmp_path / "bare.npz"),)))

@@ -1,125 +1,94 @@
-"""`uvcloth body`: a body of phenotypes, a character or SMPL, as an npz for other commands or as a mesh."""
+"""`uvcloth body`: its options, and which of them go together."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Annotated, Literal
 
-import torch
-from rich.console import Console
-from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from tyro.conf import OmitArgPrefixes, arg
 
-from uvcloth.bodies.body import Body, load_body, require_metres, save_body
-from uvcloth.bodies.seen import seen
-from uvcloth.bodies.smpl import read_smpl
-from uvcloth.bodies.stature import stature
-from uvcloth.characters.body import body_from_character
+from uvcloth.commands.options import BodyFile
 from uvcloth.errors import InputError
-from uvcloth.export.glb import Document
-from uvcloth.export.gltf_scene import add_body, add_skeleton
-from uvcloth.export.obj import save_obj
-from uvcloth.files.atomic import atomic_write
-from uvcloth.motion.roles import read_role_map
 
 SUFFIXES = (".npz", ".obj", ".glb")
 
-
-@dataclass(frozen=True)
-class CharacterFile:
-    """A rigged character in a glTF file, and how to read it.
-
-    joints: JSON of roles and joint names. keep, drop: meshes that cloth collides with, and meshes to leave
-    out. unit: of its file, None to determine it.
-    """
-
-    path: Path
-    joints: Path | None = None
-    keep: Sequence[str] = ()
-    drop: Sequence[str] = ()
-    unit: str | None = None
+Share = Annotated[float | None, arg(metavar="0..1", help_behavior_hint="")]
 
 
 @dataclass(frozen=True)
-class SmplFile:
-    """A model file of SMPL, SMPL-H or SMPL-X, and the shape parameters of a person."""
+class Phenotype:
+    """Shape of the body, each from 0 to 1; the default is the value of the body that ships with uvcloth."""
 
-    path: Path
-    betas: Sequence[float] = ()
+    gender: Share = None
+    """0 male, 1 female."""
+    age: Share = None
+    """0 baby, 0.33 child, 0.67 young adult, 1 old."""
+    muscle: Share = None
+    """0 weak, 1 muscular."""
+    weight: Share = None
+    """0 thin, 1 heavy."""
+    height: Share = None
+    """0 small, 1 tall."""
+    proportions: Share = None
+    """0 uncommon, 1 idealized proportions."""
 
-
-def make(
-    out: Path,
-    phenotype: Mapping[str, float],
-    body_file: Path | None = None,
-    character: CharacterFile | None = None,
-    smpl: SmplFile | None = None,
-) -> Body:
-    """Make a body and write it to one file, as its suffix says.
-
-    phenotype: as `make_body` takes it; without any, the body of the file, of the character, which is then
-    described, or of the SMPL model, or the one in the package. An OBJ
-    or GLB holds the rest pose with its texture coordinates, in metres: Z up, facing -Y, or Y up, facing +Z;
-    the GLB also skeleton and skin. Raises InputError for another suffix or phenotype, for two sources of the
-    body, or if the file cannot be written.
-    """
-    if out.suffix.lower() not in SUFFIXES:
-        raise InputError(f"{out}: a body is written as {', '.join(SUFFIXES)}, not '{out.suffix}'")
-    if phenotype and body_file is not None:
-        raise InputError(f"{body_file}: is a body already, expected phenotypes or a file, not both")
-    if character and (phenotype or body_file is not None):
-        raise InputError(
-            f"{character.path}: has a shape of its own, expected it without phenotypes or --body"
-        )
-    if smpl and (phenotype or body_file is not None or character):
-        raise InputError(f"{smpl.path}: expected the SMPL model without phenotypes, --body or --character")
-    if smpl:
-        body = replace(_of_smpl(smpl), name=out.stem)
-    elif character:
-        body = replace(_of_character(character), name=out.stem)
-    elif phenotype:
-        from uvcloth.bodies.anny import make_body
-
-        with anny_progress() as progress:
-            progress.add_task("making the body", total=None)
-            body = make_body(out.stem, dict(phenotype))
-    else:
-        body = replace(load_body(body_file), name=out.stem)
-    match out.suffix.lower():
-        case ".npz":
-            save_body(body, out)
-        case ".obj":
-            save_obj(seen(body).mesh, out)
-        case _:
-            document = Document()
-            skin, _ = add_skeleton(document, body.skeleton)
-            add_body(document, seen(body), skin)
-            with atomic_write(out) as partial:
-                document.write(partial)
-    return body
+    def given(self) -> dict[str, float]:
+        """The values that were given, by name."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
 
 
-def anny_progress() -> Progress:
-    """Progress of making bodies with Anny, after a line that says how long the first one takes."""
-    console = Console(stderr=True)
-    console.print("Anny's shapes are read once, two to six minutes; later bodies take seconds")
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    return Progress(*columns, console=console)
+@dataclass(frozen=True)
+class MakeBody:
+    """Make a body from phenotypes, a character or an SMPL model, or write the body of the package as a mesh
+    to model on."""
 
+    out: Path
+    """File to write: .npz for --body of other commands, .obj or .glb to model on (rest pose, UVs)."""
+    body: BodyFile = None
+    """An existing body to write in another format; not together with phenotypes."""
+    character: Annotated[Path | None, arg(metavar="GLB", help_behavior_hint="")] = None
+    """A rigged character (.glb, .gltf, .vrm) to make the body from; see docs/characters.md."""
+    joints: Annotated[Path | None, arg(metavar="JSON", help_behavior_hint="(default: by their names)")] = None
+    """Roles of the character's joints, as for motions: {"hips": "Pelvis_02", ...}."""
+    keep: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint="")] = ()
+    """Meshes or materials of the character that cloth collides with, in spite of their names."""
+    drop: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint="")] = ()
+    """Meshes or materials of the character to leave out."""
+    unit: Annotated[
+        Literal["m", "dm", "cm", "mm", "inches", "feet"] | None,
+        arg(metavar="m|dm|cm|mm|inches|feet", help_behavior_hint="(default: by its height)"),
+    ] = None
+    """Unit of the character's file. Needed for a character of unusual height in another unit than metres."""
+    smpl: Annotated[Path | None, arg(metavar="NPZ|PKL", help_behavior_hint="")] = None
+    """A model file of SMPL, SMPL-H or SMPL-X of one gender; see docs/field_data.md."""
+    betas: Annotated[tuple[float, ...], arg(metavar="N ...", help_behavior_hint="(default: all 0)")] = ()
+    """First shape parameters of the SMPL model."""
+    phenotype: OmitArgPrefixes[Phenotype] = field(default_factory=Phenotype)
 
-def _of_character(character: CharacterFile) -> Body:
-    chosen = {} if character.joints is None else read_role_map(character.joints)
-    console = Console(stderr=True)
-    with console.status(f"fitting our surface to {character.path.name}"):
-        made = body_from_character(
-            character.path, load_body(), chosen, character.keep, character.drop, character.unit
-        )
-    print("\n".join(made.lines()))
-    return made.body
+    def run(self) -> None:
+        """Make the body and write it. Raises InputError for bad input."""
+        from uvcloth.commands.make_body import make
 
+        body = make(self)
+        print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
 
-def _of_smpl(smpl: SmplFile) -> Body:
-    model = read_smpl(smpl.path)
-    with Console(stderr=True).status(f"unwrapping {smpl.path.name}"):
-        body = model.resting().body(torch.tensor(smpl.betas))
-    require_metres(smpl.path, body.mesh.vertices)
-    print(f"{smpl.path.name}: {model.kind}, {len(model.shapes)} shape parameters, {stature(body):.2f} m tall")
-    return body
+    def check(self) -> None:
+        """Raise InputError for another suffix, two sources of the body, or options of a source that is not
+        there.
+        """
+        if self.out.suffix.lower() not in SUFFIXES:
+            raise InputError(
+                f"{self.out}: a body is written as {', '.join(SUFFIXES)}, not '{self.out.suffix}'"
+            )
+        phenotype = self.phenotype.given()
+        if phenotype and self.body:
+            raise InputError(f"{self.body}: is a body already, expected phenotypes or a file, not both")
+        if self.character and (phenotype or self.body):
+            raise InputError(f"{self.character}: has its own shape, expected it without phenotypes or --body")
+        if self.smpl and (phenotype or self.body or self.character):
+            raise InputError(
+                f"{self.smpl}: expected the SMPL model without phenotypes, --body or --character"
+            )
+        if not self.character and (self.joints or self.keep or self.drop or self.unit):
+            raise InputError("body: --joints, --keep, --drop and --unit need --character")
+        if not self.smpl and self.betas:
+            raise InputError("body: --betas need --smpl")

@@ -1,4 +1,4 @@
-"""`uvcloth export`: a method that is a rig as a file for engines."""
+"""Files for engines of methods that are rigs."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from uvcloth.bodies.body import load_body
+from uvcloth.commands.export import Export
 from uvcloth.errors import InputError
 from uvcloth.export.embedding import write_embedding
 from uvcloth.export.gltf_rig import write_rig_glb
@@ -17,12 +18,12 @@ from uvcloth.export.usd_rig import write_rig_usd
 from uvcloth.export.writer import require_own_names
 from uvcloth.files.atomic import atomic_files
 from uvcloth.garments.loading import load_outfit
-from uvcloth.methods.method import require_fabric_read
+from uvcloth.methods.capabilities import Riggable
+from uvcloth.methods.method import Method, require_fabric_read
 from uvcloth.methods.registry import load_method
 from uvcloth.methods.rig import PoseRig
 from uvcloth.motion.lead_in import pose_from_rest
-from uvcloth.motion.library import DEFAULTS, load_clip
-from uvcloth.motion.options import MotionOptions
+from uvcloth.motion.library import load_clip
 
 RIG_WRITERS: dict[str, Callable[[Rig, Path], None]] = {
     ".glb": write_rig_glb,
@@ -53,53 +54,45 @@ class Exported:
         ]
 
 
-def export(
-    model: str,
-    out: Path,
-    *,
-    garments: Sequence[str] = (),
-    garment_pose: str | None = None,
-    fabric: str | None = None,
-    motion: str | None = None,
-    shapes: int | None = None,
-    body_file: Path | None = None,
-    with_body: bool = True,
-    options: MotionOptions = DEFAULTS,
-) -> Exported:
+def export(command: Export) -> Exported:
     """Write a model as a rig that moves to a motion, or at rest with its pose embedding as .onnx beside it.
 
-    model: a method that is a rig (pbns as it ships), or a checkpoint folder of one. out: .glb, .usdc or .usd.
-    garments: template names or mesh files, the innermost first, for a model that rigs any outfit, and
-    garment_pose: what files were modelled in, as `load_outfit` has it. fabric: of the garments, for a model
-    that reads it. Materials of files go along, for .usdc with their textures beside it. shapes: how many
-    blend shapes, None for the model's own. options: how the motion is read; of one frame, a pose, the body
-    moves into it from rest. Raises InputError for bad input and a full disk; then, as after Ctrl-C, writes
-    nothing.
+    Materials of garment files go along, for .usdc with their textures beside it. For a motion of one frame, a
+    pose, the body moves into it from rest. Raises InputError for bad input and a full disk; then, as after
+    Ctrl-C, writes nothing.
     """
-    out = Path(out)
+    out, fabric = command.out, command.fabric
     if out.suffix.lower() not in RIG_WRITERS:
         supported = ", ".join(RIG_WRITERS)
         raise InputError(
             f"{out}: the format {out.suffix or '(none)'} is not supported, use one of {supported}"
         )
-    body = load_body(body_file)
-    method = load_method(model, body)
+    body = load_body(command.body)
+    method = load_method(command.model, body)
     require_fabric_read(method, fabric)
     console = Console(stderr=True)
     with console.status("preparing"):
         report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
-        worn = load_outfit(garments, body, report, pose=garment_pose, fabric=fabric)
-        pose_rig = method.as_rig(body, worn)
-        if pose_rig is None:
-            raise InputError(
-                f"{model}: no rig of blend weights and blend shapes; "
-                "`uvcloth rollout` writes any model's frames"
-            )
+        worn = load_outfit(command.garment, body, report, pose=command.garment_pose, fabric=fabric)
+        pose_rig = _riggable(method).as_rig(body, worn)
         require_own_names(out, [name for name, _ in pose_rig.garments])
-        clip = pose_from_rest(load_clip(motion, body, options), body) if motion is not None else None
+        clip = None
+        if command.motion is not None:
+            clip = pose_from_rest(load_clip(command.motion, body, command.options), body)
     with console.status(f"{out.name} ..."):
-        rigged = rig_of(pose_rig, body, clip, shapes, with_body)
+        rigged = rig_of(pose_rig, body, clip, command.shapes, command.with_body)
         return Exported(_write(pose_rig, rigged, out), rigged)
+
+
+def _riggable(method: Method) -> Riggable:
+    """A method as a rig. Raises InputError if it is none."""
+    riggable = method.capability(Riggable)
+    if riggable is None:
+        raise InputError(
+            f"model {method.name}: has no blend weights and blend shapes to export; "
+            "`uvcloth rollout` writes the frames of any model"
+        )
+    return riggable
 
 
 def _write(model: PoseRig, rigged: Rigged, out: Path) -> tuple[Path, ...]:

@@ -1,101 +1,39 @@
-"""`uvcloth fit`: a garment file and how it lies on the body, as text and as a picture."""
+"""`uvcloth fit`: its options."""
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-import torch
+from tyro.conf import Positional, arg
 
-from uvcloth.bodies.body import Body, load_body
-from uvcloth.bodies.seen import seen
-from uvcloth.errors import InputError
-from uvcloth.export.obj import save_obj
-from uvcloth.files.image import write_png
-from uvcloth.garments.fit import fit
-from uvcloth.garments.garment import Garment
-from uvcloth.garments.judge import UnwearableError
-from uvcloth.garments.pieces import split
-from uvcloth.garments.templates import TEMPLATES
-from uvcloth.geometry.mesh import Mesh
-from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
-
-TURNS = (20.0, 110.0, 200.0)
-"""Degrees around the body of the three views: front, side and back."""
-
-SIZE = (300, 440)
-"""Width and height of a view in pixels."""
+from uvcloth.commands.options import BodyFile, GarmentPose, TemplateName
 
 
-def examine(
-    file: Path,
-    *,
-    body_file: Path | None,
-    template: str | None,
-    out: Path | None,
-    picture: Path | None,
-    pose: str | None = None,
-) -> list[str]:
-    """Fit a garment file to a body and describe it, line by line.
+@dataclass(frozen=True)
+class Fit:
+    """Explain a garment file, and check that it lies on the body as clothes do."""
 
-    template, pose: as `fit` takes them. out: OBJ of the garment as it is worn, one for each of several.
-    picture: PNG of it on the body, also where it is refused for how it lies. Raises InputError as `fit` does.
-    """
-    if str(file) in TEMPLATES:
-        raise InputError(f"{file}: is a template, which fits every body; expected a garment file")
-    body = load_body(body_file)
-    try:
-        fitted = fit(file, body, template, pose)
-    except UnwearableError as error:
-        if picture is None:
-            raise
-        draw_worn([error.mesh], body, picture)
-        raise InputError(f"{error} ({picture} shows it)") from error
-    lines = fitted.diagnosis.lines()
-    garments: tuple[Garment, ...] = (fitted.garment,)
-    if fitted.diagnosis.components > 1:
-        garments = split(fitted.garment.name, fitted.garment.mesh, body, template)
-    if len(garments) > 1:
-        lines[-1] = f"  {len(garments)} garments, the innermost first (rollout moves each by itself):"
-        lines += [f"    {garment.name}, worn as {garment.template}" for garment in garments]
-    if out is not None:
-        lines += [str(path) for path in _write(garments, fitted.garment.name, out)]
-    if picture is not None:
-        draw_worn([garment.mesh for garment in garments], body, picture)
-        lines.append(str(picture))
-    return lines
-
-
-def _write(garments: tuple[Garment, ...], name: str, out: Path) -> list[Path]:
-    """Write garments of a file of that name into OBJ files of their own: OUT.obj, OUT-tops.obj, ..."""
-    paths = [
-        out
-        if len(garments) == 1
-        else out.with_stem(f"{out.stem}-{garment.name.removeprefix(name + '_').replace('_', '-')}")
-        for garment in garments
-    ]
-    for garment, path in zip(garments, paths, strict=True):
-        save_obj(garment.mesh, path)
-    return paths
-
-
-def draw_worn(garments: list[Mesh], body: Body, path: Path) -> None:
-    """Write a PNG of garments on a body at rest from the front, the side and the back.
-
-    Raises InputError for another suffix than .png, or if the file cannot be written.
-    """
-    if path.suffix.lower() != ".png":
-        raise InputError(f"{path}: a picture is written as .png, not {path.suffix or 'without a suffix'}")
-    shown = seen(body).mesh
-    skin = Surface(shown.vertices, shown.faces, BODY_COLOR)
-    surfaces = [
-        skin,
-        *(
-            Surface(mesh.vertices, mesh.faces, GARMENT_COLORS[index % len(GARMENT_COLORS)])
-            for index, mesh in enumerate(garments)
+    file: Positional[Path]
+    """A garment mesh on the body's rest pose (OBJ, PLY, GLB or STL), in any unit, Y or Z up, around the
+    body's origin or standing on the floor; or MakeHuman clothes (MHCLO with its OBJ)."""
+    body: BodyFile = None
+    """A body made by `uvcloth body`."""
+    template: Annotated[
+        TemplateName | None,
+        arg(
+            metavar="tops|bottoms|dress|shirt|skirt|jacket",
+            help_behavior_hint="(default: the one that it covers best)",
         ),
-    ]
-    everything = torch.cat([surface.vertices for surface in surfaces])
-    floor = float(everything[:, 2].min())
-    views = [
-        render(surfaces, three_quarter(everything, turn, aspect=SIZE[0] / SIZE[1]), SIZE, floor)
-        for turn in TURNS
-    ]
-    write_png(path, contact_sheet(views, len(views)))
+    ] = None
+    """Template that a PhysXNet predicts it as."""
+    garment_pose: GarmentPose = None
+    out: Annotated[Path | None, arg(metavar="OBJ", help_behavior_hint="")] = None
+    """Also write the placed garment as OBJ (metres, Z up); several garments go into separate files."""
+    picture: Annotated[Path | None, arg(metavar="PNG")] = Path("fit.png")
+    """Picture of the garment on the body, also if it is refused; None for no picture."""
+
+    def run(self) -> None:
+        """Print the description and write the files. Raises InputError for bad input."""
+        from uvcloth.commands.examine_garment import examine
+
+        print("\n".join(examine(self)))

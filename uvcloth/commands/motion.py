@@ -1,89 +1,29 @@
-"""`uvcloth motion`: a motion file as it is understood, and a picture of it."""
+"""`uvcloth motion`: its options."""
 
-from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
-from rich.console import Console
-from rich.table import Table
+from tyro.conf import Positional, arg
 
-from uvcloth.bodies.body import Body, load_body
-from uvcloth.errors import InputError
-from uvcloth.files.image import write_png
-from uvcloth.geometry.units import UNITS
-from uvcloth.motion.clip import Clip
-from uvcloth.motion.library import MotionSource, clip_roles, load_source, moved, read_motion
+from uvcloth.commands.options import BodyFile, MotionFile
 from uvcloth.motion.options import MotionOptions
-from uvcloth.motion.posture import check_posture
-from uvcloth.motion.retarget import leg_length
-from uvcloth.motion.roles import ROLES, joint_roles, naming_family
-from uvcloth.motion.stick_sheet import stick_sheet
-
-UNIT_ERROR = 1.25
-"""Factor by which a leg in one of the units may be longer or shorter than the body's."""
 
 
-def describe(motion: str, out: Path, options: MotionOptions, body_file: Path | None = None) -> None:
-    """Print how a motion file is understood, and write a sheet of stick figures to `out`.
+@dataclass(frozen=True)
+class Motion:
+    """Explain how a motion file is understood, and draw it as stick figures."""
 
-    Raises InputError as `load_clip` does, after the readable part is printed; for an impossible motion, after
-    the sheet is written too.
-    """
-    body = load_body(body_file)
-    console = Console()
-    clip = read_motion(motion)
-    roles = clip_roles(clip, options)
-    _print(
-        console, [f"{clip.name}: {len(clip)} frames at {clip.fps:g} per second, {len(clip) / clip.fps:.2f} s"]
-    )
-    _print(console, _joint_lines(clip, roles))
-    console.print(_table(clip, roles))
-    source = load_source(motion, body, options)
-    _print(console, [f"rest pose: {source.rest.origin}; up: {source.rest.up}; {_unit(source, body)}"])
-    try:
-        clip = moved(source, body, options.fps)
-        _, frames = options.window(len(clip))
-        write_png(out, stick_sheet(source, clip))
-        colors = "the file's in grey, the body's over it, left blue, right red"
-        _print(console, [f"{frames} frames at {clip.fps:g} per second; {out}: stick figures, {colors}"])
-        check_posture(clip, lying=options.up is not None)
-    except InputError as error:
-        raise InputError(f"{motion}: {error}") from error
+    file: Positional[Annotated[str, arg(metavar="FILE|NAME")]]
+    """A motion file (BVH, glTF, AMASS) or the name of a built-in clip."""
+    out: Path = Path("motion.png")
+    """The picture to write."""
+    body: BodyFile = None
+    """A body made by `uvcloth body`."""
+    options: MotionFile = field(default_factory=MotionOptions)
 
+    def run(self) -> None:
+        """Print the description and write the picture. Raises InputError for bad input."""
+        from uvcloth.commands.describe_motion import describe
 
-def _print(console: Console, lines: Sequence[str]) -> None:
-    console.print("\n".join(lines), highlight=False, markup=False, soft_wrap=True)
-
-
-def _joint_lines(clip: Clip, roles: Mapping[str, int]) -> list[str]:
-    names = clip.skeleton.names
-    free = [name for joint, name in enumerate(names) if joint not in roles.values()]
-    missing = [role for role in ROLES if role not in roles]
-    return [
-        f"{naming_family(names)} names, {len(names)} joints, {len(roles)} of them with a role",
-        f"joints without a role, which move with the one above: {', '.join(free) or 'none'}",
-        f"roles without a joint: {', '.join(missing) or 'none'}",
-    ]
-
-
-def _unit(source: MotionSource, body: Body) -> str:
-    legs = (
-        float(leg_length(skeleton.heads, roles))
-        for skeleton, roles in (
-            (source.clip.skeleton, source.roles),
-            (body.skeleton, joint_roles(body.skeleton.names)),
-        )
-    )
-    own, bodys = next(legs), next(legs)
-    metre = bodys / own
-    name = min(UNITS, key=lambda unit: abs(UNITS[unit] / metre - 1.0))
-    near = 1 / UNIT_ERROR < UNITS[name] / metre < UNIT_ERROR
-    return (
-        f"a leg of {own:.4g} {name if near else 'units of its own'} is scaled to the body's of {bodys:.2f} m"
-    )
-
-
-def _table(clip: Clip, roles: Mapping[str, int]) -> Table:
-    table = Table("role", "joint", box=None)
-    for role, joint in roles.items():
-        table.add_row(role, clip.skeleton.names[joint])
-    return table
+        describe(self)

@@ -1,73 +1,70 @@
-"""`uvcloth outfits`: makes a folder of random outfits, and the bodies that wear them."""
+"""`uvcloth outfits`: its options, and their ranges."""
 
-import os
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import cache
-from multiprocessing import get_context
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-import numpy as np
-from rich.console import Console
-from rich.progress import Progress
+from tyro.conf import arg
 
-from uvcloth.bodies.body import Body, load_body, save_body
-from uvcloth.commands.body import anny_progress
+from uvcloth.commands.options import Jobs
 from uvcloth.errors import InputError
-from uvcloth.export.obj import save_obj
-from uvcloth.files.atomic import sole_writer
-from uvcloth.motion.poses import SPLITS
-from uvcloth.process.children import end_with_parent, kill_children
-from uvcloth.wardrobe.draw import OUTFITS
-from uvcloth.wardrobe.make import make_outfit
-from uvcloth.wardrobe.outfit_file import (
-    OutfitFile,
-    PieceFile,
-    load_outfit_file,
-    save_outfit_file,
-)
-
-BUILTIN = "builtin"
-"""Name of the body that ships with the package."""
 
 FEWEST_VERTICES, MOST_VERTICES = 1000, 16000
 
-PHENOTYPES = {
-    "gender": (0.0, 1.0),
-    "age": (0.5, 0.9),
-    "muscle": (0.2, 0.9),
-    "weight": (0.2, 0.8),
-    "height": (0.25, 0.8),
-    "proportions": (0.3, 1.0),
-}
-"""Ranges of drawn bodies: adults."""
-
-HELD_OUT = 6
-"""One body in so many is for validation, and another for the test."""
-
 
 @dataclass(frozen=True)
-class OutfitSettings:
-    """Outfits to make. bodies: npz files, or BUILTIN; without any, `drawn_bodies` are drawn from phenotypes.
+class Outfits:
+    """Make random outfits on bodies as training data: a JSON and OBJ files for each."""
 
-    types: of OUTFITS, none for all. vertices: least and most of an outfit.
-    """
-
-    out: Path
     count: int
+    """Number of outfits; run it again to continue."""
+    out: Path
+    """Folder for o0001.json, its pieces o0001_tshirt.obj, ..., and bodies/."""
+    body: Annotated[
+        tuple[str, ...],
+        arg(
+            metavar="NPZ|builtin ...",
+            help="Bodies made by `uvcloth body`, or `builtin` for the one in the package: one, or at least "
+            "three, so that no body is in two splits. Without this option, bodies are drawn from phenotypes.",
+            help_behavior_hint="",
+        ),
+    ] = ()
+    bodies: Annotated[int, arg(metavar="K")] = 12
+    """Number of bodies to draw."""
     seed: int = 0
-    bodies: tuple[str, ...] = ()
-    drawn_bodies: int = 12
-    types: tuple[str, ...] = ()
-    vertices: tuple[int, int] = (1000, 2500)
-    jobs: int | None = None
+    """Random seed: the same seed gives the same outfits."""
+    vertices: Annotated[tuple[int, int], arg(metavar="LEAST MOST")] = (1000, 2500)
+    """Range of the number of vertices of an outfit, within 1000 to 16000."""
+    type: Annotated[
+        tuple[str, ...],
+        arg(
+            metavar="NAME ...",
+            help="Types of outfits: tshirt, top, longsleeve, jacket, trousers, shorts, skirt, gown, "
+            "jumpsuit, or an upper piece over a lower one, such as tshirt+skirt.",
+            help_behavior_hint="(default: all)",
+        ),
+    ] = ()
+    jobs: Jobs = None
+    """Number of processes."""
+    picture: Annotated[Path | None, arg(metavar="PNG", help_behavior_hint="")] = None
+    """Also draw a contact sheet of the first 48 outfits."""
+
+    def run(self) -> None:
+        """Make the outfits that are missing. Raises InputError for bad input."""
+        from uvcloth.commands.make_outfits import make_outfits
+        from uvcloth.commands.outfit_sheet import draw_sheet
+        from uvcloth.wardrobe.outfit_file import outfit_files
+
+        make_outfits(self)
+        if self.picture is not None:
+            draw_sheet(outfit_files(self.out), self.picture)
 
     def check(self) -> None:
-        """Raise InputError for a number outside its range, or an unknown type."""
+        """Raise InputError for a number outside its range, an unknown type, or a picture that is no PNG."""
+        from uvcloth.wardrobe.draw import OUTFITS
+
+        if self.picture is not None and self.picture.suffix.lower() != ".png":
+            raise InputError(f"--picture {self.picture}: a picture is written as .png")
         if self.count < 1:
             raise InputError(f"--count {self.count}: expected at least 1")
         if self.seed < 0:
@@ -80,208 +77,12 @@ class OutfitSettings:
                 f"--vertices {low} {high}: expected two numbers from {FEWEST_VERTICES} to {MOST_VERTICES}, "
                 "the smaller first"
             )
-        for name in self.types:
+        for name in self.type:
             if name not in OUTFITS:
                 raise InputError(f"--type {name}: unknown, expected one of {', '.join(OUTFITS)}")
-        bodies = len(self.bodies) or self.drawn_bodies
+        bodies = len(self.body) or self.bodies
         if bodies < 1 or bodies == 2:
-            option = "--body" if self.bodies else "--bodies"
+            option = "--body" if self.body else "--bodies"
             raise InputError(
                 f"{option}: {bodies} bodies, expected one for all, or at least three to split them"
             )
-
-
-@dataclass(frozen=True)
-class _Job:
-    number: int
-    body: Path
-    settings: OutfitSettings
-
-
-@dataclass(frozen=True)
-class _Made:
-    """Result of a job: why draws were refused, and why there is no outfit, "" if there is."""
-
-    refused: tuple[str, ...] = ()
-    failed: str = ""
-
-
-def make_outfits(settings: OutfitSettings) -> None:
-    """Make the missing outfits of a folder; each appears complete or not at all.
-
-    Raises InputError for settings out of range, bodies that outfits cannot be cut on, and a folder that was
-    made with other settings.
-    """
-    settings.check()
-    with sole_writer(settings.out):
-        _make_missing(settings)
-
-
-def _make_missing(settings: OutfitSettings) -> None:
-    bodies = _bodies(settings)
-    jobs = [
-        _Job(number, wearer(number, bodies, settings.seed), settings)
-        for number in range(1, settings.count + 1)
-    ]
-    todo = [job for job in jobs if not _is_there(job)]
-    console = Console(stderr=True)
-    refused: list[str] = []
-    with _workers(settings.jobs, len(todo)) as made, Progress(console=console) as progress:
-        bar = progress.add_task(f"{len(todo)} outfits", total=len(todo))
-        for done, each in enumerate(made(todo), start=1):
-            refused += each.refused
-            progress.advance(bar)
-            if each.failed:
-                progress.console.print(each.failed, soft_wrap=True)
-            if not console.is_terminal and (done % 25 == 0 or done == len(todo)):
-                print(f"{done} of {len(todo)} outfits", flush=True)
-    print(f"{settings.out}: {len(jobs) - len(todo)} outfits were there, {len(todo)} were missing")
-    if refused:
-        print(f"{len(refused)} draws were refused and drawn again, the last: {refused[-1]}")
-
-
-def split_of(number: int) -> str:
-    """Split of an outfit by its number: of every ten one is for validation and one for the test."""
-    return SPLITS[max(0, number % 10 - 7)]
-
-
-def _make(job: _Job) -> _Made:
-    """Make and write one outfit, its pieces first."""
-    import torch
-
-    torch.set_num_threads(1)
-    settings = job.settings
-    types = settings.types or OUTFITS
-    path = _path(job)
-    try:
-        made = make_outfit(job.number, settings.seed, types, settings.vertices, _loaded(job.body))
-    except InputError as error:
-        return _Made(failed=f"{path.stem}: left out, {error}")
-    files = [path.with_name(f"{path.stem}_{design.kind}.obj") for design in made.drawn.designs]
-    for mesh, file in zip(made.pieces, files, strict=True):
-        save_obj(mesh, file)
-    drawn = made.drawn
-    save_outfit_file(
-        OutfitFile(
-            path=path,
-            name=path.stem,
-            split=split_of(job.number),
-            body=job.body,
-            seed=settings.seed,
-            pieces=tuple(
-                PieceFile(file, design, len(mesh.vertices))
-                for file, design, mesh in zip(files, drawn.designs, made.pieces, strict=True)
-            ),
-            fabric_name=drawn.fabric_name,
-            fabric=drawn.fabric,
-            tightness=drawn.tightness,
-            even=drawn.meshing.even,
-            seams=drawn.meshing.seams,
-            vertex_range=settings.vertices,
-        )
-    )
-    return _Made(made.refused)
-
-
-def _path(job: _Job) -> Path:
-    return job.settings.out / f"o{job.number:04d}.json"
-
-
-def _is_there(job: _Job) -> bool:
-    """Test for an outfit that was made before. Raises InputError if it was made with other settings."""
-    path = _path(job)
-    if not path.is_file():
-        return False
-    outfit = load_outfit_file(path)
-    worn = "+".join(piece.design.kind for piece in reversed(outfit.pieces))
-    made = (outfit.seed, outfit.vertex_range, outfit.body)
-    if made != (job.settings.seed, job.settings.vertices, job.body):
-        raise InputError(
-            f"{path}: was made with --seed {made[0]} --vertices {made[1][0]} {made[1][1]} on {made[2].stem}, "
-            "use another folder for other settings"
-        )
-    if worn not in (job.settings.types or OUTFITS):
-        raise InputError(f"{path}: is of type {worn}, --type asks for others, use another folder for them")
-    return True
-
-
-@contextmanager
-def _workers(jobs: int | None, work: int) -> Iterator[Callable[[Sequence[_Job]], Iterator[_Made]]]:
-    """Function that makes outfits, in processes or here where one is enough, and yields what `_make` does.
-
-    Raises InputError if a process is lost.
-    """
-    count = min(jobs or os.cpu_count() or 1, work)
-    if count <= 1:
-        yield lambda todo: map(_make, todo)
-        return
-    # Threads of torch and warp do not survive a fork.
-    with ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=end_with_parent) as pool:
-        try:
-            yield lambda todo: (done.result() for done in as_completed([pool.submit(_make, j) for j in todo]))
-        except BaseException as error:
-            # What they have half written is cleared with the folder.
-            kill_children()
-            pool.shutdown(wait=True, cancel_futures=True)
-            if isinstance(error, BrokenProcessPool):
-                raise InputError(
-                    "a process that made outfits has ended; finished outfits are kept, run the command again "
-                    "to continue"
-                ) from error
-            raise
-
-
-@cache
-def _loaded(path: Path) -> Body:
-    return load_body(path)
-
-
-def wearer(number: int, bodies: Sequence[Path], seed: int) -> Path:
-    """Body that wears an outfit: the splits have bodies of their own, where there are several."""
-    if len(bodies) == 1:
-        return bodies[0]
-    held = max(1, len(bodies) // HELD_OUT)
-    own = {
-        "test": bodies[-held:],
-        "validation": bodies[-2 * held : -held],
-        "train": bodies[: -2 * held],
-    }[split_of(number)]
-    return own[int(np.random.default_rng([seed, number]).integers(len(own)))]
-
-
-def _bodies(settings: OutfitSettings) -> list[Path]:
-    """Files of the bodies in OUT/bodies, made or copied if missing."""
-    folder = settings.out / "bodies"
-    if not settings.bodies:
-        return _drawn_bodies(folder, settings.drawn_bodies, settings.seed)
-    names = [BUILTIN if name == BUILTIN else Path(name).stem for name in settings.bodies]
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
-        raise InputError(f"--body: two bodies are named {twice[0]}")
-    files = []
-    for given, name in zip(settings.bodies, names, strict=True):
-        body = load_body(None if given == BUILTIN else Path(given))
-        if "tights" not in body.proxies:
-            raise InputError(f"--body {given}: has no garment proxy, outfits cannot be cut on it")
-        file = folder / f"{name}.npz"
-        if not file.is_file():
-            save_body(replace(body, name=name), file)
-        files.append(file)
-    return files
-
-
-def _drawn_bodies(folder: Path, count: int, seed: int) -> list[Path]:
-    files = [folder / f"b{number:02d}.npz" for number in range(1, count + 1)]
-    missing = [number for number, file in enumerate(files, start=1) if not file.is_file()]
-    if not missing:
-        return files
-    from uvcloth.bodies.anny import make_body
-
-    with anny_progress() as progress:
-        task = progress.add_task("bodies", total=None)
-        for number in missing:
-            rng = np.random.default_rng([seed, number, len(PHENOTYPES)])
-            drawn = {key: round(float(rng.uniform(*ends)), 3) for key, ends in PHENOTYPES.items()}
-            progress.update(task, description=f"body {number} of {count}")
-            save_body(make_body(files[number - 1].stem, drawn), files[number - 1])
-    return files

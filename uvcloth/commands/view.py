@@ -1,100 +1,47 @@
-"""`uvcloth view`: a live view of rollouts in the browser."""
+"""`uvcloth view`: its options."""
 
-import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from queue import SimpleQueue
+from typing import Annotated
 
-from rich.console import Console
+from tyro.conf import Positional, arg
 
-from uvcloth.bodies.body import Body
-from uvcloth.geometry.mesh import Mesh
-from uvcloth.rollout import RolloutFrame
-from uvcloth.view.choices import DEFAULT_BODY, Choices, Chosen
-from uvcloth.view.computation import Computation, Performance
-from uvcloth.view.viewer import HOST, Viewer
+from uvcloth.commands.options import BodyFile, Garments, Host, Port, Threads
+from uvcloth.methods.registry import DEFAULT, METHODS
 
 
-def view(
-    motions: Sequence[str] = (),
-    garments: Sequence[str] = (),
-    models: Sequence[str] = (),
-    *,
-    body_file: Path | None = None,
-    data: Sequence[Path] = (),
-    host: str = HOST,
-    port: int = 8080,
-) -> None:
-    """Serve a page on which clips, garments, models and bodies are chosen and played, until Ctrl-C.
+@dataclass(frozen=True)
+class View:
+    """Choose and play rollouts in the browser, computed while they play."""
 
-    Prints the page's address with the token that opens it, another one for every call. motions, garments,
-    models: the first to be shown, and others to choose from. data: sequences that were simulated, to be shown
-    beside the prediction. Raises InputError if the address cannot be listened on or viser is missing.
-    """
-    choices = Choices.of(
-        motions,
-        garments,
-        models,
-        [] if body_file is None else [str(body_file)],
-        [str(path) for path in data],
-    )
-    first = Chosen(
-        motion=choices.motions[0] if motions or data else "walk",
-        garments=tuple(garments) or ("tops",),
-        model=choices.models[0],
-        body=str(body_file) if body_file else DEFAULT_BODY,
-    )
-    viewer = Viewer(host, port)
-    Console(stderr=True).print(f"{viewer.address} shows it; Ctrl-C ends", highlight=False, soft_wrap=True)
-    viewer.offer(choices, first)
-    try:
-        with suppress(KeyboardInterrupt):
-            viewer.run()
-    finally:
-        viewer.close()
+    motion: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]] = ()
+    """Motion files to choose from, in addition to the built-in clips."""
+    garment: Garments = ("tops",)
+    """Templates or garment files to start with, the innermost first."""
+    model: Annotated[
+        tuple[str, ...],
+        arg(
+            metavar="NAME|RUN ...",
+            help="Folders written by `python -m train` to choose from, in addition to "
+            f"{', '.join(METHODS)}; or one of these names. The first is shown first.",
+            help_behavior_hint=f"(default: {DEFAULT})",
+        ),
+    ] = ()
+    body: BodyFile = None
+    """A body made by `uvcloth body`."""
+    data: Annotated[tuple[Path, ...], arg(metavar="SEQUENCE ...", help_behavior_hint="")] = ()
+    """Sequences made by `uvcloth simulate`, shown next to the prediction, with its error as a heat map."""
+    port: Port = 8080
+    """Port of the page, 1 to 65535. Its address has a token, without which requests are refused."""
+    host: Host = "127.0.0.1"
+    """Address to listen on; 0.0.0.0 admits other machines that have the token."""
+    threads: Threads = 1
+    """Number of CPU threads."""
 
+    def run(self) -> None:
+        """Serve the page until Ctrl-C. Raises InputError for bad input."""
+        from uvcloth.commands.live_view import view
+        from uvcloth.commands.threads import limited_threads
 
-class LiveAudience:
-    """Live view of a rollout that another thread computes; see `Audience`."""
-
-    def __init__(self, viewer: Viewer) -> None:
-        self._viewer = viewer
-        self._frames: SimpleQueue[RolloutFrame | None] = SimpleQueue()
-
-    def begin(self, title: str, body: Body, meshes: Sequence[Mesh], count: int, fps: float) -> None:
-        """Stage the garments at rest on the body."""
-        frames = iter(self._frames.get, None)
-        performance = Performance(title, body, meshes, count, fps, frames)
-        self._viewer.show(Computation(lambda: performance).start())
-
-    def add(self, frame: RolloutFrame) -> None:
-        """Take the next frame, to be shown when its time comes."""
-        self._frames.put(frame)
-
-    def end(self) -> None:
-        """Learn that no more frames come."""
-        self._frames.put(None)
-
-
-@contextmanager
-def live_audience(host: str, port: int) -> Iterator[LiveAudience]:
-    """Show what the block computes; after it, go on showing that until Ctrl-C.
-
-    Raises InputError as `view` does.
-    """
-    viewer = Viewer(host, port)
-    console = Console(stderr=True)
-    console.print(f"{viewer.address} shows it", highlight=False, soft_wrap=True)
-    audience = LiveAudience(viewer)
-    ticking = threading.Thread(target=viewer.run, name="page", daemon=True)
-    ticking.start()
-    try:
-        yield audience
-        audience.end()
-        console.print(f"{viewer.address} goes on showing it; Ctrl-C ends", highlight=False, soft_wrap=True)
-        with suppress(KeyboardInterrupt):
-            ticking.join()
-    finally:
-        audience.end()
-        viewer.close()
+        with limited_threads(self.threads):
+            view(self)

@@ -1,30 +1,55 @@
 """Several methods together, each for one garment of an outfit, the innermost first."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
 from torch import Tensor
 
+from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
-from uvcloth.garments.garment import Outfit
-from uvcloth.methods.method import Method, require_supported
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.methods.capabilities import (
+    ContactAware,
+    Feedback,
+    GarmentSpace,
+    Representation,
+    Wrapper,
+    feed_back,
+    garment_space,
+    round_trip,
+    with_contact,
+)
+from uvcloth.methods.method import Method, Traits, require_supported
 
 
 @dataclass(frozen=True)
-class Ensemble(Method):
+class Ensemble(Wrapper, Feedback, ContactAware, Representation):
     """Methods in order: the prediction of each lies beneath the garment of the next (Motion-guided, 6.5)."""
 
     methods: tuple[Method, ...]
     name: str = ""
-    autoregressive: bool = True
-    quasi_static: bool = False
 
     @classmethod
     def of(cls, methods: tuple[Method, ...]) -> "Ensemble":
         """Methods in the order of the garments, the innermost first."""
-        name = "+".join(method.name for method in methods)
-        return cls(methods, name, quasi_static=all(method.quasi_static for method in methods))
+        return cls(methods, "+".join(method.name for method in methods))
+
+    @property
+    def parts(self) -> tuple[Method, ...]:
+        """The methods."""
+        return self.methods
+
+    @property
+    def traits(self) -> Traits:
+        """Quasi-static if all are, reading the fabric if one does; one frame at a time in any case."""
+        each = [method.traits for method in self.methods]
+        return Traits(
+            autoregressive=True,
+            quasi_static=all(traits.quasi_static for traits in each),
+            reads_fabric=any(traits.reads_fabric for traits in each),
+        )
 
     def unsupported_reason(self, outfit: Outfit) -> str:
         """The reason of the first method that does not support its garment, or that their numbers differ."""
@@ -34,13 +59,9 @@ class Ensemble(Method):
         parts = zip(self.methods, _layers(outfit), strict=True)
         return next(filter(None, (method.unsupported_reason(layer) for method, layer in parts)), "")
 
-    def reads_fabric(self) -> bool:
-        """True if one of them reads the fabric."""
-        return any(method.reads_fabric() for method in self.methods)
-
     def with_contact(self) -> "Ensemble":
         """Each where contact follows; the very ensemble where that changes none."""
-        methods = tuple(method.with_contact() for method in self.methods)
+        methods = tuple(map(with_contact, self.methods))
         changed = any(after is not before for after, before in zip(methods, self.methods, strict=True))
         return replace(self, methods=methods) if changed else self
 
@@ -72,7 +93,7 @@ class Ensemble(Method):
     ) -> tuple[Any, ...]:
         """Feed back each garment to its model; returns the same state if nothing changes."""
         parts = zip(self.methods, prepared, state, garments, strict=True)
-        following = tuple(m.feed_back(ready, before, (vertices,)) for m, ready, before, vertices in parts)
+        following = tuple(feed_back(m, ready, before, (vertices,)) for m, ready, before, vertices in parts)
         changed = any(after is not before for after, before in zip(following, state, strict=True))
         return following if changed else state
 
@@ -80,6 +101,30 @@ class Ensemble(Method):
         """The state of each with its places displaced by (B, 3) m."""
         parts = zip(self.methods, prepared, state, strict=True)
         return tuple(method.displaced(ready, before, shift) for method, ready, before in parts)
+
+    def round_trip(
+        self, prepared: tuple[Any, ...], frames: BodyFrames, garments: tuple[Tensor, ...]
+    ) -> tuple[Tensor, ...] | None:
+        """Each garment (B, N, 3) m in the representation of its model; None if one has none."""
+        read: list[Tensor] = []
+        for method, ready, vertices, beneath in zip(
+            self.methods, prepared, garments, (None, *garments[:-1]), strict=True
+        ):
+            shown = round_trip(method, ready, replace(frames, under=beneath), (vertices,))
+            if shown is None:
+                return None
+            read.extend(shown)
+        return tuple(read)
+
+    def garment_space(self, garment: Garment, body: Body) -> GarmentSpace | None:
+        """The space of the first model that has one for this garment."""
+        spaces = (garment_space(method, garment, body) for method in self.methods)
+        return next((space for space in spaces if space), None)
+
+
+def in_order(methods: Sequence[Method]) -> Method:
+    """One method for all garments as it is, or an ensemble of several, the innermost first."""
+    return methods[0] if len(methods) == 1 else Ensemble.of(tuple(methods))
 
 
 def _layers(outfit: Outfit) -> tuple[Outfit, ...]:

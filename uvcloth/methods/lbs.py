@@ -9,7 +9,7 @@ from uvcloth.bodies.frames import BodyFrames
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.records import to_device
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.method import Method, MethodEntry
+from uvcloth.methods.method import Method, MethodEntry, Traits
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,7 @@ class LinearBlendSkinning(Method):
 
     name: str
     smooth: bool
-    quasi_static: bool = True
-    is_baseline: bool = True
+    traits = Traits(quasi_static=True, is_baseline=True)
 
     def prepare(self, outfit: Outfit, device: torch.device) -> tuple[SkinnedGarment, ...]:
         """The blend weights of every garment."""
@@ -57,7 +56,6 @@ def create_lbs(config: LBSConfig) -> LinearBlendSkinning:
     return LinearBlendSkinning("lbs_smooth" if config.smooth else "lbs", config.smooth)
 
 
-ENTRIES = {
-    "lbs": MethodEntry(LBSConfig(smooth=False), create_lbs),
-    "lbs_smooth": MethodEntry(LBSConfig(smooth=True), create_lbs),
-}
+LBS = MethodEntry(LBSConfig(smooth=False), create_lbs)
+
+LBS_SMOOTH = MethodEntry(LBSConfig(smooth=True), create_lbs)

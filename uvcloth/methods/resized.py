@@ -1,7 +1,7 @@
-"""A method that learned on adults, for a body of another size: lengths become an adult's and back."""
+"""A method trained on adults, for a body of another size: lengths are scaled to an adult's and back."""
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NoReturn
 
 import torch
 from torch import Tensor
@@ -11,32 +11,46 @@ from uvcloth.bodies.frames import BodyFrames
 from uvcloth.bodies.stature import ADULTS, beside_adults, stature
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.methods.method import Method
-from uvcloth.methods.rig import PoseRig
+from uvcloth.methods.capabilities import (
+    ContactAware,
+    Feedback,
+    GarmentSpace,
+    Representation,
+    Riggable,
+    Wrapper,
+    feed_back,
+    garment_space,
+    round_trip,
+    with_contact,
+)
+from uvcloth.methods.method import Method, Traits
 
 
 @dataclass(frozen=True)
-class Resized(Method):
-    """A method that sees the body, its motion and its clothes `factor` times as long as they are."""
+class Resized(Wrapper, Feedback, ContactAware, Riggable, Representation):
+    """A method whose input, the body, its motion and its garments, is scaled by `factor`."""
 
     method: Method
     factor: float
     name: str
-    autoregressive: bool = False
-    quasi_static: bool = False
-    is_baseline: bool = False
+
+    @property
+    def parts(self) -> tuple[Method, ...]:
+        """The method."""
+        return (self.method,)
+
+    @property
+    def traits(self) -> Traits:
+        """Those of the method."""
+        return self.method.traits
 
     def unsupported_reason(self, outfit: Outfit) -> str:
         """The method's own reason that it cannot dress the outfit at its size."""
         return self.method.unsupported_reason(self._outfit(outfit))
 
-    def reads_fabric(self) -> bool:
-        """True if the method reads the fabric."""
-        return self.method.reads_fabric()
-
     def with_contact(self) -> "Resized":
         """The method where contact follows; the very same where that changes nothing."""
-        method = self.method.with_contact()
+        method = with_contact(self.method)
         return self if method is self.method else replace(self, method=method)
 
     def prepare(self, outfit: Outfit, device: torch.device) -> Any:
@@ -54,15 +68,28 @@ class Resized(Method):
 
     def feed_back(self, prepared: Any, state: Any, garments: tuple[Tensor, ...]) -> Any:
         """Feed garments (B, N, 3), m, back at the method's size."""
-        return self.method.feed_back(prepared, state, tuple(vertices * self.factor for vertices in garments))
+        return feed_back(self.method, prepared, state, self._scaled(garments))
 
     def displaced(self, prepared: Any, state: Any, shift: Tensor) -> Any:
         """The state with all places in it displaced by (B, 3) m."""
         return self.method.displaced(prepared, state, shift * self.factor)
 
-    def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> PoseRig | None:
-        """None. Raises InputError where the method is a rig: it would be of another size."""
-        self.method.as_rig(resized(body, self.factor), tuple(map(self._garment, garments)))
+    def round_trip(
+        self, prepared: Any, frames: BodyFrames, garments: tuple[Tensor, ...]
+    ) -> tuple[Tensor, ...] | None:
+        """Garments (B, N, 3) m in the method's representation, at the size of the body."""
+        read = round_trip(self.method, prepared, self._frames(frames), self._scaled(garments))
+        return None if read is None else tuple(vertices / self.factor for vertices in read)
+
+    def garment_space(self, garment: Garment, body: Body) -> GarmentSpace | None:
+        """The space of the method, whose garments are of the size of the body."""
+        space = garment_space(self.method, self._garment(garment), resized(body, self.factor))
+        return space and ResizedSpace(space, self.factor)
+
+    def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> NoReturn:
+        """Raise InputError: the rig of the method is of another size than the body."""
+        if rig := self.method.capability(Riggable):
+            rig.as_rig(resized(body, self.factor), tuple(map(self._garment, garments)))
         raise InputError(
             f"model {self.name}: writes rigs for bodies of {ADULTS[0]} to {ADULTS[1]} m, body {body.name} "
             f"measures {stature(body):.2f} m"
@@ -73,16 +100,17 @@ class Resized(Method):
         garments = tuple(map(self._garment, outfit.garments))
         return Outfit(resized(outfit.body, self.factor), garments, under)
 
+    def _scaled(self, garments: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
+        return tuple(vertices * self.factor for vertices in garments)
+
     def _garment(self, garment: Garment) -> Garment:
         return replace(garment, mesh=replace(garment.mesh, vertices=garment.mesh.vertices * self.factor))
 
     def _frames(self, frames: BodyFrames) -> BodyFrames:
-        transforms = frames.transforms.clone()
-        transforms[..., 3] *= self.factor
         return replace(
             frames,
             body=resized(frames.body, self.factor),
-            transforms=transforms,
+            transforms=_scaled_transforms(frames.transforms, self.factor),
             vertices=frames.vertices * self.factor,
             velocity=frames.velocity * self.factor,
             acceleration=frames.acceleration * self.factor,
@@ -90,10 +118,35 @@ class Resized(Method):
         )
 
 
+@dataclass(frozen=True)
+class ResizedSpace:
+    """A GarmentSpace of garments that are `factor` times as large inside it."""
+
+    space: GarmentSpace
+    factor: float
+
+    @property
+    def size(self) -> int:
+        """Length Z of a code."""
+        return self.space.size
+
+    def encode(self, vertices: Tensor, transforms: Tensor) -> Tensor:
+        """Codes (B, Z) of garments (B, N, 3), m, on a body moved by joint transforms (B, J, 3, 4)."""
+        return self.space.encode(vertices * self.factor, _scaled_transforms(transforms, self.factor))
+
+    def decode(self, codes: Tensor) -> Tensor:
+        """Garments (B, N, 3) at rest, m, of codes (B, Z)."""
+        return self.space.decode(codes) / self.factor
+
+
+def _scaled_transforms(transforms: Tensor, factor: float) -> Tensor:
+    """Transforms (..., 3, 4) of a body that is `factor` times as large."""
+    return torch.cat([transforms[..., :3], transforms[..., 3:] * factor], dim=-1)
+
+
 def for_size(method: Method, body: Body) -> Method:
-    """A method that learned on adults, made one for a body of any size: itself for an adult's."""
+    """A method trained on adults, for a body of any size: the very method for an adult's."""
     size = beside_adults(body)
     if size == 1.0:
         return method
-    own = (method.name, method.autoregressive, method.quasi_static, method.is_baseline)
-    return Resized(method, 1.0 / size, *own)
+    return Resized(method, 1.0 / size, method.name)

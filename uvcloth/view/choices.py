@@ -1,22 +1,19 @@
 """Motions, garments, models and bodies that the live view offers, and the rollout of what was chosen."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-import torch
-from torch import Tensor
-
-from uvcloth.bodies.body import load_body
+from uvcloth.bodies.body import Body, load_body
 from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip
 from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
-from uvcloth.garments.proxy import ProxiedOutfit
-from uvcloth.methods.registry import DEFAULT, METHODS, load_methods
+from uvcloth.methods.registry import DEFAULT, METHODS, load_method
+from uvcloth.motion.arrays import clip_of_transforms
 from uvcloth.motion.library import builtin_clips, load_clip
-from uvcloth.rollout import rollout_proxied, with_proxies
+from uvcloth.ready import ReadyRollout, ready_rollout
 from uvcloth.view.computation import Performance
 
 TEMPLATES = ("bottoms", "tops", "shirt", "dress", "skirt", "jacket")
@@ -83,35 +80,23 @@ class Choices:
                 raise InputError(f"{what} is not among the choices")
         body = load_body(None if chosen.body == DEFAULT_BODY else Path(chosen.body))
         if chosen.motion in self.sequences:
-            sequence = load_simulated(Path(chosen.motion))
-            garments: tuple[str, ...] = (self._simulated_garment(chosen.motion, sequence),)
-            transforms, fps = sequence.transforms, sequence.fps
-        else:
-            sequence, garments = None, chosen.garments
-            clip = load_clip(chosen.motion, body)
-            transforms, fps = clip.transforms(torch.float64), clip.fps
-        if not garments:
+            return self._beside_simulation(chosen, body)
+        if not chosen.garments:
             raise InputError("choose a garment")
-        outfit = Outfit(body, load_outfit(garments, body))
-        if sequence is not None:
-            _require_same(chosen.motion, sequence, outfit)
-        method = load_methods([chosen.model], body)
-        if reason := method.unsupported_reason(outfit):
-            raise InputError(reason)
-        truth: Tensor | None = None if sequence is None else sequence.vertices
-        # What was simulated is compared vertex by vertex.
-        as_is = sequence is not None or not chosen.contact
-        proxied = ProxiedOutfit.as_is(outfit) if as_is else with_proxies(outfit, method)
-        frames = rollout_proxied(method, proxied, transforms, fps, chosen.contact, keep_going=True)
-        return Performance(
-            title=Path(chosen.motion).stem,
-            body=body,
-            meshes=proxied.meshes,
-            count=len(transforms),
-            fps=fps,
-            frames=(frame.in_world() for frame in frames),
-            truth=truth,
-        )
+        outfit = Outfit(body, load_outfit(chosen.garments, body))
+        method = load_method(chosen.model, body)
+        return _perform(ready_rollout(method, outfit, load_clip(chosen.motion, body), chosen.contact))
+
+    def _beside_simulation(self, chosen: Chosen, body: Body) -> Performance:
+        """The rollout over the motion of a sequence, in its garment, to be compared vertex by vertex."""
+        sequence = load_simulated(Path(chosen.motion))
+        garment = self._simulated_garment(chosen.motion, sequence)
+        outfit = Outfit(body, load_outfit([garment], body))
+        _require_same(chosen.motion, sequence, outfit)
+        motion = clip_of_transforms(sequence.transforms, body, sequence.fps, chosen.motion)
+        method = load_method(chosen.model, body)
+        ready = ready_rollout(method, outfit, motion, chosen.contact, proxies=False)
+        return replace(_perform(ready), title=Path(chosen.motion).stem, truth=sequence.vertices)
 
     def _simulated_garment(self, path: str, sequence: SimulatedClip) -> str:
         """The template or file of a sequence's garment. Raises InputError if it is none of the choices."""
@@ -120,6 +105,18 @@ class Choices:
             if simulated.name in (name, Path(name).stem):
                 return name
         raise InputError(f"{path}: its garment {simulated.name} is unknown, give its file with --garment")
+
+
+def _perform(ready: ReadyRollout) -> Performance:
+    """A rollout that goes on where a garment tears, for the page."""
+    return Performance(
+        title=ready.motion.name,
+        body=ready.proxied.outfit.body,
+        meshes=ready.proxied.meshes,
+        count=len(ready.transforms),
+        fps=ready.motion.fps,
+        frames=(frame.in_world() for frame in ready.frames(keep_going=True)),
+    )
 
 
 def _require_same(path: str, sequence: SimulatedClip, outfit: Outfit) -> None:

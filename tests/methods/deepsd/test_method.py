@@ -17,6 +17,7 @@ from uvcloth.checkpoint import WEIGHTS, TrainingData, load_tensors, save_checkpo
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.methods.capabilities import Riggable, with_contact
 from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
 from uvcloth.methods.deepsd.method import DeePSD, deepsd_checkpoint
 from uvcloth.methods.deepsd.network import DeePSDNetwork
@@ -52,7 +53,6 @@ def test_a_step_is_the_equation_written_out() -> None:
     outfit, method = outfit_of("shirt", "coat"), random_deepsd()
     motion = some_motion(outfit.body)
     rig = method.as_rig(outfit.body, outfit.garments)
-    assert rig is not None
     keys = rig.embed(pose_vectors(rig.parents, motion)).numpy()
     np.testing.assert_allclose(keys.sum(1), 1.0, atol=1e-6)
     rest = rig.rest.numpy() + np.einsum("bk,knc->bnc", keys, rig.shapes.numpy()[:, rig.owner])
@@ -72,7 +72,6 @@ def test_keys_that_are_all_zero_deform_nothing() -> None:
         last.weight.zero_()
         last.bias.fill_(-1.0)
     rig = method.as_rig(outfit.body, outfit.garments)
-    assert rig is not None
     assert not rig.embed(method.poses).any()
     still = torch.eye(3, 4).expand(1, JOINTS, 3, 4)
     (made,) = predicted(method, outfit, body_frames(outfit.body, with_lead(still), 30.0))
@@ -113,7 +112,6 @@ def test_pieces_meet_in_the_descriptor_of_their_outfit_alone() -> None:
 def test_without_blend_shapes_it_is_skinning_and_still_a_rig() -> None:
     outfit, method = outfit_of("shirt"), random_deepsd(replace(TINY, deformation="none"))
     rig = method.as_rig(outfit.body, outfit.garments)
-    assert rig is not None
     assert rig.shapes.shape == (0, 6, 3)
     assert rig.embed(method.poses).shape == (6, 0)
     still = torch.eye(3, 4).expand(1, JOINTS, 3, 4)
@@ -141,7 +139,7 @@ def test_another_fabric_is_another_rig_to_a_model_that_reads_it() -> None:
     silk = replace(outfit.garments[0], fabric=FABRICS["silk"])
     mixed = replace(outfit, garments=(silk, outfit.garments[1]))
     blind, reads = random_deepsd(replace(TINY, reads_fabric=False)), random_deepsd()
-    assert (blind.reads_fabric(), reads.reads_fabric()) == (False, True)
+    assert (blind.traits.reads_fabric, reads.traits.reads_fabric) == (False, True)
     assert torch.equal(moved(blind, mixed)[0], moved(blind, outfit)[0])
     before, after = moved(reads, outfit), moved(reads, mixed)
     assert (after[0] - before[0]).abs().max() > 1e-3
@@ -158,24 +156,24 @@ def test_the_branch_of_physics_is_left_out_where_contact_follows() -> None:
         frames = rollout(method, outfit, motion, 30.0, contact)
         torch.testing.assert_close(torch.stack([frame.raw[0] for frame in frames]), expected)
     rig = replace(method, branches=("physics",))
-    assert rig.with_contact() is rig
+    assert with_contact(rig) is rig
 
 
 def test_several_methods_and_resized_ones_leave_to_contact_what_each_does() -> None:
     method, skinning = random_deepsd(), create_lbs(LBSConfig())
-    several = Ensemble.of((skinning, method)).with_contact()
+    several = with_contact(Ensemble.of((skinning, method)))
     assert several.methods[0] is skinning
     assert several.methods[1].branches == ("data",)
-    resized = Resized(method, 2.0, "twice").with_contact()
+    resized = with_contact(Resized(method, 2.0, "twice"))
     assert resized.method.branches == ("data",)
     for same in (Ensemble.of((skinning, skinning)), Resized(skinning, 2.0, "twice")):
-        assert same.with_contact() is same
+        assert with_contact(same) is same
 
 
 def test_offsets_are_no_rig() -> None:
     outfit = outfit_of("shirt")
     method = random_deepsd(replace(TINY, deformation="offsets"))
-    assert method.as_rig(outfit.body, outfit.garments) is None
+    assert method.capability(Riggable) is None
     assert moved(method, outfit)[0].shape == (4, 8, 3)
 
 

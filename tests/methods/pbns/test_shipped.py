@@ -11,6 +11,7 @@ from tests.export.glb_reader import GlbReader
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.checkpoint import load_checkpoint
+from uvcloth.commands.export import Export
 from uvcloth.commands.export_rig import export
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
@@ -58,7 +59,7 @@ def test_at_rest_it_hangs_near_the_pattern_on_the_skin(method: PBNS, body: Body,
 
 def test_its_export_plays_its_own_walk(method: PBNS, body: Body, outfit: Outfit, tmp_path: Path) -> None:
     path = tmp_path / "walk.glb"
-    export("pbns", path, motion="walk", with_body=False)
+    export(Export("pbns", path, motion="walk", with_body=False))
     clip = load_clip("walk", body)
     glb = GlbReader.load(path)
     np.testing.assert_allclose(glb.times(), np.arange(len(clip)) / 30.0, atol=1e-6)

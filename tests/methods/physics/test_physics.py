@@ -137,6 +137,6 @@ def test_a_finish_lies_between_the_prediction_and_physics(skirt: Outfit) -> None
 def test_a_finish_keeps_the_name_and_the_reasons_of_its_method(body: Body) -> None:
     finished = Finished.of(create_lbs(LBSConfig(smooth=True)), FAST)
     assert finished.name == "lbs_smooth"
-    assert finished.reads_fabric()
+    assert finished.traits.reads_fabric
     dress: Garment = fit_template("dress", body)
     assert Finished.of(load_method("pbns", body), FAST).unsupported_reason(Outfit(body, (dress,)))

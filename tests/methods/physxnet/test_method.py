@@ -64,7 +64,7 @@ def test_every_channel_that_goes_in_changes_the_maps_that_come_out(preset, histo
     torch.manual_seed(0)
     config = replace(PRESETS[preset], size=32, width=8, history=history)
     method = PhysXNet.untrained(config)
-    assert method.autoregressive == bool(history)
+    assert method.traits.autoregressive == bool(history)
     maps = torch.randn(2, config.inputs, 32, 32, requires_grad=True)
     made = method.net.eval()(maps)
     assert made.shape == (2, 9, 32, 32)

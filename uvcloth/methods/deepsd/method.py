@@ -25,10 +25,11 @@ from uvcloth.checkpoint import (
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.skinning import skin_each
+from uvcloth.methods.capabilities import Capability, ContactAware, Riggable
 from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
 from uvcloth.methods.deepsd.network import Branch, DeePSDNetwork
 from uvcloth.methods.deepsd.outfit_graph import PackedOutfits, outfit_graph, pack
-from uvcloth.methods.method import Method, MethodEntry, for_inference, require_supported
+from uvcloth.methods.method import Method, MethodEntry, Traits, for_inference, require_supported
 from uvcloth.methods.rig import PoseRig, pose_vectors
 
 BRANCHES: tuple[Branch, ...] = ("data", "physics")
@@ -59,7 +60,7 @@ class DeePSDPrepared:
 
 
 @dataclass(frozen=True)
-class DeePSD(Method):
+class DeePSD(Method, ContactAware, Riggable):
     """A quasi-static method for any outfit on any body of the skeleton that it was trained on.
 
     branches: the blend shapes that are added up. poses: (M, 3 J) some of the pose vectors of its training.
@@ -70,7 +71,6 @@ class DeePSD(Method):
     poses: Tensor
     branches: tuple[Branch, ...] = BRANCHES
     name: str = "deepsd"
-    quasi_static: bool = True
 
     @classmethod
     def untrained(cls, config: DeePSDConfig) -> "DeePSD":
@@ -87,9 +87,16 @@ class DeePSD(Method):
             f"body {outfit.body.name!r} has {joints}"
         )
 
-    def reads_fabric(self) -> bool:
-        """True if it was trained on garments of several fabrics."""
-        return self.config.reads_fabric
+    @property
+    def traits(self) -> Traits:
+        """Reading the fabric if it was trained on garments of several."""
+        return Traits(quasi_static=True, reads_fabric=self.config.reads_fabric)
+
+    def capability(self, kind: type[Capability]) -> Capability | None:
+        """As any method, but no rig if it deforms by offsets, to which no engine gives weights."""
+        if kind is Riggable and self.config.deformation == "offsets":
+            return None
+        return super().capability(kind)
 
     def with_contact(self) -> "DeePSD":
         """The method without its branch of physics.
@@ -149,13 +156,8 @@ class DeePSD(Method):
         return moved.mT
 
     @torch.no_grad()
-    def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> PoseRig | None:
-        """The rig of an outfit; None for offsets, which no engine weighs.
-
-        Raises InputError for a body of another skeleton, and without garments.
-        """
-        if self.config.deformation == "offsets":
-            return None
+    def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> PoseRig:
+        """The rig of an outfit. Raises InputError for a body of another skeleton, and without garments."""
         if not garments:
             raise InputError(f"model {self.name} rigs any outfit, so it needs one: name it with --garment")
         prepared = self.prepare(Outfit(body, garments), torch.device("cpu"))

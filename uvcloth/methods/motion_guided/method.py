@@ -17,7 +17,8 @@ from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.mesh import laplacian
 from uvcloth.geometry.records import to_device
 from uvcloth.geometry.skinning import apply_transforms, skin
-from uvcloth.methods.method import Method, MethodEntry, for_inference, require_supported
+from uvcloth.methods.capabilities import Feedback, Representation
+from uvcloth.methods.method import Method, MethodEntry, Traits, for_inference, require_supported
 from uvcloth.methods.motion_guided.config import PRESETS, MotionGuidedConfig
 from uvcloth.methods.motion_guided.dynamics_input import (
     MEMORY,
@@ -74,7 +75,7 @@ class MotionGuidedState:
 
 
 @dataclass(frozen=True)
-class MotionGuided(Method):
+class MotionGuided(Method, Feedback, Representation):
     """Each garment of an outfit is rolled out by itself.
 
     topology: of the garment's faces that the networks are for, where they were trained.
@@ -85,7 +86,7 @@ class MotionGuided(Method):
     dynamics: Dynamics
     name: str = "motion_guided"
     topology: str = ""
-    autoregressive: bool = True
+    traits = Traits(autoregressive=True)
 
     @classmethod
     def untrained(cls, config: MotionGuidedConfig) -> "MotionGuided":

@@ -31,7 +31,8 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import JoinedMesh, Mesh, join_meshes, weld
 from uvcloth.geometry.skeleton import in_order
 from uvcloth.geometry.skinning import apply_transforms, blend_transforms
-from uvcloth.methods.method import Method, MethodEntry, for_inference, require_supported
+from uvcloth.methods.capabilities import Riggable
+from uvcloth.methods.method import Method, MethodEntry, Traits, for_inference, require_supported
 from uvcloth.methods.pbns.network import PBNSConfig, PBNSNetwork
 from uvcloth.methods.rig import PoseRig, pose_vectors
 
@@ -88,14 +89,14 @@ class PBNSPrepared:
 
 
 @dataclass(frozen=True)
-class PBNS(Method):
+class PBNS(Method, Riggable):
     """A quasi-static method for the outfit that it was trained on, or some of it, on that body."""
 
     config: PBNSConfig
     network: PBNSNetwork
     garments: RestOutfit
     name: str = "pbns"
-    quasi_static: bool = True
+    traits = Traits(quasi_static=True)
 
     @classmethod
     def untrained(cls, config: PBNSConfig) -> "PBNS":

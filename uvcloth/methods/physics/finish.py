@@ -11,7 +11,16 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.garments.garment import Garment, Outfit
-from uvcloth.methods.method import GarmentSpace, Method
+from uvcloth.methods.capabilities import (
+    GarmentSpace,
+    Representation,
+    Wrapper,
+    feed_back,
+    garment_space,
+    round_trip,
+    with_contact,
+)
+from uvcloth.methods.method import Method, Traits
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import CagedOutfit, Moved, carry, moved, posed
 
@@ -28,7 +37,7 @@ class FinishState:
 
 
 @dataclass(frozen=True)
-class Finished(Method):
+class Finished(Wrapper, Representation):
     """A method whose garments are moved by the solver, on cages that are pulled to its prediction.
 
     pull: 1/s, frequency of the critically damped spring that pulls; 0 is physics alone, and the greater it
@@ -39,21 +48,21 @@ class Finished(Method):
     physics: Physics
     pull: float
     name: str = ""
-    autoregressive: bool = True
-    keeps_off_body: bool = True
+    traits = Traits(autoregressive=True, keeps_off_body=True, reads_fabric=True)
 
     @classmethod
     def of(cls, guide: Method, physics: Physics, pull: float = PULL) -> "Finished":
         """A method with the finish, under the name of the method."""
-        return cls(guide.with_contact(), physics, pull, guide.name)
+        return cls(with_contact(guide), physics, pull, guide.name)
 
     def unsupported_reason(self, outfit: Outfit) -> str:
         """The reason of the method, or of the solver."""
         return self.guide.unsupported_reason(outfit) or self.physics.unsupported_reason(outfit)
 
-    def reads_fabric(self) -> bool:
-        """True: the solver does."""
-        return True
+    @property
+    def parts(self) -> tuple[Method, ...]:
+        """The method."""
+        return (self.guide,)
 
     def prepare(self, outfit: Outfit, device: torch.device) -> tuple[Any, CagedOutfit]:
         """Prepare the method on a device, and the solver on the CPU."""
@@ -80,7 +89,7 @@ class Finished(Method):
             cloth.append(after)
             rows.append(garments)
         finished = tuple(torch.stack(garments).to(raw[0].device) for garments in zip(*rows, strict=True))
-        guided = self.guide.feed_back(guide, guided, finished)
+        guided = feed_back(self.guide, guide, guided, finished)
         return FinishState(guided, tuple(cloth)), finished
 
     def displaced(self, prepared: tuple[Any, CagedOutfit], state: FinishState, shift: Tensor) -> FinishState:
@@ -91,9 +100,15 @@ class Finished(Method):
             self.physics.displaced(cages, state.cloth, shift),
         )
 
+    def round_trip(
+        self, prepared: tuple[Any, CagedOutfit], frames: BodyFrames, garments: tuple[Tensor, ...]
+    ) -> tuple[Tensor, ...] | None:
+        """Garments (B, N, 3) m in the representation of the method."""
+        return round_trip(self.guide, prepared[0], frames, garments)
+
     def garment_space(self, garment: Garment, body: Body) -> GarmentSpace | None:
         """The space of the method."""
-        return self.guide.garment_space(garment, body)
+        return garment_space(self.guide, garment, body)
 
 
 def _targets(

@@ -11,7 +11,7 @@ from uvcloth.errors import InputError
 from uvcloth.garments.band import holding_band
 from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Outfit
-from uvcloth.methods.method import Method, MethodEntry
+from uvcloth.methods.method import Method, MethodEntry, Traits
 from uvcloth.methods.physics.outfit import (
     CagedOutfit,
     Moved,
@@ -33,8 +33,7 @@ class Physics(Method):
 
     config: PhysicsConfig
     name: str = "physics"
-    autoregressive: bool = True
-    keeps_off_body: bool = True
+    traits = Traits(autoregressive=True, keeps_off_body=True, reads_fabric=True)
 
     def unsupported_reason(self, outfit: Outfit) -> str:
         """The reason that a garment cannot be solved, or that garments are of different fabrics."""
@@ -46,10 +45,6 @@ class Physics(Method):
         if len({garment.fabric for garment in outfit.garments}) > 1:
             return "model physics: all garments of an outfit have to be of one fabric, name one with --fabric"
         return ""
-
-    def reads_fabric(self) -> bool:
-        """True: a fabric is what the solver has."""
-        return True
 
     def prepare(self, outfit: Outfit, device: torch.device) -> CagedOutfit:
         """Make the cages and their solver, which runs on the CPU."""

@@ -14,7 +14,8 @@ from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, restored
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.records import to_device
-from uvcloth.methods.method import Method, MethodEntry, for_inference, require_supported
+from uvcloth.methods.capabilities import Representation
+from uvcloth.methods.method import Method, MethodEntry, Traits, for_inference, require_supported
 from uvcloth.methods.physxnet.config import PRESETS, PhysXNetConfig
 from uvcloth.methods.physxnet.maps import garment_vertices, motion_values, pose_values, template_offsets
 from uvcloth.methods.physxnet.network import GarmentNet
@@ -55,7 +56,7 @@ class PhysXNetState:
 
 
 @dataclass(frozen=True)
-class PhysXNet(Method):
+class PhysXNet(Method, Representation):
     """One pass of the network serves all garments of an outfit."""
 
     config: PhysXNetConfig
@@ -68,9 +69,9 @@ class PhysXNet(Method):
         return cls(config, GarmentNet(config))
 
     @property
-    def autoregressive(self) -> bool:  # type: ignore[override]
-        """True if the network sees its own last predictions."""
-        return self.config.history > 0
+    def traits(self) -> Traits:
+        """Autoregressive if the network sees its own last predictions."""
+        return Traits(autoregressive=self.config.history > 0)
 
     def unsupported_reason(self, outfit: Outfit) -> str:
         """The reason that it cannot dress an outfit: a garment without a template that has a decoder."""

@@ -1,0 +1,172 @@
+"""Animation files of garments that move over a motion."""
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import Protocol
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from torch import Tensor
+
+from uvcloth.bodies.body import Body, load_body
+from uvcloth.bodies.posing import posed_skin
+from uvcloth.bodies.seen import seen
+from uvcloth.commands.rollout import Rollout
+from uvcloth.commands.summary import Summary, Totals
+from uvcloth.errors import InputError
+from uvcloth.export.pictures import SHEETS, sheet_interval
+from uvcloth.export.size import announce
+from uvcloth.export.writer import close_together, open_writer
+from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.garments.loading import load_outfit
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.methods.ensemble import in_order
+from uvcloth.methods.method import Method, require_fabric_read
+from uvcloth.methods.physics.finish import Finished
+from uvcloth.methods.physics.method import Physics
+from uvcloth.methods.physics.outfit import PhysicsConfig
+from uvcloth.methods.registry import DEFAULT, load_method
+from uvcloth.motion.library import load_clip
+from uvcloth.physics.exposure import Exposure
+from uvcloth.physics.hidden_skin import HiddenSkin
+from uvcloth.ready import find_device, ready_rollout
+from uvcloth.rollout import BrokenRolloutError, RolloutFrame
+
+
+class Audience(Protocol):
+    """Watcher of a rollout while it is computed."""
+
+    def begin(self, title: str, body: Body, meshes: Sequence[Mesh], count: int, fps: float) -> None:
+        """Learn what comes: garments at rest on a body, over so many frames."""
+        ...
+
+    def add(self, frame: RolloutFrame) -> None:
+        """See the next frame."""
+        ...
+
+
+EVERY_IN_PREVIEW = 3
+"""A preview shows every so-many-th frame."""
+
+
+def animate(command: Rollout, audience: Audience | None = None) -> Summary:
+    """Roll methods out on a motion once and write every file, each as its suffix says.
+
+    command: what to roll out, and where to; its threads and view are for the caller. audience: is shown each
+    frame. A motion of one frame, a pose, becomes the way into it from rest.
+
+    Coarse garments are carried by proxies, unless there is no contact.
+    Raises InputError for bad input or a full disk; then, as after Ctrl-C, writes nothing. Of a rollout that
+    breaks the frames before it are kept, and an InputError says so.
+    """
+    console = Console(stderr=True)
+    body, out = load_body(command.body), command.out
+    report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
+    with console.status("preparing"):
+        outfit = Outfit(body, _load_garments(command, body, report))
+        place = find_device(command.device)
+        method = _load_method(command, body)
+        ready = ready_rollout(
+            method, outfit, load_clip(command.motion, body, command.options), command.contact
+        )
+        clip, transforms, proxied = ready.motion, ready.transforms, ready.proxied
+        meshes = proxied.named()
+        exposure = Exposure(body, [mesh for _, mesh in meshes])
+        shown = seen(body)
+        hidden = HiddenSkin(shown, proxied.meshes, proxied.hides(shown)) if command.hide_skin else None
+    every = _interval(out, len(clip)) if command.preview else 1
+    fps = clip.fps / every
+    sizes = [announce(path, len(transforms[::every]), proxied.meshes, shown) for path in out]
+    for line in filter(None, (*proxied.lines, *sizes)):
+        report(line)
+    if audience:
+        audience.begin(clip.name, body, [mesh for _, mesh in meshes], len(transforms[::every]), fps)
+    totals, start = Totals(), perf_counter()
+    with ExitStack() as stack:
+        writers = [
+            stack.enter_context(
+                open_writer(path, meshes, body, fps, transforms[::every].float(), command.preview)
+            )
+            for path in out
+        ]
+        progress = stack.enter_context(_progress(console))
+        task = progress.add_task(clip.name, total=len(transforms[::every]), rate="")
+        broken: BrokenRolloutError | None = None
+        try:
+            for frame in ready.frames(place, every, command.keep_going):
+                placed = frame.in_world()
+                if audience:
+                    audience.add(placed)
+                totals.add(frame)
+                with totals.timed("measuring"):
+                    totals.add_skin(exposure.percent(frame.vertices, frame.body_vertices), frame.index)
+                    if hidden:
+                        hidden.add(frame.vertices, _posed(shown, frame))
+                with totals.timed("writing"):
+                    for writer in writers:
+                        writer.add(placed.vertices, placed.transforms)
+                progress.update(
+                    task,
+                    advance=1,
+                    rate=f"{totals.frames / (perf_counter() - start):.1f} frames per second",
+                )
+        except BrokenRolloutError as error:
+            if not totals.frames:
+                raise InputError(f"{error}; nothing is written; --keep-going goes on") from error
+            broken = error
+        with totals.timed("writing"):
+            for writer in writers:
+                if hidden:
+                    writer.hide(hidden.faces())
+            close_together(writers)
+    written = tuple(path for writer in writers for path in writer.written)
+    if broken:
+        raise _kept_so_far(broken, totals.frames, written)
+    vertices = sum(len(garment.mesh.vertices) for garment in proxied.outfit.garments)
+    return totals.summary(written, perf_counter() - start, vertices if command.contact else None, every)
+
+
+def _kept_so_far(broken: BrokenRolloutError, frames: int, written: Sequence[Path]) -> InputError:
+    """The error that says where the frames before the broken one are, and how to have all."""
+    names = ", ".join(map(str, written))
+    way_on = "--keep-going writes all, with linear blend skinning where a garment is torn"
+    return InputError(f"{broken}; the {frames} frames before it are in {names}; {way_on}")
+
+
+def _posed(body: Body, frame: RolloutFrame) -> Tensor:
+    """Vertices (V, 3) m of a body in a frame."""
+    return posed_skin(body, frame.transforms[None])[0]
+
+
+def _interval(out: Sequence[Path], frames: int) -> int:
+    """Frames from one that a preview needs to the next."""
+    if all(path.suffix.lower() in SHEETS for path in out):
+        return max(EVERY_IN_PREVIEW, sheet_interval(frames, coarse=True))
+    return EVERY_IN_PREVIEW
+
+
+def _load_garments(command: Rollout, body: Body, report: Callable[[str], None]) -> tuple[Garment, ...]:
+    """The garments of a rollout on a body."""
+    pose, fabric = command.garment_pose, command.fabric
+    return load_outfit(command.garment, body, report, command.template, pose, fabric)
+
+
+def _load_method(command: Rollout, body: Body) -> Method:
+    """The method that the models of a rollout make; the solver has the quality that was asked for."""
+    solver = Physics(PhysicsConfig(command.quality))
+    loaded = [load_method(model, body) for model in command.model or (DEFAULT,)]
+    method = in_order([solver if isinstance(each, Physics) else each for each in loaded])
+    if command.finish == "dynamic" and not isinstance(method, Physics):
+        method = Finished.of(method, solver)
+    require_fabric_read(method, command.fabric)
+    return method
+
+
+def _progress(console: Console) -> Progress:
+    rate, left = TextColumn("{task.fields[rate]}"), TimeRemainingColumn()
+    return Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), rate, left, console=console
+    )

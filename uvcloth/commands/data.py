@@ -1,0 +1,45 @@
+"""`uvcloth data`: its options, and what it does with a folder of sequences."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from uvcloth.errors import InputError
+
+
+@dataclass(frozen=True)
+class Data:
+    """List the sequences of a folder, which were refused and why, and which of its index are missing."""
+
+    folder: Positional[Annotated[Path, arg(metavar="DIR")]]
+    """A folder made by `uvcloth simulate`; with --unpack, a packed folder."""
+    pack: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
+    """Pack the sequences into another folder instead, at about a twentieth of their size. Run it again to
+    continue."""
+    error: Annotated[float, arg(metavar="MM")] = 1.0
+    """Mean error of the vertices of a packed sequence; 99 % are within three times as much, all within six
+    times. Half the error doubles the size."""
+    unpack: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
+    """Unpack a packed folder into another one instead, for training and evaluation."""
+
+    def run(self) -> None:
+        """List, pack or unpack. Raises InputError for bad input."""
+        if self.pack and self.unpack:
+            raise InputError("data: give --pack or --unpack, not both")
+        if self.pack:
+            from uvcloth.dataset.packed import pack_folder
+
+            print(f"{self.pack}: {pack_folder(self.folder, self.pack, 1e-3 * self.error)} sequences packed")
+            return
+        if self.unpack:
+            from uvcloth.dataset.packed import unpack_folder
+
+            print(f"{self.unpack}: {unpack_folder(self.folder, self.unpack)} sequences unpacked")
+            return
+        from rich.console import Console
+
+        from uvcloth.simulate.overview import overview
+
+        Console().print(overview(self.folder), soft_wrap=True)

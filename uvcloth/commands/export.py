@@ -1,0 +1,47 @@
+"""`uvcloth export`: its options."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import arg
+
+from uvcloth.commands.options import TRAINED, BodyFile, Fabric, GarmentPose, Garments, MotionFile
+from uvcloth.methods.registry import list_rigs
+from uvcloth.motion.options import MotionOptions
+
+
+@dataclass(frozen=True)
+class Export:
+    """Write a rig (PBNS, DeePSD) for engines: skeleton, skin, blend shapes and motion."""
+
+    model: Annotated[str, arg(metavar="NAME|RUN", help=f"A shipped model, {list_rigs()}, or {TRAINED}.")]
+    out: Path
+    """File to write: .glb, .usdc or .usd."""
+    garment: Garments = ()
+    """For DeePSD: templates or garment files, the innermost first. PBNS contains its garments."""
+    garment_pose: GarmentPose = None
+    fabric: Fabric = None
+    """Fabric of the garments, for DeePSD models."""
+    motion: Annotated[
+        str | None,
+        arg(
+            metavar="FILE|NAME",
+            help="A motion file or the name of a built-in clip. Without it, the pose embedding is also "
+            "written, as .onnx, for engines that compute the blend shape weights.",
+            help_behavior_hint="(default: the rig alone)",
+        ),
+    ] = None
+    shapes: Annotated[int | None, arg(metavar="K", help_behavior_hint="(default: all)")] = None
+    """Number of blend shapes to keep: principal components of the deformations in the training poses."""
+    body: BodyFile = None
+    """The body that the model was trained on."""
+    with_body: bool = True
+    """Write the body too."""
+    options: MotionFile = field(default_factory=MotionOptions)
+
+    def run(self) -> None:
+        """Write the rig and print what it costs. Raises InputError for bad input."""
+        from uvcloth.commands.export_rig import export
+
+        print("\n".join(export(self).lines()))

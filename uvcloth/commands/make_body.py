@@ -1,0 +1,82 @@
+"""Bodies of phenotypes, characters and SMPL, as an npz for other commands or as a mesh."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import torch
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from uvcloth.bodies.body import Body, load_body, require_metres, save_body
+from uvcloth.bodies.seen import seen
+from uvcloth.bodies.smpl import read_smpl
+from uvcloth.bodies.stature import stature
+from uvcloth.characters.body import body_from_character
+from uvcloth.commands.body import MakeBody
+from uvcloth.export.glb import Document
+from uvcloth.export.gltf_scene import add_body, add_skeleton
+from uvcloth.export.obj import save_obj
+from uvcloth.files.atomic import atomic_write
+from uvcloth.motion.roles import read_role_map
+
+
+def make(command: MakeBody) -> Body:
+    """Make a body and write it to one file, as its suffix says.
+
+    It is made from phenotypes, from a character or an SMPL model, which are then described, or is that of a
+    file or of the package. An OBJ or GLB holds the rest pose with its texture coordinates, in metres: Z up,
+    facing -Y, or Y up, facing +Z; the GLB also skeleton and skin. Raises InputError as `MakeBody.check` does,
+    and for a source that cannot be read or a file that cannot be written.
+    """
+    command.check()
+    out, phenotype = command.out, command.phenotype.given()
+    if command.smpl:
+        body = replace(_of_smpl(command.smpl, command.betas), name=out.stem)
+    elif command.character:
+        body = replace(_of_character(command.character, command), name=out.stem)
+    elif phenotype:
+        from uvcloth.bodies.anny import make_body
+
+        with anny_progress() as progress:
+            progress.add_task("making the body", total=None)
+            body = make_body(out.stem, phenotype)
+    else:
+        body = replace(load_body(command.body), name=out.stem)
+    match out.suffix.lower():
+        case ".npz":
+            save_body(body, out)
+        case ".obj":
+            save_obj(seen(body).mesh, out)
+        case _:
+            document = Document()
+            skin, _ = add_skeleton(document, body.skeleton)
+            add_body(document, seen(body), skin)
+            with atomic_write(out) as partial:
+                document.write(partial)
+    return body
+
+
+def anny_progress() -> Progress:
+    """Progress of making bodies with Anny, after a line that says how long the first one takes."""
+    console = Console(stderr=True)
+    console.print("Anny's shapes are read once, two to six minutes; later bodies take seconds")
+    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    return Progress(*columns, console=console)
+
+
+def _of_character(path: Path, command: MakeBody) -> Body:
+    roles = {} if command.joints is None else read_role_map(command.joints)
+    with Console(stderr=True).status(f"fitting our surface to {path.name}"):
+        made = body_from_character(path, load_body(), roles, command.keep, command.drop, command.unit)
+    print("\n".join(made.lines()))
+    return made.body
+
+
+def _of_smpl(path: Path, betas: Sequence[float]) -> Body:
+    model = read_smpl(path)
+    with Console(stderr=True).status(f"unwrapping {path.name}"):
+        body = model.resting().body(torch.tensor(betas))
+    require_metres(path, body.mesh.vertices)
+    print(f"{path.name}: {model.kind}, {len(model.shapes)} shape parameters, {stature(body):.2f} m tall")
+    return body

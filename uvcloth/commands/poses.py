@@ -1,0 +1,58 @@
+"""`uvcloth poses`: its options, and the drawing of poses."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, arg
+
+from uvcloth.commands.options import BodyFile
+from uvcloth.errors import InputError
+from uvcloth.files.atomic import make_folder
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Draw distinct poses without self-intersection of the body from motion capture."""
+
+    out: Path
+    """The npz to write."""
+    clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP|DIR ...", help_behavior_hint="")]] = ()
+    """Motion files (BVH, AMASS), folders of them, or names of built-in clips; by default, and without
+    --windows, the built-in ones. An index.csv in a folder gives the splits."""
+    windows: Annotated[Path | None, arg(metavar="CSV", help_behavior_hint="")] = None
+    """Such an index under any name: poses are drawn from its clips."""
+    clips_from: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
+    """Folder of those clips."""
+    body: BodyFile = None
+    """A body made by `uvcloth body`."""
+    apart: float = 0.5
+    """Least distance of two poses: at least one joint differs by so many radians."""
+    every: int = 1
+    """Use one frame of N."""
+    mirror: bool = True
+    """Also draw training poses mirrored left to right."""
+    recombine: int = 2000
+    """Additional training poses that combine legs, trunk and arms of several drawn poses."""
+    seed: int = 0
+    """Random seed."""
+
+    def run(self) -> None:
+        """Draw the poses and write them. Raises InputError for bad input."""
+        from uvcloth.bodies.body import load_body
+        from uvcloth.motion.clip_splits import find_sources
+        from uvcloth.motion.draw_poses import draw_poses
+        from uvcloth.motion.poses import SPLITS, save_poses
+        from uvcloth.motion.recombine import recombine
+        from uvcloth.physics.self_contact import SelfContact
+
+        if self.recombine < 0:
+            raise InputError(f"--recombine {self.recombine}: expected a number of poses, 0 or more")
+        sources = find_sources(self.clips, self.windows, self.clips_from)
+        make_folder(self.out.parent)
+        body = load_body(self.body)
+        clear = SelfContact(body).clear
+        poses = draw_poses(sources, body, clear, self.apart, self.mirror, self.seed, self.every)
+        poses = recombine(poses, body, clear, self.recombine, self.seed)
+        save_poses(poses, self.out)
+        print(f"{self.out}: {', '.join(f'{len(poses.of(split))} {split}' for split in SPLITS)} poses")

@@ -1,0 +1,160 @@
+"""`uvcloth simulate`: its options, and which of them go together."""
+
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Annotated, Literal
+
+from tyro.conf import Positional, arg
+
+from uvcloth.commands.options import FABRIC_NAMES, BodyFile, Garments, Jobs, MotionFile
+from uvcloth.errors import InputError
+from uvcloth.motion.options import MotionOptions
+from uvcloth.physics.fabric import FabricName
+
+EngineName = Literal["explicit", "newton", "blender"]
+
+RUNNING = ("out", "clips_from", "engine", "fabric", "jobs", "scheduler")
+"""Options of every simulation."""
+
+
+@dataclass(frozen=True)
+class Simulate:
+    """Simulate garments over clips with a cloth engine; run it again to continue."""
+
+    clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]]
+    """Motion files (BVH, glTF, AMASS) or names of built-in clips."""
+    out: Path
+    """Folder for the sequences, one npz per clip and garment."""
+    garment: Garments = ("tops", "bottoms", "dress")
+    """Templates or garment files to simulate; sequences of a file take the name of the file."""
+    body: BodyFile = None
+    """A body made by `uvcloth body`."""
+    plan: Annotated[
+        Path | None,
+        arg(
+            metavar="CSV",
+            help="Simulate the rows of a table instead. Columns: clip, start, frames (a window at 30 fps), "
+            "garments (joined by + if worn together), split, subject, action; optional: name (of the "
+            "window), hold (seconds to stand still at its end), body (a file relative to the table), member "
+            "(of an ensemble, 1 to 3). Other bodies, layers and members get separate folders in OUT.",
+            help_behavior_hint="",
+        ),
+    ] = None
+    outfits: Annotated[
+        Path | None,
+        arg(
+            metavar="DIR",
+            help="Simulate the outfits of this folder, made by `uvcloth outfits`, instead: each on its body, "
+            "over one window of its split in the table.",
+            help_behavior_hint="",
+        ),
+    ] = None
+    most_frames: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: whole windows)")] = None
+    """With --outfits: at most the first N frames of each window."""
+    layered: Annotated[
+        bool,
+        arg(
+            help="Simulate the garments together, worn over one another, the first innermost; otherwise each "
+            "is simulated alone."
+        ),
+    ] = False
+    engine: Annotated[
+        EngineName,
+        arg(
+            help="Cloth solver: the project's explicit one, Newton's VBD, or Blender's, of the installation "
+            "that UVCLOTH_BLENDER_PYTHON names."
+        ),
+    ] = "explicit"
+    fabric: Annotated[
+        FabricName | None,
+        arg(
+            metavar=FABRIC_NAMES,
+            help_behavior_hint="(default: jersey; with --outfits each has its fabric)",
+        ),
+    ] = None
+    """Fabric of the garments."""
+    windows: Annotated[
+        Path | None,
+        arg(
+            metavar="CSV",
+            help="Simulate windows of clips: a table with the columns trial, subject, split, action, "
+            "window_start and window_frames, which training and evaluation also use. Without clips, all "
+            "clips of the table.",
+            help_behavior_hint="(default: whole clips)",
+        ),
+    ] = None
+    clips_from: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="(default: the table's)")] = None
+    """Folder of the clips of the table."""
+    split: Annotated[
+        tuple[Literal["train", "validation", "test"], ...] | None,
+        arg(metavar="train|validation|test ...", help_behavior_hint="(default: all three)"),
+    ] = None
+    """Splits to simulate: validation comes first, then test, then training in a mixed order."""
+    jobs: Jobs = None
+    """Number of sequences to simulate at the same time."""
+    scheduler: Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")] = None
+    """Address of a dask scheduler that runs the simulations instead of this machine."""
+    repeat: Annotated[
+        bool,
+        arg(
+            help="Simulate each window again from a start 20 frames earlier, into OUT/repeat. Evaluation "
+            "reports the difference as the repeatability floor."
+        ),
+    ] = False
+    options: MotionFile = field(default_factory=MotionOptions)
+
+    def run(self) -> None:
+        """Simulate what is missing in the folder. Raises InputError for bad input."""
+        if not (self.clips or self.windows or self.plan) or not self.garment:
+            raise InputError(
+                "simulate: name at least one clip, or a table with --windows, and one garment, or a --plan"
+            )
+        if self.plan:
+            self._require_only(("plan",), "--plan, whose table contains it")
+        elif self.outfits:
+            own = ("outfits", "most_frames", "clips", "windows", "split", "options")
+            self._require_only(own, "--outfits, whose files name garments and bodies")
+        elif self.most_frames is not None:
+            raise InputError("--most-frames: needs --outfits; choose frames of clips with --windows")
+        self._simulate()
+
+    def _simulate(self) -> None:
+        """Simulate a plan, outfits, or garments over clips."""
+        from uvcloth.bodies.body import load_body
+        from uvcloth.simulate.batch import simulate_batch
+        from uvcloth.simulate.outfits import simulate_outfits
+        from uvcloth.simulate.plan import ClipSelection
+        from uvcloth.simulate.planned import simulate_plan
+        from uvcloth.simulate.workers import Workers
+
+        workers = Workers(self.jobs, self.scheduler)
+        if self.plan:
+            simulate_plan(self.plan, self.out, self.clips_from, self.engine, self.fabric, workers)
+            return
+        selection = ClipSelection(self.clips, self.windows, self.clips_from, self.split, self.options)
+        if self.outfits:
+            simulate_outfits(
+                self.outfits, selection, self.out, self.most_frames, self.engine, self.fabric, workers
+            )
+            return
+        simulate_batch(
+            selection,
+            outfits=[self.garment] if self.layered else [(name,) for name in self.garment],
+            out=self.out,
+            body=load_body(self.body),
+            engine=self.engine,
+            fabric=self.fabric,
+            repeat=self.repeat,
+            workers=workers,
+        )
+
+    def _require_only(self, names: tuple[str, ...], reason: str) -> None:
+        """Raise InputError, with the reason, for an option that would do nothing.
+
+        names: the options that are used in addition to RUNNING.
+        """
+        usual = Simulate(clips=(), out=self.out)
+        for each in fields(self):
+            if each.name not in (*RUNNING, *names) and getattr(self, each.name) != getattr(usual, each.name):
+                name = "clips" if each.name == "clips" else f"--{each.name.replace('_', '-')}"
+                raise InputError(f"{name}: not allowed with {reason}")
