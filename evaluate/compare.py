@@ -15,7 +15,6 @@ from evaluate.familiar import training_overlap
 from evaluate.judge import (
     CaseScores,
     Scores,
-    body_fingerprint,
     cached,
     code_fingerprint,
     judge,
@@ -24,7 +23,7 @@ from evaluate.judge import (
 )
 from evaluate.maps import garment_map
 from evaluate.progress import progress
-from evaluate.results import Entry, floor, representation_floor, stability, summarize
+from evaluate.results import PartScores, floor, representation_floor, stability, summarize
 from evaluate.show import Shown
 from evaluate.stability import copied_truth
 from uvcloth.bodies.body import Body
@@ -95,7 +94,7 @@ def compare(
     dressing = assigned(candidates, outfits, data)
     texels = {name: garment_map(garment, body, map_size) for name, garment in garments.items()}
     code = code_fingerprint()
-    setting = f"{code}/{body_fingerprint(body)}/{map_size}/{machine}"
+    setting = f"{code}/{body.identity.whole}/{map_size}/{machine}"
     judged = []
     with progress("Windows", sum(1 + len(dressing[_named(case)]) for case in cases)) as tick:
         for case in cases:
@@ -160,7 +159,7 @@ def measured(
     names = (SIMULATION, *(candidate.name for candidate in candidates))
     entries = {
         name: [
-            Entry(case.shown.action, part, scores)
+            PartScores(case.shown.action, part, scores)
             for case in judged
             if name in case.scores
             for part, scores in case.scores[name].parts.items()

@@ -13,7 +13,7 @@ from evaluate.actions import Window
 from evaluate.candidates import assigned, load_candidates
 from evaluate.case import Case, make_case
 from evaluate.compare import Selection, garment_size, judged_case, measured
-from evaluate.judge import body_fingerprint, cached, code_fingerprint
+from evaluate.judge import cached, code_fingerprint
 from evaluate.progress import progress
 from evaluate.show import Shown
 from uvcloth.errors import InputError
@@ -58,7 +58,7 @@ def compare_outfits(
     code, judged = code_fingerprint(), []
     with progress("Outfits", sum(1 + len(dressing[_key(case)]) for case in cases)) as tick:
         for case in cases:
-            setting = f"{code}/{body_fingerprint(case.outfit.body)}/{machine}"
+            setting = f"{code}/{case.outfit.body.identity.whole}/{machine}"
             keep = partial(cached, out, case)
             judged.append(judged_case(case, dressing[_key(case)], keep, setting, tick))
     people = {sequence.clip: sequence.subject for sequence in found}

@@ -9,7 +9,7 @@ from uvcloth.bodies.body import load_body
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.index import read_index
-from uvcloth.physics.energies import edge_change
+from uvcloth.physics.measures import edge_change
 from uvcloth.simulate.packed import MEAN_ERROR, PackedFolder, load_packed, pack_folder
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, save_sequence
 

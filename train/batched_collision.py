@@ -103,6 +103,10 @@ class InnerLayer:
     outer: Tensor
     copies: Layer
 
+    def distance(self, outfit: Tensor, normals: Tensor) -> Tensor:
+        """Signed distance (B, m) m of the other garment from the layer, see `planes`."""
+        return self.planes(outfit, normals).distance(outfit[:, self.outer])
+
     def planes(self, outfit: Tensor, normals: Tensor) -> Planes:
         """The planes that keep the other garment (B, m, 3) over the layer: outfit (B, U, 3) m, as it is now.
 

@@ -12,7 +12,6 @@ from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData
 from uvcloth.errors import InputError
 from uvcloth.motion.index import INDEX, Entry, read_index, require_one_split
-from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate.bodies import sequence_body
 from uvcloth.simulate.sequence import (
     REST_TOLERANCE,
@@ -127,7 +126,7 @@ def by_body(clips: List[TrainingClip]) -> list[tuple[Body, list[TrainingClip]]]:
     """The clips of each body, in the order in which these come. Raises InputError if two share a name."""
     found: dict[str, tuple[Body, list[TrainingClip]]] = {}
     for clip in clips:
-        body, own = found.setdefault(rest_hash(clip.body), (clip.body, []))
+        body, own = found.setdefault(clip.body.identity.shape, (clip.body, []))
         own.append(replace(clip, body=body))
     names = [body.name for body, _ in found.values()]
     for name in names:

@@ -35,7 +35,6 @@ from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.method import Method
 from uvcloth.methods.physxnet.config import PRESETS
 from uvcloth.methods.physxnet.method import PhysXNet, physxnet_checkpoint
-from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate.bodies import keep_body
 from uvcloth.simulate.folder import keep_refused
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, save_sequence
@@ -83,7 +82,7 @@ def simulated(garment: Garment, clip: str, off: Tensor, start: int = 0) -> Simul
     carried = skin(garment.mesh.vertices, garment.weights, transforms)
     body = capsule_body()
     metadata = {"clip": clip, "garment": garment.name, "template": garment.template}
-    metadata |= {"body": body.name, "body_hash": rest_hash(body)}
+    metadata |= {"body": body.name, "body_hash": body.identity.shape}
     return SimulatedSequence(
         carried + off, garment.mesh.faces, garment.mesh.vertices, transforms, FPS, SETTLING, metadata
     )

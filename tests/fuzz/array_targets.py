@@ -18,7 +18,7 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import read_archive, save_clip
-from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase, load_poses, rest_hash, save_poses
+from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase, load_poses, save_poses
 from uvcloth.simulate.bodies import keep_body
 from uvcloth.simulate.packed import PackedFolder, load_packed, pack_folder
 from uvcloth.simulate.sequence import SimulatedSequence, load_sequence, read_metadata, save_sequence
@@ -171,7 +171,7 @@ def check_metadata(metadata: dict) -> None:
 def good_packed(folder: Path) -> Path:
     sequence = load_sequence(good_sequence(folder))
     body = small_body()
-    labels = {**sequence.metadata, "body": body.name, "body_hash": rest_hash(body)}
+    labels = {**sequence.metadata, "body": body.name, "body_hash": body.identity.shape}
     save_sequence(replace(sequence, metadata=labels), folder / "made" / "walk_dress.npz")
     (folder / "walk_dress.npz").unlink()
     keep_body(body, folder / "made")
@@ -198,7 +198,7 @@ def good_poses(folder: Path) -> Path:
         donors=torch.full((FRAMES, DONORS), -1),
         apart=0.1,
         body_name="box",
-        body_hash=rest_hash(body),
+        body_hash=body.identity.shape,
     )
     save_poses(poses, folder / "poses.npz")
     return folder / "poses.npz"

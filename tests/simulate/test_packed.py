@@ -16,7 +16,6 @@ from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import joint_transforms
-from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate.bodies import folder_body, keep_body, sequence_body
 from uvcloth.simulate.folder import keep_refused, refused_captures, stored_sequences
 from uvcloth.simulate.packed import PackedFolder, load_packed, pack_folder, unpack_folder
@@ -38,7 +37,7 @@ def sequence(garment: str = "tops", **said: object) -> SimulatedSequence:
     rest = body.mesh.vertices
     swing = 0.05 * torch.sin(9.0 * time + rest[:, 0])[..., None]
     vertices = (transforms[:, :1, :, :3] @ (rest + swing)[..., None]).squeeze(-1) + transforms[:, :1, :, 3]
-    shape = {"body": "box", "body_hash": rest_hash(body), "engine": "newton.X"}
+    shape = {"body": "box", "body_hash": body.identity.shape, "engine": "newton.X"}
     metadata = {"clip": "01_01", "garment": garment, **shape, **said}
     return SimulatedSequence(vertices, body.mesh.faces, rest, transforms, 30.0, 5, metadata)
 
@@ -88,7 +87,7 @@ def test_outfits_are_packed_with_their_bodies(folder: Path, tmp_path: Path) -> N
     keep_body(stout, folder)
     made = {"outfit": "o1", "split": "train", "layers": ["o1_skirt", "o1_top"]}
     for garment in made["layers"]:
-        on = {"body": stout.name, "body_hash": rest_hash(stout)}
+        on = {"body": stout.name, "body_hash": stout.identity.shape}
         wider = sequence(garment, **made, **on)
         save_sequence(replace(wider, rest=1.2 * wider.rest), folder / f"01_01_{garment}.npz")
     assert pack_folder(folder, tmp_path / "packed") == 4

@@ -8,7 +8,7 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.poses import DONORS, PoseDatabase, rest_hash
+from uvcloth.motion.poses import DONORS, PoseDatabase
 from uvcloth.simulate.sequence import SimulatedSequence, save_sequence
 
 
@@ -63,5 +63,5 @@ def database_of(body: Body, frames: int = 9, held: int = 3) -> PoseDatabase:
         donors=torch.full((frames, DONORS), -1),
         apart=0.01,
         body_name=body.name,
-        body_hash=rest_hash(body),
+        body_hash=body.identity.shape,
     )

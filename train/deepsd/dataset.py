@@ -12,7 +12,7 @@ from torch import Tensor
 from train.clips import TRAINING_SPLITS
 from train.pbns.poses import Poses
 from uvcloth.bodies.body import Body
-from uvcloth.checkpoint import TrainingData, body_identity
+from uvcloth.checkpoint import TrainingData
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import first_of
@@ -122,7 +122,7 @@ def read_outfits(folders: Sequence[Path], rest_frames: int, *, balanced: bool = 
             raise InputError(f"{source}: holds no outfit for {split}, training needs some")
     first = sequences[0].outfit.body
     for sequence in sequences:
-        if body_identity(sequence.outfit.body)["topology"] != body_identity(first)["topology"]:
+        if sequence.outfit.body.identity.topology != first.identity.topology:
             raise InputError(
                 f"{source}: outfit {sequence.name} is on a body of another mesh or skeleton than outfit "
                 f"{sequences[0].name}; one model learns one kind of body"

@@ -20,6 +20,7 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from uvcloth.bodies.body import REGIONS, Body
+from uvcloth.bodies.once import once_per_body
 from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import boundary_edges
 
@@ -124,6 +125,7 @@ class Collider:
         return touches & torch.isfinite(distance)
 
 
+@once_per_body
 def make_collider(body: Body, parts: Parts = COLLIDER_PARTS) -> Collider:
     """Cut the body into parts and close each opening with a cap; `touches` is for the parts of cloth."""
     kept = [
