@@ -91,11 +91,12 @@ class OutfitEnergy:
             points = frames.graph.points.to(self.device)
             faces = [faces.to(self.device) for faces in frames.graph.faces]
             pieces = [each.unique(return_inverse=True) for each in faces]
+            touches, opening = self._parts.met_by(points, frames.body)
             cloth = cloth_energies(frames.graph.points, torch.cat(frames.graph.faces), self._fabric)
             self._known[id(frames)] = RestOutfit(
                 cloth=to_device(cloth, self.device),
-                touches=self._parts.touches(points, frames.body),
-                opening=self._parts.opening(frames.body),
+                touches=touches,
+                opening=opening,
                 layers=inner_layers(points, pieces, self.count) if self.losses.layers else [],
             )
         return self._known[id(frames)]

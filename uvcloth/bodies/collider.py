@@ -137,6 +137,12 @@ def make_collider(body: Body, parts: Parts = COLLIDER_PARTS) -> Collider:
     return replace(closed, pressed=PRESSED_PARTS) if parts is COLLIDER_PARTS else closed
 
 
+def touch_bits(touches: Tensor) -> Tensor:
+    """Mask (parts, N) of the parts that each point may touch, as a bit per part: (N,) int32."""
+    bits = 2 ** torch.arange(len(touches), device=touches.device)
+    return (touches * bits[:, None]).sum(0).int()
+
+
 def compact(parts: Sequence[Tensor]) -> tuple[Tensor, list[NDArray]]:
     """Collider vertices (C,) int64 that some parts have, and the faces (F, 3) of each part into these."""
     if not parts:

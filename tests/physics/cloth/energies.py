@@ -47,7 +47,9 @@ def hinge_stiffness(rest: Tensor, faces: Tensor, fabric: Fabric) -> Tensor:
     """Rigidity times squared length over the area of both faces, N m, of each pair of neighbours: (P,)."""
     first, second, start, end = rest[hinges(faces)].unbind(1)
     along = end - start
-    doubled = sum(torch.linalg.cross(along, tip - start).norm(dim=1) for tip in (first, second))
+    doubled = torch.stack(
+        [torch.linalg.cross(along, tip - start).norm(dim=1) for tip in (first, second)]
+    ).sum(0)
     return fabric.bend * 2.0 * along.square().sum(1) / doubled
 
 

@@ -20,9 +20,10 @@ from train.loop import fit
 from train.pbns.poses import Poses
 from train.state import STATE
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.collider import make_collider
+from uvcloth.bodies.collider import PRESSED_PARTS, SLEEVE_PAIRS, make_collider
 from uvcloth.checkpoint import Checkpoint, TrainingData, load_checkpoint, load_tensors, save_checkpoint
 from uvcloth.errors import InputError
+from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import edge_lengths, unique_edges, vertex_normals
 from uvcloth.geometry.records import CPU
 from uvcloth.geometry.skinning import skin
@@ -120,9 +121,9 @@ def test_planes_are_those_of_contact_on_bodies_of_two_shapes(dataset: OutfitData
     parts = PosedParts(dataset.body, 2, CPU)
     posed = skin(hips.graph.points, hips.graph.smooth, hips.transforms[:2])
     for body in (stout, dataset.body):
-        touches = parts.touches(hips.graph.points, body)
+        touches, opening = parts.met_by(hips.graph.points, body)
         bodies = skin(body.mesh.vertices, body.weights, hips.transforms[:2])
-        parts.move(bodies, parts.opening(body))
+        parts.move(bodies, opening)
         distance = parts.planes(posed, touches, near=0.01).distance(posed)
         obstacle = Obstacle(make_collider(body), body.mesh.vertices)
         garment = obstacle.contact_garment(hips.graph.points, torch.cat(hips.graph.faces))
@@ -133,6 +134,17 @@ def test_planes_are_those_of_contact_on_bodies_of_two_shapes(dataset: OutfitData
             assert 0.1 < met.float().mean() < 1.0
             torch.testing.assert_close(found[met], skins.distance[met], atol=1e-5, rtol=0)
             assert (found[~met] > 1e5).float().mean() > 0.99
+
+
+@pytest.mark.parametrize(
+    ("name", "pairs"), [("tops", PRESSED_PARTS), ("shirt", PRESSED_PARTS + SLEEVE_PAIRS)]
+)
+def test_forearms_are_given_room_where_they_have_sleeves(
+    name: str, pairs: tuple[Any, ...], body: Body
+) -> None:
+    """As in contact; each pair of parts is two sides that are pushed."""
+    _, opening = PosedParts(body, 1, CPU).met_by(fit_template(name, body).mesh.vertices, body)
+    assert len(opening.plan.starts) - 1 == 2 * len(pairs)
 
 
 def test_poses_are_anybody_s_on_the_outfit_s_own_body(dataset: OutfitDataset, start: TrainedStart) -> None:
