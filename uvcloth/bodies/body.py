@@ -95,7 +95,7 @@ class Appearance:
 
 @dataclass(frozen=True)
 class BodyIdentity:
-    """Which body it is, as three SHA-256 in hexadecimal, the later ones of more.
+    """Identity of a body: three SHA-256 in hexadecimal, each of more than the one before.
 
     topology: of joint names and faces; bodies of one rig and mesh share it, whatever their shape. shape: of
     the vertices at rest. whole: of all that decides how clothes fit and move on it, but its name and looks.
@@ -132,7 +132,7 @@ class Body:
 
     @cached_property
     def identity(self) -> BodyIdentity:
-        """Which body it is; files hold parts of this."""
+        """Identity of the body; files hold parts of it."""
         joints, mesh, shapes = "/".join(self.skeleton.names), self.mesh, self.pose_shapes
         parts = [mesh.vertices, mesh.faces, self.weights, self.skeleton.heads, self.regions, self.sides]
         for proxy in self.proxies.values():

@@ -1,4 +1,4 @@
-"""What follows from a body, computed once and kept beside it for as long as it lives."""
+"""Results that follow from a body, computed once and kept for as long as the body lives."""
 
 from collections.abc import Callable
 from functools import wraps
