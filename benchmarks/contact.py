@@ -28,7 +28,7 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import builtin_clips, load_clip
 from uvcloth.physics.contact import Obstacle
-from uvcloth.physics.energies import edge_change
+from uvcloth.physics.measures import edge_change
 
 COLUMNS = (
     "clip",

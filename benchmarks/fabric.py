@@ -4,8 +4,8 @@ Run from the checkout with PYTHONPATH=. as
 
     python benchmarks/fabric.py --poses poses.npz --out fabrics [--garment tops] [--steps 1500]
 
-Each material is trained alike in OUT/EDGE_BEND, which an interrupted run resumes. Prints the measures on the
-validation poses and draws one of them in every material: OUT/fabrics.png.
+Each fabric is trained alike in OUT/STRETCH_BEND, which an interrupted run resumes. Prints the measures on the
+validation poses and draws one of them in every fabric: OUT/fabrics.png.
 """
 
 import os
@@ -28,8 +28,8 @@ from uvcloth.methods.registry import load_method
 from uvcloth.process.command import run_command
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 
-FABRICS = ((5.0, 1e-6), (10.0, 5e-6), (15.0, 1e-5), (20.0, 5e-5), (25.0, 1e-4))
-"""Edge (N/m) and bend (J) stiffness, as printed in the paper."""
+FABRICS = ((11.6, 1.7e-6), (23.1, 8.7e-6), (34.6, 1.7e-5), (46.2, 8.7e-5), (57.7, 1.7e-4))
+"""Stretch, N/m, and bend, N m: the paper's weights of 5 to 25 N/m and 1e-6 to 1e-4 J."""
 
 SIZE = (360, 480)
 """Width and height of a picture, pixels."""
@@ -43,15 +43,16 @@ def main(poses: Path, out: Path, garment: str = "tops", steps: int = 1500, pose:
     outfit = Outfit(body, (load_garment(garment, body),))
     skin = frames.vertices[0, -1]
     pictures = []
-    print("| edge, N/m | bend, J | edge change, mm | bend, rad | bend, 1 - cos | inside, % |")
+    print("| stretch, N/m | bend, N m | edge change, mm | bend, rad | bend, 1 - cos | inside, % |")
     print("|---:|---:|---:|---:|---:|---:|")
-    for edge, bend in FABRICS:
-        run = out / f"{edge:g}_{bend:g}"
-        _train(run, poses, garment, steps, edge, bend)
+    for stretch, bend in FABRICS:
+        run = out / f"{stretch:g}_{bend:g}"
+        _train(run, poses, garment, steps, stretch, bend)
         found = load_checkpoint(run).notes["validation"]
         keys = ("edge_mm", "bend_rad", "bend_cos", "inside_percent")
         print(
-            f"| {edge:g} | {bend:g} | " + " | ".join(f"{found[key]:.3f}" for key in keys) + " |", flush=True
+            f"| {stretch:g} | {bend:g} | " + " | ".join(f"{found[key]:.3f}" for key in keys) + " |",
+            flush=True,
         )
         method = load_method(run, body)
         prepared = method.prepare(outfit, torch.device("cpu"))
@@ -66,17 +67,17 @@ def main(poses: Path, out: Path, garment: str = "tops", steps: int = 1500, pose:
     Image.fromarray(contact_sheet(pictures, columns=len(pictures))).save(out / "fabrics.png")
 
 
-def _train(run: Path, poses: Path, garment: str, steps: int, edge: float, bend: float) -> None:
+def _train(run: Path, poses: Path, garment: str, steps: int, stretch: float, bend: float) -> None:
     finished = run / "finished"
     if finished.exists():
         return
     command = [sys.executable, "-m", "train", "pbns", "--garment", garment, "--poses", str(poses)]
     command += ["--out", str(run), "--steps", str(steps), "--validate-every", str(steps)]
-    command += ["--edge", str(edge), "--bend", str(bend), *(["--resume"] if has_begun(run) else [])]
+    command += ["--stretch", str(stretch), "--bend", str(bend), *(["--resume"] if has_begun(run) else [])]
     subprocess.run(command, check=True, env={**os.environ, "PYTHONPATH": "."})
     finished.touch()
 
 
 if __name__ == "__main__":
     torch.set_grad_enabled(False)
-    sys.exit(run_command("material", lambda: tyro.cli(main)))
+    sys.exit(run_command("fabric", lambda: tyro.cli(main)))

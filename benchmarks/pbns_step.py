@@ -23,8 +23,8 @@ import tyro
 from rich.progress import Progress
 from torch import Tensor
 
-from train.cloth_energy import ClothMaterial
 from train.loop import rows_of_step, set_rates
+from train.pbns.energy import PROGRAM_FABRIC, EnergyConfig
 from train.pbns.objective import AttachmentConfig, PBNSObjective
 from train.pbns.poses import poses_for
 from train.pbns.run import LOOPS
@@ -51,7 +51,7 @@ def main(
     with TemporaryDirectory() as folder:
         database = poses_for(poses, body, Path(folder))
     objective = PBNSObjective(
-        PBNSConfig(), ClothMaterial(), AttachmentConfig(), outfit, database, config.batch
+        PBNSConfig(), PROGRAM_FABRIC, EnergyConfig(), AttachmentConfig(), outfit, database, config.batch
     )
     net: Any = objective.networks()["net"]
     optimizer = torch.optim.AdamW(net.parameters(), lr=config.learning_rate, weight_decay=0.0, fused=True)

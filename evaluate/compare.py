@@ -16,7 +16,6 @@ from evaluate.familiar import training_overlap
 from evaluate.judge import (
     CaseScores,
     Scores,
-    body_fingerprint,
     cached,
     code_fingerprint,
     judge,
@@ -24,7 +23,7 @@ from evaluate.judge import (
     repeatability,
 )
 from evaluate.progress import progress
-from evaluate.results import Entry, floor, representation_floor, stability, summarize
+from evaluate.results import PartScores, floor, representation_floor, stability, summarize
 from evaluate.selection import Cases
 from evaluate.show import Shown
 from evaluate.stability import copied_truth
@@ -63,7 +62,7 @@ def compare(
     with progress("Cases", sum(1 + len(dressing[name]) for name, _ in cases.openers)) as tick:
         for name, open_one in cases.openers:
             case = open_one()
-            setting = f"{code}/{body_fingerprint(case.outfit.body)}/{cases.map_size}/{machine}"
+            setting = f"{code}/{case.outfit.body.identity.whole}/{cases.map_size}/{machine}"
             judged.append(judged_case(case, dressing[name], partial(cached, out, case), setting, tick))
     return {
         **measured(judged, candidates, cases.people),
@@ -126,7 +125,7 @@ def measured(
     names = (SIMULATION, *(candidate.name for candidate in candidates))
     entries = {
         name: [
-            Entry(case.shown.action, part, scores)
+            PartScores(case.shown.action, part, scores)
             for case in judged
             if name in case.scores
             for part, scores in case.scores[name].parts.items()

@@ -15,7 +15,6 @@ from evaluate.candidates import Candidate
 from evaluate.case import Case
 from evaluate.metrics import distance_scores, frame_scores, layer_scores
 from evaluate.stability import stability_scores, uses_feedback
-from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import LEAD, body_frames, with_lead
 from uvcloth.dataset.clip import MOTION_TOLERANCE, SimulatedClip, content_hash
 from uvcloth.dataset.clip_file import load_simulated
@@ -212,15 +211,6 @@ def code_fingerprint() -> str:
         for path in sorted(inside) if place.is_dir() else [place]:
             contents += [str(path.relative_to(root)), path.read_bytes()]
     return fingerprint(*contents)
-
-
-def body_fingerprint(body: Body) -> str:
-    """Hash of the body at rest."""
-    tensors = [body.mesh.vertices, body.mesh.faces, body.weights, body.skeleton.heads]
-    tensors += [body.regions, body.sides]
-    for proxy in body.proxies.values():
-        tensors += [proxy.vertices, proxy.faces, proxy.weights]
-    return fingerprint("/".join(body.skeleton.names), *tensors)
 
 
 def garment_fingerprint(garment: Garment) -> str:

@@ -11,8 +11,8 @@ from torch import Tensor
 
 from rasterize.gather import gather
 from uvcloth.geometry.mesh import weld
-from uvcloth.physics.energies import acceleration_jitter, edge_change, fold_angle, fold_cosine
 from uvcloth.physics.layers import wrong_side_percent
+from uvcloth.physics.measures import acceleration_jitter, edge_change, fold_angle, fold_cosine
 from uvcloth.physics.self_intersection import crossing_edges_percent
 
 MM = 1000.0

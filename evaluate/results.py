@@ -50,7 +50,7 @@ REPRESENTED = "representation_"
 
 
 @dataclass(frozen=True)
-class Entry:
+class PartScores:
     """The scores of one method on one part, a garment or a whole outfit, in one case."""
 
     action: str
@@ -58,7 +58,9 @@ class Entry:
     scores: Scores
 
 
-def summarize(entries: Mapping[str, Sequence[Entry]], outfits: Mapping[str, Sequence[str]]) -> dict[str, Any]:
+def summarize(
+    entries: Mapping[str, Sequence[PartScores]], outfits: Mapping[str, Sequence[str]]
+) -> dict[str, Any]:
     """The methods and the simulation, by action and garment, and by outfit and action.
 
     entries: by method name; those under SIMULATION are the yardstick and go to a key of their own. outfits:
@@ -66,7 +68,7 @@ def summarize(entries: Mapping[str, Sequence[Entry]], outfits: Mapping[str, Sequ
     """
     simulation = entries[SIMULATION]
 
-    def summarized(found: Sequence[Entry]) -> dict[str, Any]:
+    def summarized(found: Sequence[PartScores]) -> dict[str, Any]:
         single = [entry for entry in found if entry.part not in outfits]
         judged = [name for name in outfits if any(entry.part == name for entry in found)]
         whole = {name: [entry for entry in found if entry.part == name] for name in judged}
@@ -127,7 +129,7 @@ def stability(windows: Sequence[Scores]) -> dict[str, float | int | None]:
     }
 
 
-def _tables(entries: Sequence[Entry], simulation: Sequence[Entry]) -> dict[str, Any]:
+def _tables(entries: Sequence[PartScores], simulation: Sequence[PartScores]) -> dict[str, Any]:
     """The tables of a method in metrics.json, by part."""
     parts = {
         part: [entry.scores for entry in entries if entry.part == part]
@@ -146,7 +148,9 @@ def _tables(entries: Sequence[Entry], simulation: Sequence[Entry]) -> dict[str, 
     }
 
 
-def _outfit(entries: Sequence[Entry], simulation: Sequence[Entry], garments: Sequence[str]) -> dict[str, Any]:
+def _outfit(
+    entries: Sequence[PartScores], simulation: Sequence[PartScores], garments: Sequence[str]
+) -> dict[str, Any]:
     """The same of one outfit as a whole, and how its garments lie over one another in each action."""
     tables = _tables(entries, simulation)
     (name,) = tables["stability"]
@@ -172,7 +176,7 @@ def _sides(scores: Sequence[Scores], garments: Sequence[str]) -> dict[str, dict[
     }
 
 
-def _representation(entries: Sequence[Entry]) -> dict[str, dict[str, float]]:
+def _representation(entries: Sequence[PartScores]) -> dict[str, dict[str, float]]:
     """The errors of a method's own representation, by garment; empty if it has none."""
     found: dict[str, list[Scores]] = {}
     for entry in entries:
@@ -186,7 +190,7 @@ def _figures(windows: Sequence[Scores], prefix: str = "") -> dict[str, float]:
     return {unit: _mean(windows, f"{prefix}{key}") ** power for unit, (key, power) in FIGURES.items()}
 
 
-def _by_action(entries: Sequence[Entry], simulation: Sequence[Entry]) -> dict[str, dict[str, Any]]:
+def _by_action(entries: Sequence[PartScores], simulation: Sequence[PartScores]) -> dict[str, dict[str, Any]]:
     """A cell for each action and part."""
     actions: dict[str, dict[str, Any]] = {}
     for action, part in dict.fromkeys((entry.action, entry.part) for entry in entries):
@@ -196,7 +200,7 @@ def _by_action(entries: Sequence[Entry], simulation: Sequence[Entry]) -> dict[st
     return actions
 
 
-def _scores(entries: Sequence[Entry], action: str, part: str) -> list[Scores]:
+def _scores(entries: Sequence[PartScores], action: str, part: str) -> list[Scores]:
     """The scores of all cases of an action with a part."""
     return [entry.scores for entry in entries if (entry.action, entry.part) == (action, part)]
 

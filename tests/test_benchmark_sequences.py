@@ -12,7 +12,7 @@ from uvcloth.dataset.packed import MEAN_ERROR, PackedFolder, load_packed, pack_f
 from uvcloth.garments.loading import load_garment
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.index import read_index
-from uvcloth.physics.energies import edge_change
+from uvcloth.physics.measures import edge_change
 
 BENCHMARKS = Path(__file__).parent.parent / "benchmarks"
 FOLDER = BENCHMARKS / "sequences"

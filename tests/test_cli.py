@@ -71,11 +71,10 @@ def simulated(body, tmp_path):
     from tests.simulate.skinned import skinned_sequence
     from uvcloth.dataset.clip_file import save_simulated
     from uvcloth.garments.templates import fit_template
-    from uvcloth.motion.poses import rest_hash
     from uvcloth.simulate.explicit import Explicit
 
     made = skinned_sequence(fit_template("tops", body), body)
-    made_by = {"body_hash": rest_hash(body), **json.loads(json.dumps(Explicit().describe()))}
+    made_by = {"body_hash": body.identity.shape, **json.loads(json.dumps(Explicit().describe()))}
     save_simulated(made.labelled(**made_by), tmp_path / "out" / "walk_tops.npz")
     return tmp_path / "out"
 

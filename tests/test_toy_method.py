@@ -21,7 +21,7 @@ from train.registry import TRAINERS
 from train.trainer import TrainerEntry
 from train.validation import mean_errors, rollout_distances
 from uvcloth.bodies.body import Body, load_body
-from uvcloth.checkpoint import Checkpoint, body_identity, save_checkpoint
+from uvcloth.checkpoint import Checkpoint, body_record, save_checkpoint
 from uvcloth.commands.animate import animate
 from uvcloth.commands.export import Export
 from uvcloth.commands.export_rig import export
@@ -97,7 +97,7 @@ class MovedObjective(Objective):
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
         tensors, data = {"move": net.bias.detach()}, training_data(self.clips)
-        save_checkpoint(Checkpoint("moved", {}, tensors, body_identity(BODY), OUTFIT, data, notes), run)
+        save_checkpoint(Checkpoint("moved", {}, tensors, body_record(BODY), OUTFIT, data, notes), run)
 
     def settings(self) -> dict[str, Any]:
         return {"data": asdict(training_data(self.clips))}

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.collider import collider_near, make_collider
+from uvcloth.bodies.collider import collider_near, make_collider, touch_bits
 from uvcloth.bodies.opened import Opening, make_opening
 from uvcloth.geometry.records import to_device
 from uvcloth.geometry.skinning import skin
@@ -58,14 +58,14 @@ class PosedParts:
         faces = [part + pose * len(rest) for pose in range(count) for part in self._collider.parts]
         self._meshes = MovingMeshes(rest.repeat(count, 1), faces)
 
-    def touches(self, points: Tensor, body: Body) -> Tensor:
-        """The parts of a body at rest that points (N, 3) m at rest may touch, a bit each: (N,) int32."""
-        touched = self._collider.touches(points, body.mesh.vertices.to(points))
-        return (touched * 2 ** torch.arange(len(touched), device=points.device)[:, None]).sum(0).int()
+    def met_by(self, points: Tensor, body: Body) -> tuple[Tensor, Opening]:
+        """The parts of a body that points (N, 3) m at rest may touch, and how these are opened for them.
 
-    def opening(self, body: Body) -> Opening:
-        """Opening of the parts of a body."""
-        return make_opening(self._collider, body.mesh.vertices)
+        A bit per part, (N,) int32. Forearms are opened where they have sleeves, as in contact.
+        """
+        touches = self._collider.touches(points, body.mesh.vertices.to(points))
+        opening = make_opening(self._collider.for_cloth(touches.any(1)), body.mesh.vertices)
+        return touch_bits(touches), opening
 
     def move(self, vertices: Tensor, opening: Opening) -> None:
         """Move to the poses of a body (B, V, 3) m, no more than `count`, opened."""
@@ -102,6 +102,10 @@ class InnerLayer:
     rows: Tensor
     outer: Tensor
     copies: Layer
+
+    def distance(self, outfit: Tensor, normals: Tensor) -> Tensor:
+        """Signed distance (B, m) m of the other garment from the layer, see `planes`."""
+        return self.planes(outfit, normals).distance(outfit[:, self.outer])
 
     def planes(self, outfit: Tensor, normals: Tensor) -> Planes:
         """The planes that keep the other garment (B, m, 3) over the layer: outfit (B, U, 3) m, as it is now.

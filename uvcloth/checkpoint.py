@@ -21,7 +21,6 @@ from uvcloth.errors import InputError
 from uvcloth.files.atomic import atomic_files, atomic_write
 from uvcloth.files.json_file import parse_json, read_json, require_kinds
 from uvcloth.files.reading import require_file
-from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.version import package_version
 
 VERSION = 3
@@ -78,9 +77,9 @@ class Checkpoint:
     notes: dict[str, Any]
 
 
-def body_identity(body: Body) -> dict[str, str]:
-    """Name and topology hash of a body: bodies of one rig and topology share it, whatever their shape."""
-    return {"name": body.name, "topology": fingerprint("/".join(body.skeleton.names), body.mesh.faces)}
+def body_record(body: Body) -> dict[str, str]:
+    """Name and topology of a body, as a checkpoint holds them."""
+    return {"name": body.name, "topology": body.identity.topology}
 
 
 def save_checkpoint(checkpoint: Checkpoint, folder: Path) -> None:
@@ -127,7 +126,7 @@ def load_checkpoint(folder: Path, body: Body | None = None) -> Checkpoint:
         data=TrainingData(files=meta["data"]["files"], clips=meta["data"]["clips"]),
         notes=meta["notes"],
     )
-    if body is not None and body_identity(body)["topology"] != checkpoint.body.get("topology"):
+    if body is not None and body.identity.topology != checkpoint.body.get("topology"):
         raise InputError(
             f"{folder}: the model was trained on the mesh and rig of body "
             f"{checkpoint.body.get('name')!r:.100}, "

@@ -22,7 +22,6 @@ from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import joint_transforms
-from uvcloth.motion.poses import rest_hash
 
 FRAMES = 40
 INDEX = "trial,subject,split,action,window_start,window_frames\n01_01,a,train,walk,0,1000\n"
@@ -40,7 +39,7 @@ def sequence(garment: str = "tops", **said: object) -> SimulatedClip:
     rest = body.mesh.vertices
     swing = 0.05 * torch.sin(9.0 * time + rest[:, 0])[..., None]
     vertices = (transforms[:, :1, :, :3] @ (rest + swing)[..., None]).squeeze(-1) + transforms[:, :1, :, 3]
-    shape = {"body": "box", "body_hash": rest_hash(body), "engine": "newton.X"}
+    shape = {"body": "box", "body_hash": body.identity.shape, "engine": "newton.X"}
     metadata = {"clip": "01_01", "garment": garment, **shape, **said}
     return clip_of_garment(vertices, body.mesh.faces, rest, transforms, 30.0, 5, metadata)
 
@@ -91,7 +90,7 @@ def test_outfits_are_packed_with_their_bodies(folder: Path, tmp_path: Path) -> N
     keep_body(stout, folder)
     made = {"outfit": "o1", "split": "train", "layers": ["o1_skirt", "o1_top"]}
     for garment in made["layers"]:
-        on = {"body": stout.name, "body_hash": rest_hash(stout)}
+        on = {"body": stout.name, "body_hash": stout.identity.shape}
         wider = sequence(garment, **made, **on)
         save_simulated(altered(wider, rest=1.2 * wider.garments[0].rest), folder / f"01_01_{garment}.npz")
     assert pack_folder(folder, tmp_path / "packed") == 4

@@ -43,7 +43,6 @@ from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.method import Method, Traits
 from uvcloth.methods.physxnet.config import PRESETS
 from uvcloth.methods.physxnet.method import PhysXNet, physxnet_checkpoint
-from uvcloth.motion.poses import rest_hash
 
 SETTLING = 8
 FILE_MM = 0.05
@@ -88,7 +87,7 @@ def simulated(garment: Garment, clip: str, off: Tensor, start: int = 0) -> Simul
     carried = skin(garment.mesh.vertices, garment.weights, transforms)
     body = capsule_body()
     metadata = {"clip": clip, "garment": garment.name, "template": garment.template}
-    metadata |= {"body": body.name, "body_hash": rest_hash(body)}
+    metadata |= {"body": body.name, "body_hash": body.identity.shape}
     return clip_of_garment(
         carried + off, garment.mesh.faces, garment.mesh.vertices, transforms, FPS, SETTLING, metadata
     )

@@ -22,7 +22,7 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import read_archive, save_clip
-from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase, load_poses, rest_hash, save_poses
+from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase, load_poses, save_poses
 
 FRAMES = 5
 
@@ -173,7 +173,7 @@ def check_metadata(metadata: dict) -> None:
 def good_packed(folder: Path) -> Path:
     sequence = load_simulated(good_sequence(folder))
     body = small_body()
-    on_body = sequence.labelled(body=body.name, body_hash=rest_hash(body))
+    on_body = sequence.labelled(body=body.name, body_hash=body.identity.shape)
     save_simulated(on_body, folder / "made" / "walk_dress.npz")
     (folder / "walk_dress.npz").unlink()
     keep_body(body, folder / "made")
@@ -200,7 +200,7 @@ def good_poses(folder: Path) -> Path:
         donors=torch.full((FRAMES, DONORS), -1),
         apart=0.1,
         body_name="box",
-        body_hash=rest_hash(body),
+        body_hash=body.identity.shape,
     )
     save_poses(poses, folder / "poses.npz")
     return folder / "poses.npz"

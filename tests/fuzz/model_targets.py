@@ -12,7 +12,7 @@ from tests.small_body import small_body
 from uvcloth.checkpoint import (
     Checkpoint,
     TrainingData,
-    body_identity,
+    body_record,
     load_checkpoint,
     load_tensors,
     save_checkpoint,
@@ -58,7 +58,7 @@ def check_tensors(found: tuple[dict[str, torch.Tensor], dict[str, Any]]) -> None
 
 
 def plain_checkpoint() -> Checkpoint:
-    identity = body_identity(small_body())
+    identity = body_record(small_body())
     return Checkpoint("physxnet", {"size": 32}, {"a": torch.ones(2)}, identity, ("tops",), DATA, {"step": 7})
 
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import torch
 
 from uvcloth.bodies.body import Body
-from uvcloth.checkpoint import body_identity
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.methods.motion_guided.method import faces_hash
@@ -27,6 +26,6 @@ def test_contents_are_hashed_one_after_another() -> None:
 def test_shipped_models_name_the_shipped_body_and_garment(body: Body) -> None:
     """Stored values: a hash that changes makes every model and sequence look foreign."""
     meta = json.loads((MODELS / "motion_guided" / "config.json").read_text())
-    assert meta["body"]["topology"] == body_identity(body)["topology"]
+    assert meta["body"]["topology"] == body.identity.topology
     garment = fit_template(meta["config"]["garment"], body)
     assert meta["notes"]["garment_topology"] == faces_hash(garment)

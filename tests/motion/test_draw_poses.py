@@ -12,15 +12,15 @@ from uvcloth.errors import InputError
 from uvcloth.geometry.mirror import mirror_transforms
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.geometry.skinning import skin
-from uvcloth.motion.clip_splits import Source
+from uvcloth.motion.clip_splits import SplitClip
 from uvcloth.motion.draw_poses import draw_poses, local_angles
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.poses import PoseDatabase
 
 SOURCES = (
-    Source("jump", "jump", "train"),
-    Source("spin", "spin", "validation"),
-    Source("twirl", "twirl", "test"),
+    SplitClip("jump", "jump", "train"),
+    SplitClip("spin", "spin", "validation"),
+    SplitClip("twirl", "twirl", "test"),
 )
 
 

@@ -5,7 +5,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.geometry.mesh import unique_edges
-from uvcloth.physics.energies import fold_angle
+from uvcloth.physics.measures import fold_angle
 from uvcloth.physics.strain_limiter import STRETCH, StrainLimiter
 
 

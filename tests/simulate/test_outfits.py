@@ -17,7 +17,6 @@ from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
-from uvcloth.motion.poses import rest_hash
 from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.simulate import batch
 from uvcloth.simulate.explicit import Explicit
@@ -107,7 +106,7 @@ def _store_skinned(job: Job) -> None:
     for cloth, target in zip(job.cloths, job.targets, strict=True):
         garment = cloth.garment
         metadata = {"clip": job.motion.name, "garment": garment.name, "body": job.body.name, **job.labels}
-        metadata |= {"template": garment.template, "body_hash": rest_hash(job.body)}
+        metadata |= {"template": garment.template, "body_hash": job.body.identity.shape}
         if len(job.cloths) > 1:
             metadata["layers"] = [each.garment.name for each in job.cloths]
         save_simulated(

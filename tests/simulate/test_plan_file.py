@@ -15,7 +15,6 @@ from uvcloth.dataset.folder import refused_captures
 from uvcloth.errors import InputError
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.index import read_index
-from uvcloth.motion.poses import rest_hash
 from uvcloth.simulate import batch
 from uvcloth.simulate import plan as planning
 from uvcloth.simulate.plan import Job
@@ -63,7 +62,7 @@ def _store_skinned(job: Job) -> None:
     for cloth, target in zip(job.cloths, job.targets, strict=True):
         garment = cloth.garment
         metadata = {"clip": job.motion.name, "garment": garment.name, "body": job.body.name, **job.labels}
-        metadata |= {"body_hash": rest_hash(job.body), "layers": [c.garment.name for c in job.cloths]}
+        metadata |= {"body_hash": job.body.identity.shape, "layers": [c.garment.name for c in job.cloths]}
         vertices = skin(garment.mesh.vertices, garment.smooth_weights, transforms)
         mesh = garment.mesh
         save_simulated(

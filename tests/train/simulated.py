@@ -10,7 +10,7 @@ from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.poses import DONORS, PoseDatabase, rest_hash
+from uvcloth.motion.poses import DONORS, PoseDatabase
 
 
 def save_clips(folder: Path, templates: tuple[str, ...], clips: int, frames: int, warm_up: int = 3) -> None:
@@ -64,5 +64,5 @@ def database_of(body: Body, frames: int = 9, held: int = 3) -> PoseDatabase:
         donors=torch.full((frames, DONORS), -1),
         apart=0.01,
         body_name=body.name,
-        body_hash=rest_hash(body),
+        body_hash=body.identity.shape,
     )

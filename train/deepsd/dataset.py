@@ -11,7 +11,7 @@ from torch import Tensor
 
 from train.pbns.poses import Poses
 from uvcloth.bodies.body import Body
-from uvcloth.checkpoint import TrainingData, body_identity
+from uvcloth.checkpoint import TrainingData
 from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.dataset.cloth3d import is_cloth3d, load_cloth3d
 from uvcloth.dataset.reader import read_outfit_clips
@@ -123,7 +123,7 @@ def read_outfits(folders: Sequence[Path], rest_frames: int, *, balanced: bool = 
     for split in TRAINING_SPLITS:
         if not of_split(clips, split):
             raise InputError(f"{source}: holds no outfit for {split}, training needs some")
-    kinds = [body_identity(outfit.body)["topology"] for outfit, _ in dressed]
+    kinds = [outfit.body.identity.topology for outfit, _ in dressed]
     for kind, clip in zip(kinds, clips, strict=True):
         if kind != kinds[0]:
             raise InputError(

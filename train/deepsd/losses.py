@@ -11,7 +11,7 @@ from torch import Tensor
 from train.deepsd.prediction import PosedOutfit
 from uvcloth.errors import InputError
 from uvcloth.methods.deepsd.outfit_graph import OutfitGraph
-from uvcloth.physics.energies import length_change
+from uvcloth.physics.measures import length_change
 
 MILLI = 1000.0
 """Lengths are logged in millimetres, energies in millijoules."""
@@ -114,20 +114,23 @@ def _edge_change(posed: Tensor, graph: OutfitGraph, rows: Tensor) -> Tensor:
 
 @dataclass(frozen=True)
 class PhysicsLosses:
-    """The energies that train the branch chi, in joules of an outfit (paper eq. 4 to 6)."""
+    """The energies that train the branch chi, in joules of an outfit (paper eq. 4 to 6).
 
-    edge: float = 15.0
-    """N/m, resistance to stretch and compression (paper: 1; its program: 15)."""
-    bend: float = 1e-4
-    """J, resistance to differences of neighbouring normals (paper: 5e-4; its program: 1e-4)."""
-    bend_normals: Literal["vertex", "face"] = "vertex"
-    """Normals of vertices, less the mean of their neighbours' (paper), or those of faces (its program)."""
-    collision: float = 25.0
-    """N/m, against cloth too close to the skin or to an inner garment (paper: 2 to 10; its program: 25)."""
+    Stretch, collision and size of the deformation are springs, of the energy k d^2 / 2.
+    """
+
+    stretch: float = 34.641016
+    """N/m, membrane stiffness (paper: 2.3; its program: 34.6)."""
+    bend: float = 0.0
+    """N m, bending rigidity, by the normals of faces (paper: 0; its program: 1.7e-4)."""
+    roughness: float = 1e-4
+    """J, resistance of vertex normals to differ from their neighbours' mean (paper: 5e-4; its program: 0)."""
+    collision: float = 50.0
+    """N/m, against cloth too close to the skin or to an inner garment (paper: 4 to 20; its program: 50)."""
     thickness: float = 0.005
     """Distance to keep, in metres."""
-    small: float = 0.01
-    """N/m, on the deformation by chi."""
+    small: float = 0.02
+    """N/m, on the deformation by chi (paper: 0.02)."""
     layers: bool = True
     """Also resolve collisions between the pieces of an outfit (paper: no)."""
     pose_source: Literal["any", "own"] = "any"
@@ -137,7 +140,7 @@ class PhysicsLosses:
 
     def __post_init__(self) -> None:
         """Raises InputError for values out of range."""
-        for name in ("edge", "bend", "collision", "thickness", "small"):
+        for name in ("stretch", "bend", "roughness", "collision", "thickness", "small"):
             value = getattr(self, name)
             if not 0 <= value < math.inf:
                 raise InputError(f"--{name} {value}: has to be 0 or more")

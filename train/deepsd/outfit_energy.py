@@ -1,6 +1,7 @@
-"""Energy of outfits on bodies of their own in many poses: what physics minimizes (paper eq. 4 to 6)."""
+"""Energies of outfits on their bodies in many poses: what physics minimizes (paper eq. 4 to 6)."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
@@ -14,22 +15,27 @@ from uvcloth.bodies.opened import Opening
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.operators import Operator
-from uvcloth.methods.deepsd.outfit_graph import pack
-from uvcloth.physics.energies import RestShape, bend_energy, collision_energy, edge_energy, rest_shape
+from uvcloth.geometry.records import to_device
+from uvcloth.physics.energies import (
+    ClothEnergies,
+    attachment_energy,
+    cloth_energies,
+    collision_energy,
+    join_energies,
+)
+from uvcloth.physics.fabric import JERSEY
 
 
 @dataclass(frozen=True)
-class Cloth:
+class RestOutfit:
     """An outfit at rest as the energies need it.
 
     touches: (U,) int32, the parts of the body that each point may touch; opening: of these parts.
-    average: over neighbours.
     """
 
-    shape: RestShape
+    cloth: ClothEnergies
     touches: Tensor
     opening: Opening
-    average: Operator
     layers: list[InnerLayer]
 
 
@@ -38,49 +44,59 @@ class OutfitEnergy:
 
     def __init__(self, losses: PhysicsLosses, body: Body, count: int, device: torch.device) -> None:
         self.losses, self.count, self.device = losses, count, device
+        self._fabric = replace(JERSEY, stretch=losses.stretch, bend=losses.bend)
         self._parts = PosedParts(body, count, device)
-        self._known: dict[int, Cloth] = {}
+        self._known: dict[int, RestOutfit] = {}
 
-    def __call__(self, frames: OutfitFrames, outfit: PosedOutfit, transforms: Tensor) -> dict[str, Tensor]:
-        """Mean energies of an outfit over its poses, J: () each; joint transforms (Q, J, 3, 4)."""
-        losses, posed = self.losses, outfit.posed
-        cloth = self._cloth(frames)
-        energies = {"edge": edge_energy(posed, cloth.shape, losses.edge)}
-        normals = vertex_normals(posed, cloth.shape.faces)
-        if losses.bend_normals == "vertex":
-            energies["bend"] = normal_energy(normals, cloth.average, losses.bend)
-        else:
-            energies["bend"] = bend_energy(posed, cloth.shape, losses.bend)
-        self._parts.move(posed_skin(frames.body, transforms), cloth.opening)
-        planes = self._parts.planes(posed, cloth.touches, losses.thickness)
-        met = [collision_energy(planes.distance(posed), losses.thickness, losses.collision)]
-        for layer in cloth.layers:
-            distance = layer.planes(posed, normals.detach()).distance(posed[:, layer.outer])
-            met.append(collision_energy(distance, losses.thickness, losses.collision))
-        energies["collision"] = torch.stack(met).sum(0)
-        energies["small"] = losses.small * outfit.deformation["physics"].square().sum((-2, -1))
-        return {name: energy.mean() for name, energy in energies.items()}
+    def __call__(
+        self,
+        frames: Sequence[OutfitFrames],
+        outfits: Sequence[PosedOutfit],
+        transforms: Sequence[Tensor],
+        average: Operator,
+    ) -> dict[str, Tensor]:
+        """Energies of B outfits in Q poses each, (Q, B) J.
 
-    def _cloth(self, frames: OutfitFrames) -> Cloth:
-        """The outfit at rest, worked out at its first visit."""
+        transforms: (Q, J, 3, 4) of the body of each. average: over neighbours, of all points in a row.
+        """
+        losses = self.losses
+        resting = [self._resting(each) for each in frames]
+        cloth = join_energies([each.cloth for each in resting])
+        posed = torch.cat([outfit.posed for outfit in outfits], dim=1)
+        normals = vertex_normals(posed, cloth.faces)
+        energies = {"stretch": cloth.springs(posed)}
+        if losses.bend:
+            energies["bend"] = cloth.folds(posed)
+        if losses.roughness:
+            energies["roughness"] = cloth.roughness(normals, average, losses.roughness)
+        met, small = [], []
+        pieces = normals.detach().split(cloth.vertex_counts, dim=1)
+        for index, rest in enumerate(resting):
+            self._parts.move(posed_skin(frames[index].body, transforms[index]), rest.opening)
+            met.append(self._collision(rest, outfits[index].posed, pieces[index]))
+            small.append(attachment_energy(outfits[index].deformation["physics"], losses.small))
+        return {**energies, "collision": torch.stack(met, dim=-1), "small": torch.stack(small, dim=-1)}
+
+    def _collision(self, rest: RestOutfit, posed: Tensor, normals: Tensor) -> Tensor:
+        """Collision (Q,) J of an outfit (Q, U, 3) m with the body as it was moved, and of its layers."""
+        thickness = self.losses.thickness
+        planes = self._parts.planes(posed, rest.touches, thickness)
+        distances = [planes.distance(posed), *(layer.distance(posed, normals) for layer in rest.layers)]
+        met = [collision_energy(distance, thickness, self.losses.collision) for distance in distances]
+        return torch.stack(met).sum(0)
+
+    def _resting(self, frames: OutfitFrames) -> RestOutfit:
+        """The outfit at rest, computed at its first visit."""
         if id(frames) not in self._known:
-            graph, losses = frames.graph, self.losses
-            points = graph.points.to(self.device)
-            faces = [faces.to(self.device) for faces in graph.faces]
+            points = frames.graph.points.to(self.device)
+            faces = [faces.to(self.device) for faces in frames.graph.faces]
             pieces = [each.unique(return_inverse=True) for each in faces]
-            self._known[id(frames)] = Cloth(
-                shape=rest_shape(points, torch.cat(faces), 0.0),
-                touches=self._parts.touches(points, frames.body),
-                opening=self._parts.opening(frames.body),
-                average=pack([graph], self.device).average,
-                layers=inner_layers(points, pieces, self.count) if losses.layers else [],
+            touches, opening = self._parts.met_by(points, frames.body)
+            cloth = cloth_energies(frames.graph.points, torch.cat(frames.graph.faces), self._fabric)
+            self._known[id(frames)] = RestOutfit(
+                cloth=to_device(cloth, self.device),
+                touches=touches,
+                opening=opening,
+                layers=inner_layers(points, pieces, self.count) if self.losses.layers else [],
             )
         return self._known[id(frames)]
-
-
-def normal_energy(normals: Tensor, average: Operator, stiffness: float) -> Tensor:
-    """Bending of vertex normals (B, U, 3), (B,) J: stiffness times their squared Laplacians (paper eq. 4).
-
-    average: over the neighbours of each and itself, which the Laplacian takes from it.
-    """
-    return stiffness * (normals - average(normals)).square().sum((-2, -1))

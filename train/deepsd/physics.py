@@ -89,11 +89,8 @@ class PhysicsObjective(DeePSDObjective):
         poses = self._poses(outfits, frames)
         described = self._described(networks["net"], outfits)
         predicted = pose_outfits(networks["net"], described, poses)
-        energies = [
-            self.energy(outfit, own, transforms)
-            for outfit, own, transforms in zip(outfits, predicted, poses.transforms, strict=True)
-        ]
-        parts = {name: MILLI * torch.stack([each[name] for each in energies]).mean() for name in energies[0]}
+        energies = self.energy(outfits, predicted, list(poses.transforms), described.packed.average)
+        parts = {name: MILLI * energy.mean() for name, energy in energies.items()}
         yield "net", torch.stack(list(parts.values())).sum(), parts
 
     def _poses(self, outfits: Sequence[OutfitFrames], frames: Sequence[Tensor]) -> DrawnPoses:
@@ -133,7 +130,9 @@ class PhysicsObjective(DeePSDObjective):
 
     def _total(self, frames: OutfitFrames, outfit: PosedOutfit, transforms: Tensor) -> Tensor:
         """The energy of an outfit, mJ: () mean over its poses."""
-        return MILLI * torch.stack(list(self.energy(frames, outfit, transforms).values())).sum()
+        average = pack([frames.graph], self.device).average
+        energies = self.energy([frames], [outfit], [transforms], average)
+        return MILLI * torch.stack([energy.mean() for energy in energies.values()]).sum()
 
     def _notes(self) -> dict[str, Any]:
         return {"physics": asdict(self.losses), "start": self.start.notes}

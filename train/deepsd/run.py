@@ -43,8 +43,8 @@ LOSSES: dict[str, DataLosses] = {
 }
 
 PHYSICS: dict[str, PhysicsLosses] = {
-    "default": PhysicsLosses(edge=60.0, collision=300.0, small=1.0),
-    "paper": PhysicsLosses(edge=1.0, bend=5e-4, collision=10.0, layers=False, poses_drawn=1),
+    "default": PhysicsLosses(stretch=138.564065, collision=600.0, small=2.0),
+    "paper": PhysicsLosses(stretch=2.3094011, roughness=5e-4, collision=20.0, layers=False, poses_drawn=1),
     "tiny": PhysicsLosses(poses_drawn=2),
 }
 

@@ -15,7 +15,7 @@ from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.deepsd.network import Branch
 from uvcloth.physics.contact import ContactGarment, Obstacle
-from uvcloth.physics.energies import edge_change, fold_cosine
+from uvcloth.physics.measures import edge_change, fold_cosine
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 
 Energy = Callable[[OutfitFrames, PosedOutfit, Tensor], Tensor]
@@ -88,7 +88,7 @@ class Validation:
         """Means over the outfits, each weighing alike.
 
         energy_mJ: what `energy` gives. mean_mm, smooth_lbs_mm: vertex error, and that of smooth skinning,
-        where the truth is known. edge_mm, bend_cos: see uvcloth.physics.energies. inside_percent: of points.
+        where the truth is known. edge_mm, bend_cos: see uvcloth.physics.measures. inside_percent: of points.
         """
         found: dict[str, list[Tensor]] = {}
         for held, outfit in self._predicted(net, branches, self._held):

@@ -9,8 +9,8 @@ from typing import Any, Literal
 import torch
 from torch import Tensor, nn
 
-from train.cloth_energy import ClothEnergy, ClothMaterial
 from train.loop import Objective
+from train.pbns.energy import EnergyConfig, PBNSEnergy
 from train.pbns.poses import Poses
 from train.pbns.smoothing import GradientSmoothing
 from uvcloth.bodies.body import Body
@@ -28,15 +28,11 @@ from uvcloth.geometry.skinning import apply_transforms, blend_transforms
 from uvcloth.methods.pbns.method import PBNS, new_network, pbns_checkpoint, rest_outfit
 from uvcloth.methods.pbns.network import PBNSConfig, PBNSNetwork
 from uvcloth.methods.rig import pose_vectors
-from uvcloth.motion.poses import PoseDatabase, rest_hash
+from uvcloth.motion.poses import PoseDatabase
 from uvcloth.physics.contact import Obstacle
-from uvcloth.physics.energies import (
-    edge_change,
-    fold_angle,
-    fold_cosine,
-    pin_energy,
-)
+from uvcloth.physics.fabric import Fabric
 from uvcloth.physics.layers import wrong_side_percent
+from uvcloth.physics.measures import edge_change, fold_angle, fold_cosine
 from uvcloth.physics.posed_batch import ClosestPointCache, empty_cache
 from uvcloth.physics.surface import BodySurface
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
@@ -92,7 +88,8 @@ class PBNSObjective(Objective):
     def __init__(
         self,
         config: PBNSConfig,
-        material: ClothMaterial,
+        fabric: Fabric,
+        energy: EnergyConfig,
         attachment: AttachmentConfig,
         outfit: Outfit,
         poses: Poses,
@@ -100,7 +97,7 @@ class PBNSObjective(Objective):
         smoothing: float = SMOOTHING,
         device: torch.device = CPU,
     ) -> None:
-        self.config, self.material, self.attachment, self.outfit = config, material, attachment, outfit
+        self.config, self.fabric, self.attachment, self.outfit = config, fabric, attachment, outfit
         self.data, self.batch, self.device = poses.data, batch, device
         self.garments = rest_outfit(outfit)
         self.poses, self.held = (
@@ -116,13 +113,13 @@ class PBNSObjective(Objective):
         owner = network.owner
         joined = self.garments.joined
         self.points = joined.vertices[first_of(owner)].to(device)
-        self.pins = owner[held].unique().to(device)
         self.faces = [
             owner[mesh.faces + start].to(device)
             for mesh, start in zip(self.garments.meshes, joined.starts, strict=True)
         ]
         self.smoothing = GradientSmoothing(self.faces, smoothing, device)
-        self.energy = ClothEnergy(outfit.body, self.points, self.faces, material, batch, device)
+        pins = owner[held].unique()
+        self.energy = PBNSEnergy(outfit.body, self.points, self.faces, pins, fabric, energy, batch, device)
         self.caches = empty_cache(len(self.poses.vectors), len(self.points), device)
 
     @property
@@ -162,15 +159,14 @@ class PBNSObjective(Objective):
         self, deformed: Tensor, posed: Tensor, transforms: Tensor, cache: ClosestPointCache | None
     ) -> dict[str, Tensor]:
         """Mean energies over a batch, mJ: () each."""
-        energies = self.energy(posed, transforms, cache)
-        energies["pin"] = pin_energy(deformed[:, self.pins], self.material.pin)
+        energies = self.energy(deformed, posed, transforms, cache)
         return {name: MILLI * energy.mean() for name, energy in energies.items()}
 
     @torch.no_grad()
     def validate(self, net: Any) -> dict[str, float]:
         """Energy and the measures of the paper's Table 1 on poses of clips that are not trained on.
 
-        energy_mJ: of the outfit. edge_mm, bend_rad, bend_cos: see uvcloth.physics.energies. inside_percent:
+        energy_mJ: of the outfit. edge_mm, bend_rad, bend_cos: see uvcloth.physics.measures. inside_percent:
         of vertices, as the evaluation counts it. layers_percent: of an outer garment's vertices over an inner
         one that are on its wrong side.
         """
@@ -256,7 +252,7 @@ class PBNSObjective(Objective):
         garments = {
             name: _digest(mesh) for name, mesh in zip(self.garments.names, self.garments.meshes, strict=True)
         }
-        body = {self.outfit.body.name: rest_hash(self.outfit.body)}
+        body = {self.outfit.body.name: self.outfit.body.identity.shape}
         return {
             "method": asdict(self.config),
             **self._made_of(),
@@ -268,7 +264,8 @@ class PBNSObjective(Objective):
     def _made_of(self) -> dict[str, Any]:
         """Settings of the energy and of how it is minimized."""
         return {
-            "material": asdict(self.material),
+            "fabric": asdict(self.fabric),
+            "energy": asdict(self.energy.config),
             "attachment": asdict(self.attachment),
             "smoothing": self.smoothing.share,
         }

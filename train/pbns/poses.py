@@ -14,9 +14,9 @@ from uvcloth.dataset.splits import TRAINING_SPLITS
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import make_folder
 from uvcloth.geometry.fingerprint import fingerprint
-from uvcloth.motion.clip_splits import Source, find_sources
+from uvcloth.motion.clip_splits import SplitClip, find_sources
 from uvcloth.motion.draw_poses import draw_poses
-from uvcloth.motion.poses import SPLITS, PoseDatabase, load_poses, rest_hash, save_poses
+from uvcloth.motion.poses import SPLITS, PoseDatabase, load_poses, save_poses
 from uvcloth.motion.recombine import RECOMBINED, recombine
 from uvcloth.physics.self_contact import SelfContact
 
@@ -56,7 +56,7 @@ def poses_for(given: Sequence[str], body: Body, run: Path) -> Poses:
         files={path.name: fingerprint(path.read_bytes())},
         clips={split: database.clips_of(split) for split in TRAINING_SPLITS},
     )
-    if database.body_hash != rest_hash(body):
+    if database.body_hash != body.identity.shape:
         database = _valid_for(body, database)
     _require_splits(
         str(path), {SPLITS[split] for split in database.splits.unique()}, "draw them from more clips"
@@ -64,7 +64,7 @@ def poses_for(given: Sequence[str], body: Body, run: Path) -> Poses:
     return Poses(database, data)
 
 
-def _drawn_from(database: PoseDatabase, sources: Sequence[Source]) -> bool:
+def _drawn_from(database: PoseDatabase, sources: Sequence[SplitClip]) -> bool:
     """True if a database has the clips and splits of the sources."""
     same = database.clip_names == tuple(source.name for source in sources)
     if not same or database.subjects != tuple(source.subject for source in sources):

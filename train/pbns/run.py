@@ -9,8 +9,8 @@ import tyro
 from rich.console import Console
 from tyro.conf import OmitArgPrefixes
 
-from train.cloth_energy import ClothMaterial
 from train.loop import LoopConfig, check_run, fit, training_device
+from train.pbns.energy import EnergyConfig, FabricOptions
 from train.pbns.objective import SMOOTHING, AttachmentConfig, PBNSObjective, held_vertices
 from train.pbns.poses import poses_for
 from train.trainer import TrainerEntry
@@ -56,7 +56,8 @@ class PBNSRun:
     body: Path | None = None
     """A body made by `uvcloth body`; default: the one in the package."""
     network: OmitArgPrefixes[PBNSConfig] = field(default_factory=PBNSConfig)
-    material: OmitArgPrefixes[ClothMaterial] = field(default_factory=ClothMaterial)
+    fabric: OmitArgPrefixes[FabricOptions] = field(default_factory=FabricOptions)
+    energy: OmitArgPrefixes[EnergyConfig] = field(default_factory=EnergyConfig)
     smoothing: float = SMOOTHING
     """Share of the blend shapes' gradient that is smoothed over the garment (paper: 0)."""
     attachment: OmitArgPrefixes[AttachmentConfig] = field(default_factory=AttachmentConfig)
@@ -67,7 +68,7 @@ class PBNSRun:
         check_run(self.out, resume=self.resume)
         if not self.garment:
             raise InputError("--garment: name at least one garment")
-        body = load_body(self.body)
+        fabric, body = self.fabric.resolved(), load_body(self.body)
         say = partial(Console(stderr=True).print, highlight=False, markup=False)
         outfit = Outfit(body, tuple(load_garment(name, body, say) for name in self.garment))
         # To draw poses takes minutes: a garment without a hem to be held by is refused before.
@@ -75,7 +76,8 @@ class PBNSRun:
         poses = poses_for(self.poses, body, self.out)
         objective = PBNSObjective(
             self.network,
-            self.material,
+            fabric,
+            self.energy,
             self.attachment,
             outfit,
             poses,
@@ -91,20 +93,20 @@ ENTRY = TrainerEntry(
     {
         "default": {
             "network": METHOD.presets["default"],
-            "material": ClothMaterial(),
+            "energy": EnergyConfig(),
             "attachment": AttachmentConfig(),
             "loop": LOOPS["default"],
         },
         "paper": {
             "network": METHOD.presets["paper"],
-            "material": ClothMaterial(collision=25.0, thickness=0.004, pin=1000.0, plane="vertex"),
+            "energy": EnergyConfig(collision=50.0, thickness=0.004, pin=2000.0, plane="vertex"),
             "smoothing": 0.0,
             "attachment": AttachmentConfig(weights="closest"),
             "loop": LOOPS["paper"],
         },
         "tiny": {
             "network": METHOD.presets["tiny"],
-            "material": ClothMaterial(),
+            "energy": EnergyConfig(),
             "attachment": AttachmentConfig(),
             "loop": LOOPS["tiny"],
         },

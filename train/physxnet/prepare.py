@@ -65,14 +65,14 @@ def prepare(folder: Path, body: Body, templates: tuple[str, ...], size: int) -> 
     Only the making needs ray casting: a folder that was prepared here can be trained anywhere.
     Raises InputError naming the file if it is damaged.
     """
-    identity = _identity(body, templates, size)
+    content = _content(body, templates, size)
     path = Path(folder) / PREPARED_FILE.format(body.name)
     if path.exists():
         arrays = kept_arrays(path, PREPARED_FORMAT, "the correspondences of a training run")
-        if str(arrays["identity"]) == identity:
+        if str(arrays["identity"]) == content:
             return _read(arrays, templates)
     prepared = make(body, templates, size)
-    arrays = {"identity": np.array(identity)}
+    arrays = {"identity": np.array(content)}
     arrays |= to_arrays(prepared.texels, "texels")
     for name in templates:
         arrays |= to_arrays(prepared.templates[name], f"template.{name}")
@@ -97,15 +97,12 @@ def make(body: Body, templates: tuple[str, ...], size: int) -> Prepared:
     )
 
 
-def _identity(body: Body, templates: tuple[str, ...], size: int) -> str:
+def _content(body: Body, templates: tuple[str, ...], size: int) -> str:
     """A hash of all that correspondences depend on."""
     data = files("uvcloth") / "data"
     shipped = (data / "layout.npz", *(data / "templates" / f"{name}.npz" for name in templates))
     return fingerprint(
-        "/".join([*templates, str(size)]),
-        body.mesh.vertices,
-        body.mesh.faces,
-        body.weights,
+        "/".join([body.identity.whole, *templates, str(size)]),
         *(file.read_bytes() for file in shipped),
     )
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from torch import Tensor
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays, smallest_indices
 from uvcloth.files.fields import Field, check_fields, indices, names, numbers, whole
+from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton, in_order
 from uvcloth.geometry.units import UNITS
@@ -92,6 +94,19 @@ class Appearance:
 
 
 @dataclass(frozen=True)
+class BodyIdentity:
+    """Identity of a body: three SHA-256 in hexadecimal, each of more than the one before.
+
+    topology: of joint names and faces; bodies of one rig and mesh share it, whatever their shape. shape: of
+    the vertices at rest. whole: of all that decides how clothes fit and move on it, but its name and looks.
+    """
+
+    topology: str
+    shape: str
+    whole: str
+
+
+@dataclass(frozen=True, eq=False)
 class Body:
     """A rigged body at its rest pose, Z up, facing -Y, metres.
 
@@ -114,6 +129,19 @@ class Body:
     base: Tensor | None = None
     appearance: Appearance | None = None
     pose_shapes: Tensor | None = None
+
+    @cached_property
+    def identity(self) -> BodyIdentity:
+        """Identity of the body; files hold parts of it."""
+        joints, mesh, shapes = "/".join(self.skeleton.names), self.mesh, self.pose_shapes
+        parts = [mesh.vertices, mesh.faces, self.weights, self.skeleton.heads, self.regions, self.sides]
+        for proxy in self.proxies.values():
+            parts += [proxy.vertices, proxy.faces, proxy.weights]
+        return BodyIdentity(
+            topology=fingerprint(joints, mesh.faces),
+            shape=fingerprint(mesh.vertices.float()),
+            whole=fingerprint(joints, *parts, *(() if shapes is None else (shapes,))),
+        )
 
 
 def resized(body: Body, factor: float) -> Body:

@@ -20,6 +20,7 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from uvcloth.bodies.body import REGIONS, Body
+from uvcloth.bodies.once import once_per_body
 from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import boundary_edges
 
@@ -124,6 +125,7 @@ class Collider:
         return touches & torch.isfinite(distance)
 
 
+@once_per_body
 def make_collider(body: Body, parts: Parts = COLLIDER_PARTS) -> Collider:
     """Cut the body into parts and close each opening with a cap; `touches` is for the parts of cloth."""
     kept = [
@@ -133,6 +135,12 @@ def make_collider(body: Body, parts: Parts = COLLIDER_PARTS) -> Collider:
     ]
     closed = _closed(kept, len(body.mesh.vertices))
     return replace(closed, pressed=PRESSED_PARTS) if parts is COLLIDER_PARTS else closed
+
+
+def touch_bits(touches: Tensor) -> Tensor:
+    """Mask (parts, N) of the parts that each point may touch, as a bit per part: (N,) int32."""
+    bits = 2 ** torch.arange(len(touches), device=touches.device)
+    return (touches * bits[:, None]).sum(0).int()
 
 
 def compact(parts: Sequence[Tensor]) -> tuple[Tensor, list[NDArray]]:

@@ -12,9 +12,6 @@ from uvcloth.bodies.posing import posed_skin
 HISTORY = 3
 """Frames of the body that are a method's input: k-2, k-1 and k (PhysXNet section 3.1)."""
 
-GRAVITY = (0.0, 0.0, -9.81)
-"""Acceleration of gravity, m/s2, Z up."""
-
 LEAD = HISTORY + 1
 """Frames before the first one that are needed to difference its history twice."""
 

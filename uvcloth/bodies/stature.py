@@ -1,11 +1,13 @@
 """Height of a body, beside the adults that limits and models are for."""
 
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.once import once_per_body
 
 ADULTS = (1.4, 2.2)
 """Metres of the bodies whose motion and clothes the models that ship, and limits of speed, are for."""
 
 
+@once_per_body
 def stature(body: Body) -> float:
     """Height of a body at rest, metres."""
     heights = body.mesh.vertices[:, 2]

@@ -12,7 +12,7 @@ from torch import Tensor
 from uvcloth.errors import InputError
 from uvcloth.formats.gltf import Gltf, one_line, read_gltf, require_few
 from uvcloth.formats.gltf_document import LARGEST
-from uvcloth.formats.gltf_rig import Rig, chain, inverse_bind, read_rig, resting_worlds
+from uvcloth.formats.gltf_rig import SkinJoints, chain, inverse_bind, read_rig, resting_worlds
 from uvcloth.geometry.mesh import Mesh
 
 SUFFIXES = (".glb", ".gltf", ".vrm")
@@ -87,7 +87,7 @@ def _require_room(file: Gltf, vertices: int, joints: int) -> None:
         raise InputError(f"{file.path}: has more than {most:,} vertices, the most on {joints} joints")
 
 
-def _parts(file: Gltf, rig: Rig, index: int) -> Iterable[Part]:
+def _parts(file: Gltf, rig: SkinJoints, index: int) -> Iterable[Part]:
     """Parts, one after the other, of the mesh of a node, none if the skeleton does not move it."""
     node = file.entries("nodes")[index]
     mesh = file.entries("meshes")[node["mesh"]]
@@ -120,7 +120,7 @@ def _parts(file: Gltf, rig: Rig, index: int) -> Iterable[Part]:
     )
 
 
-def _to_bind(file: Gltf, rig: Rig, skin: dict[str, Any], places: list[int]) -> np.ndarray:
+def _to_bind(file: Gltf, rig: SkinJoints, skin: dict[str, Any], places: list[int]) -> np.ndarray:
     """Transform (4, 4) of the vertices of a skin to the bind pose of the rig, by a joint that both have."""
     if "inverseBindMatrices" not in skin:
         return np.eye(4)

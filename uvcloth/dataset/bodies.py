@@ -11,7 +11,6 @@ from uvcloth.dataset.clip_file import read_metadata
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import make_folder
 from uvcloth.files.fields import require_file_name
-from uvcloth.motion.poses import rest_hash
 
 BODIES = "bodies"
 """Folder, in a data folder, of the bodies of its sequences, except the one of the package."""
@@ -24,7 +23,7 @@ def keep_body(body: Body, folder: Path, save: Callable[[Body, Path], None] = sav
     """
     kept = folder / BODIES / f"{body.name}.npz"
     require_file_name(f"{body.name}.npz", f"body {body.name}")
-    if not kept.exists() and rest_hash(body) != _shipped_hash():
+    if not kept.exists() and body.identity.shape != _shipped_hash():
         make_folder(kept.parent)
         save(body, kept)
 
@@ -38,7 +37,7 @@ def sequence_body(path: Path, metadata: Mapping[str, Any], known: dict[str, Body
     kept = path.parent / BODIES / f"{name}.npz"
     if name not in known:
         known[name] = load_kept_body(kept) if kept.is_file() else load_body()
-    shape = rest_hash(known[name])
+    shape = known[name].identity.shape
     if metadata.get("body_hash", shape) != shape:
         raise InputError(f"{path}: was simulated on another body ({name}) than {kept} or the one that ships")
     return known[name]
@@ -61,4 +60,4 @@ def folder_body(folder: Path) -> Body:
 
 @cache
 def _shipped_hash() -> str:
-    return rest_hash(load_body())
+    return load_body().identity.shape

@@ -14,7 +14,6 @@ from uvcloth.errors import InputError
 from uvcloth.files.atomic import atomic_write
 from uvcloth.files.reading import require_file
 from uvcloth.motion.index import COLUMNS, Entry, read_index
-from uvcloth.motion.poses import rest_hash
 
 REPEAT, REJECTED = "repeat", "rejected"
 """Folders in a data folder: second simulations of windows, and sequences that were refused (of either)."""
@@ -72,7 +71,7 @@ def require_same(
     made: description of the engine that makes sequences now. outfits: names of the garments that are
     simulated together.
     """
-    shape = rest_hash(body)
+    shape = body.identity.shape
     layers = {name: outfit for outfit in outfits for name in outfit}
     require_engine(stored, made)
     for each in stored:

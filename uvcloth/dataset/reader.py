@@ -20,7 +20,7 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.index import INDEX, Entry, clip_file, read_index, require_one_split
 from uvcloth.motion.library import load_clip
-from uvcloth.motion.poses import SPLITS, rest_hash
+from uvcloth.motion.poses import SPLITS
 from uvcloth.physics.fabric import fabric_from
 
 BodyClips = tuple[Body, list[SimulatedClip]]
@@ -43,7 +43,7 @@ def read_clips(folders: Sequence[Path], garments: Sequence[str]) -> list[BodyCli
     require_one_split(source, ((clip.name, clip.subject, clip.split) for _, clip in found))
     bodies: dict[str, BodyClips] = {}
     for body, clip in found:
-        bodies.setdefault(rest_hash(body), (body, []))[1].append(clip)
+        bodies.setdefault(body.identity.shape, (body, []))[1].append(clip)
     names = [body.name for body, _ in bodies.values()]
     for name in names:
         if names.count(name) > 1:
@@ -69,7 +69,12 @@ def read_motions(
                     f"{path}: has {len(motion)} frames, the window ends at {entry.start + entry.frames}"
                 )
             transforms = motion.window(entry.start, entry.frames).transforms()
-            labels = {"clip": entry.clip, "body": body.name, "body_hash": rest_hash(body), **_labels(entry)}
+            labels = {
+                "clip": entry.clip,
+                "body": body.name,
+                "body_hash": body.identity.shape,
+                **_labels(entry),
+            }
             clips.append(SimulatedClip((), transforms, motion.fps, 0, labels))
     return clips
 

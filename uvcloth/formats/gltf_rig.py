@@ -23,7 +23,7 @@ REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale
 
 
 @dataclass(frozen=True)
-class Rig:
+class SkinJoints:
     """Joints of a skin, parents before children.
 
     names: J, each once. parents: J indices, -1 for a root. nodes: of the joints in the file. bind: (J, 4, 4)
@@ -38,7 +38,7 @@ class Rig:
     placing: np.ndarray
 
 
-def read_rig(file: Gltf, skin: dict[str, Any]) -> Rig:
+def read_rig(file: Gltf, skin: dict[str, Any]) -> SkinJoints:
     """Read the joints of a skin and their bind pose.
 
     Raises InputError naming the file for too many joints, and for a joint whose bind pose is flat.
@@ -58,7 +58,7 @@ def read_rig(file: Gltf, skin: dict[str, Any]) -> Rig:
     if "inverseBindMatrices" not in skin:
         bind = np.stack([resting[node] for node in joints])
         _require_solid(file, unique, bind)
-        return Rig(unique, tuple(parents), joints, bind, np.eye(4))
+        return SkinJoints(unique, tuple(parents), joints, bind, np.eye(4))
     inverse = inverse_bind(file, skin)[[place[node] for node in joints]]
     _require_solid(file, unique, inverse)
     own = np.linalg.inv(inverse)
@@ -69,7 +69,7 @@ def read_rig(file: Gltf, skin: dict[str, Any]) -> Rig:
     axes = np.eye(4)
     axes[:3, :3] = size * _nearest_axes(placing[:3, :3] / size)
     _require_solid(file, unique, axes @ own)
-    return Rig(unique, tuple(parents), joints, axes @ own, axes)
+    return SkinJoints(unique, tuple(parents), joints, axes @ own, axes)
 
 
 def _told_apart(names: Sequence[str]) -> tuple[str, ...]:

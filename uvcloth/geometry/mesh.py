@@ -84,10 +84,18 @@ def edge_lengths(vertices: Tensor, edges: Tensor) -> Tensor:
 
 def face_pairs(faces: Tensor) -> Tensor:
     """Pairs of faces that share an edge (interior edges of a manifold mesh): (P, 2) int64."""
-    keys, order = _edge_keys(_directed_edges(faces)).sort(stable=True)
-    shared = keys[1:] == keys[:-1]
-    owners = order % len(faces)
-    return torch.stack([owners[:-1][shared], owners[1:][shared]], dim=1)
+    return torch.stack(_shared_edges(faces), dim=1) % len(faces)
+
+
+def hinges(faces: Tensor) -> Tensor:
+    """Vertices around the edge that each of `face_pairs` shares: (P, 4) int64.
+
+    The vertex of the first face and that of the second opposite the edge, then its ends, in the direction of
+    the first face.
+    """
+    directed, sides = _directed_edges(faces), _shared_edges(faces)
+    opposite = [faces[side % len(faces), (side // len(faces) + 2) % 3] for side in sides]
+    return torch.cat([torch.stack(opposite, dim=1), directed[sides[0]]], dim=1)
 
 
 def boundary_edges(faces: Tensor) -> Tensor:
@@ -100,6 +108,13 @@ def boundary_edges(faces: Tensor) -> Tensor:
 def _directed_edges(faces: Tensor) -> Tensor:
     """Every face's edges (3F, 2), corners 0-1 of all faces first."""
     return torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+
+
+def _shared_edges(faces: Tensor) -> tuple[Tensor, Tensor]:
+    """Directed edges, rows (P,) each of `_directed_edges`, at either side of every shared edge."""
+    keys, order = _edge_keys(_directed_edges(faces)).sort(stable=True)
+    shared = torch.nonzero(keys[1:] == keys[:-1]).squeeze(1)
+    return order[shared], order[shared + 1]
 
 
 def _edge_keys(edges: Tensor) -> Tensor:

@@ -18,7 +18,7 @@ AMASS = ("*_poses.npz", "*_stageii.npz")
 
 
 @dataclass(frozen=True)
-class Source:
+class SplitClip:
     """A clip to draw poses from.
 
     file: a path or the name of a built-in clip. split: train, validation or test. subject: the captured
@@ -33,7 +33,7 @@ class Source:
 
 def find_sources(
     clips: Sequence[str], windows: Path | None = None, clips_from: Path | None = None
-) -> list[Source]:
+) -> list[SplitClip]:
     """Find the clips of files, folders, built-in names and an index, sorted by name, each for one split.
 
     A folder gives its BVH and AMASS files (`AMASS`) and those of the folders in it. If an index.csv lies in
@@ -47,7 +47,7 @@ def find_sources(
     without its folder or the reverse, and two clips of one name.
     """
     loose: dict[str, str] = {}
-    sources: list[Source] = []
+    sources: list[SplitClip] = []
     if windows is not None and clips_from is not None:
         sources += _indexed(windows, clips_from)
     elif windows is not None or clips_from is not None:
@@ -64,7 +64,7 @@ def find_sources(
         for name in found.keys() & loose.keys():
             raise InputError(f"{found[name]}: another clip is also named {name} ({loose[name]})")
         loose |= found
-    sources += [Source(name, loose[name], split) for name, split in deal_splits(loose).items()]
+    sources += [SplitClip(name, loose[name], split) for name, split in deal_splits(loose).items()]
     sources.sort(key=lambda source: source.name)
     for first, second in pairwise(sources):
         if first.name == second.name:
@@ -85,12 +85,12 @@ def _in_folder(folder: Path) -> dict[str, str]:
     return named
 
 
-def _indexed(index: Path, folder: Path) -> list[Source]:
+def _indexed(index: Path, folder: Path) -> list[SplitClip]:
     """The clips that an index gives to a split."""
     entries = [entry for entry in read_index(index).values() if entry.split in SPLITS]
     if not entries:
         raise InputError(f"{index}: gives no clip to {', '.join(SPLITS)}")
-    return [Source(e.clip, str(clip_file(e, folder)), e.split, e.subject) for e in entries]
+    return [SplitClip(e.clip, str(clip_file(e, folder)), e.split, e.subject) for e in entries]
 
 
 def deal_splits(names: Iterable[str]) -> dict[str, str]:

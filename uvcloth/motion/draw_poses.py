@@ -13,16 +13,16 @@ from uvcloth.errors import InputError
 from uvcloth.geometry.mirror import mirror_transforms
 from uvcloth.geometry.rotations import to_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, local_rotations
-from uvcloth.motion.clip_splits import Source
+from uvcloth.motion.clip_splits import SplitClip
 from uvcloth.motion.library import load_clip
-from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase, rest_hash
+from uvcloth.motion.poses import DONORS, SPLITS, PoseDatabase
 
 CANDIDATES_AT_ONCE = 256
 """Candidates that are compared at once with the poses drawn before, and with one another."""
 
 
 def draw_poses(
-    sources: Sequence[Source],
+    sources: Sequence[SplitClip],
     body: Body,
     valid: Callable[[Tensor], bool],
     apart: float = 0.5,
@@ -75,7 +75,7 @@ def local_angles(rotations: Tensor, skeleton: Skeleton) -> Tensor:
 
 
 def _candidates(
-    sources: Sequence[Source], body: Body, mirror: bool, every: int, progress: Progress
+    sources: Sequence[SplitClip], body: Body, mirror: bool, every: int, progress: Progress
 ) -> PoseDatabase:
     """Each `every`-th frame of all sources, and with `mirror` those for training once more, mirrored."""
     rotations: list[Tensor] = []
@@ -103,7 +103,7 @@ def _candidates(
         donors=torch.full((len(split_), DONORS), -1),
         apart=0.0,
         body_name=body.name,
-        body_hash=rest_hash(body),
+        body_hash=body.identity.shape,
     )
 
 

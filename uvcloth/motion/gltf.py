@@ -10,7 +10,7 @@ from uvcloth.formats.gltf import Gltf, read_gltf
 from uvcloth.formats.gltf_document import LARGEST
 from uvcloth.formats.gltf_rig import (
     REST,
-    Rig,
+    SkinJoints,
     chain,
     compose,
     local_transform,
@@ -64,7 +64,7 @@ def read_gltf_motion(path: Path) -> Clip:
         return to_clip(file.path.stem, _hierarchy(file, rig, world, fps))
 
 
-def _hierarchy(file: Gltf, rig: Rig, world: dict[int, np.ndarray], fps: float) -> Hierarchy:
+def _hierarchy(file: Gltf, rig: SkinJoints, world: dict[int, np.ndarray], fps: float) -> Hierarchy:
     """Motion of the joints of a rig relative to their parents, given world transforms (T, 4, 4) of nodes."""
     if rig.parents.count(-1) != 1:
         raise InputError(f"{file.path}: the skin has {rig.parents.count(-1)} root joints, expected one")

@@ -12,7 +12,6 @@ from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.files.fields import check_fields, flags, indices, names, numbers, whole
-from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.rotations import are_unit, from_quaternions, to_quaternions
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 
@@ -51,7 +50,7 @@ class PoseDatabase:
     right swapped. splits: (M,) int64 indices into SPLITS. donors: (M, DONORS) int64 the poses of the file
     whose legs, trunk, left and right arm a recombined one has (clip, frame and mirrored are those of the
     legs), -1 for one that was drawn. apart: radians by which any two that were drawn differ at least.
-    body_name, body_hash: the body that they are valid for, see `rest_hash`.
+    body_name, body_hash: name and shape of the body that they are valid for, see `BodyIdentity`.
     """
 
     joints: tuple[str, ...]
@@ -94,11 +93,6 @@ class PoseDatabase:
             name: torch.cat([getattr(self, name), getattr(other, name)]) for name in PER_POSE
         }
         return replace(self, **joined)
-
-
-def rest_hash(body: Body) -> str:
-    """SHA-256 of the body's vertices at rest, in hexadecimal: two bodies of one shape have the same."""
-    return fingerprint(body.mesh.vertices.float())
 
 
 def save_poses(poses: PoseDatabase, path: Path) -> None:

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from uvcloth.bodies.collider import Collider
+from uvcloth.bodies.collider import Collider, touch_bits
 from uvcloth.bodies.opened import make_opening
 from uvcloth.physics import kernels, surface
 from uvcloth.physics.launch import array, launch
@@ -230,9 +230,7 @@ class Obstacle:
 
     def _touches(self, vertices: Tensor) -> Tensor:
         """Bits of the parts that may touch each of a garment's vertices (N, 3) m at rest: (N,) int32."""
-        touches = self.collider.touches(vertices, self._rest)
-        bits = 2 ** torch.arange(len(touches), device=touches.device)
-        return (touches * bits[:, None]).sum(0).int()
+        return touch_bits(self.collider.touches(vertices, self._rest))
 
     def _beneath(self, layer: Layer, vertices: Tensor, touches: Tensor) -> InnerLayerContact:
         """Contact of vertices (N, 3) m with a layer at rest, all but those on its inner side."""

@@ -25,8 +25,9 @@ from torch import Tensor
 
 from uvcloth.errors import InputError
 from uvcloth.geometry.mesh import face_normals, unique_edges
+from uvcloth.geometry.units import GRAVITY
 from uvcloth.physics.fabric import AIR_DENSITY, Fabric
-from uvcloth.simulate.engine import GRAVITY, Frame, Scene
+from uvcloth.simulate.engine import Frame, Scene
 
 PYTHON_VARIABLE = "UVCLOTH_BLENDER_PYTHON"
 """Environment variable that names the Python with bpy."""

@@ -7,14 +7,10 @@ from typing import Any, Protocol, Self, runtime_checkable
 
 from torch import Tensor
 
-from uvcloth.bodies import frames
 from uvcloth.physics.cloth.solver import COMPILING
 from uvcloth.physics.fabric import Fabric
 
 LOGGER = logging.getLogger(__name__)
-
-GRAVITY = -frames.GRAVITY[2]
-"""Acceleration of gravity, m/s2, downwards."""
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,10 @@ from torch import Tensor
 
 from rasterize.warp_start import start_warp
 from uvcloth.errors import InputError
+from uvcloth.geometry.units import GRAVITY
 from uvcloth.physics.fabric import AIR_DENSITY, Fabric
 from uvcloth.simulate.bending import bending_force_hessian
-from uvcloth.simulate.engine import GRAVITY, Frame, Scene
+from uvcloth.simulate.engine import Frame, Scene
 
 STRIDE_SHARE = 0.85
 """Share of the distance to other cloth that a vertex may move before self-contact is detected again."""

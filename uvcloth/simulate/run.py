@@ -18,7 +18,6 @@ from uvcloth.geometry.mesh import join_meshes
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import LeadIn, lead_in
-from uvcloth.motion.poses import rest_hash
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.simulate.engine import Engine, Scene
 from uvcloth.simulate.unfinished import Place, move
@@ -65,7 +64,7 @@ def simulate(
     metadata: dict[str, Any] = {
         "clip": clip.name,
         "body": body.name,
-        "body_hash": rest_hash(body),
+        "body_hash": body.identity.shape,
         "seed": 0,
         "wall_seconds": round(made.seconds, 2),
         **engine.describe(),

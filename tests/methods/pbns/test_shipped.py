@@ -19,7 +19,7 @@ from uvcloth.methods.pbns.method import PBNS
 from uvcloth.methods.registry import SHIPPED, load_method
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.contact import Obstacle
-from uvcloth.physics.energies import edge_change
+from uvcloth.physics.measures import edge_change
 from uvcloth.rollout import rollout
 
 GARMENTS = ("bottoms", "tops")

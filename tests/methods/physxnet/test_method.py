@@ -7,13 +7,14 @@ from tests.methods.stepping import predicted
 from tests.train.simulated import swaying
 from train.physxnet.prepare import make
 from uvcloth.bodies.body import load_body
-from uvcloth.bodies.frames import GRAVITY, body_frames, with_lead
+from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.checkpoint import TrainingData, load_checkpoint, save_checkpoint
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.rotations import rotate
 from uvcloth.geometry.skinning import skin, skin_frames
+from uvcloth.geometry.units import FREE_FALL
 from uvcloth.methods.physxnet.config import PRESETS
 from uvcloth.methods.physxnet.maps import garment_vertices, motion_values, template_offsets
 from uvcloth.methods.physxnet.method import PhysXNet, load_physxnet, physxnet_checkpoint
@@ -122,7 +123,7 @@ def test_specific_force_at_rest_points_up_in_any_pose(body, prepared):
     assert values[:, :3].abs().max() < 1e-4
     _, axes = skin_frames(prepared.texels.points, prepared.texels.weights, pose[:1])
     world = rotate(axes, values[:, 3:].transpose(1, 2))
-    torch.testing.assert_close(world, -torch.tensor(GRAVITY).expand_as(world), atol=2e-2, rtol=0.0)
+    torch.testing.assert_close(world, -torch.tensor(FREE_FALL).expand_as(world), atol=2e-2, rtol=0.0)
 
 
 def test_motion_in_body_axes_does_not_depend_on_the_heading(body, prepared):

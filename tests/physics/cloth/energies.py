@@ -3,10 +3,10 @@
 import torch
 from torch import Tensor
 
-from uvcloth.geometry.mesh import face_pairs
+from uvcloth.geometry.mesh import hinges
 from uvcloth.physics.cloth.cloth import Damping
-from uvcloth.physics.energies import hinge_angles
 from uvcloth.physics.fabric import Fabric
+from uvcloth.physics.measures import hinge_angles
 
 
 def lame(fabric: Fabric) -> tuple[float, float]:
@@ -38,16 +38,19 @@ def membrane_energy(
 
 def hinge_energy(points: Tensor, rest: Tensor, faces: Tensor, fabric: Fabric) -> Tensor:
     """Energy, J, of the angles between neighbouring faces against those at rest."""
-    turned = hinge_angles(points, faces) - hinge_angles(rest, faces)
+    corners = hinges(faces)
+    turned = hinge_angles(points, corners) - hinge_angles(rest, corners)
     return 0.5 * (hinge_stiffness(rest, faces, fabric) * turned.square()).sum()
 
 
 def hinge_stiffness(rest: Tensor, faces: Tensor, fabric: Fabric) -> Tensor:
     """Rigidity times squared length over the area of both faces, N m, of each pair of neighbours: (P,)."""
-    pairs = face_pairs(faces)
-    shared = (faces[pairs[:, 0], :, None] == faces[pairs[:, 1], None, :]).any(2)
-    start, end = rest[faces[pairs[:, 0]][shared].reshape(-1, 2)].unbind(1)
-    return fabric.bend * (end - start).square().sum(1) / _areas(rest, faces)[pairs].sum(1)
+    first, second, start, end = rest[hinges(faces)].unbind(1)
+    along = end - start
+    doubled = torch.stack(
+        [torch.linalg.cross(along, tip - start).norm(dim=1) for tip in (first, second)]
+    ).sum(0)
+    return fabric.bend * 2.0 * along.square().sum(1) / doubled
 
 
 def stiffness_matrix(rest: Tensor, faces: Tensor, fabric: Fabric) -> Tensor:
@@ -88,11 +91,11 @@ def _strain_slopes(rest: Tensor, faces: Tensor) -> Tensor:
     return slopes.reshape(len(faces), 4, -1)
 
 
-def _hinge_slopes(points: Tensor, faces: Tensor, shift: float = 1e-6) -> Tensor:
-    """Derivatives (P, 3 N) of angles, by differences: where cloth is flat, autograd has none."""
-    moves = shift * torch.eye(points.numel(), dtype=points.dtype).reshape(-1, *points.shape)
-    ahead, behind = hinge_angles(points + moves, faces), hinge_angles(points - moves, faces)
-    return ((ahead - behind) / (2.0 * shift)).T
+def _hinge_slopes(points: Tensor, faces: Tensor) -> Tensor:
+    """Derivatives (P, 3 N) of angles."""
+    corners = hinges(faces)
+    slopes = torch.autograd.functional.jacobian(lambda moved: hinge_angles(moved, corners), points)
+    return slopes.reshape(len(corners), -1)
 
 
 def _trace(matrices: Tensor) -> Tensor:

@@ -15,9 +15,9 @@ from tests.simulate.physics.scenes import FPS, G, disc, play, scene, sheet, turn
 from uvcloth.bodies.body import load_body
 from uvcloth.garments.joined import join
 from uvcloth.garments.templates import fit_template
-from uvcloth.geometry.mesh import face_pairs
-from uvcloth.physics.energies import hinge_angles
+from uvcloth.geometry.mesh import face_pairs, hinges
 from uvcloth.physics.fabric import Fabric
+from uvcloth.physics.measures import hinge_angles
 
 LIMP = Fabric(drag=0.0, bend=1e-7)
 """Cloth without air that hardly resists bending."""
@@ -63,7 +63,9 @@ def energy(found: Swing, fabric: Fabric) -> Tensor:
     spread = fabric.stretch * fabric.poisson / (1.0 - fabric.poisson**2)
     trace = strain.diagonal(dim1=-2, dim2=-1).sum(-1)
     stretch = (areas * (shear * strain.square().sum((-2, -1)) + 0.5 * spread * trace.square())).sum(-1)
-    bend = 0.5 * fabric.bend * (_slenderness(rest, faces) * hinge_angles(motion, faces).square()).sum(-1)
+    bend = (
+        0.5 * fabric.bend * (_slenderness(rest, faces) * hinge_angles(motion, hinges(faces)).square()).sum(-1)
+    )
     masses = (
         fabric.density
         / 3.0

@@ -16,7 +16,6 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.rig import pose_vectors
-from uvcloth.motion.poses import rest_hash
 from uvcloth.physics.fabric import FABRICS
 
 BULGE = 0.02
@@ -57,7 +56,7 @@ def save_outfits(folder: Path, outfits: Sequence[MadeUp], frames: int = 6, warm_
                 "clip": f"clip{seed}", "garment": name, "template": template, "layers": names,
                 "outfit": outfit.name, "split": outfit.split, "subject": f"person{seed}",
                 "types": dict(zip(names, outfit.garments, strict=True)),
-                "body": "ann", "body_hash": rest_hash(body),
+                "body": "ann", "body_hash": body.identity.shape,
                 "settings": {"fabric": asdict(FABRICS[outfit.fabric])},
             }  # fmt: skip
             sequence = clip_of_garment(

@@ -17,7 +17,7 @@ from uvcloth.bodies.frames import BodyFrames
 from uvcloth.checkpoint import (
     Checkpoint,
     TrainingData,
-    body_identity,
+    body_record,
     misfit,
     require_weights_of,
     stored_config,
@@ -182,7 +182,7 @@ def deepsd_checkpoint(method: DeePSD, body: Body, data: TrainingData, notes: dic
         method="deepsd",
         config=asdict(method.config),
         tensors=tensors | {"poses": method.poses.half()},
-        body=body_identity(body),
+        body=body_record(body),
         garments=(),
         data=data,
         notes=notes | {"branches": method.branches},

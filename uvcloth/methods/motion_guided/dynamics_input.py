@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from uvcloth.bodies.frames import GRAVITY
 from uvcloth.geometry.rotations import rotate, rotate_back
 from uvcloth.geometry.skinning import apply_transforms, blend_transforms, seen_from_root, skin, skin_frames
+from uvcloth.geometry.units import FREE_FALL
 from uvcloth.methods.motion_guided.descriptor import contact_forces
 from uvcloth.methods.motion_guided.garment_maps import GarmentMaps
 from uvcloth.methods.motion_guided.latent import Dynamics, Space
@@ -107,7 +107,7 @@ def motion_of(local_offsets: bool, maps: GarmentMaps, seen: DynamicsInput) -> Te
     now, frames = skin_frames(maps.texel_points, maps.texel_weights, seen.transforms[:, 0])
     before, earlier = (skin(maps.texel_points, maps.texel_weights, seen.transforms[:, k]) for k in (1, 2))
     velocity = (now - before) * fps
-    force = (velocity - (before - earlier) * fps) * fps - now.new_tensor(GRAVITY)
+    force = (velocity - (before - earlier) * fps) * fps - now.new_tensor(FREE_FALL)
     return torch.cat([*own, rotate_back(frames, velocity), rotate_back(frames, force)], dim=2)
 
 

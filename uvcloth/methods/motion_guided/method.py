@@ -10,7 +10,7 @@ from torch import Tensor, nn
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.frames import BodyFrames
-from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, restored
+from uvcloth.checkpoint import Checkpoint, TrainingData, body_record, restored
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.fingerprint import fingerprint
@@ -300,7 +300,7 @@ def motion_guided_checkpoint(
         method="motion_guided",
         config=asdict(config),
         tensors={name: tensor.half() for name, tensor in tensors.items()},
-        body=body_identity(body),
+        body=body_record(body),
         garments=(config.garment,),
         data=data,
         notes=notes,

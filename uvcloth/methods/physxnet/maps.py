@@ -6,9 +6,9 @@ import torch
 from torch import Tensor
 
 from rasterize.gather import gather
-from uvcloth.bodies.frames import GRAVITY
 from uvcloth.geometry.rotations import rotate, rotate_back
 from uvcloth.geometry.skinning import seen_from_root, skin_frames
+from uvcloth.geometry.units import FREE_FALL
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.texels import BodyTexels, GarmentDecoder, TemplateTexels
 
@@ -24,7 +24,7 @@ def motion_values(
         return velocity.new_zeros(len(velocity), 0, len(texels.corners))
     v, a = texels.gather(velocity), texels.gather(acceleration)
     if config.acceleration == "specific_force":
-        a = a - a.new_tensor(GRAVITY)
+        a = a - a.new_tensor(FREE_FALL)
     if config.frame == "body":
         _, frames = skin_frames(texels.points, texels.weights, transforms)
         v, a = rotate_back(frames, v), rotate_back(frames, a)

@@ -10,7 +10,7 @@ from torch import Tensor
 from rasterize.bake import scatter_map
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import HISTORY, BodyFrames
-from uvcloth.checkpoint import Checkpoint, TrainingData, body_identity, restored
+from uvcloth.checkpoint import Checkpoint, TrainingData, body_record, restored
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.records import to_device
@@ -226,7 +226,7 @@ def physxnet_checkpoint(
             name: tensor.half() if tensor.is_floating_point() else tensor
             for name, tensor in method.net.state_dict().items()
         },
-        body=body_identity(body),
+        body=body_record(body),
         garments=method.config.templates,
         data=data,
         notes=notes,

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from uvcloth.bodies import frames
 from uvcloth.errors import InputError
+from uvcloth.geometry.units import GRAVITY
 from uvcloth.physics.cloth.body_contact import Body, Contacts, begin_passage, find_contacts, resolve_contacts
 from uvcloth.physics.cloth.cloth import Cloth, Particles, Sheet
 from uvcloth.physics.cloth.forces import Hinges, Membrane, add_elastic_forces
@@ -19,8 +19,8 @@ from uvcloth.process.compiled import compiled, inlined, is_kept
 
 Floats = NDArray[np.float32]
 
-GRAVITY = np.float32(-frames.GRAVITY[2])
-"""Acceleration of gravity, m/s2, downwards."""
+FALL = np.float32(GRAVITY)
+"""Acceleration of gravity, m/s2, as the compiled loop computes with it."""
 
 HOLD, HOLD_DAMPING = 100.0, 0.7
 """Frequency, 1/s, and damping ratio of the springs that hold the band of a garment."""
@@ -333,7 +333,7 @@ def _advance(
 def _weigh(particles: Particles, acceleration: Array, forces: Array) -> None:
     """Set forces (N, 3) to the weight, and what an acceleration from outside takes."""
     for i in range(len(forces)):
-        store(forces, i, (ZERO, ZERO, -GRAVITY * particles.weight[i] * particles.mass[i]))
+        store(forces, i, (ZERO, ZERO, -FALL * particles.weight[i] * particles.mass[i]))
     for i in range(len(acceleration)):
         for j in range(3):
             forces[i, j] += particles.mass[i] * acceleration[i, j]
