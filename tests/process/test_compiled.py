@@ -15,7 +15,7 @@ from uvcloth.process.compiling import LOCK
 
 ROOT = Path(__file__).parents[2]
 
-LIMIT = 300
+LIMIT = 900
 """Seconds that a test waits at most; a machine may be busy."""
 
 DISTANCES = """
