@@ -47,6 +47,9 @@ class ChildCache(FunctionCache):
 
     compiles_here = False
 
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Load the function for the types of its arguments, or None if it is to be compiled here."""
         loaded = super().load_overload(sig, target_context)
