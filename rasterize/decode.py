@@ -69,8 +69,8 @@ def _images(
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Places of each point on the sheet, several on a cut: owner (P,) ascending, uvs (P, 2), islands (P,)."""
     corner_uvs = layout.uvs.double()[layout.face_uvs]
-    own = gather(layout.uvs.double(), layout.face_uvs[slot[face]], barycentrics)
-    owners, places, islands = [torch.arange(len(face))], [own], [layout.islands[slot[face]]]
+    face_places = gather(layout.uvs.double(), layout.face_uvs[slot[face]], barycentrics)
+    owners, places, islands = [torch.arange(len(face))], [face_places], [layout.islands[slot[face]]]
 
     kept = mesh_faces[layout.faces]
     on = barycentrics > ZERO_BARYCENTRIC
@@ -80,8 +80,8 @@ def _images(
     order = kept.flatten().argsort(stable=True)
     sorted_vertices = kept.flatten()[order]
     first, last = (torch.searchsorted(sorted_vertices, vertex, right=right) for right in (False, True))
-    which, found = _ranges(first, last)
-    corner = order[found]
+    which, rank = _ranges(first, last)
+    corner = order[rank]
     owners.append(at_vertex[which])
     places.append(layout.uvs.double()[layout.face_uvs.flatten()[corner]])
     islands.append(layout.islands[corner // 3])
@@ -96,9 +96,9 @@ def _images(
     order = keys.argsort(stable=True)
     wanted = torch.minimum(start, stop) * count + torch.maximum(start, stop)
     first, last = (torch.searchsorted(keys[order], wanted, right=right) for right in (False, True))
-    which, found = _ranges(first, last)
-    slots, corners = order[found] // 3, order[found] % 3
-    forward = (starts[order[found]] == start[which])[:, None]
+    which, rank = _ranges(first, last)
+    slots, corners = order[rank] // 3, order[rank] % 3
+    forward = (starts[order[rank]] == start[which])[:, None]
     point = at_edge[which]
     part = barycentrics.double()[point, (opposite[which] + 1) % 3][:, None]
     ends = [corner_uvs[slots, (corners + step) % 3] for step in (1, 2)]
@@ -147,8 +147,8 @@ def _bilinear(texels: Texels, uvs: Tensor, islands: Tensor) -> tuple[Tensor, Ten
     bare = torch.nonzero(weights.sum(1) < 1e-3).flatten()
     for island in sorted(set(islands[bare].tolist())):
         lost = bare[islands[bare] == island]
-        own = torch.nonzero(texels.islands == island).flatten()
-        members = own if len(own) else torch.arange(len(texels))
+        island_texels = torch.nonzero(texels.islands == island).flatten()
+        members = island_texels if len(island_texels) else torch.arange(len(texels))
         _, nearest = cKDTree(texels.uvs[members].numpy()).query(uvs[lost].numpy())
         pixels[lost] = texels.pixels[members[torch.from_numpy(nearest)]][:, None]
         weights[lost] = 0.25
@@ -180,8 +180,8 @@ def nearest_sampler(
     else:
         keys = torch.cat([points, normals[0][usable].double() * LAYER_DISTANCE], dim=1)
         query_keys = torch.cat([query, normals[1].double() * LAYER_DISTANCE], dim=1)
-    _, found = cKDTree(keys.numpy()).query(query_keys.numpy(), k=k)
-    nearest = torch.from_numpy(found)
+    _, neighbours = cKDTree(keys.numpy()).query(query_keys.numpy(), k=k)
+    nearest = torch.from_numpy(neighbours)
 
     offset = points[nearest] - query[:, None]
     reach = offset.norm(dim=2).amax(1).clamp(min=1e-6)[:, None]

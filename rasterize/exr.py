@@ -30,11 +30,11 @@ def write_image(path: Path, pixels: np.ndarray, kind: str, names: Sequence[str])
     spec.channelnames = list(names)
     spec.attribute("compression", "zip")
     if path.suffix.lower() == ".exr":
-        # Else it holds the moment of writing, and the same maps are other bytes each time.
+        # Otherwise it holds the time of writing, and the same maps give other bytes each time.
         spec.attribute("DateTime", "1970:01:01 00:00:00")
     output = OpenImageIO.ImageOutput.create(str(path))
     if output is None:
-        # What is not asked for is printed when the program ends.
+        # OpenImageIO prints errors that nobody reads when the program ends.
         OpenImageIO.geterror()
         reason = "OpenImageIO writes no such format, expected a name in .exr or .png"
         raise OSError(errno.EINVAL, reason, str(path))

@@ -28,7 +28,7 @@ def flatten(
     """
     loop = boundary_loops(faces)[0]
     starts = [np.flatnonzero(loop == corner) for corner in corners]
-    if any(len(found) != 1 for found in starts):
+    if any(len(ends) != 1 for ends in starts):
         raise InputError(f"{place}: a corner of the chart is not on its outer boundary")
     loop = np.roll(loop, -int(starts[0][0]))
     marks = [int(np.flatnonzero(loop == corner)[0]) for corner in corners] + [len(loop)]

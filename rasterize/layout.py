@@ -71,10 +71,10 @@ def lay_out(
     islands: list[np.ndarray] = []
     cuts = edge_keys(seams.numpy(), len(points))
     for island, chart in enumerate(charts):
-        chosen = np.flatnonzero(labels.numpy() == chart.label)
-        if not len(chosen):
+        rows = np.flatnonzero(labels.numpy() == chart.label)
+        if not len(rows):
             raise InputError(f"{chart.name}: no face belongs to this part of the body")
-        used, local = np.unique(mesh_faces[chosen], return_inverse=True)
+        used, local = np.unique(mesh_faces[rows], return_inverse=True)
         local = local.reshape(-1, 3)
         ends = np.searchsorted(used, np.unravel_index(cuts, (len(points),) * 2)).T
         inside = np.isin(cuts, edge_keys(used[edges_of(local)[0]], len(points)))
@@ -91,8 +91,8 @@ def lay_out(
         flat = flatten(points[source], welded, corners, size[0] / size[1], chart.name)
         face_uvs.append(welded + sum(len(part) for part in uvs))
         uvs.append(low + flat * size)
-        kept.append(chosen)
-        islands.append(np.full(len(chosen), island))
+        kept.append(rows)
+        islands.append(np.full(len(rows), island))
     return Layout(
         faces=torch.from_numpy(np.concatenate(kept)),
         uvs=torch.from_numpy(np.concatenate(uvs)).float(),

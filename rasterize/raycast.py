@@ -13,7 +13,7 @@ from rasterize.gather import gather
 class Hits:
     """Hits of R rays, or closest points of R points, on a mesh.
 
-    face: (R,) int64, -1 where nothing was met. barycentrics: (R, 3), zero there. distance: (R,) metres, along
+    face: (R,) int64, -1 for a miss. barycentrics: (R, 3), zero there. distance: (R,) metres, along
     the ray's direction (negative behind its origin); infinite there. For closest points it is positive.
     """
 
@@ -22,7 +22,7 @@ class Hits:
     distance: Tensor
 
     @property
-    def found(self) -> Tensor:
+    def hit(self) -> Tensor:
         """Mask of the rays that met the mesh: (R,) bool."""
         return self.face >= 0
 
@@ -51,9 +51,9 @@ def cast_rays(
     hits = _first_hits(origins, towards, vertices, faces)
     if both_ways:
         ahead, behind = hits.distance.chunk(2)
-        nearer = behind < ahead
-        ray = torch.arange(len(ahead)) + torch.where(nearer, len(ahead), 0)
-        hits = Hits(hits.face[ray], hits.barycentrics[ray], torch.where(nearer, -behind, ahead))
+        backwards = behind < ahead
+        ray = torch.arange(len(ahead)) + torch.where(backwards, len(ahead), 0)
+        hits = Hits(hits.face[ray], hits.barycentrics[ray], torch.where(backwards, -behind, ahead))
     far = hits.distance.abs() > max_distance
     return Hits(
         torch.where(far, -1, hits.face),
@@ -68,8 +68,8 @@ def _first_hits(origins: Tensor, directions: Tensor, vertices: Tensor, faces: Te
     from trimesh.ray.ray_pyembree import RayMeshIntersector
 
     mesh = Trimesh(vertices.double().numpy(), faces.numpy(), process=False)
-    found = RayMeshIntersector(mesh).intersects_first(origins.double().numpy(), directions.numpy())
-    face = torch.from_numpy(np.asarray(found, dtype=np.int64))
+    first = RayMeshIntersector(mesh).intersects_first(origins.double().numpy(), directions.numpy())
+    face = torch.from_numpy(np.asarray(first, dtype=np.int64))
     a, b, c = vertices.double()[faces[face.clamp(min=0)]].unbind(1)
     normal = torch.linalg.cross(b - a, c - a)
     distance = ((a - origins.double()) * normal).sum(1) / (directions * normal).sum(1)
@@ -103,14 +103,14 @@ def closest_points(points: Tensor, vertices: Tensor, faces: Tensor) -> Hits:
 def body_to_garment(
     points: Tensor, normals: Tensor, garment: Tensor, garment_faces: Tensor, max_distance: float
 ) -> Hits:
-    """T^BC (PhysXNet eq. 8): the garment point that each body texel sees along its normal, in rest pose.
+    """T^BC (PhysXNet eq. 8): the garment point along the normal of each body texel, in rest pose.
 
     points, normals: (M, 3) of the texels. garment: (N, 3), its faces counter-clockwise seen from outside. A
     ray that misses, or that meets the cloth from outside (it then covers another limb), sees no garment.
     """
     hits = cast_rays(points, normals, garment, garment_faces, max_distance=max_distance, both_ways=False)
     a, b, c = garment[garment_faces[hits.face.clamp(min=0)]].unbind(1)
-    unseen = ~hits.found | ((torch.linalg.cross(b - a, c - a) * normals).sum(1) <= 0)
+    unseen = ~hits.hit | ((torch.linalg.cross(b - a, c - a) * normals).sum(1) <= 0)
     return Hits(
         torch.where(unseen, -1, hits.face),
         torch.where(unseen[:, None], 0.0, hits.barycentrics),

@@ -69,14 +69,14 @@ def frame_maps(
     """
     points = bake(body, faces, texels)
     velocity = (points[1:] - points[:-1]) * fps
-    offset = torch.where(hits.found[:, None], hits.interpolate(garment, garment_faces) - points[-1], 0.0)
+    offset = torch.where(hits.hit[:, None], hits.interpolate(garment, garment_faces) - points[-1], 0.0)
     ones = torch.ones(len(texels), 1)
     return FrameMaps(
         velocity=scatter_map(velocity[-1], texels),
         acceleration=scatter_map((velocity[1] - velocity[0]) * fps, texels),
         offset=scatter_map(offset, texels),
         body=scatter_map(ones, texels)[0],
-        garment=scatter_map(hits.found[:, None].float(), texels)[0],
+        garment=scatter_map(hits.hit[:, None].float(), texels)[0],
     )
 
 

@@ -57,16 +57,16 @@ def rasterize_layout(layout: Layout, size: int) -> Texels:
     first = torch.ones(len(pixels), dtype=torch.bool)
     first[1:] = pixels[1:] != pixels[:-1]
     pixels, order = pixels[first], order[first]
-    chosen = candidate[order]
+    winner = candidate[order]
     barycentrics = barycentrics[order]
     centres = torch.stack([pixels % size + 0.5, size - pixels // size - 0.5], dim=1) / size
     return Texels(
         height=size,
         width=size,
-        face=layout.faces[chosen],
+        face=layout.faces[winner],
         barycentrics=(barycentrics / barycentrics.sum(1, keepdim=True)).float(),
         pixels=pixels,
-        islands=layout.islands[chosen],
+        islands=layout.islands[winner],
         uvs=centres.float(),
     )
 

@@ -15,7 +15,7 @@ def start_warp() -> None:
     """Initialize Warp once for this process.
 
     Its native part writes to the file descriptor of standard error whatever its log level is; what it says is
-    passed on, but for the line that there is no CUDA driver, which on most machines is no news.
+    passed on without the line that there is no CUDA driver, which is normal on most machines.
     """
     wp.config.log_level = wp.LOG_WARNING
     sys.stderr.flush()

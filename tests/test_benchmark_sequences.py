@@ -1,5 +1,6 @@
 """The packed sequences in `benchmarks`: they unpack here as where they were packed."""
 
+import hashlib
 from pathlib import Path
 
 import pytest
@@ -101,3 +102,17 @@ def test_made_outfits_lie_beside_them() -> None:
         assert name.endswith(f"{sequence.outfit}_{sequence.kind(garment.name)}")
         body = load_body(folder / "bodies" / f"{sequence.metadata['body']}.npz")
         assert (garment.rest - body.mesh.vertices.mean(0)).norm(dim=1).max() < 1.5
+
+
+@pytest.mark.parametrize("name", ["bodies", "outfits", "sequences", "simulated"])
+def test_every_folder_says_what_it_is_and_lists_the_checksums_of_all_its_files(name: str) -> None:
+    folder = BENCHMARKS / name
+    page = (folder / "README.md").read_text(encoding="utf-8")
+    assert all(word in page for word in ("uvcloth data", "November 2026", "SHA256SUMS"))
+    assert "CMU Graphics Lab" in page or "sequences/README.md" in page
+    lines = (folder / "SHA256SUMS").read_text(encoding="utf-8").splitlines()
+    listed = {path: digest for digest, path in (line.split("  ./") for line in lines)}
+    files = {path for path in folder.rglob("*") if path.suffix in {".npz", ".csv"}}
+    assert listed == {
+        path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest() for path in files
+    }

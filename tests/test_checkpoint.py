@@ -49,6 +49,24 @@ def test_comes_back_equal(checkpoint, tmp_path):
     assert sorted(path.name for path in (tmp_path / "run").iterdir()) == [CONFIG, WEIGHTS]
 
 
+@pytest.mark.parametrize(
+    ("values", "kind"),
+    [
+        ([0, 255], torch.uint8),
+        ([-1, 3], torch.int16),
+        ([0, 40_000], torch.int32),
+        ([0, 2**40], torch.int64),
+        ([], torch.int64),
+    ],
+)
+def test_indices_take_the_smallest_type_that_holds_them(values, kind, checkpoint, tmp_path):
+    indices = torch.tensor(values, dtype=torch.int64)
+    save_checkpoint(replace(checkpoint, tensors={"indices": indices}), tmp_path)
+    stored = load_checkpoint(tmp_path).tensors["indices"]
+    assert stored.dtype == kind
+    assert torch.equal(stored.long(), indices)
+
+
 def test_says_which_version_of_the_package_wrote_it(checkpoint, tmp_path, monkeypatch):
     monkeypatch.setattr("uvcloth.version.version", lambda name: {"uvcloth": "1.2.3"}[name])
     save_checkpoint(checkpoint, tmp_path)

@@ -63,3 +63,9 @@ def test_requirements_admit_the_pinned_versions():
         name = requirement.name.lower().replace("_", "-")
         assert name in pinned, f"{requirement.name} is not pinned in constraints.txt"
         assert requirement.specifier.contains(pinned[name]), f"{requirement} does not admit {pinned[name]}"
+
+
+def test_the_data_of_the_package_stay_small() -> None:
+    sizes = {path: path.stat().st_size for path in (ROOT / "uvcloth" / "data").rglob("*") if path.is_file()}
+    assert len(sizes) > 10
+    assert sum(sizes.values()) < 20e6

@@ -17,7 +17,7 @@ import torch
 
 from uvcloth.bodies import body as bodies
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.seen import seen
+from uvcloth.bodies.visible import visible_body
 from uvcloth.difficulties import Difficulties
 from uvcloth.errors import InputError
 from uvcloth.export.animation import Animation
@@ -229,7 +229,7 @@ def export(animation: Animation, path: File) -> tuple[Path, ...]:
     missing package or a full disk; then nothing is written.
     """
     path, body = Path(path), animation.body
-    if line := announce(path, len(animation), animation.meshes, body and seen(body)):
+    if line := announce(path, len(animation), animation.meshes, body and visible_body(body)):
         LOGGER.info(line)
     garments = list(zip(animation.names, animation.meshes, strict=True))
     motion = None if body is None else torch.from_numpy(animation.transforms)

@@ -83,7 +83,10 @@ def body_record(body: Body) -> dict[str, str]:
 
 
 def save_checkpoint(checkpoint: Checkpoint, folder: Path) -> None:
-    """Write a checkpoint folder, both files or neither. Raises InputError if it cannot be written."""
+    """Write a checkpoint folder, both files or neither; indices in the smallest type that holds them.
+
+    Raises InputError if it cannot be written.
+    """
     folder = Path(folder)
     meta = {
         "version": VERSION,
@@ -96,7 +99,8 @@ def save_checkpoint(checkpoint: Checkpoint, folder: Path) -> None:
         "notes": checkpoint.notes,
     }
     with atomic_files(folder / CONFIG) as unfinished:
-        save_tensors(checkpoint.tensors, {}, unfinished / WEIGHTS)
+        tensors = {name: _narrowed(tensor) for name, tensor in checkpoint.tensors.items()}
+        save_tensors(tensors, {}, unfinished / WEIGHTS)
         (unfinished / CONFIG).write_text(json.dumps(meta, indent=2) + "\n", encoding="utf-8")
 
 
@@ -200,6 +204,15 @@ def misfit(folder: Path, error: Exception) -> InputError:
     if isinstance(error, InputError):
         return InputError(f"{folder / CONFIG}: {first}")
     return InputError(f"{folder}: weights and config of the model do not fit each other ({first})")
+
+
+def _narrowed(tensor: Tensor) -> Tensor:
+    """The same whole numbers in the smallest type that holds them; other tensors as they are."""
+    if tensor.dtype != torch.int64 or not tensor.numel():
+        return tensor
+    low, high = int(tensor.min()), int(tensor.max())
+    ranges = {kind: torch.iinfo(kind) for kind in (torch.uint8, torch.int16, torch.int32, torch.int64)}
+    return tensor.to(next(kind for kind, held in ranges.items() if held.min <= low and high <= held.max))
 
 
 def save_tensors(tensors: Mapping[str, Tensor], metadata: Mapping[str, Any], path: Path) -> None:

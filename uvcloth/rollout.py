@@ -296,7 +296,9 @@ def rollout_proxied(
         vertices = proxied.shown(frame.vertices, frame.body_vertices)
         spent = frame.milliseconds["contact"] + 1000.0 * (time.perf_counter() - begun)
         milliseconds = {**frame.milliseconds, "contact": spent}
-        yield replace(frame, raw=proxied.own(frame.raw), vertices=vertices, milliseconds=milliseconds)
+        yield replace(
+            frame, raw=proxied.mesh_vertices(frame.raw), vertices=vertices, milliseconds=milliseconds
+        )
 
 
 def roll_out_together(

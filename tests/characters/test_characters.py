@@ -11,7 +11,7 @@ from tests.characters.made_up import MIXAMO, Piece, t_posed, write_character
 from tests.export.glb_reader import GlbReader
 from tests.motion.test_gltf import CESIUM_MAN, CESIUM_ROLES
 from uvcloth.bodies.body import REGIONS, Body, load_body, save_body
-from uvcloth.bodies.seen import seen
+from uvcloth.bodies.visible import visible_body
 from uvcloth.characters.body import CharacterBody, body_from_character, region_vertices
 from uvcloth.characters.parts import label, sort_parts
 from uvcloth.characters.reader import read_character
@@ -135,7 +135,7 @@ def test_templates_lie_on_a_character_as_on_our_body(body: Body, character: Char
 def test_a_character_is_kept_and_seen(character: CharacterBody, tmp_path: Path) -> None:
     save_body(character.body, tmp_path / "c.npz")
     body = load_body(tmp_path / "c.npz")
-    shown = seen(body)
+    shown = visible_body(body)
     faces = sum(len(part.mesh.faces) for part in (*character.parts.surface, *character.parts.seen))
     assert len(shown.mesh.faces) == len(shown.regions) == faces
     assert len(shown.mesh.uvs)
@@ -179,7 +179,7 @@ def test_a_character_with_a_large_head_is_dressed(body: Body, tmp_path: Path) ->
     man = make(MakeBody(tmp_path / "man.npz", character=CESIUM_MAN, joints=tmp_path / "map.json"))
     assert 1.4 < float(man.mesh.vertices[:, 2].max() - man.mesh.vertices[:, 2].min()) < 1.6
     surface = BodySurface(man.mesh.vertices, man.mesh.faces)
-    own = seen(man).mesh
+    own = visible_body(man).mesh
     clothed = torch.isin(
         man.regions[surface.closest(own.vertices).faces.clamp(min=0)],
         torch.tensor([REGIONS.index(region) for region in ("torso", "upper_arm", "thigh", "calf")]),

@@ -62,7 +62,7 @@ def shell(body: Body) -> tuple[torch.Tensor, Texels, torch.Tensor]:
     points, rays = (bake(values, body.mesh.faces, texels) for values in (body.mesh.vertices, normals))
     hits = body_to_garment(points, rays, shell, body.mesh.faces, max_distance=0.1)
     seen = hits.interpolate(shell, body.mesh.faces)
-    return shell, texels, torch.where(hits.found[:, None], seen, torch.nan)
+    return shell, texels, torch.where(hits.hit[:, None], seen, torch.nan)
 
 
 def torso(body: Body) -> torch.Tensor:

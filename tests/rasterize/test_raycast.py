@@ -18,7 +18,7 @@ def directions(count: int) -> torch.Tensor:
 def test_rays_from_the_centre_meet_the_sphere_at_its_radius() -> None:
     towards = directions(200)
     hits = cast_rays(torch.zeros(200, 3), 3.0 * towards, VERTICES, FACES, max_distance=2.0, both_ways=False)
-    assert hits.found.all()
+    assert hits.hit.all()
     assert (hits.distance - 1).abs().max() < 2e-3
     assert (hits.interpolate(VERTICES, FACES) - towards * hits.distance[:, None]).abs().max() < 1e-5
 
@@ -51,13 +51,13 @@ def test_closest_points_lie_along_the_radius() -> None:
 def test_body_and_garment_see_each_other() -> None:
     inner = 0.8 * VERTICES
     there = body_to_garment(inner, VERTICES, VERTICES, FACES, max_distance=0.5)
-    assert there.found.float().mean() > 0.999
-    assert (there.interpolate(VERTICES, FACES)[there.found] - VERTICES[there.found]).norm(dim=1).max() < 1e-3
+    assert there.hit.float().mean() > 0.999
+    assert (there.interpolate(VERTICES, FACES)[there.hit] - VERTICES[there.hit]).norm(dim=1).max() < 1e-3
     back = garment_to_body(VERTICES, VERTICES, inner, FACES, max_distance=0.5)
-    assert (back.distance[back.found] + 0.2).abs().max() < 1e-3
+    assert (back.distance[back.hit] + 0.2).abs().max() < 1e-3
 
 
 def test_the_outside_of_cloth_on_another_limb_is_not_seen() -> None:
     origin = torch.tensor([[1.5, 0.01, 0.02]])
     hits = body_to_garment(origin, torch.tensor([[-1.0, 0.0, 0.0]]), VERTICES, FACES, max_distance=2.0)
-    assert not hits.found.any()
+    assert not hits.hit.any()

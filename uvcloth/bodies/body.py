@@ -150,7 +150,7 @@ def resized(body: Body, factor: float) -> Body:
     def longer(mesh: Mesh) -> Mesh:
         return replace(mesh, vertices=mesh.vertices * factor)
 
-    seen = body.appearance
+    appearance = body.appearance
     return replace(
         body,
         mesh=longer(body.mesh),
@@ -159,7 +159,7 @@ def resized(body: Body, factor: float) -> Body:
             name: replace(proxy, vertices=proxy.vertices * factor) for name, proxy in body.proxies.items()
         },
         base=None if body.base is None else body.base * factor,
-        appearance=None if seen is None else replace(seen, mesh=longer(seen.mesh)),
+        appearance=None if appearance is None else replace(appearance, mesh=longer(appearance.mesh)),
         pose_shapes=None if body.pose_shapes is None else body.pose_shapes * factor,
     )
 
@@ -215,11 +215,11 @@ def body_arrays(body: Body) -> dict[str, np.ndarray]:
     if body.pose_shapes is not None:
         arrays["pose_shapes"] = body.pose_shapes.numpy().astype(np.float32)
     if body.appearance is not None:
-        seen = body.appearance.mesh
-        arrays["seen_vertices"] = seen.vertices.numpy().astype(np.float32)
-        arrays["seen_faces"] = seen.faces.numpy().astype(np.uint32)
-        arrays["seen_uvs"] = seen.uvs.numpy().astype(np.float32)
-        arrays["seen_face_uvs"] = seen.face_uvs.numpy().astype(np.uint32)
+        visible = body.appearance.mesh
+        arrays["seen_vertices"] = visible.vertices.numpy().astype(np.float32)
+        arrays["seen_faces"] = visible.faces.numpy().astype(np.uint32)
+        arrays["seen_uvs"] = visible.uvs.numpy().astype(np.float32)
+        arrays["seen_face_uvs"] = visible.face_uvs.numpy().astype(np.uint32)
         arrays |= _pack_weights("seen_", body.appearance.weights)
     return arrays
 
@@ -298,9 +298,9 @@ def _unpack_mesh(data: dict[str, np.ndarray], prefix: str) -> Mesh:
 
 def _unpack_weights(path: Path, data: dict[str, np.ndarray], prefix: str, joints: int) -> Tensor:
     """Weights (V, J); raises InputError naming the file if a vertex has none."""
-    chosen = torch.from_numpy(data[f"{prefix}weight_joints"])
+    influences = torch.from_numpy(data[f"{prefix}weight_joints"])
     values = torch.from_numpy(data[f"{prefix}weights"])
-    dense = torch.zeros(len(chosen), joints).scatter_add_(1, chosen, values)
+    dense = torch.zeros(len(influences), joints).scatter_add_(1, influences, values)
     sums = dense.sum(1, keepdim=True)
     if (sums < LEAST_WEIGHTS).any():
         raise InputError(f"{path}: {prefix}weights of vertex {int(sums.argmin())} are zero")

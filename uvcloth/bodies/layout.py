@@ -62,9 +62,9 @@ def body_layout(body: Body) -> Layout:
         seams[name] = cheapest_path(faces[torso], torso_cost, shoulder, hip, name)
         for limb in ("arm", "leg"):
             name = f"{side} {limb}"
-            chosen = faces[labels == LIMB_LABELS[name]]
-            cost = _edge_costs(body, chosen, _off_seam(body, loops[name], limb))
-            seams[name] = cheapest_path(chosen, cost, *loops[name], name)
+            limb_faces = faces[labels == LIMB_LABELS[name]]
+            cost = _edge_costs(body, limb_faces, _off_seam(body, loops[name], limb))
+            seams[name] = cheapest_path(limb_faces, cost, *loops[name], name)
     crotch = cheapest_path(
         faces[torso],
         torso_cost,
@@ -118,9 +118,9 @@ def _part_labels(body: Body, mirror: np.ndarray | None) -> np.ndarray:
         labels = _mirrored_labels(labels, body, mirror)
     labels = _smooth_borders(labels, faces)
     for part in (TORSO, *LIMB_LABELS.values()):
-        chosen = np.flatnonzero(labels == part)
-        if len(chosen):
-            labels[np.delete(chosen, largest_piece(faces[chosen]))] = PRUNED
+        rows = np.flatnonzero(labels == part)
+        if len(rows):
+            labels[np.delete(rows, largest_piece(faces[rows]))] = PRUNED
     return labels
 
 

@@ -1,8 +1,8 @@
 """Opened colliders: parts that mocap presses into each other are pushed apart, for contact only.
 
 Cloth between arm and ribs, thigh and belly, thigh and thigh, or calf and thigh needs room there. Where the
-skins of two such parts come closer than GAP, each is pushed back by half of what is missing, and the skin
-around follows. The body that is shown stays as it is.
+skins of two such parts come closer than GAP, each is pushed back by half of the missing distance, and the
+skin around it moves along. The visible body does not change.
 """
 
 from collections.abc import Sequence
@@ -33,19 +33,19 @@ LONGEST_PUSH = 0.05
 """Most metres that a part is pushed: half of an arm's thickness."""
 
 POINT_SPACING = 0.012
-"""Metres between the points at which distances are measured: a finer mesh has vertices to spare."""
+"""Metres between the points at which distances are measured: of a finer mesh only some vertices are used."""
 
 
 @dataclass(frozen=True)
 class Opening:
-    """Opening of a collider; `plan` is what the compiled loops know of it."""
+    """Opening of a collider; `plan` is the input of the compiled loops."""
 
     plan: Plan
 
     def opened(self, vertices: Tensor) -> Tensor:
         """Collider vertices (F, C, 3) or (C, 3) m with room between the parts, float32.
 
-        Each frame is opened by itself. Vertices that no other part comes near stay the same to the bit.
+        Each frame is opened by itself. Vertices far from every other part keep the same bits.
         """
         apart = vertices.detach().to("cpu", torch.float32, copy=True).contiguous()
         open_frames(apart.view(-1, *apart.shape[-2:]).numpy(), self.plan)
@@ -57,27 +57,36 @@ def make_opening(collider: Collider, body_vertices: Tensor) -> Opening:
     body, collider = body_vertices.detach().to("cpu", torch.float32), to_device(collider, CPU)
     rest, count = body.numpy(), len(body) + len(collider.rims)
     skins = [part[(part < len(body)).all(1)] for part in collider.parts]
-    own = [skin.unique().numpy() for skin in skins]
-    sides = [side for a, b in collider.pressed if len(own[a]) and len(own[b]) for side in ((a, b), (b, a))]
+    vertices_of = [skin.unique().numpy() for skin in skins]
+    sides = [
+        side
+        for a, b in collider.pressed
+        if len(vertices_of[a]) and len(vertices_of[b])
+        for side in ((a, b), (b, a))
+    ]
     graph = _skin_graph(body, torch.cat(skins), count)
     clear = np.full(count, -1.0, np.float32)
     for part in {part for part, _ in sides}:
-        thinned = thin_out(graph.indptr, graph.indices, graph.data, _in_order(rest, own[part]), POINT_SPACING)
+        thinned = thin_out(
+            graph.indptr, graph.indices, graph.data, _in_order(rest, vertices_of[part]), POINT_SPACING
+        )
         clear = np.maximum(clear, thinned)
-    chosen = [
-        _close_together(rest, np.setdiff1d(own[part][clear[own[part]] >= 0], own[other]))
+    points_of = [
+        _close_together(
+            rest, np.setdiff1d(vertices_of[part][clear[vertices_of[part]] >= 0], vertices_of[other])
+        )
         for part, other in sides
     ]
-    points, rims = _joined(chosen), [rim[:, 0].numpy() for rim in collider.rims]
+    points, rims = _joined(points_of), [rim[:, 0].numpy() for rim in collider.rims]
     spread = along_skin(graph.indptr, graph.indices, graph.data, clear, LONGEST_PUSH / SLOPE)
     ring_starts, rings = _rings(torch.cat(skins), count)
-    allowed = [_allowed(own[other], graph) for _, other in sides]
+    allowed = [_allowed(vertices_of[other], graph) for _, other in sides]
     wanted = [
-        np.minimum(KDTree(rest[own[other]]).query(rest[own_points])[0], GAP)
-        for own_points, (_, other) in zip(chosen, sides, strict=True)
+        np.minimum(KDTree(rest[vertices_of[other]]).query(rest[own_points])[0], GAP)
+        for own_points, (_, other) in zip(points_of, sides, strict=True)
     ]
     plan = Plan(
-        starts=_starts(chosen),
+        starts=_starts(points_of),
         points=points,
         want=np.concatenate([np.zeros(0), *wanted]).astype(np.float32),
         core=np.square(0.5 * np.maximum(_edge_means(graph), POINT_SPACING))[points].astype(np.float32),
@@ -123,7 +132,7 @@ def _close_together(rest: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 
 
 def _allowed(other: np.ndarray, graph: csr_array) -> np.ndarray:
-    """Longest push (C,) m of each vertex off another part (N,): the less, the closer it is along the skin."""
+    """Longest push (C,) m of each vertex off another part (N,): shorter, the closer it is along the skin."""
     ways = dijkstra(graph, indices=other, limit=LONGEST_PUSH / SLOPE, min_only=True)
     return np.minimum(SLOPE * ways, LONGEST_PUSH).astype(np.float32)
 

@@ -2,8 +2,8 @@
 
 A side is one part of a pair against the other; sides 2k and 2k + 1 are pair k. Signed distances are moving
 least squares over the points of the other side: its tangent planes, weighted by a smooth function of the
-distance and by how much the two skins face each other. So a small change of the pose is a small change of
-the result, where a nearest face would switch.
+distance and by how much the two skins face each other. So a small change of the pose changes
+the result a little; with nearest faces it would jump.
 """
 
 import heapq
@@ -14,7 +14,7 @@ import numpy as np
 from uvcloth.process.compiled import compiled
 
 REACH = 0.08
-"""Metres within which points of two parts act on each other: deeper ones have no way out."""
+"""Metres within which points of two parts act on each other: deeper ones are left inside."""
 
 FACING = 0.5
 """Cosine between normals below which two skins face each other: the far side of a limb does not count."""
@@ -25,17 +25,17 @@ ROUNDS = 5
 FULL_WEIGHT = 1.0e4
 """Sum of the weights, 1/m4, from which a distance counts in full: that of one facing point 6 cm away."""
 
-BESIDE = 0.03
-"""Metres that a point may lie beside the wall that it is measured by; at twice that it does not count.
+LATERAL = 0.03
+"""Metres along the wall from a point to the part of the wall that measures it, up to which it counts.
 
-A tangent plane goes on where the wall has long ended.
+At twice that it does not count: a tangent plane extends beyond the end of the wall.
 """
 
 BLOCK = 16
 """Points in a row, which lie close together, that are passed over at once where their box is out of reach."""
 
 FAR = np.float32(1.0e9)
-"""Metres that stand for no distance: fast arithmetic knows no infinity."""
+"""Metres that mean no distance: fast arithmetic has no infinity."""
 
 
 class Plan(NamedTuple):
@@ -80,7 +80,7 @@ def open_frames(frames: np.ndarray, plan: Plan) -> None:
     sums, push = np.zeros((points, 8), np.float32), np.empty(points, np.float32)
     most = np.zeros(points, np.float32)
     shift, side_shift = np.zeros((vertices, 3), np.float32), np.zeros((vertices, 5), np.float32)
-    moved, marked = np.empty(vertices, np.int32), np.zeros(vertices, np.bool_)
+    active, marked = np.empty(vertices, np.int32), np.zeros(vertices, np.bool_)
     for frame in range(len(frames)):
         corners = frames[frame]
         _find_near(corners, plan, near, counts, places)
@@ -95,16 +95,16 @@ def open_frames(frames: np.ndarray, plan: Plan) -> None:
             pushed = _correct(plan, near, counts, sums, each == 0, most, push)
             if each == 0 and not pushed:
                 break
-            amount = _spread(plan, near, counts, push, sums, shift, side_shift, moved, marked, amount)
+            amount = _spread(plan, near, counts, push, sums, shift, side_shift, active, marked, amount)
             _follow(corners, plan, near, counts, shift, places)
         for row in range(amount):
-            vertex = moved[row]
+            vertex = active[row]
             for axis in range(3):
                 corners[vertex, axis] += shift[vertex, axis]
         _move_tips(corners, plan, shift)
         for row in range(amount):
-            shift[moved[row]] = 0.0
-            marked[moved[row]] = False
+            shift[active[row]] = 0.0
+            marked[active[row]] = False
 
 
 @compiled
@@ -113,7 +113,7 @@ def distances(corners: np.ndarray, plan: Plan) -> np.ndarray:
     points = len(plan.points)
     near, counts = np.empty(points, np.int32), np.empty(len(plan.starts) - 1, np.int32)
     places, normals = np.empty((points, 3), np.float32), np.empty((points, 3), np.float32)
-    sums, found = np.zeros((points, 8), np.float32), np.full(points, FAR, np.float32)
+    sums, signed = np.zeros((points, 8), np.float32), np.full(points, FAR, np.float32)
     _find_near(corners, plan, near, counts, places)
     _find_normals(corners, plan, near, counts, normals)
     first, second, facing = _find_pairs(plan, near, counts, places, normals)
@@ -122,8 +122,8 @@ def distances(corners: np.ndarray, plan: Plan) -> np.ndarray:
         for row in range(plan.starts[side], plan.starts[side] + counts[side]):
             point = near[row]
             if sums[point, 0] > 0:
-                found[point] = sums[point, 1] / sums[point, 0]
-    return found
+                signed[point] = sums[point, 1] / sums[point, 0]
+    return signed
 
 
 @compiled
@@ -253,7 +253,7 @@ def _measure(
         i = first[pair]
         px, py, pz = places[i, 0], places[i, 1], places[i, 2]
         nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
-        own, sum_weight, sum_above = plan.core[i], zero, zero
+        core, sum_weight, sum_above = plan.core[i], zero, zero
         wall_x, wall_y, wall_z, way_x, way_y, way_z = zero, zero, zero, zero, zero, zero
         while pair < len(first) and first[pair] == i:
             j = second[pair]
@@ -261,7 +261,7 @@ def _measure(
             square = x * x + y * y + z * z
             rest = one - square * reach
             if rest > 0:
-                rest /= square + half * (own + plan.core[j])
+                rest /= square + half * (core + plan.core[j])
                 weight = facing[pair] * rest * rest
                 mx, my, mz = weight * normals[j, 0], weight * normals[j, 1], weight * normals[j, 2]
                 sum_weight += weight
@@ -289,8 +289,8 @@ def _measure(
 
 
 @compiled
-def _beside(sums: np.ndarray, point: int) -> float:
-    """Distance, m, along a wall from a point to the middle of what it is measured by."""
+def _lateral_distance(sums: np.ndarray, point: int) -> float:
+    """Distance, m, along a wall from a point to the middle of the points that measure it."""
     along, square, length = 0.0, 0.0, 0.0
     for axis in range(3):
         along += sums[point, 5 + axis] * sums[point, 2 + axis]
@@ -316,9 +316,9 @@ def _correct(
     most: np.ndarray,
     push: np.ndarray,
 ) -> bool:
-    """Correct the push of each near point by half of what it lacks, up to all that it lacked at first.
+    """Correct the push of each near point by half of its missing distance.
 
-    Returns whether there is any push.
+    The sum is at most the missing distance of the first round. Returns whether there is any push.
     """
     pushed = False
     for side in range(len(counts)):
@@ -329,7 +329,9 @@ def _correct(
                 lack = plan.want[point] - sums[point, 1] / weight
                 if lack <= 0 and push[point] <= 0:
                     continue
-                lack *= _smooth_step(weight / FULL_WEIGHT) * _smooth_step(2.0 - _beside(sums, point) / BESIDE)
+                lack *= _smooth_step(weight / FULL_WEIGHT) * _smooth_step(
+                    2.0 - _lateral_distance(sums, point) / LATERAL
+                )
                 if first:
                     most[point] = min(max(lack, 0.0), plan.allowed[side, plan.points[point]])
                 push[point] = min(max(push[point] + 0.5 * lack, 0.0), most[point])
@@ -346,17 +348,17 @@ def _spread(
     sums: np.ndarray,
     shift: np.ndarray,
     side_shift: np.ndarray,
-    moved: np.ndarray,
+    active: np.ndarray,
     marked: np.ndarray,
     amount: int,
 ) -> int:
     """Spread the pushes of points over the vertices around them, into the shift (C, 3) of all.
 
     A vertex goes as far as the longest push less the slope to it, and in the mean direction of all. Returns
-    how many vertices have been moved so far: the first ones of `moved`.
+    how many vertices have a shift so far: the first ones of `active`.
     """
     for row in range(amount):
-        shift[moved[row]] = 0.0
+        shift[active[row]] = 0.0
     for side in range(len(counts)):
         pushed = False
         for row in range(plan.starts[side], plan.starts[side] + counts[side]):
@@ -374,7 +376,7 @@ def _spread(
                     if plan.allowed[side, other] > 0:
                         if not marked[other]:
                             marked[other] = True
-                            moved[amount] = other
+                            active[amount] = other
                             amount += 1
                         side_shift[other, 0] = max(side_shift[other, 0], left)
                         side_shift[other, 1] += left
@@ -382,7 +384,7 @@ def _spread(
                         side_shift[other, 3] += left * y
                         side_shift[other, 4] += left * z
         for row in range(amount if pushed else 0):
-            vertex = moved[row]
+            vertex = active[row]
             if side_shift[vertex, 1] > 0:
                 scale = min(side_shift[vertex, 0], plan.allowed[side, vertex]) / side_shift[vertex, 1]
                 for axis in range(3):
@@ -428,21 +430,21 @@ def thin_out(
     """Choose vertices, the first in order (N,) first, that are at least spacing, m, apart along the skin.
 
     The edges of the skin are a graph in compressed rows. Returns of each vertex (C,) how far away, m, others
-    were left out for it; -1 of those that are not chosen.
+    were left out for it; -1 of all others.
     """
     vertices = len(starts) - 1
     free, clear = np.zeros(vertices, np.bool_), np.full(vertices, -1.0, np.float32)
-    distance, found = np.full(vertices, FAR, np.float32), np.empty(vertices, np.int32)
+    distance, region = np.full(vertices, FAR, np.float32), np.empty(vertices, np.int32)
     free[order] = True
     for source in order:
         if not free[source]:
             continue
         free[source], clear[source] = False, 0.0
-        for row in range(_walk(starts, neighbours, lengths, source, spacing, distance, found)):
-            if free[found[row]]:
-                free[found[row]] = False
-                clear[source] = max(clear[source], distance[found[row]])
-            distance[found[row]] = FAR
+        for row in range(_walk(starts, neighbours, lengths, source, spacing, distance, region)):
+            if free[region[row]]:
+                free[region[row]] = False
+                clear[source] = max(clear[source], distance[region[row]])
+            distance[region[row]] = FAR
     return clear
 
 
@@ -450,23 +452,23 @@ def thin_out(
 def along_skin(
     starts: np.ndarray, neighbours: np.ndarray, lengths: np.ndarray, clear: np.ndarray, limit: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Find what lies within limit, m, along the skin of each vertex whose clear (C,) m is not negative.
+    """Find the vertices within limit, m, along the skin of each vertex whose clear (C,) m is not negative.
 
     Returns for Plan: of each vertex its first row, and of all rows the vertices, the nearest first, and their
     lengths beyond what is clear.
     """
     vertices = len(starts) - 1
-    distance, found = np.full(vertices, FAR, np.float32), np.empty(vertices, np.int32)
+    distance, region = np.full(vertices, FAR, np.float32), np.empty(vertices, np.int32)
     firsts = np.zeros(vertices + 1, np.int32)
     others, ways = np.empty(vertices, np.int32), np.empty(vertices, np.float32)
     total = 0
     for source in range(vertices):
         if clear[source] >= 0:
-            count = _walk(starts, neighbours, lengths, source, limit + clear[source], distance, found)
+            count = _walk(starts, neighbours, lengths, source, limit + clear[source], distance, region)
             if total + count > len(others):
                 others = np.concatenate((others, np.empty(len(others) + count, np.int32)))
                 ways = np.concatenate((ways, np.empty(len(ways) + count, np.float32)))
-            reached = found[:count]
+            reached = region[:count]
             for vertex in reached[np.argsort(distance[reached])]:
                 others[total], ways[total] = vertex, max(distance[vertex] - clear[source], 0.0)
                 distance[vertex] = FAR
@@ -483,14 +485,14 @@ def _walk(
     source: int,
     limit: float,
     distance: np.ndarray,
-    found: np.ndarray,
+    region: np.ndarray,
 ) -> int:
     """Dijkstra's search from a vertex: sets the distance of each vertex within limit, m.
 
-    Returns how many it found: the first ones of `found`.
+    Returns how many there are: the first ones of `region`.
     """
     heap = [(np.float32(0.0), np.int32(source))]
-    distance[source], found[0], count = 0.0, source, 1
+    distance[source], region[0], count = 0.0, source, 1
     while heap:
         gone, vertex = heapq.heappop(heap)
         if gone > distance[vertex]:
@@ -499,7 +501,7 @@ def _walk(
             other, way = neighbours[edge], np.float32(gone + lengths[edge])
             if way < limit and way < distance[other]:
                 if distance[other] == FAR:
-                    found[count] = other
+                    region[count] = other
                     count += 1
                 distance[other] = way
                 heapq.heappush(heap, (way, np.int32(other)))

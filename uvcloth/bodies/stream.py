@@ -80,12 +80,12 @@ def posed_batches(
             raise InputError(f"frame {index} of the motion: a joint's transform is not a finite number")
         transform = given.detach().double().cpu()
         now = (transform[..., :3] @ heads[..., None]).squeeze(-1) + transform[..., 3]
-        moved = (now - (now if joints is None else joints)) * fps
-        if jumps and float((moved - velocity).norm(dim=1).mean()) > limit:
+        current = (now - (now if joints is None else joints)) * fps
+        if jumps and float((current - velocity).norm(dim=1).mean()) > limit:
             if fresh:
                 yield pose()
-            led, posed, begins, moved = [], None, True, torch.zeros_like(moved)
-        joints, velocity = now, moved
+            led, posed, begins, current = [], None, True, torch.zeros_like(current)
+        joints, velocity = now, current
         fresh.append(transform)
         if len(fresh) == BATCH:
             yield pose()

@@ -1,7 +1,7 @@
-"""Bodies from characters: our body's surface on the character's shape, and what is seen of it.
+"""Bodies from characters: the surface of the default body fitted to the character's shape, and its meshes.
 
 Cloth, maps and methods meet a closed surface of the mesh that all our bodies have; it fits the character,
-moves as it does, and takes along what garments are bound to. The character's own meshes are what is seen.
+moves as it does, and takes along what garments are bound to. The character's meshes are what is visible.
 """
 
 from collections.abc import Iterable, Mapping
@@ -61,36 +61,36 @@ class CharacterBody:
 
     def lines(self) -> list[str]:
         """Report, line by line, of the meshes and of how well the surface fits."""
-        own = self.body.appearance
+        appearance = self.body.appearance
         near = 1000.0 * self.off[region_vertices(self.body, CLOTHED)]
         return [
             f"{self.rigged.name}: {len(self.rigged.roles)} joints with a role, unit {self.rigged.unit}; "
             f"limbs are turned by up to {self.rigged.turned:.0f} degrees to the rest pose of our bodies",
             *self.parts.lines(),
-            f"  {len(own.mesh.vertices) if own else 0} vertices are seen; cloth meets a closed surface of "
-            f"{len(self.off)}, {near.median():.1f} mm from the character's in the median of trunk and limbs, "
-            f"{near.quantile(0.95):.1f} mm at 95 %",
+            f"  {len(appearance.mesh.vertices) if appearance else 0} vertices are seen; cloth meets a closed "
+            f"surface of {len(self.off)}, {near.median():.1f} mm from the character's in the median of trunk "
+            f"and limbs, {near.quantile(0.95):.1f} mm at 95 %",
         ]
 
 
 def body_from_character(
     path: Path,
     pattern: Body,
-    chosen: Mapping[str, str] | None = None,
+    joints: Mapping[str, str] | None = None,
     keep: Iterable[str] = (),
     drop: Iterable[str] = (),
     unit: str | None = None,
 ) -> CharacterBody:
     """Make a body of a rigged character in a glTF file.
 
-    pattern: the body whose surface is fitted, with its proxies and base mesh. chosen: joint names by role.
+    pattern: the body whose surface is fitted, with its proxies and base mesh. joints: joint names by role.
     keep, drop: as `sort_parts` takes them. unit: as `rig_character` takes it. Raises InputError
     naming the file as `read_character`, `rig_character` and `sort_parts` do, and for proportions that the
     surface cannot take.
     """
     character = read_character(path)
     try:
-        rigged = rig_character(character, chosen or {}, pattern, unit)
+        rigged = rig_character(character, joints or {}, pattern, unit)
         parts = sort_parts(rigged.parts, rigged.skeleton.names, keep, drop)
         target = _joined(parts.surface)
         rough = rough_fit(pattern, rigged.skeleton, target)
@@ -110,7 +110,7 @@ def body_from_character(
         name: replace(proxy, vertices=deformation.shell(proxy)) for name, proxy in pattern.proxies.items()
     }
     base = None if pattern.base is None else deformation.points(pattern.base, _nearest_weights(pattern))
-    appearance = _appearance(path, (*parts.surface, *parts.seen))
+    appearance = _appearance(path, (*parts.surface, *parts.visible))
     return CharacterBody(replace(body, proxies=proxies, base=base, appearance=appearance), rigged, parts, off)
 
 
@@ -139,10 +139,10 @@ def _fitted(
     placed = replace(start, vertices=vertices)
     clothed = torch.isin(_strongest_region(pattern, vertices, target), _region_numbers(CLOTHED))
     placed = replace(placed, vertices=lifted(placed, target.vertices[clothed], OUTLYING * height))
-    found = match(placed, target, limbs, FARTHEST * height)
-    weights = diffuse_weights(found.weights, placed.vertices, placed.faces, DIFFUSION)
+    matches = match(placed, target, limbs, FARTHEST * height)
+    weights = diffuse_weights(matches.weights, placed.vertices, placed.faces, DIFFUSION)
     off = closest_points(placed.vertices, target.vertices, target.faces).distance
-    off = torch.where(found.found, off, off.clamp(min=FARTHEST * height))
+    off = torch.where(matches.hit, off, off.clamp(min=FARTHEST * height))
     return replace(placed, weights=weights), off
 
 
@@ -185,8 +185,8 @@ class _Deformation:
         distance, nearest = self._tree.query(points.numpy(), k=NEIGHBOURS)
         share = 1.0 / (torch.from_numpy(distance).float() ** 2 + SOFTENING**2)
         share = share / share.sum(1, keepdim=True)
-        moved = (share[..., None] * self._displacement[torch.from_numpy(nearest)]).sum(1)
-        return skin(points, weights, self._rough[None])[0] + moved
+        displacement = (share[..., None] * self._displacement[torch.from_numpy(nearest)]).sum(1)
+        return skin(points, weights, self._rough[None])[0] + displacement
 
     def shell(self, proxy: Proxy) -> Tensor:
         """Vertices (P, 3) m of a shell around the character, as far from its skin as from the pattern's."""
@@ -213,7 +213,7 @@ def _nearest_weights(pattern: Body) -> Tensor:
 
 
 def _appearance(path: Path, parts: Iterable[Part]) -> Appearance:
-    """All that is seen as one mesh; parts without texture coordinates are unwrapped."""
+    """All visible meshes as one; parts without texture coordinates are unwrapped."""
     meshes = [_with_uvs(path, part) for part in parts]
     joined = join_meshes((mesh.vertices, mesh.faces) for mesh in meshes)
     textured = join_meshes((mesh.uvs, mesh.face_uvs) for mesh in meshes)

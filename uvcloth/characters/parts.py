@@ -44,7 +44,7 @@ class Sorted:
     out."""
 
     surface: tuple[Part, ...]
-    seen: tuple[Part, ...]
+    visible: tuple[Part, ...]
     left_out: tuple[Part, ...]
 
     def lines(self) -> list[str]:
@@ -53,7 +53,7 @@ class Sorted:
             f"  {label(part)}: {len(part.mesh.faces)} faces, {fate}"
             for parts, fate in (
                 (self.surface, "cloth lies on it"),
-                (self.seen, "only seen"),
+                (self.visible, "visible only"),
                 (self.left_out, "left out"),
             )
             for part in parts
@@ -80,15 +80,15 @@ def sort_parts(
     for place, kind in fate.items():
         if kind == "clothes":
             fate[place] = "left out" if worn_over_skin else "surface"
-    chosen = {
+    by_kind = {
         kind: tuple(part for place, part in enumerate(parts) if fate[place] == kind)
-        for kind in ("surface", "seen", "left out")
+        for kind in ("surface", "visible", "left out")
     }
-    if not chosen["surface"]:
+    if not by_kind["surface"]:
         raise InputError(
             f"cloth has no mesh of the character to collide with; name one with --keep: {_names(parts)}"
         )
-    return Sorted(chosen["surface"], chosen["seen"], chosen["left out"])
+    return Sorted(by_kind["surface"], by_kind["visible"], by_kind["left out"])
 
 
 def label(part: Part) -> str:
@@ -97,15 +97,15 @@ def label(part: Part) -> str:
 
 
 def _named(parts: Sequence[Part], names: Iterable[str], option: str) -> set[int]:
-    found: set[int] = set()
+    places: set[int] = set()
     for name in names:
         meant = {place for place, part in enumerate(parts) if name in (part.name, part.material)}
         if not meant:
             near = get_close_matches(name, [part.name for part in parts], n=3, cutoff=0.4)
             hint = f"did you mean {near[0]}?" if near else f"there are {_names(parts)}"
             raise InputError(f"{option} {name}: the character has no mesh or material of this name; {hint}")
-        found |= meant
-    return found
+        places |= meant
+    return places
 
 
 def _names(parts: Sequence[Part]) -> str:
@@ -117,7 +117,7 @@ def _kind(part: Part) -> str:
     for name in (part.material, part.name):
         words = [word.lower() for word in WORD.findall(name)]
         if any(re.fullmatch(f"(?:{LOOKS})s?", word) or re.match("hair|eye", word) for word in words):
-            return "seen"
+            return "visible"
         if "skin" in words or "body" in words:
             return "clothes" if any(re.fullmatch("cloth|clothes", word) for word in words) else "surface"
         if any(re.fullmatch(CLOTHES, word) for word in words):

@@ -45,9 +45,9 @@ LIFTS, SPREADING = 3, 6
 
 @dataclass(frozen=True)
 class Matches:
-    """Closest points of N vertices on a surface: found (N,) bool, points (N, 3), weights (N, J) there."""
+    """Closest points of N vertices on a surface: hit (N,) bool, points (N, 3), weights (N, J) there."""
 
-    found: Tensor
+    hit: Tensor
     points: Tensor
     weights: Tensor
 
@@ -75,11 +75,11 @@ def register(start: SkinnedSurface, target: SkinnedSurface, limbs: Tensor) -> Te
     bending = csr_array(operator.T @ operator)
     displacement: Array = np.zeros((count, 3))
     for stiffness, reach in zip(STIFFNESS, REACH, strict=True):
-        moved = start.vertices + torch.from_numpy(displacement).float()
-        matches = match(SkinnedSurface(moved, start.faces, start.weights), target, limbs, reach * height)
-        found = matches.found.double().numpy()
-        weight = found + HOLD
-        wanted = (matches.points - start.vertices).double().numpy() * found[:, None]
+        vertices = start.vertices + torch.from_numpy(displacement).float()
+        matches = match(SkinnedSurface(vertices, start.faces, start.weights), target, limbs, reach * height)
+        hit = matches.hit.double().numpy()
+        weight = hit + HOLD
+        wanted = (matches.points - start.vertices).double().numpy() * hit[:, None]
         displacement = _solved(csr_array(stiffness * bending + diags_array(weight)), wanted, displacement)
     return start.vertices + torch.from_numpy(displacement).float()
 
@@ -91,7 +91,7 @@ def match(surface: SkinnedSurface, target: SkinnedSurface, limbs: Tensor, reach:
     facing = torch.nn.functional.normalize(face_normals(target.vertices, target.faces), dim=1)
     own_limb = _by_limb(surface.weights, limbs).argmax(1)
     face_limbs = _by_limb(target.weights, limbs)[target.faces].mean(1)
-    found = torch.zeros(count, dtype=torch.bool)
+    hit = torch.zeros(count, dtype=torch.bool)
     points, weights = surface.vertices.clone(), surface.weights.clone()
     for limb in limbs.unique().tolist():
         rows = torch.nonzero(own_limb == limb).squeeze(1)
@@ -101,12 +101,12 @@ def match(surface: SkinnedSurface, target: SkinnedSurface, limbs: Tensor, reach:
         hits = closest_points(surface.vertices[rows], target.vertices, target.faces[faces])
         met = faces[hits.face]
         good = (hits.distance < reach) & ((facing[met] * normals[rows]).sum(1) > FACING)
-        chosen = rows[good]
+        matched = rows[good]
         corners, barycentrics = target.faces[met[good]], hits.barycentrics[good]
-        found[chosen] = True
-        points[chosen] = gather(target.vertices, corners, barycentrics)
-        weights[chosen] = gather(target.weights, corners, barycentrics)
-    return Matches(found, points, weights)
+        hit[matched] = True
+        points[matched] = gather(target.vertices, corners, barycentrics)
+        weights[matched] = gather(target.weights, corners, barycentrics)
+    return Matches(hit, points, weights)
 
 
 def lifted(surface: SkinnedSurface, points: Tensor, most: float) -> Tensor:

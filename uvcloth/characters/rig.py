@@ -56,15 +56,15 @@ class RiggedCharacter:
 
 
 def rig_character(
-    character: Character, chosen: Mapping[str, str], pattern: Body, unit: str | None = None
+    character: Character, overrides: Mapping[str, str], pattern: Body, unit: str | None = None
 ) -> RiggedCharacter:
     """Put a character on the skeleton of a body.
 
-    chosen: joint names by role where names do not tell. unit: of the file, a key of SIZES, None for the one
-    that makes the likeliest height. Raises InputError naming the roles that no joint has, and for a character
-    that does not stand, has no human height or limbs without length.
+    overrides: joint names by role where names do not tell. unit: of the file, a key of SIZES, None for the
+    one that makes the likeliest height. Raises InputError naming the roles that no joint has, and for a
+    character that does not stand, has no human height or limbs without length.
     """
-    roles = _needed_roles(character, chosen)
+    roles = _needed_roles(character, overrides)
     if standing_axis(character.heads, roles) is None:
         raise InputError("the character does not stand in its bind pose (legs down, hands not crossed)")
     turn = body_axes(character.heads, roles).float()
@@ -87,7 +87,7 @@ def rig_character(
     place = pattern.skeleton.heads
     legs = [ours["left_thigh"], ours["right_thigh"]]
     transforms = joint_transforms(bind, rotations[None], heads[:1])
-    rest = _moved(heads, transforms[0])
+    rest = _transform_each(heads, transforms[0])
     shift = place[legs].mean(0) - rest[legs].mean(0)
     transforms = joint_transforms(bind, rotations[None], heads[:1] + shift)
     owner = _owners(character, roles, ours)
@@ -112,8 +112,8 @@ def _likeliest_unit(tall: float) -> str:
     return likeliest_unit({name: max(height, LEAST_BONE) for name, height in heights.items()})
 
 
-def _needed_roles(character: Character, chosen: Mapping[str, str]) -> dict[str, int]:
-    roles = assign_roles(character.joints, chosen)
+def _needed_roles(character: Character, overrides: Mapping[str, str]) -> dict[str, int]:
+    roles = assign_roles(character.joints, overrides)
     missing = [role for role in REQUIRED_ROLES if role not in roles]
     if not any(role in roles for role in HEADS):
         missing.append("head")
@@ -163,7 +163,7 @@ def _trunk(known: Mapping[int, Tensor], trunk: list[int], usual: Tensor) -> dict
     """Joints of the trunk that are not known, between those that are as in the usual body."""
     along = torch.cat([torch.zeros(1), (usual[trunk[1:]] - usual[trunk[:-1]]).norm(dim=1).cumsum(0)])
     given = [place for place, joint in enumerate(trunk) if joint in known]
-    found: dict[int, Tensor] = {}
+    heads: dict[int, Tensor] = {}
     for place, joint in enumerate(trunk):
         if joint in known:
             continue
@@ -172,11 +172,11 @@ def _trunk(known: Mapping[int, Tensor], trunk: list[int], usual: Tensor) -> dict
         if after is None:
             # Above the last one, as far as the trunk below is long.
             size = (known[trunk[before]] - known[trunk[0]]).norm() / along[before].clamp(min=1e-6)
-            found[joint] = known[trunk[before]] + size * (usual[joint] - usual[trunk[before]])
+            heads[joint] = known[trunk[before]] + size * (usual[joint] - usual[trunk[before]])
         else:
             share = (along[place] - along[before]) / (along[after] - along[before])
-            found[joint] = torch.lerp(known[trunk[before]], known[trunk[after]], share)
-    return found
+            heads[joint] = torch.lerp(known[trunk[before]], known[trunk[after]], share)
+    return heads
 
 
 def _to_rest(bind: Skeleton, pattern: Body, ours: Mapping[str, int]) -> tuple[Tensor, float]:
@@ -215,15 +215,15 @@ def _posed(part: Part, turn: Tensor, owner: Tensor, joints: int, transforms: Ten
     return replace(part, mesh=replace(part.mesh, vertices=vertices), weights=weights)
 
 
-def _moved(points: Tensor, transforms: Tensor) -> Tensor:
+def _transform_each(points: Tensor, transforms: Tensor) -> Tensor:
     """Points (J, 3), each moved by its own transform (J, 3, 4)."""
     return (transforms[..., :3] @ points[..., None]).squeeze(-1) + transforms[..., 3]
 
 
 def _below(parents: tuple[int, ...], root: int) -> list[int]:
     """Joints below one, in order."""
-    found = {root}
+    below = {root}
     for joint, parent in enumerate(parents):
-        if parent in found:
-            found.add(joint)
-    return sorted(found - {root})
+        if parent in below:
+            below.add(joint)
+    return sorted(below - {root})

@@ -88,8 +88,8 @@ class _Measured:
 
     def on(self, joints: Sequence[str]) -> Tensor:
         """Points (P, 3) that some joints move most."""
-        chosen = torch.tensor([name in joints for name in self.names])
-        return self.points[chosen[self.joint]]
+        strongest = torch.tensor([name in joints for name in self.names])
+        return self.points[strongest[self.joint]]
 
     def box(self, joints: Sequence[str]) -> tuple[Tensor, Tensor] | None:
         """Lower and upper corner (3,) around the points of some joints, None where there are too few."""
@@ -111,8 +111,8 @@ class _Measured:
 
 def _trunk(before: _Measured, after: _Measured) -> Tensor:
     """Stretch (3, 3) of the trunk: its width and depth at the surface, its length by the joints."""
-    usual, found = (float(each.head("Neck")[2] - each.head("LeftUpLeg")[2]) for each in (before, after))
-    stretch = torch.full((3,), found / usual)
+    usual, actual = (float(each.head("Neck")[2] - each.head("LeftUpLeg")[2]) for each in (before, after))
+    stretch = torch.full((3,), actual / usual)
     boxes = before.box(TRUNK), after.box(TRUNK)
     if boxes[0] is not None and boxes[1] is not None:
         stretch[:2] = ((boxes[1][1] - boxes[1][0]) / (boxes[0][1] - boxes[0][0]))[:2]
@@ -121,11 +121,11 @@ def _trunk(before: _Measured, after: _Measured) -> Tensor:
 
 def _box(before: _Measured, after: _Measured, joints: Sequence[str], otherwise: Tensor) -> Tensor:
     """Map (3, 4) of the box around what some joints move; the other one where the target has no such."""
-    usual, found = before.box(joints), after.box(joints)
-    if usual is None or found is None:
+    usual, actual = before.box(joints), after.box(joints)
+    if usual is None or actual is None:
         return otherwise
-    stretch = torch.diag(((found[1] - found[0]) / (usual[1] - usual[0])).clamp(*RATIOS))
-    return _moved_to(stretch, (usual[0] + usual[1]) / 2, (found[0] + found[1]) / 2)
+    stretch = torch.diag(((actual[1] - actual[0]) / (usual[1] - usual[0])).clamp(*RATIOS))
+    return _moved_to(stretch, (usual[0] + usual[1]) / 2, (actual[0] + actual[1]) / 2)
 
 
 def _moved_to(stretch: Tensor, source: Tensor, target: Tensor) -> Tensor:
@@ -135,8 +135,8 @@ def _moved_to(stretch: Tensor, source: Tensor, target: Tensor) -> Tensor:
 
 def _limb(before: _Measured, after: _Measured, joint: str, tip: str) -> Tensor:
     """Stretch (3, 3) of a limb: along its bone by the lengths, across by the girths."""
-    usual, found = before.head(tip) - before.head(joint), after.head(tip) - after.head(joint)
-    along = (found.norm() / usual.norm()).clamp(*RATIOS)
+    usual, actual = before.head(tip) - before.head(joint), after.head(tip) - after.head(joint)
+    along = (actual.norm() / usual.norm()).clamp(*RATIOS)
     girths = before.radius(joint, tip), after.radius(joint, tip)
     across = along if girths[0] is None or girths[1] is None else torch.tensor(girths[1] / girths[0])
     direction = unit(usual)

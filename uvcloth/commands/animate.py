@@ -13,7 +13,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.bodies.posing import posed_skin
-from uvcloth.bodies.seen import seen
+from uvcloth.bodies.visible import visible_body
 from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.summary import Summary, Totals
 from uvcloth.errors import InputError
@@ -75,7 +75,7 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
         clip, transforms, proxied = ready.motion, ready.transforms, ready.proxied
         meshes = proxied.named()
         exposure = Exposure(body, [mesh for _, mesh in meshes])
-        shown = seen(body)
+        shown = visible_body(body)
         hidden = HiddenSkin(shown, proxied.meshes, proxied.hides(shown)) if command.hide_skin else None
     every = _interval(out, len(clip)) if command.preview else 1
     fps = clip.fps / every

@@ -11,7 +11,7 @@ from uvcloth.errors import InputError
 from uvcloth.files.image import write_png
 from uvcloth.geometry.units import UNITS
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.library import MotionSource, clip_roles, load_source, moved, read_motion
+from uvcloth.motion.library import MotionSource, clip_roles, load_source, motion_on_body, read_motion
 from uvcloth.motion.posture import check_posture
 from uvcloth.motion.retarget import leg_length
 from uvcloth.motion.roles import ROLES, joint_roles, naming_family
@@ -40,7 +40,7 @@ def describe(command: Motion) -> None:
     source = load_source(motion, body, options)
     _print(console, [f"rest pose: {source.rest.origin}; up: {source.rest.up}; {_unit(source, body)}"])
     try:
-        clip = moved(source, body, options.fps)
+        clip = motion_on_body(source, body, options.fps)
         _, frames = options.window(len(clip))
         write_png(out, stick_sheet(source, clip))
         colors = "the file's in grey, the body's over it, left blue, right red"

@@ -5,7 +5,7 @@ from pathlib import Path
 import torch
 
 from uvcloth.bodies.body import Body, load_body
-from uvcloth.bodies.seen import seen
+from uvcloth.bodies.visible import visible_body
 from uvcloth.commands.fit import Fit
 from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
@@ -77,7 +77,7 @@ def draw_worn(garments: list[Mesh], body: Body, path: Path) -> None:
     """
     if path.suffix.lower() != ".png":
         raise InputError(f"{path}: a picture is written as .png, not {path.suffix or 'without a suffix'}")
-    shown = seen(body).mesh
+    shown = visible_body(body).mesh
     skin = Surface(shown.vertices, shown.faces, BODY_COLOR)
     surfaces = [
         skin,

@@ -9,9 +9,9 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from uvcloth.bodies.body import Body, load_body, require_metres, save_body
-from uvcloth.bodies.seen import seen
 from uvcloth.bodies.smpl import read_smpl
 from uvcloth.bodies.stature import stature
+from uvcloth.bodies.visible import visible_body
 from uvcloth.characters.body import body_from_character
 from uvcloth.commands.body import MakeBody
 from uvcloth.export.glb import Document
@@ -47,11 +47,11 @@ def make(command: MakeBody) -> Body:
         case ".npz":
             save_body(body, out)
         case ".obj":
-            save_obj(seen(body).mesh, out)
+            save_obj(visible_body(body).mesh, out)
         case _:
             document = Document()
             skin, _ = add_skeleton(document, body.skeleton)
-            add_body(document, seen(body), skin)
+            add_body(document, visible_body(body), skin)
             with atomic_write(out) as partial:
                 document.write(partial)
     return body

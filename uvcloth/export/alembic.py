@@ -80,7 +80,7 @@ def _write_mesh(archive: Any, name: str, mesh: Mesh, chunks: Iterator[np.ndarray
     # Alembic's faces are clockwise seen from outside.
     polygons = polygons_of(mesh)
     count = len(polygons.sizes)
-    polygons = polygons.chosen(np.arange(count), np.ones(count, dtype=np.bool_))
+    polygons = polygons.select(np.arange(count), np.ones(count, dtype=np.bool_))
     topology = [
         imath.IntArrayFromBuffer(np.ascontiguousarray(polygons.corners, np.int32)),
         imath.IntArrayFromBuffer(np.ascontiguousarray(polygons.sizes, np.int32)),

@@ -41,12 +41,12 @@ def write_obj_sequence(animation: Animation, path: Path) -> None:
 def _named(polygons: Polygons, name: str) -> Polygons:
     """The polygons with names of materials and textures that no other garment of the file has."""
 
-    def own(material: SurfaceMaterial) -> SurfaceMaterial:
+    def prefixed(material: SurfaceMaterial) -> SurfaceMaterial:
         texture = material.texture
         texture = texture and replace(texture, name=f"{name}_{texture.name}")
         return replace(material, name=f"{name}_{material.name}", texture=texture)
 
-    return replace(polygons, materials=tuple(map(own, polygons.materials)))
+    return replace(polygons, materials=tuple(map(prefixed, polygons.materials)))
 
 
 def _frames(animation: Animation) -> Iterator[list[np.ndarray]]:

@@ -122,9 +122,11 @@ def rig_of(
     poses = pose_vectors(model.parents, torch.cat([rest, transforms]))
     resting, moving = model.embed(poses).split([1, len(transforms)])
     known = torch.cat([training, resting, moving])
-    own = model.shapes
-    code = own_shapes(own, known) if shapes is None else principal_shapes(own, training, known, shapes)
-    if len(own) and not len(code):
+    offsets = model.shapes
+    code = (
+        own_shapes(offsets, known) if shapes is None else principal_shapes(offsets, training, known, shapes)
+    )
+    if len(offsets) and not len(code):
         raise InputError(f"model {model.name}: none of its training poses moves any of its blend shapes")
     rig = Rig(
         garments=_garments(model, code, code.weights(training)),
@@ -135,18 +137,18 @@ def rig_of(
         weights=code.weights(moving).numpy(),
         fps=clip.fps if clip else 30.0,
     )
-    seen: dict[str, tuple[Tensor, Tensor]] = {}
+    variants: dict[str, tuple[Tensor, Tensor]] = {}
     if len(training):
-        seen[f"{len(training)} training poses"] = (training, _pose_transforms(body.skeleton, model.poses))
+        variants[f"{len(training)} training poses"] = (training, _pose_transforms(body.skeleton, model.poses))
     if clip:
-        seen[clip.name] = (moving, transforms)
+        variants[clip.name] = (moving, transforms)
     return Rigged(
         rig,
         code,
-        pruning=_pruning(model, {over: posed for over, (_, posed) in seen.items()}),
+        pruning=_pruning(model, {over: posed for over, (_, posed) in variants.items()}),
         fewer=tuple(
-            shape_cost(code, own, embeddings, over)
-            for over, (embeddings, _) in seen.items()
+            shape_cost(code, offsets, embeddings, over)
+            for over, (embeddings, _) in variants.items()
             if shapes is not None
         ),
     )

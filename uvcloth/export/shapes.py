@@ -54,9 +54,9 @@ def own_shapes(shapes: Tensor, known: Tensor) -> ShapeCode:
         return ShapeCode(known.new_zeros(0, 0), none, none, known.new_zeros(0, 0))
     low, high = known.amin(0), known.amax(0)
     moves = (high - low) * shapes.norm(dim=-1).amax(1) > LEAST_MOVE
-    chosen = torch.eye(len(moves), dtype=known.dtype)[:, moves]
+    columns = torch.eye(len(moves), dtype=known.dtype)[:, moves]
     still = torch.where(moves, 0.0, 0.5 * (low + high))
-    return _ranged(known, still, chosen, chosen.T)
+    return _ranged(known, still, columns, columns.T)
 
 
 def principal_shapes(shapes: Tensor, training: Tensor, known: Tensor, count: int) -> ShapeCode:

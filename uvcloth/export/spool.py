@@ -42,9 +42,9 @@ class Spool:
     def hide(self, faces: Tensor) -> None:
         """Leave faces of the body out: mask (F,) bool. Its vertices all stay."""
         if self._body is not None:
-            seen, mesh = ~faces, self._body.mesh
-            shown = replace(mesh, faces=mesh.faces[seen], face_uvs=mesh.face_uvs[seen])
-            regions, sides = self._body.regions[seen], self._body.sides[seen]
+            visible, mesh = ~faces, self._body.mesh
+            shown = replace(mesh, faces=mesh.faces[visible], face_uvs=mesh.face_uvs[visible])
+            regions, sides = self._body.regions[visible], self._body.sides[visible]
             self._body = replace(self._body, mesh=shown, regions=regions, sides=sides)
 
     def finish(self, path: Path) -> None:

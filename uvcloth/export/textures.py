@@ -7,12 +7,12 @@ from uvcloth.files.fields import safe_file_name
 from uvcloth.geometry.authored import Texture
 
 
-def save_texture(texture: Texture, beside: Path) -> str:
+def save_texture(texture: Texture, path: Path) -> str:
     """Write a texture beside a file, named after both, and return its name.
 
     Raises InputError if it cannot be written.
     """
-    name = f"{beside.stem}_{safe_file_name(texture.name)}{texture.suffix}".replace(" ", "_")
-    with atomic_write(beside.with_name(name)) as partial:
+    name = f"{path.stem}_{safe_file_name(texture.name)}{texture.suffix}".replace(" ", "_")
+    with atomic_write(path.with_name(name)) as partial:
         partial.write_bytes(texture.content)
     return name

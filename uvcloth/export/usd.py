@@ -34,8 +34,8 @@ def write_usd(animation: Animation, path: Path) -> None:
         for index, identifier in enumerate(identifiers(animation.names)):
             geometry = _write_garment(stage, animation, index, f"/Outfit/{identifier}")
             # Two garments may have textures of one name.
-            beside = path.with_stem(f"{path.stem}_{identifier}")
-            add_subsets(stage, geometry, animation.meshes[index], beside)
+            garment_path = path.with_stem(f"{path.stem}_{identifier}")
+            add_subsets(stage, geometry, animation.meshes[index], garment_path)
         if body := animation.body:
             UsdSkel.Root.Define(stage, "/Outfit/body")
             skeleton = add_skeleton(stage, "/Outfit/body/skeleton", body.skeleton)

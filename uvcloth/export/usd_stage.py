@@ -114,8 +114,8 @@ def add_skeleton(stage: Any, prim: str, skeleton: Skeleton) -> Any:
 
     paths: list[str] = []
     for joint, parent in enumerate(skeleton.parents):
-        own = f"j{joint:03d}_{_identifier(skeleton.names[joint])}"
-        paths.append(own if parent < 0 else f"{paths[parent]}/{own}")
+        element = f"j{joint:03d}_{_identifier(skeleton.names[joint])}"
+        paths.append(element if parent < 0 else f"{paths[parent]}/{element}")
     rig = UsdSkel.Skeleton.Define(stage, prim)
     heads = skeleton.heads.double().numpy()
     parents = np.array(skeleton.parents)
@@ -160,14 +160,14 @@ def bind(geometry: Any, rig: Any, joints: np.ndarray, weights: np.ndarray) -> No
 
 def identifiers(names: Sequence[str]) -> list[str]:
     """Identifiers for names, numbered where names share one: my_shirt, my_shirt_2."""
-    found: list[str] = []
+    paths: list[str] = []
     for plain in map(_identifier, names):
         identifier, number = plain, 1
-        while identifier in found:
+        while identifier in paths:
             number += 1
             identifier = f"{plain}_{number}"
-        found.append(identifier)
-    return found
+        paths.append(identifier)
+    return paths
 
 
 def _identifier(name: str) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.seen import seen
+from uvcloth.bodies.visible import visible_body
 from uvcloth.errors import InputError
 from uvcloth.export.alembic import write_abc
 from uvcloth.export.animation import Animation, write_npz
@@ -198,7 +198,7 @@ def open_writer(
     except OSError as error:
         raise _cannot_write(path, error) from error
     sink: Sink
-    body = body and seen(body)
+    body = body and visible_body(body)
     try:
         if suffix in WRITERS:
             sink = Spool(partial.folder, garments, body, fps, WRITERS[suffix])

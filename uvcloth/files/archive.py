@@ -77,9 +77,9 @@ def load_arrays(
     Raises InputError with the path if it is missing, damaged, not an npz, another format, or lacks an array.
     """
     data = read_arrays(path, expected, ("format", *names) if only else None)
-    found = str(data.get("format", "nothing"))
-    if found != format:
-        named = found if found.isprintable() and len(found) < 100 else "of another kind"
+    stored = str(data.get("format", "nothing"))
+    if stored != format:
+        named = stored if stored.isprintable() and len(stored) < 100 else "of another kind"
         raise InputError(f"{path}: expected {expected} (format {format}), found format {named}")
     missing = [name for name in names if name not in data]
     if missing:
@@ -152,11 +152,11 @@ def _read(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
     with archive.open(member) as stream:
         header = _header(stream, _name(member))
         count = math.prod(header.shape)
-        claimed, found = count * header.dtype.itemsize, member.file_size - header.size
-        if claimed != found or (count == 0 and max(header.shape) > MOST_ROWS):
+        claimed, stored = count * header.dtype.itemsize, member.file_size - header.size
+        if claimed != stored or (count == 0 and max(header.shape) > MOST_ROWS):
             raise InputError(
                 f"{_name(member)} has the shape {header.shape} of {header.dtype.itemsize} bytes each, "
-                f"its member {found} bytes"
+                f"its member {stored} bytes"
             )
         values = np.empty(count, header.dtype)
         place = values.view(np.uint8).data if claimed else memoryview(b"")

@@ -115,8 +115,8 @@ def put_in_place(partials: Sequence[Partial]) -> list[tuple[Path, ...]]:
                     _keep(target, older)
                 os.replace(finished, target)
         except BaseException as error:
-            for moved, place, older in together:
-                if not moved.exists():
+            for source, place, older in together:
+                if not source.exists():
                     place.unlink(missing_ok=True)
                 if older.exists():
                     os.replace(older, place)
@@ -210,7 +210,7 @@ def _is_gone(folder: Path) -> InputError:
 
 
 def _is_written(path: Path, error: HeldError) -> InputError:
-    if error.own:
+    if error.here:
         return InputError(f"{path}: is written already, name every output once")
     return InputError(f"{path}: {error.holder} writes it, wait for its end or name another output")
 
@@ -218,16 +218,16 @@ def _is_written(path: Path, error: HeldError) -> InputError:
 def _clear_leftovers(folder: Path) -> None:
     """Remove hidden folders that no process holds; what cannot be removed stays."""
     hidden = f".*{SUFFIX}"
-    for found in chain.from_iterable(folder.glob(depth + hidden) for depth in ("", "*/", "*/*/")):
+    for partial in chain.from_iterable(folder.glob(depth + hidden) for depth in ("", "*/", "*/*/")):
         with suppress(OSError, HeldError):
-            if found.is_symlink() or not found.is_dir():
+            if partial.is_symlink() or not partial.is_dir():
                 continue
-            names = os.listdir(found)
+            names = os.listdir(partial)
             if not names or LOCK in names:
-                lock = Lock(found / LOCK)
-                _clear(found)
+                lock = Lock(partial / LOCK)
+                _clear(partial)
                 lock.release()
-                found.rmdir()
+                partial.rmdir()
 
 
 def _clear(folder: Path) -> None:

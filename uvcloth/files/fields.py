@@ -132,7 +132,7 @@ def check_fields(
     expected of it, if it is missing or has another shape or kind, and for a value that is not finite or
     out of range.
     """
-    found: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for name, field in fields.items():
         if name in arrays:
             _require_kind(path, name, arrays[name], field)
@@ -141,8 +141,8 @@ def check_fields(
             raise InputError(f"{path}: lacks the array {name}")
     for name, field in fields.items():
         if name in arrays:
-            found[name] = _converted(path, name, arrays[name], field, sizes)
-    return found
+            values[name] = _converted(path, name, arrays[name], field, sizes)
+    return values
 
 
 def _require_kind(path: Path, name: str, array: np.ndarray, field: Field) -> None:

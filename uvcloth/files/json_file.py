@@ -44,23 +44,23 @@ def parse_json(text: str, source: str, expected: str) -> dict[str, Any]:
     characters.
     """
     try:
-        found = json.loads(text, object_pairs_hook=_object, parse_int=_whole)
-        _require_plain(found)
+        document = json.loads(text, object_pairs_hook=_object, parse_int=_whole)
+        _require_plain(document)
     except (ValueError, RecursionError) as error:
         reason = "nested too deep" if isinstance(error, RecursionError) else error
         raise InputError(f"{source}: not readable as JSON, expected {expected} ({reason})") from error
-    if not isinstance(found, dict):
+    if not isinstance(document, dict):
         raise InputError(f"{source}: not a JSON object, expected {expected}")
-    return found
+    return document
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    values = dict(pairs)
+    if len(values) < len(pairs):
         keys = [key for key, _ in pairs]
         twice = next(key for key in keys if keys.count(key) > 1)
         raise ValueError(f"the key {twice[:40]!r} is there twice")
-    return found
+    return values
 
 
 def _whole(digits: str) -> int:

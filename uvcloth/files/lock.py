@@ -22,11 +22,11 @@ LOCKED = b"\n"
 
 
 class HeldError(Exception):
-    """The lock is held: by this process itself (`own`), or by `holder`, in words."""
+    """The lock is held: by this process itself (`here`), or by `holder`, in words."""
 
-    def __init__(self, own: bool, holder: str) -> None:
+    def __init__(self, here: bool, holder: str) -> None:
         super().__init__(holder)
-        self.own, self.holder = own, holder
+        self.here, self.holder = here, holder
 
 
 class Lock:

@@ -139,32 +139,32 @@ def _decide(
     bit: int,
     encoding: bool,
     contexts: np.ndarray,
-    seen: np.ndarray,
+    states: np.ndarray,
     weights: np.ndarray,
     tables: tuple[np.ndarray, np.ndarray],
 ) -> int:
     """Code one decision as the models mix it, and let them learn from it; returns it.
 
-    contexts: (models,) of each its context. seen: (models, CONTEXTS) their states. weights: (models,) of the
-    mixture. tables: odds by logit, and logits by odds.
+    contexts: (models,) of each its context. states: (models, CONTEXTS) of the models.
+    weights: (models,) of the mixture. tables: odds by logit, and logits by odds.
     """
     odds_of, logit_of = tables
     mixed = 0
     for model in range(len(contexts)):
-        mixed += weights[model] * logit_of[seen[model, contexts[model]] >> 20]
+        mixed += weights[model] * logit_of[states[model, contexts[model]] >> 20]
     odds = odds_of[min(max(mixed >> MIXED_BITS, -STRETCHED), STRETCHED) + STRETCHED]
     width = state[1] - state[0]
     middle = state[0] + (width >> MIXED_BITS) * odds + ((width & 0xFFFF) * odds >> MIXED_BITS)
     bit = _narrow(state, code, middle, bit, encoding)
     missed = (bit << MIXED_BITS) - odds
     for model in range(len(contexts)):
-        before = seen[model, contexts[model]]
+        before = states[model, contexts[model]]
         change = logit_of[before >> 20] * missed * LEARNING
         weights[model] += (change + (1 << (LEARNING_BITS - 1))) >> LEARNING_BITS
         count, share = before & ((1 << COUNT_BITS) - 1), before >> COUNT_BITS
         # The first guesses move fast, as a mean does, later ones by no less than 1 of MOST_COUNT.
         share += 2 * ((bit << 22) - share) // (2 * count + 3)
-        seen[model, contexts[model]] = share << COUNT_BITS | min(count + 1, MOST_COUNT)
+        states[model, contexts[model]] = share << COUNT_BITS | min(count + 1, MOST_COUNT)
     return bit
 
 
@@ -185,9 +185,9 @@ def _sum(sums: np.ndarray, time: int, group: int, low: int, high: int) -> int:
 
 @compiled
 def _look(
-    values: np.ndarray, sums: np.ndarray, stride: int, place: tuple[int, int, int], found: np.ndarray
+    values: np.ndarray, sums: np.ndarray, stride: int, place: tuple[int, int, int], classes: np.ndarray
 ) -> None:
-    """Write into found (11,) the classes of what is known around the place (T, K, C) of a number."""
+    """Write into classes (11,) those of the numbers around the place (T, K, C) of a number."""
     time, wave, column = place
     group, axis = column // AXES, column % AXES
     slower, much_slower = time - stride, time - 2 * stride
@@ -202,25 +202,25 @@ def _look(
     longer = _sum(sums, time, group, wave - 16, wave)
     slow = _sum(sums, slower, group, wave - 6, wave + 7)
     before = _sum(sums, earlier, group, wave - 6, wave + 7)
-    found[0] = _bucket(
+    classes[0] = _bucket(
         2 * (in_time + first) + _size(values, much_slower, wave, column) + second + slanted + others
     )
-    found[1] = _bucket(longer + slow + before)
-    found[2] = _bucket(in_time)
-    found[3] = min(_bucket(2 * first + second + third), 13)
-    found[4] = _bucket(longer)
-    found[5] = _bucket(slow)
-    found[6] = _bucket(before)
-    found[7] = min(_bucket(others), 7)
-    found[8] = min(_bucket(others + first), 7)
-    found[9] = _bucket(wave)
-    found[10] = min(_bucket(time // stride), 15)
+    classes[1] = _bucket(longer + slow + before)
+    classes[2] = _bucket(in_time)
+    classes[3] = min(_bucket(2 * first + second + third), 13)
+    classes[4] = _bucket(longer)
+    classes[5] = _bucket(slow)
+    classes[6] = _bucket(before)
+    classes[7] = min(_bucket(others), 7)
+    classes[8] = min(_bucket(others + first), 7)
+    classes[9] = _bucket(wave)
+    classes[10] = min(_bucket(time // stride), 15)
 
 
 @compiled
-def _choose(found: np.ndarray, level: int, axis: int, contexts: np.ndarray) -> None:
+def _choose(classes: np.ndarray, level: int, axis: int, contexts: np.ndarray) -> None:
     """Write into contexts (MODELS,) those of the decision whether a number has more digits than `level`."""
-    near, all_around, in_time, in_space, longer, slow, before, others, touching, wave, frequency = found
+    near, all_around, in_time, in_space, longer, slow, before, others, touching, wave, frequency = classes
     rank = min(level, MOST_LEVEL) * BUCKETS
     contexts[0] = ((rank + in_time) * BUCKETS + in_space) * 8 + others
     contexts[1] = (rank + wave) * 16 + frequency
@@ -241,10 +241,10 @@ def _run(
 ) -> int:
     """Encode values to code, or decode them from it; returns the number of bytes that were written."""
     times, waves, columns = values.shape
-    seen, seen_digits = np.full((MODELS, CONTEXTS), EVEN, np.int64), np.full((1, CONTEXTS), EVEN, np.int64)
+    states, digit_states = np.full((MODELS, CONTEXTS), EVEN, np.int64), np.full((1, CONTEXTS), EVEN, np.int64)
     weights = np.full((MOST_LEVEL + 1, BUCKETS, MODELS), 2 * (1 << MIXED_BITS) // MODELS, np.int64)
     sole_weight, digit_context = np.full(1, 1 << MIXED_BITS, np.int64), np.zeros(1, np.int64)
-    contexts, found = np.zeros(MODELS, np.int64), np.zeros(11, np.int64)
+    contexts, classes = np.zeros(MODELS, np.int64), np.zeros(11, np.int64)
     # Of every group of columns, sums of sizes over the waves before: those of any range are two of them.
     sums = np.zeros((times, columns // AXES, waves + 1), np.int64)
     state = np.array([0, FULL, 0, 0], np.int64)
@@ -253,21 +253,21 @@ def _run(
             state[2] = state[2] << 8 | (code[place] if place < len(code) else 0)
         state[3] = 4
     for time, wave, column in np.ndindex(values.shape):
-        _look(values, sums, stride, (time, wave, column), found)
+        _look(values, sums, stride, (time, wave, column), classes)
         size, digits = int(abs(values[time, wave, column])), 0
         while size >> digits > 0:
             digits += 1
         level = 0
         while level < MOST_DIGITS:
-            _choose(found, level, column % AXES, contexts)
-            mixture = weights[min(level, MOST_LEVEL), found[1]]
-            if not _decide(state, code, int(digits > level), encoding, contexts, seen, mixture, tables):
+            _choose(classes, level, column % AXES, contexts)
+            mixture = weights[min(level, MOST_LEVEL), classes[1]]
+            if not _decide(state, code, int(digits > level), encoding, contexts, states, mixture, tables):
                 break
             level += 1
         number = min(level, 1)
         for digit in range(level - 2, -1, -1):
             digit_context[0], bit = level * 8 + min(number, 7), size >> digit & 1
-            bit = _decide(state, code, bit, encoding, digit_context, seen_digits, sole_weight, tables)
+            bit = _decide(state, code, bit, encoding, digit_context, digit_states, sole_weight, tables)
             number = 2 * number + bit
         if level > 0:
             middle, bit = state[0] + (state[1] - state[0] >> 1), int(values[time, wave, column] < 0)

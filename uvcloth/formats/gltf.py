@@ -59,8 +59,8 @@ class Gltf:
         """
         entry = self.entries("accessors")[accessor]
         if entry["type"] not in kinds or entry["componentType"] not in TYPES:
-            found = f"{entry['type']:.10} of {entry['componentType']}"
-            raise self._error(f"accessor {accessor} is {found}, expected {' or '.join(kinds)}")
+            stored = f"{entry['type']:.10} of {entry['componentType']}"
+            raise self._error(f"accessor {accessor} is {stored}, expected {' or '.join(kinds)}")
         kind, shape = np.dtype(TYPES[entry["componentType"]]), (entry["count"], WIDTHS[entry["type"]])
         if "bufferView" in entry:
             step = self.entries("bufferViews")[entry["bufferView"]].get("byteStride")
@@ -97,14 +97,14 @@ class Gltf:
     def _substituted(self, accessor: int, values: np.ndarray) -> np.ndarray:
         """The values (count, width) of a sparse accessor, some of which it replaces."""
         sparse = self.entries("accessors")[accessor]["sparse"]
-        place, chosen, count = f"accessor {accessor}", sparse["indices"], sparse["count"]
-        if chosen["componentType"] not in INDEX_TYPES or not 0 < count <= len(values):
+        place, rows, count = f"accessor {accessor}", sparse["indices"], sparse["count"]
+        if rows["componentType"] not in INDEX_TYPES or not 0 < count <= len(values):
             raise self._error(
-                f"{place} is sparse with {count} indices of {chosen['componentType']}, expected 1 to "
+                f"{place} is sparse with {count} indices of {rows['componentType']}, expected 1 to "
                 f"{len(values)} of 5121, 5123 or 5125"
             )
-        index_kind = np.dtype(INDEX_TYPES[chosen["componentType"]])
-        indices = self._elements(f"{place}.sparse.indices", chosen, index_kind, (count, 1))[:, 0]
+        index_kind = np.dtype(INDEX_TYPES[rows["componentType"]])
+        indices = self._elements(f"{place}.sparse.indices", rows, index_kind, (count, 1))[:, 0]
         indices = indices.astype(np.int64)
         if (np.diff(indices) <= 0).any() or indices[-1] >= len(values):
             raise self._error(

@@ -1,4 +1,4 @@
-"""The JSON of a glTF 2.0 file: what it says is checked once, so that readers may believe it.
+"""The JSON of a glTF 2.0 file, checked once, so that readers need no checks.
 
 Only what readers here use is looked at: kinds of values, indices of other entries, and the tree of nodes.
 """

@@ -83,14 +83,14 @@ def _placed(gltf: Gltf) -> list[tuple[dict[str, Any], np.ndarray]]:
     roots = [index for index in range(len(nodes)) if index not in gltf.above]
     if scenes:
         roots = scenes[gltf.document.get("scene", 0)].get("nodes", [])
-    found: list[tuple[dict[str, Any], np.ndarray]] = []
+    order: list[tuple[dict[str, Any], np.ndarray]] = []
     waiting = [(root, np.eye(4)) for root in reversed(roots)]
-    while waiting and len(found) <= len(nodes):
+    while waiting and len(order) <= len(nodes):
         index, above = waiting.pop()
         place = above @ local_transform(nodes[index])
-        found.append((nodes[index], place))
+        order.append((nodes[index], place))
         waiting.extend((child, place) for child in reversed(nodes[index].get("children", [])))
-    return found
+    return order
 
 
 def _parts(gltf: Gltf, node: dict[str, Any], place: np.ndarray) -> Iterator[_Part]:
@@ -152,7 +152,7 @@ def _colors(values: np.ndarray) -> np.ndarray:
 
 def _materials(gltf: Gltf, sets: int) -> tuple[tuple[SurfaceMaterial, ...], tuple[str, ...]]:
     """Materials of a file with so many sets of texture coordinates, and the pictures that are missing."""
-    found, missing = [], []
+    materials, missing = [], []
     pictures = Pictures(gltf.path.parent)
     textures: dict[int, Texture | None] = {}
     for index, entry in enumerate(gltf.entries("materials")):
@@ -170,8 +170,8 @@ def _materials(gltf: Gltf, sets: int) -> tuple[tuple[SurfaceMaterial, ...], tupl
                 missing.append(f"the picture of material {one_line(entry.get('name', index))}")
         color = (red ** (1 / 2.2), green ** (1 / 2.2), blue ** (1 / 2.2), alpha)
         label = one_line(entry.get("name", f"material_{index}"))
-        found.append(SurfaceMaterial(label, color, texture, uv_set))
-    return tuple(found), (*missing, *pictures.missing)
+        materials.append(SurfaceMaterial(label, color, texture, uv_set))
+    return tuple(materials), (*missing, *pictures.missing)
 
 
 def _texture(gltf: Gltf, pictures: Pictures, index: int) -> Texture | None:

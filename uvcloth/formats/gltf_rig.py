@@ -53,7 +53,7 @@ def read_rig(file: Gltf, skin: dict[str, Any]) -> SkinJoints:
     ]
     place = {node: index for index, node in enumerate(skin["joints"])}
     names = [names[place[node]] for node in joints]
-    unique = _told_apart(names)
+    unique = _distinct_names(names)
     resting = resting_worlds(file, joints)
     if "inverseBindMatrices" not in skin:
         bind = np.stack([resting[node] for node in joints])
@@ -61,22 +61,22 @@ def read_rig(file: Gltf, skin: dict[str, Any]) -> SkinJoints:
         return SkinJoints(unique, tuple(parents), joints, bind, np.eye(4))
     inverse = inverse_bind(file, skin)[[place[node] for node in joints]]
     _require_solid(file, unique, inverse)
-    own = np.linalg.inv(inverse)
+    poses = np.linalg.inv(inverse)
     _require_solid(file, unique[:1], resting[joints[0]][None])
     # The mesh may be modelled in other axes and units than the scene has: the axes of the root joint tell.
-    placing = resting[joints[0]] @ np.linalg.inv(own[0])
+    placing = resting[joints[0]] @ np.linalg.inv(poses[0])
     size = np.cbrt(np.linalg.det(placing[:3, :3]))
     axes = np.eye(4)
     axes[:3, :3] = size * _nearest_axes(placing[:3, :3] / size)
-    _require_solid(file, unique, axes @ own)
-    return SkinJoints(unique, tuple(parents), joints, axes @ own, axes)
+    _require_solid(file, unique, axes @ poses)
+    return SkinJoints(unique, tuple(parents), joints, axes @ poses, axes)
 
 
-def _told_apart(names: Sequence[str]) -> tuple[str, ...]:
+def _distinct_names(names: Sequence[str]) -> tuple[str, ...]:
     """The names, with their number where two are alike."""
     counts = Counter(names)
     numbered = [f"{name} {i}" if counts[name] > 1 else name for i, name in enumerate(names)]
-    return tuple(numbered) if len(set(numbered)) == len(names) else _told_apart(numbered)
+    return tuple(numbered) if len(set(numbered)) == len(names) else _distinct_names(numbered)
 
 
 def inverse_bind(file: Gltf, skin: dict[str, Any]) -> np.ndarray:
@@ -108,11 +108,11 @@ def _require_solid(file: Gltf, names: Sequence[str], transforms: np.ndarray) -> 
 
 def chain(node: int, above: dict[int, int]) -> list[int]:
     """Nodes above a node, the nearest first."""
-    found: list[int] = []
+    nodes: list[int] = []
     while node in above:
         node = above[node]
-        found.append(node)
-    return found
+        nodes.append(node)
+    return nodes
 
 
 def parents_first(nodes: Iterable[int], above: dict[int, int]) -> list[int]:

@@ -1,4 +1,4 @@
-"""SurfaceMaterial files of users: Wavefront .mtl and MakeHuman's .mhmat, and the pictures that they name."""
+"""Material files of users: Wavefront .mtl and MakeHuman's .mhmat, and the pictures that they name."""
 
 import math
 from collections.abc import Iterable, Iterator

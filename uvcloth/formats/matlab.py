@@ -1,4 +1,4 @@
-"""Files of MATLAB's (level 5): numbers, texts and structs, read without trust in what they say of themselves.
+"""Files of MATLAB's (level 5): numbers, texts and structs, read without trust in their headers.
 
 The format is that of "MAT-File Format" by MathWorks. `scipy.io.loadmat` takes memory by a file's headers, and
 damage to a tag ends the process.
@@ -54,8 +54,8 @@ def read_matlab(path: Path) -> dict[str, Value]:
     if order is None:
         raise InputError(f"{path}: not a MATLAB file of level 5 (as MATLAB saves with -v6 or -v7)")
     try:
-        found = [_array(part, order, 0) for part in _arrays(memoryview(content)[HEADER:], order)]
-        return _unique(item for item in found if item[0])
+        items = [_array(part, order, 0) for part in _arrays(memoryview(content)[HEADER:], order)]
+        return _unique(item for item in items if item[0])
     except (ValueError, OverflowError, IndexError, zlib.error, struct.error) as error:
         raise InputError(f"{path}: not a readable MATLAB file ({str(error)[:100]})") from error
 
@@ -139,13 +139,13 @@ def _struct(elements: Iterator[tuple[int, memoryview]], order: str, depth: int) 
 
 
 def _unique(items: Any) -> dict[str, Value]:
-    """Values by name. Raises ValueError for a name that is none of a variable, or stands there twice."""
-    found: dict[str, Value] = {}
+    """Values by name. Raises ValueError for an invalid name of a variable, or one that occurs twice."""
+    values: dict[str, Value] = {}
     for name, value in items:
-        if not name.isidentifier() or name in found:
-            raise ValueError(f"the name {name[:40]!r}, not a variable's name, or there twice")
-        found[name] = value
-    return found
+        if not name.isidentifier() or name in values:
+            raise ValueError(f"the name {name[:40]!r} is not a variable's name, or occurs twice")
+        values[name] = value
+    return values
 
 
 def _numbers(element: tuple[int, memoryview], order: str) -> np.ndarray:

@@ -28,8 +28,8 @@ def read_mesh(path: Path) -> Mesh:
     """
     path = Path(path)
     if path.suffix.lower() not in EXTENSIONS:
-        found = f"not in '{path.suffix}'" if path.suffix else "this name has no ending"
-        raise InputError(f"{path}: a garment file ends in {', '.join(EXTENSIONS)} or .mhclo, {found}")
+        ending = f"not in '{path.suffix}'" if path.suffix else "this name has no ending"
+        raise InputError(f"{path}: a garment file ends in {', '.join(EXTENSIONS)} or .mhclo, {ending}")
     mesh = _read(path)
     check_mesh(path, mesh)
     return mesh
@@ -61,7 +61,7 @@ def _read(path: Path) -> Mesh:
         return read_gltf_mesh(path) if kind in (".glb", ".gltf") else _read_with_trimesh(path)
     except InputError:
         raise
-    except Exception as error:  # Readers raise whatever a broken file makes them trip over.
+    except Exception as error:  # With a broken file, readers raise exceptions of any type.
         raise InputError(f"{path}: not a readable {kind[1:].upper()} file ({cause(error)})") from error
 
 

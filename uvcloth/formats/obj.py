@@ -78,14 +78,14 @@ def read_obj(path: Path) -> AuthoredMesh:
             raise InputError(f"{path}: a face names a {kind} that the file does not have")
     textured = len(texture) > 0 and bool((pairs[:, 1] >= 0).all())
     pictures = Pictures(path.parent)
-    found = read_libraries(pictures, libraries)
+    materials = read_libraries(pictures, libraries)
     polygons = Polygons(
         sizes=np.array(sizes, dtype=np.int64),
         corners=pairs[:, 0],
         uv_sets=(UvSet(texture, pairs[:, 1]),) if textured else (),
         objects=objects.labels(),
         groups=groups.labels(),
-        materials=tuple(found.get(name, SurfaceMaterial(name)) for name in used.index),
+        materials=tuple(materials.get(name, SurfaceMaterial(name)) for name in used.index),
         material=used.labels().of,
         colors=_colors(vertices),
         missing=tuple(pictures.missing),

@@ -141,8 +141,8 @@ class _Select(_Record):
         parts = _attributes(self)
         source, places = (_plain_array(parts.get(name)) for name in ("a", "idxs"))
         shape = parts.get("preferred_shape")
-        chosen = source.ravel()[places]
-        return chosen if shape is None else chosen.reshape(_shape(shape))
+        values = source.ravel()[places]
+        return values if shape is None else values.reshape(_shape(shape))
 
 
 RECORDS: dict[type[_Record], tuple[str, ...]] = {
@@ -206,12 +206,12 @@ class _Reader(pickle._Unpickler):
     dispatch[pickle.DICT[0]] = load_dict
 
     def find_class(self, module: str, name: str) -> type[_Record]:
-        found = ALLOWED.get(f"{module}.{name}")
-        if found is None:
+        record = ALLOWED.get(f"{module}.{name}")
+        if record is None:
             raise InputError(
                 f"the pickle asks for {module}.{name}, which no SMPL file needs; nothing was executed"
             )
-        return found
+        return record
 
 
 def read_smpl_pickle(path: Path) -> dict[str, Any]:
@@ -223,7 +223,7 @@ def read_smpl_pickle(path: Path) -> dict[str, Any]:
     content = read_content(Path(path))
     try:
         _require_whole(content)
-        found = _Reader(io.BytesIO(content), encoding="latin1").load()
+        root = _Reader(io.BytesIO(content), encoding="latin1").load()
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     # A damaged pickle, or one that calls or changes what it must not, ends in any of these.
@@ -234,9 +234,9 @@ def read_smpl_pickle(path: Path) -> dict[str, Any]:
         # An error may hold all that could not be converted.
         reason = ascii(" ".join(str(error).split()))[1:-1]
         raise InputError(f"{path}: not a readable pickle ({reason:.200})") from error
-    if not isinstance(found, dict):
+    if not isinstance(root, dict):
         raise InputError(f"{path}: not an SMPL file, the pickle holds no dictionary")
-    return {name: value for name, value in found.items() if isinstance(name, str)}
+    return {name: value for name, value in root.items() if isinstance(name, str)}
 
 
 def _require_whole(content: bytes) -> None:
@@ -250,7 +250,7 @@ def _dictionary(items: list[Any]) -> dict[Any, Any]:
 
 
 def _key(key: Any) -> Any:
-    """A key; others than texts and numbers may be nested so that their hash takes for ever."""
+    """A key that is a text or a number: the hash of nested keys could take forever."""
     if not isinstance(key, str | bytes | int | float):
         raise pickle.UnpicklingError(f"a key of the type {type(key).__name__}")
     return key

@@ -92,11 +92,11 @@ def part_spectra(faces: np.ndarray, second: np.ndarray) -> tuple[Part, ...]:
     second: (N,) flags of the points of the second half.
     """
     edges, parts = _edges(faces), []
-    for chosen in (~second, second):
-        points = np.flatnonzero(chosen)
+    for half in (~second, second):
+        points = np.flatnonzero(half)
         if len(points):
-            place = np.cumsum(chosen) - 1
-            parts.append(Part(points, _spectrum(place[edges[chosen[edges].all(axis=1)]], len(points))))
+            place = np.cumsum(half) - 1
+            parts.append(Part(points, _spectrum(place[edges[half[edges].all(axis=1)]], len(points))))
     return tuple(parts)
 
 
@@ -113,8 +113,8 @@ def code_points(points: np.ndarray, parts: tuple[Part, ...], error: float) -> Co
     while high - low > 1:
         middle = (low + high) // 2
         step = STEPS[middle] * error
-        moved = _from_steps(_to_steps(coefficients, step), step, parts, points.shape[1])
-        distances = np.linalg.norm(moved - points, axis=-1)
+        decoded = _from_steps(_to_steps(coefficients, step), step, parts, points.shape[1])
+        distances = np.linalg.norm(decoded - points, axis=-1)
         allowed = distances.mean() <= error and np.percentile(distances, 99) <= MOST_OF_99 * error
         low, high = (middle, high) if allowed else (low, middle)
     step = float(STEPS[low] * error)
@@ -165,12 +165,12 @@ def _spectrum(edges: np.ndarray, count: int) -> np.ndarray:
 def _in_space(points: np.ndarray, parts: tuple[Part, ...]) -> np.ndarray:
     """Coefficients (F, K, 3 P) of points (F, N, 3); those that a part lacks are zero."""
     frames, longest = len(points), max(len(part.points) for part in parts)
-    found = np.zeros((frames, longest, 3 * len(parts)))
+    coefficients = np.zeros((frames, longest, 3 * len(parts)))
     for place, part in enumerate(parts):
         columns = points[:, part.points].transpose(1, 0, 2).reshape(len(part.points), -1)
         waves = (part.waves.T @ columns).reshape(-1, frames, 3).transpose(1, 0, 2)
-        found[:, : len(part.points), 3 * place : 3 * place + 3] = waves
-    return found
+        coefficients[:, : len(part.points), 3 * place : 3 * place + 3] = waves
+    return coefficients
 
 
 def _from_steps(steps: np.ndarray, step: float, parts: tuple[Part, ...], count: int) -> np.ndarray:

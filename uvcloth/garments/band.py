@@ -62,9 +62,9 @@ def holding_band(garment: Garment, body: Body) -> Band:
     pieces = torch.from_numpy(face_components(faces.numpy(), np.zeros(0, dtype=np.int64)))
     held = torch.zeros(len(mesh.vertices), dtype=torch.bool)
     for piece in pieces.unique():
-        own = pieces == piece
-        hem = _top_hem(garment.name, mesh.vertices, faces[own])
-        used = mesh.faces[own].unique()
+        rows = pieces == piece
+        hem = _top_hem(garment.name, mesh.vertices, faces[rows])
+        used = mesh.faces[rows].unique()
         held[used] |= hem_band(mesh.vertices[used], mesh.vertices[hem], BAND_WIDTH)
     area = face_normals(mesh.vertices, mesh.faces).norm(dim=1)
     banded = float((area * held[mesh.faces].float().mean(1)).sum())
@@ -84,8 +84,8 @@ def _top_hem(name: str, vertices: Tensor, faces: Tensor) -> Tensor:
     top = max(hems(boundary_edges(faces)), key=lambda hem: float(heights[hem].max()), default=None)
     below = float(heights[faces.unique()].max() - heights[top].max()) if top is not None else np.inf
     if top is None or below > BELOW_TOP:
-        found = "no open hem" if top is None else f"no open hem within {BELOW_TOP:.2f} m of its top"
-        raise InputError(f"garment {name}: a piece of it has {found} to be held by, it cannot be simulated")
+        fault = "no open hem" if top is None else f"no open hem within {BELOW_TOP:.2f} m of its top"
+        raise InputError(f"garment {name}: a piece of it has {fault} to be held by, it cannot be simulated")
     return top[heights[top] > heights[top].max() - DROP]
 
 

@@ -49,7 +49,7 @@ class Diagnosis:
     def lines(self) -> list[str]:
         """Text of the diagnosis, one line per finding; expected properties are left out."""
         pieces = "1 piece" if self.components == 1 else f"{self.components} separate pieces"
-        found = [
+        faults = [
             f"{self.path}: {self.vertices} vertices, {self.faces} triangles, {pieces}",
             f"  {self.placing.text() if self.placing else 'bound to the body, whatever its shape'}",
             f"  {1000 * self.mean_distance:.1f} mm from the skin on average, at most "
@@ -63,16 +63,16 @@ class Diagnosis:
             (self.ray_misses, "vertices whose ray misses the body, taken to cover its closest point"),
         ):
             if count:
-                found.append(f"  {count} {finding}")
+                faults.append(f"  {count} {finding}")
         if self.unwrapped:
-            found.append("  no texture coordinates, unwrapped")
+            faults.append("  no texture coordinates, unwrapped")
         if self.missing:
-            found.append(f"  not there, so that colours may lack: {', '.join(dict.fromkeys(self.missing))}")
+            faults.append(f"  not there, so that colours may lack: {', '.join(dict.fromkeys(self.missing))}")
         if self.pose:
-            found.append(f"  modelled in {self.pose.upper()} pose, taken along to the body's rest pose")
+            faults.append(f"  modelled in {self.pose.upper()} pose, taken along to the body's rest pose")
         if self.template:
-            found.append(f"  worn as {self.template}")
-        return found
+            faults.append(f"  worn as {self.template}")
+        return faults
 
 
 def diagnose(path: Path, mesh: Mesh, body: Body, bound: bool = False) -> tuple[Mesh, Diagnosis]:

@@ -76,8 +76,8 @@ def read_on_body(path: Path, body: Body, pose: str | None = None) -> PlacedFile:
     path = Path(path)
     if path.suffix.lower() == SUFFIX:
         mesh, binding = fit_clothes(path, body)
-        mesh, found = diagnose(path, mesh, body, bound=True)
-        return _unwrapped(path, mesh, replace(found, depth=binding.depth), binding.hides(body))
+        mesh, diagnosis = diagnose(path, mesh, body, bound=True)
+        return _unwrapped(path, mesh, replace(diagnosis, depth=binding.depth), binding.hides(body))
     try:
         return place_on_body(path, read_mesh(path), body, pose)
     except UnwearableError as error:
@@ -95,29 +95,31 @@ def place_on_body(path: Path, mesh: Mesh, body: Body, pose: str | None = None) -
     """
     if pose is not None and pose not in POSES:
         raise InputError(f"--garment-pose {pose}: expected one of {', '.join(POSES)}")
-    placed, found = _on_rest_pose(path, mesh, body) if pose is None else _from_pose(path, mesh, body, pose)
-    return _unwrapped(path, placed, found, torch.zeros(0, dtype=torch.int64))
+    placed, diagnosis = (
+        _on_rest_pose(path, mesh, body) if pose is None else _from_pose(path, mesh, body, pose)
+    )
+    return _unwrapped(path, placed, diagnosis, torch.zeros(0, dtype=torch.int64))
 
 
-def _unwrapped(path: Path, mesh: Mesh, found: Diagnosis, hides: Tensor) -> PlacedFile:
+def _unwrapped(path: Path, mesh: Mesh, diagnosis: Diagnosis, hides: Tensor) -> PlacedFile:
     mesh = follow_triangles(mesh)
     if isinstance(mesh, AuthoredMesh):
-        found = replace(found, missing=mesh.polygons.missing)
+        diagnosis = replace(diagnosis, missing=mesh.polygons.missing)
     if len(mesh.uvs):
-        return PlacedFile(mesh, found, hides)
+        return PlacedFile(mesh, diagnosis, hides)
     uvs, face_uvs = unwrap(mesh.vertices, mesh.faces, str(path))
-    return PlacedFile(replace(mesh, uvs=uvs, face_uvs=face_uvs), replace(found, unwrapped=True), hides)
+    return PlacedFile(replace(mesh, uvs=uvs, face_uvs=face_uvs), replace(diagnosis, unwrapped=True), hides)
 
 
 def _on_rest_pose(path: Path, mesh: Mesh, body: Body) -> tuple[Mesh, Diagnosis]:
     """A mesh on the rest pose; an UnwearableError says so if it was modelled in another."""
     try:
-        mesh, found = diagnose(path, mesh, body)
+        mesh, diagnosis = diagnose(path, mesh, body)
     except UnwearableError as error:
         raise _modelled_in_another(path, error.mesh, body) or error from error
     if otherwise := _modelled_in_another(path, mesh, body):
         raise otherwise
-    return mesh, found
+    return mesh, diagnosis
 
 
 def _modelled_in_another(path: Path, mesh: Mesh, body: Body) -> UnwearableError | None:
@@ -134,8 +136,8 @@ def _from_pose(path: Path, mesh: Mesh, body: Body, pose: str) -> tuple[Mesh, Dia
     """The mesh of a garment modelled on the body in one of POSES, taken along to the rest pose."""
     transforms = arms_held(body, pose)
     posed = posed_body(body, transforms)
-    placed, found = diagnose(path, mesh, posed)
-    return unposed(placed, posed, transforms), replace(found, pose=pose)
+    placed, diagnosis = diagnose(path, mesh, posed)
+    return unposed(placed, posed, transforms), replace(diagnosis, pose=pose)
 
 
 def make_fitted(name: str, mesh: Mesh, body: Body, template: str | None) -> tuple[Garment, int]:
@@ -164,7 +166,7 @@ def covered_faces(mesh: Mesh, body: Body) -> tuple[Tensor, Tensor]:
     lonely = normals.norm(dim=1) < 0.5
     normals = torch.where(lonely[:, None], normals.new_tensor([0.0, 0.0, 1.0]), normals)
     hits = garment_to_body(mesh.vertices, normals, body.mesh.vertices, body.mesh.faces, BODY_RAY_LENGTH)
-    missed = ~hits.found | lonely
+    missed = ~hits.hit | lonely
     nearest = closest_points(mesh.vertices[missed], body.mesh.vertices, body.mesh.faces)
     return hits.face.masked_scatter(missed, nearest.face), missed
 

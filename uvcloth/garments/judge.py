@@ -96,17 +96,17 @@ class Measures:
 def measure(mesh: Mesh, body: Body, surface: BodySurface) -> Measures:
     """Measure how a garment at rest, in metres, lies on a body; surface: of the body at rest."""
     cloth = ClothSample.of(mesh.vertices, mesh.faces, POINTS)
-    found = surface.closest(cloth.points, SEARCH_DISTANCE)
-    regions = torch.bincount(body.regions[found.faces], minlength=len(REGIONS)) / POINTS
+    nearest = surface.closest(cloth.points, SEARCH_DISTANCE)
+    regions = torch.bincount(body.regions[nearest.faces], minlength=len(REGIONS)) / POINTS
     skin = face_normals(body.mesh.vertices, body.mesh.faces).norm(dim=1)
     areas = torch.zeros(len(REGIONS)).index_add(0, body.regions, skin)
     area = face_normals(mesh.vertices, mesh.faces).norm(dim=1).sum()
     around = _around(mesh, body)
     return Measures(
-        inside=float((found.signed_distance < 0).float().mean()),
-        deep=float((found.signed_distance < -DEEP).float().mean()),
-        distance=float(found.signed_distance.abs().mean()),
-        along=float(lies_along(cloth.normals, found).float().mean()),
+        inside=float((nearest.signed_distance < 0).float().mean()),
+        deep=float((nearest.signed_distance < -DEEP).float().mean()),
+        distance=float(nearest.signed_distance.abs().mean()),
+        along=float(lies_along(cloth.normals, nearest).float().mean()),
         regions=regions,
         body_share=regions * area / areas.clamp(min=1e-9),
         around=float(around[:-1].max()),
@@ -142,27 +142,27 @@ def refuse_unworn(path: Path, mesh: Mesh, welded: Tensor, body: Body, surface: B
 
     mesh: at rest in metres. welded: (F, 3) its faces with the vertices at one place as one.
     """
-    found = measure(mesh, body, surface)
-    reason = _no_garment(found, welded) or _misplaced(found, mesh, surface)
+    measures = measure(mesh, body, surface)
+    reason = _no_garment(measures, welded) or _misplaced(measures, mesh, surface)
     if reason:
         raise UnwearableError(f"{path}: {reason}", mesh)
 
 
-def _no_garment(found: Measures, welded: Tensor) -> str:
+def _no_garment(measures: Measures, welded: Tensor) -> str:
     """Reason why a mesh is not a garment for the body, "" if it is one."""
-    over = {region: float(share) for region, share in zip(REGIONS, found.regions, strict=True)}
+    over = {region: float(share) for region, share in zip(REGIONS, measures.regions, strict=True)}
     most = max(over, key=lambda region: over[region])
     for wrong, sentence in (
         (
-            found.distance > FARTHEST,
-            f"the garment is far from the body, {found.distance:.2f} m on average: expected one "
+            measures.distance > FARTHEST,
+            f"the garment is far from the body, {measures.distance:.2f} m on average: expected one "
             "modelled on the body's rest pose",
         ),
         (
-            all(float(found.body_share[REGIONS.index(region)]) > COVERED for region in BARE),
+            all(float(measures.body_share[REGIONS.index(region)]) > COVERED for region in BARE),
             "the mesh covers head, hands and feet: it is a body, not a garment",
         ),
-        (found.inside > ENGULFED, "the garment is wholly inside the body, not worn over it"),
+        (measures.inside > ENGULFED, "the garment is wholly inside the body, not worn over it"),
         (_is_ball(welded), "the mesh is closed all around, a garment has openings for the body"),
         (
             sum(over[region] for region in CLOTHED) < LEAST_CLOTHED,
@@ -175,18 +175,18 @@ def _no_garment(found: Measures, welded: Tensor) -> str:
     return ""
 
 
-def _misplaced(found: Measures, mesh: Mesh, surface: BodySurface) -> str:
+def _misplaced(measures: Measures, mesh: Mesh, surface: BodySurface) -> str:
     """Description of how a garment lies wrongly, "" if it lies as clothes do."""
-    if found.around_head > LEAST_AROUND:
+    if measures.around_head > LEAST_AROUND:
         return "the garment is over the head, expected one modelled on the body's rest pose"
-    if found.deep > MOST_DEEP or found.along < LEAST_ALONG:
+    if measures.deep > MOST_DEEP or measures.along < LEAST_ALONG:
         return (
             f"the garment {_turned(mesh, surface) or 'does not lie on the body as clothes lie'}: "
-            f"{100 * found.deep:.0f} % of it is more than {1000 * DEEP:.0f} mm inside the body, "
-            f"{100 * (1 - found.along):.0f} % crosses the skin; expected one modelled on this "
+            f"{100 * measures.deep:.0f} % of it is more than {1000 * DEEP:.0f} mm inside the body, "
+            f"{100 * (1 - measures.along):.0f} % crosses the skin; expected one modelled on this "
             "body's rest pose"
         )
-    if found.around < LEAST_AROUND:
+    if measures.around < LEAST_AROUND:
         return "the garment goes around no part of the body, so nothing holds it"
     return ""
 

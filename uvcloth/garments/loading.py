@@ -54,11 +54,13 @@ def load_outfit(
         raise InputError(
             f"--template: {len(templates)} for {len(names)} garments, expected one, or one for each"
         )
-    chosen = [templates[min(index, len(templates) - 1)] if templates else AUTO for index in range(len(names))]
-    if unknown := [template for template in chosen if template not in (*TEMPLATES, AUTO)]:
+    template_of = [
+        templates[min(index, len(templates) - 1)] if templates else AUTO for index in range(len(names))
+    ]
+    if unknown := [template for template in template_of if template not in (*TEMPLATES, AUTO)]:
         raise InputError(f"--template {unknown[0]}: expected one of {', '.join((*TEMPLATES, AUTO))}")
     loaded: list[tuple[int, tuple[Garment, ...]]] = []
-    for name, template in zip(names, chosen, strict=True):
+    for name, template in zip(names, template_of, strict=True):
         if isinstance(name, str) and name in TEMPLATES:
             garment = fit_template(name, body)
             loaded.append((0, (garment if template == AUTO else replace(garment, template=template),)))

@@ -150,7 +150,7 @@ def read_binding(path: Path) -> Binding:
         raise InputError(f"{path}: not a readable MHCLO file, it names no obj_file or binds no vertices")
     rows = torch.tensor(bound, dtype=torch.float64)
     return Binding(
-        obj=_beside(path, files["obj_file"]),
+        obj=_sibling(path, files["obj_file"]),
         corners=rows[:, :3].long(),
         weights=rows[:, 3:6].float(),
         offsets=rows[:, 6:].float(),
@@ -161,7 +161,7 @@ def read_binding(path: Path) -> Binding:
     )
 
 
-def _beside(path: Path, name: str) -> Path:
+def _sibling(path: Path, name: str) -> Path:
     """The OBJ that an .mhclo names. Raises InputError if it lies in another folder."""
     try:
         return file_below(path.parent, path.parent, name)
@@ -169,14 +169,14 @@ def _beside(path: Path, name: str) -> Path:
         raise InputError(f"{path}: its obj_file {error}") from error
 
 
-def _mark(chosen: NDArray[np.bool_], words: list[str]) -> None:
+def _mark(marks: NDArray[np.bool_], words: list[str]) -> None:
     """Mark the vertices of a line such as `3 5 - 7`: 3, 5, 6, 7."""
     first = 0
     for place, word in enumerate(words):
         if word != "-":
             last = _index(word)
             first = first if place and words[place - 1] == "-" else last
-            chosen[first : last + 1] = True
+            marks[first : last + 1] = True
 
 
 def _vertex(words: list[str]) -> list[float]:

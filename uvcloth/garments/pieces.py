@@ -75,6 +75,8 @@ def _named(name: str, parts: list[Garment]) -> list[Garment]:
     """Garments by the name of their file and of their template, numbered where two have the same."""
     names = [f"{name}_{garment.template}" for garment in parts]
     return [
-        replace(garment, name=own if names.count(own) == 1 else f"{own}_{names[: index + 1].count(own)}")
-        for index, (garment, own) in enumerate(zip(parts, names, strict=True))
+        replace(
+            garment, name=piece if names.count(piece) == 1 else f"{piece}_{names[: index + 1].count(piece)}"
+        )
+        for index, (garment, piece) in enumerate(zip(parts, names, strict=True))
     ]

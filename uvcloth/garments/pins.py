@@ -31,12 +31,12 @@ def pinned(garments: Sequence[Garment], body: Body, names: Sequence[str]) -> Ten
         if name == "none":
             continue
         if name in PIN_SETS:
-            found = torch.cat([_place(garment, body, name) for garment in garments])
+            pins = torch.cat([_place(garment, body, name) for garment in garments])
         else:
-            found = _listed(Path(name), count, outfit)
-        if not found.any():
+            pins = _listed(Path(name), count, outfit)
+        if not pins.any():
             raise InputError(f"--pins {name}: names no vertex of {outfit}")
-        held |= found
+        held |= pins
     return held
 
 

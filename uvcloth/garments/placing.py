@@ -79,15 +79,15 @@ class Placing:
 
     def text(self) -> str:
         """Description of the frame and its conversion; one line."""
-        found = f"unit {self.unit}, {self.up} up"
+        frame = f"unit {self.unit}, {self.up} up"
         done = [] if (self.unit, self.up) == ("m", "Z") else ["converted to metres, Z up"]
         if self.front != FRONTS[self.up][0]:
-            found += f", front to {self.front}"
+            frame += f", front to {self.front}"
             done.append("turned to the body's front")
         if self.origin != ORIGINS[0]:
-            found += ", origin between the feet"
+            frame += ", origin between the feet"
             done.append("moved to the body's origin at the hips")
-        return ", ".join([found, *done])
+        return ", ".join([frame, *done])
 
     def _rotation(self) -> Tensor:
         """Rotation (3, 3) that takes the front to -Y and the up axis to Z."""
@@ -140,10 +140,10 @@ def find_placing(path: Path, vertices: Tensor, faces: Tensor, body: Body, surfac
 
 def misfit(cloth: ClothSample, surface: BodySurface) -> Tensor:
     """Mean distance (...) m of points (..., P, 3) m to the skin, more where cloth is inside or across it."""
-    found = surface.closest(cloth.points.reshape(-1, 3), SEARCH_DISTANCE)
-    distance = found.signed_distance
+    nearest = surface.closest(cloth.points.reshape(-1, 3), SEARCH_DISTANCE)
+    distance = nearest.signed_distance
     cost = torch.where(distance < 0, -INSIDE_WEIGHT * distance, distance).clamp(max=FAR)
-    cost = cost + ACROSS_COST * ~lies_along(cloth.normals.reshape(-1, 3), found)
+    cost = cost + ACROSS_COST * ~lies_along(cloth.normals.reshape(-1, 3), nearest)
     return cost.reshape(cloth.points.shape[:-1]).mean(-1)
 
 

@@ -35,13 +35,13 @@ what was modelled on the rest pose 0.95 or more."""
 def other_pose(mesh: Mesh, body: Body) -> str:
     """The one of POSES in which a body fits a mesh, placed on its rest pose, far better; "" for none."""
     cloth = ClothSample.of(mesh.vertices, mesh.faces, POINTS)
-    found = {"": FAR_BETTER * float(misfit(cloth, BodySurface(body.mesh.vertices, body.mesh.faces)))}
-    if found[""] < FAR_BETTER * LIES_WELL or not _has_arms(body):
+    misfits = {"": FAR_BETTER * float(misfit(cloth, BodySurface(body.mesh.vertices, body.mesh.faces)))}
+    if misfits[""] < FAR_BETTER * LIES_WELL or not _has_arms(body):
         return ""
     for pose in POSES:
         posed = posed_body(body, arms_held(body, pose)).mesh
-        found[pose] = float(misfit(cloth, BodySurface(posed.vertices, posed.faces)))
-    return min(found, key=lambda pose: found[pose])
+        misfits[pose] = float(misfit(cloth, BodySurface(posed.vertices, posed.faces)))
+    return min(misfits, key=lambda pose: misfits[pose])
 
 
 def _has_arms(body: Body) -> bool:
@@ -59,17 +59,17 @@ def arms_held(body: Body, pose: str) -> Tensor:
         raise InputError(f"--garment-pose {pose}: body {body.name!r} has no arms that are recognized by name")
     roles = assign_roles(skeleton.names, {})
     angle = math.radians(POSES[pose])
-    own: dict[int, Tensor] = {}
+    turn_of: dict[int, Tensor] = {}
     for side, sign in (("left", 1.0), ("right", -1.0)):
         target = torch.tensor([sign * math.cos(angle), 0.0, -math.sin(angle)])
         joints = [roles[f"{side}_{part}"] for part in ARM]
         for start, end in pairwise(joints):
             bone = skeleton.heads[end] - skeleton.heads[start]
-            own[start] = smallest_rotation(bone / bone.norm(), target)
+            turn_of[start] = smallest_rotation(bone / bone.norm(), target)
     turns: list[Tensor] = []
     for joint, parent in enumerate(skeleton.parents):
         above = turns[parent] if parent >= 0 else torch.eye(3)
-        turns.append(own.get(joint, above))
+        turns.append(turn_of.get(joint, above))
     return joint_transforms(skeleton, torch.stack(turns)[None], skeleton.heads[:1])[0]
 
 
@@ -94,5 +94,5 @@ def unposed(mesh: Mesh, posed: Body, transforms: Tensor) -> Mesh:
     """
     garment = make_garment("", mesh, posed, DIFFUSION["tops"])
     blended = blend_transforms(garment.smooth_weights, transforms[None])[0].double()
-    moved = mesh.vertices.double() - blended[..., 3]
-    return replace(mesh, vertices=torch.linalg.solve(blended[..., :3], moved).float())
+    offset = mesh.vertices.double() - blended[..., 3]
+    return replace(mesh, vertices=torch.linalg.solve(blended[..., :3], offset).float())

@@ -48,14 +48,14 @@ class ProxiedOutfit:
         places = contact.resolve([mesh.vertices for mesh in meshes], body.mesh.vertices)
         shown = tuple(replace(mesh, vertices=place) for mesh, place in zip(meshes, places, strict=True))
         garments = tuple(
-            proxy(garment, mesh, body) if chosen else garment
-            for garment, mesh, chosen in zip(outfit.garments, shown, coarse, strict=True)
+            proxy(garment, mesh, body) if is_coarse else garment
+            for garment, mesh, is_coarse in zip(outfit.garments, shown, coarse, strict=True)
         )
         lines = tuple(
             f"  {garment.name}: coarse, {1000 * spacing(mesh):.0f} mm from vertex to vertex; carried by a "
             f"proxy of {len(garment.mesh.vertices)} vertices, its faces kept off the skin"
-            for garment, mesh, chosen in zip(garments, meshes, coarse, strict=True)
-            if chosen
+            for garment, mesh, is_coarse in zip(garments, meshes, coarse, strict=True)
+            if is_coarse
         )
         return cls(replace(outfit, garments=garments), shown, lines, contact)
 
@@ -72,7 +72,7 @@ class ProxiedOutfit:
             return []
         return [garment.hides for garment in self.outfit.garments if garment.hides is not None]
 
-    def own(self, garments: Sequence[Tensor]) -> tuple[Tensor, ...]:
+    def mesh_vertices(self, garments: Sequence[Tensor]) -> tuple[Tensor, ...]:
         """The vertices that the meshes have themselves, (N, 3) m, of what was rolled out."""
         return tuple(
             vertices[: len(mesh.vertices)] for vertices, mesh in zip(garments, self.meshes, strict=True)
@@ -80,8 +80,8 @@ class ProxiedOutfit:
 
     def shown(self, garments: Sequence[Tensor], body_vertices: Tensor) -> tuple[Tensor, ...]:
         """Vertices (N, 3) m of the meshes that are shown, of what was rolled out on a posed body (V, 3) m."""
-        own = self.own(garments)
-        return own if self.contact is None else self.contact.resolve(own, body_vertices)
+        rolled = self.mesh_vertices(garments)
+        return rolled if self.contact is None else self.contact.resolve(rolled, body_vertices)
 
 
 def spacing(mesh: Mesh) -> float:

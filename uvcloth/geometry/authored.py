@@ -41,7 +41,7 @@ class Labels:
     names: tuple[str, ...]
     of: Indices
 
-    def chosen(self, rows: Indices) -> "Labels":
+    def select(self, rows: Indices) -> "Labels":
         """Labels of some of the polygons, without the names that none has any more."""
         used, of = np.unique(self.of[rows], return_inverse=True)
         first = int(len(used) > 0 and used[0] < 0)
@@ -88,7 +88,7 @@ class Polygons:
         first = self.starts[owner]
         return np.stack([first, first + step + 1, first + step + 2], axis=1), owner
 
-    def chosen(self, rows: Indices, turned: NDArray[np.bool_]) -> "Polygons":
+    def select(self, rows: Indices, turned: NDArray[np.bool_]) -> "Polygons":
         """Some of the polygons (R,), with those that are turned (R,) the other way around."""
         sizes = self.sizes[rows]
         owner = np.repeat(np.arange(len(rows)), sizes)
@@ -103,8 +103,8 @@ class Polygons:
             sizes=sizes,
             corners=self.corners[corners],
             uv_sets=tuple(replace(each, corners=each.corners[corners]) for each in self.uv_sets),
-            objects=self.objects.chosen(rows),
-            groups=self.groups.chosen(rows),
+            objects=self.objects.select(rows),
+            groups=self.groups.select(rows),
             materials=tuple(self.materials[index] for index in kept[first:]),
             material=material.reshape(-1) - first,
         )
@@ -156,28 +156,28 @@ def follow_triangles(mesh: Mesh) -> Mesh:
     place = place.reshape(-1)
     triangle = np.full(int(place.max()) + 1, -1)
     triangle[place[: len(cut)][::-1]] = np.arange(len(cut))[::-1]
-    found = triangle[place[len(cut) :]]
-    flipped = (cut[found][:, ::-1] == faces).all(1)
-    rows, first = np.unique(owner[found], return_index=True)
-    return replace(mesh, polygons=polygons.chosen(rows, flipped[first]))
+    source = triangle[place[len(cut) :]]
+    flipped = (cut[source][:, ::-1] == faces).all(1)
+    rows, first = np.unique(owner[source], return_index=True)
+    return replace(mesh, polygons=polygons.select(rows, flipped[first]))
 
 
-def part_of(mesh: Mesh, chosen: Tensor) -> Mesh:
-    """Mesh of the chosen vertices (N,) bool in their order, and of the faces between them."""
-    kept = chosen[mesh.faces].all(1)
-    number = chosen.long().cumsum(0) - 1
+def part_of(mesh: Mesh, inside: Tensor) -> Mesh:
+    """Mesh of the vertices inside (N,) bool, in their order, and of the faces between them."""
+    kept = inside[mesh.faces].all(1)
+    number = inside.long().cumsum(0) - 1
     used, face_uvs = torch.unique(mesh.face_uvs[kept], return_inverse=True)
-    plain = Mesh(mesh.vertices[chosen], number[mesh.faces[kept]], mesh.uvs[used], face_uvs)
+    plain = Mesh(mesh.vertices[inside], number[mesh.faces[kept]], mesh.uvs[used], face_uvs)
     if not isinstance(mesh, AuthoredMesh):
         return plain
     among = mesh.polygons
     owner = np.repeat(np.arange(len(among.sizes)), among.sizes)
-    outside = np.bincount(owner[~chosen.numpy()[among.corners]], minlength=len(among.sizes))
+    outside = np.bincount(owner[~inside.numpy()[among.corners]], minlength=len(among.sizes))
     rows = np.nonzero(outside == 0)[0]
-    polygons = among.chosen(rows, np.zeros(len(rows), dtype=np.bool_))
+    polygons = among.select(rows, np.zeros(len(rows), dtype=np.bool_))
     polygons = replace(
         polygons,
         corners=number.numpy()[polygons.corners],
-        colors=None if polygons.colors is None else polygons.colors[chosen.numpy()],
+        colors=None if polygons.colors is None else polygons.colors[inside.numpy()],
     )
     return AuthoredMesh(plain.vertices, plain.faces, plain.uvs, plain.face_uvs, polygons)

@@ -47,8 +47,8 @@ def join_meshes(parts: Iterable[tuple[Tensor, Tensor]]) -> JoinedMesh:
     vertices, faces = zip(*parts, strict=True)
     sizes = tuple(len(each) for each in vertices)
     starts = tuple(accumulate(sizes[:-1], initial=0))
-    moved = [corners + start for corners, start in zip(faces, starts, strict=True)]
-    return JoinedMesh(torch.cat(vertices), torch.cat(moved), starts, sizes)
+    shifted = [corners + start for corners, start in zip(faces, starts, strict=True)]
+    return JoinedMesh(torch.cat(vertices), torch.cat(shifted), starts, sizes)
 
 
 def face_normals(vertices: Tensor, faces: Tensor) -> Tensor:

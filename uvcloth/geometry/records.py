@@ -41,13 +41,13 @@ def to_device(value: Value, device: torch.device) -> Value:
 
     Everything else stays the object that it is, such as a module, which moves by itself.
     """
-    moved: Any = value
+    copy: Any = value
     if isinstance(value, Tensor):
-        moved = value.to(device)
+        copy = value.to(device)
     elif is_dataclass(value) and not isinstance(value, type):
-        moved = replace(value, **{f.name: to_device(getattr(value, f.name), device) for f in fields(value)})
+        copy = replace(value, **{f.name: to_device(getattr(value, f.name), device) for f in fields(value)})
     elif isinstance(value, tuple | list):
-        moved = type(value)(to_device(each, device) for each in value)
+        copy = type(value)(to_device(each, device) for each in value)
     elif isinstance(value, dict):
-        moved = {key: to_device(each, device) for key, each in value.items()}
-    return cast(Value, moved)
+        copy = {key: to_device(each, device) for key, each in value.items()}
+    return cast(Value, copy)

@@ -1,7 +1,7 @@
 """Rotation matrices: applied to vectors, and to and from quaternions, axis-angles and Euler angles.
 
-The conversions that need care are kornia's, imported where they are used: that takes a second, which who
-reads a clip as it is does not pay.
+The conversions that need care are kornia's, imported where they are used: that takes a second, which
+reading a clip does not need.
 """
 
 import torch

@@ -1,4 +1,4 @@
-"""Subdivision of triangle meshes until no edge is long; the vertices that there were stay the first."""
+"""Subdivision of triangle meshes until no edge is long; the original vertices stay first."""
 
 import torch
 from torch import Tensor
@@ -50,12 +50,12 @@ def _first_split(split: Tensor) -> Tensor:
 
 
 def _halved(points: Tensor, faces: Tensor, split: Tensor, turn: Tensor) -> tuple[Tensor, Tensor]:
-    """Points (P, D) and faces (F, 3) with the chosen edges halved; turn: (F, 3) the order of the corners."""
+    """Points (P, D) and faces (F, 3) with split edges (F, 3) halved; turn: (F, 3), order of the corners."""
     edges = torch.stack([faces, faces.roll(-1, 1)], dim=2)
-    chosen, place = torch.unique(edges[split].sort(dim=1).values, dim=0, return_inverse=True)
+    ends, place = torch.unique(edges[split].sort(dim=1).values, dim=0, return_inverse=True)
     middles = torch.full_like(faces, -1)
     middles[split] = len(points) + place
     six = torch.cat([faces.gather(1, turn), middles.gather(1, turn)], dim=1)
     count = split.sum(1)
     parts = [six[count == halves][:, pattern].reshape(-1, 3) for halves, pattern in enumerate(PATTERNS)]
-    return torch.cat([points, points[chosen].mean(1)]), torch.cat(parts)
+    return torch.cat([points, points[ends].mean(1)]), torch.cat(parts)

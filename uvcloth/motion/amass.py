@@ -127,13 +127,13 @@ def carried_over(clip: Clip, body: Body, fps: float) -> Clip:
     for name, parent in zip(body.skeleton.names, body.skeleton.parents, strict=True):
         turned.append(clip.rotations[:, names.index(name)] if name in names else turned[parent])
     offset = _standing().float().mT @ (body.skeleton.heads[0] - clip.skeleton.heads[0])
-    moved = replace(
+    result = replace(
         clip,
         skeleton=body.skeleton,
         rotations=torch.stack(turned, dim=1),
         translation=clip.translation + offset,
     )
-    return on_floor(moved, body)
+    return on_floor(result, body)
 
 
 def _standing() -> Tensor:

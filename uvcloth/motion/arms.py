@@ -69,6 +69,6 @@ def _places(body: Body, transforms: Tensor, side: str) -> Tensor | None:
     places = []
     for start, end, shares in ((forearm, hand, FOREARM_SHARES), (hand, fingers, HAND_SHARES)):
         rest = torch.lerp(heads[start], heads[end], torch.tensor(shares)[:, None])
-        moved = transforms[:, start]
-        places.append(rest @ moved[..., :3].mT + moved[:, None, :, 3])
+        posed = transforms[:, start]
+        places.append(rest @ posed[..., :3].mT + posed[:, None, :, 3])
     return torch.cat(places, dim=1)

@@ -224,9 +224,9 @@ def _offsets(hierarchy: _Hierarchy, positions: np.ndarray) -> np.ndarray:
 
 def _columns(hierarchy: _Hierarchy, kind: str) -> dict[int, tuple[list[int], str]]:
     """Columns of the channels of one kind by joint, and their axes ("zyx"), in the listed order."""
-    found: dict[int, tuple[list[int], str]] = {}
+    by_joint: dict[int, tuple[list[int], str]] = {}
     for column, (joint, channel) in enumerate(hierarchy.channels):
         if channel.endswith(kind):
-            columns, axes = found.get(joint, ([], ""))
-            found[joint] = ([*columns, column], axes + channel[0])
-    return found
+            columns, axes = by_joint.get(joint, ([], ""))
+            by_joint[joint] = ([*columns, column], axes + channel[0])
+    return by_joint

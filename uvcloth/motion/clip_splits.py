@@ -55,15 +55,15 @@ def find_sources(
             "poses: --windows and --clips-from go together, an index and the folder of its clips"
         )
     for clip in clips or ([] if sources else builtin_clips()):
-        found = {Path(clip).stem: clip}
+        by_name = {Path(clip).stem: clip}
         if clip not in builtin_clips() and Path(clip).is_dir():
             if (Path(clip) / INDEX).is_file():
                 sources += _indexed(Path(clip) / INDEX, Path(clip))
                 continue
-            found = _in_folder(Path(clip))
-        for name in found.keys() & loose.keys():
-            raise InputError(f"{found[name]}: another clip is also named {name} ({loose[name]})")
-        loose |= found
+            by_name = _in_folder(Path(clip))
+        for name in by_name.keys() & loose.keys():
+            raise InputError(f"{by_name[name]}: another clip is also named {name} ({loose[name]})")
+        loose |= by_name
     sources += [SplitClip(name, loose[name], split) for name, split in deal_splits(loose).items()]
     sources.sort(key=lambda source: source.name)
     for first, second in pairwise(sources):

@@ -44,20 +44,20 @@ def read_gltf_motion(path: Path) -> Clip:
     if skin is None:
         raise InputError(f"{file.path}: has no skin, and therefore no skeleton to move")
     rig = read_rig(file, skin)
-    moved = set(skin["joints"])
+    nodes = set(skin["joints"])
     for joint in skin["joints"]:
-        moved |= set(chain(joint, above))
+        nodes |= set(chain(joint, above))
     animation = next(
         (
             entry
             for entry in file.entries("animations")
-            if any(channel["target"].get("node") in moved for channel in entry["channels"])
+            if any(channel["target"].get("node") in nodes for channel in entry["channels"])
         ),
         None,
     )
     if animation is None:
         raise InputError(f"{file.path}: has no animation of its skeleton")
-    order = parents_first(moved, above)
+    order = parents_first(nodes, above)
     times, fps = _times(file, animation, len(order))
     with np.errstate(all="ignore"):  # What comes of broken keys is refused below.
         world = worlds(order, above, {node: _local(file, animation, node, times) for node in order})
@@ -68,10 +68,10 @@ def _hierarchy(file: Gltf, rig: SkinJoints, world: dict[int, np.ndarray], fps: f
     """Motion of the joints of a rig relative to their parents, given world transforms (T, 4, 4) of nodes."""
     if rig.parents.count(-1) != 1:
         raise InputError(f"{file.path}: the skin has {rig.parents.count(-1)} root joints, expected one")
-    moved = np.stack([world[node] for node in rig.nodes], axis=1)
-    turned = _rotations(moved) @ np.swapaxes(_rotations(rig.bind), 1, 2)
+    transforms = np.stack([world[node] for node in rig.nodes], axis=1)
+    turned = _rotations(transforms) @ np.swapaxes(_rotations(rig.bind), 1, 2)
     turned, solid = _nearest_rotations(turned)
-    bad = np.argwhere(~((np.abs(moved).max(axis=(2, 3)) <= LARGEST) & solid))
+    bad = np.argwhere(~((np.abs(transforms).max(axis=(2, 3)) <= LARGEST) & solid))
     if len(bad):
         frame, joint = bad[0]
         raise InputError(
@@ -79,12 +79,12 @@ def _hierarchy(file: Gltf, rig: SkinJoints, world: dict[int, np.ndarray], fps: f
             f"beyond {LARGEST:g}"
         )
     heads = rig.bind[:, :3, 3]
-    rotations, positions, offsets = turned.copy(), moved[..., :3, 3].copy(), heads.copy()
+    rotations, positions, offsets = turned.copy(), transforms[..., :3, 3].copy(), heads.copy()
     for joint, parent in enumerate(rig.parents):
         if parent >= 0:
             back = np.swapaxes(turned[:, parent], 1, 2)
             rotations[:, joint] = back @ turned[:, joint]
-            way = moved[:, joint, :3, 3] - moved[:, parent, :3, 3]
+            way = transforms[:, joint, :3, 3] - transforms[:, parent, :3, 3]
             positions[:, joint] = (back @ way[..., None]).squeeze(-1)
             offsets[joint] = heads[joint] - heads[parent]
     return Hierarchy(rig.names, rig.parents, offsets, rotations, positions, fps)

@@ -65,8 +65,8 @@ def _posed(hierarchy: Hierarchy) -> tuple[np.ndarray, np.ndarray]:
     for joint, parent in enumerate(hierarchy.parents):
         if parent >= 0:
             world[:, joint] = world[:, parent] @ hierarchy.rotations[:, joint]
-            moved = (world[:, parent] @ hierarchy.positions[:, joint, :, None]).squeeze(-1)
-            path[:, joint] = path[:, parent] + moved
+            offset = (world[:, parent] @ hierarchy.positions[:, joint, :, None]).squeeze(-1)
+            path[:, joint] = path[:, parent] + offset
     return world, path
 
 
@@ -75,8 +75,8 @@ def _root(hierarchy: Hierarchy) -> int:
     root = hierarchy.parents.index(-1)
     while True:
         children = [joint for joint, parent in enumerate(hierarchy.parents) if parent == root]
-        moved = (child for child in children if _moves(hierarchy, child, MOVING * size))
-        child = next(moved, None)
+        moving = (child for child in children if _moves(hierarchy, child, MOVING * size))
+        child = next(moving, None)
         if child is None:
             return root
         root = child

@@ -95,15 +95,15 @@ def clip_file(entry: Entry, folder: Path) -> Path:
     """
     name = f"{entry.clip}.bvh"
     if entry.file:
-        found = [file_below(folder, folder, entry.file)]
+        paths = [file_below(folder, folder, entry.file)]
     else:
         patterns = (escape(name), f"*/{escape(name)}")
-        found = [path for pattern in patterns for path in sorted(folder.glob(pattern))]
-    if len(found) > 1:
-        raise InputError(f"{folder}: holds two clips {entry.clip} ({found[0]} and {found[1]})")
-    if not found or not found[0].is_file():
+        paths = [path for pattern in patterns for path in sorted(folder.glob(pattern))]
+    if len(paths) > 1:
+        raise InputError(f"{folder}: holds two clips {entry.clip} ({paths[0]} and {paths[1]})")
+    if not paths or not paths[0].is_file():
         raise InputError(f"{folder}: lacks the clip {entry.clip} ({entry.file or name})")
-    return found[0]
+    return paths[0]
 
 
 def _require_columns(path: Path, columns: Iterable[str]) -> None:

@@ -71,7 +71,7 @@ def load_clip(path_or_name: str | Path, body: Body, options: MotionOptions = DEF
     """
     source = load_source(path_or_name, body, options)
     try:
-        clip = moved(source, body, options.fps)
+        clip = motion_on_body(source, body, options.fps)
         check_posture(clip, lying=options.up is not None)
         return wanted_part(clip, options)
     except InputError as error:
@@ -97,7 +97,7 @@ def load_source(path_or_name: str | Path, body: Body, options: MotionOptions = D
         raise InputError(f"{path_or_name}: {error}") from error
 
 
-def moved(source: MotionSource, body: Body, fps: float) -> Clip:
+def motion_on_body(source: MotionSource, body: Body, fps: float) -> Clip:
     """A motion on a body: retargeted, but for one of AMASS on a body of SMPL's, whose joints it has."""
     if fits_unchanged(source.rest.clip, body):
         return carried_over(source.rest.clip, body, fps)
@@ -106,8 +106,8 @@ def moved(source: MotionSource, body: Body, fps: float) -> Clip:
 
 def clip_roles(clip: Clip, options: MotionOptions = DEFAULTS) -> dict[str, int]:
     """Joint of each role that a clip's joints play, by name or as the options say."""
-    chosen = {} if options.joints is None else read_role_map(options.joints)
-    return assign_roles(clip.skeleton.names, chosen)
+    overrides = {} if options.joints is None else read_role_map(options.joints)
+    return assign_roles(clip.skeleton.names, overrides)
 
 
 def read_motion(path_or_name: str | Path) -> Clip:

@@ -52,8 +52,8 @@ def recombine(
             if len(kept) == count:
                 break
             donors = rows[torch.randint(len(rows), (len(DONOR_PARTS),), generator=generator)]
-            own = torch.rand(2, generator=generator) < 0.5
-            donors[2:] = torch.where(own, donors[1], donors[2:])
+            same = torch.rand(2, generator=generator) < 0.5
+            donors[2:] = torch.where(same, donors[1], donors[2:])
             made = _made_of(poses, local, donors[None], part, body.skeleton)
             if valid(posed_skin(body, made.transforms(body.skeleton))[0]):
                 kept.append(donors)

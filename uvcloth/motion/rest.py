@@ -71,13 +71,13 @@ def find_rest(
     if rest_frame is not None:
         return _from_frame(clip, roles, rest_frame)
     resting = standing_axis(clip.skeleton.heads, roles)
-    chosen = _named_axis(up) if up else None
+    up_axis = _named_axis(up) if up else None
     if resting is None:
-        axis = _motion_axis(positions, roles) if chosen is None else chosen
+        axis = _motion_axis(positions, roles) if up_axis is None else up_axis
         return Rest(
             rebase(clip, _estimate(thinned, positions, roles, body, axis)), "the motion", axis_name(axis)
         )
-    axis = _motion_axis_beside(resting, positions, roles) if chosen is None else chosen
+    axis = _motion_axis_beside(resting, positions, roles) if up_axis is None else up_axis
     if float(axis @ resting) > 0.5:
         return Rest(clip, "the zero pose", axis_name(axis))
     turned = smallest_rotation(resting, axis).expand(len(clip.skeleton.names), 3, 3)

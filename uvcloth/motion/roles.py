@@ -131,18 +131,18 @@ def read_role_map(path: Path) -> dict[str, str]:
     return content
 
 
-def assign_roles(names: Sequence[str], chosen: Mapping[str, str]) -> dict[str, int]:
-    """Roles by name, with those that are chosen (role -> joint name) in their place.
+def assign_roles(names: Sequence[str], overrides: Mapping[str, str]) -> dict[str, int]:
+    """Assign roles to joints by their names; `overrides` (role -> joint name) come first.
 
     Raises InputError naming a joint that the skeleton lacks.
     """
-    for name in chosen.values():
+    for name in overrides.values():
         if name not in names:
             near = get_close_matches(name, names, n=3, cutoff=0.4) or names[:6]
             raise InputError(f"--joints: no joint is named {name}; there are {', '.join(near)}, ...")
-    given = {role: names.index(name) for role, name in chosen.items()}
-    found = joint_roles(names)
-    kept = {role: joint for role, joint in found.items() if joint not in given.values()} | given
+    given = {role: names.index(name) for role, name in overrides.items()}
+    by_name = joint_roles(names)
+    kept = {role: joint for role, joint in by_name.items() if joint not in given.values()} | given
     return {role: kept[role] for role in ROLES if role in kept}
 
 

@@ -32,11 +32,11 @@ def stick_sheet(source: MotionSource, clip: Clip) -> np.ndarray:
     The body's left is blue, its right red; front is where its hips point to. Returns (h, w, 3) uint8.
     """
     roles = joint_roles(clip.skeleton.names)
-    own = in_body_axes(resample(source.rest.clip, clip.fps), source.roles)
-    scale = leg_length(clip.skeleton.heads, roles) / leg_length(own.skeleton.heads, source.roles)
+    recorded = in_body_axes(resample(source.rest.clip, clip.fps), source.roles)
+    scale = leg_length(clip.skeleton.heads, roles) / leg_length(recorded.skeleton.heads, source.roles)
     frames = torch.linspace(0, len(clip) - 1, min(COLUMNS, len(clip))).round().long()
     body = _facing(clip.positions()[frames], clip.positions()[frames], roles, roles)
-    grey = _facing(scale * own.positions()[frames], clip.positions()[frames], source.roles, roles)
+    grey = _facing(scale * recorded.positions()[frames], clip.positions()[frames], source.roles, roles)
     pictures = []
     for axis in (0, 1):
         for joints, others in zip(body, grey, strict=True):

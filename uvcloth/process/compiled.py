@@ -1,14 +1,24 @@
-"""Compilation of loops by Numba, kept on disk from one process to the next."""
+"""Compilation of loops by Numba, kept on disk from one process to the next.
+
+A child process compiles, and this one loads. A function that was compiled here would call other functions in
+the form that each has alone; a loaded one calls the copies of them in its own file. Fast arithmetic rounds
+the two in different ways. So the first run after an installation would give other bytes than later ones.
+"""
 
 import hashlib
 import os
+import pickle
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+from numba.core.caching import FunctionCache
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -29,14 +39,78 @@ def borrowing(function: Function) -> Function:
     return _kept(function, _nrt=False)
 
 
+class ChildCache(FunctionCache):
+    """Numba's files of a compiled function; where they lack it, a child process compiles it into them.
+
+    compiles_here: True in that child, and after a child was of no use (on a full disk).
+    """
+
+    compiles_here = False
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Load the function for the types of its arguments, or None if it is to be compiled here."""
+        loaded = super().load_overload(sig, target_context)
+        importable = self._py_func.__module__ != "__main__"
+        if loaded is None and importable and not ChildCache.compiles_here:
+            if _compile_in_child(self._py_func, sig):
+                loaded = super().load_overload(sig, target_context)
+            ChildCache.compiles_here = loaded is None
+        return loaded
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Save the function, if the disk lets us."""
+        with suppress(OSError):
+            super().save_overload(sig, data)
+
+
 def _kept(function: Function, **options: Any) -> Function:
+    dispatcher = numba.njit(function, fastmath=True, error_model="numpy", nogil=True, **options)
+    folder = _cache_folder(Path(function.__code__.co_filename).parent)
+    if folder is None:
+        return dispatcher
     settings: Any = numba.config
     before = settings.CACHE_DIR
-    settings.CACHE_DIR = str(_cache_folder(Path(function.__code__.co_filename).parent))
+    settings.CACHE_DIR = str(folder)
     try:
-        return numba.njit(function, cache=True, fastmath=True, error_model="numpy", nogil=True, **options)
+        dispatcher._cache = ChildCache(function)
     finally:
         settings.CACHE_DIR = before
+    return dispatcher
+
+
+def _compile_in_child(function: Callable[..., Any], types: Any) -> bool:
+    """Compile a function in a child process into its files. Returns False if that failed."""
+    from uvcloth.process import compiling
+
+    try:
+        task = pickle.dumps((function.__module__, function.__qualname__, types))
+    except (pickle.PicklingError, TypeError, AttributeError):
+        return False
+    paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
+    try:
+        child = subprocess.Popen(
+            [sys.executable, "-P", "-m", compiling.__name__],
+            env={**os.environ, "PYTHONPATH": paths},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+    except OSError:
+        return False
+    with child:
+        try:
+            # The pipe stays open: the child ends when it closes, however this process ends.
+            assert child.stdin is not None
+            with suppress(BrokenPipeError):
+                child.stdin.write(task)
+                child.stdin.flush()
+            return child.wait() == 0
+        except BaseException:
+            child.kill()
+            raise
 
 
 def inlined(function: Function) -> Function:
@@ -48,12 +122,12 @@ def is_kept(function: Any) -> bool:
     """True if a `compiled` function has been compiled for this source, by this process or one before."""
     code = function.py_func.__code__
     folder = _cache_folder(Path(code.co_filename).parent)
-    return any(folder.rglob(f"{Path(code.co_filename).stem}.{code.co_name}-*.nbi"))
+    return folder is not None and any(folder.rglob(f"{Path(code.co_filename).stem}.{code.co_name}-*.nbi"))
 
 
 @cache
-def _cache_folder(sources: Path) -> Path:
-    """Folder of the compiled loops of the package folder `sources`.
+def _cache_folder(sources: Path) -> Path | None:
+    """Folder of the compiled loops of the package folder `sources`, or None if none can be written.
 
     Numba renews compiled code when its own file changes, not when that of a function changes which it calls:
     the hash of all files together does. So compiled loops call none of other package folders.
@@ -70,7 +144,7 @@ def _cache_folder(sources: Path) -> Path:
             continue
         if os.access(folder, os.W_OK):
             return folder
-    raise AssertionError("the system's folder for temporary files cannot be written")
+    return None
 
 
 def _cache_roots() -> list[Path]:

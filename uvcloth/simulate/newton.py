@@ -12,11 +12,10 @@ import warp as wp
 from torch import Tensor
 
 from rasterize.warp_start import start_warp
-from uvcloth.errors import InputError
 from uvcloth.geometry.units import GRAVITY
 from uvcloth.physics.fabric import AIR_DENSITY, Fabric
-from uvcloth.simulate.bending import bending_force_hessian
 from uvcloth.simulate.engine import Frame, Scene
+from uvcloth.simulate.newton_patches import keep_apart, patched_solver, require_newton
 
 STRIDE_SHARE = 0.85
 """Share of the distance to other cloth that a vertex may move before self-contact is detected again."""
@@ -70,7 +69,7 @@ class Newton:
         return replace(self, fabric=fabric)
 
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
-        """Yield the frames as `Engine` says. Raises InputError if the `simulate` extra is not installed.
+        """Yield the frames as `Engine` says. Raises InputError if Newton is missing or unsupported.
 
         Positions and velocities, the memory of a frame, are relative to the mean of the skinned garment,
         which moves evenly between two frames, so that strides bound how cloth moves on the body and not how
@@ -78,20 +77,19 @@ class Newton:
         that are built at rest and refitted.
         """
         start_warp()
-        try:
-            import newton
-        except ModuleNotFoundError as error:
-            raise InputError("simulating needs Newton: install uvcloth[simulate]") from error
+        require_newton()
+        import newton
+
         path = scene.skinned.mean(1, keepdim=True)
         scene = replace(
             scene, rest=scene.rest - path[0], skinned=scene.skinned - path, collider=scene.collider - path
         )
         model, bodies = _model(self, scene)
         pipeline = newton.CollisionPipeline(model, soft_contact_gap=self.contact_reach)
-        _keep_apart(pipeline, scene.touches)
+        keep_apart(pipeline, scene.touches)
         contacts, control = pipeline.contacts(), model.control()
         schedule = newton.solvers.SolverBase.CollisionFrequencyType.PRE_INIT
-        solver = _solver_from_acceleration()(
+        solver = patched_solver()(
             model,
             iterations=self.iterations,
             friction_epsilon=self.creep,
@@ -153,58 +151,6 @@ def _recall(frame: Frame, state: Any, accelerations: Tensor) -> None:
     places = (wp.to_torch(state.particle_q), wp.to_torch(state.particle_qd), accelerations)
     for place, values in zip(places, frame.memory.view(3, -1, 3), strict=True):
         place.copy_(values)
-
-
-@cache
-def _solver_from_acceleration() -> type[Any]:
-    """SolverVBD whose substeps start from the acceleration of the substep before, not from free fall.
-
-    Few iterations leave something of where they start. From free fall, cloth that drapes at rest falls a
-    little in every substep, until it is stretched so far that what the iterations do makes up for it; from
-    its acceleration, which is none, it stays where forces balance, whatever the iterations. (Chen et al.
-    2024, "Vertex Block Descent", section 3.7, take of the acceleration the part along gravity.) It is cut to
-    that of free fall, or stiff waves grow.
-    """
-    from newton.solvers import SolverVBD
-
-    _lighten()
-
-    class FromAcceleration(SolverVBD):
-        accelerations: Tensor
-        """(N, 3) m/s2 of the substep before."""
-
-        def _initialize_particles(self, state_in: Any, state_out: Any, contacts: Any, dt: float) -> None:
-            super()._initialize_particles(state_in, state_out, contacts, dt)
-            even = dt * wp.to_torch(state_in.particle_qd)
-            # The reference is where the substep begins, which is where self-contact is detected.
-            fall = wp.to_torch(self.inertia) - wp.to_torch(self.particle_q_prev) - even
-            bent = dt**2 * self.accelerations
-            share = fall.norm(dim=1, keepdim=True) / bent.norm(dim=1, keepdim=True).clamp(min=1e-12)
-            wp.to_torch(self.particle_displacements).copy_(even + share.clamp(max=1.0) * bent)
-            self._penetration_free_truncation(state_in, contacts)
-
-    return FromAcceleration
-
-
-def _lighten() -> None:
-    """Have SolverVBD do the same with less work.
-
-    On a CPU threads run one after another, so that one looks through the contacts of a vertex or an edge
-    instead of four. Pairs of cloth that are too far apart to touch are told first.
-    """
-    from newton._src.solvers.vbd import particle_vbd_kernels, solver_vbd
-
-    from uvcloth.simulate import near_pairs
-
-    for module in (particle_vbd_kernels, solver_vbd):
-        vars(module)["NUM_THREADS_PER_COLLISION_PRIMITIVE"] = 1
-    vars(particle_vbd_kernels).update(
-        evaluate_dihedral_angle_based_bending_force_hessian=bending_force_hessian,
-        create_edge_edge_division_plane_closest_pt=near_pairs.near_edge_edge_plane,
-        create_vertex_triangle_division_plane_closest_pt=near_pairs.near_vertex_triangle_plane,
-        evaluate_edge_edge_contact_2_vertices=near_pairs.near_edge_edge_contact,
-        evaluate_vertex_triangle_collision_force_hessian_4_vertices=near_pairs.near_vertex_triangle_contact,
-    )
 
 
 def _model(settings: Newton, scene: Scene) -> tuple[Any, list[Any]]:
@@ -270,14 +216,6 @@ def _set_bending(model: Any, settings: Newton) -> None:
     properties = torch.from_numpy(model.edge_bending_properties.numpy())
     properties[:, 0] = settings.fabric.bend * 2.0 * lengths / doubled
     model.edge_bending_properties.assign(properties.numpy())
-
-
-def _keep_apart(pipeline: Any, touches: Tensor) -> None:
-    """Pair vertices with the last shape, which touches nothing, instead of parts that they may not touch."""
-    pairs = pipeline.soft_rigid_contact_pairs.numpy()
-    allowed = torch.cat([touches, touches.new_zeros(1, touches.shape[1])]).numpy()
-    pairs[~allowed[pairs[:, 1], pairs[:, 0]], 1] = len(touches)
-    pipeline.soft_rigid_contact_pairs.assign(pairs)
 
 
 class _Collider:

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.seen import seen
+from uvcloth.bodies.visible import visible_body
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import to_quaternions
 from uvcloth.geometry.skinning import strongest
@@ -93,7 +93,7 @@ class Actor:
 
     def __init__(self, scene: Any, name: str, body: Body, meshes: Sequence[Mesh], aside: float = 0.0) -> None:
         self._root = scene.add_frame(f"/{name}", show_axes=False, position=(aside, 0.0, 0.0))
-        self._body = BodyNode(scene, f"/{name}/body", seen(body))
+        self._body = BodyNode(scene, f"/{name}/body", visible_body(body))
         self._garments = [
             GarmentNode(scene, f"/{name}/garment_{index}", mesh, GARMENT_COLORS[index % len(GARMENT_COLORS)])
             for index, mesh in enumerate(meshes)

@@ -52,7 +52,7 @@ def refuse_faulty(names: Sequence[str], pieces: Sequence[Mesh], body: Body) -> N
 
 
 def bare_garment(name: str, mesh: Mesh, body: Body) -> Garment:
-    """A garment without weights, for what asks about its mesh alone."""
+    """A garment without weights, for checks of its mesh alone."""
     none = torch.zeros(len(mesh.vertices), 0)
     return Garment(name, None, mesh, none, none)
 

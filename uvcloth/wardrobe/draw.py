@@ -117,8 +117,8 @@ def draw(rng: np.random.Generator, types: Sequence[str], vertices: tuple[int, in
     """Draw an outfit of one of some types (of OUTFITS), with a number of vertices between two."""
     one = [name for name in types if "+" not in name]
     two = [name for name in types if "+" in name]
-    chosen = one if not two or (one and rng.random() < ONE_PIECE) else two
-    kinds = chosen[rng.integers(len(chosen))].split("+")[::-1]
+    pieces = one if not two or (one and rng.random() < ONE_PIECE) else two
+    kinds = pieces[rng.integers(len(pieces))].split("+")[::-1]
     tightness = float(rng.random())
     designs = []
     for kind in kinds:
@@ -164,5 +164,5 @@ def _design(rng: np.random.Generator, kind: str, tightness: float, otherwise: In
 
 
 def _rounded(value: float) -> float:
-    """A number with four digits that count: what the file says is what was sewn."""
+    """A number with four significant digits: the file holds the exact number that was sewn."""
     return float(f"{value:.4g}")

@@ -1,4 +1,4 @@
-"""Making of numbered outfits: drawn again until one is without fault."""
+"""Making of numbered outfits: drawn again until one has no fault."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

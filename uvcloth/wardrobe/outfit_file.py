@@ -74,10 +74,10 @@ class OutfitFile:
 
 def outfit_files(folder: Path) -> list[Path]:
     """Paths of the outfits of a folder, by number. Raises InputError if it holds none."""
-    found = sorted(Path(folder).glob("o[0-9]*.json"))
-    if not found:
+    paths = sorted(Path(folder).glob("o[0-9]*.json"))
+    if not paths:
         raise InputError(f"{folder}: holds no outfits, make some with `uvcloth outfits`")
-    return found
+    return paths
 
 
 def load_outfit_file(path: Path) -> OutfitFile:
@@ -140,7 +140,7 @@ def save_outfit_file(outfit: OutfitFile) -> None:
 def load_pieces(outfit: OutfitFile) -> tuple[Mesh, ...]:
     """Meshes of an outfit, the innermost first, float32, on its body's rest pose.
 
-    Raises InputError as `read_mesh` does, and where a file has another number of vertices than it is said to.
+    Raises InputError as `read_mesh` does, and for a file with more or fewer vertices than its outfit says.
     """
     meshes = []
     for piece in outfit.pieces:

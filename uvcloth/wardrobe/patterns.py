@@ -135,11 +135,11 @@ def sleeves_stretched(body: Body, vertices: Array) -> Array:
         start = shoulder + FREE_ARM * (elbow - shoulder)
         length = np.linalg.norm(wrist - start)
         axis = (wrist - start) / length
-        own = on_arm & (vertices[:, 0] * shoulder[0] > 0)
-        along = ((vertices[own] - start) @ axis).clip(min=0.0)[:, None]
-        across = vertices[own] - start - along * axis
+        sleeve = on_arm & (vertices[:, 0] * shoulder[0] > 0)
+        along = ((vertices[sleeve] - start) @ axis).clip(min=0.0)[:, None]
+        across = vertices[sleeve] - start - along * axis
         more = (CUFF_STRETCH - 1.0) * along / length
-        stretched[own] = start + along * (1.0 + more / 2.0) * axis + (1.0 + more) * across
+        stretched[sleeve] = start + along * (1.0 + more / 2.0) * axis + (1.0 + more) * across
     return stretched
 
 

@@ -21,7 +21,7 @@ from uvcloth.physics.face_contact import FACE_CLEARANCE, POINT_SPACING
 from uvcloth.physics.layers import Layer
 from uvcloth.physics.surface import BodySurface
 from uvcloth.wardrobe.designs import Design
-from uvcloth.wardrobe.hang import hang
+from uvcloth.wardrobe.drape import drape
 from uvcloth.wardrobe.patterns import Pattern, cut_pattern, ease, sleeves_stretched
 
 LEAST_OFF = 0.004
@@ -31,13 +31,13 @@ OVER = 0.004
 """Metres that a piece lies over those beneath."""
 
 REACH = 0.15
-"""Metres off the skin within which a piece beneath is looked for."""
+"""Metres off the skin within which a piece beneath is searched."""
 
 ROOM_SHARE = 0.35
 """Share of the way to the body opposite, between the legs and under the arms, that cloth takes at most."""
 
 ROOM = 0.3
-"""Metres within which the body opposite is looked for."""
+"""Metres within which the body opposite is searched."""
 
 EASE_SMOOTHING = 8
 """Passes that smooth the ease over neighbours, so that a sleeve meets the trunk without a step."""
@@ -101,9 +101,9 @@ def _stretched(pattern: Pattern, meshing: Meshing, body: Body) -> Pattern:
 def _meshed(pattern: Pattern, stretched: Pattern, count: int) -> tuple[Array, Indices]:
     """Remesh a pattern to `count` vertices whose triangles would be even if it were stretched so."""
     points, triangles = remesh(stretched.vertices, stretched.faces, count)
-    found = surface_of(stretched.vertices, stretched.faces).closest(torch.from_numpy(points).float())
-    corners = torch.from_numpy(pattern.faces)[found.faces]
-    placed = gather(torch.from_numpy(pattern.vertices).float(), corners, found.barycentrics)
+    nearest = surface_of(stretched.vertices, stretched.faces).closest(torch.from_numpy(points).float())
+    corners = torch.from_numpy(pattern.faces)[nearest.faces]
+    placed = gather(torch.from_numpy(pattern.vertices).float(), corners, nearest.barycentrics)
     return placed.numpy().astype(np.float64), triangles
 
 
@@ -121,10 +121,10 @@ def _worn(
     for _ in range(EASE_SMOOTHING):
         off = torch.where(snug, off, torch.minimum(0.5 * off + 0.5 * (average @ off), room))
     vertices = torch.from_numpy(
-        hang(design, body, points, off.double().numpy(), room.double().numpy())
+        drape(design, body, points, off.double().numpy(), room.double().numpy())
     ).float()
     if design.skirt is None:
-        # Smoothing along a small hem draws it together: where it fell it is to stay.
+        # Smoothing along a small hem draws it together: it stays where it fell.
         off = torch.where(snug, off, torch.maximum(off, surface.closest(vertices).signed_distance))
     vertices = offset_from_skin(vertices, faces, off, snug & ~_over(vertices, beneath), body)
     for inner in beneath:
@@ -156,7 +156,7 @@ def _thickness(vertices: Tensor, inner: Mesh, surface: BodySurface) -> Tensor:
     hits = cast_rays(
         skin.points, skin.normals, inner.vertices, inner.faces, max_distance=REACH, both_ways=False
     )
-    return torch.where(hits.found, hits.distance, 0.0).float()
+    return torch.where(hits.hit, hits.distance, 0.0).float()
 
 
 def _over(vertices: Tensor, beneath: Sequence[Mesh]) -> Tensor:
@@ -171,9 +171,9 @@ def _over_piece(vertices: Tensor, average: Tensor, inner: Mesh, surface: BodySur
     """Vertices (N, 3) m moved over a piece beneath, neighbours along with them."""
     layer = Layer(inner.vertices, inner.faces)
     for turn in range(OVER_PASSES):
-        found = layer.beside(vertices, REACH)
-        lack = torch.where(found.covered, (OVER - found.distance).clamp(min=0), 0.0)
-        move = lack[:, None] * found.normals
+        nearest = layer.beside(vertices, REACH)
+        lack = torch.where(nearest.covered, (OVER - nearest.distance).clamp(min=0), 0.0)
+        move = lack[:, None] * nearest.normals
         if turn < OVER_PASSES - 2:
             move = torch.where((lack > 0)[:, None], move, 0.5 * (average @ move))
         vertices = _off_skin(vertices + move, surface)

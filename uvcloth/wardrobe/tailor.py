@@ -145,12 +145,12 @@ def _meshed(name: str, body: Body, pattern: Pattern, count: int) -> tuple[Array,
     free = torch.zeros(len(tight), dtype=torch.bool)
     lifted = offset_from_skin(lifted, corners, torch.from_numpy(off).float(), free, body)
     points, faces = remesh(lifted.numpy().astype(np.float64), pattern.faces, count)
-    found = surface_of(lifted.numpy(), pattern.faces).closest(torch.from_numpy(points).float())
-    on = corners[found.faces]
+    nearest = surface_of(lifted.numpy(), pattern.faces).closest(torch.from_numpy(points).float())
+    on = corners[nearest.faces]
     return (
-        gather(tight, on, found.barycentrics).numpy().astype(np.float64),
+        gather(tight, on, nearest.barycentrics).numpy().astype(np.float64),
         faces,
-        gather(torch.from_numpy(off).float()[:, None], on, found.barycentrics)[:, 0]
+        gather(torch.from_numpy(off).float()[:, None], on, nearest.barycentrics)[:, 0]
         .numpy()
         .astype(np.float64),
     )

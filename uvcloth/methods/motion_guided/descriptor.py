@@ -1,4 +1,4 @@
-"""First convolutions over what 581 seeds see of a garment, without a channel for each of them.
+"""First convolutions over the positions of a garment relative to 581 seeds, without a channel for each.
 
 The descriptor of a vertex is its position relative to every seed, g - b_j: 1,743 channels. A convolution over
 them is exactly one over the position and a mask, whose kernel holds the seeds' positions (Motion-guided,

@@ -114,7 +114,7 @@ def motion_of(local_offsets: bool, maps: GarmentMaps, seen: DynamicsInput) -> Te
 def state_features(
     space: Space, maps: GarmentMaps, texels: Tensor, offsets: Tensor, seeds: Tensor, transforms: Tensor
 ) -> Tensor:
-    """S(M^P) of a garment, as `shape_features` takes it, and how the body stands (B, J, 3, 4).
+    """S(M^P) of a garment, as `shape_features` takes it, and the pose of the body (B, J, 3, 4).
 
     With local offsets, the latter is where the smooth LBS reference lies, seen from the root joint, against
     its rest, m; as published there is none.
@@ -143,7 +143,7 @@ def rest_shape(
 ) -> Tensor:
     """Codes (B, Z) -> the garment in the rest space (B, N, 3), m.
 
-    sample: what serves for `maps.sample` where its gradient is wanted fast.
+    sample: a function in the place of `maps.sample`, with a faster gradient.
     """
     displaced = space.decode(codes, sample or maps.sample, maps.places)
     return maps.points + rotate(maps.axes, displaced)

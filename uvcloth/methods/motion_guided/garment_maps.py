@@ -1,4 +1,4 @@
-"""A garment laid out on maps of its own texture coordinates, as the networks of Motion-guided see it."""
+"""A garment laid out on maps of its own texture coordinates, as the networks of Motion-guided read it."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -23,7 +23,7 @@ weighed where a vertex lies at rest or where it is displaced to (as published)."
 
 @dataclass(frozen=True)
 class GarmentMaps:
-    """A garment at rest on a body, as the networks see it: fixed from frame to frame.
+    """A garment at rest on a body, as the networks read it: fixed from frame to frame.
 
     sheet: its P texels. corners: (P, 3) vertices around each. mask:
     (1, 1, H, W). points: (N, 3) m at rest; axes: (N, 3, 3) local frames there. pixels, shares: (N, K) samples

@@ -68,7 +68,7 @@ class Encoder(nn.Module):
 class Space(nn.Module):
     """A generative space: positions -> features -> code, and code -> displacements at rest (section 4.2).
 
-    local_offsets: it sees offsets from the smooth LBS reference, less their mean (shift) and as shares of
+    local_offsets: it reads offsets from the smooth LBS reference, less their mean (shift) and as shares of
     their deviation (scale), not positions relative to every seed.
     """
 
@@ -88,7 +88,7 @@ class Space(nn.Module):
         return self.log_radii.exp()
 
     def centred(self, offsets: Tensor) -> Tensor:
-        """Offsets from the smooth LBS reference (B, 3, H, W), m, as it sees them."""
+        """Offsets from the smooth LBS reference (B, 3, H, W), m, as the network reads them."""
         return (offsets - self.shift) / self.scale
 
     def features(self, *maps: Tensor) -> Tensor:

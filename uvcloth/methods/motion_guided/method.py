@@ -41,7 +41,7 @@ from uvcloth.physics.contact import Obstacle
 
 @dataclass(frozen=True)
 class MotionGuidedPrepared:
-    """The networks, the maps of every garment, and where the config asks for it what resolves collisions."""
+    """The networks, the maps of every garment, and the resolver of collisions if the config asks for one."""
 
     space: Space
     dynamics: Dynamics

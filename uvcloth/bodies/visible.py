@@ -6,7 +6,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.regions import face_regions
 
 
-def seen(body: Body) -> Body:
+def visible_body(body: Body) -> Body:
     """The body with the mesh that pictures and files show; itself where that is the mesh that it has."""
     if body.appearance is None:
         return body

@@ -5,7 +5,7 @@ import warp as wp
 from torch import Tensor
 
 from rasterize.warp_start import start_warp
-from uvcloth.simulate.bending import bending_force_hessian
+from uvcloth.simulate.newton_patches.bending import bending_force_hessian
 
 STIFFNESS = 2.0
 

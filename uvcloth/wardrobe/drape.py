@@ -15,7 +15,7 @@ from uvcloth.wardrobe.patterns import ARM_BEGINS
 Array = NDArray[np.float64]
 
 DIRECTIONS, LEVELS = 32, 28
-"""Directions around a column, and heights along it, at which its radius is looked at."""
+"""Directions around a column, and heights along it, at which its radius is sampled."""
 
 SMOOTHING = 1.2
 """Standard deviation, in directions and levels, by which the radius of the drape is smoothed."""
@@ -44,17 +44,17 @@ class Column:
     looseness: float
 
 
-def hang(design: Design, body: Body, vertices: Array, off: Array, room: Array) -> Array:
+def drape(design: Design, body: Body, vertices: Array, off: Array, room: Array) -> Array:
     """Vertices (N, 3) m of a tight piece moved outwards to where loose cloth falls, `off` metres (N,) off it.
 
     room: (N,) m that a vertex moves at most.
     """
-    moved = vertices.copy()
+    draped = vertices.copy()
     for column in _columns(design, body, vertices):
         if column.looseness > 0 and len(column.rows):
             rows = column.rows
-            moved[rows] = _fallen(vertices[rows], off[rows], room[rows], column)
-    return moved
+            draped[rows] = _fallen(vertices[rows], off[rows], room[rows], column)
+    return draped
 
 
 def _columns(design: Design, body: Body, vertices: Array) -> list[Column]:

@@ -11,7 +11,7 @@ pytest.importorskip("newton")
 
 from newton._src.solvers.vbd.rigid_vbd_kernels import planar_truncation_t
 
-from uvcloth.simulate.near_pairs import (
+from uvcloth.simulate.newton_patches.near_pairs import (
     edge_edge_contact,
     edge_edge_plane,
     near_edge_edge_contact,
