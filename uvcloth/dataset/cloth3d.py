@@ -151,8 +151,8 @@ def read_cloth3d_sample(
         cache_file, vertices = _cache(folder, garment, len(poses), every)
         files[f"{folder.name}/{cache_file.name}"] = fingerprint(vertices)
         vertices = (vertices + trans[::every, None]) @ upright.T
-        mesh, metadata = garment.mesh, {"template": garment.template}
-        simulated.append(SimulatedGarment(garment.name, vertices, mesh.faces, mesh.vertices, metadata))
+        mesh, takes = garment.mesh, {"template": garment.template}
+        simulated.append(SimulatedGarment(garment.name, vertices, mesh.faces, mesh.vertices, takes))
     metadata = {
         "clip": folder.name,
         "outfit": folder.name,

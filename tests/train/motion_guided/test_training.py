@@ -116,12 +116,12 @@ def test_the_network_that_is_kept(
 def test_a_linear_space_holds_the_garments_it_was_fitted_to(data: Path) -> None:
     seen = GarmentDataset(replace(PRESETS["tiny"], size=32), LOSSES["tiny"], data)
     space = ShapeObjective(seen, LOSSES["tiny"]).networks()["net"]
-    rows, chosen = seen.rows, seen.training.samples
+    frames, chosen = seen.training, seen.training.rows.samples
     with torch.no_grad():
-        resting = rest_shape(space, seen.maps, seen.codes(space, rows, chosen))
-        posed = posed_shape(space, seen.maps, resting, rows.pose[chosen])
-        undisplaced = posed_shape(space, seen.maps, seen.maps.points.expand_as(posed), rows.pose[chosen])
-    wrong, before = ((v - rows.vertices[chosen]).norm(dim=2).mean() for v in (posed, undisplaced))
+        resting = rest_shape(space, seen.maps, seen.codes(space, frames, chosen))
+        posed = posed_shape(space, seen.maps, resting, frames.pose[chosen])
+        undisplaced = posed_shape(space, seen.maps, seen.maps.points.expand_as(posed), frames.pose[chosen])
+    wrong, before = ((v - frames.vertices[chosen]).norm(dim=2).mean() for v in (posed, undisplaced))
     assert wrong < 0.3 * before
 
 
