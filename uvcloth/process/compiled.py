@@ -48,22 +48,22 @@ class ChildCache(FunctionCache):
     compiles_here = False
 
     def __init__(self, function: Callable[..., Any]) -> None:
-        super().__init__(function)
+        super().__init__(function)  # type: ignore[no-untyped-call]
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Load the function for the types of its arguments, or None if it is to be compiled here."""
-        loaded = super().load_overload(sig, target_context)
+        loaded = super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
         importable = self._py_func.__module__ != "__main__"
         if loaded is None and importable and not ChildCache.compiles_here:
             if _compile_in_child(self._py_func, sig):
-                loaded = super().load_overload(sig, target_context)
+                loaded = super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
             ChildCache.compiles_here = loaded is None
         return loaded
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Save the function, if the disk lets us."""
         with suppress(OSError):
-            super().save_overload(sig, data)
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
 
 
 def _kept(function: Function, **options: Any) -> Function:
