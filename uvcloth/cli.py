@@ -424,9 +424,11 @@ class Rollout:
     shipped model, physxnet (any garment), deepsd (any garment), motion_guided (the dress) or pbns (bottoms
     tops); lbs or lbs_smooth; or a folder written by `python -m train`. One for all garments, or one for each
     in order."""
-    finish: Annotated[Literal["contact", "dynamic"], arg(help_behavior_hint="(default: contact)")] = "contact"
+    finish: Annotated[
+        Literal["contact", "dynamic", "static"], arg(help_behavior_hint="(default: contact)")
+    ] = "contact"
     """Last step after a model: contact moves its garments off the body; dynamic lets the cloth solver move
-    them, pulled to what the model predicts."""
+    them, pulled to what the model predicts; static lets them come to rest in each pose."""
     quality: Annotated[Literal["fast", "default", "fine"], arg(help_behavior_hint="(default: default)")] = (
         "default"
     )
@@ -482,7 +484,7 @@ class Rollout:
                 garment_pose=self.garment_pose,
                 fabric=self.fabric,
                 quality=self.quality,
-                finish=self.finish == "dynamic",
+                finish=self.finish,
                 body_file=self.body,
                 contact=self.contact,
                 hide_skin=self.hide_skin,

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -22,8 +23,9 @@ from uvcloth.export.writer import close_together, open_writer
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.method import Method, require_fabric_read
-from uvcloth.methods.physics.finish import Finished
+from uvcloth.methods.physics.finish import Finished, Settled
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import DEFAULT, load_methods
@@ -61,7 +63,7 @@ def animate(
     garment_pose: str | None = None,
     fabric: str | None = None,
     quality: str = "default",
-    finish: bool = False,
+    finish: str = "contact",
     body_file: Path | None = None,
     contact: bool = True,
     hide_skin: bool = False,
@@ -77,10 +79,11 @@ def animate(
     model in the package. garments: template names or mesh files, the innermost first; contact keeps each out
     of the body and off what is beneath. templates: whose motion they take, and garment_pose: what files were
     modelled in, as `load_outfit` has both. fabric: of the garments, for a model that reads it.
-    quality: of the cages that the solver moves, a key of QUALITIES. finish: the solver moves the garments,
-    pulled to what the model predicts. hide_skin: leave out the faces of the body that garments cover closely
-    in every frame, or whose files say that they hide them. device: as torch names it. preview: every third
-    frame, in coarse pictures; a contact sheet alone needs fewer. keep_going: a garment that is torn is
+    quality: of the cages that the solver moves, a key of QUALITIES. finish: "contact"; or the solver moves
+    the garments, pulled to what the model predicts, "dynamic"; or lets them come to rest in each pose,
+    "static". hide_skin: leave out the faces of the body that garments cover
+    closely in every frame, or whose files say that they hide them. device: as torch names it. preview: every
+    third frame, in coarse pictures; a contact sheet alone needs fewer. keep_going: a garment that is torn is
     replaced in that frame. audience: is shown each frame. options: how the motion is read; of one frame, a
     pose, the body moves into it from rest.
 
@@ -170,16 +173,16 @@ def _interval(out: Sequence[Path], frames: int) -> int:
     return EVERY_IN_PREVIEW
 
 
-def _load(models: Sequence[str], body: Body, fabric: str | None, physics: Physics, finish: bool) -> Method:
-    """Load the method that the models make, for a fabric that was asked for.
-
-    finish: the solver, `physics`, moves its garments.
-    """
+def _load(models: Sequence[str], body: Body, fabric: str | None, physics: Physics, finish: str) -> Method:
+    """Load the method that the models make, with a finish, for a fabric that was asked for."""
     method = load_methods(models or [DEFAULT], body)
     if isinstance(method, Physics):
-        method = physics
-    elif finish:
+        settled = replace(Settled.of(create_lbs(LBSConfig(smooth=True)), physics, 0.0), name=physics.name)
+        method = settled if finish == "static" else physics
+    elif finish == "dynamic":
         method = Finished.of(method, physics)
+    elif finish == "static":
+        method = Settled.of(method, physics)
     require_fabric_read(method, fabric)
     return method
 

@@ -1,4 +1,4 @@
-"""Finish: the prediction of any method pulls the cages of its garments, and the solver moves them."""
+"""Finishes: the prediction of any method pulls the cages of its garments, and the solver moves them."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +13,7 @@ from uvcloth.bodies.frames import BodyFrames
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.method import GarmentSpace, Method
 from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.physics.outfit import CagedOutfit, Moved, carry, moved, posed
+from uvcloth.methods.physics.outfit import CagedOutfit, Moved, at_rest, carry, moved, posed
 
 PULL = 2.0
 """Frequency, 1/s, of the spring that pulls cages to a prediction: more of it freezes skirts."""
@@ -32,7 +32,8 @@ class Finished(Method):
     """A method whose garments are moved by the solver, on cages that are pulled to its prediction.
 
     pull: 1/s, frequency of the critically damped spring that pulls; 0 is physics alone, and the greater it
-    is, the more the result is the prediction.
+    is, the more the result is the prediction. A garment whose prediction is not finite is not moved, so that
+    a rollout names it.
     """
 
     guide: Method
@@ -74,11 +75,12 @@ class Finished(Method):
         now = zip(state.cloth, posed(frames), strict=True)
         for place, (before, (transforms, vertices)) in enumerate(now):
             skinned = cages.skinned_cages(transforms)
-            targets = _targets(cages, skinned, [garment[place].cpu() for garment in raw])
+            predicted = [garment[place].cpu() for garment in raw]
+            targets = _targets(cages, skinned, predicted)
             after = moved(cages, before, cages.collider(vertices), targets, self.pull, frames.fps)
             after, garments = carry(cages, after, skinned, cages.skinned(transforms))
             cloth.append(after)
-            rows.append(garments)
+            rows.append(_where_finite(predicted, garments))
         finished = tuple(torch.stack(garments).to(raw[0].device) for garments in zip(*rows, strict=True))
         guided = self.guide.feed_back(guide, guided, finished)
         return FinishState(guided, tuple(cloth)), finished
@@ -96,12 +98,83 @@ class Finished(Method):
         return self.guide.garment_space(garment, body)
 
 
+@dataclass(frozen=True)
+class Settled(Method):
+    """A method whose garments come to rest in each pose, whatever was before: for poses and previews.
+
+    The solver begins at the prediction, pulled to it with `pull`, 1/s, and ends where nothing moves.
+    """
+
+    guide: Method
+    physics: Physics
+    pull: float
+    name: str
+    autoregressive: bool
+    quasi_static: bool
+    keeps_off_body: bool = True
+
+    @classmethod
+    def of(cls, guide: Method, physics: Physics, pull: float = PULL) -> "Settled":
+        """A method with the finish, under the name of the method."""
+        return cls(guide.with_contact(), physics, pull, guide.name, guide.autoregressive, guide.quasi_static)
+
+    def unsupported_reason(self, outfit: Outfit) -> str:
+        """The reason of the method, or of the solver."""
+        return self.guide.unsupported_reason(outfit) or self.physics.unsupported_reason(outfit)
+
+    def reads_fabric(self) -> bool:
+        """True: the solver does."""
+        return True
+
+    def prepare(self, outfit: Outfit, device: torch.device) -> tuple[Any, CagedOutfit]:
+        """Prepare the method on a device, and the solver on the CPU."""
+        return self.guide.prepare(outfit, device), self.physics.prepare(outfit, device)
+
+    def init(self, prepared: tuple[Any, CagedOutfit], frames: BodyFrames) -> Any:
+        """State of the method alone."""
+        return self.guide.init(prepared[0], frames)
+
+    def step(
+        self, prepared: tuple[Any, CagedOutfit], state: Any, frames: BodyFrames
+    ) -> tuple[Any, tuple[Tensor, ...]]:
+        """Garments (B, N, 3) m of B poses; what a method remembers is its own prediction."""
+        guide, cages = prepared
+        state, raw = self.guide.step(guide, state, frames)
+        rows = []
+        for place, (transforms, vertices) in enumerate(posed(frames)):
+            skinned = cages.skinned_cages(transforms)
+            predicted = [garment[place].cpu() for garment in raw]
+            targets = _targets(cages, skinned, predicted)
+            cloth = at_rest(cages, cages.collider(vertices), targets, self.pull)
+            garments = carry(cages, cloth, skinned, cages.skinned(transforms))[1]
+            rows.append(_where_finite(predicted, garments))
+        return state, tuple(torch.stack(garments).to(raw[0].device) for garments in zip(*rows, strict=True))
+
+    def feed_back(self, prepared: tuple[Any, CagedOutfit], state: Any, garments: tuple[Tensor, ...]) -> Any:
+        """The very state: nothing of the solver is remembered."""
+        return state
+
+    def displaced(self, prepared: tuple[Any, CagedOutfit], state: Any, shift: Tensor) -> Any:
+        """The state of the method displaced by (B, 3) m."""
+        return self.guide.displaced(prepared[0], state, shift)
+
+    def garment_space(self, garment: Garment, body: Body) -> GarmentSpace | None:
+        """The space of the method."""
+        return self.guide.garment_space(garment, body)
+
+
+def _where_finite(predicted: list[Tensor], garments: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
+    """Garments (N, 3) m, or the predicted ones where those are not finite."""
+    pairs = zip(predicted, garments, strict=True)
+    return tuple(garment if torch.isfinite(guess).all() else guess for guess, garment in pairs)
+
+
 def _targets(
     cages: CagedOutfit, skinned: NDArray[np.float32], predicted: list[Tensor]
 ) -> NDArray[np.float32]:
-    """Places (n, 3) m of the cages in predicted garments (N, 3) m; bands are held where they are skinned.
+    """Places (n, 3) m of the cages in predicted garments (N, 3) m.
 
-    skinned: (n, 3) m, the cages.
+    skinned: (n, 3) m, the cages, where bands are held, and where a prediction is not finite.
     """
     guided = torch.cat(
         [
@@ -109,5 +182,5 @@ def _targets(
             for each, vertices in zip(cages.garments, predicted, strict=True)
         ]
     ).numpy()
-    held = (cages.hold > 0)[:, None]
+    held = (cages.hold > 0)[:, None] | ~np.isfinite(guided).all(1, keepdims=True)
     return np.where(held, skinned, guided).astype(np.float32)
