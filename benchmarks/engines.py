@@ -2,15 +2,17 @@
 
 Run from the checkout with PYTHONPATH=. as
 
-    python benchmarks/engines.py [--garments dress] [--clips 26_01] [--newton-frames 20] [--resolutions]
+    python benchmarks/engines.py [--garments dress] [--clips 26_01] [--slow-frames 20] [--resolutions]
 
 on one thread; UVCLOTH_MOCAP names the folder of index_v2.csv and its clips. Per garment it simulates the
 beginning of each window with the explicit engine as it makes data, with a tenth more substeps (what is chance
-in a simulation), and on another mesh of the garment (what the mesh decides); then fewer frames with Newton,
-which takes a second or two for one. It prints over the frames after the warm-up the milliseconds of one
-frame, beside them what the explicit engine takes in the same frames, the shares of the vertices inside the
-body and of the edges that run through the cloth, the edges in a frame that are over twice their length, and
-the mean distance from the explicit engine's vertices.
+in a simulation), and on another mesh of the garment (what the mesh decides); then fewer frames with the slow
+ones: the explicit engine with eight times the substeps, which stands for the converged solution, Newton as
+`--engine newton` and with more and longer substeps, and Blender where UVCLOTH_BLENDER_PYTHON names it. It
+prints over the frames after the warm-up the milliseconds of one frame, beside them what the explicit engine
+takes in the same frames, the shares of the vertices inside the body and of the edges that run through the
+cloth, the edges in a frame that are over twice their length, and the mean distances from the explicit
+engine's vertices and from the converged ones.
 
 Milliseconds are the thread's own processor time, which a virtual machine that is held up from outside counts
 too: they are given as the fastest tenth of the frames takes at most, and the median. The machine's load is
@@ -49,6 +51,7 @@ from uvcloth.motion.library import load_clip
 from uvcloth.physics.cloth.solver import Settings
 from uvcloth.physics.fabric import Fabric
 from uvcloth.process.command import run_command
+from uvcloth.simulate.blender import PYTHON_VARIABLE, find_blender
 from uvcloth.simulate.engine import Engine, Frame, Scene
 from uvcloth.simulate.explicit import Explicit
 from uvcloth.simulate.newton import Newton
@@ -61,6 +64,10 @@ MOCAP = Path(os.environ.get("UVCLOTH_MOCAP", Path(__file__).parents[2] / "shared
 
 COUNTS = (450, 900, 3600, 14400)
 """Vertices of the meshes whose cost is compared, about; above the template's number it is subdivided."""
+
+
+EXPLICIT, CONVERGED, BLENDER = "explicit", "eight times the substeps", "blender"
+FAST = (EXPLICIT, "a tenth more substeps", "another mesh")
 
 
 @dataclass
@@ -146,11 +153,14 @@ def main(
     garments: tuple[str, ...] = ("tops", "bottoms", "dress"),
     clips: tuple[str, ...] = ("26_01", "11_01", "31_01"),
     frames: int = 75,
-    newton_frames: int = 20,
+    slow_frames: int = 20,
     resolutions: bool = False,
     counts: tuple[int, ...] = COUNTS,
 ) -> None:
-    """garments: templates. clips: of the index. frames: of each window. newton_frames: the same, or 0."""
+    """Compare engines on the beginnings of windows.
+
+    garments: templates. clips: of the index. frames: of each window. slow_frames: for slow engines, or 0.
+    """
     torch.set_num_threads(1)
     torch.set_grad_enabled(False)
     body = load_body()
@@ -161,7 +171,7 @@ def main(
         if resolutions:
             table = _resolutions(cloth, motions, frames, body, counts)
         else:
-            table = _engines(cloth, motions, frames, newton_frames, body)
+            table = _engines(cloth, motions, frames, slow_frames, body)
         Console(width=160).print(table)
     print("load of the machine:", *(f"{load:.2f}" for load in os.getloadavg()))
 
@@ -187,43 +197,62 @@ def _run(engine: Engine, cloth: Cloth, motion: tuple[Clip, int, int], frames: in
 
 
 def _engines(
-    cloth: Cloth, motions: dict[str, tuple[Clip, int, int]], frames: int, newton_frames: int, body: Body
+    cloth: Cloth, motions: dict[str, tuple[Clip, int, int]], frames: int, slow_frames: int, body: Body
 ) -> Table:
-    settings: dict[str, tuple[Engine, int]] = {
-        "explicit": (Explicit(), frames),
-        "a tenth more substeps": (Explicit().with_more_substeps(0.1), frames),
-        "another mesh": (Remeshed(Explicit()), frames),
-    }
-    if newton_frames:
-        settings["newton"] = (Newton(), newton_frames)
     table = Table(
         *(cloth.garment.name, "frames", "ms a frame", "explicit's", "inside, %", "crossing, %"),
-        *("edges over twice", *(f"{clip}: mm" for clip in motions), "all: mm"),
+        *("edges over twice", *(f"{clip}: mm" for clip in motions), "all: mm", "from converged: mm"),
     )
-    ours: dict[str, Run] = {}
-    for name, (engine, count) in settings.items():
-        runs = {clip: _run(engine, cloth, motion, count, body) for clip, motion in motions.items()}
-        ours = ours or runs
-        moved = {clip: run.scored(count) for clip, run in runs.items()}
-        beside = {clip: ours[clip].scored(len(vertices)) for clip, (vertices, _) in moved.items()}
-        apart = {clip: (moved[clip][0] - beside[clip][0]).norm(dim=-1).mean(1) for clip in runs}
-        examined = [examine(run.sequence, cloth.garment, body)[0].metadata for run in runs.values()]
+    runs = {
+        name: {clip: _run(engine, cloth, motion, count, body) for clip, motion in motions.items()}
+        for name, (engine, count) in _settings(frames, slow_frames).items()
+    }
+    ours, converged = runs[EXPLICIT], runs.get(CONVERGED)
+    for name, row in runs.items():
+        count = frames if name in FAST else slow_frames
+        scored = [run.scored(count) for run in row.values()]
+        beside = [ours[clip].scored(len(vertices)) for clip, (vertices, _) in zip(row, scored, strict=True)]
+        examined = [examine(run.sequence, cloth.garment, body)[0].metadata for run in row.values()]
+        apart = _distances(row, ours, count)
         table.add_row(
             name,
-            str(sum(len(vertices) for vertices, _ in moved.values())),
-            _cost([seconds for _, seconds in moved.values()]),
-            _cost([seconds for _, seconds in beside.values()]),
+            str(sum(len(vertices) for vertices, _ in scored)),
+            "-" if name == BLENDER else _cost([seconds for _, seconds in scored]),
+            _cost([seconds for _, seconds in beside]),
             *(
-                f"{sum(row[key] for row in examined) / len(examined):.3f}"
+                f"{sum(each[key] for each in examined) / len(examined):.3f}"
                 for key in ("inside_percent", "crossing_percent")
             ),
-            f"{sum(_long_edges(run, count) for run in runs.values()) / len(runs):.2f}",
-            *(
-                "-" if runs is ours else _mean([each])
-                for each in (*apart.values(), torch.cat([*apart.values()]))
-            ),
+            f"{sum(_long_edges(run, count) for run in row.values()) / len(row):.2f}",
+            *("-" if row is ours else _mean([each]) for each in (*apart, torch.cat(apart))),
+            "-" if converged in (None, row) else _mean(_distances(row, converged, slow_frames)),
         )
     return table
+
+
+def _settings(frames: int, slow_frames: int) -> dict[str, tuple[Engine, int]]:
+    """Engines by name, and the frames that each simulates."""
+    fast: tuple[Engine, ...] = (Explicit(), Explicit().with_more_substeps(0.1), Remeshed(Explicit()))
+    slow: dict[str, Engine] = {
+        CONVERGED: Explicit().with_more_substeps(7.0),
+        "newton, 20 x 3": Newton(),
+        "newton, 40 x 5": Newton(substeps=40, iterations=5),
+    }
+    if PYTHON_VARIABLE in os.environ:
+        slow[BLENDER] = find_blender()
+    return {name: (engine, frames) for name, engine in zip(FAST, fast, strict=True)} | {
+        name: (engine, slow_frames) for name, engine in slow.items() if slow_frames
+    }
+
+
+def _distances(runs: dict[str, Run], others: dict[str, Run], frames: int) -> list[Tensor]:
+    """Mean distance (F,) m between two engines in the first frames of each window that both have."""
+    pairs = [(run.scored(frames)[0], others[clip].scored(frames)[0]) for clip, run in runs.items()]
+    both = [min(len(one), len(other)) for one, other in pairs]
+    return [
+        (one[:rows] - other[:rows]).norm(dim=-1).mean(1)
+        for (one, other), rows in zip(pairs, both, strict=True)
+    ]
 
 
 def _resolutions(
