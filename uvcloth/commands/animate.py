@@ -25,7 +25,7 @@ from uvcloth.garments.loading import load_outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.ensemble import in_order
 from uvcloth.methods.method import Method, require_fabric_read
-from uvcloth.methods.physics.finish import Finished
+from uvcloth.methods.physics.finish import Finished, Settled, static_physics
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import DEFAULT, load_method
@@ -159,7 +159,9 @@ def _load_method(command: Rollout, body: Body) -> Method:
     solver = Physics(PhysicsConfig(command.quality))
     loaded = [load_method(model, body) for model in command.model or (DEFAULT,)]
     method = in_order([solver if isinstance(each, Physics) else each for each in loaded])
-    if command.finish == "dynamic" and not isinstance(method, Physics):
+    if command.finish == "static":
+        method = static_physics(solver) if method is solver else Settled.of(method, solver)
+    elif command.finish == "dynamic" and method is not solver:
         method = Finished.of(method, solver)
     require_fabric_read(method, command.fabric)
     return method

@@ -49,10 +49,11 @@ class Rollout:
     ] = ()
     model: Models = ()
     finish: Annotated[
-        Literal["contact", "dynamic"],
+        Literal["contact", "dynamic", "static"],
         arg(
             help="Last step after a model: contact moves its garments off the body; dynamic lets the cloth "
-            "solver move them, pulled to the prediction of the model."
+            "solver move them, pulled to the prediction of the model; static lets them come to rest in each "
+            "pose."
         ),
     ] = "contact"
     quality: Literal["fast", "default", "fine"] = "default"

@@ -1,5 +1,6 @@
 """Physics: the solver on cages as a method, alone and as the finish of another one."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import pytest
@@ -13,7 +14,8 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.lbs import LBSConfig, LinearBlendSkinning, create_lbs
-from uvcloth.methods.physics.finish import Finished
+from uvcloth.methods.method import Method
+from uvcloth.methods.physics.finish import Finished, Settled
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import load_method
@@ -21,7 +23,7 @@ from uvcloth.motion.library import load_clip
 from uvcloth.physics.contact import Obstacle
 from uvcloth.physics.fabric import FABRICS
 from uvcloth.physics.layers import wrong_side_percent
-from uvcloth.rollout import rollout
+from uvcloth.rollout import BrokenRolloutError, rollout
 
 FAST = Physics(PhysicsConfig("fast"))
 FPS = 30.0
@@ -140,3 +142,61 @@ def test_a_finish_keeps_the_name_and_the_reasons_of_its_method(body: Body) -> No
     assert finished.traits.reads_fabric
     dress: Garment = fit_template("dress", body)
     assert Finished.of(load_method("pbns", body), FAST).unsupported_reason(Outfit(body, (dress,)))
+
+
+def test_a_settled_pose_does_not_depend_on_what_was_before(skirt: Outfit) -> None:
+    """Forwards, and backwards at another speed: the garments are the same."""
+    method = Settled.of(create_lbs(LBSConfig(smooth=True)), FAST, 0.0)
+    assert not method.traits.autoregressive
+    transforms = _sliding(skirt.body, 3, stop=3, speed=3.0)
+    forwards = _garment(method, skirt, transforms)
+    backwards = _garment(method, skirt, transforms.flip(0), 4 * FPS).flip(0)
+    assert float((forwards - backwards).norm(dim=-1).mean()) < 0.0005
+    standing = _garment(FAST, skirt, transforms[:1])
+    assert float((forwards[0] - standing[0]).norm(dim=-1).mean()) < 0.003
+
+
+@dataclass(frozen=True)
+class _Lost(LinearBlendSkinning):
+    """Skinned garments that are no numbers where the body is 0.1 m beside its start."""
+
+    def step(self, prepared, state, frames):  # type: ignore[no-untyped-def]
+        state, garments = super().step(prepared, state, frames)
+        lost = frames.transforms[:, -1, 0, 0, 3] > 0.05
+        return state, tuple(torch.where(lost[:, None, None], torch.nan, each) for each in garments)
+
+
+@pytest.mark.parametrize("finish", [Finished.of, Settled.of])
+def test_a_prediction_that_is_no_number_is_named_and_forgotten(
+    skirt: Outfit, finish: Callable[..., Method]
+) -> None:
+    transforms = _sliding(skirt.body, 5, stop=0)
+    transforms[2, :, 0, 3] = 0.1
+    method = finish(_Lost("lost", smooth=True), FAST, 2.0)
+    frames = list(rollout(method, skirt, transforms, FPS, keep_going=True))
+    assert [bool(frame.replaced) for frame in frames] == [False, False, True, False, False]
+    assert "frame 2: garment skirt left the finite numbers" in frames[2].replaced[0]
+    assert all(torch.isfinite(frame.vertices[0]).all() for frame in frames)
+    with pytest.raises(BrokenRolloutError, match="frame 2"):
+        list(rollout(method, skirt, transforms, FPS))
+
+
+def test_the_frame_rate_does_not_matter(skirt: Outfit) -> None:
+    """Half a second after the start of a slide the skirt hangs back alike."""
+    ends = []
+    for fps in (24.0, 60.0, 120.0):
+        frames = round(0.5 * fps) + 1
+        transforms = torch.eye(3, 4).expand(frames, len(skirt.body.skeleton.names), 3, 4).clone()
+        transforms[..., 0, 3] = (torch.arange(frames) * 0.8 / fps)[:, None]
+        moved = _garment(FAST, skirt, transforms, fps)
+        ends.append(moved[-1])
+    for end in ends[1:]:
+        assert float((end - ends[0]).norm(dim=-1).mean()) < 0.015
+
+
+def test_a_turned_scene_gives_the_turned_garment(skirt: Outfit) -> None:
+    """Rounding alone differs, which cloth in free fall, as after a dead stop, would make far more of."""
+    transforms = _sliding(skirt.body, 30, stop=30, speed=0.3)
+    turn = torch.tensor([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    plain, turned = _garment(FAST, skirt, transforms), _garment(FAST, skirt, turn @ transforms)
+    assert float((turned - plain @ turn.T).norm(dim=-1).mean(1).max()) < 0.0005

@@ -1,7 +1,7 @@
-"""Finish: the prediction of any method pulls the cages of its garments, and the solver moves them."""
+"""Finishes: the prediction of any method pulls the cages of its garments, and the solver moves them."""
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 import torch
@@ -20,9 +20,10 @@ from uvcloth.methods.capabilities import (
     round_trip,
     with_contact,
 )
+from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.method import Method, Traits
 from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.physics.outfit import CagedOutfit, Moved, carry, moved, posed
+from uvcloth.methods.physics.outfit import CagedOutfit, Moved, at_rest, carry, moved, posed
 
 PULL = 2.0
 """Frequency, 1/s, of the spring that pulls cages to a prediction: more of it freezes skirts."""
@@ -37,36 +38,53 @@ class FinishState:
 
 
 @dataclass(frozen=True)
-class Finished(Wrapper, Representation):
-    """A method whose garments are moved by the solver, on cages that are pulled to its prediction.
+class Finish(Wrapper, Representation):
+    """A method whose garments the solver moves, on cages that are pulled to its prediction.
 
     pull: 1/s, frequency of the critically damped spring that pulls; 0 is physics alone, and the greater it
-    is, the more the result is the prediction.
+    is, the more the result is the prediction. A garment whose prediction is not finite is not moved, so that
+    a rollout names it.
     """
 
     guide: Method
     physics: Physics
     pull: float
-    name: str = ""
-    traits = Traits(autoregressive=True, keeps_off_body=True, reads_fabric=True)
+    name: str
 
     @classmethod
-    def of(cls, guide: Method, physics: Physics, pull: float = PULL) -> "Finished":
+    def of(cls, guide: Method, physics: Physics, pull: float = PULL) -> Self:
         """A method with the finish, under the name of the method."""
         return cls(with_contact(guide), physics, pull, guide.name)
-
-    def unsupported_reason(self, outfit: Outfit) -> str:
-        """The reason of the method, or of the solver."""
-        return self.guide.unsupported_reason(outfit) or self.physics.unsupported_reason(outfit)
 
     @property
     def parts(self) -> tuple[Method, ...]:
         """The method."""
         return (self.guide,)
 
+    def unsupported_reason(self, outfit: Outfit) -> str:
+        """The reason of the method, or of the solver."""
+        return self.guide.unsupported_reason(outfit) or self.physics.unsupported_reason(outfit)
+
     def prepare(self, outfit: Outfit, device: torch.device) -> tuple[Any, CagedOutfit]:
         """Prepare the method on a device, and the solver on the CPU."""
         return self.guide.prepare(outfit, device), self.physics.prepare(outfit, device)
+
+    def round_trip(
+        self, prepared: tuple[Any, CagedOutfit], frames: BodyFrames, garments: tuple[Tensor, ...]
+    ) -> tuple[Tensor, ...] | None:
+        """Garments (B, N, 3) m in the representation of the method."""
+        return round_trip(self.guide, prepared[0], frames, garments)
+
+    def garment_space(self, garment: Garment, body: Body) -> GarmentSpace | None:
+        """The space of the method."""
+        return garment_space(self.guide, garment, body)
+
+
+@dataclass(frozen=True)
+class Finished(Finish):
+    """The dynamic finish: garments keep their motion from frame to frame."""
+
+    traits = Traits(autoregressive=True, keeps_off_body=True, reads_fabric=True)
 
     def init(self, prepared: tuple[Any, CagedOutfit], frames: BodyFrames) -> FinishState:
         """Start both."""
@@ -83,11 +101,12 @@ class Finished(Wrapper, Representation):
         now = zip(state.cloth, posed(frames), strict=True)
         for place, (before, (transforms, vertices)) in enumerate(now):
             skinned = cages.skinned_cages(transforms)
-            targets = _targets(cages, skinned, [garment[place].cpu() for garment in raw])
+            predicted = [garment[place].cpu() for garment in raw]
+            targets = _targets(cages, skinned, predicted)
             after = moved(cages, before, cages.collider(vertices), targets, self.pull, frames.fps)
             after, garments = carry(cages, after, skinned, cages.skinned(transforms))
             cloth.append(after)
-            rows.append(garments)
+            rows.append(_where_finite(predicted, garments))
         finished = tuple(torch.stack(garments).to(raw[0].device) for garments in zip(*rows, strict=True))
         guided = feed_back(self.guide, guide, guided, finished)
         return FinishState(guided, tuple(cloth)), finished
@@ -100,23 +119,61 @@ class Finished(Wrapper, Representation):
             self.physics.displaced(cages, state.cloth, shift),
         )
 
-    def round_trip(
-        self, prepared: tuple[Any, CagedOutfit], frames: BodyFrames, garments: tuple[Tensor, ...]
-    ) -> tuple[Tensor, ...] | None:
-        """Garments (B, N, 3) m in the representation of the method."""
-        return round_trip(self.guide, prepared[0], frames, garments)
 
-    def garment_space(self, garment: Garment, body: Body) -> GarmentSpace | None:
-        """The space of the method."""
-        return garment_space(self.guide, garment, body)
+@dataclass(frozen=True)
+class Settled(Finish):
+    """The static finish: garments come to rest in each pose, whatever was before, for poses and previews.
+
+    The solver begins at the prediction and ends where nothing moves.
+    """
+
+    @property
+    def traits(self) -> Traits:
+        """Those of the method: the solver remembers nothing."""
+        return replace(self.guide.traits, keeps_off_body=True, reads_fabric=True, is_baseline=False)
+
+    def init(self, prepared: tuple[Any, CagedOutfit], frames: BodyFrames) -> Any:
+        """State of the method alone."""
+        return self.guide.init(prepared[0], frames)
+
+    def step(
+        self, prepared: tuple[Any, CagedOutfit], state: Any, frames: BodyFrames
+    ) -> tuple[Any, tuple[Tensor, ...]]:
+        """Garments (B, N, 3) m of B poses; what a method remembers is its own prediction."""
+        guide, cages = prepared
+        state, raw = self.guide.step(guide, state, frames)
+        rows = []
+        for place, (transforms, vertices) in enumerate(posed(frames)):
+            skinned = cages.skinned_cages(transforms)
+            predicted = [garment[place].cpu() for garment in raw]
+            targets = _targets(cages, skinned, predicted)
+            cloth = at_rest(cages, cages.collider(vertices), targets, self.pull)
+            garments = carry(cages, cloth, skinned, cages.skinned(transforms))[1]
+            rows.append(_where_finite(predicted, garments))
+        return state, tuple(torch.stack(garments).to(raw[0].device) for garments in zip(*rows, strict=True))
+
+    def displaced(self, prepared: tuple[Any, CagedOutfit], state: Any, shift: Tensor) -> Any:
+        """The state of the method displaced by (B, 3) m."""
+        return self.guide.displaced(prepared[0], state, shift)
+
+
+def static_physics(physics: Physics) -> Settled:
+    """The solver with the static finish: garments come to rest from the smoothly skinned ones."""
+    return Settled(create_lbs(LBSConfig(smooth=True)), physics, 0.0, physics.name)
+
+
+def _where_finite(predicted: list[Tensor], garments: tuple[Tensor, ...]) -> tuple[Tensor, ...]:
+    """Garments (N, 3) m, or the predicted ones where those are not finite."""
+    pairs = zip(predicted, garments, strict=True)
+    return tuple(garment if torch.isfinite(guess).all() else guess for guess, garment in pairs)
 
 
 def _targets(
     cages: CagedOutfit, skinned: NDArray[np.float32], predicted: list[Tensor]
 ) -> NDArray[np.float32]:
-    """Places (n, 3) m of the cages in predicted garments (N, 3) m; bands are held where they are skinned.
+    """Places (n, 3) m of the cages in predicted garments (N, 3) m.
 
-    skinned: (n, 3) m, the cages.
+    skinned: (n, 3) m, the cages, where bands are held, and where a prediction is not finite.
     """
     guided = torch.cat(
         [
@@ -124,5 +181,5 @@ def _targets(
             for each, vertices in zip(cages.garments, predicted, strict=True)
         ]
     ).numpy()
-    held = (cages.hold > 0)[:, None]
+    held = (cages.hold > 0)[:, None] | ~np.isfinite(guided).all(1, keepdims=True)
     return np.where(held, skinned, guided).astype(np.float32)

@@ -1,8 +1,7 @@
 """Physics: the cloth solver on cages, in real time, for any garments in one solve, with nothing to train."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -16,15 +15,12 @@ from uvcloth.methods.physics.outfit import (
     CagedOutfit,
     Moved,
     PhysicsConfig,
+    at_rest,
     carry,
     make_caged_outfit,
     moved,
     posed,
 )
-from uvcloth.physics.cloth.solver import start
-
-SETTLING_SECONDS = 1.5
-"""Seconds of standing still in the first pose before the first frame."""
 
 
 @dataclass(frozen=True)
@@ -52,13 +48,10 @@ class Physics(Method):
 
     def init(self, prepared: CagedOutfit, frames: BodyFrames) -> tuple[Moved, ...]:
         """Let cloth settle on the bodies as they stand in the frames."""
-        states = []
-        for transforms, vertices in posed(frames):
-            body, targets = prepared.collider(vertices), prepared.skinned_cages(transforms)
-            hints = np.full(prepared.fine_body.touches.shape, -1, np.int32)
-            state = Moved(start(prepared.solver, targets), body, targets, hints)
-            states.append(_settled(prepared, state, frames.fps))
-        return tuple(states)
+        return tuple(
+            at_rest(prepared, prepared.collider(vertices), prepared.skinned_cages(transforms), 0.0)
+            for transforms, vertices in posed(frames)
+        )
 
     def step(
         self, prepared: CagedOutfit, state: tuple[Moved, ...], frames: BodyFrames
@@ -78,22 +71,6 @@ class Physics(Method):
         """The rollouts displaced by (B, 3) m."""
         ways = shift.double().cpu().numpy()
         return tuple(each.displaced(way) for each, way in zip(state, ways, strict=True))
-
-
-def _settled(prepared: CagedOutfit, state: Moved, fps: float) -> Moved:
-    """Cloth at rest on a body that stands still.
-
-    Whenever it has become slower it is stopped, so that a skirt does not swing for seconds (kinetic damping:
-    Barnes, 1999).
-    """
-    energy = 0.0
-    for _ in range(round(SETTLING_SECONDS * fps)):
-        state = moved(prepared, state, state.body, state.targets, 0.0, fps)
-        before, energy = energy, float(np.square(state.cloth.velocities).sum())
-        if energy < before:
-            stopped = replace(state.cloth, velocities=np.zeros_like(state.cloth.velocities))
-            state, energy = replace(state, cloth=stopped), 0.0
-    return state
 
 
 ENTRY = MethodEntry(

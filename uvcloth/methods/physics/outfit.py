@@ -32,6 +32,7 @@ from uvcloth.physics.cloth.solver import (
     State,
     is_compiled,
     make_solver,
+    start,
     step,
 )
 from uvcloth.physics.layers import Layer
@@ -40,6 +41,9 @@ LOGGER = logging.getLogger(__name__)
 
 CAGE_INTERVAL = 1.0 / 60.0
 """Seconds between two searches for contact; fine cloth is searched twice as often."""
+
+SETTLING_FRAMES, SETTLING_FPS = 45, 30.0
+"""Frames, and how many there are in a second, in which cloth comes to rest."""
 
 CLEARANCE = 0.003
 """Metres that garments keep from the skin, and from each other."""
@@ -221,6 +225,26 @@ def moved(
         np.where(held, HOLD_DAMPING, 1.0).astype(np.float32),
     )
     return replace(state, cloth=step(prepared.solver, state.cloth, motion), body=body, targets=targets)
+
+
+def at_rest(
+    prepared: CagedOutfit, body: NDArray[np.float32], targets: NDArray[np.float32], pull: float
+) -> Moved:
+    """Cloth that came to rest from the targets (n, 3) m, pulled to them, on a collider (C, 3) m that stands.
+
+    Whenever it has become slower it is stopped, so that a skirt does not swing for seconds (kinetic damping:
+    Barnes, 1999).
+    """
+    hints = np.full(prepared.fine_body.touches.shape, -1, np.int32)
+    state = Moved(start(prepared.solver, targets), body, targets, hints)
+    energy = 0.0
+    for _ in range(SETTLING_FRAMES):
+        state = moved(prepared, state, body, targets, pull, SETTLING_FPS)
+        before, energy = energy, float(np.square(state.cloth.velocities).sum())
+        if energy < before:
+            stopped = replace(state.cloth, velocities=np.zeros_like(state.cloth.velocities))
+            state, energy = replace(state, cloth=stopped), 0.0
+    return state
 
 
 def carry(
