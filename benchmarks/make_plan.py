@@ -106,7 +106,7 @@ def row(
         "frames": frames,
         "hold": hold,
         "garments": garments,
-        "body": body and f"bodies/{body}/bodies/{body}.npz",
+        "body": body and f"bodies/{body}.npz",
         "member": member,
         "split": entry.split,
         "subject": entry.subject,

@@ -1,5 +1,6 @@
 """The packed sequences in `benchmarks`: they unpack here as where they were packed."""
 
+import csv
 import hashlib
 from pathlib import Path
 
@@ -16,8 +17,13 @@ from uvcloth.motion.index import read_index
 from uvcloth.physics.measures import edge_change
 
 BENCHMARKS = Path(__file__).parent.parent / "benchmarks"
-FOLDER = BENCHMARKS / "sequences"
-TEMPLATES = ("tops", "bottoms", "dress", "shirt")
+FOLDER = BENCHMARKS / "simulated"
+TEMPLATES = ("tops", "bottoms", "dress", "skirt")
+
+
+def read_plan() -> list[dict[str, str]]:
+    with (BENCHMARKS / "plan.csv").open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +49,7 @@ def test_real_cloth_is_packed_within_the_error(sequence: SimulatedClip, tmp_path
     save_simulated(sequence, path)
     assert pack_folder(path.parent, tmp_path / "packed") == 1
     packed = tmp_path / "packed" / path.name
-    assert packed.stat().st_size < (FOLDER / path.name).stat().st_size / 2
+    assert packed.stat().st_size < path.stat().st_size / 10
     after = load_packed(packed, PackedFolder(packed.parent))
     off = (after.vertices - load_simulated(path).vertices).norm(dim=-1).flatten()
     assert float(off.mean()) < MEAN_ERROR
@@ -52,36 +58,35 @@ def test_real_cloth_is_packed_within_the_error(sequence: SimulatedClip, tmp_path
     torch.testing.assert_close(after.transforms, sequence.transforms, atol=4e-4, rtol=0)
 
 
-def test_every_template_has_every_clip_and_nobody_is_in_two_splits() -> None:
+def test_nobody_is_in_two_splits() -> None:
+    plan = read_plan()
+    names = {path.stem for path in FOLDER.glob("*.npz")}
+    assert names <= {f"{row['name']}_{row['garments']}" for row in plan}
     index = read_index(FOLDER / "index.csv")
-    names = {path.name for path in FOLDER.glob("*.npz")}
     clips = {name.rpartition("_")[0] for name in names}
-    assert clips <= index.keys()
     splits = {
         split: {index[clip].subject for clip in clips if index[clip].split == split}
         for split in ("train", "validation", "test")
     }
     assert all(splits.values())
     assert sum(map(len, splits.values())) == len(set.union(*splits.values()))
-    assert len(names) > 2 * len(clips)
     assert {path.stem for path in (FOLDER / "meshes").glob("*.npz")} == set(TEMPLATES)
 
 
 def test_sequences_on_other_bodies_lie_beside_them() -> None:
-    """Each has its body, the windows of the default one, and sequences that teach; one is for the test."""
-    index = read_index(FOLDER / "index.csv")
-    folders = sorted(path.parent for path in (BENCHMARKS / "bodies").glob("*/index.csv"))
-    assert len(folders) == 5
+    """Each folder has the body that the plan names, and windows that train."""
+    folders = sorted(path.parent for path in FOLDER.glob("*/index.csv"))
+    assert [folder.name for folder in folders] == ["heavy", "muscular", "slim", "tall"]
     for folder in folders:
-        body = load_body(folder / "bodies" / f"{folder.name}.npz")
-        assert body.name == folder.name
-        assert read_index(folder / "index.csv") == index
-        names = [path.stem.rpartition("_")[0] for path in folder.glob("*.npz")]
+        body = load_body(BENCHMARKS / "bodies" / f"{folder.name}.npz")
+        names = [path.stem for path in folder.glob("*.npz")]
+        planned = {
+            f"{row['name']}_{row['garments']}": row["split"]
+            for row in read_plan()
+            if row["body"] == f"bodies/{folder.name}.npz"
+        }
         assert names
-        split = "test" if folder.name == "sturdy" else "train"
-        assert {index[name].split for name in names} == {split}
-        if split == "train":
-            assert not {f"{name}_tops.npz" for name in names} & {path.name for path in FOLDER.glob("*.npz")}
+        assert {planned[name] for name in names} == {"train"}
     sequence = load_packed(folder / "16_15_tops.npz", PackedFolder(folder))
     assert sequence.metadata["body"] == "tall"
     torch.testing.assert_close(
@@ -91,25 +96,25 @@ def test_sequences_on_other_bodies_lie_beside_them() -> None:
 
 def test_made_outfits_lie_beside_them() -> None:
     """Each on the body that its sequence names, over a clip of its own split."""
-    index, folder = read_index(FOLDER / "index.csv"), BENCHMARKS / "outfits"
-    clips = {path.stem: path.name.rpartition("_o")[0] for path in folder.glob("*.npz")}
-    assert {index[clip].split for clip in clips.values()} == {"train", "validation", "test"}
+    folder = BENCHMARKS / "outfits"
+    people = {row["clip"]: (row["split"], row["subject"]) for row in read_plan()}
     for name in ("12_01_o0019_tshirt", "26_01_o0018_skirt", "16_08_o0001_shorts"):
-        sequence = load_packed(folder / f"{name}.npz", PackedFolder(folder))
-        entry = index[clips[name]]
-        assert (sequence.split, sequence.subject) == (entry.split, entry.subject)
+        shared = PackedFolder(folder)
+        sequence = load_packed(folder / f"{name}.npz", shared)
+        assert (sequence.split, sequence.subject) == people[name.rpartition("_o")[0]]
         (garment,) = sequence.garments
         assert name.endswith(f"{sequence.outfit}_{sequence.kind(garment.name)}")
-        body = load_body(folder / "bodies" / f"{sequence.metadata['body']}.npz")
+        (body,) = shared.bodies.values()
+        assert body.name == sequence.metadata["body"]
         assert (garment.rest - body.mesh.vertices.mean(0)).norm(dim=1).max() < 1.5
 
 
-@pytest.mark.parametrize("name", ["bodies", "outfits", "sequences", "simulated"])
+@pytest.mark.parametrize("name", ["bodies", "outfits", "simulated"])
 def test_every_folder_says_what_it_is_and_lists_the_checksums_of_all_its_files(name: str) -> None:
     folder = BENCHMARKS / name
     page = (folder / "README.md").read_text(encoding="utf-8")
     assert all(word in page for word in ("uvcloth data", "November 2026", "SHA256SUMS"))
-    assert "CMU Graphics Lab" in page or "sequences/README.md" in page
+    assert "CMU Graphics Lab" in page or "simulated/README.md" in page
     lines = (folder / "SHA256SUMS").read_text(encoding="utf-8").splitlines()
     listed = {path: digest for digest, path in (line.split("  ./") for line in lines)}
     files = {path for path in folder.rglob("*") if path.suffix in {".npz", ".csv"}}

@@ -92,7 +92,7 @@ def test_hair_is_only_seen_and_clothes_over_skin_go(body: Body, tmp_path: Path) 
 
     def fates(keep: tuple[str, ...] = (), drop: tuple[str, ...] = ()) -> list[list[str]]:
         found = sort_parts(rigged.parts, rigged.skeleton.names, keep, drop)
-        return [[label(part) for part in each] for each in (found.surface, found.seen, found.left_out)]
+        return [[label(part) for part in each] for each in (found.surface, found.visible, found.left_out)]
 
     face, skin, hair, shirt = (label(part) for part in rigged.parts)
     assert fates() == [[face, skin], [hair], [shirt]]
@@ -136,7 +136,7 @@ def test_a_character_is_kept_and_seen(character: CharacterBody, tmp_path: Path) 
     save_body(character.body, tmp_path / "c.npz")
     body = load_body(tmp_path / "c.npz")
     shown = visible_body(body)
-    faces = sum(len(part.mesh.faces) for part in (*character.parts.surface, *character.parts.seen))
+    faces = sum(len(part.mesh.faces) for part in (*character.parts.surface, *character.parts.visible))
     assert len(shown.mesh.faces) == len(shown.regions) == faces
     assert len(shown.mesh.uvs)
     clip = load_clip("walk", body).window(0, 1)

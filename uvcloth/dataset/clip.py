@@ -97,7 +97,7 @@ class SimulatedClip:
 
     @property
     def action(self) -> str:
-        """What the body does; the clip's name where that is not known."""
+        """Action of the body; the clip's name where that is not known."""
         return str(self.metadata.get("action") or self.name)
 
     @cached_property
@@ -117,7 +117,7 @@ class SimulatedClip:
         return max(len(self.transforms) - self.warm_up, 0)
 
     def kind(self, garment: str) -> str:
-        """What a garment is ("trousers"): by its label, otherwise its template or name."""
+        """Kind of a garment ("trousers"): by its label, otherwise its template or name."""
         kinds = self.metadata.get("types") or {}
         return str(kinds.get(garment) or self.by_name[garment].template or garment)
 

@@ -171,7 +171,7 @@ def read_cloth3d_sample(
 
 
 def _folders(root: Path) -> list[Path]:
-    return sorted(found.parent for pattern in (f"*/{INFO}", f"*/*/{INFO}") for found in root.glob(pattern))
+    return sorted(info.parent for pattern in (f"*/{INFO}", f"*/*/{INFO}") for info in root.glob(pattern))
 
 
 def _subject(folder: Path) -> str:
@@ -282,16 +282,16 @@ def _garment(folder: Path, name: str, body: Body, upright: Tensor) -> Garment:
     path = folder / f"{name}.obj"
     if not path.is_file():
         raise InputError(f"{folder}: lacks {path.name}, the {name} at rest")
-    found = read_obj(path)
-    if not len(found.vertices) or not len(found.faces):
+    read = read_obj(path)
+    if not len(read.vertices) or not len(read.faces):
         raise InputError(f"{path}: has no faces")
-    if not (found.vertices.abs() <= MOST_METRES).all():
+    if not (read.vertices.abs() <= MOST_METRES).all():
         raise InputError(f"{path}: a vertex is not a finite number, or beyond {MOST_METRES:g} m")
-    edge = float(edge_lengths(found.vertices, unique_edges(found.faces)).mean())
+    edge = float(edge_lengths(read.vertices, unique_edges(read.faces)).mean())
     if edge < LEAST_EDGE:
         raise InputError(f"{path}: edges of {1000 * edge:.2g} mm on average, expected a garment in metres")
     # The files rest turned by zrot, in which the motion is not.
-    mesh = Mesh(found.vertices.float() @ upright, found.faces, found.uvs, found.face_uvs)
+    mesh = Mesh(read.vertices.float() @ upright, read.faces, read.uvs, read.face_uvs)
     template = TEMPLATES.get(name)
     return make_garment(name, mesh, body, DIFFUSION[template or "tops"], template=template)
 

@@ -118,14 +118,14 @@ def _require_engine(path: Path, metadata: Mapping[str, Any], made: Mapping[str, 
 
 def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     """Differences between settings as text, by name; of a fabric its own fields."""
-    found = []
+    differences = []
     for name in {**now, **before}:
         old, new = before.get(name), now.get(name)
         if isinstance(old, dict) and isinstance(new, dict):
-            found += _differences(old, new)
+            differences += _differences(old, new)
         elif old != new:
-            found.append(f"{name} {old} instead of {new}")
-    return found
+            differences.append(f"{name} {old} instead of {new}")
+    return differences
 
 
 def keep_index(windows: Path, kept: Path) -> None:

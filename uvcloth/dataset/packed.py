@@ -23,10 +23,9 @@ from uvcloth.dataset.bone_axes import moved_by_bones, seen_from_bones
 from uvcloth.dataset.clip import SimulatedClip, SimulatedGarment, clip_of_garment, flat_metadata
 from uvcloth.dataset.clip_file import load_simulated, parse_metadata, save_simulated
 from uvcloth.dataset.folder import REFUSED, keep_index, keep_refused, refused_captures
-from uvcloth.dataset.packed_first import FIRST_FORMAT, FirstMesh, load_first, load_first_mesh
 from uvcloth.dataset.packed_motion import NAME_LENGTH, PackedMotion, keep_motion, load_motion
 from uvcloth.errors import InputError
-from uvcloth.files.archive import load_arrays, read_arrays, save_arrays, smallest_indices
+from uvcloth.files.archive import load_arrays, save_arrays, smallest_indices
 from uvcloth.files.atomic import make_folder, sole_writer
 from uvcloth.files.fields import check_fields, flags, indices, numbers, require_file_name, text, whole
 from uvcloth.files.json_file import parse_json, require_kinds
@@ -99,7 +98,6 @@ class PackedFolder:
         self.folder = folder
         self.bodies: dict[str, Body] = {}
         self.mesh: Callable[[str], GarmentMesh] = lru_cache(MESHES_AT_ONCE)(self._mesh)
-        self.first_mesh: Callable[[str], FirstMesh] = lru_cache(MESHES_AT_ONCE)(self._first_mesh)
         self._motion = lru_cache(MOTIONS_AT_ONCE)(self._load_motion)
 
     def motion(self, name: str, body: str) -> PackedMotion:
@@ -108,9 +106,6 @@ class PackedFolder:
 
     def _mesh(self, garment: str) -> GarmentMesh:
         return load_mesh(self.folder, garment)
-
-    def _first_mesh(self, garment: str) -> FirstMesh:
-        return load_first_mesh(self.folder, garment)
 
     def _load_motion(self, name: str, body: str) -> PackedMotion:
         return load_motion(self.folder, name, self.bodies[body].skeleton)
@@ -214,13 +209,11 @@ def save_packed(clip: SimulatedClip, mesh: GarmentMesh, skeleton: Skeleton, path
 
 
 def load_packed(path: Path, shared: PackedFolder) -> SimulatedClip:
-    """Read a packed sequence, of this format or the first; shared: of the folder in which it lies.
+    """Read a packed sequence; shared: of the folder in which it lies.
 
     Raises InputError naming the file if it is none, on a body that its folder lacks, of another mesh, or does
     not unpack to what was packed.
     """
-    if str(read_arrays(path, EXPECTED, ("format",)).get("format")) == FIRST_FORMAT:
-        return load_first(path, shared.first_mesh, shared.bodies)
     data = check_fields(path, load_arrays(path, PACKED_FORMAT, EXPECTED), FIELDS)
     description = _description(path, str(data["description"]))
     metadata, error = description["metadata"], description["error"]

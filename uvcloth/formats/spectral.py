@@ -58,15 +58,6 @@ class CodedPoints:
     corrections: np.ndarray
 
 
-def mesh_spectrum(faces: np.ndarray, count: int) -> np.ndarray:
-    """Eigenvectors of the Laplacian of a mesh with faces (M, 3) and `count` points, as columns (N, N).
-
-    Long waves come first. Edges have different weights, a fixed series, so that every eigenvalue is single:
-    its vector is then the same on every machine, to rounding, once its sign is fixed.
-    """
-    return _spectrum(_edges(faces), count)
-
-
 def second_half(faces: np.ndarray, count: int) -> np.ndarray:
     """Flags (N,) of the points of the second of two halves of a mesh that few edges connect.
 
@@ -89,7 +80,9 @@ def second_half(faces: np.ndarray, count: int) -> np.ndarray:
 def part_spectra(faces: np.ndarray, second: np.ndarray) -> tuple[Part, ...]:
     """Spectra of the two halves of a mesh with faces (M, 3), without those of no points.
 
-    second: (N,) flags of the points of the second half.
+    second: (N,) flags of the points of the second half. Long waves come first. Edges have different weights,
+    a fixed series, so that every eigenvalue is single: its vector is then the same on every machine, to
+    rounding, once its sign is fixed.
     """
     edges, parts = _edges(faces), []
     for half in (~second, second):
