@@ -21,11 +21,11 @@ def rest_displacements(space: Space, dataset: GarmentDataset, chosen: Tensor) ->
 
     Kernels that take a vertex back may depend on where it comes to lie: found by iteration.
     """
-    maps, rows = dataset.maps, dataset.training
+    maps, frames = dataset.maps, dataset.training
     resting = maps.points.expand(len(chosen), -1, -1)
     for _ in range(ROUNDS):
-        blended = pose_transforms(space, maps, resting, rows.pose[chosen])
-        resting = rotate(torch.linalg.inv(blended[..., :3]), rows.vertices[chosen] - blended[..., 3])
+        blended = pose_transforms(space, maps, resting, frames.pose[chosen])
+        resting = rotate(torch.linalg.inv(blended[..., :3]), frames.vertices[chosen] - blended[..., 3])
     return rotate_back(maps.axes, resting - maps.points).flatten(1)
 
 
@@ -36,7 +36,8 @@ def fit_linear(space: LinearSpace, dataset: GarmentDataset) -> None:
     Shapes are the simulated garments taken back to the rest space by the kernels there; the encoder is ridge
     regression from the maps that it sees.
     """
-    maps, rows, chosen = dataset.maps, dataset.training, dataset.training.rows.samples
+    maps, frames = dataset.maps, dataset.training
+    chosen = frames.rows.samples
     shapes = torch.cat(
         [
             rest_displacements(space, dataset, part)
@@ -54,7 +55,7 @@ def fit_linear(space: LinearSpace, dataset: GarmentDataset) -> None:
     space.decoder.weight[:, : len(directions)] = directions.T / DISPLACEMENT_SCALE
     space.decoder.bias.copy_(mean / DISPLACEMENT_SCALE)
     seen = torch.cat(
-        [space.features(maps.map(rows.offsets[part])).flatten(1) for part in chosen.split(FRAMES_AT_ONCE)]
+        [space.features(maps.map(frames.offsets[part])).flatten(1) for part in chosen.split(FRAMES_AT_ONCE)]
     )
     wanted = codes / size
     gram = seen @ seen.T

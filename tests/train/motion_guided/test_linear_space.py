@@ -9,9 +9,10 @@ import torch
 from torch import Tensor
 
 from tests.train.simulated import swaying
-from train.motion_guided.dataset import offsets_of
+from train.motion_guided.dataset import GarmentFrames, offsets_of
 from train.motion_guided.linear_space import fit_linear, rest_displacements
 from uvcloth.bodies.body import load_body
+from uvcloth.dataset.rows import Rows
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.rotations import rotate
 from uvcloth.methods.motion_guided.config import PRESETS
@@ -38,9 +39,11 @@ def combined(skinning: Any) -> tuple[LinearSpace, Any, Tensor, Tensor]:
     pose = Pose(transforms, pose_seeds(maps.seeds, transforms))
     vertices = posed_shape(space, maps, maps.points + rotate(maps.axes, displaced), pose)
     offsets = offsets_of(maps, vertices, transforms)
-    rows = SimpleNamespace(vertices=vertices, offsets=offsets, pose=pose, samples=torch.arange(FRAMES))
+    order = torch.arange(FRAMES)
+    rows = Rows(transforms, torch.full((FRAMES,), 30.0), torch.zeros_like(order), samples=order)
+    frames = GarmentFrames(rows, vertices, offsets, pose)
     space.shift.copy_(maps.map(offsets).mean(0))
-    return space, SimpleNamespace(maps=maps, rows=rows), displaced.flatten(1), shapes.flatten(1)
+    return space, SimpleNamespace(maps=maps, training=frames), displaced.flatten(1), shapes.flatten(1)
 
 
 @pytest.mark.parametrize("skinning", ["smooth_lbs", "fixed"])
