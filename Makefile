@@ -8,7 +8,7 @@ INSTALLED := .venv/installed
 
 demo: install
 	$(BIN)/uvcloth demo --out demo
-	$(BIN)/python -m evaluate --model lbs lbs_smooth physxnet motion_guided deepsd --data demo/sequences --out demo/report
+	$(BIN)/python -m evaluate --model lbs lbs_smooth physxnet motion_guided deepsd physics --data demo/sequences --out demo/report
 
 test: install
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile

@@ -6,7 +6,7 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Demo:
-    """Simulate a short motion, roll the shipped models out on it, and write pictures and files."""
+    """Compare simulation, networks, networks over physics, and physics over a motion that stops suddenly."""
 
     out: Path = Path("demo")
     """Folder for all results."""

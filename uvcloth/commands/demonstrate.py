@@ -1,14 +1,14 @@
-"""Simulation, rollout, export and pictures from the data of the package.
+"""One story from the data of the package: a motion stops suddenly, and garments are moved over it.
 
-It takes some minutes on two cores, most of them for rollouts and pictures.
+They are simulated, predicted by networks, predicted by networks over physics, and moved by physics alone.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
-import torch
 from rich.console import Console
 from torch import Tensor
 
@@ -18,80 +18,155 @@ from uvcloth.commands.animate import animate
 from uvcloth.commands.export import Export
 from uvcloth.commands.export_rig import export
 from uvcloth.commands.rollout import Rollout
+from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.errors import InputError
 from uvcloth.files.image import write_png
-from uvcloth.garments.garment import Outfit
-from uvcloth.garments.templates import fit_template
-from uvcloth.methods.registry import DEFAULT, load_method
-from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render_frames
-from uvcloth.rollout import rollout
+from uvcloth.geometry.mesh import Mesh
+from uvcloth.motion.clip import Clip
+from uvcloth.motion.library import load_clip, save_clip
+from uvcloth.motion.stop import BRAKING_SECONDS, come_to_rest
+from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render_frames, three_quarter
+from uvcloth.rollout import RolloutFrame
 from uvcloth.simulate.batch import simulate_batch
 from uvcloth.simulate.plan import ClipSelection
 
-CLIP = "jump"
-GARMENT = "miniskirt.obj"
-FOREIGN = "female_casualsuit01.mhclo"
-"""An outfit from elsewhere that no model was trained on."""
+CLIP, FRAMES, STANDING = "twirl", 18, 1.0
+"""A built-in clip, the number of its first frames that are taken, and the seconds that a stop adds."""
 
-MODELS = {"tops": "physxnet", "bottoms": "physxnet", "dress": "motion_guided"}
-"""Templates that are shown, and the model that predicts each."""
+MOMENTS = (-0.2, 0.0, 0.1, 0.2, 0.4, 0.8)
+"""Seconds after the body has come to a standstill that are drawn."""
 
-PICTURES = 6
-PICTURE_SIZE = (300, 420)
+PICTURE_SIZE = (220, 300)
+
+
+@dataclass(frozen=True)
+class DemoOutfit:
+    """Templates that are simulated together, the innermost first, and the shipped model for them."""
+
+    name: str
+    garments: tuple[str, ...]
+    network: str
+
+    def rollouts(self, motion: Path, out: Path) -> dict[str, Rollout]:
+        """The rollouts that are compared with the simulation, by what they are called."""
+        network = f"{self.name}_{self.network}"
+        contact = Rollout(str(motion), self.garments, (out / f"{network}.glb",), (self.network,))
+        return {
+            f"{self.network} with contact": contact,
+            f"{self.network} with --finish dynamic": replace(
+                contact, out=(out / f"{network}_dynamic.glb",), finish="dynamic"
+            ),
+            "physics": replace(contact, out=(out / f"{self.name}_physics.glb",), model=("physics",)),
+        }
+
+
+OUTFITS = (
+    DemoOutfit("dress", ("dress",), "motion_guided"),
+    DemoOutfit("layers", ("bottoms", "tops"), "physxnet"),
+)
+
+FROM_FILES = {"casual": ("deepsd", "female_casualsuit01.mhclo"), "skirt": ("physics", "miniskirt.obj")}
+"""Garment files of the package that no model was trained on, and the method that moves each."""
+
+
+@dataclass
+class Snapshots:
+    """The garments of a rollout, (N, 3) m each, in some of its frames."""
+
+    wanted: Collection[int]
+    garments: list[tuple[Tensor, ...]] = field(default_factory=list)
+
+    def begin(self, title: str, body: Body, meshes: Sequence[Mesh], count: int, fps: float) -> None:
+        """Nothing is needed before the first frame."""
+
+    def add(self, frame: RolloutFrame) -> None:
+        """Keep the garments of a frame that is wanted."""
+        if frame.index in self.wanted:
+            self.garments.append(frame.vertices)
 
 
 def demonstrate(out: Path) -> None:
-    """Simulate the templates over a built-in clip, roll the shipped models out on it, write files, pictures.
+    """Simulate outfits over a motion that stops suddenly, roll methods out on it, write files and pictures.
 
-    `make demo` then lets `python -m evaluate` compare them in a report. Raises InputError if the folder
-    cannot be written.
+    `make demo` then lets `python -m evaluate` compare the methods in a report. Raises InputError if the
+    folder cannot be written.
     """
-    console = Console()
-    body = load_body()
-    console.print(f"1. Simulating {', '.join(MODELS)} over the built-in clip {CLIP} (a minute or two)")
-    simulate_batch(ClipSelection([CLIP]), [(name,) for name in MODELS], out / "sequences", body)
-    skirt, foreign = (str(files("uvcloth") / "data" / "garments" / name) for name in (GARMENT, FOREIGN))
+    console, body = Console(), load_body()
+    motion = out / "stop.npz"
+    clip = come_to_rest(load_clip(CLIP, body).window(0, FRAMES), STANDING)
+    save_clip(clip, motion, f"The first {FRAMES} frames of the built-in clip {CLIP}, and a sudden stop.")
     console.print(
-        "2. Rolling out on the same clip: Motion-guided on its dress, physics on a skirt under a T-shirt, "
-        "DeePSD on MakeHuman's top and leggings"
+        f"1. Simulating a dress, and a T-shirt over trousers, over {motion}, a turn that stops suddenly"
     )
-    for name, model, garments in (
-        ("dress", MODELS["dress"], ("dress",)),
-        ("outfit", DEFAULT, (skirt, "tops")),
-        ("casual", "deepsd", (foreign,)),
-    ):
+    simulate_batch(ClipSelection([str(motion)]), [o.garments for o in OUTFITS], out / "sequences", body)
+    console.print("2. Rolling out on the same motion: networks, networks over physics, physics")
+    for outfit in OUTFITS:
+        _compare(outfit, motion, clip, body, console)
+    console.print("3. Rolling out garment files: DeePSD on MakeHuman's top and leggings, physics on a skirt")
+    for name, (model, file) in FROM_FILES.items():
+        garment = str(files("uvcloth") / "data" / "garments" / file)
         written = tuple(out / f"{name}.{suffix}" for suffix in ("glb", "usdc"))
-        summary = animate(Rollout(CLIP, garments, written, (model,)))
-        console.print("\n".join(f"   {line}" for line in summary.lines()), highlight=False)
-    rig = export(Export("pbns", out / "outfit_rig.glb", motion=CLIP))
-    console.print("\n".join(f"   {line}" for line in rig.lines()), highlight=False)
-    console.print("3. Drawing simulation (top) and prediction (bottom)")
-    for name in MODELS:
-        path = out / f"{name}.png"
-        write_png(path, _side_by_side(out / "sequences" / f"{CLIP}_{name}.npz", name, body))
-        console.print(f"   {path}")
+        _print(console, animate(Rollout(str(motion), (garment,), written, (model,))).lines())
+    console.print("4. Exporting PBNS as a rig")
+    _print(console, export(Export("pbns", out / "outfit_rig.glb", motion=str(motion))).lines())
 
 
-def _side_by_side(path: Path, name: str, body: Body) -> np.ndarray:
-    """Draw a sheet of PICTURES moments of a simulated sequence, a shipped model's rollout below each."""
-    if not path.exists():
-        raise InputError(f"{path}: the simulation was kept apart, see {path.parent / 'rejected'}")
-    sequence = load_simulated(path)
-    method = load_method(MODELS[name], body)
-    outfit = Outfit(body, (fit_template(name, body),))
-    moments = torch.linspace(sequence.warm_up, len(sequence.vertices) - 1, PICTURES).long().tolist()
-    frames = rollout(method, outfit, sequence.transforms, sequence.fps)
-    predicted = {frame.index: frame.vertices[0] for frame in frames if frame.index in moments}
-    posed = posed_skin(body, sequence.transforms[moments])
+def standstill(fps: float) -> int:
+    """The first frame in which the body stands still."""
+    return FRAMES - 1 + round(BRAKING_SECONDS * fps / 2)
 
-    def surfaces(cloth: Iterable[Tensor]) -> Iterator[tuple[Surface, Surface]]:
-        for skin_vertices, vertices in zip(posed, cloth, strict=True):
-            yield (
-                Surface(skin_vertices, body.mesh.faces, BODY_COLOR),
-                Surface(vertices, sequence.garments[0].faces, GARMENT_COLORS[list(MODELS).index(name)]),
-            )
 
-    simulated = render_frames(surfaces(sequence.vertices[moments]), size=PICTURE_SIZE)
-    rolled = render_frames(surfaces(predicted[moment] for moment in moments), size=PICTURE_SIZE)
-    return contact_sheet([*simulated, *rolled], columns=PICTURES)
+def _compare(outfit: DemoOutfit, motion: Path, clip: Clip, body: Body, console: Console) -> None:
+    """Roll an outfit out by all methods, and draw them below its simulation."""
+    simulated = _simulated(outfit, motion)
+    moments = [standstill(clip.fps) + round(seconds * clip.fps) for seconds in MOMENTS]
+    rows = {
+        "simulation": [
+            tuple(garment.vertices[simulated.warm_up + moment] for garment in simulated.garments)
+            for moment in moments
+        ]
+    }
+    for name, command in outfit.rollouts(motion, motion.parent).items():
+        snapshots = Snapshots(moments)
+        _print(console, [f"{outfit.name}, {name}:", *animate(command, snapshots).lines()])
+        rows[name] = snapshots.garments
+    path = motion.parent / f"{outfit.name}.png"
+    posed = posed_skin(body, simulated.transforms[simulated.warm_up :][moments])
+    write_png(path, _sheet(rows, posed, simulated, body))
+    seconds = ", ".join(f"{moment:g}" for moment in MOMENTS)
+    _print(
+        console, [f"{path}: from top to bottom {', '.join(rows)}", f"{seconds} s after the body stands still"]
+    )
+
+
+def _simulated(outfit: DemoOutfit, motion: Path) -> SimulatedClip:
+    """The simulation of an outfit. Raises InputError if it was refused."""
+    folder = motion.parent / "sequences"
+    paths = [folder / f"{motion.stem}_{garment}.npz" for garment in outfit.garments]
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"{path}: the simulation was kept apart, see {folder / 'rejected'}")
+    return load_simulated(*paths)
+
+
+def _sheet(
+    rows: Mapping[str, Sequence[tuple[Tensor, ...]]], posed: Tensor, simulated: SimulatedClip, body: Body
+) -> np.ndarray:
+    """Draw garments, a row for each method, on the posed body (M, V, 3) m of each column, by one camera."""
+
+    def surfaces() -> Iterator[list[Surface]]:
+        for row in rows.values():
+            for skin_vertices, garments in zip(posed, row, strict=True):
+                worn = zip(garments, simulated.garments, GARMENT_COLORS, strict=False)
+                yield [
+                    Surface(skin_vertices, body.mesh.faces, BODY_COLOR),
+                    *(Surface(vertices, garment.faces, color) for vertices, garment, color in worn),
+                ]
+
+    camera = three_quarter(posed, aspect=PICTURE_SIZE[0] / PICTURE_SIZE[1])
+    return contact_sheet(list(render_frames(surfaces(), camera, PICTURE_SIZE)), columns=len(posed))
+
+
+def _print(console: Console, lines: Sequence[str]) -> None:
+    console.print("\n".join(f"   {line}" for line in lines), highlight=False, soft_wrap=True)

@@ -1,0 +1,110 @@
+"""The demo: its motion stops, and its pictures have the simulation and all methods at the same moments."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+
+from tests.simulate.skinned import skinned_sequence
+from uvcloth.commands import demonstrate as demo
+from uvcloth.dataset.clip_file import save_simulated
+from uvcloth.errors import InputError
+from uvcloth.garments.templates import fit_template
+from uvcloth.geometry.skinning import skin
+from uvcloth.motion.library import load_clip
+from uvcloth.rollout import RolloutFrame
+
+SIZE, GAP = (22, 30), 6
+LEAD = 2
+
+
+@pytest.fixture
+def commands(monkeypatch, body):
+    """What the demo rolls out and exports, in order; skinning takes the place of simulations and methods."""
+    known = []
+
+    def transforms(motion):
+        return load_clip(motion, body).transforms()
+
+    def skinned(name, joints):
+        garment = fit_template(name, body)
+        return skin(garment.mesh.vertices, garment.smooth_weights, joints)
+
+    def simulate_batch(selection, outfits, folder, body):
+        (motion,) = selection.clips
+        joints = transforms(motion)
+        joints = torch.cat([joints[:1].expand(LEAD, -1, -1, -1), joints])
+        for name in (name for outfit in outfits for name in outfit):
+            made = skinned_sequence(fit_template(name, body), body)
+            (garment,) = made.garments
+            moved = replace(garment, vertices=skinned(name, joints))
+            clip = replace(made, garments=(moved,), transforms=joints, warm_up=LEAD)
+            save_simulated(clip, folder / f"stop_{name}.npz")
+
+    def animate(command, audience=None):
+        known.append(command)
+        if audience:
+            joints = transforms(command.motion)
+            for index, garments in enumerate(
+                zip(*(skinned(n, joints) for n in command.garment), strict=True)
+            ):
+                audience.add(RolloutFrame(index, garments, garments, joints[index], garments[0], {}))
+        return SimpleNamespace(lines=lambda: ["a line"])
+
+    def export(command):
+        known.append(command)
+        return SimpleNamespace(lines=lambda: ["a rig"])
+
+    monkeypatch.setattr(demo, "simulate_batch", simulate_batch)
+    monkeypatch.setattr(demo, "animate", animate)
+    monkeypatch.setattr(demo, "export", export)
+    monkeypatch.setattr(demo, "PICTURE_SIZE", SIZE)
+    return known
+
+
+def test_all_methods_are_drawn_below_the_simulation_at_the_same_moments(
+    tmp_path, monkeypatch, capsys, commands
+):
+    monkeypatch.setattr(demo, "MOMENTS", (-0.2, 0.1))
+    demo.demonstrate(tmp_path)
+    printed = capsys.readouterr().out
+    for outfit in demo.OUTFITS:
+        sheet = np.asarray(Image.open(tmp_path / f"{outfit.name}.png").convert("RGB"))
+        rows, columns = np.array(sheet.shape[:2]) // np.array([SIZE[1] + GAP, SIZE[0] + GAP]) + 1
+        assert (rows, columns) == (4, 2)
+        drawn = [sheet[row * (SIZE[1] + GAP) :][: SIZE[1]] for row in range(rows)]
+        for row in drawn[1:]:
+            np.testing.assert_array_equal(row, drawn[0])
+        network = outfit.network
+        assert f"simulation, {network} with contact, {network} with --finish dynamic, physics" in printed
+    ways = [(c.garment, c.model, c.finish) for c in commands if hasattr(c, "finish")]
+    for outfit in demo.OUTFITS:
+        for model, finish in (
+            (outfit.network, "contact"),
+            (outfit.network, "dynamic"),
+            ("physics", "contact"),
+        ):
+            assert ways.count((outfit.garments, (model,), finish)) == 1
+
+
+def test_everything_moves_over_a_motion_that_stops_at_the_moment_that_is_called_so(
+    tmp_path, monkeypatch, commands, body
+):
+    monkeypatch.setattr(demo, "OUTFITS", ())
+    demo.demonstrate(tmp_path)
+    motion = load_clip(tmp_path / "stop.npz", body)
+    moves = motion.transforms().diff(dim=0).abs().flatten(1).amax(1)
+    assert float(moves[: demo.FRAMES - 4].min()) > 1e-2
+    still = int((moves > 1e-6).nonzero().max()) + 1
+    assert [command.motion for command in commands] == 3 * [str(tmp_path / "stop.npz")]
+    assert still == demo.standstill(motion.fps)
+    assert still + max(demo.MOMENTS) * motion.fps < len(motion)
+
+
+def test_a_refused_simulation_is_named(tmp_path, monkeypatch, commands):
+    monkeypatch.setattr(demo, "simulate_batch", lambda *_: None)
+    with pytest.raises(InputError, match=r"stop_dress.npz: the simulation was kept apart"):
+        demo.demonstrate(tmp_path)
