@@ -73,25 +73,11 @@ def test_nobody_is_in_two_splits() -> None:
     assert {path.stem for path in (FOLDER / "meshes").glob("*.npz")} == set(TEMPLATES)
 
 
-def test_sequences_on_other_bodies_lie_beside_them() -> None:
-    """Each folder has the body that the plan names, and windows that train."""
-    folders = sorted(path.parent for path in FOLDER.glob("*/index.csv"))
-    assert [folder.name for folder in folders] == ["heavy", "muscular", "slim", "tall"]
-    for folder in folders:
-        body = load_body(BENCHMARKS / "bodies" / f"{folder.name}.npz")
-        names = [path.stem for path in folder.glob("*.npz")]
-        planned = {
-            f"{row['name']}_{row['garments']}": row["split"]
-            for row in read_plan()
-            if row["body"] == f"bodies/{folder.name}.npz"
-        }
-        assert names
-        assert {planned[name] for name in names} == {"train"}
-    sequence = load_packed(folder / "16_15_tops.npz", PackedFolder(folder))
-    assert sequence.metadata["body"] == "tall"
-    torch.testing.assert_close(
-        sequence.garments[0].rest, load_garment("tops", body).mesh.vertices, atol=1e-5, rtol=0
-    )
+def test_the_bodies_of_the_plan_are_there() -> None:
+    planned = {row["body"] for row in read_plan()} - {""}
+    assert planned == {f"bodies/{path.name}" for path in (BENCHMARKS / "bodies").glob("*.npz")}
+    for body in planned:
+        assert load_body(BENCHMARKS / body).name == Path(body).stem
 
 
 def test_made_outfits_lie_beside_them() -> None:
