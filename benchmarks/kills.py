@@ -106,8 +106,13 @@ def prepare() -> None:
         *("pxr.Usd", "pxr.UsdGeom", "pxr.UsdSkel", "alembic3d", "imath", "av", "onnx", "jinja2"),
         *("uvcloth.commands.animate", "uvcloth.commands.export_rig", "uvcloth.commands.make_outfits"),
         *("uvcloth.motion.draw_poses", "uvcloth.motion.recombine", "uvcloth.physics.self_contact"),
-        *("evaluate.compare", "evaluate.report", "evaluate.show", "evaluate.motion_map", "evaluate.outfits"),
-        *("evaluate.garment_space", "torch.utils.tensorboard", "lightning.fabric.loggers.tensorboard"),
+        *("evaluate.compare", "evaluate.report", "evaluate.show", "evaluate.motion_map"),
+        *(
+            "evaluate.selection",
+            "evaluate.garment_space",
+            "torch.utils.tensorboard",
+            "lightning.fabric.loggers.tensorboard",
+        ),
     ):
         importlib.import_module(module)
     # A new process would import all of this once more.
