@@ -12,6 +12,7 @@ from evaluate.maps import Texels
 from evaluate.metrics import Reference
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
+from uvcloth.dataset.bodies import require_joints
 from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip, SimulatedGarment
 from uvcloth.dataset.clip_file import load_simulated, read_metadata
 from uvcloth.errors import InputError
@@ -173,14 +174,10 @@ def _require_same(
     path: Path, clip: SimulatedClip, simulated: SimulatedGarment, garment: Garment, body: Body
 ) -> None:
     """Raise InputError naming the file if it was not simulated with this garment on this body."""
-    mesh, joints = garment.mesh, len(body.skeleton.names)
+    mesh = garment.mesh
     if not torch.equal(simulated.faces, mesh.faces):
         raise InputError(f"{path}: its mesh is not that of the garment {garment.name}")
-    if clip.transforms.shape[1] != joints:
-        raise InputError(
-            f"{path}: simulated on a body of {clip.transforms.shape[1]} joints, "
-            f"body {body.name!r} has {joints}"
-        )
+    require_joints(path, clip, body)
     apart = float((simulated.rest - mesh.vertices).norm(dim=1).max())
     if apart > REST_TOLERANCE:
         raise InputError(

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, get_args
 
 from tyro.conf import Positional, arg
 
@@ -21,7 +21,7 @@ class Fit:
     template: Annotated[
         TemplateName | None,
         arg(
-            metavar="tops|bottoms|dress|shirt|skirt|jacket",
+            metavar="|".join(get_args(TemplateName)),
             help_behavior_hint="(default: the one that it covers best)",
         ),
     ] = None

@@ -1,7 +1,7 @@
 """Types of options that several commands have, with their names and defaults in help texts."""
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from tyro.conf import OmitArgPrefixes, arg
 
@@ -12,8 +12,8 @@ from uvcloth.physics.fabric import FabricName
 TemplateName = Literal["tops", "bottoms", "dress", "shirt", "skirt", "jacket"]
 """Written out, as the names of fabrics and engines are, so that help texts import nothing heavy."""
 
-TEMPLATE_NAMES = "tops, bottoms, dress, shirt, skirt, jacket"
-FABRIC_NAMES = "jersey|cotton|silk|denim"
+TEMPLATE_NAMES = ", ".join(get_args(TemplateName))
+FABRIC_NAMES = "|".join(get_args(FabricName))
 TRAINED = "a folder written by `python -m train`"
 
 Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ...")]

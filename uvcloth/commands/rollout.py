@@ -16,6 +16,7 @@ from uvcloth.commands.options import (
     Models,
     MotionFile,
     Port,
+    TemplateName,
     Threads,
 )
 from uvcloth.errors import InputError
@@ -59,7 +60,7 @@ class Rollout:
     quality: Literal["fast", "default", "fine"] = "default"
     """Size of the faces that the cloth solver moves: edges of about 57, 40 or 30 mm."""
     template: Annotated[
-        tuple[Literal["tops", "bottoms", "dress", "shirt", "skirt", "jacket", "auto"], ...],
+        tuple[TemplateName | Literal["auto"], ...],
         arg(metavar="NAME|auto ...", help_behavior_hint="(default: the one each covers best)"),
     ] = ()
     """Template that a PhysXNet predicts a garment as: one for all, or one for each in order."""

@@ -7,6 +7,7 @@ from typing import Any
 
 from uvcloth.bodies.body import Body, load_body, save_body
 from uvcloth.bodies.difference import load_kept_body
+from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.dataset.clip_file import read_metadata
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import make_folder
@@ -41,6 +42,13 @@ def sequence_body(path: Path, metadata: Mapping[str, Any], known: dict[str, Body
     if metadata.get("body_hash", shape) != shape:
         raise InputError(f"{path}: was simulated on another body ({name}) than {kept} or the one that ships")
     return known[name]
+
+
+def require_joints(path: Path, clip: SimulatedClip, body: Body) -> None:
+    """Raise InputError naming the file of a clip that was simulated on a body of another skeleton."""
+    joints, expected = clip.transforms.shape[1], len(body.skeleton.names)
+    if joints != expected:
+        raise InputError(f"{path}: simulated on a body of {joints} joints, body {body.name!r} has {expected}")
 
 
 def folder_body(folder: Path) -> Body:

@@ -9,7 +9,7 @@ from rich.progress import track
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.dataset.bodies import sequence_body
+from uvcloth.dataset.bodies import require_joints, sequence_body
 from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip, join_clips
 from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.dataset.splits import TRAINING_SPLITS
@@ -64,10 +64,7 @@ def read_motions(
         if entry.split in splits:
             path = clip_file(entry, clips_from or windows.parent)
             motion = load_clip(path, body)
-            if entry.start + entry.frames > len(motion):
-                raise InputError(
-                    f"{path}: has {len(motion)} frames, the window ends at {entry.start + entry.frames}"
-                )
+            motion.require_frames(entry.start + entry.frames, path)
             transforms = motion.window(entry.start, entry.frames).transforms()
             labels = {
                 "clip": entry.clip,
@@ -132,11 +129,7 @@ def _clips_of(folder: Path, garments: Sequence[str]) -> list[tuple[Body, Simulat
     indexed = (folder / INDEX).is_file()
     for path, clip in _files_of(folder):
         body = sequence_body(path, clip.metadata, bodies)
-        if clip.transforms.shape[1] != len(body.skeleton.names):
-            raise InputError(
-                f"{path}: simulated on a body with {clip.transforms.shape[1]} joints, "
-                f"body {body.name!r} has {len(body.skeleton.names)}"
-            )
+        require_joints(path, clip, body)
         if clip.garments[0].name in garments and (not indexed or clip.split in TRAINING_SPLITS):
             found.setdefault(clip.name, {})[path] = clip
             on[clip.name] = body

@@ -48,6 +48,11 @@ class Clip:
         heads = self.skeleton.heads.to(transforms)
         return (transforms[..., :3] @ heads[:, :, None]).squeeze(-1) + transforms[..., 3]
 
+    def require_frames(self, end: int, source: object) -> None:
+        """Raise InputError naming the source if a window ends at a frame that the motion does not have."""
+        if end > len(self):
+            raise InputError(f"{source}: has {len(self)} frames, the window ends at {end}")
+
     def window(self, start: int, frames: int) -> "Clip":
         """Frames start .. start + frames as a clip of its own."""
         end = start + frames

@@ -168,8 +168,7 @@ def load_motion(source: Source, body: Body, earlier: int) -> tuple[Clip, int, st
     start, frames = 0, len(clip)
     if source.window is not None:
         start, frames = source.window.start, source.window.frames
-    if start + frames > len(clip):
-        raise InputError(f"{source.name}: has {len(clip)} frames, the window ends at {start + frames}")
+    clip.require_frames(start + frames, source.name)
     motion, before = run_up(clip, start, frames, earlier)
     fault = find_jump(motion, start - before) or find_standstill(motion.window(before, frames), start)
     return motion, before, fault
