@@ -72,7 +72,7 @@ class Explicit:
         return is_compiled()
 
     def compile(self) -> None:
-        """Compile the solver by simulating one face on another, in half a minute."""
+        """Compile the solver by simulating one face on another, in about a minute."""
         rest, faces, one = torch.eye(3), torch.tensor([[0, 1, 2]]), torch.ones(3)
         two = rest.expand(2, -1, -1)
         free, touches = torch.zeros(3, dtype=torch.bool), torch.ones(1, 3, dtype=torch.bool)

@@ -25,7 +25,7 @@ FALL = np.float32(GRAVITY)
 HOLD, HOLD_DAMPING = 100.0, 0.7
 """Frequency, 1/s, and damping ratio of the springs that hold the band of a garment."""
 
-COMPILING = "compiling the cloth solver, once after an installation (half a minute)"
+COMPILING = "compiling the cloth solver, once after an installation (about a minute)"
 """Sentence for whoever waits for the first step."""
 
 MOST_SUBSTEPS_PER_SECOND = 60_000
@@ -219,7 +219,7 @@ def _fastest(ways: NDArray) -> float:
 
 
 def is_compiled() -> bool:
-    """True if the first step needs no compilation, which takes half a minute."""
+    """True if the first step needs no compilation, which takes about a minute."""
     return is_kept(_advance)
 
 
