@@ -14,10 +14,10 @@ from tests.physics.cloth.energies import membrane_energy
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.operators import sampling
 from uvcloth.geometry.units import GRAVITY
-from uvcloth.physics.cloth.body_contact import make_body
 from uvcloth.physics.cloth.cloth import Damping, make_cloth
 from uvcloth.physics.cloth.forces import add_elastic_forces
-from uvcloth.physics.cloth.solver import Motion, Settings, State, make_solver, start, step
+from uvcloth.physics.cloth.moving_body import make_body
+from uvcloth.physics.cloth.solver import Motion, Settings, make_solver, start, step
 from uvcloth.physics.energies import (
     ClothEnergies,
     attachment_energy,
@@ -379,7 +379,7 @@ def test_a_step_of_the_solver_balances_inertia_and_all_forces() -> None:
     nothing = make_body(np.zeros((0, 3)), [], np.zeros((0, 0), bool))
     solver = make_solver(cloth, rest.numpy(), nothing, Settings(self_contact=False))
     began = start(solver, points.numpy())
-    began = State(began.positions, speeds.float().numpy(), began.origin, began.drift, began.pairs)
+    began = replace(began, velocities=speeds.float().numpy())
     pull = np.zeros(81, np.float32)
     pull[:9] = 50.0
     ends = (np.zeros((0, 3)),) * 2 + (points.numpy() + 0.01,) * 2

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from uvcloth.bodies.collider import compact
-from uvcloth.physics.cloth.body_contact import make_body
 from uvcloth.physics.cloth.cloth import Damping, make_cloth
+from uvcloth.physics.cloth.moving_body import Body, make_body, no_memory
 from uvcloth.physics.cloth.self_contact import Pairs
 from uvcloth.physics.cloth.solver import (
     HOLD,
@@ -93,7 +93,7 @@ class Explicit:
             raise ValueError("a frame without the engine's state cannot be continued")
         else:
             before = targets[max(after.index - 1, 0)]
-            state = _recall(after.memory, before, targets[after.index], scene.fps)
+            state = _recall(after.memory, solver.body, before, targets[after.index], scene.fps)
         for frame in range(after.index + 1, len(targets)):
             ends = body[frame - 1], body[frame], targets[frame - 1], targets[frame]
             state = step(solver, state, Motion(1.0 / scene.fps, *ends, pull, damping))
@@ -123,7 +123,7 @@ def _memory(state: State) -> Tensor:
     return torch.from_numpy(np.concatenate([sizes, *(array.ravel() for array in arrays)]).astype(np.float32))
 
 
-def _recall(memory: Tensor, before: NDArray, after: NDArray, fps: float) -> State:
+def _recall(memory: Tensor, body: Body, before: NDArray, after: NDArray, fps: float) -> State:
     """State of a memory. before, after: (N, 3) m, the targets of the frame before and of its own."""
     numbers, count = memory.numpy(), len(after)
     points, edges = (int(size) for size in numbers[:2])
@@ -136,4 +136,5 @@ def _recall(memory: Tensor, before: NDArray, after: NDArray, fps: float) -> Stat
         parts[5].reshape(-1, 3).copy(),
     )
     _, origin, drift = moving_frame(before, after, 1.0 / fps)
-    return State(parts[0].reshape(-1, 3).copy(), parts[1].reshape(-1, 3).copy(), origin, drift, pairs)
+    positions, velocities = (part.reshape(-1, 3).copy() for part in parts[:2])
+    return State(positions, velocities, origin, drift, pairs, no_memory(body))

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from tests.simulate.physics.scenes import RIGID
-from uvcloth.physics.cloth.body_contact import make_body
 from uvcloth.physics.cloth.cloth import Damping, make_cloth
+from uvcloth.physics.cloth.moving_body import make_body
 from uvcloth.physics.cloth.solver import Motion, Settings, Solver, State, make_solver, step
 from uvcloth.physics.fabric import Fabric
 from uvcloth.physics.self_intersection import crossing_edges_percent

@@ -5,8 +5,8 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from uvcloth.physics.cloth.body_contact import Body, make_body
-from uvcloth.physics.cloth.clearing import FineMesh, clear
+from uvcloth.physics.cloth.clearing import FineMesh, FineState, clear
+from uvcloth.physics.cloth.moving_body import Body, make_body, no_memory
 
 CLEARANCE = np.float32(0.003)
 Floats = NDArray[np.float32]
@@ -43,8 +43,9 @@ def _cleared(
     body: Body = make_body(ball[0], [ball[1]], np.ones((1, len(points)), bool))
     mesh = FineMesh(np.full(len(points), thickness, np.float32), starts, ring)
     moved = (points + np.array([0.0, 0.0, height])).astype(np.float32) + np.float32(shift)
-    clear(mesh, body, ball[0] + np.float32(shift), moved, CLEARANCE, np.full((1, len(points)), -1, np.int32))
-    return moved - np.float32(shift)
+    skin = ball[0] + np.float32(shift)
+    before = FineState(moved, skin, no_memory(body), 0)
+    return clear(mesh, body, before, skin, moved, CLEARANCE).positions - np.float32(shift)
 
 
 @pytest.mark.parametrize("thickness", [0.0, 0.006])
@@ -76,3 +77,17 @@ def test_a_small_change_of_the_cloth_is_a_small_change_after_it(ball: tuple[Floa
 def test_a_shifted_scene_is_cleared_alike(ball: tuple[Floats, NDArray]) -> None:
     here, there = _cleared(ball, 0.19), _cleared(ball, 0.19, shift=0.5)
     assert np.linalg.norm(there - here, axis=1).max() < 5e-5
+
+
+def test_what_is_known_of_the_frames_before_changes_nothing_on_a_ball(ball: tuple[Floats, NDArray]) -> None:
+    """The grid sinks onto the ball and is followed; of faces that are as close another may count."""
+    points, starts, ring = _grid(41, 0.4)
+    body = make_body(ball[0], [ball[1]], np.ones((1, len(points)), bool))
+    mesh = FineMesh(np.zeros(len(points), np.float32), starts, ring)
+    state = FineState(points, ball[0], no_memory(body), 0)
+    for frame in range(12):
+        height = 0.25 - 0.005 * frame
+        lowered = (points + np.array([0.0, 0.0, height])).astype(np.float32)
+        state = clear(mesh, body, state, ball[0], lowered, CLEARANCE)
+        np.testing.assert_allclose(state.positions, _cleared(ball, height), atol=2e-5)
+    assert (state.near.faces >= 0).sum() > 300

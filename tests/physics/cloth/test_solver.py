@@ -15,8 +15,8 @@ from tests.physics.cloth.stepping import VACUUM, frames, solver, still_frames
 from tests.simulate.physics.experiments import LIMP, ROPE, rope_theory
 from tests.simulate.physics.scenes import G, sheet
 from uvcloth.errors import InputError
-from uvcloth.physics.cloth.body_contact import make_body
 from uvcloth.physics.cloth.cloth import Damping, make_cloth
+from uvcloth.physics.cloth.moving_body import make_body
 from uvcloth.physics.cloth.solver import Motion, Settings, Solver, State, make_solver, start, step
 from uvcloth.physics.cloth.stability import largest_step
 from uvcloth.physics.fabric import Fabric

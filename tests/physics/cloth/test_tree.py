@@ -13,8 +13,9 @@ from torch import Tensor
 from tests.physics.cloth.stepping import solver, still_frames
 from tests.simulate.physics.scenes import disc, sheet
 from uvcloth.geometry.mesh import join_meshes
-from uvcloth.physics.cloth.body_contact import begin_passage, find_contacts, make_body
+from uvcloth.physics.cloth.body_contact import find_contacts
 from uvcloth.physics.cloth.cloth import Sheet, make_cloth
+from uvcloth.physics.cloth.moving_body import begin_passage, end_passage, make_body, no_memory
 from uvcloth.physics.cloth.self_contact import Pairs, find_pairs, no_pairs
 from uvcloth.physics.cloth.solver import start
 from uvcloth.physics.cloth.tree import APART, DONE, Tree, adjacent_nodes
@@ -31,9 +32,8 @@ def test_the_closest_face_is_that_of_a_search_of_all_faces(reach: float, guessed
     surface, parts, points, draw = bumps_and_box()
     body = make_body(surface, parts, np.ones((2, len(points)), bool))
     hints = np.stack([draw.integers(0, len(parts[0]), 500), np.full(500, -1)]).astype(np.int32)
-    passage = begin_passage(body, surface, surface, points, hints)
-    if not guessed:
-        passage.hints[:] = hints
+    known = no_memory(body)
+    passage = begin_passage(body, surface, surface, points, known._replace(faces=hints) if guessed else known)
     found = find_contacts(body, passage, np.float32(0.0), points, np.float32(reach))
     for part, faces in enumerate(parts):
         mesh = trimesh.Trimesh(surface, faces, process=False)
@@ -42,51 +42,67 @@ def test_the_closest_face_is_that_of_a_search_of_all_faces(reach: float, guessed
         vertices, chosen = found.vertices[rows], body.faces[found.faces[rows]]
         np.testing.assert_array_equal(vertices, np.nonzero(expected < reach)[0])
         corners = surface.astype(np.float64)[chosen]
-        nearest = trimesh.triangles.closest_point(corners, points[vertices])
         np.testing.assert_allclose(
-            np.linalg.norm(nearest - points[vertices], axis=1), expected[vertices], atol=ROUNDING
+            distances_from(corners, points[vertices]), expected[vertices], atol=ROUNDING
         )
 
 
-def bumps_and_box() -> tuple[NDArray[np.float32], list[NDArray], NDArray[np.float32], np.random.Generator]:
+def bumps_and_box(
+    bumps: float = 0.01,
+) -> tuple[NDArray[np.float32], list[NDArray], NDArray[np.float32], np.random.Generator]:
     """Vertices (V, 3) of a ball with bumps and a box, the faces of each, 500 points around them, and dice."""
     draw = np.random.default_rng(0)
     ball, box = trimesh.creation.icosphere(3, radius=0.2), trimesh.creation.box([0.3, 0.1, 0.2])
-    ball.vertices += 0.01 * draw.normal(size=ball.vertices.shape)
+    ball.vertices += bumps * draw.normal(size=ball.vertices.shape)
     surface = np.concatenate([ball.vertices, box.vertices + np.array([0.1, 0.0, 0.0])]).astype(np.float32)
     points = draw.uniform(-0.5, 0.5, (500, 3)).astype(np.float32)
     return surface, [np.array(ball.faces), box.faces + len(ball.vertices)], points, draw
 
 
 def test_searches_that_know_of_those_before_find_what_the_first_would() -> None:
-    """The body turns and grows and the points drift, in a frame with twenty searches and one without others.
+    """The body turns and grows and the points drift, in five frames with ten searches and one without others.
 
-    Guesses are the faces of the vertices beside: of faces equally far they may not make another one be found.
+    On convex parts a point that is followed outside of them ends at a closest face.
     """
-    surface, parts, points, draw = bumps_and_box()
-    body = make_body(surface, parts, np.ones((2, len(points)), bool))
-    turn = trimesh.transformations.rotation_matrix(0.5, [0.3, 1.0, -0.2])[:3, :3]
-    end = (1.2 * surface @ turn.T + [0.05, -0.1, 0.0]).astype(np.float32)
+    surface, parts, points, draw = bumps_and_box(bumps=0.0)
     speeds = draw.normal(size=points.shape).astype(np.float32)
-    none, reach = np.zeros((0, 0), np.int32), np.float32(0.05)
-    together = begin_passage(body, surface, end, points, none)
-    skipped = 0
-    for share in np.linspace(0.05, 1.0, 20, dtype=np.float32):
-        now = points + 0.05 * share * speeds
-        skipped += int((together.clear > 0.1).sum())
-        before = together.hints.copy()
-        found = find_contacts(body, together, share, now, reach)
-        alone = begin_passage(body, surface, end, now, np.roll(before, 1, 1))
-        alone.hints[:] = before
-        again = find_contacts(body, alone, share, now, reach)
-        assert len(found.faces) > 30
-        np.testing.assert_array_equal(found.vertices, again.vertices)
-        np.testing.assert_array_equal(found.faces, again.faces)
-        guessed = begin_passage(body, surface, end, now, before)
-        plain = begin_passage(body, surface, end, now, none)
-        first, second = (find_contacts(body, each, share, now, reach) for each in (guessed, plain))
-        np.testing.assert_array_equal(first.faces, second.faces)
+    body = make_body(surface, parts, np.ones((2, len(points)), bool))
+    turn = trimesh.transformations.rotation_matrix(0.1, [0.3, 1.0, -0.2])[:3, :3]
+    known, none, reach = no_memory(body), no_memory(body), np.float32(0.05)
+    skipped = followed = 0
+    for frame in range(5):
+        end = (1.04 * surface @ turn.T + [0.01, -0.02, 0.0]).astype(np.float32)
+        together = begin_passage(body, surface, end, points, known, frame, 4)
+        for share in np.linspace(0.1, 1.0, 10, dtype=np.float32):
+            now = points + 0.01 * share * speeds
+            skipped += int((together.clear > 0.1).sum())
+            followed += int((together.hints >= 0).sum())
+            found = find_contacts(body, together, share, now, reach)
+            alone = begin_passage(body, surface, end, now, none)
+            again = find_contacts(body, alone, share, now, reach)
+            shape = (1.0 - share) * surface + share * end
+            for part in range(2):
+                rows, expected = (
+                    np.nonzero((each.faces >= len(parts[0])) == (part == 1))[0] for each in (found, again)
+                )
+                outside = ~trimesh.Trimesh(shape, parts[part], process=False).contains(now)
+                rows = rows[outside[found.vertices[rows]]]
+                expected = expected[outside[again.vertices[expected]]]
+                np.testing.assert_array_equal(found.vertices[rows], again.vertices[expected])
+                ways = (
+                    distances_from(shape[body.faces[each.faces[which]]], now[each.vertices[which]])
+                    for each, which in ((found, rows), (again, expected))
+                )
+                np.testing.assert_allclose(next(ways), next(ways), atol=ROUNDING)
+        known = end_passage(together, now)
+        surface, points = end, now
     assert skipped > 5000
+    assert followed > 1000
+
+
+def distances_from(corners: NDArray, points: NDArray) -> NDArray:
+    """Distance (N,) of each point from its triangle (N, 3, 3)."""
+    return np.asarray(np.linalg.norm(trimesh.triangles.closest_point(corners, points) - points, axis=1))
 
 
 def pleated() -> tuple[Tensor, Tensor, Tensor]:

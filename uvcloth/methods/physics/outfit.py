@@ -19,8 +19,8 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.layer_thickness import inner_thickness
 from uvcloth.geometry.mesh import join_meshes, unique_edges, weld
 from uvcloth.geometry.skinning import skin
-from uvcloth.physics.cloth import body_contact
-from uvcloth.physics.cloth.clearing import FineMesh, clear
+from uvcloth.physics.cloth import moving_body
+from uvcloth.physics.cloth.clearing import FineMesh, FineState, clear
 from uvcloth.physics.cloth.cloth import Damping, make_cloth, vertex_rings
 from uvcloth.physics.cloth.solver import (
     COMPILING,
@@ -107,7 +107,7 @@ class CagedOutfit:
     used: Tensor
     hold: NDArray[np.float32]
     fine: FineMesh
-    fine_body: body_contact.Body
+    fine_body: moving_body.Body
     over: tuple[Over, ...]
 
     def collider(self, body_vertices: Tensor) -> NDArray[np.float32]:
@@ -129,14 +129,14 @@ class CagedOutfit:
 class Moved:
     """Cloth of one rollout, and what moved it last.
 
-    body: (C, 3) m, the collider. targets: (n, 3) m that its cages were pulled to. hints: (K, U) int32, the
-    faces of the collider that points of garments were nearest to.
+    body: (C, 3) m, the collider. targets: (n, 3) m that its cages were pulled to. fine: the points of all
+    garments in the frame that was shown last.
     """
 
     cloth: State
     body: NDArray[np.float32]
     targets: NDArray[np.float32]
-    hints: NDArray[np.int32]
+    fine: FineState
 
     def displaced(self, way: NDArray[np.float64]) -> "Moved":
         """The same displaced by (3,) m."""
@@ -190,7 +190,7 @@ def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
         compression=config.compression,
         damping=config.damping,
     )
-    solid = body_contact.make_body(at_rest, faces, touches[met].numpy())
+    solid = moving_body.make_body(at_rest, faces, touches[met].numpy())
     names = " + ".join(garment.name for garment in outfit.garments)
     return CagedOutfit(
         garments,
@@ -235,8 +235,9 @@ def at_rest(
     Whenever it has become slower it is stopped, so that a skirt does not swing for seconds (kinetic damping:
     Barnes, 1999).
     """
-    hints = np.full(prepared.fine_body.touches.shape, -1, np.int32)
-    state = Moved(start(prepared.solver, targets), body, targets, hints)
+    nowhere = np.zeros((sum(_sizes(prepared)), 3), np.float32)
+    fine = FineState(nowhere, np.zeros_like(body), moving_body.no_memory(prepared.fine_body), 0)
+    state = Moved(start(prepared.solver, targets), body, targets, fine)
     energy = 0.0
     for _ in range(SETTLING_FRAMES):
         state = moved(prepared, state, body, targets, pull, SETTLING_FPS)
@@ -264,19 +265,20 @@ def carry(
         ]
     )
     positions = (points.numpy() - origin).astype(np.float32)
-    hints = state.hints.copy()
-    clear(
+    fine = clear(
         prepared.fine,
         prepared.fine_body,
+        state.fine,
         (state.body - origin).astype(np.float32),
         positions,
         np.float32(CLEARANCE),
-        hints,
     )
-    finished = list((torch.from_numpy(positions) + torch.from_numpy(origin)).float().split(_sizes(prepared)))
+    finished = list(
+        (torch.from_numpy(fine.positions) + torch.from_numpy(origin)).float().split(_sizes(prepared))
+    )
     for pair in prepared.over:
         _lift(pair, finished)
-    return replace(state, hints=hints), tuple(
+    return replace(state, fine=fine), tuple(
         vertices[each.places] for each, vertices in zip(prepared.garments, finished, strict=True)
     )
 

@@ -5,14 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from uvcloth.physics.cloth.body_contact import (
-    Body,
-    Contacts,
-    Passage,
-    begin_passage,
-    find_contacts,
-    find_normals,
-)
+from uvcloth.physics.cloth.body_contact import Contacts, find_contacts
+from uvcloth.physics.cloth.moving_body import Body, Memory, Passage, begin_passage, end_passage, find_normals
 from uvcloth.physics.cloth.triangles import closest_barycentrics, weighted
 from uvcloth.physics.cloth.vectors import (
     ONE,
@@ -33,6 +27,9 @@ from uvcloth.process.compiled import compiled, inlined
 
 REACH = np.float32(0.03)
 """Metres from the skin within which it is looked for; what lies deeper stays."""
+
+RENEWAL = 16
+"""Frames from one search of the whole body for a vertex to the next."""
 
 SPREAD = np.float32(0.6)
 """Share of the mean move of its neighbours by which a vertex that is free follows them."""
@@ -56,25 +53,42 @@ class FineMesh(NamedTuple):
     ring: NDArray[np.int32]
 
 
+class FineState(NamedTuple):
+    """A fine mesh at (N, 3) m, a body at (V, 3) m, relative to its mean, and what is known of the body.
+
+    frame: how many there were before.
+    """
+
+    positions: NDArray[np.float32]
+    body: NDArray[np.float32]
+    near: Memory
+    frame: int
+
+
 @compiled
 def clear(
-    mesh: FineMesh, body: Body, points: Array, positions: Array, clearance: Number, hints: Array
-) -> None:
+    mesh: FineMesh,
+    body: Body,
+    before: FineState,
+    points: Array,
+    positions: Array,
+    clearance: Number,
+) -> FineState:
     """Move vertices (N, 3) m to at least a clearance, m, off the body at points (V, 3) m.
 
-    hints: (K, N) int32, the faces found in the last frame, -1 for none, are renewed.
+    before: the frame before.
     """
-    passage = begin_passage(body, points, points, positions, hints)
+    passage = begin_passage(body, before.body, points, before.positions, before.near, before.frame, RENEWAL)
     contacts = find_contacts(body, passage, ONE, positions, REACH)
-    hints[:] = passage.hints
     for face in contacts.faces:
         find_normals(body, passage, face)
-    moves = np.empty_like(positions)
-    for turn in range(PASSES):
+    cleared, moves = positions.copy(), np.empty_like(positions)
+    for each in range(PASSES):
         moves[:] = ZERO
-        _push(mesh, body.faces, passage, contacts, positions, moves, clearance)
-        if turn < PASSES - 1:
-            _spread(mesh, positions, moves)
+        _push(mesh, body.faces, passage, contacts, cleared, moves, clearance)
+        if each < PASSES - 1:
+            _spread(mesh, cleared, moves)
+    return FineState(cleared, points, end_passage(passage, cleared), before.frame + 1)
 
 
 @inlined

@@ -1,7 +1,7 @@
 """The cloth solver: symplectic Euler in many small substeps, with contact, stepped frame by frame."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from uvcloth.errors import InputError
 from uvcloth.geometry.units import GRAVITY
-from uvcloth.physics.cloth.body_contact import Body, Contacts, begin_passage, find_contacts, resolve_contacts
+from uvcloth.physics.cloth.body_contact import find_contacts, no_contacts, resolve_contacts
 from uvcloth.physics.cloth.cloth import Cloth, Particles, Sheet
 from uvcloth.physics.cloth.forces import Hinges, Membrane, add_elastic_forces
+from uvcloth.physics.cloth.moving_body import Body, Memory, begin_passage, end_passage, no_memory
 from uvcloth.physics.cloth.self_contact import Pairs, find_pairs, no_pairs, resolve_pairs
 from uvcloth.physics.cloth.stability import largest_step
 from uvcloth.physics.cloth.vectors import TWO, ZERO, Array, Number, Vector, store
@@ -72,17 +73,13 @@ class Solver:
     stable_step: float
 
 
-def _no_guesses() -> NDArray[np.int32]:
-    return np.zeros((0, 0), np.int32)
-
-
 @dataclass(frozen=True)
 class State:
     """All that the cloth remembers from one frame to the next.
 
     positions: (N, 3) m, velocities: (N, 3) m/s, relative to a frame of reference at `origin`, (3,) m, that
     moves at `drift`, (3,) m/s. pairs: of cloth near cloth, and their sides. substeps: of the last frame.
-    guesses: (K, N) int32, faces of the body to begin searches with, or none: they change only the cost.
+    near: what is known of the body near the cloth.
     """
 
     positions: Floats
@@ -90,8 +87,8 @@ class State:
     origin: NDArray[np.float64]
     drift: NDArray[np.float64]
     pairs: Pairs
+    near: Memory
     substeps: int = 0
-    guesses: NDArray[np.int32] = field(default_factory=_no_guesses)
 
     def vertices(self) -> NDArray[np.float64]:
         """Positions (N, 3) m in the world."""
@@ -148,7 +145,8 @@ def start(solver: Solver, vertices: NDArray) -> State:
     """Start at rest at (N, 3) m."""
     origin = np.asarray(vertices, np.float64).mean(0)
     positions = (vertices - origin).astype(np.float32)
-    return State(positions, np.zeros_like(positions), origin, np.zeros(3), no_pairs())
+    still, near = np.zeros_like(positions), no_memory(solver.body)
+    return State(positions, still, origin, np.zeros(3), no_pairs(), near)
 
 
 def step(solver: Solver, state: State, motion: Motion) -> State:
@@ -184,7 +182,7 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
     for attempt in range(RETRIES + 1):
         substeps = math.ceil(needed) << attempt
         positions, velocities = began.copy(), speeds.copy()
-        pairs, guesses = _advance(
+        pairs, near = _advance(
             cloth.membrane,
             cloth.hinges,
             cloth.particles,
@@ -195,7 +193,7 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
             positions,
             velocities,
             state.pairs,
-            state.guesses,
+            state.near,
             substeps,
             max(1, round(substeps * settings.interval / motion.seconds)),
             max(1, int(substeps * body_interval / motion.seconds)),
@@ -209,7 +207,7 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
         )
         if np.isfinite(positions).all() and np.abs(velocities).max(initial=0.0) < FASTEST:
             break
-    return State(positions, velocities, end, drift, pairs, substeps, guesses)
+    return State(positions, velocities, end, drift, pairs, near, substeps)
 
 
 def _fastest(ways: NDArray) -> float:
@@ -255,7 +253,7 @@ def _advance(
     positions: Array,
     velocities: Array,
     pairs: Pairs,
-    guesses: Array,
+    near: Memory,
     substeps: int,
     interval: int,
     body_interval: int,
@@ -266,16 +264,16 @@ def _advance(
     self_margin: Number,
     reach: Number,
     friction: Number,
-) -> tuple[Pairs, Array]:
-    """Move positions and velocities through the substeps of a frame; returns its last pairs and guesses."""
+) -> tuple[Pairs, Memory]:
+    """Move positions and velocities through the substeps of a frame; returns what it knows at the end."""
     step = seconds / np.float32(substeps)
     forces, rounded = np.empty_like(positions), np.zeros(positions.shape, np.float64)
     nodes = len(sheet.tree.ranges)
     sheet_boxes, speeds = np.empty((nodes, 6), np.float32), np.empty((nodes, 6), np.float32)
     cones = np.empty((nodes, 5), np.float32)
     point_wait, edge_wait = np.zeros(0, np.int32), np.zeros(0, np.int32)
-    passage = begin_passage(body, drive.body_start, drive.body_end, positions, guesses)
-    contacts = Contacts(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0, np.int32))
+    passage = begin_passage(body, drive.body_start, drive.body_end, positions, near)
+    contacts = no_contacts()
     pulled = np.nonzero(drive.pull)[0]
     for substep in range(substeps):
         share = np.float32(substep + 1) / np.float32(substeps)
@@ -326,7 +324,7 @@ def _advance(
                 step,
                 seconds,
             )
-    return pairs, passage.hints
+    return pairs, end_passage(passage, positions)
 
 
 @inlined
