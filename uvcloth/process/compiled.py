@@ -67,7 +67,9 @@ class ChildCache(FunctionCache):
 
 
 def _kept(function: Function, **options: Any) -> Function:
-    dispatcher = numba.njit(function, fastmath=True, error_model="numpy", nogil=True, **options)
+    dispatcher = numba.njit(
+        function, fastmath=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True, **options
+    )
     folder = _cache_folder(Path(function.__code__.co_filename).parent)
     if folder is None:
         return dispatcher
@@ -115,7 +117,14 @@ def _compile_in_child(function: Callable[..., Any], types: Any) -> bool:
 
 def inlined(function: Function) -> Function:
     """Compile a small function into its callers, so that loops over it are vectorized."""
-    return numba.njit(function, fastmath=True, error_model="numpy", forceinline=True)
+    return numba.njit(
+        function,
+        fastmath=True,
+        error_model="numpy",
+        forceinline=True,
+        no_cpython_wrapper=True,
+        no_cfunc_wrapper=True,
+    )
 
 
 def is_kept(function: Any) -> bool:
