@@ -10,6 +10,11 @@ from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
+from uvcloth.methods.finish_names import FinishName
+from uvcloth.methods.method import Method
+from uvcloth.methods.physics.finish import finished
+from uvcloth.methods.physics.method import Physics
+from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import DEFAULT, METHODS, load_method
 from uvcloth.motion.arrays import clip_of_transforms
 from uvcloth.motion.library import builtin_clips, load_clip
@@ -31,7 +36,7 @@ class Chosen:
     garments: tuple[str, ...]
     model: str
     body: str
-    contact: bool = True
+    finish: FinishName | None = None
 
 
 @dataclass(frozen=True)
@@ -84,8 +89,8 @@ class Choices:
         if not chosen.garments:
             raise InputError("choose a garment")
         outfit = Outfit(body, load_outfit(chosen.garments, body))
-        method = load_method(chosen.model, body)
-        return _perform(ready_rollout(method, outfit, load_clip(chosen.motion, body), chosen.contact))
+        method, contact = _method(chosen, outfit)
+        return _perform(ready_rollout(method, outfit, load_clip(chosen.motion, body), contact))
 
     def _beside_simulation(self, chosen: Chosen, body: Body) -> Performance:
         """The rollout over the motion of a sequence, in its garment, to be compared vertex by vertex."""
@@ -94,8 +99,8 @@ class Choices:
         outfit = Outfit(body, load_outfit([garment], body))
         _require_same(chosen.motion, sequence, outfit)
         motion = clip_of_transforms(sequence.transforms, body, sequence.fps, chosen.motion)
-        method = load_method(chosen.model, body)
-        ready = ready_rollout(method, outfit, motion, chosen.contact, proxies=False)
+        method, contact = _method(chosen, outfit)
+        ready = ready_rollout(method, outfit, motion, contact, proxies=False)
         return replace(_perform(ready), title=Path(chosen.motion).stem, truth=sequence.vertices)
 
     def _simulated_garment(self, path: str, sequence: SimulatedClip) -> str:
@@ -105,6 +110,12 @@ class Choices:
             if simulated.name in (name, Path(name).stem):
                 return name
         raise InputError(f"{path}: its garment {simulated.name} is unknown, give its file with --garment")
+
+
+def _method(chosen: Chosen, outfit: Outfit) -> tuple[Method, bool]:
+    """The chosen method with its finish, and whether contact comes after it."""
+    method = load_method(chosen.model, outfit.body)
+    return finished(method, outfit, chosen.finish, Physics(PhysicsConfig()))
 
 
 def _perform(ready: ReadyRollout) -> Performance:

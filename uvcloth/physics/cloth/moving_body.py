@@ -86,7 +86,7 @@ def make_body(vertices: NDArray, parts: Sequence[NDArray], touches: NDArray) -> 
 
 
 class Memory(NamedTuple):
-    """What the searches of a frame leave for the next, for each of K parts and N vertices of the cloth.
+    """Results of the searches of a frame for the next, for each of K parts and N vertices of the cloth.
 
     faces: (K, N) int32, the closest face, -1 for none. clear: (K, N) m, within which there is none.
     """
