@@ -227,7 +227,7 @@ def _engines(
             ),
             f"{sum(_long_edges(run, count) for run in row.values()) / len(row):.2f}",
             *("-" if row is ours else _mean([each]) for each in (*apart, torch.cat(apart))),
-            "-" if converged in (None, row) else _mean(_distances(row, converged, slow_frames)),
+            "-" if converged is None or converged is row else _mean(_distances(row, converged, slow_frames)),
         )
     return table
 
