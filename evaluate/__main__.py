@@ -78,9 +78,9 @@ class Evaluate:
         metrics = write_metrics(self.out, results)
         images, spaces, motion = [], [], []
         if self.pictures:
-            chosen = pictured(shown)
-            with progress("Pictures", len(chosen)) as tick:
-                images = list(pictures(chosen, list(results["methods"]), tick))
+            picks = pictured(shown)
+            with progress("Pictures", len(picks)) as tick:
+                images = list(pictures(picks, list(results["methods"]), tick))
             if cases.one_body:
                 spaces = interpolations(candidates, shown, cases.body)
                 motion = motion_maps(candidates, self.data, shown, cases.body)
@@ -107,13 +107,13 @@ def summary(results: dict) -> str:
         beside = f"{100 * (rank.against - 1):+4.0f} %, {rank.won} of {rank.of}" if rank.against else ""
         return f"{rank.mean_mm:6.1f} mm {beside:18}"
 
-    found = standings(results)
-    wide = max(8, *(len(row.garment) for row in found))
-    method = max(16, *(len(row.method) for row in found))
+    entries = standings(results)
+    wide = max(8, *(len(row.garment) for row in entries))
+    method = max(16, *(len(row.method) for row in entries))
     rows = [
         f"{row.garment:{wide}} {row.method:{method}} "
         f"{format_rank(row.before)} {format_rank(row.after)}".rstrip()
-        for row in found
+        for row in entries
     ]
     title = "mean vertex distance; against the better LBS, and on how many actions lower"
     warnings = [

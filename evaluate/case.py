@@ -141,9 +141,13 @@ def make_case(
     parts: list[Part] = []
     row = 0
     for garment, simulated in zip(outfit.garments, clip.garments, strict=True):
-        seen = texels.get(garment.name)
+        map_texels = texels.get(garment.name)
         reference = Reference(
-            simulated.vertices[scored], simulated.rest, simulated.faces, clip.fps, *(seen or (None, None))
+            simulated.vertices[scored],
+            simulated.rest,
+            simulated.faces,
+            clip.fps,
+            *(map_texels or (None, None)),
         )
         rows = slice(row, row + len(simulated.rest))
         parts.append(Part(garment.name, rows, (garment.mesh,), reference))

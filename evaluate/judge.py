@@ -110,13 +110,13 @@ def score(case: Case, raw: Tensor, resolved: Tensor) -> CaseScores:
         dressed = dressed_body(case.outfit.body, part.meshes)
         parts[part.name] = frame_scores(before, after, part.reference)
         for suffix, frames in (("_raw", before), ("", after)):
-            found = body_scores(dressed, frames, case.body_vertices)
-            parts[part.name] |= {f"{key}{suffix}": values for key, values in found.items()}
+            scores = body_scores(dressed, frames, case.body_vertices)
+            parts[part.name] |= {f"{key}{suffix}": values for key, values in scores.items()}
     *garments, whole = case.parts
     for suffix, frames in (("_raw", raw), ("", resolved)):
-        moved = {part.name: frames[:, part.rows] for part in garments}
-        found = layer_scores(moved, {part.name: part.reference.faces for part in garments})
-        parts[whole.name] |= {f"{key}{suffix}": values for key, values in found.items()}
+        layers = {part.name: frames[:, part.rows] for part in garments}
+        scores = layer_scores(layers, {part.name: part.reference.faces for part in garments})
+        parts[whole.name] |= {f"{key}{suffix}": values for key, values in scores.items()}
     return CaseScores(parts, resolved[:: case.stride])
 
 
@@ -138,7 +138,7 @@ def representation(case: Case, prepared: PreparedRollout) -> dict[str, Scores]:
         chunks.append(torch.cat(read, dim=1))
     shown = torch.cat(chunks)
     errors = {part.name: distance_scores(shown[:, part.rows], part.reference.vertices) for part in case.parts}
-    return {name: {f"representation_{k}": v for k, v in found.items()} for name, found in errors.items()}
+    return {name: {f"representation_{k}": v for k, v in scores.items()} for name, scores in errors.items()}
 
 
 def repeatability(window: Window, simulated: SimulatedClip) -> dict[str, Tensor]:

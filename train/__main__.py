@@ -52,10 +52,10 @@ def starting_from(
     missing: Any = {part: tyro.MISSING for part in needed}
     if not presets:
         return kind(**missing)
-    chosen = name or next(iter(presets))
-    if chosen not in presets:
-        raise InputError(f"--preset {chosen}: expected one of {', '.join(presets)}")
-    return replace(kind(**missing), preset=chosen, **presets[chosen])  # type: ignore[type-var]
+    preset = name or next(iter(presets))
+    if preset not in presets:
+        raise InputError(f"--preset {preset}: expected one of {', '.join(presets)}")
+    return replace(kind(**missing), preset=preset, **presets[preset])  # type: ignore[type-var]
 
 
 def _preset_of(arguments: list[str]) -> str | None:

@@ -143,13 +143,13 @@ class PreparedRollout:
                     frame = self._without(frame, self.limits.not_finite(raw), keep_going)
                     wanted = index % every == 0
                     if wanted or needs_contact:
-                        resolved, moved = self._resolved(frame, moves)
+                        resolved, next_moves = self._resolved(frame, moves)
                         longest, torn = self.limits.stretched(resolved.vertices)
                         if torn:
                             frame = self._without(frame, torn, keep_going)
                             fresh = tuple(None if place in torn else move for place, move in enumerate(moves))
-                            resolved, moved = self._resolved(frame, fresh)
-                        frame, moves = resolved, moved
+                            resolved, next_moves = self._resolved(frame, fresh)
+                        frame, moves = resolved, next_moves
                         frame = replace(
                             frame, difficulties=frame.difficulties + _difficulties(frame, longest)
                         )
@@ -159,12 +159,12 @@ class PreparedRollout:
                     if method.traits.autoregressive and (
                         index < len(truth) or self.contact or frame.replaced
                     ):
-                        seen = (
+                        feedback = (
                             tuple(_displaced(vertices, -origin) for vertices in truth[index])
                             if index < len(truth)
                             else frame.vertices
                         )
-                        batched = tuple(vertices[None].to(raw[0].device) for vertices in seen)
+                        batched = tuple(vertices[None].to(raw[0].device) for vertices in feedback)
                         following = feed_back(method, self.prepared, state, batched)
                         needs_contact, state = following is not state, following
                     if wanted:
@@ -405,6 +405,6 @@ class EdgeLimits:
             share = float((now > LONGEST * lengths).float().mean())
             longest = max(longest, float((now / lengths.clamp(min=SHORT)).max()))
             if share > TORN:
-                found = f"{100 * share:.0f} % of its edges have"
-                reasons[place] = f"is torn, {found} more than {LONGEST:.0f} times their length"
+                portion = f"{100 * share:.0f} % of its edges have"
+                reasons[place] = f"is torn, {portion} more than {LONGEST:.0f} times their length"
         return longest, reasons

@@ -70,9 +70,9 @@ class OutfitDataset:
         Where there is one outfit alone it is given once, with the frames of all.
         """
         if not self.balanced:
-            chosen = self.rows[samples]
-            outfits = [self.training[index] for index in chosen[:, 0].tolist()]
-            first = chosen[:, 1:]
+            pairs = self.rows[samples]
+            outfits = [self.training[index] for index in pairs[:, 0].tolist()]
+            first = pairs[:, 1:]
         else:
             outfits = [self.training[index] for index in samples.tolist()]
             first = torch.zeros(len(samples), 0, dtype=torch.int64)

@@ -199,12 +199,12 @@ def wearer(number: int, bodies: Sequence[Path], seed: int) -> Path:
     if len(bodies) == 1:
         return bodies[0]
     held = max(1, len(bodies) // HELD_OUT)
-    own = {
+    by_split = {
         "test": bodies[-held:],
         "validation": bodies[-2 * held : -held],
         "train": bodies[: -2 * held],
     }[split_of(number)]
-    return own[int(np.random.default_rng([seed, number]).integers(len(own)))]
+    return by_split[int(np.random.default_rng([seed, number]).integers(len(by_split)))]
 
 
 def _bodies(settings: Outfits) -> list[Path]:

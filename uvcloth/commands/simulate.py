@@ -112,8 +112,8 @@ class Simulate:
         if self.plan:
             self._require_only(("plan",), "--plan, whose table contains it")
         elif self.outfits:
-            own = ("outfits", "most_frames", "clips", "windows", "split", "options")
-            self._require_only(own, "--outfits, whose files name garments and bodies")
+            allowed = ("outfits", "most_frames", "clips", "windows", "split", "options")
+            self._require_only(allowed, "--outfits, whose files name garments and bodies")
         elif self.most_frames is not None:
             raise InputError("--most-frames: needs --outfits; choose frames of clips with --windows")
         self._simulate()

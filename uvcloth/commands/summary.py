@@ -68,9 +68,9 @@ class Summary:
             inside = f"{self.inside_before:.2f} % before contact, {self.inside_after:.2f} % after"
             squeezed = f"squeezed between parts of the body {self.squeezed:.2f} %"
             lines.append(f"cloth vertices inside the body: {inside}; {squeezed}")
-        return [*lines, self._seen()]
+        return [*lines, self._visible_skin()]
 
-    def _seen(self) -> str:
+    def _visible_skin(self) -> str:
         """A sentence that says what a person will see of the skin beneath the cloth."""
         worst, frame = self.worst
         if worst < INVISIBLE:

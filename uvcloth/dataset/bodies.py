@@ -59,10 +59,12 @@ def folder_body(folder: Path) -> Body:
     known: dict[str, Body] = {}
     body = None
     for path in sorted(folder.glob("*.npz")):
-        own = sequence_body(path, read_metadata(path), known)
-        if body is not None and own is not body:
-            raise InputError(f"{path}: was simulated on body {own.name}, others in its folder on {body.name}")
-        body = own
+        current = sequence_body(path, read_metadata(path), known)
+        if body is not None and current is not body:
+            raise InputError(
+                f"{path}: was simulated on body {current.name}, others in its folder on {body.name}"
+            )
+        body = current
     return body or load_body()
 
 

@@ -101,10 +101,10 @@ def load_cloth3d(
     }
     if not models:
         raise InputError(f"{root}: lacks {MODELS}/model_f and model_m (.npz or .pkl), the models of SMPL")
-    chosen = [(folder, split) for folder, split in cloth3d_samples(root).items() if split in splits]
+    samples = [(folder, split) for folder, split in cloth3d_samples(root).items() if split in splits]
     return [
         read_cloth3d_sample(folder, models, split, every)
-        for folder, split in track(chosen, "reading samples", transient=True)
+        for folder, split in track(samples, "reading samples", transient=True)
     ]
 
 

@@ -81,11 +81,11 @@ def require_same(
                 f"{each.path}: was simulated on another body ({metadata['body']}) than {body.name}, "
                 "simulate into another folder"
             )
-        found = tuple(metadata.get("layers", (metadata["garment"],)))
-        expected = layers.get(metadata["garment"], found)
-        if found != expected:
+        actual = tuple(metadata.get("layers", (metadata["garment"],)))
+        expected = layers.get(metadata["garment"], actual)
+        if actual != expected:
             raise InputError(
-                f"{each.path}: was simulated as {' under '.join(found)}, not as {' under '.join(expected)}, "
+                f"{each.path}: was simulated as {' under '.join(actual)}, not as {' under '.join(expected)}, "
                 "simulate into another folder"
             )
 

@@ -185,11 +185,11 @@ def save_packed(clip: SimulatedClip, mesh: GarmentMesh, skeleton: Skeleton, path
         motion = keep_motion(clip, skeleton, folder)
         # The cloth is packed in axes that unpacking finds again.
         transforms = load_motion(folder, motion, skeleton).transforms
-        seen = seen_from_bones(garment.vertices, mesh.rest, skeleton, transforms).numpy()
-        cloth = code_points(seen, mesh.parts, error)
+        local = seen_from_bones(garment.vertices, mesh.rest, skeleton, transforms).numpy()
+        cloth = code_points(local, mesh.parts, error)
     except ValueError as fault:
         raise InputError(f"{path.name}: cannot be packed, its {fault}") from fault
-    unpacked = decode_points(cloth, mesh.parts, error, *seen.shape[:2])
+    unpacked = decode_points(cloth, mesh.parts, error, *local.shape[:2])
     metadata = {
         key: value
         for key, value in flat_metadata(clip, garment).items()
@@ -227,12 +227,12 @@ def load_packed(path: Path, shared: PackedFolder) -> SimulatedClip:
         data.get("corrections", np.zeros((0, 3), np.int64)),
     )
     try:
-        seen = decode_points(coded, mesh.parts, error, len(motion.transforms), len(mesh.rest))
+        local = decode_points(coded, mesh.parts, error, len(motion.transforms), len(mesh.rest))
     except ValueError as fault:
         raise InputError(f"{path}: its {fault}, its mesh, its motion or the file is another") from fault
-    if not np.abs(_probes(seen) - data["probes"]).max() < error:
+    if not np.abs(_probes(local) - data["probes"]).max() < error:
         raise InputError(f"{path}: does not unpack to what was packed, its mesh or the file is another")
-    vertices = moved_by_bones(torch.from_numpy(seen), mesh.rest, body.skeleton, motion.transforms)
+    vertices = moved_by_bones(torch.from_numpy(local), mesh.rest, body.skeleton, motion.transforms)
     return clip_of_garment(
         vertices=vertices.float(),
         faces=mesh.faces,
@@ -286,8 +286,8 @@ def _keep_mesh(garment: SimulatedGarment, out: Path, path: Path) -> None:
 
 def _probes(points: np.ndarray) -> np.ndarray:
     """Some points (PROBES, 3) of the middle one of frames (F, N, 3)."""
-    chosen = np.linspace(0, points.shape[1] - 1, PROBES).round().astype(np.int64)
-    return points[len(points) // 2, chosen]
+    rows = np.linspace(0, points.shape[1] - 1, PROBES).round().astype(np.int64)
+    return points[len(points) // 2, rows]
 
 
 def _sequences(folder: Path, made: str) -> list[Path]:

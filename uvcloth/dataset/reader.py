@@ -38,11 +38,11 @@ def read_clips(folders: Sequence[Path], garments: Sequence[str]) -> list[BodyCli
     """
     if not folders:
         raise InputError("--data: names no folder of sequences")
-    found = [each for folder in folders for each in _clips_of(Path(folder), garments)]
+    pairs = [each for folder in folders for each in _clips_of(Path(folder), garments)]
     source = " ".join(map(str, folders))
-    require_one_split(source, ((clip.name, clip.subject, clip.split) for _, clip in found))
+    require_one_split(source, ((clip.name, clip.subject, clip.split) for _, clip in pairs))
     bodies: dict[str, BodyClips] = {}
-    for body, clip in found:
+    for body, clip in pairs:
         bodies.setdefault(body.identity.shape, (body, []))[1].append(clip)
     names = [body.name for body, _ in bodies.values()]
     for name in names:
@@ -100,19 +100,19 @@ def read_outfit_clips(folder: Path, splits: Sequence[str] = SPLITS) -> list[tupl
     lacks, or of another motion than the outfit's other garments; and the folder if it holds none in these
     splits.
     """
-    found: dict[tuple[str, str], dict[str, tuple[Path, SimulatedClip]]] = {}
+    by_clip: dict[tuple[str, str], dict[str, tuple[Path, SimulatedClip]]] = {}
     for path, clip in _files_of(folder):
         if not clip.split:
             raise InputError(f"{path}: has no split: its clip {clip.name} is in no {INDEX} of its folder")
         if clip.split in splits:
-            found.setdefault((clip.outfit, clip.name), {})[clip.garments[0].name] = (path, clip)
-    if not found:
+            by_clip.setdefault((clip.outfit, clip.name), {})[clip.garments[0].name] = (path, clip)
+    if not by_clip:
         raise InputError(f"{folder}: holds no outfit for {' or '.join(splits)}")
     bodies: dict[str, Body] = {}
     outfits: dict[str, Outfit] = {}
     dressed = []
-    for name, clip_name in track(sorted(found), "dressing bodies", transient=True):
-        parts = _layers(found[name, clip_name])
+    for name, clip_name in track(sorted(by_clip), "dressing bodies", transient=True):
+        parts = _layers(by_clip[name, clip_name])
         clip = join_clips(parts, "outfit")
         body = sequence_body(next(iter(parts)), clip.metadata, bodies)
         if name not in outfits:
@@ -123,7 +123,7 @@ def read_outfit_clips(folder: Path, splits: Sequence[str] = SPLITS) -> list[tupl
 
 def _clips_of(folder: Path, garments: Sequence[str]) -> list[tuple[Body, SimulatedClip]]:
     """The clips of one folder, see `read_clips`."""
-    found: dict[str, dict[Path, SimulatedClip]] = {}
+    by_clip: dict[str, dict[Path, SimulatedClip]] = {}
     bodies: dict[str, Body] = {}
     on: dict[str, Body] = {}
     indexed = (folder / INDEX).is_file()
@@ -131,11 +131,11 @@ def _clips_of(folder: Path, garments: Sequence[str]) -> list[tuple[Body, Simulat
         body = sequence_body(path, clip.metadata, bodies)
         require_joints(path, clip, body)
         if clip.garments[0].name in garments and (not indexed or clip.split in TRAINING_SPLITS):
-            found.setdefault(clip.name, {})[path] = clip
+            by_clip.setdefault(clip.name, {})[path] = clip
             on[clip.name] = body
-    if not found:
+    if not by_clip:
         raise InputError(f"{folder}: none of its sequences is a training clip of {', '.join(garments)}")
-    joined = [(on[name], join_clips(found[name], f"clip {name!r}")) for name in sorted(found)]
+    joined = [(on[name], join_clips(by_clip[name], f"clip {name!r}")) for name in sorted(by_clip)]
     return [(body, clip.from_folder(folder.name)) for body, clip in joined]
 
 

@@ -64,10 +64,10 @@ def of_split(clips: Iterable[SimulatedClip], split: str) -> list[SimulatedClip]:
 
 def training_data(clips: Sequence[SimulatedClip]) -> TrainingData:
     """The record of the clips that a model was trained on and chosen by, for its checkpoint."""
-    seen = [clip for split in TRAINING_SPLITS for clip in of_split(clips, split)]
+    subset = [clip for split in TRAINING_SPLITS for clip in of_split(clips, split)]
     return TrainingData(
-        files={name: content for clip in seen for name, content in clip.files.items()},
+        files={name: content for clip in subset for name, content in clip.files.items()},
         clips={
-            split: {clip.name: clip.subject for clip in of_split(seen, split)} for split in TRAINING_SPLITS
+            split: {clip.name: clip.subject for clip in of_split(subset, split)} for split in TRAINING_SPLITS
         },
     )

@@ -36,8 +36,8 @@ def overview(folder: Path) -> RenderableType:
     files = [folder / file for row in rows for file in row.files]
     there = sum(map(is_finished, files))
     parts = [
-        _overview(folder / part, {(row.motion.name, name) for row in own for name in row.names})
-        for part, own in plan_folders(rows).items()
+        _overview(folder / part, {(row.motion.name, name) for row in part_rows for name in row.names})
+        for part, part_rows in plan_folders(rows).items()
     ]
     return Group(Text(f"{folder}: {there} of {len(files)} planned sequences are there or refused"), *parts)
 
@@ -161,12 +161,12 @@ def _missing(
     Without a plan, all clips of the index are to have all of the folder's garments.
     """
     garments = {each.metadata["garment"] for each in stored}
-    found = {(each.metadata["clip"], each.metadata["garment"]) for each in stored if not each.repeat}
+    present = {(each.metadata["clip"], each.metadata["garment"]) for each in stored if not each.repeat}
     wanted = product(index, garments) if planned is None else sorted(planned)
     missing: dict[str, Counter[str]] = {split: Counter() for split in SPLITS}
     for clip, garment in wanted:
         entry = index.get(clip)
-        if entry and entry.split in SPLITS and clip not in captures and (clip, garment) not in found:
+        if entry and entry.split in SPLITS and clip not in captures and (clip, garment) not in present:
             missing[entry.split][clip] += 1
     return [
         f"missing of {split}: {clips.total()} sequences of {len(clips)} clips "

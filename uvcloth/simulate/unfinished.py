@@ -46,7 +46,7 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Moved:
+class SimulatedFrames:
     """Cloth over the first F frames of a scene.
 
     vertices: (F, N, 3) m. seconds: that they took. memory: (K,) of the engine at the last one.
@@ -59,7 +59,7 @@ class Moved:
 
 def move(
     engine: Engine, scene: Scene, place: Place | None, report: Callable[[int], None] = lambda made: None
-) -> Moved:
+) -> SimulatedFrames:
     """Simulate a scene, up to the first frame that is not finite if there is one.
 
     place: where frames are kept every SECONDS, and continued if scene and engine are equal, and
@@ -79,11 +79,11 @@ def move(
         if not torch.isfinite(frame.vertices).all():
             break
         if place is not None and frame.memory is not None and time.monotonic() - saved > SECONDS:
-            moved = Moved(torch.stack(frames), time.monotonic() - started, frame.memory)
+            progress = SimulatedFrames(torch.stack(frames), time.monotonic() - started, frame.memory)
             with suppress(InputError):
-                _save(moved, key, place)
+                _save(progress, key, place)
             saved = time.monotonic()
-    return Moved(torch.stack(frames), time.monotonic() - started)
+    return SimulatedFrames(torch.stack(frames), time.monotonic() - started)
 
 
 def clear_finished(folder: Path) -> None:
@@ -124,20 +124,20 @@ def _key(engine: Engine, scene: Scene) -> str:
     return fingerprint(settings, *tensors)
 
 
-def _save(moved: Moved, key: str, place: Place) -> None:
+def _save(progress: SimulatedFrames, key: str, place: Place) -> None:
     """Write frames to their place. Raises InputError if that cannot be, or the folder is gone."""
-    assert moved.memory is not None
+    assert progress.memory is not None
     require_there(place.folder)
     arrays = {
         "key": np.array(key),
-        "vertices": moved.vertices.numpy(),
-        "memory": moved.memory.numpy(),
-        "seconds": np.array(moved.seconds),
+        "vertices": progress.vertices.numpy(),
+        "memory": progress.memory.numpy(),
+        "seconds": np.array(progress.seconds),
     }
     keep_arrays(place.file, FORMAT, arrays, compressed=False)
 
 
-def _load(file: Path, key: str, vertices: int) -> Moved | None:
+def _load(file: Path, key: str, vertices: int) -> SimulatedFrames | None:
     """Frames that are kept, None without, if they are damaged or of another key. vertices: of the cloth."""
     try:
         data = _read(file, N=vertices)
@@ -146,7 +146,7 @@ def _load(file: Path, key: str, vertices: int) -> Moved | None:
     if data["key"] != key:
         return None
     points, memory = torch.from_numpy(data["vertices"]), torch.from_numpy(data["memory"])
-    return Moved(points, float(data["seconds"]), memory)
+    return SimulatedFrames(points, float(data["seconds"]), memory)
 
 
 def _read(file: Path, **sizes: int) -> dict[str, np.ndarray]:

@@ -24,7 +24,7 @@ DEFAULT_BODY = "default"
 
 
 @dataclass(frozen=True)
-class Chosen:
+class Choice:
     """A choice: garments are in the order in which they are worn, the innermost first."""
 
     motion: str
@@ -66,37 +66,37 @@ class Choices:
             sequences=tuple(sequences),
         )
 
-    def perform(self, chosen: Chosen) -> Performance:
+    def perform(self, choice: Choice) -> Performance:
         """Load a choice and start its rollout. Raises InputError for an impossible combination, and for
         anything that is not among the choices, which a page other than ours may send.
         """
         for what, offered in (
-            (chosen.motion, self.motions),
-            (chosen.model, self.models),
-            (chosen.body, self.bodies),
-            *((name, self.garments) for name in chosen.garments),
+            (choice.motion, self.motions),
+            (choice.model, self.models),
+            (choice.body, self.bodies),
+            *((name, self.garments) for name in choice.garments),
         ):
             if what not in offered:
                 raise InputError(f"{what} is not among the choices")
-        body = load_body(None if chosen.body == DEFAULT_BODY else Path(chosen.body))
-        if chosen.motion in self.sequences:
-            return self._beside_simulation(chosen, body)
-        if not chosen.garments:
+        body = load_body(None if choice.body == DEFAULT_BODY else Path(choice.body))
+        if choice.motion in self.sequences:
+            return self._beside_simulation(choice, body)
+        if not choice.garments:
             raise InputError("choose a garment")
-        outfit = Outfit(body, load_outfit(chosen.garments, body))
-        method = load_method(chosen.model, body)
-        return _perform(ready_rollout(method, outfit, load_clip(chosen.motion, body), chosen.contact))
+        outfit = Outfit(body, load_outfit(choice.garments, body))
+        method = load_method(choice.model, body)
+        return _perform(ready_rollout(method, outfit, load_clip(choice.motion, body), choice.contact))
 
-    def _beside_simulation(self, chosen: Chosen, body: Body) -> Performance:
+    def _beside_simulation(self, choice: Choice, body: Body) -> Performance:
         """The rollout over the motion of a sequence, in its garment, to be compared vertex by vertex."""
-        sequence = load_simulated(Path(chosen.motion))
-        garment = self._simulated_garment(chosen.motion, sequence)
+        sequence = load_simulated(Path(choice.motion))
+        garment = self._simulated_garment(choice.motion, sequence)
         outfit = Outfit(body, load_outfit([garment], body))
-        _require_same(chosen.motion, sequence, outfit)
-        motion = clip_of_transforms(sequence.transforms, body, sequence.fps, chosen.motion)
-        method = load_method(chosen.model, body)
-        ready = ready_rollout(method, outfit, motion, chosen.contact, proxies=False)
-        return replace(_perform(ready), title=Path(chosen.motion).stem, truth=sequence.vertices)
+        _require_same(choice.motion, sequence, outfit)
+        motion = clip_of_transforms(sequence.transforms, body, sequence.fps, choice.motion)
+        method = load_method(choice.model, body)
+        ready = ready_rollout(method, outfit, motion, choice.contact, proxies=False)
+        return replace(_perform(ready), title=Path(choice.motion).stem, truth=sequence.vertices)
 
     def _simulated_garment(self, path: str, sequence: SimulatedClip) -> str:
         """The template or file of a sequence's garment. Raises InputError if it is none of the choices."""

@@ -16,13 +16,13 @@ from uvcloth.rollout import RolloutFrame
 class ShownFrame:
     """One frame to show.
 
-    transforms: (J, 3, 4) of the body. garments: (N, 3) m each, after contact. moved: (N,) m each, how far
-    contact moved a vertex.
+    transforms: (J, 3, 4) of the body. garments: (N, 3) m each, after contact. displacements: (N,) m each,
+    by which contact moved each vertex.
     """
 
     transforms: Tensor
     garments: tuple[Tensor, ...]
-    moved: tuple[Tensor, ...]
+    displacements: tuple[Tensor, ...]
 
     @classmethod
     def of(cls, frame: RolloutFrame) -> "ShownFrame":

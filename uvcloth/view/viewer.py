@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.errors import InputError
-from uvcloth.view.choices import Choices, Chosen
+from uvcloth.view.choices import Choice, Choices
 from uvcloth.view.computation import Computation, Performance, ShownFrame
 from uvcloth.view.heat import CONTACT, ERROR, QUANTITIES, STRETCH, Quantity, Stretch, legend
 from uvcloth.view.stage import Actor
@@ -63,9 +63,9 @@ class Viewer:
         self._speed = gui.add_slider("Speed", min=0.1, max=2.0, step=0.1, initial_value=1.0)
         self._heat = gui.add_dropdown("Heat map", (NO_HEAT, *(quantity.label for quantity in QUANTITIES)))
         self._legend = gui.add_html("")
-        self._selection: Callable[[], Chosen] | None = None
+        self._selection: Callable[[], Choice] | None = None
         self._choices: Choices | None = None
-        self._chosen: Chosen | None = None
+        self._choice: Choice | None = None
         self.controls: dict[str, Any] = {}
         """What was offered, by name: motion, model, body, contact, and a checkbox for each garment."""
 
@@ -75,7 +75,7 @@ class Viewer:
         address: str = self.server.access.address
         return address
 
-    def offer(self, choices: Choices, first: Chosen) -> None:
+    def offer(self, choices: Choices, first: Choice) -> None:
         """Add controls that choose what is computed, `first` to begin with."""
         gui: Any = self.server.gui
         with gui.add_folder("Roll out"):
@@ -86,7 +86,7 @@ class Viewer:
             contact = gui.add_checkbox("Contact", first.contact)
         self.controls = {"motion": motion, "model": model, "body": body, "contact": contact, **garments}
         self._choices = choices
-        self._selection = lambda: Chosen(
+        self._selection = lambda: Choice(
             motion=motion.value,
             garments=tuple(name for name in choices.garments if garments[name].value),
             model=model.value,
@@ -116,10 +116,10 @@ class Viewer:
     def tick(self) -> None:
         """Look at the controls once and show what they ask for."""
         if self._selection is not None and self._choices is not None:
-            chosen, choices = self._selection(), self._choices
-            if chosen != self._chosen:
-                self._chosen = chosen
-                self.show(Computation(lambda: choices.perform(chosen)).start())
+            choice, choices = self._selection(), self._choices
+            if choice != self._choice:
+                self._choice = choice
+                self.show(Computation(lambda: choices.perform(choice)).start())
         computation = self._computation
         if computation is None:
             return
@@ -207,7 +207,7 @@ class Viewer:
             pairs = zip(self._stretches, frame.garments, strict=True)
             return [measure(vertices) for measure, vertices in pairs]
         if quantity is CONTACT:
-            return list(frame.moved)
+            return list(frame.displacements)
         if quantity is ERROR and simulated is not None:
             pairs_of = zip(frame.garments, simulated, strict=True)
             return [torch.linalg.vector_norm(one - other, dim=1) for one, other in pairs_of]

@@ -98,7 +98,10 @@ def test_what_is_trained_is_what_the_method_does(graph_heads: bool, dataset: Out
     (predicted,) = pose_outfits(net, describe(net, [graph], CPU), own, ("data",))
     packed = pack([graph], CPU, net.config.spread)
     described = net.describe(packed)
-    shapes, keys = net.shapes(described, packed, "data"), net.embed(own.vectors[0], net.seen(packed.moved[0]))
+    shapes, keys = (
+        net.shapes(described, packed, "data"),
+        net.embed(own.vectors[0], net.joint_visibility(packed.joint_areas[0])),
+    )
     moved = torch.einsum("bk,ukc->buc", keys, shapes)
     torch.testing.assert_close(predicted.deformation["data"], moved, atol=1e-6, rtol=0)
     expected = pose(graph.points, moved, net.blend_weights(described, packed), own.transforms[0])

@@ -165,8 +165,10 @@ class ShapeSpace(Space):
     def decode(self, codes: Tensor, sample: Callable[[Tensor], Tensor], places: Tensor) -> Tensor:
         """Codes (B, Z) -> displacements (B, N, 3), m, by maps and a perceptron, see `Space`."""
         maps = self.decoder(self.unfold(codes).unflatten(1, (-1, 2, 2)))
-        seen = sample(maps.flatten(2).transpose(1, 2))
-        return DISPLACEMENT_SCALE * self.vertex(torch.cat([seen, places.expand(len(codes), -1, -1)], dim=2))
+        samples = sample(maps.flatten(2).transpose(1, 2))
+        return DISPLACEMENT_SCALE * self.vertex(
+            torch.cat([samples, places.expand(len(codes), -1, -1)], dim=2)
+        )
 
 
 class LinearSpace(Space):

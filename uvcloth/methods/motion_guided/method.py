@@ -146,8 +146,8 @@ class MotionGuided(Method, Feedback, Representation):
         self, prepared: MotionGuidedPrepared, state: tuple[MotionGuidedState, ...], frames: BodyFrames
     ) -> tuple[tuple[MotionGuidedState, ...], tuple[Tensor, ...]]:
         """The next garments (B, N, 3), m, from the last ones."""
-        moved = [self._next(prepared, index, before, frames) for index, before in enumerate(state)]
-        return tuple(following for following, _ in moved), tuple(vertices for _, vertices in moved)
+        pairs = [self._next(prepared, index, before, frames) for index, before in enumerate(state)]
+        return tuple(following for following, _ in pairs), tuple(vertices for _, vertices in pairs)
 
     @torch.no_grad()
     def feed_back(
@@ -206,22 +206,22 @@ class MotionGuided(Method, Feedback, Representation):
         """The state after the frame and the garment (B, N, 3) in it."""
         maps, now = prepared.maps[index], frames.transforms[:, -1]
         seeds = self._seeds(maps, frames)
-        seen = DynamicsInput(
+        inputs = DynamicsInput(
             past=state.past,
             transforms=frames.transforms.flip(1),
             seeds_before=state.seeds,
             seeds=seeds,
             fps=now.new_full((len(now),), frames.fps),
         )
-        resting = next_shape(prepared.space, prepared.dynamics, maps, seen, self.config.sigma)
-        blended = pose_transforms(prepared.space, maps, resting, seen.pose)
+        resting = next_shape(prepared.space, prepared.dynamics, maps, inputs, self.config.sigma)
+        blended = pose_transforms(prepared.space, maps, resting, inputs.pose)
         vertices, residual = apply_transforms(blended, resting), state.residual
         if prepared.resolvers:
             turns = blended[..., :3] @ maps.axes
             resolver = prepared.resolvers[index]
             parts = [
-                resolver.resolve(each, turned, maps.sample, moved[None], skin_vertices)
-                for each, turned, moved, skin_vertices in zip(
+                resolver.resolve(each, turned, maps.sample, move[None], skin_vertices)
+                for each, turned, move, skin_vertices in zip(
                     vertices, turns, residual, frames.vertices[:, -1], strict=True
                 )
             ]

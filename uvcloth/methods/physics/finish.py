@@ -23,7 +23,7 @@ from uvcloth.methods.capabilities import (
 from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.method import Method, Traits
 from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.physics.outfit import CagedOutfit, Moved, at_rest, carry, moved, posed
+from uvcloth.methods.physics.outfit import CagedOutfit, CagedState, at_rest, carry, next_frame, posed
 
 PULL = 2.0
 """Frequency, 1/s, of the spring that pulls cages to a prediction: more of it freezes skirts."""
@@ -34,7 +34,7 @@ class FinishState:
     """States of the method and of the solver."""
 
     guide: Any
-    cloth: tuple[Moved, ...]
+    cloth: tuple[CagedState, ...]
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Finished(Finish):
             skinned = cages.skinned_cages(transforms)
             predicted = [garment[place].cpu() for garment in raw]
             targets = _targets(cages, skinned, predicted)
-            after = moved(cages, before, cages.collider(vertices), targets, self.pull, frames.fps)
+            after = next_frame(cages, before, cages.collider(vertices), targets, self.pull, frames.fps)
             after, garments = carry(cages, after, skinned, cages.skinned(transforms))
             cloth.append(after)
             rows.append(_where_finite(predicted, garments))

@@ -73,8 +73,8 @@ class PhysXNetConfig:
     @property
     def inputs(self) -> int:
         """Channels of the network's input."""
-        seen = (HISTORY * 6 if self.motion else 0) + (3 if self.pose else 0)
-        return seen + self.history * 3 * len(self.templates)
+        channels = (HISTORY * 6 if self.motion else 0) + (3 if self.pose else 0)
+        return channels + self.history * 3 * len(self.templates)
 
     def decoder(self, template: str | None) -> str | None:
         """The template whose decoder serves a garment of this one: its own, else that of the one LIKE it.
