@@ -107,8 +107,8 @@ def simulated_together(windows: Sequence[Window]) -> tuple[tuple[Window, ...], .
         for name in layers:
             if (window.clip, name) not in known:
                 raise InputError(
-                    f"{window.path}: was simulated with the garment {name}, of which no sequence is "
-                    "there; a garment from a file is named with --garment"
+                    f"{window.path}: was simulated with the garment {name}, which has no sequence here; "
+                    "name the file of a garment with --garment"
                 )
         outfits[tuple(known[window.clip, name] for name in layers)] = None
     return tuple(outfits)

@@ -80,7 +80,7 @@ def lay_out(
         inside = np.isin(cuts, edge_keys(used[edges_of(local)[0]], len(points)))
         local_cuts = edge_keys(ends[inside], len(used)) if inside.any() else np.zeros(0, dtype=np.int64)
         if face_components(local, local_cuts).any():
-            raise InputError(f"{chart.name}: this part of the body falls into pieces")
+            raise InputError(f"{chart.name}: this part of the body is not connected")
         welded = weld_corners(local, local_cuts)
         source = np.zeros(welded.max() + 1, dtype=np.int64)
         source[welded] = used[local]

@@ -102,7 +102,7 @@ def load_motion(
         return load_clip(str(motion), body, options)
     if up or joints or rest_frame is not None:
         raise InputError(
-            f"{name}: up, joints and rest_frame are about files, not about transforms of the body"
+            f"{name}: up, joints and rest_frame apply to motion files, not to transforms of the body"
         )
     return wanted_part(clip_of_transforms(motion, body, fps, name), options)
 
@@ -331,7 +331,7 @@ def _one_fabric(outfit: Outfit) -> Fabric:
     """The fabric of all garments. Raises InputError where they are made of several."""
     fabrics = {garment.fabric for garment in outfit.garments}
     if len(fabrics) > 1:
-        raise InputError("--fabric: garments that are simulated together are of one, these are of several")
+        raise InputError("--fabric: garments that are simulated together need one fabric, these have several")
     return fabrics.pop()
 
 

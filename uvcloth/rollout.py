@@ -37,8 +37,8 @@ MUCH_SQUEEZED = 0.05
 
 JUMPED = "the motion jumps, and the garments start again"
 STRETCHED = f"an edge of a garment has more than {LONGEST:.0f} times its length"
-LEFT_INSIDE = f"cloth is left more than {1000 * DEEP:.0f} mm inside the body"
-SQUEEZED = f"the body runs through itself where more than {100 * MUCH_SQUEEZED:.0f} % of the cloth lies"
+LEFT_INSIDE = f"cloth remains more than {1000 * DEEP:.0f} mm inside the body"
+SQUEEZED = f"the body intersects itself under more than {100 * MUCH_SQUEEZED:.0f} % of the cloth"
 
 
 @dataclass(frozen=True)

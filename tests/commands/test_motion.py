@@ -25,7 +25,7 @@ def test_a_motion_file_is_described_and_drawn(tmp_path: Path, capsys, body: Body
     for text in (
         "walk: 30 frames at 30 per second, 1.00 s",
         "MotionBuilder names, 22 joints, 22 of them with a role",
-        "joints without a role, which move with the one above: none",
+        "joints without a role, which move with their parents: none",
         "roles without a joint: upper_neck, left_fingers, right_fingers",
         "rest pose: the motion; up: +y; a leg of 88.06 cm",
         "20 frames at 30 per second",

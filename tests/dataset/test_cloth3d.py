@@ -252,7 +252,7 @@ DAMAGES: dict[str, Callable[[Path], Any]] = {
         "v a b c\n"
     ),
     r"Tshirt\.obj: edges of 0 mm on average": all_in_one_place,
-    r"Tshirt\.pc16: is of 6 frames by its header, holds 5 whole": lambda folder: cut(
+    r"Tshirt\.pc16: its header gives 6 frames, but the file has 5 complete": lambda folder: cut(
         folder / "Tshirt.pc16", -40
     ),
     r"Tshirt\.pc16: not a point cache": lambda folder: cut(folder / "Tshirt.pc16", 20),
@@ -282,7 +282,7 @@ def test_what_is_missing_or_damaged_is_one_sentence(
         ({"trans": np.full((3, FRAMES), np.nan)}, "trans holds a value that is not a finite number"),
         ({"shape": np.zeros(40)}, "shape: female: has 10 shape parameters, 40 were given"),
         ({"gender": 2}, "gender is 2"),
-        ({"gender": 1}, "no male model of SMPL is given"),
+        ({"gender": 1}, "the person is male, but the male model of SMPL is missing"),
         ({"outfit": None}, "lacks the outfit"),
         ({"outfit": {"Tshirt": 1}}, "lacks the outfit"),
         ({"zrot": "left"}, "zrot holds no numbers"),

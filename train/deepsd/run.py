@@ -103,10 +103,10 @@ class DeePSDRun:
         if self.loop.devices > 1:
             raise InputError("--devices: DeePSD is trained on one device, leave it out")
         if bool(self.data) == bool(self.outfit):
-            raise InputError("name either --data, or --outfit to fit to it without data")
+            raise InputError("name either --data, or --outfit to train on one outfit without data")
         if self.outfit and self.physics_only is None:
             raise InputError(
-                "--outfit: is trained on physics alone, name a trained model with --physics-only RUN"
+                "--outfit: trains on physics alone, name a trained model with --physics-only RUN"
             )
         if self.fabric is not None and not self.outfit:
             raise InputError("--fabric: needs --outfit; data contain their fabric")

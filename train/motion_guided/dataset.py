@@ -151,7 +151,7 @@ class GarmentDataset:
         self.frames = counted.shape[1]
         also = ", and their mirror images" if images else ""
         if mirror and not images:
-            also = f"; {garment.name} is not symmetric, without their mirror images"
+            also = f"; {garment.name} is not symmetric, so mirror images are left out"
         Console().print(
             f"{self.frames} training frames of {len(training)} clips{also}; "
             f"{count_frames(held)} validation frames ({', '.join(clip.name for clip in held)})"

@@ -48,6 +48,9 @@ class Audience(Protocol):
         ...
 
 
+GO_ON = "--keep-going writes all frames, with linear blend skinning where a garment is torn"
+"""Advice for a rollout that breaks."""
+
 EVERY_IN_PREVIEW = 3
 """A preview shows every so-many-th frame."""
 
@@ -115,7 +118,7 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
                 )
         except BrokenRolloutError as error:
             if not totals.frames:
-                raise InputError(f"{error}; nothing is written; --keep-going goes on") from error
+                raise InputError(f"{error}; nothing is written; {GO_ON}") from error
             broken = error
         with totals.timed("writing"):
             for writer in writers:
@@ -132,8 +135,7 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
 def _kept_so_far(broken: BrokenRolloutError, frames: int, written: Sequence[Path]) -> InputError:
     """The error that says where the frames before the broken one are, and how to have all."""
     names = ", ".join(map(str, written))
-    way_on = "--keep-going writes all, with linear blend skinning where a garment is torn"
-    return InputError(f"{broken}; the {frames} frames before it are in {names}; {way_on}")
+    return InputError(f"{broken}; the {frames} frames before it are in {names}; {GO_ON}")
 
 
 def _posed(body: Body, frame: RolloutFrame) -> Tensor:

@@ -146,7 +146,7 @@ def _simulated(outfit: DemoOutfit, motion: Path) -> SimulatedClip:
     paths = [folder / f"{motion.stem}_{garment}.npz" for garment in outfit.garments]
     for path in paths:
         if not path.exists():
-            raise InputError(f"{path}: the simulation was kept apart, see {folder / 'rejected'}")
+            raise InputError(f"{path}: the simulation was rejected, see {folder / 'rejected'}")
     return load_simulated(*paths)
 
 

@@ -60,7 +60,7 @@ def _joint_lines(clip: Clip, roles: Mapping[str, int]) -> list[str]:
     missing = [role for role in ROLES if role not in roles]
     return [
         f"{naming_family(names)} names, {len(names)} joints, {len(roles)} of them with a role",
-        f"joints without a role, which move with the one above: {', '.join(free) or 'none'}",
+        f"joints without a role, which move with their parents: {', '.join(free) or 'none'}",
         f"roles without a joint: {', '.join(missing) or 'none'}",
     ]
 

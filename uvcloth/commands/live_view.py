@@ -82,7 +82,7 @@ def live_audience(host: str, port: int) -> Iterator[LiveAudience]:
     try:
         yield audience
         audience.end()
-        console.print(f"{viewer.address} goes on showing it; Ctrl-C ends", highlight=False, soft_wrap=True)
+        console.print(f"{viewer.address} still shows it; Ctrl-C ends", highlight=False, soft_wrap=True)
         with suppress(KeyboardInterrupt):
             ticking.join()
     finally:

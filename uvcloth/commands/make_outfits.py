@@ -159,7 +159,7 @@ def _is_there(job: _Job) -> bool:
             "use another folder for other settings"
         )
     if worn not in (job.settings.type or OUTFITS):
-        raise InputError(f"{path}: is of type {worn}, --type asks for others, use another folder for them")
+        raise InputError(f"{path}: has the type {worn}, which --type leaves out; use another folder")
     return True
 
 

@@ -107,7 +107,7 @@ class Simulate:
         """Simulate what is missing in the folder. Raises InputError for bad input."""
         if not (self.clips or self.windows or self.plan) or not self.garment:
             raise InputError(
-                "simulate: name at least one clip, or a table with --windows, and one garment, or a --plan"
+                "simulate: name at least one clip (or --windows and a table) and one garment, or a --plan"
             )
         if self.plan:
             self._require_only(("plan",), "--plan, whose table contains it")

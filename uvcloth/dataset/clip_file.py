@@ -18,7 +18,7 @@ from uvcloth.motion.clip import FPS_RANGE
 
 SEQUENCE_FORMAT = "uvcloth-sequence-3"
 EXPECTED_FILE = (
-    "a sequence that this version's `uvcloth simulate` made, simulate older ones again into a new folder, "
+    "a sequence made by this version of `uvcloth simulate`; simulate older ones again into a new folder, and "
     "unpack packed ones with `uvcloth data DIR --unpack`"
 )
 FIELDS = {

@@ -182,7 +182,7 @@ def _subject(folder: Path) -> str:
 
 def _info(folder: Path) -> dict[str, Any]:
     if not (folder / INFO).is_file():
-        raise InputError(f"{folder}: lacks {INFO}, no sample of CLOTH3D")
+        raise InputError(f"{folder}: lacks {INFO}, so it is not a sample of CLOTH3D")
     return read_matlab(folder / INFO)
 
 
@@ -223,7 +223,7 @@ def _model(path: Path) -> RestingModel:
     """A model of SMPL, resting as garments do; all bodies of it share what corrects their skin."""
     model = read_smpl(path)
     if model.kind != "SMPL":
-        raise InputError(f"{path}: is a model of {model.kind}, samples of CLOTH3D are on SMPL")
+        raise InputError(f"{path}: is a model of {model.kind}, but CLOTH3D uses SMPL")
     return model.resting(_rest_pose())
 
 
@@ -234,7 +234,7 @@ def _body(folder: Path, info: Mapping[str, Any], smpl: Mapping[str, Path]) -> tu
         raise InputError(f"{folder / INFO}: gender is {number:g}, expected 0 (female) or 1 (male)")
     gender = GENDERS[int(number)]
     if gender not in smpl:
-        raise InputError(f"{folder}: is of a {gender} person, and no {gender} model of SMPL is given")
+        raise InputError(f"{folder}: the person is {gender}, but the {gender} model of SMPL is missing")
     model = _model(Path(smpl[gender]))
     shape = torch.from_numpy(_array(folder, info, "shape").reshape(-1))
     try:
@@ -274,7 +274,7 @@ def _fabric(folder: Path, name: str, piece: Mapping[str, Any]) -> str:
     """Fabric of a garment; "" where the file does not say."""
     fabric = piece.get("fabric", "")
     if not isinstance(fabric, str) or not fabric.isprintable() or len(fabric) > LONGEST:
-        raise InputError(f"{folder / INFO}: the fabric of the {name} is no printable text")
+        raise InputError(f"{folder / INFO}: the fabric of the {name} is not printable text")
     return fabric
 
 
@@ -289,7 +289,9 @@ def _garment(folder: Path, name: str, body: Body, upright: Tensor) -> Garment:
         raise InputError(f"{path}: a vertex is not a finite number, or beyond {MOST_METRES:g} m")
     edge = float(edge_lengths(read.vertices, unique_edges(read.faces)).mean())
     if edge < LEAST_EDGE:
-        raise InputError(f"{path}: edges of {1000 * edge:.2g} mm on average, expected a garment in metres")
+        raise InputError(
+            f"{path}: its edges are {1000 * edge:.2g} mm long on average, expected a garment in metres"
+        )
     # The files rest turned by zrot, in which the motion is not.
     mesh = Mesh(read.vertices.float() @ upright, read.faces, read.uvs, read.face_uvs)
     template = TEMPLATES.get(name)
@@ -308,12 +310,14 @@ def _cache(folder: Path, garment: Garment, frames: int, every: int) -> tuple[Pat
         raise InputError(f"{path}: not a point cache, it does not begin with POINTCACHE2")
     _, _, points, _, _, samples = HEADER.unpack(head)
     if points != len(garment.mesh.vertices):
-        raise InputError(f"{path}: has {points} vertices, {garment.name}.obj {len(garment.mesh.vertices)}")
+        raise InputError(
+            f"{path}: has {points} vertices, but {garment.name}.obj has {len(garment.mesh.vertices)}"
+        )
     if samples != frames:
-        raise InputError(f"{path}: has {samples} frames, {INFO} {frames}")
+        raise InputError(f"{path}: has {samples} frames, but {INFO} has {frames}")
     if size != HEADER.size + samples * points * 3 * kind.itemsize:
         whole = (size - HEADER.size) // (points * 3 * kind.itemsize)
-        raise InputError(f"{path}: is of {samples} frames by its header, holds {whole} whole ones")
+        raise InputError(f"{path}: its header gives {samples} frames, but the file has {whole} complete ones")
     stored = np.memmap(path, kind, "r", HEADER.size, (samples, points, 3))
     vertices = torch.from_numpy(stored[::every].astype(np.float32))
     far = ~(vertices.abs() <= MOST_METRES).flatten(1).all(1)

@@ -162,7 +162,7 @@ def _convert(
 ) -> int:
     """Convert what is not in OUT yet, beside the folder's tables; returns the number of files."""
     if out.resolve() == folder.resolve():
-        raise InputError(f"{out}: is the folder itself, name another one")
+        raise InputError(f"{out}: is the input folder itself, name another output folder")
     with sole_writer(out):
         if (folder / INDEX).is_file():
             keep_index(folder / INDEX, out / INDEX)
@@ -229,9 +229,11 @@ def load_packed(path: Path, shared: PackedFolder) -> SimulatedClip:
     try:
         local = decode_points(coded, mesh.parts, error, len(motion.transforms), len(mesh.rest))
     except ValueError as fault:
-        raise InputError(f"{path}: its {fault}, its mesh, its motion or the file is another") from fault
+        raise InputError(f"{path}: its {fault}: the file, its mesh or its motion was replaced") from fault
     if not np.abs(_probes(local) - data["probes"]).max() < error:
-        raise InputError(f"{path}: does not unpack to what was packed, its mesh or the file is another")
+        raise InputError(
+            f"{path}: does not unpack to the data that was packed: the file or its mesh was replaced"
+        )
     vertices = moved_by_bones(torch.from_numpy(local), mesh.rest, body.skeleton, motion.transforms)
     return clip_of_garment(
         vertices=vertices.float(),

@@ -91,7 +91,7 @@ def load_motion(folder: Path, name: str, skeleton: Skeleton) -> PackedMotion:
         steps = decode(data["code"], (frames, _rows(joints), AXES), stride=1)
     except ValueError as error:
         raise InputError(
-            f"{path}: its {error}, expected that of {frames} frames of {joints} joints"
+            f"{path}: its {error}, expected the code of {frames} frames of {joints} joints"
         ) from error
     numbers = torch.from_numpy(steps.cumsum(axis=0).cumsum(axis=0) * MOTION_STEP).flatten(1)
     quaternions, places = numbers[:, : 4 * joints].unflatten(1, (-1, 4)), numbers[:, 4 * joints :][:, :3]

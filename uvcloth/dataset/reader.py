@@ -87,8 +87,8 @@ def require_rests(rests: Mapping[str, Tensor], clips: Sequence[SimulatedClip], b
             same = garment.rest.shape == expected.shape
             if not same or (garment.rest - expected).norm(dim=1).max() > REST_TOLERANCE:
                 raise InputError(
-                    f"{clip.name}_{garment.name}: at rest not the garment {garment.name} on body "
-                    f"{body.name!r}; it was simulated with another garment or body"
+                    f"{clip.name}_{garment.name}: its rest shape is not that of garment {garment.name} on "
+                    f"body {body.name!r}; it was simulated with another garment or body"
                 )
 
 
@@ -103,7 +103,7 @@ def read_outfit_clips(folder: Path, splits: Sequence[str] = SPLITS) -> list[tupl
     by_clip: dict[tuple[str, str], dict[str, tuple[Path, SimulatedClip]]] = {}
     for path, clip in _files_of(folder):
         if not clip.split:
-            raise InputError(f"{path}: has no split: its clip {clip.name} is in no {INDEX} of its folder")
+            raise InputError(f"{path}: has no split: the {INDEX} of its folder lacks the clip {clip.name}")
         if clip.split in splits:
             by_clip.setdefault((clip.outfit, clip.name), {})[clip.garments[0].name] = (path, clip)
     if not by_clip:

@@ -44,7 +44,7 @@ def hold_out(clips: Sequence[SimulatedClip], holdout: Holdout, data: str) -> lis
         for split in TRAINING_SPLITS:
             if split not in splits:
                 raise InputError(
-                    f"{data}: holds no sequence for {split}; simulate clips that {INDEX} calls {split}"
+                    f"{data}: holds no sequence for {split}; simulate clips of this split in {INDEX}"
                 )
     return [
         cut_warm_up(clip.labelled(split=split), holdout.rest_frames)

@@ -111,8 +111,8 @@ def require_file_name(name: str, owner: str | Path) -> None:
     """Raise InputError that names the owner unless a name passes `is_file_name`."""
     if not is_file_name(name):
         raise InputError(
-            f'{owner}: a file called {name!r:.60} cannot exist on every system (Windows allows no <>:"|?*, '
-            "dot or space at the end or name of a device; 220 bytes are the most), rename it"
+            f"{owner}: {name!r:.60} cannot be the name of a file on every system (Windows forbids "
+            '<>:"|?*, a dot or space at the end, and names of devices; the limit is 220 bytes), rename it'
         )
 
 

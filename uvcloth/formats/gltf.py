@@ -165,7 +165,7 @@ class Gltf:
 
 
 def _compressed_by(extension: str) -> str:
-    return f"compressed ({extension}), which is not read: export it without compression"
+    return f"compressed ({extension}), which is not supported: export it without compression"
 
 
 def one_line(name: Any) -> str:

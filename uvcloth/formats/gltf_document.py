@@ -140,7 +140,7 @@ def parents_of(document: dict[str, Any]) -> dict[int, int]:
         for steps, node in enumerate(reversed(way)):
             depth[node] = known + steps
         if depth[index] >= DEEPEST:
-            raise InputError(f"nodes[{index}] is below itself or below more than {DEEPEST} others")
+            raise InputError(f"nodes[{index}] is its own ancestor or has more than {DEEPEST} ancestors")
     return above
 
 

@@ -43,7 +43,7 @@ def check_mesh(path: Path, mesh: Mesh) -> None:
     wrong = mesh.faces[((mesh.faces < 0) | (mesh.faces >= len(mesh.vertices))).any(dim=1)]
     if len(wrong):
         raise InputError(
-            f"{path}: a face is of the vertices {wrong[0].tolist()}, there are 0 to {len(mesh.vertices) - 1}"
+            f"{path}: a face has the vertices {wrong[0].tolist()}, expected 0 to {len(mesh.vertices) - 1}"
         )
     broken = torch.nonzero(~(mesh.vertices.abs() <= LARGEST).all(dim=1))
     if len(broken):

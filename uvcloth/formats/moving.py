@@ -116,7 +116,7 @@ def _levels(parents: np.ndarray) -> Iterator[np.ndarray]:
     for _ in range(count.bit_length()):
         depth, above = depth + depth[above], above[above]
     if (above < count).any():
-        raise ValueError("points are predicted by one another in a circle")
+        raise ValueError("points are predicted from each other in a cycle")
     order = np.argsort(depth[:count], kind="stable")
     starts = np.flatnonzero(np.diff(depth[order])) + 1
     yield from np.split(order, starts)[1:]

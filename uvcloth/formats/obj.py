@@ -75,7 +75,7 @@ def read_obj(path: Path) -> AuthoredMesh:
     pairs = np.array(corners, dtype=np.int64).reshape(-1, 2)
     for kind, indices, count in (("vertex", pairs[:, 0], len(points)), ("vt", pairs[:, 1], len(texture))):
         if indices.size and not (-1 if kind == "vt" else 0) <= indices.min() <= indices.max() < count:
-            raise InputError(f"{path}: a face names a {kind} that the file does not have")
+            raise InputError(f"{path}: a face refers to a {kind} that the file does not have")
     textured = len(texture) > 0 and bool((pairs[:, 1] >= 0).all())
     pictures = Pictures(path.parent)
     materials = read_libraries(pictures, libraries)

@@ -68,7 +68,7 @@ class _Array(_Record):
 
     def value(self) -> np.ndarray:
         if not isinstance(self.state, tuple) or len(self.state) != 5:
-            raise InputError("holds an array that is not whole")
+            raise InputError("holds an incomplete array")
         _, shape, kind, fortran, content = self.state
         return _array(content, kind, shape, "F" if fortran else "C")
 
@@ -78,7 +78,7 @@ class _Buffer(_Record):
 
     def value(self) -> np.ndarray:
         if len(self.arguments) != 4:
-            raise InputError("holds an array that is not whole")
+            raise InputError("holds an incomplete array")
         content, kind, shape, order = self.arguments
         return _array(content, kind, shape, order)
 
@@ -88,7 +88,7 @@ class _Scalar(_Record):
 
     def value(self) -> Any:
         if len(self.arguments) != 2:
-            raise InputError("holds a number that is not whole")
+            raise InputError("holds an incomplete number")
         return _array(self.arguments[1], self.arguments[0], (), "C")[()]
 
 
@@ -272,7 +272,7 @@ def plain(value: Any) -> Any:
     except InputError:
         raise
     except (ValueError, TypeError, IndexError, OverflowError, MemoryError, RecursionError) as error:
-        raise InputError(f"holds an array that is not whole ({error})") from error
+        raise InputError(f"holds an incomplete array ({error})") from error
 
 
 def _plain_array(value: Any) -> np.ndarray:
@@ -288,7 +288,7 @@ def _attributes(record: _Record) -> dict[Any, Any]:
 def _shape(shape: Any) -> tuple[int, ...]:
     sizes = tuple(plain(size) for size in shape) if isinstance(shape, tuple | list) else ()
     if not sizes or not all(isinstance(size, int | np.integer) and size >= 0 for size in sizes):
-        raise InputError("holds an array of a shape that is none")
+        raise InputError("holds an array with an invalid shape")
     return tuple(int(size) for size in sizes)
 
 

@@ -134,7 +134,7 @@ def decode_points(
     points = _from_steps(steps, coded.step, parts, count)
     corrected = coded.gaps.cumsum()
     if (coded.gaps < 0).any() or (corrected >= frames * count).any():
-        raise ValueError("corrections are of other points")
+        raise ValueError("corrections belong to other points")
     points.reshape(-1, 3)[corrected] += coded.corrections * error
     return points
 

@@ -85,7 +85,7 @@ def _top_hem(name: str, vertices: Tensor, faces: Tensor) -> Tensor:
     below = float(heights[faces.unique()].max() - heights[top].max()) if top is not None else np.inf
     if top is None or below > BELOW_TOP:
         fault = "no open hem" if top is None else f"no open hem within {BELOW_TOP:.2f} m of its top"
-        raise InputError(f"garment {name}: a piece of it has {fault} to be held by, it cannot be simulated")
+        raise InputError(f"garment {name}: cannot be simulated, a piece of it has {fault} that would hold it")
     return top[heights[top] > heights[top].max() - DROP]
 
 

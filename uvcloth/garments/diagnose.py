@@ -59,7 +59,7 @@ class Diagnosis:
             (self.duplicate_faces, "duplicate faces, dropped"),
             (self.degenerate_faces, "faces with two corners at one place, dropped"),
             (self.double_sided_faces, "double-sided faces, one side dropped"),
-            (self.flipped_faces, "flipped faces, turned outside out"),
+            (self.flipped_faces, "flipped faces, corrected"),
             (self.ray_misses, "vertices whose ray misses the body, taken to cover its closest point"),
         ):
             if count:
@@ -67,9 +67,11 @@ class Diagnosis:
         if self.unwrapped:
             faults.append("  no texture coordinates, unwrapped")
         if self.missing:
-            faults.append(f"  not there, so that colours may lack: {', '.join(dict.fromkeys(self.missing))}")
+            faults.append(
+                f"  missing files, so colours may be wrong: {', '.join(dict.fromkeys(self.missing))}"
+            )
         if self.pose:
-            faults.append(f"  modelled in {self.pose.upper()} pose, taken along to the body's rest pose")
+            faults.append(f"  modelled in {self.pose.upper()} pose, transferred to the body's rest pose")
         if self.template:
             faults.append(f"  worn as {self.template}")
         return faults

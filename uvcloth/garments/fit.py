@@ -84,7 +84,7 @@ def read_on_body(path: Path, body: Body, pose: str | None = None) -> PlacedFile:
         clothes = path.with_suffix(SUFFIX)
         if not clothes.is_file():
             raise
-        raise UnwearableError(f"{error}; {clothes} beside it fits it to any body", error.mesh) from error
+        raise UnwearableError(f"{error}; use {clothes}, which fits it to any body", error.mesh) from error
 
 
 def place_on_body(path: Path, mesh: Mesh, body: Body, pose: str | None = None) -> PlacedFile:
@@ -126,8 +126,8 @@ def _modelled_in_another(path: Path, mesh: Mesh, body: Body) -> UnwearableError 
     if not (pose := other_pose(mesh, body)):
         return None
     return UnwearableError(
-        f"{path}: the garment lies on the body in {pose.upper()} pose, not in its rest pose: with "
-        f"--garment-pose {pose}, fit, rollout and export take it along",
+        f"{path}: the garment fits the body in {pose.upper()} pose, not in its rest pose; give "
+        f"--garment-pose {pose} to fit, rollout and export",
         mesh,
     )
 

@@ -35,7 +35,7 @@ class Cloth:
 def join(garment: Garment, body: Body) -> Cloth:
     """Join a garment for simulation.
 
-    Raises InputError if it has no hem to be held by or a face without an area.
+    Raises InputError if it has no hem that holds it, or a face without an area.
     """
     mesh = garment.mesh
     flat = flat_faces(mesh.vertices, mesh.faces)

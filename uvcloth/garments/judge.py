@@ -167,7 +167,7 @@ def _no_garment(measures: Measures, welded: Tensor) -> str:
         (
             sum(over[region] for region in CLOTHED) < LEAST_CLOTHED,
             f"the garment is worn on the {most} ({100 * over[most]:.0f} % of it), expected one of "
-            "trunk, upper arms or thighs: nothing moves shoes, gloves or hats as cloth",
+            "trunk, upper arms or thighs: shoes, gloves and hats are not supported",
         ),
     ):
         if wrong:
@@ -187,7 +187,7 @@ def _misplaced(measures: Measures, mesh: Mesh, surface: BodySurface) -> str:
             "body's rest pose"
         )
     if measures.around < LEAST_AROUND:
-        return "the garment goes around no part of the body, so nothing holds it"
+        return "the garment does not go around any part of the body, so nothing holds it"
     return ""
 
 

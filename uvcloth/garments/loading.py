@@ -115,7 +115,7 @@ def load_garment_for_data(
     count = 1 if name in TEMPLATES else int(pieces(garment.mesh).max()) + 1
     if count > 1:
         raise InputError(
-            f"{path}: holds {count} garments, simulated sequences are of one: `uvcloth fit {path} --out "
-            f"{path.stem}.obj` writes each into a file of its own, --layered simulates these together"
+            f"{path}: holds {count} garments, a simulated sequence has one: `uvcloth fit {path} --out "
+            f"{path.stem}.obj` writes each to a separate file, and --layered simulates these together"
         )
     return garment

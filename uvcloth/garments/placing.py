@@ -124,7 +124,7 @@ def find_placing(path: Path, vertices: Tensor, faces: Tensor, body: Body, surfac
         wrong = "large" if sizes["mm"] >= LARGEST else "small"
         raise InputError(
             f"{path}: the garment is {extent:.3g} units across, too {wrong} for a body of {tallest:.1f} m "
-            f"whether a unit is one {', '.join(UNITS)}"
+            f"in every unit ({', '.join(UNITS)})"
         )
     candidates = [
         Placing(unit, up, front, origin)

@@ -52,8 +52,8 @@ class ProxiedOutfit:
             for garment, mesh, is_coarse in zip(outfit.garments, shown, coarse, strict=True)
         )
         lines = tuple(
-            f"  {garment.name}: coarse, {1000 * spacing(mesh):.0f} mm from vertex to vertex; carried by a "
-            f"proxy of {len(garment.mesh.vertices)} vertices, its faces kept off the skin"
+            f"  {garment.name}: coarse, {1000 * spacing(mesh):.0f} mm between vertices; moved by a "
+            f"proxy of {len(garment.mesh.vertices)} vertices, its faces are kept off the skin"
             for garment, mesh, is_coarse in zip(garments, meshes, coarse, strict=True)
             if is_coarse
         )

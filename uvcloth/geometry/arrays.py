@@ -34,4 +34,4 @@ def as_array(owner: str, name: str, values: Array) -> np.ndarray:
     try:
         return np.array(values)
     except (ValueError, TypeError) as error:
-        raise InputError(f"{owner}: {name} is no array of numbers ({cause(error)})") from error
+        raise InputError(f"{owner}: {name} is not an array of numbers ({cause(error)})") from error

@@ -31,7 +31,7 @@ class Skeleton:
 def check_joints(path: Path, names: Sequence[str]) -> None:
     """Raise InputError naming the file of a skeleton of more than MOST_JOINTS, or with an endless name."""
     if len(names) > MOST_JOINTS:
-        raise InputError(f"{path}: has more than {MOST_JOINTS:,} joints, the most that are read")
+        raise InputError(f"{path}: has more than {MOST_JOINTS:,} joints, which is the limit")
     if max(map(len, names), default=0) > LONGEST_NAME:
         raise InputError(f"{path}: a joint's name is longer than {LONGEST_NAME} characters")
 

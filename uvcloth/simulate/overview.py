@@ -146,7 +146,7 @@ def _unfinished(frames: Mapping[str, int]) -> list[str]:
     named = [f"{name} {count}" for name, count in frames.items()][:MAX_NAMED]
     return [
         f"unfinished: {len(frames)} sequences, {sum(frames.values()):,} frames ({', '.join(named)}"
-        f"{', ...' * (len(frames) > MAX_NAMED)}); the same `uvcloth simulate` goes on with them"
+        f"{', ...' * (len(frames) > MAX_NAMED)}); the same `uvcloth simulate` command continues them"
     ]
 
 

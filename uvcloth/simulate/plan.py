@@ -86,7 +86,7 @@ def batch_sources(selection: ClipSelection) -> list[Source]:
     table = read_index(windows)
     if clips:
         if clips_from is not None or splits is not None:
-            raise InputError("--clips-from and --split choose the clips: name none besides")
+            raise InputError("--clips-from and --split choose the clips: do not name clips as well")
         for name in clips:
             if Path(name).stem not in table:
                 raise InputError(f"{windows}: has no row for the clip {Path(name).stem}")

@@ -48,7 +48,7 @@ class FramesBar:
             return
         self._progress.update(self._bar, total=(self.task.total or 0) - more)
         if more > 0:
-            self.print(f"{name}: goes on after frame {made}")
+            self.print(f"{name}: continues after frame {made}")
 
     def advance(self, frames: int) -> None:
         """Count frames as done."""

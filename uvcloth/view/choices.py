@@ -124,7 +124,7 @@ def _require_same(path: str, sequence: SimulatedClip, outfit: Outfit) -> None:
     body, (garment,) = outfit.body, outfit.garments
     rest, simulated = garment.mesh.vertices, sequence.garments[0].rest
     if sequence.transforms.shape[1] != len(body.skeleton.names):
-        raise InputError(f"{path}: was simulated on a body of another skeleton, give it with --body")
+        raise InputError(f"{path}: was simulated on a body with another skeleton, give that body with --body")
     if rest.shape != simulated.shape or float((rest - simulated).abs().max()) > REST_TOLERANCE:
         raise InputError(
             f"{path}: its garment {garment.name} is not the one that this body has, give the body that it "

@@ -36,7 +36,9 @@ class PrivateServer(viser.ViserServer):
         if self.get_port() != port:
             # viser has opened a port of its own.
             self.stop()
-            raise InputError(f"the live view knows viser 1.1, not {viser.__version__}: install uvcloth[view]")
+            raise InputError(
+                f"the live view supports viser 1.1, not {viser.__version__}: install uvcloth[view]"
+            )
         self.gui.configure_theme(show_share_button=False)
 
     def request_share_url(self, verbose: bool = True) -> None:

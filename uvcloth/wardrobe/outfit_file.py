@@ -175,7 +175,7 @@ def _file(path: Path, name: str) -> Path:
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     if not file.is_file():
-        raise InputError(f"{path}: names {file.name}, which is not there")
+        raise InputError(f"{path}: names {file.name}, which does not exist")
     return file
 
 

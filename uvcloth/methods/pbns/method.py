@@ -251,7 +251,7 @@ def _outfit(checkpoint: Checkpoint, path: Path) -> RestOutfit:
     joints = check_fields(path, arrays, {"heads": numbers("J", 3), "parents": indices("J", of="J", least=-1)})
     parents = tuple(joints["parents"].tolist())
     if not in_order(parents) or not meshes:
-        raise InputError(f"{path}: has no garments, or a joint before the one above it")
+        raise InputError(f"{path}: has no garments, or a joint before its parent")
     return RestOutfit(checkpoint.garments, tuple(meshes), torch.from_numpy(joints["heads"]), parents)
 
 

@@ -37,7 +37,7 @@ class Physics(Method):
             for garment in outfit.garments:
                 holding_band(garment, outfit.body)
         except InputError as error:
-            return f"{error}; --model physxnet or lbs_smooth will serve"
+            return f"{error}; use --model physxnet or lbs_smooth"
         if len({garment.fabric for garment in outfit.garments}) > 1:
             return "model physics: all garments of an outfit have to be of one fabric, name one with --fabric"
         return ""

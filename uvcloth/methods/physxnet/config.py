@@ -64,7 +64,7 @@ class PhysXNetConfig:
         if not self.templates or len(set(self.templates)) < len(self.templates):
             raise InputError("--templates: has to be one template or more, each once")
         if not (self.motion or self.pose):
-            raise InputError("--no-motion --no-pose: leaves the network no input of the body")
+            raise InputError("--no-motion --no-pose: leave the network without input from the body")
         if self.size % 2**self.levels:
             raise InputError(
                 f"--size {self.size}: has to be a multiple of {2**self.levels} for --levels {self.levels}"

@@ -120,7 +120,7 @@ def template_texels(template: str | None, mesh: Mesh, body: Body, texels: BodyTe
     hits = body_to_garment(origins, directions, mesh.vertices, mesh.faces, SKIRT_REACH)
     rows = torch.nonzero(hits.distance <= reach).squeeze(1)
     if not len(rows):
-        raise InputError(f"template {template}: no texel of body {body.name!r} sees it")
+        raise InputError(f"template {template}: no ray from a texel of body {body.name!r} meets it")
     corners, barycentrics = mesh.faces[hits.face[rows]], hits.barycentrics[rows]
     return TemplateTexels(
         texels=rows,

@@ -86,7 +86,7 @@ def make_body(vertices: NDArray, parts: Sequence[NDArray], touches: NDArray) -> 
 
 
 class Memory(NamedTuple):
-    """What the searches of a frame leave for the next, for each of K parts and N vertices of the cloth.
+    """Search results of a frame that the next starts from, for each of K parts and N vertices of cloth.
 
     faces: (K, N) int32, the closest face, -1 for none. clear: (K, N) m, within which there is none.
     """

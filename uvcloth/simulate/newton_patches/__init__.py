@@ -41,8 +41,8 @@ def require_newton() -> None:
         raise InputError("simulating needs Newton: install uvcloth[simulate]") from error
     if installed.split(".")[:2] != SUPPORTED.split("."):
         raise InputError(
-            f"Newton {installed} is installed, and this engine replaces internals of Newton {SUPPORTED}: "
-            "install uvcloth[simulate]"
+            f"Newton {installed} is installed, but this engine needs Newton {SUPPORTED}, whose internals it "
+            "replaces: install uvcloth[simulate]"
         )
 
 
