@@ -9,10 +9,10 @@ from typing import Any
 from uvcloth.errors import InputError
 
 DEEPEST = 1000
-"""Nodes above a node."""
+"""Limit for the ancestors of a node."""
 
 LARGEST = 1e9
-"""Of a number: float32 holds its square."""
+"""Limit for a number: float32 holds its square."""
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,12 @@ from uvcloth.formats.size import refuse_too_many
 from uvcloth.geometry.authored import AuthoredMesh, Labels, Polygons, SurfaceMaterial, UvSet
 
 LARGEST_INDEX = 2**31
-"""That a face may name, whatever there is."""
+"""Limit for an index in a face."""
 
 
 @dataclass
 class _Names:
-    """Names as the polygons of a file come: the one that is current, and the index of each polygon's."""
+    """Names of polygons while a file is read: the current one, and the index of each polygon's name."""
 
     index: dict[str, int] = field(default_factory=dict)
     current: int = -1
@@ -37,7 +37,7 @@ class _Names:
 def read_obj(path: Path) -> AuthoredMesh:
     """Read an OBJ, its vertices float64 as they are.
 
-    Raises InputError naming the line that is no OBJ, and for more than MOST_VERTICES.
+    Raises InputError naming a line that is not valid, and for more than MOST_VERTICES.
     """
     vertices: list[list[float]] = []
     uvs: list[list[float]] = []

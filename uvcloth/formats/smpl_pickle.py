@@ -1,8 +1,8 @@
 """Pickled SMPL files, read without executing anything of them.
 
 A pickle is a program: it names functions and classes and calls them. Here every name of a short list stands
-for a record that keeps what it is given, every other name ends the reading, and arrays are made of the
-records afterwards. Nothing of numpy, scipy or chumpy is called while the file is read.
+for a record that keeps its arguments, every other name ends the reading, and arrays are made from the records
+afterwards. Nothing of numpy, scipy or chumpy is called while the file is read.
 """
 
 import io
@@ -22,7 +22,7 @@ DTYPES = ("f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8")
 """Types of values that arrays may have, besides booleans."""
 
 MOST_VALUES = 10_000_000
-"""Values of a sparse matrix, zeros included, beyond which it is none of SMPL's."""
+"""Limit for the values of a sparse matrix, zeros included; those of SMPL have fewer."""
 
 
 class _Record:
@@ -165,8 +165,8 @@ ALLOWED = {name: record for record, names in RECORDS.items() for name in names}
 class _Reader(pickle._Unpickler):
     """An unpickler whose every name is a record, and whose every key is a text or a number.
 
-    It is the one in Python, whose memory and time do not depend on a number in the file: the one in C makes
-    a table as long as the largest number that a value is remembered by.
+    It is the one in Python, whose memory and time do not depend on a number in the file: the one in C makes a
+    table whose length is the largest memo index in the file.
     """
 
     stack: list[Any]

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 FARTHEST = 4.0
-"""Standard deviations from which on a seed pushes nothing: less than a 2,980th."""
+"""Standard deviations beyond which the force of a seed is ignored: it is below 1/2,980 there."""
 
 TAPS = 3
 """Height and width of the kernels."""

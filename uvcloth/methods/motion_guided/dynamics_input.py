@@ -116,8 +116,8 @@ def state_features(
 ) -> Tensor:
     """S(M^P) of a garment, as `shape_features` takes it, and the pose of the body (B, J, 3, 4).
 
-    With local offsets, the latter is where the smooth LBS reference lies, seen from the root joint, against
-    its rest, m; as published there is none.
+    With local offsets, the pose is the displacement, m, of the smooth LBS reference from its rest position,
+    in the axes of the root joint; the published method has no pose here.
     """
     features = shape_features(space, maps, texels, offsets, seeds)
     if not space.local_offsets:
@@ -130,7 +130,7 @@ def state_features(
 def dynamics_features(
     space: Space, dynamics: Dynamics, maps: GarmentMaps, inputs: DynamicsInput, sigma: float
 ) -> tuple[Tensor, Tensor]:
-    """S(M^P_{t-1}) and E_t; the pose of t goes with the former, since it is no change."""
+    """S(M^P_{t-1}) and E_t; the pose of frame t belongs to the former, since it is not a change."""
     last, before = inputs.past.texels[:, 0], inputs.seeds_before.points
     features = state_features(space, maps, last, inputs.past.offsets[:, 0], before, inputs.transforms[:, 0])
     motion = motion_of(space.local_offsets, maps, inputs)
@@ -143,7 +143,7 @@ def rest_shape(
 ) -> Tensor:
     """Codes (B, Z) -> the garment in the rest space (B, N, 3), m.
 
-    sample: a function in the place of `maps.sample`, with a faster gradient.
+    sample: a function that replaces `maps.sample`, with a faster gradient.
     """
     displaced = space.decode(codes, sample or maps.sample, maps.places)
     return maps.points + rotate(maps.axes, displaced)

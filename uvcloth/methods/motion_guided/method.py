@@ -78,7 +78,7 @@ class MotionGuidedState:
 class MotionGuided(Method, Feedback, Representation):
     """Each garment of an outfit is rolled out by itself.
 
-    topology: of the garment's faces that the networks are for, where they were trained.
+    topology: hash of the garment's faces, for trained networks, see `faces_hash`.
     """
 
     config: MotionGuidedConfig
@@ -131,7 +131,7 @@ class MotionGuided(Method, Feedback, Representation):
         return tuple(self._still(maps, transforms) for maps in prepared.maps)
 
     def _still(self, maps: GarmentMaps, transforms: Tensor) -> MotionGuidedState:
-        """The state of a garment that lay smoothly skinned on the body at (B, J, 3, 4) all along."""
+        """The state of a garment that was smoothly skinned to the body at (B, J, 3, 4) until now."""
         still = skin(maps.points, maps.smooth_weights, transforms)
         texels = maps.positions(still)[:, None].repeat(1, MEMORY, 1, 1)
         return MotionGuidedState(
@@ -284,7 +284,7 @@ def load_motion_guided(checkpoint: Checkpoint, folder: Path) -> MotionGuided:
 
 
 def faces_hash(garment: Garment) -> str:
-    """Hash of a garment's faces, texture faces included: tells meshes of one name apart."""
+    """Hash of a garment's faces, texture faces included; it differs between meshes of one name."""
     return fingerprint(garment.mesh.faces, garment.mesh.face_uvs)
 
 
