@@ -37,7 +37,7 @@ class Evaluate:
     garment: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE ...")] = ()
     """Also evaluate these garment files, of which sequences were simulated."""
     split: Literal["test", "validation"] = "test"
-    """Windows to evaluate: test, or validation while choices are made."""
+    """Windows to evaluate: test, or validation while settings are chosen."""
     actions: tuple[str, ...] = ()
     """Evaluate only these actions."""
     frames: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
@@ -50,7 +50,7 @@ class Evaluate:
     """Number of CPU threads; on a loaded machine several are slower than one."""
 
     def run(self) -> None:
-        """Judge, and write metrics.json and the report. Raises InputError for what cannot be judged."""
+        """Judge, and write metrics.json and the report. Raises InputError for input that cannot be judged."""
         if not all(find_spec(module) for module in ("jinja2", "markupsafe", "PIL", "sklearn")):
             raise InputError("the report needs Jinja, Pillow and scikit-learn: install uvcloth[report]")
         if self.frames is not None and self.frames < 1:
@@ -96,9 +96,8 @@ def machine() -> str:
 
 
 def summary(results: dict) -> str:
-    """Per garment or outfit and method, before and after contact: the mean distance beside the better LBS.
-
-    Then a line per method whose figures mislead, since it has used evaluated windows before.
+    """Per garment or outfit and method, before and after contact: the mean distance, and its ratio to the
+    better LBS. Then a warning for each method that has used evaluated windows in training.
     """
     from evaluate.familiar import cautions
     from evaluate.standings import Rank, standings

@@ -43,7 +43,7 @@ def main() -> None:
 def starting_from(
     kind: type[TrainingRun], presets: Mapping[str, Mapping[str, Any]], name: str | None
 ) -> TrainingRun:
-    """A run with the settings of a preset, the usual one without a name; what has no default stays missing.
+    """A run with the settings of a preset, by default the first one; settings without a default stay missing.
 
     Raises InputError for an unknown name.
     """

@@ -1,4 +1,4 @@
-"""Garments modelled in T or A pose: told from those on the rest pose, and taken along to it."""
+"""Garments modelled in T or A pose: separated from those on the rest pose, and transferred to it."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -195,7 +195,7 @@ def test_a_faulty_capture_is_named_in_its_folder(
         ),
         (
             ROWS[2] + ",run,20,40,,bottoms+dress,,,test,bob,running\n",
-            "row 3: wears bottoms as bottoms under dress, row 2 as bottoms under tops; a folder of data",
+            "row 3: wears bottoms as bottoms under dress, row 2 as bottoms under tops; a data folder",
         ),
     ],
 )

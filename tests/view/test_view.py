@@ -232,14 +232,14 @@ def test_names_of_files_are_text_on_the_page(viewer: Viewer) -> None:
 
 def test_what_was_not_offered_is_not_opened() -> None:
     choices = Choices.of(models=["lbs"])
-    for chosen in (
+    for choice in (
         Choice("/etc/passwd.bvh", ("tops",), "lbs", "default"),
         Choice("walk", ("/etc/passwd.obj",), "lbs", "default"),
         Choice("walk", ("tops",), "/etc", "default"),
         Choice("walk", ("tops",), "lbs", "/etc/passwd.npz"),
     ):
         with pytest.raises(InputError, match=r"/etc.* is not among the choices"):
-            choices.perform(chosen)
+            choices.perform(choice)
 
 
 def test_a_choice_is_rolled_out_as_the_command_would() -> None:

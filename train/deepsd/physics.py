@@ -1,4 +1,4 @@
-"""The objective of DeePSD's second phase: trains the branch chi on physics, all else stays (section 4.3)."""
+"""The objective of DeePSD's second phase: it trains only the branch chi, on physics (section 4.3)."""
 
 import copy
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""`uvcloth body`: its options, and which of them go together."""
+"""`uvcloth body`: its options, and their valid combinations."""
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -72,8 +72,8 @@ class MakeBody:
         print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
 
     def check(self) -> None:
-        """Raise InputError for another suffix, two sources of the body, or options of a source that is not
-        there.
+        """Raise InputError for an unknown suffix, for two sources of the body, or for options without their
+        source.
         """
         if self.out.suffix.lower() not in SUFFIXES:
             raise InputError(

@@ -32,7 +32,7 @@ from uvcloth.simulate.batch import simulate_batch
 from uvcloth.simulate.plan import ClipSelection
 
 CLIP, FRAMES, STANDING = "twirl", 18, 1.0
-"""A built-in clip, the number of its first frames that are taken, and the seconds that a stop adds."""
+"""A built-in clip, the number of its first frames that are used, and the seconds that the stop adds."""
 
 MOMENTS = (-0.2, 0.0, 0.1, 0.2, 0.4, 0.8)
 """Seconds after the body has come to a standstill that are drawn."""

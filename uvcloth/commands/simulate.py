@@ -1,4 +1,4 @@
-"""`uvcloth simulate`: its options, and which of them go together."""
+"""`uvcloth simulate`: its options, and their valid combinations."""
 
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -149,7 +149,7 @@ class Simulate:
         )
 
     def _require_only(self, names: tuple[str, ...], reason: str) -> None:
-        """Raise InputError, with the reason, for an option that would do nothing.
+        """Raise InputError, with the reason, for an option that would have no effect.
 
         names: the options that are used in addition to RUNNING.
         """

@@ -19,11 +19,11 @@ BAND_WIDTH = 0.03
 """Metres from the hem that the band reaches."""
 
 BELOW_TOP = 0.1
-"""Metres that the uppermost hem may be below the top of its piece, as that of a hood is."""
+"""Metres that the uppermost hem may be below the top of its piece: the hem of a hood is."""
 
 DROP = 0.2
-"""Metres below its top to which a hem holds the piece: that of an open jacket continues down to its
-bottom."""
+"""Metres below its top up to which a hem holds the piece: the hem of an open jacket runs down to the bottom.
+"""
 
 TEMPLATE_MASS = {
     "tops": 11.0,

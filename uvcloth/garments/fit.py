@@ -90,8 +90,8 @@ def read_on_body(path: Path, body: Body, pose: str | None = None) -> PlacedFile:
 def place_on_body(path: Path, mesh: Mesh, body: Body, pose: str | None = None) -> PlacedFile:
     """Place a mesh on a body's rest pose where it lies best, unwrapped if it has no texture coordinates.
 
-    path: its file, or the name that sentences call it by. pose: as `read_on_body` takes it. Raises InputError
-    as that does.
+    path: its file, or its name in error messages. pose: as `read_on_body` takes it. Raises InputError as that
+    does.
     """
     if pose is not None and pose not in POSES:
         raise InputError(f"--garment-pose {pose}: expected one of {', '.join(POSES)}")
@@ -133,7 +133,7 @@ def _modelled_in_another(path: Path, mesh: Mesh, body: Body) -> UnwearableError 
 
 
 def _from_pose(path: Path, mesh: Mesh, body: Body, pose: str) -> tuple[Mesh, Diagnosis]:
-    """The mesh of a garment modelled on the body in one of POSES, taken along to the rest pose."""
+    """The mesh of a garment modelled on the body in one of POSES, transferred to the rest pose."""
     transforms = arms_held(body, pose)
     posed = posed_body(body, transforms)
     placed, diagnosis = diagnose(path, mesh, posed)

@@ -58,7 +58,7 @@ def bare_garment(name: str, mesh: Mesh, body: Body) -> Garment:
 
 
 def _fault(mesh: Mesh, body: Body, surface: BodySurface) -> str:
-    """Sentence that says what is wrong with a piece by itself, "" if nothing is."""
+    """Fault of a single piece as a sentence, "" if it has none."""
     if not torch.isfinite(mesh.vertices).all():
         return "a vertex is not a finite number"
     broken = _broken(mesh)
@@ -77,7 +77,7 @@ def _fault(mesh: Mesh, body: Body, surface: BodySurface) -> str:
 
 
 def _broken(mesh: Mesh) -> str:
-    """Sentence that says why the faces of a piece make no surface, "" if they do."""
+    """Reason why the faces of a piece are not a valid surface, "" if they are."""
     welded = weld(mesh.vertices)[mesh.faces]
     parts = int(face_components(welded.numpy(), welded.new_zeros(0).numpy()).max()) + 1
     if parts > 1:
