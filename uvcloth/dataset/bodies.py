@@ -1,4 +1,4 @@
-"""Bodies of a data folder: each is stored with its sequences, so that it need not be named again."""
+"""Bodies of a data folder: each is stored with its sequences, so that no option has to name it."""
 
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -32,7 +32,7 @@ def keep_body(body: Body, folder: Path, save: Callable[[Body, Path], None] = sav
 def sequence_body(path: Path, metadata: Mapping[str, Any], known: dict[str, Body]) -> Body:
     """The body that a sequence was simulated on: the one in its folder, or in the package.
 
-    known: bodies that were read before, by name; is added to. Raises InputError if it is neither.
+    known: bodies that were read before, by name; new ones are added. Raises InputError if it is neither.
     """
     name = str(metadata.get("body", ""))
     kept = path.parent / BODIES / f"{name}.npz"

@@ -41,10 +41,11 @@ FPS = 30.0
 """Frames per second of the data set; its files do not say."""
 
 MOST_METRES, MOST_SETTING = 1.0e4, 100.0
-"""Greatest numbers of a file: metres or radians of a frame, and others, such as parameters of a shape."""
+"""Limits for the numbers of a file: metres or radians of a frame, and all others, such as shape parameters.
+"""
 
 LEAST_EDGE = 0.001
-"""Metres that edges of a garment have at least, on average: weights spread from vertex to vertex."""
+"""Least mean edge length of a garment, m: weights spread from vertex to vertex."""
 
 REST_SPREAD = 0.15
 """Radians that each hip is turned outwards in the pose in which garments rest, arms as in the zero pose."""
@@ -76,7 +77,8 @@ MODELS = "smpl"
 """Folder, beside the samples, of the model files: model_f and model_m, .npz or .pkl."""
 
 EVERY = 10
-"""Frames of which one is read: neighbours add little to training, and thousands of samples fill memory."""
+"""One of this many frames is read: neighbours add little to training, and thousands of samples fill memory.
+"""
 
 SPLIT_FOLDERS = {"train": "train", "val": "validation", "validation": "validation", "test": "test"}
 
@@ -128,9 +130,9 @@ def read_cloth3d_sample(
     """Read a sample: its person as a body of SMPL's in its garments, and their motion.
 
     folder: with info.mat, and for each garment NAME.obj and NAME.pc16. smpl: model files of SMPL by gender,
-    female and male. every: read one frame out of so many. The body rests in the pose in which the garments
-    do, with its pelvis at the origin. Vertices of a cache are known to 1 mm within 2 m of the pelvis.
-    Raises InputError naming the file and what of it is missing, damaged, or does not fit the rest.
+    female and male. every: read one of this many frames. The body rests in the pose in which the garments do,
+    with its pelvis at the origin. Vertices of a cache are known to 1 mm within 2 m of the pelvis. Raises
+    InputError naming the file and the part that is missing, damaged, or does not fit the others.
     """
     info = _info(folder)
     poses, trans = (_frames(folder, info, name, size) for name, size in (("poses", 72), ("trans", 3)))
@@ -175,7 +177,7 @@ def _folders(root: Path) -> list[Path]:
 
 
 def _subject(folder: Path) -> str:
-    """Person of a sample: the first number of three, as in 01_05_s1; where there is no other, itself."""
+    """Person of a sample: the first of three numbers, as in 01_05_s1; in any other name the whole name."""
     parts = folder.name.split("_")
     return parts[0] if len(parts) == 3 else folder.name
 

@@ -1,4 +1,4 @@
-"""Data folders as clips: by their motion for training on templates, or by their outfits, dressed."""
+"""Data folders as clips: by their motion, for training on templates, or by their outfits."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -54,7 +54,7 @@ def read_clips(folders: Sequence[Path], garments: Sequence[str]) -> list[BodyCli
 def read_motions(
     windows: Path, body: Body, splits: Sequence[str] = SPLITS, clips_from: Path | None = None
 ) -> list[SimulatedClip]:
-    """Read the windows of an index as clips without garments: motion to learn from without simulations.
+    """Read the windows of an index as clips without garments: motion for training without simulations.
 
     clips_from: folder of the motion files, by default that of the index. Raises InputError as
     `read_index`, `clip_file` and `load_clip` do, and for a window that ends after its motion.
@@ -95,10 +95,10 @@ def require_rests(rests: Mapping[str, Tensor], clips: Sequence[SimulatedClip], b
 def read_outfit_clips(folder: Path, splits: Sequence[str] = SPLITS) -> list[tuple[Outfit, SimulatedClip]]:
     """Read the clips of a folder by outfit and name, each with its outfit, dressed.
 
-    What was not made with --outfits is one too, by itself or with its layers, of the split that the folder's
-    index says. Raises InputError naming the file if one is damaged, of no split, on a body that the folder
-    lacks, or of another motion than the outfit's other garments; and the folder if it holds none in these
-    splits.
+    A sequence that was not made with --outfits counts as an outfit too, alone or with its layers, in the
+    split that the folder's index gives. Raises InputError naming the file if one is damaged, of no split, on
+    a body that the folder lacks, or of another motion than the outfit's other garments; and the folder if it
+    holds none in these splits.
     """
     by_clip: dict[tuple[str, str], dict[str, tuple[Path, SimulatedClip]]] = {}
     for path, clip in _files_of(folder):

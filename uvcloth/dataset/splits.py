@@ -1,4 +1,4 @@
-"""Splits of clips: what is trained on, what chooses the network to keep, and the record of both."""
+"""Splits of clips: those for training, those that choose the network to keep, and the record of both."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from uvcloth.errors import InputError
 from uvcloth.motion.index import INDEX
 
 TRAINING_SPLITS = ("train", "validation")
-"""The splits of an index that training sees: training, and validation, which chooses the network to keep."""
+"""The splits of an index that training uses: training, and validation, which chooses the network to keep."""
 
 
 @dataclass(frozen=True)

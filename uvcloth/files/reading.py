@@ -9,7 +9,7 @@ ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:|[/\\]")
 """Beginning of a web address, of a drive, or of an absolute path."""
 
 LONGEST_NAME = 1000
-"""Characters of such a name."""
+"""Limit for the characters of such a name."""
 
 
 def read_content(path: Path) -> bytes:

@@ -25,7 +25,7 @@ def overview(folder: Path) -> RenderableType:
     """Make a table of frames by split and garment, and lines on bodies, engines, refusals and missing clips.
 
     Where a plan was simulated, each of its data folders is listed. Only metadata are read. Raises InputError
-    if the folder does not exist or holds nothing, and for an index or a plan that is none; files that are no
+    if the folder does not exist or holds nothing, and for an invalid index or plan; files that are not
     sequences of this version are listed.
     """
     if not folder.is_dir():
@@ -43,7 +43,7 @@ def overview(folder: Path) -> RenderableType:
 
 
 def _overview(folder: Path, planned: Set[tuple[str, str]] | None) -> RenderableType:
-    """Overview of one data folder. planned: clip and garment of what is to be there, None if no plan says."""
+    """Overview of one data folder. planned: clip and garment of each sequence, None without a plan."""
     stored, unreadable, size = [], [], 0
     for path, repeat in sequence_files(folder):
         size += path.stat().st_size
@@ -140,7 +140,7 @@ def _counted(what: str, names: Iterable[str]) -> list[str]:
 
 
 def _unfinished(frames: Mapping[str, int]) -> list[str]:
-    """Line on sequences that were interrupted or are under way, with the frames that are there of each."""
+    """Line on sequences that were interrupted or are in progress, with the number of their frames so far."""
     if not frames:
         return []
     named = [f"{name} {count}" for name, count in frames.items()][:MAX_NAMED]

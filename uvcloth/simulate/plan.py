@@ -1,4 +1,4 @@
-"""Plan of a batch: windows of clips, in an order of which any beginning is a good mixture."""
+"""Plan of a batch: windows of clips, in an order in which any first part is a good mixture."""
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -73,7 +73,7 @@ class ClipSelection:
 def batch_sources(selection: ClipSelection) -> list[Source]:
     """Find the clips of a batch, in order.
 
-    Raises InputError for an index that is none or lacks a named clip, and for a clip without a file.
+    Raises InputError for an index that is invalid or lacks a named clip, and for a clip without a file.
     """
     clips, windows = selection.clips, selection.windows
     clips_from, splits, options = selection.clips_from, selection.splits, selection.options

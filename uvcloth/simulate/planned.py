@@ -88,7 +88,7 @@ def simulate_plan(
 
 
 def ordered(rows: Sequence[PlanRow]) -> list[PlanRow]:
-    """Order rows so that any beginning is a good mixture.
+    """Order rows so that any first part is a good mixture.
 
     Single garments come before layered ones, ensemble members last; within each validation, test, training,
     as `interleaved` orders them, with all garments and bodies of a motion one after another.

@@ -55,7 +55,7 @@ class Remeshed:
     engine: Engine
 
     def describe(self) -> dict[str, Any]:
-        """Describe the engine, as `Engine` says; its settings say that the mesh is another."""
+        """Describe the engine, as `Engine` says; its settings include the change of the mesh."""
         described = self.engine.describe()
         return {**described, "settings": {**described["settings"], "mesh": "remeshed"}}
 

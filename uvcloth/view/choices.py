@@ -1,4 +1,4 @@
-"""Motions, garments, models and bodies that the live view offers, and the rollout of what was chosen."""
+"""Motions, garments, models and bodies that the live view offers, and the rollout of a choice."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -99,7 +99,7 @@ class Choices:
         return replace(_perform(ready), title=Path(choice.motion).stem, truth=sequence.vertices)
 
     def _simulated_garment(self, path: str, sequence: SimulatedClip) -> str:
-        """The template or file of a sequence's garment. Raises InputError if it is none of the choices."""
+        """The template or file of a sequence's garment. Raises InputError if it is not among the choices."""
         (simulated,) = sequence.garments
         for name in self.garments:
             if simulated.name in (name, Path(name).stem):
@@ -108,7 +108,7 @@ class Choices:
 
 
 def _perform(ready: ReadyRollout) -> Performance:
-    """A rollout that goes on where a garment tears, for the page."""
+    """A rollout for the page, which continues where a garment tears."""
     return Performance(
         title=ready.motion.name,
         body=ready.proxied.outfit.body,

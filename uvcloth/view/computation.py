@@ -54,8 +54,8 @@ class Performance:
 class Computation:
     """A performance that is prepared and computed ahead of what is shown; nothing waits for it.
 
-    performance: None until it is prepared. frames: those that there are, which grow. complete: no more will
-    come. failure: a sentence for people, "" while all is well.
+    performance: None until it is prepared. frames: those computed so far. complete: true if no more will
+    come. failure: an error message, "" without an error.
     """
 
     def __init__(self, prepare: Callable[[], Performance]) -> None:

@@ -22,7 +22,7 @@ ASIDE = -1.2
 """Metres along x from the predicted body to the simulated one."""
 
 HOST = "127.0.0.1"
-"""Where the page is served: to this machine alone, for whoever reaches it chooses what is computed."""
+"""Address of the page: this machine only, because a visitor of the page can choose what is computed."""
 
 IDLE_SECONDS = 0.1
 """Time between two looks at the controls while nothing plays."""

@@ -1,11 +1,11 @@
 # mypy: ignore-errors
-"""Self-contact of pairs that are near enough to matter; of the others nothing is worked out.
+"""Self-contact of the pairs that are near enough to matter; all others are skipped.
 
 Stand-ins for functions of SolverVBD that take the same arguments and give the same results. Cloth meets
 itself in few places, but each vertex has some faces and each edge some edges of its own neighbourhood within
 the distance in which self-contact is watched, and the solver looks at all of them for every color of every
-iteration. Seen along any axis, two shapes are at most as far apart as they are: along the one between their
-middles that is quickly told, and mostly enough.
+iteration. The gap of two shapes along any axis is a lower bound of their distance; the axis between their
+middles gives one that is cheap and mostly sufficient.
 """
 
 import warp as wp
