@@ -139,7 +139,7 @@ def test_another_machine_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     with pytest.raises(InputError, match="a: is already being written, name every output once"):
         Partial(tmp_path / "a")
     monkeypatch.setattr(lock.socket, "gethostname", lambda: "here")
-    with pytest.raises(InputError, match=f"a: process {os.getpid()} on {os.uname().nodename} writes it"):
+    with pytest.raises(InputError, match=f"a: process {os.getpid()} on {os.uname().nodename} is writing it"):
         Partial(tmp_path / "a")
     partial.remove()
 

@@ -256,11 +256,11 @@ def test_nothing_is_fetched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     mesh = read_mesh(path)
     assert isinstance(mesh, AuthoredMesh)
     assert mesh.polygons.materials[0].texture is None
-    assert "http://127.0.0.1:9/wool.png is not read" in mesh.polygons.missing[-1]
+    assert "http://127.0.0.1:9/wool.png lies outside" in mesh.polygons.missing[-1]
     written["buffers"][0]["uri"] = "https://127.0.0.1:9/box.bin"
     path.write_text(json.dumps(written))
     with pytest.raises(
-        InputError, match=r"box\.gltf: its buffer https://127\.0\.0\.1:9/box\.bin is not read"
+        InputError, match=r"box\.gltf: its buffer https://127\.0\.0\.1:9/box\.bin lies outside"
     ):
         read_mesh(path)
 

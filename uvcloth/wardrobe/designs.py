@@ -112,7 +112,7 @@ class Design:
                 f"{source}: {kind!s:.40} is not a type of piece, expected one of {', '.join(KINDS)}"
             )
         if not isinstance(parameters, Mapping) or set(parameters) != set(KINDS[kind]):
-            raise InputError(f"{source}: expected the parameters of {' and '.join(KINDS[kind])} for {kind}")
+            raise InputError(f"{source}: the parts of {kind} have to be {' and '.join(KINDS[kind])}")
         parts = {name: _part(PARTS[name], values, f"{source}: {name}") for name, values in parameters.items()}
         return cls(kind, **parts)
 
