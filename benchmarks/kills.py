@@ -50,7 +50,7 @@ def commands(inputs: Path) -> list[Command]:
     resume, one, pair = ("--resume",), ("--jobs", "1"), ("--jobs", "2")
     return [
         *(
-            Command(f"rollout-{kind}", "uvcloth", (*rollout, "--no-contact", "--out", f"OUT/a.{kind}"))
+            Command(f"rollout-{kind}", "uvcloth", (*rollout, "--finish", "none", "--out", f"OUT/a.{kind}"))
             for kind in FORMATS
         ),
         Command("rollout-four", "uvcloth", (*rollout, "--out", *(f"OUT/a.{kind}" for kind in FORMATS[:4]))),

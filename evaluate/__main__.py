@@ -26,7 +26,8 @@ class Evaluate:
         tyro.conf.arg(
             metavar="NAME|RUN ...",
             help=f"Methods: {list_methods()}; and folders written by `python -m train`; for layered outfits "
-            "also one for each garment, the innermost first: RUN_A+RUN_B.",
+            "also one for each garment, the innermost first: RUN_A+RUN_B. The cloth solver finishes "
+            "NAME@dynamic and NAME@static.",
         ),
     ]
     data: Path

@@ -1,7 +1,7 @@
 """The methods in a comparison, and what their checkpoints say of them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from uvcloth.bodies.body import Body
@@ -11,6 +11,9 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.method import Method
+from uvcloth.methods.physics.finish import Finished, Settled
+from uvcloth.methods.physics.method import Physics
+from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import load_method, model_folder
 
 SIMULATION = "simulation"
@@ -18,6 +21,9 @@ SIMULATION = "simulation"
 
 IN_ORDER = "+"
 """Between models that are one candidate, one for each garment, the innermost first."""
+
+FINISHED = "@"
+"""Between a model, or several in order, and the finish of the solver that it has."""
 
 TRAINING = ("step", "epochs", "minutes", "samples")
 """The notes of a checkpoint that say how long it was trained."""
@@ -47,7 +53,8 @@ class Candidate:
 def load_candidates(models: Sequence[str], body: Body) -> tuple[Candidate, ...]:
     """Load what ships by name, trained models by folder, and several in order with "+" between them.
 
-    Raises InputError for unknown or equal names.
+    With "@dynamic" or "@static" behind them the cloth solver finishes their garments. Raises InputError for
+    unknown or equal names.
     """
     candidates = tuple(_load(model, body) for model in models)
     names = [candidate.name for candidate in candidates]
@@ -75,8 +82,13 @@ def assigned(
 
 
 def _load(model: str, body: Body) -> Candidate:
-    """One model, or several in order; a folder may have the sign in its name."""
-    if IN_ORDER not in model or (Path(model) / CONFIG).exists():
+    """One model, or several in order, and their finish; a folder may have the signs in its name."""
+    if (Path(model) / CONFIG).exists():
+        return _load_one(model, body)
+    unfinished, sign, finish = model.rpartition(FINISHED)
+    if sign:
+        return _finished(_load(unfinished, body), finish)
+    if IN_ORDER not in model:
         return _load_one(model, body)
     return _in_order([_load_one(part, body) for part in model.split(IN_ORDER)])
 
@@ -96,6 +108,25 @@ def _load_one(model: str, body: Body) -> Candidate:
         training_frames=checkpoint.notes.get("training_frames"),
         clips=checkpoint.data.clips,
         training={key: checkpoint.notes[key] for key in TRAINING if key in checkpoint.notes},
+    )
+
+
+def _finished(candidate: Candidate, finish: str) -> Candidate:
+    """The candidate with a finish, under a name that says so."""
+    solver = Physics(PhysicsConfig())
+    if finish == "dynamic":
+        method: Method = Finished.of(candidate.method, solver)
+    elif finish == "static":
+        method = Settled.of(candidate.method, solver)
+    else:
+        raise InputError(
+            f"--model {candidate.name}{FINISHED}{finish}: expected {FINISHED}dynamic or {FINISHED}static"
+        )
+    return replace(
+        candidate,
+        name=f"{candidate.name}{FINISHED}{finish}",
+        method=method,
+        fingerprint=fingerprint(candidate.fingerprint, finish),
     )
 
 

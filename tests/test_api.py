@@ -303,7 +303,9 @@ def test_what_does_not_go_together_is_refused(body: Body, tmp_path: Path) -> Non
     with pytest.raises(uvcloth.InputError, match="did you mean 'physxnet'"):
         uvcloth.rollout("physxnett", walk, tops)
     with pytest.raises(uvcloth.InputError, match="--fabric silk: model physxnet"):
-        uvcloth.rollout("physxnet", walk, uvcloth.fit("tops", body, fabric="silk"))
+        uvcloth.rollout("physxnet", walk, uvcloth.fit("tops", body, fabric="silk"), finish="contact")
+    with pytest.raises(uvcloth.InputError, match="--finish varnish: expected one of dynamic, static"):
+        uvcloth.rollout("lbs", walk, tops, finish="varnish")  # type: ignore[arg-type]
     with pytest.raises(uvcloth.InputError, match="--device abacus: is not available on this machine"):
         uvcloth.rollout_frames("lbs", walk, tops, device="abacus")
     with pytest.raises(uvcloth.InputError, match="--engine magic: expected one of explicit"):
@@ -348,7 +350,7 @@ def test_difficult_and_replaced_frames_are_logged(
 
 def test_an_animation_without_a_body_has_no_pictures(body: Body, tmp_path: Path) -> None:
     walk, tops = uvcloth.load_motion("walk", body, frames="0:2"), uvcloth.fit("tops", body)
-    alone = replace(uvcloth.rollout("lbs", walk, tops, contact=False), body=None)
+    alone = replace(uvcloth.rollout("lbs", walk, tops, finish="none"), body=None)
     (written,) = uvcloth.export(alone, tmp_path / "alone.npz")
     assert load_animation(written).transforms.shape[0] == 2
     with pytest.raises(uvcloth.InputError, match=r"a\.png: pictures need the body"):

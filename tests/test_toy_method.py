@@ -155,7 +155,7 @@ def test_a_method_in_one_file_trains_rolls_out_is_judged_and_exported(
     monkeypatch.setattr(sys, "argv", ["train", "moved", "--data", str(data), "--out", str(run)])
     train()
 
-    summary = animate(Rollout("walk", OUTFIT, (tmp_path / "walk.npz",), (str(run),), contact=False))
+    summary = animate(Rollout("walk", OUTFIT, (tmp_path / "walk.npz",), (str(run),), finish="none"))
     worn = load_animation(tmp_path / "walk.npz")
     assert worn.names == OUTFIT
     assert len(worn) == summary.frames

@@ -30,7 +30,11 @@ from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.order import check_order
 from uvcloth.geometry.arrays import Array
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.methods.finish_names import FinishName
 from uvcloth.methods.method import Method, require_fabric_read
+from uvcloth.methods.physics.finish import finished
+from uvcloth.methods.physics.method import Physics
+from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.arrays import clip_of_transforms
 from uvcloth.motion.capture import find_jump, find_standstill
@@ -166,7 +170,7 @@ def rollout(
     motion: Clip | File,
     garments: Garments,
     *,
-    contact: bool = True,
+    finish: FinishName | None = None,
     device: str = "cpu",
     keep_going: bool = False,
 ) -> Animation:
@@ -174,15 +178,16 @@ def rollout(
 
     model, motion, garments: what `load_model`, `load_motion` and `fit` return, or take: that is then loaded
     for the body of the garments. A motion of one frame, a pose, becomes the way into it from rest.
-    contact: move vertices out of the body and give edges their rest length back. device: "cpu" or "cuda".
-    keep_going: a garment that is torn is that of linear blend skinning in its frame, instead of an error.
+    finish: "dynamic", "static", "contact" or "none", as `uvcloth rollout --finish`; None for the usual one.
+    device: "cpu" or "cuda". keep_going: a garment that is torn is that of linear blend skinning in its frame,
+    instead of an error.
 
     Returns all frames of garments and body; `rollout_frames` gives them one by one. Frames that were
     difficult, and garments that were replaced, are logged as warnings.
     Raises InputError for what does not go together, BrokenRolloutError, which is one, naming the first frame
     and garment that is torn or not finite.
     """
-    ready = _ready(model, motion, garments, contact)
+    ready = _ready(model, motion, garments, finish)
     difficulties, count = Difficulties(), len(ready.transforms)
     meshes = ready.proxied.meshes
     vertices = tuple(np.empty((count, len(mesh.vertices), 3), np.float32) for mesh in meshes)
@@ -206,7 +211,7 @@ def rollout_frames(
     motion: Clip | File,
     garments: Garments,
     *,
-    contact: bool = True,
+    finish: FinishName | None = None,
     device: str = "cpu",
     keep_going: bool = False,
 ) -> Iterator[RolloutFrame]:
@@ -215,7 +220,7 @@ def rollout_frames(
     Memory does not grow with their number. Raises InputError at the call for what does not go together, and
     BrokenRolloutError in between.
     """
-    ready, place = _ready(model, motion, garments, contact), find_device(device)
+    ready, place = _ready(model, motion, garments, finish), find_device(device)
     return (frame.in_world() for frame in ready.frames(place, keep_going=keep_going))
 
 
@@ -313,11 +318,12 @@ def _motion(motion: Clip | File, outfit: Outfit) -> Clip:
     return motion if isinstance(motion, Clip) else load_motion(motion, outfit.body)
 
 
-def _ready(model: Model, motion: Clip | File, garments: Garments, contact: bool) -> ReadyRollout:
+def _ready(model: Model, motion: Clip | File, garments: Garments, finish: FinishName | None) -> ReadyRollout:
     """Bring together what a rollout is asked for. Raises InputError for what does not go together."""
     outfit = _outfit(garments)
     clip = _motion(motion, outfit)
     method = load_model(model, outfit.body) if isinstance(model, str | PathLike | Sequence) else model
+    method, contact = finished(method, outfit, finish, Physics(PhysicsConfig()))
     for garment in outfit.garments:
         if garment.fabric != JERSEY:
             require_fabric_read(method, _fabric_name(garment.fabric))

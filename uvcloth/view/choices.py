@@ -10,6 +10,11 @@ from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
+from uvcloth.methods.finish_names import FinishName
+from uvcloth.methods.method import Method
+from uvcloth.methods.physics.finish import finished
+from uvcloth.methods.physics.method import Physics
+from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import DEFAULT, METHODS, load_method
 from uvcloth.motion.arrays import clip_of_transforms
 from uvcloth.motion.library import builtin_clips, load_clip
@@ -31,7 +36,7 @@ class Choice:
     garments: tuple[str, ...]
     model: str
     body: str
-    contact: bool = True
+    finish: FinishName | None = None
 
 
 @dataclass(frozen=True)
@@ -84,8 +89,8 @@ class Choices:
         if not choice.garments:
             raise InputError("choose a garment")
         outfit = Outfit(body, load_outfit(choice.garments, body))
-        method = load_method(choice.model, body)
-        return _perform(ready_rollout(method, outfit, load_clip(choice.motion, body), choice.contact))
+        method, contact = _method(choice, outfit)
+        return _perform(ready_rollout(method, outfit, load_clip(choice.motion, body), contact))
 
     def _beside_simulation(self, choice: Choice, body: Body) -> Performance:
         """The rollout over the motion of a sequence, in its garment, to be compared vertex by vertex."""
@@ -94,8 +99,8 @@ class Choices:
         outfit = Outfit(body, load_outfit([garment], body))
         _require_same(choice.motion, sequence, outfit)
         motion = clip_of_transforms(sequence.transforms, body, sequence.fps, choice.motion)
-        method = load_method(choice.model, body)
-        ready = ready_rollout(method, outfit, motion, choice.contact, proxies=False)
+        method, contact = _method(choice, outfit)
+        ready = ready_rollout(method, outfit, motion, contact, proxies=False)
         return replace(_perform(ready), title=Path(choice.motion).stem, truth=sequence.vertices)
 
     def _simulated_garment(self, path: str, sequence: SimulatedClip) -> str:
@@ -105,6 +110,12 @@ class Choices:
             if simulated.name in (name, Path(name).stem):
                 return name
         raise InputError(f"{path}: its garment {simulated.name} is unknown, give its file with --garment")
+
+
+def _method(choice: Choice, outfit: Outfit) -> tuple[Method, bool]:
+    """The method of a choice with its finish, and whether contact comes after it."""
+    method = load_method(choice.model, outfit.body)
+    return finished(method, outfit, choice.finish, Physics(PhysicsConfig()))
 
 
 def _perform(ready: ReadyRollout) -> Performance:

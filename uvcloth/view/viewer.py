@@ -11,12 +11,16 @@ import torch
 from torch import Tensor
 
 from uvcloth.errors import InputError
+from uvcloth.methods.finish_names import FINISHES
 from uvcloth.view.choices import Choice, Choices
 from uvcloth.view.computation import Computation, Performance, ShownFrame
 from uvcloth.view.heat import CONTACT, ERROR, QUANTITIES, STRETCH, Quantity, Stretch, legend
 from uvcloth.view.stage import Actor
 
 NO_HEAT = "none"
+
+USUAL = "usual"
+"""Finish that the model has by default."""
 
 ASIDE = -1.2
 """Metres along x from the predicted body to the simulated one."""
@@ -67,7 +71,7 @@ class Viewer:
         self._choices: Choices | None = None
         self._choice: Choice | None = None
         self.controls: dict[str, Any] = {}
-        """What was offered, by name: motion, model, body, contact, and a checkbox for each garment."""
+        """What was offered, by name: motion, model, body, finish, and a checkbox for each garment."""
 
     @property
     def address(self) -> str:
@@ -83,15 +87,15 @@ class Viewer:
             garments = {name: gui.add_checkbox(name, name in first.garments) for name in choices.garments}
             model = gui.add_dropdown("Model", choices.models, initial_value=first.model)
             body = gui.add_dropdown("Body", choices.bodies, initial_value=first.body)
-            contact = gui.add_checkbox("Contact", first.contact)
-        self.controls = {"motion": motion, "model": model, "body": body, "contact": contact, **garments}
+            finish = gui.add_dropdown("Finish", (USUAL, *FINISHES), initial_value=first.finish or USUAL)
+        self.controls = {"motion": motion, "model": model, "body": body, "finish": finish, **garments}
         self._choices = choices
         self._selection = lambda: Choice(
             motion=motion.value,
             garments=tuple(name for name in choices.garments if garments[name].value),
             model=model.value,
             body=body.value,
-            contact=contact.value,
+            finish=None if finish.value == USUAL else finish.value,
         )
 
     def show(self, computation: Computation) -> None:
@@ -178,7 +182,7 @@ class Viewer:
         self.shown = index
 
     def _draw(self, index: int, frame: ShownFrame) -> None:
-        """Move all meshes to a frame, with the heat map that is chosen."""
+        """Move all meshes to a frame, with the heat map that is choice."""
         label = self._heat.value
         truth = None if self._performance is None else self._performance.truth
         quantity = next((each for each in QUANTITIES if each.label == label), None)

@@ -13,9 +13,10 @@ from uvcloth.bodies.frames import body_frames, side_by_side, with_lead
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
+from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.lbs import LBSConfig, LinearBlendSkinning, create_lbs
 from uvcloth.methods.method import Method
-from uvcloth.methods.physics.finish import Finished, Settled
+from uvcloth.methods.physics.finish import Finished, Settled, finished
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import load_method
@@ -142,6 +143,28 @@ def test_a_finish_keeps_the_name_and_the_reasons_of_its_method(body: Body) -> No
     assert finished.traits.reads_fabric
     dress: Garment = fit_template("dress", body)
     assert Finished.of(load_method("pbns", body), FAST).unsupported_reason(Outfit(body, (dress,)))
+
+
+def test_trained_methods_are_finished_by_the_solver_where_it_can_move_the_outfit(body: Body) -> None:
+    tops, trousers = fit_template("tops", body), fit_template("bottoms", body)
+    outfit = Outfit(body, (trousers, tops))
+    mixed = Outfit(body, (trousers, replace(tops, fabric=FABRICS["silk"])))
+    trained, baseline = load_method("physxnet", body), load_method("lbs_smooth", body)
+    usual, contact = finished(trained, outfit, None, FAST)
+    assert isinstance(usual, Finished)
+    assert usual.guide.name == "physxnet"
+    assert contact
+    for method, worn in (
+        (trained, mixed),
+        (baseline, outfit),
+        (FAST, outfit),
+        (Ensemble((baseline, FAST)), outfit),
+    ):
+        assert finished(method, worn, None, FAST) == (method, True)
+    assert finished(trained, outfit, "contact", FAST) == (trained, True)
+    assert finished(trained, outfit, "none", FAST) == (trained, False)
+    assert isinstance(finished(baseline, outfit, "dynamic", FAST)[0], Finished)
+    assert isinstance(finished(FAST, outfit, "static", FAST)[0], Settled)
 
 
 def test_a_settled_pose_does_not_depend_on_what_was_before(skirt: Outfit) -> None:

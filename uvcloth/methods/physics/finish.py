@@ -10,6 +10,7 @@ from torch import Tensor
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.capabilities import (
     GarmentSpace,
@@ -20,6 +21,7 @@ from uvcloth.methods.capabilities import (
     round_trip,
     with_contact,
 )
+from uvcloth.methods.finish_names import FINISHES, FinishName
 from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.method import Method, Traits
 from uvcloth.methods.physics.method import Physics
@@ -155,6 +157,28 @@ class Settled(Finish):
     def displaced(self, prepared: tuple[Any, CagedOutfit], state: Any, shift: Tensor) -> Any:
         """The state of the method displaced by (B, 3) m."""
         return self.guide.displaced(prepared[0], state, shift)
+
+
+def finished(
+    method: Method, outfit: Outfit, finish: FinishName | None, physics: Physics
+) -> tuple[Method, bool]:
+    """The method with its finish for an outfit, and whether contact comes after it.
+
+    finish: None for the usual one: dynamic for trained methods, where the solver can move the outfit; contact
+    for baselines, beside physics, and for other outfits. Raises InputError for a name that is none.
+    """
+    if finish is not None and finish not in FINISHES:
+        raise InputError(f"--finish {finish}: expected one of {', '.join(FINISHES)}")
+    solves = isinstance(method, Physics)
+    if finish is None:
+        parts = method.parts if isinstance(method, Wrapper) else (method,)
+        trained = not any(isinstance(part, Physics) or part.traits.is_baseline for part in parts)
+        finish = "dynamic" if trained and not physics.unsupported_reason(outfit) else "contact"
+    if finish == "static":
+        return static_physics(physics) if solves else Settled.of(method, physics), True
+    if finish == "dynamic" and not solves:
+        return Finished.of(method, physics), True
+    return method, finish != "none"
 
 
 def static_physics(physics: Physics) -> Settled:

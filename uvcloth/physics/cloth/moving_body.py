@@ -191,7 +191,7 @@ def _ways(body: Body, start: Array, end: Array) -> tuple[Array, Array]:
 
 @compiled
 def end_passage(passage: Passage, positions: Array) -> Memory:
-    """What is known at the end of the frame, with cloth at (N, 3) m."""
+    """Memory at the end of the frame, with cloth at (N, 3) m."""
     clear, left = passage.clear.copy(), ONE - passage.share[0]
     for vertex in range(len(positions)):
         way = sub(load(positions, vertex), load(passage.cloth, vertex))

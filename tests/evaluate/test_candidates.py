@@ -1,0 +1,33 @@
+"""Candidates: models by name, by folder, in order, and with the finish of the cloth solver."""
+
+import pytest
+
+from evaluate.candidates import load_candidates
+from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
+from uvcloth.methods.ensemble import Ensemble
+from uvcloth.methods.physics.finish import Finished, Settled
+
+
+def test_a_finish_makes_another_candidate(body: Body) -> None:
+    plain, dynamic, static = load_candidates(("physxnet", "physxnet@dynamic", "physxnet@static"), body)
+    assert [each.name for each in (plain, dynamic, static)] == [
+        "physxnet",
+        "physxnet@dynamic",
+        "physxnet@static",
+    ]
+    assert isinstance(dynamic.method, Finished)
+    assert isinstance(static.method, Settled)
+    assert len({each.fingerprint for each in (plain, dynamic, static)}) == 3
+    assert plain.seen == dynamic.seen != frozenset()
+
+
+def test_several_in_order_have_one_finish(body: Body) -> None:
+    (both,) = load_candidates(("lbs+lbs_smooth@dynamic",), body)
+    assert isinstance(both.method, Finished)
+    assert isinstance(both.method.guide, Ensemble)
+
+
+def test_another_finish_is_refused(body: Body) -> None:
+    with pytest.raises(InputError, match="--model lbs@varnish: expected @dynamic or @static"):
+        load_candidates(("lbs@varnish",), body)

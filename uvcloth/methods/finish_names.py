@@ -1,0 +1,8 @@
+"""Names of the last steps after a prediction, without what they need to run."""
+
+from typing import Literal, get_args
+
+FinishName = Literal["dynamic", "static", "contact", "none"]
+"""The solver moves the garments, or lets them come to rest; contact moves them off the body; or nothing."""
+
+FINISHES: tuple[FinishName, ...] = get_args(FinishName)
