@@ -182,7 +182,7 @@ class Viewer:
         self.shown = index
 
     def _draw(self, index: int, frame: ShownFrame) -> None:
-        """Move all meshes to a frame, with the heat map that is choice."""
+        """Move all meshes to a frame, with the chosen heat map."""
         label = self._heat.value
         truth = None if self._performance is None else self._performance.truth
         quantity = next((each for each in QUANTITIES if each.label == label), None)

@@ -164,8 +164,9 @@ def finished(
 ) -> tuple[Method, bool]:
     """The method with its finish for an outfit, and whether contact comes after it.
 
-    finish: None for the usual one: dynamic for trained methods, where the solver can move the outfit; contact
-    for baselines, beside physics, and for other outfits. Raises InputError for a name that is none.
+    finish: None for the usual one, which is dynamic for trained methods if the solver can move the outfit,
+    and contact for other outfits, for baselines and for methods with physics. Raises InputError for an
+    unknown name.
     """
     if finish is not None and finish not in FINISHES:
         raise InputError(f"--finish {finish}: expected one of {', '.join(FINISHES)}")
