@@ -13,7 +13,7 @@ from evaluate.actions import Window
 from evaluate.body_scores import body_scores, dressed_body
 from evaluate.candidates import Candidate
 from evaluate.case import Case
-from evaluate.metrics import distance_scores, frame_scores, layer_scores
+from evaluate.metrics import distance_scores, layer_scores, map_mse, shape_scores
 from evaluate.stability import stability_scores, uses_feedback
 from uvcloth.bodies.frames import LEAD, body_frames, with_lead
 from uvcloth.dataset.clip import MOTION_TOLERANCE, SimulatedClip, content_hash
@@ -104,20 +104,32 @@ def judge_simulation(case: Case) -> CaseScores:
 
 def score(case: Case, raw: Tensor, resolved: Tensor) -> CaseScores:
     """Score predictions of all garments before (F, N, 3) and after contact (F, N, 3) on the scored frames."""
-    parts: dict[str, dict[str, Tensor]] = {}
-    for part in case.parts:
-        before, after = raw[:, part.rows], resolved[:, part.rows]
-        dressed = dressed_body(case.outfit.body, part.meshes)
-        parts[part.name] = frame_scores(before, after, part.reference)
-        for suffix, frames in (("_raw", before), ("", after)):
-            scores = body_scores(dressed, frames, case.body_vertices)
-            parts[part.name] |= {f"{key}{suffix}": values for key, values in scores.items()}
-    *garments, whole = case.parts
-    for suffix, frames in (("_raw", raw), ("", resolved)):
-        layers = {part.name: frames[:, part.rows] for part in garments}
-        scores = layer_scores(layers, {part.name: part.reference.faces for part in garments})
-        parts[whole.name] |= {f"{key}{suffix}": values for key, values in scores.items()}
+    before = _frame_scores(case, raw)
+    after = before if torch.equal(raw, resolved) else _frame_scores(case, resolved)
+    parts = {
+        part.name: {
+            **map_mse(raw[:, part.rows], part.reference),
+            **{f"{key}_raw": values for key, values in before[part.name].items()},
+            **after[part.name],
+        }
+        for part in case.parts
+    }
     return CaseScores(parts, resolved[:: case.stride])
+
+
+def _frame_scores(case: Case, frames: Tensor) -> dict[str, dict[str, Tensor]]:
+    """Scores of each part of an outfit (F, N, 3), per frame, and in those of the whole where layers lie."""
+    parts = {}
+    for part in case.parts:
+        vertices, dressed = frames[:, part.rows], dressed_body(case.outfit.body, part.meshes)
+        parts[part.name] = {
+            **shape_scores(vertices, part.reference),
+            **body_scores(dressed, vertices, case.body_vertices),
+        }
+    *garments, whole = case.parts
+    layers = {part.name: frames[:, part.rows] for part in garments}
+    parts[whole.name] |= layer_scores(layers, {part.name: part.reference.faces for part in garments})
+    return parts
 
 
 @torch.no_grad()

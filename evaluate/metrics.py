@@ -44,33 +44,25 @@ def distance_scores(predicted: Tensor, truth: Tensor) -> dict[str, Tensor]:
     return {"vertex_mean_mm": squared.sqrt().mean(-1), "vertex_mse_mm2": squared.mean(-1)}
 
 
-def map_mse(predicted: Tensor, truth: Tensor, corners: Tensor, barycentrics: Tensor) -> Tensor:
+def map_mse(predicted: Tensor, reference: Reference) -> dict[str, Tensor]:
     """Mean squared distance in mm2 of the garment's map over its valid texels, (F,) from (F, N, 3).
 
     An offset map stores, per body texel, the garment point that it sees minus the body point (PhysXNet
     eq. 8); both maps share the body, so their difference is the vertex error baked through the texels'
-    corners and barycentrics (P, 3).
+    corners and barycentrics. Nothing for a garment without a map.
     """
-    error = (predicted - truth) * MM
-    return gather(error, corners, barycentrics).square().sum(-1).mean(-1)
-
-
-def frame_scores(raw: Tensor, resolved: Tensor, reference: Reference) -> dict[str, Tensor]:
-    """Every measure that needs no body, per frame: (F,) each, jitter (F - 2,).
-
-    raw: (F, N, 3) before contact, for the map and what is called raw. resolved: (F, N, 3) after contact.
-    A garment without a map has no map_mse_mm2.
-    """
-    corners, barycentrics = reference.texel_corners, reference.texel_barycentrics
-    mapped = {}
-    if corners is not None and barycentrics is not None:
-        mapped["map_mse_mm2"] = map_mse(raw, reference.vertices, corners, barycentrics)
-    before = {f"{key}_raw": values for key, values in shape_scores(raw, reference).items()}
-    return {**mapped, **before, **shape_scores(resolved, reference)}
+    if reference.texel_corners is None or reference.texel_barycentrics is None:
+        return {}
+    error = (predicted - reference.vertices) * MM
+    texels = gather(error, reference.texel_corners, reference.texel_barycentrics)
+    return {"map_mse_mm2": texels.square().sum(-1).mean(-1)}
 
 
 def shape_scores(vertices: Tensor, reference: Reference) -> dict[str, Tensor]:
-    """Vertex errors of (F, N, 3), change of edges, bending, jitter and self-intersection: (F,) each."""
+    """Every measure of (F, N, 3) that needs no body, per frame: (F,) each, jitter (F - 2,).
+
+    Vertex errors, change of edges, bending, jitter and self-intersection.
+    """
     return {
         **distance_scores(vertices, reference.vertices),
         "edge_mm": edge_change(vertices, reference.rest, reference.faces) * MM,

@@ -1,6 +1,7 @@
 """The measures on cases whose answer is known without them."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -9,8 +10,8 @@ from torch import Tensor
 from evaluate.metrics import (
     Reference,
     distance_scores,
-    frame_scores,
     map_mse,
+    shape_scores,
 )
 from uvcloth.geometry.mesh import unique_edges
 
@@ -47,7 +48,7 @@ def reference(frames: int = 8) -> Reference:
 def test_a_shift_is_its_own_length() -> None:
     truth = reference()
     shifted = truth.vertices + torch.tensor([0.003, 0.0, 0.004])
-    scores = frame_scores(shifted, shifted, truth)
+    scores = {**shape_scores(shifted, truth), **map_mse(shifted, truth)}
     assert torch.allclose(scores["vertex_mean_mm"], torch.full((8,), 5.0), atol=1e-3)
     assert torch.allclose(scores["vertex_mse_mm2"], torch.full((8,), 25.0), atol=1e-2)
     assert torch.allclose(scores["map_mse_mm2"], torch.full((8,), 25.0), atol=1e-2)
@@ -63,17 +64,19 @@ def test_mean_and_root_mean_square_differ_as_they_should() -> None:
 
 
 def test_map_error_is_the_vertex_error_seen_through_the_texels() -> None:
-    truth = torch.zeros(1, 3, 3)
+    still = torch.zeros(1, 3, 3)
     predicted = torch.tensor([[[0.006, 0.0, 0.0], [0.0, 0.0, 0.0], [-0.006, 0.0, 0.0]]])
     corners = torch.tensor([[0, 1, 2], [0, 1, 2]])
     weights = torch.tensor([[0.5, 0.5, 0.0], [0.5, 0.0, 0.5]])
     # The first texel sees 3 mm, in the second the two errors cancel.
-    assert float(map_mse(predicted, truth, corners, weights)) == pytest.approx(9.0 / 2)
+    truth = Reference(still, still[0], torch.tensor([[0, 1, 2]]), FPS, corners, weights)
+    assert float(map_mse(predicted, truth)["map_mse_mm2"]) == pytest.approx(9.0 / 2)
+    assert map_mse(predicted, replace(truth, texel_corners=None)) == {}
 
 
 def test_rigid_motion_neither_stretches_nor_bends() -> None:
     truth = reference()
-    scores = frame_scores(truth.vertices, truth.vertices, truth)
+    scores = shape_scores(truth.vertices, truth)
     assert scores["edge_mm"].max() < 1e-4
     assert scores["bend_rad"].max() < 1e-3
     assert scores["vertex_mean_mm"].max() == 0
@@ -81,7 +84,7 @@ def test_rigid_motion_neither_stretches_nor_bends() -> None:
 
 def test_scores_are_in_millimetres_per_frame() -> None:
     truth = reference()
-    stretched = frame_scores(1.1 * truth.vertices, 1.1 * truth.vertices, truth)
+    stretched = shape_scores(1.1 * truth.vertices, truth)
     edges = unique_edges(truth.faces)
     lengths = (truth.rest[edges[:, 0]] - truth.rest[edges[:, 1]]).norm(dim=1)
     frames = len(truth.vertices)

@@ -288,7 +288,7 @@ def _attributes(record: _Record) -> dict[Any, Any]:
 def _shape(shape: Any) -> tuple[int, ...]:
     sizes = tuple(plain(size) for size in shape) if isinstance(shape, tuple | list) else ()
     if not sizes or not all(isinstance(size, int | np.integer) and size >= 0 for size in sizes):
-        raise InputError("holds an array with an invalid shape")
+        raise InputError("holds an array of an invalid shape")
     return tuple(int(size) for size in sizes)
 
 

@@ -39,6 +39,10 @@ def borrowing(function: Function) -> Function:
     return _kept(function, _nrt=False)
 
 
+DONE, FAILED = b"1", b"0"
+"""Answers of the child process to a task."""
+
+
 class ChildCache(FunctionCache):
     """Numba's files of a compiled function; where they lack it, a child process compiles it into them.
 
@@ -84,34 +88,54 @@ def _kept(function: Function, **options: Any) -> Function:
 
 def _compile_in_child(function: Callable[..., Any], types: Any) -> bool:
     """Compile a function in a child process into its files. Returns False if that failed."""
-    from uvcloth.process import compiling
-
     try:
         task = pickle.dumps((function.__module__, function.__qualname__, types))
     except (pickle.PicklingError, TypeError, AttributeError):
         return False
+    # A child that has waited for long ends, and leaves the task to another one.
+    return any(_answer(task) == DONE for _ in range(2))
+
+
+def _answer(task: bytes) -> bytes:
+    """The answer of the child process to a task; nothing if there is no child."""
+    if (child := _child(os.getpid())) is None:
+        return b""
+    answer = b""
+    try:
+        assert child.stdin is not None
+        assert child.stdout is not None
+        with suppress(BrokenPipeError):
+            child.stdin.write(task)
+            child.stdin.flush()
+            answer = child.stdout.read(1)
+    finally:
+        if answer != DONE:
+            _end(child)
+    return answer
+
+
+@cache
+def _child(parent: int) -> "subprocess.Popen[bytes] | None":
+    """The child process that compiles for a process; its pipes close, and it ends, however that one ends."""
+    from uvcloth.process import compiling
+
     paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
     try:
-        child = subprocess.Popen(
+        return subprocess.Popen(
             [sys.executable, "-P", "-m", compiling.__name__],
             env={**os.environ, "PYTHONPATH": paths},
             stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
         )
     except OSError:
-        return False
-    with child:
-        try:
-            # The pipe stays open: the child ends when it closes, however this process ends.
-            assert child.stdin is not None
-            with suppress(BrokenPipeError):
-                child.stdin.write(task)
-                child.stdin.flush()
-            return child.wait() == 0
-        except BaseException:
-            child.kill()
-            raise
+        return None
+
+
+def _end(child: "subprocess.Popen[bytes]") -> None:
+    child.kill()
+    child.communicate()
+    _child.cache_clear()
 
 
 def inlined(function: Function) -> Function:

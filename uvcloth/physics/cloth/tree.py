@@ -70,35 +70,34 @@ def neighbour_faces(faces: NDArray[np.integer]) -> NDArray[np.int32]:
     return neighbours
 
 
-@compiled
-def _split(centres: Array, leaf: int) -> tuple[Array, Array, Array]:
-    """Halve faces by their centres (M, 3) until at most `leaf` are left: children, ranges, order."""
-    count = len(centres)
-    children = np.full((2 * count + 1, 2), -1, np.int32)
-    ranges = np.zeros((2 * count + 1, 2), np.int32)
-    order = np.arange(count)
-    ranges[0, 1] = count
-    nodes, node = 1, 0
-    while node < nodes:
-        start, end = ranges[node, 0], ranges[node, 1]
-        if end - start > leaf:
-            widest, axis = -1.0, 0
-            for j in range(3):
-                low = high = centres[order[start], j]
-                for k in range(start, end):
-                    low, high = min(low, centres[order[k], j]), max(high, centres[order[k], j])
-                if high - low > widest:
-                    widest, axis = high - low, j
-            part = order[start:end].copy()
-            order[start:end] = part[np.argsort(centres[part, axis], kind="mergesort")]
-            middle = (start + end) // 2
-            for side in range(2):
-                children[node, side] = nodes
-                ranges[nodes, 0] = start if side == 0 else middle
-                ranges[nodes, 1] = middle if side == 0 else end
-                nodes += 1
-        node += 1
-    return children[:nodes], ranges[:nodes], order
+def _split(centres: NDArray[np.float32], leaf: int) -> tuple[NDArray, NDArray, NDArray]:
+    """Halve faces by their centres (M, 3) until at most `leaf` are left: children, ranges, order.
+
+    All nodes of a level are halved at once, each along its widest axis.
+    """
+    order, count = np.arange(len(centres)), 1
+    starts, ends = np.array([0]), np.array([len(centres)])
+    children, ranges = [], []
+    while len(starts):
+        halved = ends - starts > leaf
+        first = np.full(len(starts), -1)
+        first[halved] = count + 2 * np.arange(halved.sum())
+        children.append(np.stack([first, np.where(halved, first + 1, -1)], 1))
+        ranges.append(np.stack([starts, ends], 1))
+        starts, ends = starts[halved], ends[halved]
+        count += 2 * len(starts)
+        if len(starts):
+            sizes = ends - starts
+            offsets = np.cumsum(sizes) - sizes
+            node = np.repeat(np.arange(len(starts)), sizes)
+            rows = np.arange(len(node)) + (starts - offsets)[node]
+            points = centres[order[rows]]
+            widths = np.maximum.reduceat(points, offsets) - np.minimum.reduceat(points, offsets)
+            along = points[np.arange(len(node)), widths.argmax(1)[node]]
+            order[rows] = order[rows][np.lexsort((along, node))]
+        middles = (starts + ends) // 2
+        starts, ends = np.stack([starts, middles], 1).ravel(), np.stack([middles, ends], 1).ravel()
+    return np.concatenate(children), np.concatenate(ranges), order
 
 
 @compiled
