@@ -73,7 +73,7 @@ def main(data: Path, strength: float = 1000.0) -> None:
     for taught in track([each for each in dataset.training if each.name in held], "regressing"):
         other, known = held[taught.name], offsets(taught)
         still = torch.zeros(len(other.vectors), *known.shape[1:])
-        seen = net.seen(taught.graph.moved)
+        seen = net.joint_visibility(taught.graph.joint_areas)
         rows = [
             still,
             still + known.mean(0),

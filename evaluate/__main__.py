@@ -38,7 +38,7 @@ class Evaluate:
     garment: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE ...")] = ()
     """Also evaluate these garment files, of which sequences were simulated."""
     split: Literal["test", "validation"] = "test"
-    """Windows to evaluate: test, or validation while choices are made."""
+    """Windows to evaluate: test, or validation while settings are chosen."""
     actions: tuple[str, ...] = ()
     """Evaluate only these actions."""
     frames: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
@@ -51,7 +51,7 @@ class Evaluate:
     """Number of CPU threads; on a loaded machine several are slower than one."""
 
     def run(self) -> None:
-        """Judge, and write metrics.json and the report. Raises InputError for what cannot be judged."""
+        """Judge, and write metrics.json and the report. Raises InputError for input that cannot be judged."""
         if not all(find_spec(module) for module in ("jinja2", "markupsafe", "PIL", "sklearn")):
             raise InputError("the report needs Jinja, Pillow and scikit-learn: install uvcloth[report]")
         if self.frames is not None and self.frames < 1:
@@ -79,9 +79,9 @@ class Evaluate:
         metrics = write_metrics(self.out, results)
         images, spaces, motion = [], [], []
         if self.pictures:
-            chosen = pictured(shown)
-            with progress("Pictures", len(chosen)) as tick:
-                images = list(pictures(chosen, list(results["methods"]), tick))
+            picks = pictured(shown)
+            with progress("Pictures", len(picks)) as tick:
+                images = list(pictures(picks, list(results["methods"]), tick))
             if cases.one_body:
                 spaces = interpolations(candidates, shown, cases.body)
                 motion = motion_maps(candidates, self.data, shown, cases.body)
@@ -97,9 +97,8 @@ def machine() -> str:
 
 
 def summary(results: dict) -> str:
-    """Per garment or outfit and method, before and after contact: the mean distance beside the better LBS.
-
-    Then a line per method whose figures mislead, since it has used evaluated windows before.
+    """Per garment or outfit and method, before and after contact: the mean distance, and its ratio to the
+    better LBS. Then a warning for each method that has used evaluated windows in training.
     """
     from evaluate.familiar import cautions
     from evaluate.standings import Rank, standings
@@ -108,13 +107,13 @@ def summary(results: dict) -> str:
         beside = f"{100 * (rank.against - 1):+4.0f} %, {rank.won} of {rank.of}" if rank.against else ""
         return f"{rank.mean_mm:6.1f} mm {beside:18}"
 
-    found = standings(results)
-    wide = max(8, *(len(row.garment) for row in found))
-    method = max(16, *(len(row.method) for row in found))
+    entries = standings(results)
+    wide = max(8, *(len(row.garment) for row in entries))
+    method = max(16, *(len(row.method) for row in entries))
     rows = [
         f"{row.garment:{wide}} {row.method:{method}} "
         f"{format_rank(row.before)} {format_rank(row.after)}".rstrip()
-        for row in found
+        for row in entries
     ]
     title = "mean vertex distance; against the better LBS, and on how many actions lower"
     warnings = [

@@ -89,7 +89,7 @@ def _wanted(data: Path, actions: Sequence[str], garments: Sequence[str], split: 
         raise InputError(f"{data}: no such folder, expected one made by `uvcloth simulate`")
     index = data / INDEX
     if not index.is_file() and split != "test":
-        raise InputError(f"{data}: has no {INDEX} that would say which clips are for {split}")
+        raise InputError(f"{data}: has no {INDEX}, which is needed to find the clips for {split}")
     named = _clips_of(index, split) if index.is_file() else _simulated_clips(data, garments)
     people = people_in(data)
     known = list(dict.fromkeys(named.values()))

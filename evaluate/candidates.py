@@ -34,9 +34,9 @@ class Candidate:
     """A method in the comparison.
 
     name: in every table. weights_mb: size of its weights file, 0 without one. fingerprint: hash of what
-    decides its predictions besides the code. seen: content hashes of the sequences that it was trained
-    on or chosen by. training_frames: how many frames the former have, and training: how long it learned
-    from them (steps, epochs, minutes, samples), where its checkpoint says so. clips: the clips of both
+    decides its predictions besides the code. training_content: hashes of the content of its training and
+    validation sequences. training_frames: number of frames in its training sequences; training: length of its
+    training (steps, epochs, minutes, samples); both where its checkpoint gives them. clips: the clips of both
     and their subjects, see `TrainingData`.
     """
 
@@ -44,7 +44,7 @@ class Candidate:
     method: Method
     weights_mb: float
     fingerprint: str
-    seen: frozenset[str]
+    training_content: frozenset[str]
     training_frames: int | None = None
     clips: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     training: Mapping[str, float] = field(default_factory=dict)
@@ -104,7 +104,7 @@ def _load_one(model: str, body: Body) -> Candidate:
         method=method,
         weights_mb=(folder / WEIGHTS).stat().st_size / 1e6,
         fingerprint=fingerprint((folder / WEIGHTS).read_bytes(), (folder / CONFIG).read_bytes()),
-        seen=frozenset(checkpoint.data.files.values()),
+        training_content=frozenset(checkpoint.data.files.values()),
         training_frames=checkpoint.notes.get("training_frames"),
         clips=checkpoint.data.clips,
         training={key: checkpoint.notes[key] for key in TRAINING if key in checkpoint.notes},
@@ -139,6 +139,6 @@ def _in_order(parts: Sequence[Candidate]) -> Candidate:
         method=method,
         weights_mb=sum(part.weights_mb for part in parts),
         fingerprint=fingerprint("/".join(part.fingerprint for part in parts)),
-        seen=frozenset().union(*(part.seen for part in parts)),
+        training_content=frozenset().union(*(part.training_content for part in parts)),
         clips={s: {clip: who for p in parts for clip, who in p.clips.get(s, {}).items()} for s in splits},
     )

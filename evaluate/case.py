@@ -107,8 +107,8 @@ def simulated_together(windows: Sequence[Window]) -> tuple[tuple[Window, ...], .
         for name in layers:
             if (window.clip, name) not in known:
                 raise InputError(
-                    f"{window.path}: was simulated with the garment {name}, of which no sequence is "
-                    "there; a garment from a file is named with --garment"
+                    f"{window.path}: was simulated with the garment {name}, which has no sequence here; "
+                    "name the file of a garment with --garment"
                 )
         outfits[tuple(known[window.clip, name] for name in layers)] = None
     return tuple(outfits)
@@ -141,9 +141,13 @@ def make_case(
     parts: list[Part] = []
     row = 0
     for garment, simulated in zip(outfit.garments, clip.garments, strict=True):
-        seen = texels.get(garment.name)
+        map_texels = texels.get(garment.name)
         reference = Reference(
-            simulated.vertices[scored], simulated.rest, simulated.faces, clip.fps, *(seen or (None, None))
+            simulated.vertices[scored],
+            simulated.rest,
+            simulated.faces,
+            clip.fps,
+            *(map_texels or (None, None)),
         )
         rows = slice(row, row + len(simulated.rest))
         parts.append(Part(garment.name, rows, (garment.mesh,), reference))

@@ -113,7 +113,7 @@ def judged_case(
             fps=case.fps / case.stride,
             stride=case.stride,
             transforms=case.transforms[:: case.stride],
-            meshes={name: found.shown for name, found in scores.items()},
+            meshes={name: each.shown for name, each in scores.items()},
         ),
     )
 
@@ -154,7 +154,8 @@ def measured(
         "methods": methods,
         "floor": {**representation_floor(methods), **floor(repeats, "repeatability")},
         "previous_frame": {
-            kind: {garment: stability(found) for garment, found in by.items()} for kind, by in copies.items()
+            kind: {garment: stability(copy_scores) for garment, copy_scores in by.items()}
+            for kind, by in copies.items()
         },
         "outfits": {name: {"garments": list(garments)} for name, garments in outfits.items()},
         "actions": list(dict.fromkeys(window.action for window in windows)),

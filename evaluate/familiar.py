@@ -45,7 +45,7 @@ def familiarity(
 
     content: hash of the window's sequence. people: subjects, by clip, for models that do not name them.
     """
-    known = content in candidate.seen
+    known = content in candidate.training_content
     if known and not any(window.clip in clips for clips in candidate.clips.values()):
         return Familiar("train", "sequence", window.subject, ())
     for split in MADE_BY:
@@ -63,10 +63,10 @@ def training_overlap(
 ) -> dict[str, Any]:
     """The fields of metrics.json on the overlap of a method's data with judged windows, given by hash."""
     met = {w.name: familiarity(w, content, candidate, people) for w, content in windows.items()}
-    familiar = {window: asdict(found) for window, found in met.items() if found is not None}
+    familiar = {window: asdict(overlap) for window, overlap in met.items() if overlap is not None}
     return {
-        "trained_on": [window for window, found in familiar.items() if found["split"] == "train"],
-        "chosen_on": [window for window, found in familiar.items() if found["split"] == "validation"],
+        "trained_on": [window for window, overlap in familiar.items() if overlap["split"] == "train"],
+        "chosen_on": [window for window, overlap in familiar.items() if overlap["split"] == "validation"],
         "familiar": familiar,
     }
 
@@ -76,14 +76,14 @@ def cautions(results: Mapping[str, Any]) -> list[Caution]:
 
     Windows that are judged to choose by (results["split"] validation) are expected to be familiar.
     """
-    found = []
+    warnings = []
     for name, method in results["methods"].items():
         for split, says in MADE_BY.items():
             met = {window: f for window, f in method["familiar"].items() if f["split"] == split}
             if met:
                 red = split == "train" or results["split"] != split
-                found.append(Caution(name, says, len(met), _named(met), red))
-    return found
+                warnings.append(Caution(name, says, len(met), _named(met), red))
+    return warnings
 
 
 def _named(met: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:

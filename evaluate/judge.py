@@ -150,7 +150,7 @@ def representation(case: Case, prepared: PreparedRollout) -> dict[str, Scores]:
         chunks.append(torch.cat(read, dim=1))
     shown = torch.cat(chunks)
     errors = {part.name: distance_scores(shown[:, part.rows], part.reference.vertices) for part in case.parts}
-    return {name: {f"representation_{k}": v for k, v in found.items()} for name, found in errors.items()}
+    return {name: {f"representation_{k}": v for k, v in scores.items()} for name, scores in errors.items()}
 
 
 def repeatability(window: Window, simulated: SimulatedClip) -> dict[str, Tensor]:

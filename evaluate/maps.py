@@ -18,7 +18,7 @@ def garment_map(garment: Garment, body: Body, size: int) -> Texels | None:
     none of them meets it.
     """
     try:
-        seen = template_texels(garment.template, garment.mesh, body, body_texels(body, size))
+        texels = template_texels(garment.template, garment.mesh, body, body_texels(body, size))
     except InputError:
         return None
-    return seen.corners, seen.barycentrics
+    return texels.corners, texels.barycentrics

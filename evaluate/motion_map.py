@@ -30,10 +30,12 @@ def motion_maps(
     judged windows: at most SHOWN frames of each clip, evenly spaced, without those that settle. Raises
     InputError for a file of the folder that is not a sequence.
     """
-    trained = [candidate for candidate in candidates if candidate.seen]
+    trained = [candidate for candidate in candidates if candidate.training_content]
     if not trained:
         return []
-    known = _training_motion(data, frozenset[str]().union(*(candidate.seen for candidate in trained)))
+    known = _training_motion(
+        data, frozenset[str]().union(*(candidate.training_content for candidate in trained))
+    )
     motion = {("test", each.clip): each.transforms for each in shown}
     motion |= {("training", clip): transforms for clip, transforms in known.values()}
     poses = [seed_positions(body, transforms) for transforms in motion.values()]
@@ -46,14 +48,16 @@ def motion_maps(
         action: torch.cat([placed["test", clip] for clip in clips]) for action, clips in of_action.items()
     }
     maps = []
-    for seen in dict.fromkeys(candidate.seen for candidate in trained):
-        found = [known[content][0] for content in known if content in seen]
-        frames = [placed["training", clip] for clip in dict.fromkeys(found)]
+    for contents in dict.fromkeys(candidate.training_content for candidate in trained):
+        clips_read = [known[content][0] for content in known if content in contents]
+        frames = [placed["training", clip] for clip in dict.fromkeys(clips_read)]
         maps.append(
             MotionMap(
-                methods=tuple(candidate.name for candidate in trained if candidate.seen == seen),
-                found=len(found),
-                of=len(seen),
+                methods=tuple(
+                    candidate.name for candidate in trained if candidate.training_content == contents
+                ),
+                count=len(clips_read),
+                of=len(contents),
                 seeds=SEEDS,
                 training=torch.cat([torch.zeros(0, 2), *frames]),
                 tests=tests,
@@ -62,16 +66,16 @@ def motion_maps(
     return maps
 
 
-def _training_motion(data: Path, seen: frozenset[str]) -> dict[str, tuple[str, Tensor]]:
-    """By content hash in `seen`: the clip, and (F, J, 3, 4) of its frames."""
-    found = {}
+def _training_motion(data: Path, contents: frozenset[str]) -> dict[str, tuple[str, Tensor]]:
+    """By content hash in `contents`: the clip, and (F, J, 3, 4) of its frames."""
+    motion = {}
     for path in sorted(Path(data).glob("*.npz")):
         clip = load_simulated(path)
         content = clip.files[path.name]
-        if content in seen:
+        if content in contents:
             transforms = clip.transforms[clip.warm_up :]
-            found[content] = (clip.name, transforms[:: max(1, -(-len(transforms) // SHOWN))])
-    return found
+            motion[content] = (clip.name, transforms[:: max(1, -(-len(transforms) // SHOWN))])
+    return motion
 
 
 def seed_positions(body: Body, transforms: Tensor) -> Tensor:

@@ -82,14 +82,14 @@ class Picture:
 class MotionMap:
     """Frames laid out in the plane so that similar poses lie together.
 
-    methods: those trained on the same `of` sequences, of which the data holds `found`. seeds: points of the
+    methods: those trained on the same `of` sequences, of which the data holds `count`. seeds: points of the
     body that make a pose. training: (P, 2) frames of those found, in the unit square; tests: by action, the
     judged ones, in the same place on every map.
     """
 
     methods: tuple[str, ...]
     of: int
-    found: int
+    count: int
     seeds: int
     training: Tensor
     tests: Mapping[str, Tensor]

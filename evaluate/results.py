@@ -68,10 +68,10 @@ def summarize(
     """
     simulation = entries[SIMULATION]
 
-    def summarized(found: Sequence[PartScores]) -> dict[str, Any]:
-        single = [entry for entry in found if entry.part not in outfits]
-        judged = [name for name in outfits if any(entry.part == name for entry in found)]
-        whole = {name: [entry for entry in found if entry.part == name] for name in judged}
+    def summarized(scores: Sequence[PartScores]) -> dict[str, Any]:
+        single = [entry for entry in scores if entry.part not in outfits]
+        judged = [name for name in outfits if any(entry.part == name for entry in scores)]
+        whole = {name: [entry for entry in scores if entry.part == name] for name in judged}
         return {
             **_tables(single, simulation),
             "representation": _representation(single),
@@ -80,7 +80,7 @@ def summarize(
 
     yardstick = summarized(simulation)
     return {
-        "methods": {name: summarized(found) for name, found in entries.items() if name != SIMULATION},
+        "methods": {name: summarized(scores) for name, scores in entries.items() if name != SIMULATION},
         SIMULATION: {
             "actions": yardstick["actions"],
             "outfits": {name: {"actions": each["actions"]} for name, each in yardstick["outfits"].items()},
@@ -93,8 +93,8 @@ def floor(frames: Mapping[str, Sequence[Scores]], kind: str) -> dict[str, dict[s
 
     frames: by garment, the distance scores of every window; garments without any are left out.
     """
-    found = {garment: [scores for scores in windows if scores] for garment, windows in frames.items()}
-    figures = {garment: _figures(windows) for garment, windows in found.items() if windows}
+    by_garment = {garment: [scores for scores in windows if scores] for garment, windows in frames.items()}
+    figures = {garment: _figures(windows) for garment, windows in by_garment.items() if windows}
     return {f"{kind}_{unit}": {garment: each[unit] for garment, each in figures.items()} for unit in FIGURES}
 
 
@@ -119,7 +119,7 @@ def stability(windows: Sequence[Scores]) -> dict[str, float | int | None]:
     alike = {
         f"{key}{stage}": f"vertex_mean_mm{stage}" for key in (*SHORT, "whole_mm") for stage in STAGE_SUFFIXES
     }
-    windows = [{key: w[own] for key, own in alike.items() if own in w} | dict(w) for w in windows]
+    windows = [{key: w[source] for key, source in alike.items() if source in w} | dict(w) for w in windows]
     long = [w["vertex_mean_mm"] for w in windows if len(w["vertex_mean_mm"]) >= LONG]
     early, late = (float(sum(errors[span].sum() for errors in long)) for span in (EARLY, LATE))
     return {
@@ -178,11 +178,11 @@ def _sides(scores: Sequence[Scores], garments: Sequence[str]) -> dict[str, dict[
 
 def _representation(entries: Sequence[PartScores]) -> dict[str, dict[str, float]]:
     """The errors of a method's own representation, by garment; empty if it has none."""
-    found: dict[str, list[Scores]] = {}
+    by_garment: dict[str, list[Scores]] = {}
     for entry in entries:
         if f"{REPRESENTED}vertex_mean_mm" in entry.scores:
-            found.setdefault(entry.part, []).append(entry.scores)
-    return {garment: _figures(windows, REPRESENTED) for garment, windows in found.items()}
+            by_garment.setdefault(entry.part, []).append(entry.scores)
+    return {garment: _figures(windows, REPRESENTED) for garment, windows in by_garment.items()}
 
 
 def _figures(windows: Sequence[Scores], prefix: str = "") -> dict[str, float]:

@@ -82,8 +82,8 @@ def cases_on(body: Body, selection: Selection) -> Cases:
     """
     data, split = selection.data, selection.split
     others = load_garment_files(selection.files, body)
-    chosen = (data, selection.actions, (*TEMPLATES, *others), split)
-    windows = find_windows(*chosen)
+    query = (data, selection.actions, (*TEMPLATES, *others), split)
+    windows = find_windows(*query)
     names = dict.fromkeys(window.garment for window in windows)
     for name in others:
         if name not in names:
@@ -97,7 +97,7 @@ def cases_on(body: Body, selection: Selection) -> Cases:
         outfit = outfits.setdefault(name, Outfit(body, tuple(garments[window.garment] for window in case)))
         openers.append((name, partial(open_case, case, outfit, texels, selection.frames)))
     return Cases(
-        data, split, outfits, openers, people_in(data), find_missing(*chosen), selection.map_size, True
+        data, split, outfits, openers, people_in(data), find_missing(*query), selection.map_size, True
     )
 
 
@@ -109,19 +109,19 @@ def _cases_of_outfits(selection: Selection) -> Cases:
     data, split = selection.data, selection.split
     if selection.files:
         raise InputError(f"{data}: contains random outfits, --garment is not allowed")
-    found = read_outfit_clips(data, (split,))
+    pairs = read_outfit_clips(data, (split,))
     outfits: dict[str, Outfit] = {}
     openers = []
-    for outfit, clip in found:
+    for outfit, clip in pairs:
         if not selection.actions or clip.action in selection.actions:
             windows, typed, renamed = _by_type(data, outfit, clip)
             name = "+".join(window.path.stem for window in windows)
             outfits[name] = typed
             openers.append((name, partial(make_case, windows, renamed, typed, {}, selection.frames)))
     if not openers:
-        known = ", ".join(dict.fromkeys(clip.action for _, clip in found))
+        known = ", ".join(dict.fromkeys(clip.action for _, clip in pairs))
         raise InputError(f"{data}: no {split} action is called {selection.actions[0]!r}, expected {known}")
-    people = {clip.name: clip.subject for _, clip in found}
+    people = {clip.name: clip.subject for _, clip in pairs}
     return Cases(data, split, outfits, openers, people, {}, 0, False)
 
 

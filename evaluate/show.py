@@ -88,13 +88,13 @@ def outfits_shown(shown: Sequence[Shown]) -> dict[str, Outfit]:
 
 def pictured(shown: Sequence[Shown]) -> list[Shown]:
     """One case per action, taking the outfits in turn, so that all are seen."""
-    chosen = []
+    cases = []
     outfits = list(outfits_shown(shown))
     for index, action in enumerate(dict.fromkeys(each.action for each in shown)):
         of_action = [each for each in shown if each.action == action]
         wanted = [each for each in of_action if each.outfit_name == outfits[-1 - index % len(outfits)]]
-        chosen.append((wanted or of_action)[0])
-    return chosen
+        cases.append((wanted or of_action)[0])
+    return cases
 
 
 def method_color(methods: Sequence[str], name: str) -> Color:

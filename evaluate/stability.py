@@ -71,9 +71,9 @@ def _errors(prepared: PreparedRollout, case: Case, span: tuple[int, int], known:
     frames = prepared.frames(case.motion[first:last], case.fps, truth=truth[:known])
     errors = []
     for frame, true in islice(zip(frames, truth, strict=True), case.start, None):
-        found = torch.stack([torch.cat(frame.raw), torch.cat(frame.vertices)]).cpu()
+        points = torch.stack([torch.cat(frame.raw), torch.cat(frame.vertices)]).cpu()
         apart = [
-            distance_scores(found[:, part.rows], torch.cat(true)[part.rows])["vertex_mean_mm"]
+            distance_scores(points[:, part.rows], torch.cat(true)[part.rows])["vertex_mean_mm"]
             for part in case.parts
         ]
         errors.append(torch.stack(apart, dim=1))
@@ -90,25 +90,25 @@ def copied_truth(garment: Garment, simulated: SimulatedClip, end: int) -> dict[s
     """
     warm_up = simulated.warm_up
     frames = torch.arange(warm_up, end)
-    found: dict[str, dict[str, Tensor]] = {"held": {}, "carried": {}}
+    errors_of: dict[str, dict[str, Tensor]] = {"held": {}, "carried": {}}
     for key, span in {
         "one_step_mm": 1,
         "rollout_50_mm": SHORT_ROLLOUT,
         "vertex_mean_mm": len(frames),
     }.items():
-        seen = (warm_up - 1 + (frames - warm_up) // span * span).clamp(min=0)
-        chunks = zip(frames.split(SHORT_ROLLOUT), seen.split(SHORT_ROLLOUT), strict=True)
+        sources = (warm_up - 1 + (frames - warm_up) // span * span).clamp(min=0)
+        chunks = zip(frames.split(SHORT_ROLLOUT), sources.split(SHORT_ROLLOUT), strict=True)
         errors = torch.cat([_copy_errors(garment, simulated, *chunk) for chunk in chunks])
         for kind, values in zip(("held", "carried"), errors.unbind(1), strict=True):
-            found[kind] |= {key: values, f"{key}_raw": values}
-    return found
+            errors_of[kind] |= {key: values, f"{key}_raw": values}
+    return errors_of
 
 
-def _copy_errors(garment: Garment, simulated: SimulatedClip, frames: Tensor, seen: Tensor) -> Tensor:
-    """Errors (F, 2), mm, in `frames` of the garments of the frames `seen`, held and carried."""
+def _copy_errors(garment: Garment, simulated: SimulatedClip, frames: Tensor, sources: Tensor) -> Tensor:
+    """Errors (F, 2), mm, in `frames` of the garments of the frames `sources`, held and carried."""
     points, weights, transforms = garment.mesh.vertices, garment.smooth_weights, simulated.transforms
-    held = simulated.vertices[seen]
-    origins, axes = skin_frames(points, weights, transforms[seen])
+    held = simulated.vertices[sources]
+    origins, axes = skin_frames(points, weights, transforms[sources])
     offsets = rotate_back(axes, held - origins)
     origins, axes = skin_frames(points, weights, transforms[frames])
     truth = simulated.vertices[frames]

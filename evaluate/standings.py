@@ -63,8 +63,8 @@ class Standing:
 
 def garments_in(results: Results) -> list[str]:
     """The garments that any method was judged on, in the order in which they first appear."""
-    found = [t for m in results["methods"].values() for a in m["actions"].values() for t in a]
-    return list(dict.fromkeys(found))
+    garments = [t for m in results["methods"].values() for a in m["actions"].values() for t in a]
+    return list(dict.fromkeys(garments))
 
 
 def methods_on(results: Results, garment: str) -> list[str]:
@@ -81,13 +81,13 @@ def cells(method: Results, garment: str) -> dict[str, Mapping[str, Any]]:
 
 def actions_in(results: Results, garment: str) -> list[str]:
     """The actions on which any method was judged with a garment."""
-    found = [
+    actions = [
         action
         for method in results["methods"].values()
         for action, by_garment in method["actions"].items()
         if garment in by_garment
     ]
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(actions))
 
 
 def overall(actions: Mapping[str, Mapping[str, Mapping[str, float]]], garment: str, key: str) -> float | None:
@@ -95,12 +95,12 @@ def overall(actions: Mapping[str, Mapping[str, Mapping[str, float]]], garment: s
     return mean_of([by[garment] for by in actions.values() if garment in by], key)
 
 
-def mean_of(found: Iterable[Mapping[str, float]], key: str) -> float | None:
+def mean_of(actions: Iterable[Mapping[str, float]], key: str) -> float | None:
     """The mean of one measure over some actions, weighted by frames; None if there is none.
 
     A root mean square averages as its square.
     """
-    having = [cell for cell in found if cell.get(key) is not None]
+    having = [cell for cell in actions if cell.get(key) is not None]
     frames = sum(cell["frames"] for cell in having)
     if not frames:
         return None
@@ -131,30 +131,30 @@ def outfit_rows(results: Results) -> list[OutfitRow]:
             outfit=outfit,
             method=name,
             figures={
-                key + suffix: mean_of(found, key + suffix) for suffix in STAGES.values() for key in OUTFIT
+                key + suffix: mean_of(actions, key + suffix) for suffix in STAGES.values() for key in OUTFIT
             }
-            | {"ms_per_frame": mean_of(found, "ms_per_frame")},
-            sides=_sides(found),
+            | {"ms_per_frame": mean_of(actions, "ms_per_frame")},
+            sides=_sides(actions),
         )
         for outfit in results["outfits"]
         for name, judged in everyone.items()
-        if (found := list(cells(judged, outfit).values()))
+        if (actions := list(cells(judged, outfit).values()))
     ]
 
 
-def _sides(found: Sequence[Mapping[str, Any]]) -> dict[str, tuple[float, float]]:
+def _sides(actions: Sequence[Mapping[str, Any]]) -> dict[str, tuple[float, float]]:
     """The shares on the wrong side over some actions, weighted by frames, before and after contact."""
 
     def mean(key: str, outer: str, inner: str) -> float:
-        total = sum(cell["frames"] * cell[key][outer][inner] for cell in found)
-        return float(total / sum(cell["frames"] for cell in found))
+        total = sum(cell["frames"] * cell[key][outer][inner] for cell in actions)
+        return float(total / sum(cell["frames"] for cell in actions))
 
     return {
         f"{outer} over {inner}": (
             mean("wrong_side_percent_raw", outer, inner),
             mean("wrong_side_percent", outer, inner),
         )
-        for outer, beneath in found[0]["wrong_side_percent"].items()
+        for outer, beneath in actions[0]["wrong_side_percent"].items()
         for inner in beneath
     }
 
@@ -179,6 +179,6 @@ def _rank(results: Results, name: str, garment: str, suffix: str) -> Rank:
         mean_mm=means[name],
         rmse_mm=mean_of(scored[name].values(), rmse_key),
         against=means[name] / best if judged else None,
-        won=sum(own < other for own, other in duels) if judged else 0,
+        won=sum(error < other for error, other in duels) if judged else 0,
         of=len(duels) if judged else 0,
     )

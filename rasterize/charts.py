@@ -19,7 +19,9 @@ def edge_keys(edges: np.ndarray, count: int) -> np.ndarray:
 
 
 def edge_twins(faces: np.ndarray, cuts: np.ndarray) -> np.ndarray:
-    """Pairs (P, 2) of rows of `edges_of` that are one edge seen from its two faces, but for the cut keys."""
+    """Pairs (P, 2) of rows of `edges_of` that are one edge in its two faces, except the edges whose keys are
+    cut.
+    """
     directed, _ = edges_of(faces)
     keys = edge_keys(directed, int(faces.max()) + 1)
     order = np.argsort(keys, kind="stable")
@@ -43,7 +45,7 @@ def largest_piece(faces: np.ndarray) -> np.ndarray:
 def weld_corners(faces: np.ndarray, cuts: np.ndarray) -> np.ndarray:
     """Give each vertex one copy per piece and side of the cuts: faces into the copies (F, 3) int64.
 
-    Two corners are one copy exactly if a chain of faces joins them across edges that are not cut.
+    Two corners share a copy exactly if a chain of faces connects them across edges that are not cut.
     """
     twins = edge_twins(faces, cuts)
     # Edge i of a face runs from its corner i to i + 1, its twin the other way.

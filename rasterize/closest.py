@@ -11,7 +11,7 @@ from rasterize.warp_start import start_warp
 start_warp()
 
 UNBOUNDED_DISTANCE = 1e3
-"""Metres: farther than any input that was not refused before."""
+"""Distance, m, beyond any input that is accepted."""
 
 
 @wp.kernel

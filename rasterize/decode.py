@@ -1,4 +1,4 @@
-"""Maps back to points: sparse weights over texels, found once in rest pose and applied to every frame."""
+"""Maps back to points: sparse weights over texels, computed once in rest pose and applied to every frame."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,9 @@ LAYER_DISTANCE = 0.02
 """Two points whose normals are at right angles count as 1.4 times this many metres farther apart."""
 
 RIDGES = (1e-4, 1e-2)
-"""Ridges of moving least squares, shares of the total weight; the second where the first amplifies."""
+"""Ridge terms of moving least squares, as shares of the total weight; the second is used where the first
+amplifies errors.
+"""
 
 MAX_GAIN = 2.0
 """Sum of the absolute weights of a point above which errors in the maps would be amplified too much."""

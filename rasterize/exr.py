@@ -17,10 +17,10 @@ def write_exr(path: Path, channels: Mapping[str, np.ndarray], half: bool = True)
 
 
 def write_image(path: Path, pixels: np.ndarray, kind: str, names: Sequence[str]) -> None:
-    """Write pixels (H, W, C) with the names of their channels, in the format that the path's ending tells.
+    """Write pixels (H, W, C) with the names of their channels, in the format given by the path's suffix.
 
     kind: of the numbers in the file, "half", "float" or "uint8". Raises OSError, with OpenImageIO's reason,
-    if the file cannot be written; a part of it may then be there.
+    if the file cannot be written; an incomplete file may remain then.
     """
     import OpenImageIO
 

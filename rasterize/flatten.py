@@ -13,7 +13,8 @@ MAX_DESCENT_STEPS = 300
 """At most this many descent steps; a chart converges in 10 to 50."""
 
 SIDE_BULGE = 0.01
-"""Sides bend outwards by this share of the chart, so that a face with all corners on one side is no line."""
+"""Share of the chart by which sides bend outwards, so that a face with all corners on one side keeps an area.
+"""
 
 
 def flatten(

@@ -19,7 +19,7 @@ def gather(values: Tensor, indices: Tensor, weights: Tensor) -> Tensor:
 
 
 def _sums(values: Tensor, indices: Tensor, weights: Tensor) -> Tensor:
-    """One pass for all K columns, where a product for each takes two to ten times as long."""
+    """One pass for all K columns; a product for each takes two to ten times as long."""
     leading, (rows, channels) = values.shape[:-2], values.shape[-2:]
     first = rows * torch.arange(leading.numel(), device=values.device)[:, None, None]
     sums = torch.nn.functional.embedding_bag(

@@ -18,10 +18,10 @@ from rasterize.flatten import flatten
 UNWRAP_WORKER = Path(__file__).with_name("unwrap_worker.py")
 
 CHART_VERTICES = 4000
-"""Vertices of an island of a mesh that is unwrapped, at most: its cost grows faster than they do."""
+"""Limit for the vertices of an island of an unwrapped mesh: the cost grows faster than their number."""
 
 UNEVEN = 0.05
-"""Noise on the copy of a mesh that is unwrapped if the mesh cannot be, in times the size of a face."""
+"""Noise, in face sizes, on the copy of a mesh that is unwrapped where the mesh itself cannot be."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def lay_out(
         inside = np.isin(cuts, edge_keys(used[edges_of(local)[0]], len(points)))
         local_cuts = edge_keys(ends[inside], len(used)) if inside.any() else np.zeros(0, dtype=np.int64)
         if face_components(local, local_cuts).any():
-            raise InputError(f"{chart.name}: this part of the body falls into pieces")
+            raise InputError(f"{chart.name}: this part of the body is not connected")
         welded = weld_corners(local, local_cuts)
         source = np.zeros(welded.max() + 1, dtype=np.int64)
         source[welded] = used[local]
@@ -151,7 +151,7 @@ def layout_of_uvs(uvs: Tensor, face_uvs: Tensor) -> Layout:
 
 
 def _xatlas(vertices: Tensor, faces: Tensor, area: float) -> subprocess.CompletedProcess[bytes]:
-    """The ended worker on a mesh, with islands of an area at most, 0 for any."""
+    """Run the worker on a mesh until it ends. area: largest of an island, 0 for any."""
     asked = io.BytesIO()
     for array in (vertices.numpy().astype(np.float32), faces.numpy().astype(np.uint32), np.array(area)):
         np.save(asked, array)

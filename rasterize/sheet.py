@@ -1,4 +1,6 @@
-"""Maps of one simulated sequence to look at or hand on: motion of the body, offset of the garment."""
+"""Maps of one simulated sequence, for viewing and for other programs: motion of the body, offset of the
+garment.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

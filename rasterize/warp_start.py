@@ -14,8 +14,8 @@ NO_DRIVER = b"Could not find or load the NVIDIA CUDA driver"
 def start_warp() -> None:
     """Initialize Warp once for this process.
 
-    Its native part writes to the file descriptor of standard error whatever its log level is; what it says is
-    passed on without the line that there is no CUDA driver, which is normal on most machines.
+    Its native part writes to the file descriptor of standard error whatever its log level is; its output is
+    passed on without the line about a missing CUDA driver, which is normal on most machines.
     """
     wp.config.log_level = wp.LOG_WARNING
     sys.stderr.flush()

@@ -207,7 +207,7 @@ def matrices(body: Body) -> np.ndarray:
         (lambda m: m[:0], "mine: the clip has zero frames"),
         (lambda m: m * np.nan, "mine: transforms holds a value that is not a finite number"),
         (lambda m: m.astype(str), "mine: transforms holds str.*, expected numbers"),
-        (lambda m: [[[1.0], [2.0, 3.0]]], "mine: transforms is no array of numbers"),
+        (lambda m: [[[1.0], [2.0, 3.0]]], "mine: transforms is not an array of numbers"),
         (lambda m: m + 1j, "mine: transforms holds complex128, expected numbers"),
         (lambda m: m + np.eye(4)[3, :, None] * np.eye(4)[0], "joint .* in frame 0 has a matrix whose last"),
         (lambda m: m * [[[[2.0], [1], [1], [1]]]], "mine: joint .* in frame 0 has a matrix that scales"),
@@ -296,9 +296,9 @@ def test_what_does_not_go_together_is_refused(body: Body, tmp_path: Path) -> Non
     walk, tops = uvcloth.load_motion("walk", body, frames="0:2"), uvcloth.fit("tops", body)
     small = resized(body, 0.9)
     for refused in (uvcloth.rollout_frames, uvcloth.rollout):
-        with pytest.raises(uvcloth.InputError, match="walk: is a motion of another body"):
+        with pytest.raises(uvcloth.InputError, match="walk: was loaded for another body"):
             refused("lbs", walk, uvcloth.fit("tops", small))
-    with pytest.raises(uvcloth.InputError, match="walk: is a motion of another body"):
+    with pytest.raises(uvcloth.InputError, match="walk: was loaded for another body"):
         uvcloth.simulate(walk, uvcloth.fit("tops", small))
     with pytest.raises(uvcloth.InputError, match="did you mean 'physxnet'"):
         uvcloth.rollout("physxnett", walk, tops)
@@ -306,7 +306,7 @@ def test_what_does_not_go_together_is_refused(body: Body, tmp_path: Path) -> Non
         uvcloth.rollout("physxnet", walk, uvcloth.fit("tops", body, fabric="silk"), finish="contact")
     with pytest.raises(uvcloth.InputError, match="--finish varnish: expected one of dynamic, static"):
         uvcloth.rollout("lbs", walk, tops, finish="varnish")  # type: ignore[arg-type]
-    with pytest.raises(uvcloth.InputError, match="--device abacus: not on this machine"):
+    with pytest.raises(uvcloth.InputError, match="--device abacus: is not available on this machine"):
         uvcloth.rollout_frames("lbs", walk, tops, device="abacus")
     with pytest.raises(uvcloth.InputError, match="--engine magic: expected one of explicit"):
         uvcloth.simulate(walk, tops, engine="magic")  # type: ignore[arg-type]
@@ -316,7 +316,7 @@ def test_what_does_not_go_together_is_refused(body: Body, tmp_path: Path) -> Non
         uvcloth.load_body(str(tmp_path / "nobody.npz"))
     with pytest.raises(uvcloth.InputError, match="--up x: expected y or z"):
         uvcloth.load_motion("walk", body, up="x")  # type: ignore[arg-type]
-    with pytest.raises(uvcloth.InputError, match="up, joints and rest_frame are about files"):
+    with pytest.raises(uvcloth.InputError, match="up, joints and rest_frame apply to motion files"):
         uvcloth.load_motion(matrices(body), body, up="y")
     save_body(small, tmp_path / "small.npz")
     assert torch.equal(uvcloth.load_body(str(tmp_path / "small.npz")).mesh.vertices, small.mesh.vertices)

@@ -27,7 +27,7 @@ REPLACED = {name: row[0] for row in ROWS for name in re.findall(r"`(\w+)`", row[
 WORDS = re.compile(r"\b(taught|nearer|told apart|anew|held by a test|who moves|dearer)\b", re.IGNORECASE)
 """Words that pages do not use."""
 
-PARTICIPLES = {"found": 63, "chosen": 37, "own": 50, "moved": 37, "seen": 52}
+PARTICIPLES = {"found": 0, "chosen": 0, "own": 0, "moved": 0, "seen": 0}
 """Participles as names say little: how many there are at most. Lower a number when you rename some."""
 
 OPENINGS = ("What", "How", "Whether", "Which", "Where")

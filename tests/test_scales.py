@@ -78,7 +78,9 @@ def test_the_unit_of_a_child_is_said(tmp_path: Path) -> None:
 @pytest.mark.parametrize(("factor", "unit"), [(100.0, "cm"), (1000.0, "mm"), (3.3, "feet"), (0.001, "km")])
 def test_a_body_that_is_not_in_metres_is_refused(factor: float, unit: str, tmp_path: Path) -> None:
     save_body(resized(load_body(), factor), tmp_path / "body.npz")
-    with pytest.raises(InputError, match=rf"body\.npz: the body measures .*, as a person does in {unit}"):
+    with pytest.raises(
+        InputError, match=rf"body\.npz: the body measures .*, the height of a person in {unit}"
+    ):
         load_body(tmp_path / "body.npz")
 
 

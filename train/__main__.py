@@ -43,7 +43,7 @@ def main() -> None:
 def starting_from(
     kind: type[TrainingRun], presets: Mapping[str, Mapping[str, Any]], name: str | None
 ) -> TrainingRun:
-    """A run with the settings of a preset, the usual one without a name; what has no default stays missing.
+    """A run with the settings of a preset, by default the first one; settings without a default stay missing.
 
     Raises InputError for an unknown name.
     """
@@ -52,10 +52,10 @@ def starting_from(
     missing: Any = {part: tyro.MISSING for part in needed}
     if not presets:
         return kind(**missing)
-    chosen = name or next(iter(presets))
-    if chosen not in presets:
-        raise InputError(f"--preset {chosen}: expected one of {', '.join(presets)}")
-    return replace(kind(**missing), preset=chosen, **presets[chosen])  # type: ignore[type-var]
+    preset = name or next(iter(presets))
+    if preset not in presets:
+        raise InputError(f"--preset {preset}: expected one of {', '.join(presets)}")
+    return replace(kind(**missing), preset=preset, **presets[preset])  # type: ignore[type-var]
 
 
 def _preset_of(arguments: list[str]) -> str | None:

@@ -85,8 +85,8 @@ class PosedParts:
         for pose in range(len(points)):
             parts = self._meshes.ids[pose * each : (pose + 1) * each]
             query = (parts, *map(array, (touches, points[pose], reach)), near, SQUEEZE_GAP)
-            found = map(array, (distance[pose], normals[pose], offsets[pose], gap[pose]))
-            launch(kernels.closest_touched, points.shape[1], points.device, *query, *found)
+            outputs = map(array, (distance[pose], normals[pose], offsets[pose], gap[pose]))
+            launch(kernels.closest_touched, points.shape[1], points.device, *query, *outputs)
         met = (distance < near) & (gap >= SQUEEZE_GAP)
         return Planes(normals, torch.where(met, offsets, FREE))
 
@@ -119,11 +119,11 @@ class InnerLayer:
         placed = self.copies.points.clone()
         placed[: inner[..., 0].numel()] = inner.flatten(0, 1)
         self.copies.update(placed)
-        found = self.copies.beside(outer.flatten(0, 1), LAYER_SEARCH_DISTANCE)
-        offsets = (found.normals * (outer - aside).flatten(0, 1)).sum(1) - found.distance
-        alike = (found.normals * normals[:, self.outer].flatten(0, 1)).sum(1) > 0
-        offsets = torch.where(found.covered & alike, offsets, FREE)
-        return Planes(found.normals.view_as(outer), offsets.view(outer.shape[:2]))
+        closest = self.copies.beside(outer.flatten(0, 1), LAYER_SEARCH_DISTANCE)
+        offsets = (closest.normals * (outer - aside).flatten(0, 1)).sum(1) - closest.distance
+        alike = (closest.normals * normals[:, self.outer].flatten(0, 1)).sum(1) > 0
+        offsets = torch.where(closest.covered & alike, offsets, FREE)
+        return Planes(closest.normals.view_as(outer), offsets.view(outer.shape[:2]))
 
 
 def inner_layers(outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batch: int) -> list[InnerLayer]:
@@ -142,6 +142,6 @@ def inner_layers(outfit: Tensor, garments: Sequence[tuple[Tensor, Tensor]], batc
         copies = Layer((outfit[rows] + aside).flatten(0, 1), tiled.flatten(0, 1))
         alone = Layer(outfit[rows], faces)
         for over, _ in garments[index + 1 :]:
-            found = alone.beside(outfit[over], NEAR_LAYER)
-            layers.append(InnerLayer(rows, over[found.covered & (found.distance >= 0)], copies))
+            closest = alone.beside(outfit[over], NEAR_LAYER)
+            layers.append(InnerLayer(rows, over[closest.covered & (closest.distance >= 0)], copies))
     return layers

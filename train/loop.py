@@ -38,7 +38,7 @@ class LoopConfig:
     batch: int = 8
     """Frames, or poses, in a step, over all devices."""
     double_every: float = 0.0
-    """Share of the training after which the batch doubles, repeatedly (DeePSD: 0.2); 0: never."""
+    """Share of the training after which the batch size doubles, again and again (DeePSD: 0.2); 0: never."""
     learning_rate: float = 1e-3
     """Highest learning rate of Adam (PhysXNet: 2e-4, PBNS: 1e-3)."""
     schedule: Literal["constant", "cosine"] = "cosine"
@@ -87,11 +87,11 @@ class Objective(Protocol):
     def steps(
         self, networks: Mapping[str, nn.Module], rows: Tensor
     ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
-        """For each network to update in turn: its name, its loss and the parts of it for the log."""
+        """For each network to update in turn: its name, its loss, and the parts of the loss for the log."""
         ...
 
     def validate(self, net: nn.Module) -> dict[str, float]:
-        """Scores by name and unit; by the first of them, the lower the better, the network kept is chosen."""
+        """Scores by name and unit; the network with the lowest first score is kept."""
         ...
 
     def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:

@@ -27,10 +27,10 @@ def mirror_clips(
     opposite: dict[str, tuple[Tensor, Tensor]] = {}
     for garment in garments:
         mesh = garment.mesh
-        found = closest_points(_across(mesh.vertices), mesh.vertices, mesh.faces)
-        if found.distance.max() > SYMMETRIC:
+        closest = closest_points(_across(mesh.vertices), mesh.vertices, mesh.faces)
+        if closest.distance.max() > SYMMETRIC:
             return []
-        opposite[garment.name] = mesh.faces[found.face], found.barycentrics
+        opposite[garment.name] = mesh.faces[closest.face], closest.barycentrics
     return [
         replace(
             clip,

@@ -42,10 +42,10 @@ def rollout_distances(
         frames = roll_out_together(method, prepared, outfit, motions, fps, beneath)
         for index, predicted in enumerate(frames):
             for name, vertices in zip(garments, predicted, strict=True):
-                for clip, own in zip(together, vertices, strict=True):
+                for clip, points in zip(together, vertices, strict=True):
                     if name in clip.by_name and index >= clip.warm_up:
-                        truth = clip.by_name[name].vertices[index].to(own)
-                        errors[name].append(1000.0 * (own - truth).norm(dim=1).mean())
+                        truth = clip.by_name[name].vertices[index].to(points)
+                        errors[name].append(1000.0 * (points - truth).norm(dim=1).mean())
     return errors
 
 

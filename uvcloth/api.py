@@ -2,8 +2,8 @@
 
 Everything is in metres and seconds, Z up, the body facing -Y. Places are computed in float64 around the
 body's root, as by the command line, and returned in float32. Bad input raises an InputError with one sentence
-that names the file or the argument, and how an option of the command line is called (`--fps`). What else
-there is to say goes to the logger `uvcloth`.
+that names the file or the argument, and how an option of the command line is called (`--fps`). All other
+messages go to the logger `uvcloth`.
 """
 
 import logging
@@ -93,7 +93,7 @@ def load_motion(
     fps: frames per second, 1 to 1000: those of an array, or those that a file is brought to. frames: "A:B",
     the frames A to B - 1 at that rate, None for all. in_place: the hips stay over one spot. Of a file only:
     up, the axis that points up; joints, a JSON file that says which joint plays which role; rest_frame, the
-    frame in which the person stands straight. name: of an array's motion, in sentences.
+    frame in which the person stands straight. name: of an array's motion, for messages.
 
     Raises InputError naming the file for one that cannot be read or understood and a motion that no person
     can have made; naming joint and frame for matrices that do not fit the body.
@@ -106,7 +106,7 @@ def load_motion(
         return load_clip(str(motion), body, options)
     if up or joints or rest_frame is not None:
         raise InputError(
-            f"{name}: up, joints and rest_frame are about files, not about transforms of the body"
+            f"{name}: up, joints and rest_frame apply to motion files, not to transforms of the body"
         )
     return wanted_part(clip_of_transforms(motion, body, fps, name), options)
 
@@ -131,7 +131,7 @@ def fit(
     template: whose motion garments take, one for all or one for each, "auto" for the one that each covers
     best. pose: in which files and meshes were modelled, "t" or "a", None for the body's rest pose. fabric:
     what they are made of, a name ("jersey", "cotton", "silk", "denim") or a Fabric. name: of meshes, numbered
-    where there are several. What was found out about each file and mesh is logged.
+    where there are several. The findings on each file and mesh are logged.
 
     Raises InputError naming the garment for what cannot be read or worn.
     """
@@ -337,7 +337,7 @@ def _one_fabric(outfit: Outfit) -> Fabric:
     """The fabric of all garments. Raises InputError where they are made of several."""
     fabrics = {garment.fabric for garment in outfit.garments}
     if len(fabrics) > 1:
-        raise InputError("--fabric: garments that are simulated together are of one, these are of several")
+        raise InputError("--fabric: garments that are simulated together need one fabric, these have several")
     return fabrics.pop()
 
 

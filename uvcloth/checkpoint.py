@@ -134,7 +134,7 @@ def load_checkpoint(folder: Path, body: Body | None = None) -> Checkpoint:
         raise InputError(
             f"{folder}: the model was trained on the mesh and rig of body "
             f"{checkpoint.body.get('name')!r:.100}, "
-            f"body {body.name!r} has another"
+            f"body {body.name!r} has another mesh or rig"
         )
     return checkpoint
 
@@ -234,7 +234,7 @@ def load_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
         raise InputError(f"{path}: not a readable safetensors file") from error
     for name, tensor in tensors.items():
         if tensor.dtype not in DTYPES:
-            raise InputError(f"{path}: {name!r:.80} is of the type {tensor.dtype}, which is not read")
+            raise InputError(f"{path}: {name!r:.80} has the type {tensor.dtype}, which is not supported")
         if tensor.is_floating_point() and not torch.isfinite(tensor).all():
             raise InputError(f"{path}: {name!r:.80} holds a value that is not a finite number")
     return tensors, parse_json(metadata, f"{path}: the metadata", "JSON values")

@@ -50,9 +50,9 @@ class VertexLight:
     def at(self, corners: np.ndarray, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Shares of the dome and of the key at `corners` (H, 3), vertex indices; inside: (H,) which side."""
         corners = corners + len(self._points) // 2 * inside[:, None]
-        seen = np.zeros_like(self._known)
-        seen[corners] = True
-        fresh = np.nonzero(seen & ~self._known)[0]
+        visible = np.zeros_like(self._known)
+        visible[corners] = True
+        fresh = np.nonzero(visible & ~self._known)[0]
         if len(fresh):
             self._dome[fresh], self._key[fresh] = _received(
                 self._embree, self._points[fresh], self._normals[fresh], self._to_key, self._quality

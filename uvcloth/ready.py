@@ -71,8 +71,8 @@ def require_same_skeleton(motion: Clip, outfit: Outfit) -> None:
     one, other = motion.skeleton, outfit.body.skeleton
     if one.names != other.names or not torch.equal(one.heads, other.heads):
         raise InputError(
-            f"{motion.name}: is a motion of another body than {outfit.body.name}, which wears the garments; "
-            "load it for that one"
+            f"{motion.name}: was loaded for another body than {outfit.body.name}, which wears the garments; "
+            "load it for that body"
         )
 
 
@@ -82,5 +82,5 @@ def find_device(name: str) -> torch.device:
         device = torch.device(name)
         torch.empty(0, device=device)
     except (RuntimeError, AssertionError) as error:
-        raise InputError(f"--device {name}: not on this machine") from error
+        raise InputError(f"--device {name}: is not available on this machine") from error
     return device

@@ -217,10 +217,10 @@ def _shade(scene: _Scene, camera: Camera, size: tuple[int, int], x: np.ndarray, 
     with np.errstate(divide="ignore"):
         to_floor = (scene.floor - origins[:, 2]) / directions[:, 2]
     on_floor = (to_floor > 0) & (to_floor < nearest)
-    seen = np.isfinite(nearest[aimed]) & ~on_floor[aimed]
+    on_mesh = np.isfinite(nearest[aimed]) & ~on_floor[aimed]
     colors = np.tile(_decode(BACKDROP_COLOR), (len(origins), 1))
-    u, v = hits["u"][seen], hits["v"][seen]
-    colors[aimed[seen]] = _shade_mesh(scene, hits["primID"][seen], u, v, directions[aimed[seen]])
+    u, v = hits["u"][on_mesh], hits["v"][on_mesh]
+    colors[aimed[on_mesh]] = _shade_mesh(scene, hits["primID"][on_mesh], u, v, directions[aimed[on_mesh]])
     reached = origins[on_floor, :2] + to_floor[on_floor, None] * directions[on_floor, :2]
     colors[on_floor] = _shade_floor(scene, reached)
     return colors
@@ -301,9 +301,9 @@ def _extent(points: np.ndarray, camera: Camera, size: tuple[int, int]) -> tuple[
 
 def _edges(image: np.ndarray) -> np.ndarray:
     """Pixels that differ visibly from a neighbour: (H, W) bool."""
-    seen = _encode(image)
-    edges = np.zeros(seen.shape[:2], bool)
-    for channel in np.moveaxis(seen, 2, 0):
+    values = _encode(image)
+    edges = np.zeros(values.shape[:2], bool)
+    for channel in np.moveaxis(values, 2, 0):
         down = np.abs(np.diff(channel, axis=0)) > EDGE_CONTRAST
         across = np.abs(np.diff(channel, axis=1)) > EDGE_CONTRAST
         edges[1:] |= down

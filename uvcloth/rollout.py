@@ -24,21 +24,22 @@ if TYPE_CHECKING:
     from uvcloth.physics.outfit_contact import OutfitContact
 
 LONGEST, TORN = 4.0, 0.01
-"""A garment is torn when more than this share of its edges has more than so many times its rest length."""
+"""A garment is torn when more than the share TORN of its edges is longer than LONGEST times its rest length.
+"""
 
 SHORT = 0.001
 """Metres at rest below which an edge counts as that long: stretch of short edges in seams is invisible."""
 
 DEEP = 0.01
-"""Metres inside the body from which contact has left a vertex too deep."""
+"""Metres inside the body beyond which a vertex is too deep after contact."""
 
 MUCH_SQUEEZED = 0.05
-"""A body runs through itself where its parts squeeze more than this share of the vertices."""
+"""Share of the vertices between parts of the body above which the body counts as intersecting itself."""
 
 JUMPED = "the motion jumps, and the garments start again"
 STRETCHED = f"an edge of a garment has more than {LONGEST:.0f} times its length"
-LEFT_INSIDE = f"cloth is left more than {1000 * DEEP:.0f} mm inside the body"
-SQUEEZED = f"the body runs through itself where more than {100 * MUCH_SQUEEZED:.0f} % of the cloth lies"
+LEFT_INSIDE = f"cloth remains more than {1000 * DEEP:.0f} mm inside the body"
+SQUEEZED = f"the body intersects itself under more than {100 * MUCH_SQUEEZED:.0f} % of the cloth"
 
 
 @dataclass(frozen=True)
@@ -47,9 +48,9 @@ class RolloutFrame:
 
     raw, vertices: per garment (N, 3) m, as predicted and after contact. transforms: (J, 3, 4) and
     body_vertices: (V, 3) of the body. All places are relative to the origin (3,) m, world, float64.
-    milliseconds: "body", "network" and "contact". contacts: what contact did to each garment. replaced: the
-    garments whose prediction was no garment, in words; they are those of linear blend skinning. difficulties:
-    what made the frame hard, in words that are the same in every frame.
+    milliseconds: "body", "network" and "contact". contacts: what contact did to each garment. replaced:
+    messages on garments without a valid prediction, which linear blend skinning replaced. difficulties:
+    messages on what made the frame difficult, the same words in every frame.
     """
 
     index: int
@@ -77,7 +78,7 @@ class RolloutFrame:
 
 @dataclass(frozen=True)
 class PreparedRollout:
-    """A method with an outfit on a device: what all rollouts of the two share.
+    """A method with an outfit on a device: the data that all their rollouts share.
 
     prepared: what the method works out for the outfit. contact: what keeps the outfit off the body, None
     without it.
@@ -143,13 +144,13 @@ class PreparedRollout:
                     frame = self._without(frame, self.limits.not_finite(raw), keep_going)
                     wanted = index % every == 0
                     if wanted or needs_contact:
-                        resolved, moved = self._resolved(frame, moves)
+                        resolved, next_moves = self._resolved(frame, moves)
                         longest, torn = self.limits.stretched(resolved.vertices)
                         if torn:
                             frame = self._without(frame, torn, keep_going)
                             fresh = tuple(None if place in torn else move for place, move in enumerate(moves))
-                            resolved, moved = self._resolved(frame, fresh)
-                        frame, moves = resolved, moved
+                            resolved, next_moves = self._resolved(frame, fresh)
+                        frame, moves = resolved, next_moves
                         frame = replace(
                             frame, difficulties=frame.difficulties + _difficulties(frame, longest)
                         )
@@ -159,12 +160,12 @@ class PreparedRollout:
                     if method.traits.autoregressive and (
                         index < len(truth) or self.contact or frame.replaced
                     ):
-                        seen = (
+                        feedback = (
                             tuple(_displaced(vertices, -origin) for vertices in truth[index])
                             if index < len(truth)
                             else frame.vertices
                         )
-                        batched = tuple(vertices[None].to(raw[0].device) for vertices in seen)
+                        batched = tuple(vertices[None].to(raw[0].device) for vertices in feedback)
                         following = feed_back(method, self.prepared, state, batched)
                         needs_contact, state = following is not state, following
                     if wanted:
@@ -208,7 +209,8 @@ class PreparedRollout:
 def prepare_rollout(
     method: Method, outfit: Outfit, contact: bool = True, device: torch.device = CPU
 ) -> PreparedRollout:
-    """Work out what all rollouts of a method with an outfit share; each then pays for its frames alone.
+    """Compute the data that all rollouts of a method with an outfit share; each rollout then computes only
+    frames.
 
     Raises InputError for an outfit that the method does not support.
     """
@@ -241,19 +243,19 @@ def rollout(
 
     transforms: (J, 3, 4) of each frame in turn, a tensor or a stream. The body stands still before its first
     frame. With contact, vertices inside the body (forearms and hands left out, as in the simulations) are
-    moved out of it after each frame, outer garments off the inner ones that they cover, and edges get
-    their rest length back; that is fed back to an autoregressive method. A method leaves out what contact
-    does better (`ContactAware`), so that it may predict otherwise than without; a method that keeps
-    garments off the body itself has no contact.
+    moved out of it after each frame, outer garments off the inner ones that they cover, and edges get their
+    rest length back; that is fed back to an autoregressive method. A method leaves out what contact does
+    better (`ContactAware`), so that its predictions may differ from those without contact; a method that
+    keeps garments off the body by itself has no contact.
 
     truth: the garments, (N, 3) m each, that are fed back to an autoregressive method after each of the first
     frames instead of its own. Contact continues from its last corrections, as always. Other methods
     ignore it. device: everything runs on it.
 
-    every: yield only every so-many-th frame; only these are predicted, unless the method is autoregressive,
-    and only these are corrected by contact, unless the method continues from the corrected garments.
-    keep_going: a garment that is torn or not finite is that of linear blend skinning in its frame, which says
-    so, and is fed back.
+    every: yield one of this many frames; only these are predicted, unless the method is autoregressive, and
+    only these are corrected by contact, unless the method continues from the corrected garments. keep_going:
+    in a frame where a garment is torn or not finite, linear blend skinning replaces it, the frame reports
+    this, and the replacement is fed back.
 
     Raises InputError naming the frame where a transform is not a finite number, and BrokenRolloutError where
     a prediction is not, or is torn, and the rollout is not to keep going.
@@ -347,7 +349,7 @@ def _transformed(transforms: Tensor, shift: Tensor) -> Tensor:
 
 
 def _difficulties(frame: RolloutFrame, longest: float) -> tuple[str, ...]:
-    """Words for what made a frame hard, after contact; longest: its longest edge, in rest lengths."""
+    """Messages on what made a frame difficult, after contact; longest: its longest edge, in rest lengths."""
     vertices = sum(len(garment) for garment in frame.vertices)
     faults = {
         STRETCHED: longest > LONGEST,
@@ -388,7 +390,7 @@ class EdgeLimits:
         self.lengths = [edge_lengths(m.vertices, edges) for m, edges in zip(meshes, self.edges, strict=True)]
 
     def not_finite(self, garments: tuple[Tensor, ...]) -> dict[int, str]:
-        """Places of the garments that are no finite numbers, and what happened to each in words."""
+        """A message on each garment that is not finite, by its place in the outfit."""
         return {
             place: "left the finite numbers"
             for place, vertices in enumerate(garments)
@@ -396,7 +398,7 @@ class EdgeLimits:
         }
 
     def stretched(self, garments: tuple[Tensor, ...]) -> tuple[float, dict[int, str]]:
-        """The longest edge, in times its rest length, and what happened to each torn garment, by place."""
+        """The largest ratio of an edge to its rest length, and a message on each torn garment, by place."""
         longest, reasons = 0.0, {}
         for place, (vertices, edges, lengths) in enumerate(
             zip(garments, self.edges, self.lengths, strict=True)
@@ -405,6 +407,6 @@ class EdgeLimits:
             share = float((now > LONGEST * lengths).float().mean())
             longest = max(longest, float((now / lengths.clamp(min=SHORT)).max()))
             if share > TORN:
-                found = f"{100 * share:.0f} % of its edges have"
-                reasons[place] = f"is torn, {found} more than {LONGEST:.0f} times their length"
+                portion = f"{100 * share:.0f} % of its edges have"
+                reasons[place] = f"is torn, {portion} more than {LONGEST:.0f} times their length"
         return longest, reasons

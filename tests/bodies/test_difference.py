@@ -63,7 +63,9 @@ def test_wrong_differences_are_refused(tmp_path: Path) -> None:
     save_difference(other_person(), path)
     kept = load_arrays(path, FORMAT, "")
     save_arrays(path, {**kept, "from": np.array("0" * 64)})
-    with pytest.raises(InputError, match=r"kept.npz: is a difference from another body than the one of"):
+    with pytest.raises(
+        InputError, match=r"kept.npz: is stored as a difference from another body than the one in"
+    ):
         load_kept_body(path)
     save_arrays(path, {**kept, "base": kept["base"][:, :-3]})
     with pytest.raises(InputError, match=r"kept.npz: base has the shape"):

@@ -130,7 +130,7 @@ def test_the_command_makes_a_body_with_texture_coordinates_and_a_layout(file: Pa
     height, tall = (float(np.ptp(each.mesh.vertices[:, 2].numpy())) for each in (plain, again))
     assert tall == pytest.approx(1.1 * height, rel=1e-4)
     assert len(layout_of(body).islands.unique()) == 6
-    with pytest.raises(InputError, match=r"person\.npz.*without phenotypes"):
+    with pytest.raises(InputError, match=r"person\.npz.*cannot be combined with phenotypes"):
         make(MakeBody(tmp_path / "x.npz", smpl=file, phenotype=Phenotype(height=1.0)))
     with pytest.raises(InputError, match="has 10 shape parameters, 11 were given"):
         make(MakeBody(tmp_path / "x.npz", smpl=file, betas=(0.0,) * 11))

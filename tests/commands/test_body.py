@@ -30,5 +30,5 @@ def test_the_body_comes_as_obj_glb_and_npz(body: Body, tmp_path: Path) -> None:
 def test_what_cannot_be_written_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"model\.fbx: a body is written as \.npz, \.obj, \.glb"):
         make(MakeBody(tmp_path / "model.fbx"))
-    with pytest.raises(InputError, match="not both"):
+    with pytest.raises(InputError, match="cannot be combined with phenotypes"):
         make(MakeBody(tmp_path / "model.npz", tmp_path / "other.npz", phenotype=Phenotype(height=0.9)))

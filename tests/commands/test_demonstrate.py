@@ -107,5 +107,5 @@ def test_everything_moves_over_a_motion_that_stops_at_the_moment_that_is_called_
 
 def test_a_refused_simulation_is_named(tmp_path, monkeypatch, commands):
     monkeypatch.setattr(demo, "simulate_batch", lambda *_: None)
-    with pytest.raises(InputError, match=r"stop_dress.npz: the simulation was kept apart"):
+    with pytest.raises(InputError, match=r"stop_dress.npz: the simulation was rejected"):
         demo.demonstrate(tmp_path)

@@ -25,7 +25,7 @@ def test_a_motion_file_is_described_and_drawn(tmp_path: Path, capsys, body: Body
     for text in (
         "walk: 30 frames at 30 per second, 1.00 s",
         "MotionBuilder names, 22 joints, 22 of them with a role",
-        "joints without a role, which move with the one above: none",
+        "joints without a role, which move with their parents: none",
         "roles without a joint: upper_neck, left_fingers, right_fingers",
         "rest pose: the motion; up: +y; a leg of 88.06 cm",
         "20 frames at 30 per second",
@@ -48,7 +48,7 @@ def test_what_is_known_is_printed_before_a_refusal(tmp_path: Path, capsys, body:
     write_layout(load_clip("walk", body).window(20, 10), odd, path)
     with pytest.raises(InputError, match=r"no joint is the left shin, right shin; name them with --joints"):
         describe(Motion(str(path), tmp_path / "sheet.png", options=MotionOptions()))
-    assert "move with the one above: LeftWheel, RightWheel" in capsys.readouterr().out
+    assert "move with their parents: LeftWheel, RightWheel" in capsys.readouterr().out
     assert not (tmp_path / "sheet.png").exists()
     roles = tmp_path / "map.json"
     roles.write_text(json.dumps({"left_shin": "LeftWheel", "right_shin": "RightWheel"}))

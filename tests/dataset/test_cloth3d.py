@@ -251,13 +251,13 @@ DAMAGES: dict[str, Callable[[Path], Any]] = {
     r"Tshirt\.obj, line 1: not a readable OBJ": lambda folder: (folder / "Tshirt.obj").write_text(
         "v a b c\n"
     ),
-    r"Tshirt\.obj: edges of 0 mm on average": all_in_one_place,
-    r"Tshirt\.pc16: is of 6 frames by its header, holds 5 whole": lambda folder: cut(
+    r"Tshirt\.obj: its edges are 0 mm long on average": all_in_one_place,
+    r"Tshirt\.pc16: its header gives 6 frames, but the file has 5 complete": lambda folder: cut(
         folder / "Tshirt.pc16", -40
     ),
     r"Tshirt\.pc16: not a point cache": lambda folder: cut(folder / "Tshirt.pc16", 20),
-    r"Tshirt\.pc16: has \d+ vertices, Tshirt\.obj \d+": without_vertex,
-    r"Tshirt\.pc16: has 7 frames, info\.mat 6": more_frames,
+    r"Tshirt\.pc16: has \d+ vertices, but Tshirt\.obj has \d+": without_vertex,
+    r"Tshirt\.pc16: has 7 frames, but info\.mat has 6": more_frames,
     r"Tshirt\.pc16: a vertex of frame 5 is not a finite number": with_nan,
 }
 
@@ -282,7 +282,7 @@ def test_what_is_missing_or_damaged_is_one_sentence(
         ({"trans": np.full((3, FRAMES), np.nan)}, "trans holds a value that is not a finite number"),
         ({"shape": np.zeros(40)}, "shape: female: has 10 shape parameters, 40 were given"),
         ({"gender": 2}, "gender is 2"),
-        ({"gender": 1}, "no male model of SMPL is given"),
+        ({"gender": 1}, "the person is male, but the male model of SMPL is missing"),
         ({"outfit": None}, "lacks the outfit"),
         ({"outfit": {"Tshirt": 1}}, "lacks the outfit"),
         ({"zrot": "left"}, "zrot holds no numbers"),

@@ -83,7 +83,9 @@ def test_several_folders_are_read_together(data: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("one", "lacking"), [("train", "validation"), ("validation", "train")])
 def test_an_index_has_to_leave_both(data: Path, one: str, lacking: str) -> None:
-    with pytest.raises(InputError, match=f"no sequence for {lacking}; simulate clips that index.csv calls"):
+    with pytest.raises(
+        InputError, match=f"no sequence for {lacking}; simulate clips of this split in index.csv"
+    ):
         shares(data, f"clip0,ann,{one},,0,5\nclip1,bob,test,,0,5\nnone,cid,{lacking},,0,5\n")
     with pytest.raises(InputError, match="none of its sequences is a training clip of tops"):
         shares(data, "clip1,bob,test,,0,5\n")

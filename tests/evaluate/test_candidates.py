@@ -19,7 +19,7 @@ def test_a_finish_makes_another_candidate(body: Body) -> None:
     assert isinstance(dynamic.method, Finished)
     assert isinstance(static.method, Settled)
     assert len({each.fingerprint for each in (plain, dynamic, static)}) == 3
-    assert plain.seen == dynamic.seen != frozenset()
+    assert plain.training_content == dynamic.training_content != frozenset()
 
 
 def test_several_in_order_have_one_finish(body: Body) -> None:

@@ -442,7 +442,7 @@ def test_bad_input_is_one_sentence(
     garment = tube_garment("tops")
     sequence = simulated(garment, "a", torch.zeros(3))
     save_simulated(altered(sequence, warm_up=1000), short / "a_tops.npz")
-    assert "a_tops.npz: was simulated on another body (capsule) than" in refused("lbs", short)
+    assert "a_tops.npz: was simulated on the body capsule, which is neither" in refused("lbs", short)
     keep_body(capsule_body(), short)
     assert "a_tops.npz: warm_up holds 1000, expected 0 to 19" in refused("lbs", short)
     save_simulated(altered(sequence, rest=1.2 * garment.mesh.vertices), short / "a_tops.npz")
@@ -546,7 +546,9 @@ def test_windows_follow_the_index_or_the_files(world: Path) -> None:
     assert found == [("walking", "12"), ("walking", "12")]
     assert {window.action for window in find_windows(world)} == {"jump"}
     (world / "index.csv").unlink()
-    with pytest.raises(InputError, match=r"has no index\.csv that would say which clips are for validation"):
+    with pytest.raises(
+        InputError, match=r"has no index\.csv, which is needed to find the clips for validation"
+    ):
         find_windows(world, split="validation")
     assert {window.action for window in find_windows(world)} == {"02_04", "12_01"}
     (world / "index.csv").write_text("trial,action\n02_04,jump\n")

@@ -61,11 +61,11 @@ def test_a_map_per_training_set(body: Body, tmp_path: Path) -> None:
     one, two, none = (candidate(*c) for c in (("one", known), ("two", known), ("none", frozenset({"x"}))))
     together, elsewhere = motion_maps([candidate("lbs", frozenset()), one, two, none], tmp_path, shown, body)
     assert together.methods == ("one", "two")
-    assert (together.found, together.of) == (3, 3)
+    assert (together.count, together.of) == (3, 3)
     # Two garments of one clip are one motion.
     assert together.training.shape == (2 * 9, 2)
     assert together.tests["jump"].shape == (9, 2)
-    assert (elsewhere.methods, elsewhere.found, elsewhere.of) == (("none",), 0, 1)
+    assert (elsewhere.methods, elsewhere.count, elsewhere.of) == (("none",), 0, 1)
     assert elsewhere.training.shape == (0, 2)
     assert torch.equal(elsewhere.tests["jump"], together.tests["jump"])
     assert motion_maps([candidate("lbs", frozenset())], tmp_path, shown, body) == []

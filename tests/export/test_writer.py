@@ -107,7 +107,7 @@ def test_bad_frames_are_refused(animation: Animation, tmp_path: Path) -> None:
 
 def test_a_garment_whose_file_windows_cannot_have_is_refused(animation: Animation, tmp_path: Path) -> None:
     with pytest.raises(
-        InputError, match=r"walk\.pc2: a file called 'walk-a\?\.pc2' cannot exist on every system"
+        InputError, match=r"walk\.pc2: 'walk-a\?\.pc2' cannot be the name of a file on every system"
     ):
         open_writer(tmp_path / "walk.pc2", [("a?", animation.meshes[0])], None, 30.0)
     assert not list(tmp_path.iterdir())

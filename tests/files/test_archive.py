@@ -69,7 +69,10 @@ CLAIM = "{{'descr': '{}', 'fortran_order': False, 'shape': {}, }}"
 @pytest.mark.parametrize(
     ("header", "said"),
     [
-        (CLAIM.format("<f4", "(10000000000,)"), r"noise has the shape \(10000000000,\) of 4 bytes each"),
+        (
+            CLAIM.format("<f4", "(10000000000,)"),
+            r"noise has the shape \(10000000000,\) with 4 bytes an element",
+        ),
         (CLAIM.format("<f4", "(99999999999999999999999,)"), "noise has a header that says no type"),
         (CLAIM.format("<f4", "(0, 999999999999)"), "noise has the shape"),
         (CLAIM.format("<f4", "(-1,)"), "noise has a header that says no type"),

@@ -100,7 +100,7 @@ def test_another_process_is_named_while_it_lives_and_cleared_up_after_when_it_wa
 ) -> None:
     with another(tmp_path) as process:
         for writing in (lambda: sole_writer(tmp_path), lambda: atomic_write(tmp_path / "a.txt")):
-            with pytest.raises(InputError, match=rf": process {process.pid} writes it, wait"), writing():
+            with pytest.raises(InputError, match=rf": process {process.pid} is writing it; wait"), writing():
                 pass
         assert (tmp_path / ".a.txt.partial" / "big").read_text() == "half"
         with atomic_write(tmp_path / "b.txt") as partial:
@@ -136,10 +136,10 @@ def test_a_folder_is_cleared_of_what_dead_processes_left_and_of_nothing_else(tmp
 
 def test_another_machine_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     partial = Partial(tmp_path / "a")
-    with pytest.raises(InputError, match="a: is written already, name every output once"):
+    with pytest.raises(InputError, match="a: is already being written, name every output once"):
         Partial(tmp_path / "a")
     monkeypatch.setattr(lock.socket, "gethostname", lambda: "here")
-    with pytest.raises(InputError, match=f"a: process {os.getpid()} on {os.uname().nodename} writes it"):
+    with pytest.raises(InputError, match=f"a: process {os.getpid()} on {os.uname().nodename} is writing it"):
         Partial(tmp_path / "a")
     partial.remove()
 

@@ -13,7 +13,7 @@ from uvcloth.files.json_file import MOST_DEPTH, parse_json, read_json, require_k
     [
         ("[" * 100_000 + "]" * 100_000, "nested too deep"),
         ('{"a":' * (MOST_DEPTH + 1) + "0" + "}" * (MOST_DEPTH + 1), f"nested deeper than {MOST_DEPTH}"),
-        ('{"a": 1, "a": 2}', "the key 'a' is there twice"),
+        ('{"a": 1, "a": 2}', "the key 'a' occurs twice"),
         ('{"a": 1234567890123456789012}', "a whole number of 22 digits"),
         ('{"a": "\\ud800"}', "surrogates not allowed"),
         ("[1]", "not a JSON object"),

@@ -69,7 +69,7 @@ def test_the_unchanged_file_is_what_was_written(tmp_path: Path) -> None:
         (put("bufferViews", 0, "byteStride", 0), "elements that overlap"),
         (put("buffers", 0, "uri", "data:application/octet-stream;base64,AAAA"), "reaches beyond"),
         (put("meshes", 0, "primitives", 0, "indices", 4), "accessor 4 is VEC4"),
-        (put("nodes", 1, "children", [0]), "below itself"),
+        (put("nodes", 1, "children", [0]), "is its own ancestor"),
         (put("nodes", 2, "children", [1]), "child of two nodes"),
         (put("nodes", 0, "scale", [1, 1]), r"nodes\[0\]\.scale is \[1, 1\], expected 3 numbers"),
         (put("nodes", 0, "translation", [1e39, 0, 0]), r"expected 3 numbers"),
@@ -169,11 +169,11 @@ def test_quantized_positions_are_placed_by_their_node(tmp_path: Path) -> None:
     ("change", "said"),
     [
         (put("skins", 0, "joints", [0, 0]), "each once"),
-        (put("skins", 0, "joints", [0]), "moved by a joint that its skin does not have"),
+        (put("skins", 0, "joints", [0]), "has a weight for a joint that its skin does not have"),
         (put("accessors", 10, "count", 1), "1 inverse bind matrices for 2 joints"),
         (put("nodes", 0, "scale", [1, 0, 1]), "the bind pose of joint hips"),
         (put("nodes", 0, "name", 300 * "x"), None),
-        (put("accessors", 1, "count", 3), "has 8 vertices, accessor 1 3"),
+        (put("accessors", 1, "count", 3), "has 8 vertices, accessor 1 has 3 elements"),
     ],
 )
 def test_what_a_skin_claims_is_checked(
@@ -256,11 +256,11 @@ def test_nothing_is_fetched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     mesh = read_mesh(path)
     assert isinstance(mesh, AuthoredMesh)
     assert mesh.polygons.materials[0].texture is None
-    assert "http://127.0.0.1:9/wool.png is not read" in mesh.polygons.missing[-1]
+    assert "http://127.0.0.1:9/wool.png lies outside" in mesh.polygons.missing[-1]
     written["buffers"][0]["uri"] = "https://127.0.0.1:9/box.bin"
     path.write_text(json.dumps(written))
     with pytest.raises(
-        InputError, match=r"box\.gltf: its buffer https://127\.0\.0\.1:9/box\.bin is not read"
+        InputError, match=r"box\.gltf: its buffer https://127\.0\.0\.1:9/box\.bin lies outside"
     ):
         read_mesh(path)
 

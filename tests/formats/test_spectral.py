@@ -117,5 +117,5 @@ def test_what_does_not_fit_is_refused() -> None:
     with pytest.raises(ValueError, match="to other numbers"):
         decode_points(coded, parts, 1e-3, 8, COUNT)
     wrong = CodedPoints(coded.step, coded.code, np.array([9 * COUNT]), np.zeros((1, 3), np.int64))
-    with pytest.raises(ValueError, match="corrections are of other points"):
+    with pytest.raises(ValueError, match="corrections belong to other points"):
         decode_points(wrong, parts, 1e-3, 9, COUNT)

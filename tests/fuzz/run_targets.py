@@ -20,7 +20,7 @@ from uvcloth.errors import InputError
 from uvcloth.export.animation import Animation, load_animation, write_npz
 from uvcloth.geometry.kept import keep_arrays, kept_arrays
 from uvcloth.simulate import unfinished
-from uvcloth.simulate.unfinished import Moved, Place, move, unfinished_frames
+from uvcloth.simulate.unfinished import Place, SimulatedFrames, move, unfinished_frames
 
 FRAMES = 3
 SETTINGS = {"loop": {"seed": 0, "learning_rate": 1e-3}, "data": {"walk.npz": "0" * 64}}
@@ -103,7 +103,7 @@ NAME = "walk_tops"
 
 
 @cache
-def truth() -> Moved:
+def truth() -> SimulatedFrames:
     """Of a simulation that nobody stops."""
     return move(Falling(), some_scene(), None)
 
@@ -116,7 +116,7 @@ def good_unfinished(folder: Path) -> Path:
     return place.file
 
 
-def gone_on(file: Path) -> Moved:
+def gone_on(file: Path) -> SimulatedFrames:
     """The simulation, on from what the file keeps, and keeping every frame there again.
 
     It refuses no file: one from which it did not go on counts as refused here.
@@ -135,9 +135,9 @@ def gone_on(file: Path) -> Moved:
     return moved
 
 
-def check_gone_on(moved: Moved) -> None:
-    require(torch.equal(moved.vertices, truth().vertices), "other frames than without a stop")
-    require(np.isfinite(moved.seconds) and moved.seconds >= 0, "time")
+def check_gone_on(frames: SimulatedFrames) -> None:
+    require(torch.equal(frames.vertices, truth().vertices), "other frames than without a stop")
+    require(np.isfinite(frames.seconds) and frames.seconds >= 0, "time")
 
 
 TARGETS = [

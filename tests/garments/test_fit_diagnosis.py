@@ -128,7 +128,7 @@ def test_a_garment_that_cannot_be_unwrapped_is_named(suit, body, tmp_path, monke
         ("missing.obj", b"v 0 0 0\nf 1 2 3\n", "does not have"),
         ("zero.obj", b"v 0 0 0\nf 0 1 1\n", "line 2"),
         ("nan.obj", b"v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n", "vertex 1"),
-        ("million.obj", b"v 0 0 0\n" * 200_001, "has 200,001 vertices, at most 200,000 can be dressed"),
+        ("million.obj", b"v 0 0 0\n" * 200_001, "has 200,001 vertices, at most 200,000 are supported"),
         ("flat.obj", b"v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 2\n", "."),
         ("empty.ply", b"", "readable PLY"),
         ("cut.ply", b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n", "."),

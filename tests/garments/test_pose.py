@@ -1,4 +1,4 @@
-"""Garments modelled in T or A pose: told from those on the rest pose, and taken along to it."""
+"""Garments modelled in T or A pose: separated from those on the rest pose, and transferred to it."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -45,7 +45,7 @@ def test_a_shirt_in_another_pose_is_told_and_taken_along(
     turned = skin(shirt.mesh.vertices, shirt.smooth_weights, arms_held(body, pose)[None])[0]
     path = tmp_path / "shirt.obj"
     save_obj(replace(shirt.mesh, vertices=turned), path)
-    said = f"shirt.obj: the garment lies on the body in {pose.upper()} pose.*--garment-pose {pose}"
+    said = f"shirt.obj: the garment fits the body in {pose.upper()} pose.*--garment-pose {pose}"
     with pytest.raises(UnwearableError, match=said):
         read_on_body(path, body)
     placed = read_on_body(path, body, pose)

@@ -91,7 +91,7 @@ def test_what_is_wrong_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"absent: lacks the clip b \(b\.bvh\)"):
         find_sources([absent])
     idle = folder_of(tmp_path / "idle", ["a"], "a,ann,unused,walk,0,9\n")
-    with pytest.raises(InputError, match=r"idle/index\.csv: gives no clip to train, validation, test"):
+    with pytest.raises(InputError, match=r"idle/index\.csv: assigns no clip to train, validation, test"):
         find_sources([idle])
     other = folder_of(tmp_path / "other", ["a"])
     for clips in ([other, str(Path(other) / "cmu" / "a.bvh")], [other, folder_of(tmp_path / "third", ["a"])]):

@@ -67,10 +67,10 @@ def test_a_clip_saves_and_loads(tmp_path: Path) -> None:
     ("name", "damage", "said"),
     [
         ("quaternions", lambda a: a * np.nan, "quaternions holds a value that is not a finite number"),
-        ("quaternions", lambda a: a * 0, "rotation of the clip is no unit quaternion"),
+        ("quaternions", lambda a: a * 0, "rotation of the clip is not a unit quaternion"),
         ("quaternions", lambda a: a[:, :3], "quaternions has the shape"),
         ("translation", lambda a: a[:0], "translation has the shape"),
-        ("joint_parents", lambda a: a[::-1], "one before the joint above it"),
+        ("joint_parents", lambda a: a[::-1], "one before its parent"),
         ("fps", lambda a: a * 0, "fps holds 0, expected 1 to 1000"),
         ("joint_heads", None, "joint_heads"),
         ("format", lambda a: np.array("uvcloth-body-1"), "motion clip"),

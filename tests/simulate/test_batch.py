@@ -230,7 +230,7 @@ def test_frames_that_were_kept_or_lost_change_what_is_left(capsys: pytest.Captur
     assert (bar.task.completed, bar.task.total) == (2, 60)
     bar.report("walk_dress", 0)
     assert (bar.task.completed, bar.task.total) == (2, 62)
-    assert capsys.readouterr().out == "run_dress: goes on after frame 40\n"
+    assert capsys.readouterr().out == "run_dress: continues after frame 40\n"
 
 
 def test_garments_that_would_share_files_or_cross_are_refused(body: Body, tmp_path: Path) -> None:

@@ -189,7 +189,7 @@ def test_a_fabric_that_is_none_is_refused(jobs: list[Job], out: Path, tmp_path: 
     sequence = load_simulated(path)
     for fabric, reason in (
         ({"density": 1e9}, "the fabric's density is 1000000000.0, expected 0.01 to 2"),
-        ({"colour": 1.0}, "'colour' is not a number of a fabric"),
+        ({"colour": 1.0}, "'colour' is not a property of a fabric"),
         ("silk", "the settings, fabric"),
     ):
         save_simulated(sequence.labelled(settings={"fabric": fabric}), path)
@@ -212,7 +212,7 @@ def test_a_body_that_is_another_is_refused(jobs: list[Job], out: Path, tmp_path:
     save_body(taller, tmp_path / "out" / "bodies" / f"{body.name}.npz")
     with pytest.raises(
         InputError,
-        match=r"was simulated on another body \(default\) than .*bodies.default\.npz or the one that ships",
+        match=r"was simulated on the body default, which is neither .*bodies.default\.npz nor the one in",
     ):
         read_outfit_clips(tmp_path / "out")
 
@@ -226,7 +226,7 @@ def test_a_body_whose_name_is_a_path_stays_in_the_folder(
     save_body(replace(body, name="../../b01"), copied / "bodies" / "b01.npz")
     (tmp_path / "windows.csv").write_text(WINDOWS)
     with pytest.raises(
-        InputError, match=r"body \.\./\.\./b01: a file called '\.\./\.\./b01\.npz' cannot exist"
+        InputError, match=r"body \.\./\.\./b01: '\.\./\.\./b01\.npz' cannot be the name of a file"
     ):
         simulate_outfits(copied, _selection(tmp_path), tmp_path / "out", frames=25)
     assert not list(tmp_path.glob("b01*"))

@@ -232,7 +232,7 @@ def test_the_page_offers_no_share_button(viewer: Viewer) -> None:
 def test_a_viser_that_starts_in_another_way_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """A server that is started by another function than the one replaced asks nobody for a token."""
     monkeypatch.setattr("uvcloth.view.server.websocket_server", SimpleNamespace(serve=None))
-    with pytest.raises(InputError, match=rf"knows viser 1\.1, not {re.escape(viser.__version__)}"):
+    with pytest.raises(InputError, match=rf"supports viser 1\.1, not {re.escape(viser.__version__)}"):
         Viewer(port=free_port())
 
 

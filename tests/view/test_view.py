@@ -26,7 +26,7 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.library import load_clip, save_clip
 from uvcloth.rollout import RolloutFrame
-from uvcloth.view.choices import Choices, Chosen
+from uvcloth.view.choices import Choice, Choices
 from uvcloth.view.computation import Computation, Performance
 from uvcloth.view.heat import COLORS, CONTACT, ERROR, STRETCH, Stretch, bands
 from uvcloth.view.viewer import Viewer
@@ -185,7 +185,7 @@ def test_changing_the_clip_changes_the_meshes(viewer: Viewer, monkeypatch: pytes
     speeds = {"walk": 0.1, "run": 0.3}
     monkeypatch.setattr(Choices, "perform", lambda self, chosen: rising(chosen.motion, speeds[chosen.motion]))
     choices = Choices(("walk", "run"), ("tops",), ("lbs",), ("default",))
-    viewer.offer(choices, Chosen("walk", ("tops",), "lbs", "default"))
+    viewer.offer(choices, Choice("walk", ("tops",), "lbs", "default"))
     tick_until(viewer, lambda: viewer.shown == COUNT - 1)
     viewer.controls["motion"].value = "run"
     highest = shell().vertices[:, 2].max() + 0.3 * (COUNT - 1)
@@ -200,7 +200,7 @@ def test_changing_the_clip_changes_the_meshes(viewer: Viewer, monkeypatch: pytes
 
 def test_what_cannot_be_is_said_on_the_page(viewer: Viewer) -> None:
     choices = Choices.of(motions=["absent.bvh"], models=["lbs"])
-    viewer.offer(choices, Chosen("absent.bvh", ("tops",), "lbs", "default"))
+    viewer.offer(choices, Choice("absent.bvh", ("tops",), "lbs", "default"))
     tick_until(viewer, lambda: "absent.bvh" in viewer._state.content)
     assert "Traceback" not in viewer._state.content
 
@@ -224,7 +224,7 @@ def test_names_of_files_are_text_on_the_page(viewer: Viewer) -> None:
     tick_until(viewer, lambda: viewer.shown == COUNT - 1)
     assert viewer._state.content == f"{html.escape(name)}: {COUNT} frames"
     choices = Choices.of(motions=[f"{name}.bvh"], models=["lbs"])
-    viewer.offer(choices, Chosen(f"{name}.bvh", ("tops",), "lbs", "default"))
+    viewer.offer(choices, Choice(f"{name}.bvh", ("tops",), "lbs", "default"))
     tick_until(viewer, lambda: "no such file" in viewer._state.content)
     assert html.escape(name) in viewer._state.content
     assert "<script" not in viewer._state.content
@@ -232,31 +232,31 @@ def test_names_of_files_are_text_on_the_page(viewer: Viewer) -> None:
 
 def test_what_was_not_offered_is_not_opened() -> None:
     choices = Choices.of(models=["lbs"])
-    for chosen in (
-        Chosen("/etc/passwd.bvh", ("tops",), "lbs", "default"),
-        Chosen("walk", ("/etc/passwd.obj",), "lbs", "default"),
-        Chosen("walk", ("tops",), "/etc", "default"),
-        Chosen("walk", ("tops",), "lbs", "/etc/passwd.npz"),
+    for choice in (
+        Choice("/etc/passwd.bvh", ("tops",), "lbs", "default"),
+        Choice("walk", ("/etc/passwd.obj",), "lbs", "default"),
+        Choice("walk", ("tops",), "/etc", "default"),
+        Choice("walk", ("tops",), "lbs", "/etc/passwd.npz"),
     ):
         with pytest.raises(InputError, match=r"/etc.* is not among the choices"):
-            choices.perform(chosen)
+            choices.perform(choice)
 
 
 def test_a_choice_is_rolled_out_as_the_command_would() -> None:
     choices = Choices.of(models=["lbs"])
-    performance = choices.perform(Chosen("walk", ("tops",), "lbs", "default", finish="none"))
+    performance = choices.perform(Choice("walk", ("tops",), "lbs", "default", finish="none"))
     first = next(performance.frames)
     assert performance.count == 115
     assert first.vertices[0].shape == performance.meshes[0].vertices.shape
     with pytest.raises(InputError, match="choose a garment"):
-        choices.perform(Chosen("walk", (), "lbs", "default"))
+        choices.perform(Choice("walk", (), "lbs", "default"))
 
 
 def test_a_pose_is_reached_from_rest(body: Body, tmp_path: Path) -> None:
     pose = str(tmp_path / "pose.npz")
     save_clip(load_clip("walk", body).window(40, 1), Path(pose))
     choices = Choices.of(motions=[pose], models=["lbs"])
-    performance = choices.perform(Chosen(pose, ("tops",), "lbs", "default", finish="none"))
+    performance = choices.perform(Choice(pose, ("tops",), "lbs", "default", finish="none"))
     frames = list(performance.frames)
     assert len(frames) == performance.count > 1
     rest = torch.eye(3, 4).expand_as(frames[0].transforms)
@@ -270,7 +270,7 @@ def test_a_sequence_is_shown_with_the_rollout_over_its_motion(body: Body, tmp_pa
     save_simulated(sequence, tmp_path / "walk_tops.npz")
     path = str(tmp_path / "walk_tops.npz")
     choices = Choices.of(models=["lbs"], sequences=[path])
-    performance = choices.perform(Chosen(path, (), "lbs", "default", finish="none"))
+    performance = choices.perform(Choice(path, (), "lbs", "default", finish="none"))
     assert (performance.title, performance.count) == ("walk_tops", len(sequence.vertices))
     assert performance.truth is not None
     torch.testing.assert_close(performance.truth, sequence.vertices, atol=1e-4, rtol=0)

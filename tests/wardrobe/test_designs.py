@@ -27,7 +27,7 @@ def test_a_design_is_read_back_from_its_numbers() -> None:
     [
         ("cape", SHORTS, "design: cape is not a type of piece, expected one of tshirt"),
         ("c" * 9999, SHORTS, f"design: {'c' * 40} is not a type of piece"),
-        ("skirt", SHORTS, "design: the parameters of skirt are those of skirt"),
+        ("skirt", SHORTS, "design: the parts of skirt have to be skirt"),
         ("shorts", {"legs": {"drop": 0.02}}, "design: legs: expected the numbers drop, length, ease, flare"),
         (
             "shorts",

@@ -70,9 +70,9 @@ class OutfitDataset:
         Where there is one outfit alone it is given once, with the frames of all.
         """
         if not self.balanced:
-            chosen = self.rows[samples]
-            outfits = [self.training[index] for index in chosen[:, 0].tolist()]
-            first = chosen[:, 1:]
+            pairs = self.rows[samples]
+            outfits = [self.training[index] for index in pairs[:, 0].tolist()]
+            first = pairs[:, 1:]
         else:
             outfits = [self.training[index] for index in samples.tolist()]
             first = torch.zeros(len(samples), 0, dtype=torch.int64)
@@ -122,7 +122,7 @@ def read_outfits(folders: Sequence[Path], rest_frames: int, *, balanced: bool = 
     require_one_split(source, ((clip.name, clip.subject, clip.split) for clip in clips))
     for split in TRAINING_SPLITS:
         if not of_split(clips, split):
-            raise InputError(f"{source}: holds no outfit for {split}, training needs some")
+            raise InputError(f"{source}: holds no outfit for {split}, training needs at least one")
     kinds = [outfit.body.identity.topology for outfit, _ in dressed]
     for kind, clip in zip(kinds, clips, strict=True):
         if kind != kinds[0]:

@@ -80,15 +80,15 @@ def data_losses(
     """
     share = prior_share(epochs)
     errors, stretches, weights, shapes = [], [], [], []
-    for outfit, truth, graph, own in zip(outfits, truths, graphs, rows, strict=True):
+    for outfit, truth, graph, points in zip(outfits, truths, graphs, rows, strict=True):
         wrong = MILLI * (outfit.posed - truth)
         if losses.error == "distance":
             errors.append(wrong.norm(dim=-1).mean())
         else:
             errors.append(wrong.square().sum(-1).mean())
         if losses.edges:
-            stretches.append(MILLI * _edge_change(outfit.posed, graph, own))
-        closest = graph.closest[own].to(outfit.weights)
+            stretches.append(MILLI * _edge_change(outfit.posed, graph, points))
+        closest = graph.closest[points].to(outfit.weights)
         weights.append((outfit.weights - closest).square().sum(-1).mean())
         deformation = CENTI * sum(outfit.deformation.values(), truth.new_zeros(1, 3))
         shapes.append(deformation.square().sum(-1).mean())

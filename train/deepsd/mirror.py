@@ -28,7 +28,7 @@ def mirror_outfit(frames: OutfitFrames) -> OutfitFrames:
             offsets=graph.offsets * across,
             smooth=graph.smooth[:, other],
             closest=graph.closest[:, other],
-            moved=graph.moved[other],
+            joint_areas=graph.joint_areas[other],
         ),
         vertices=frames.vertices * across,
         transforms=transforms,

@@ -79,7 +79,7 @@ class DataObjective(DeePSDObjective):
     ) -> None:
         super().__init__(config, dataset, device)
         self.losses = losses
-        self.seen = torch.zeros((), dtype=torch.int64)
+        self.frames_seen = torch.zeros((), dtype=torch.int64)
 
     def networks(self) -> dict[str, nn.Module]:
         """A new network, whose branch of physics is not trained."""
@@ -98,8 +98,12 @@ class DataObjective(DeePSDObjective):
         """The losses of some outfits in some of their frames."""
         outfits, frames = self.dataset.draw(rows.cpu(), self.losses.poses_per_outfit)
         poses = DrawnPoses(
-            torch.stack([o.vectors[own] for o, own in zip(outfits, frames, strict=True)]).to(self.device),
-            torch.stack([o.transforms[own] for o, own in zip(outfits, frames, strict=True)]).to(self.device),
+            torch.stack([o.vectors[indices] for o, indices in zip(outfits, frames, strict=True)]).to(
+                self.device
+            ),
+            torch.stack([o.transforms[indices] for o, indices in zip(outfits, frames, strict=True)]).to(
+                self.device
+            ),
         )
         graphs = [outfit.graph for outfit in outfits]
         points = self._points(outfits)
@@ -108,12 +112,12 @@ class DataObjective(DeePSDObjective):
         dropout = self.losses.pose_dropout
         predicted = pose_outfits(networks["net"], described, poses, self.branches, dropout)
         truths = [
-            outfit.vertices[own][:, some].to(self.device)
-            for outfit, own, some in zip(outfits, frames, points, strict=True)
+            outfit.vertices[indices][:, some].to(self.device)
+            for outfit, indices, some in zip(outfits, frames, points, strict=True)
         ]
-        epochs = float(self.seen) / len(self.dataset.rows)
+        epochs = float(self.frames_seen) / len(self.dataset.rows)
         parts = data_losses(predicted, truths, graphs, points, self.losses, epochs)
-        self.seen += rows.numel() * self.losses.poses_per_outfit
+        self.frames_seen += rows.numel() * self.losses.poses_per_outfit
         yield "net", torch.stack(list(parts.values())).sum(), parts
 
     def _points(self, outfits: Sequence[OutfitFrames]) -> list[Tensor]:
@@ -142,8 +146,8 @@ class DataObjective(DeePSDObjective):
 
     def memory(self) -> dict[str, Tensor]:
         """The frames seen so far, by which the priors fade."""
-        return {"seen": self.seen}
+        return {"seen": self.frames_seen}
 
     def remember(self, memory: Mapping[str, Tensor]) -> None:
         """Restore the state that `memory` gave."""
-        self.seen = memory["seen"].clone()
+        self.frames_seen = memory["seen"].clone()

@@ -1,4 +1,4 @@
-"""The objective of DeePSD's second phase: trains the branch chi on physics, all else stays (section 4.3)."""
+"""The objective of DeePSD's second phase: it trains only the branch chi, on physics (section 4.3)."""
 
 import copy
 from collections.abc import Iterator, Mapping, Sequence
@@ -96,10 +96,10 @@ class PhysicsObjective(DeePSDObjective):
     def _poses(self, outfits: Sequence[OutfitFrames], frames: Sequence[Tensor]) -> DrawnPoses:
         """The poses of those frames, or as many of any training frame, put on the outfits' bodies."""
         if self.losses.pose_source == "own":
-            vectors = [outfit.vectors[own] for outfit, own in zip(outfits, frames, strict=True)]
-            transforms = [outfit.transforms[own] for outfit, own in zip(outfits, frames, strict=True)]
+            vectors = [outfit.vectors[indices] for outfit, indices in zip(outfits, frames, strict=True)]
+            transforms = [outfit.transforms[indices] for outfit, indices in zip(outfits, frames, strict=True)]
         else:
-            drawn = [torch.randint(len(self.dataset.rows), (len(own),)) for own in frames]
+            drawn = [torch.randint(len(self.dataset.rows), (len(indices),)) for indices in frames]
             vectors = [self.dataset.vectors[rows] for rows in drawn]
             transforms = [
                 joint_transforms(

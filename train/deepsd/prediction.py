@@ -65,16 +65,16 @@ def pose_outfits(
     """
     packed = described.packed
     weights = described.weights.split(packed.sizes)
-    seen = net.seen(packed.moved)[:, None].expand(-1, poses.vectors.shape[1], -1)
-    keys = net.embed(poses.vectors, torch.dropout(seen, dropout, dropout > 0))
-    moved = {branch: deformations(net, described.features, packed, keys, branch) for branch in branches}
+    visibility = net.joint_visibility(packed.joint_areas)[:, None].expand(-1, poses.vectors.shape[1], -1)
+    keys = net.embed(poses.vectors, torch.dropout(visibility, dropout, dropout > 0))
+    by_branch = {branch: deformations(net, described.features, packed, keys, branch) for branch in branches}
     points = packed.points.split(packed.sizes)
     outfits = []
     for index, rest in enumerate(points):
-        own = {branch: each[index] for branch, each in moved.items()}
-        deformation = sum(own.values(), rest.new_zeros(()))
+        branch_offsets = {branch: each[index] for branch, each in by_branch.items()}
+        deformation = sum(branch_offsets.values(), rest.new_zeros(()))
         posed = pose(rest, deformation, weights[index], poses.transforms[index])
-        outfits.append(PosedOutfit(weights[index], own, posed))
+        outfits.append(PosedOutfit(weights[index], branch_offsets, posed))
     return outfits
 
 
@@ -89,7 +89,7 @@ def deformations(
         return [described.new_zeros(keys.shape[1], size, 3) for size in packed.sizes]
     if net.config.deformation == "offsets":
         parts = described.split(packed.sizes)
-        return [net.offsets(part, own, branch) for part, own in zip(parts, keys, strict=True)]
+        return [net.offsets(part, part_keys, branch) for part, part_keys in zip(parts, keys, strict=True)]
     *hidden, last = net.branches[branch].children()
     for layer in hidden:
         described = layer(described)
@@ -104,17 +104,19 @@ def deformations(
     bias = torch.einsum("bqk,kc->bqc", keys, last.bias.view(count, 3)).flatten(1)
     parts = described.split(packed.sizes)
     return [
-        torch.addmm(own_bias, part, own.T).unflatten(1, (-1, 3)).transpose(0, 1)
-        for part, own, own_bias in zip(parts, weighed, bias, strict=True)
+        torch.addmm(part_bias, part, matrix.T).unflatten(1, (-1, 3)).transpose(0, 1)
+        for part, matrix, part_bias in zip(parts, weighed, bias, strict=True)
     ]
 
 
 def _kept(described: Tensor, packed: PackedOutfits, rows: Sequence[Tensor]) -> tuple[Tensor, PackedOutfits]:
     """Descriptors and outfits of some points alone; their neighbours are no longer known."""
     starts = torch.tensor([0, *packed.sizes[:-1]]).cumsum(0).tolist()
-    chosen = torch.cat([own + start for own, start in zip(rows, starts, strict=True)]).to(described.device)
+    places = torch.cat([indices + start for indices, start in zip(rows, starts, strict=True)]).to(
+        described.device
+    )
     taken = {
-        name: getattr(packed, name)[chosen]
+        name: getattr(packed, name)[places]
         for name in ("outfit", "points", "normals", "offsets", "smooth", "fabric")
     }
-    return described[chosen], replace(packed, sizes=tuple(map(len, rows)), **taken)
+    return described[places], replace(packed, sizes=tuple(map(len, rows)), **taken)

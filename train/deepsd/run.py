@@ -65,7 +65,7 @@ LOOPS: dict[str, LoopConfig] = {
 
 @dataclass(frozen=True)
 class DeePSDRun:
-    """Train DeePSD on outfits in motion, then on physics; on physics alone for an outfit without data."""
+    """Train DeePSD on outfits in motion, then on physics; an outfit without data on physics alone."""
 
     out: Path
     """Folder of the run: checkpoint, training state, TensorBoard."""
@@ -73,7 +73,8 @@ class DeePSDRun:
     """Folders made by `uvcloth simulate --outfits`, or in CLOTH3D's layout; in folders of other sequences
     each garment is an outfit."""
     physics_only: Annotated[str | None, tyro.conf.arg(metavar="RUN|shipped")] = None
-    """Continue from the network of this run: train the branch of physics alone, all else stays."""
+    """Continue from the network of this run: train only the branch of physics, all other weights stay fixed.
+    """
     outfit: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")] = ()
     """With --physics-only: train on these garments, the innermost first, instead of data."""
     poses: Annotated[
@@ -103,10 +104,10 @@ class DeePSDRun:
         if self.loop.devices > 1:
             raise InputError("--devices: DeePSD is trained on one device, leave it out")
         if bool(self.data) == bool(self.outfit):
-            raise InputError("name either --data, or --outfit to fit to it without data")
+            raise InputError("name either --data, or --outfit to train on one outfit without data")
         if self.outfit and self.physics_only is None:
             raise InputError(
-                "--outfit: is trained on physics alone, name a trained model with --physics-only RUN"
+                "--outfit: trains on physics alone, name a trained model with --physics-only RUN"
             )
         if self.fabric is not None and not self.outfit:
             raise InputError("--fabric: needs --outfit; data contain their fabric")

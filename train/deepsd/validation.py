@@ -65,9 +65,9 @@ class Validation:
 
     def __init__(self, held: Sequence[OutfitFrames], device: torch.device) -> None:
         self.device = device
-        chosen = [held[index] for index in _spread(len(held), OUTFITS)]
-        collider = make_collider(chosen[0].body)
-        self._held = [self._hold(each, collider) for each in chosen]
+        selection = [held[index] for index in _spread(len(held), OUTFITS)]
+        collider = make_collider(selection[0].body)
+        self._held = [self._hold(each, collider) for each in selection]
 
     def _hold(self, frames: OutfitFrames, collider: Collider) -> HeldOutfit:
         rows = _spread(len(frames.vectors), POSES)
@@ -90,20 +90,20 @@ class Validation:
         energy_mJ: what `energy` gives. mean_mm, smooth_lbs_mm: vertex error, and that of smooth skinning,
         where the truth is known. edge_mm, bend_cos: see uvcloth.physics.measures. inside_percent: of points.
         """
-        found: dict[str, list[Tensor]] = {}
+        columns: dict[str, list[Tensor]] = {}
         for held, outfit in self._predicted(net, branches, self._held):
             measures = self._measures(held, outfit.posed.cpu())
             if energy is not None:
                 measures = {"energy_mJ": energy(held.frames, outfit, held.poses.transforms[0])} | measures
             for name, value in measures.items():
-                found.setdefault(name, []).append(value.cpu())
-        return {name: float(torch.stack(values).mean()) for name, values in found.items()}
+                columns.setdefault(name, []).append(value.cpu())
+        return {name: float(torch.stack(values).mean()) for name, values in columns.items()}
 
     def _predicted(
-        self, net: Any, branches: Sequence[Branch], chosen: Sequence[HeldOutfit]
+        self, net: Any, branches: Sequence[Branch], outfits: Sequence[HeldOutfit]
     ) -> Iterator[tuple[HeldOutfit, PosedOutfit]]:
         """Some outfits, each as it is predicted."""
-        for held in chosen:
+        for held in outfits:
             described = describe(net, [held.frames.graph], self.device)
             yield held, pose_outfits(net, described, held.poses, branches)[0]
 
@@ -127,15 +127,15 @@ class Validation:
     @torch.no_grad()
     def picture(self, net: Any, branches: Sequence[Branch]) -> Tensor:
         """A few outfits as predicted and, where it is known, as simulated below: (H, W, 3) uint8."""
-        chosen = [self._held[index] for index in _spread(len(self._held), PICTURED)]
+        selection = [self._held[index] for index in _spread(len(self._held), PICTURED)]
         rows: list[list[Any]] = [[], []]
-        for held, outfit in self._predicted(net, branches, chosen):
+        for held, outfit in self._predicted(net, branches, selection):
             middle = len(outfit.posed) // 2
             body = held.bodies()[middle]
             rows[0].append(_drawn(held.frames, outfit.posed[middle].cpu(), body))
             if len(held.truth):
                 rows[1].append(_drawn(held.frames, held.truth[middle], body))
-        return torch.from_numpy(contact_sheet([*rows[0], *rows[1]], columns=len(chosen)))
+        return torch.from_numpy(contact_sheet([*rows[0], *rows[1]], columns=len(selection)))
 
 
 def _drawn(frames: OutfitFrames, posed: Tensor, body: Tensor) -> Any:

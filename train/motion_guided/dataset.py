@@ -84,8 +84,8 @@ def load_clips_of(rests: dict[str, Tensor], data: Path) -> list[SimulatedClip]:
 
     Raises InputError if there is none, or if one is of another garment or body.
     """
-    found = read_clips([data], tuple(rests))
-    dressed = [(body, [c for c in clips if rests.keys() <= c.by_name.keys()]) for body, clips in found]
+    by_body = read_clips([data], tuple(rests))
+    dressed = [(body, [c for c in clips if rests.keys() <= c.by_name.keys()]) for body, clips in by_body]
     if not any(clips for _, clips in dressed):
         raise InputError(f"{data}: no training clip was simulated with {' and '.join(rests)}")
     for body, clips in dressed:
@@ -151,17 +151,17 @@ class GarmentDataset:
         self.frames = counted.shape[1]
         also = ", and their mirror images" if images else ""
         if mirror and not images:
-            also = f"; {garment.name} is not symmetric, without their mirror images"
+            also = f"; {garment.name} is not symmetric, so mirror images are left out"
         Console().print(
             f"{self.frames} training frames of {len(training)} clips{also}; "
             f"{count_frames(held)} validation frames ({', '.join(clip.name for clip in held)})"
         )
 
-    def codes(self, space: Space, frames: GarmentFrames, chosen: Tensor) -> Tensor:
+    def codes(self, space: Space, frames: GarmentFrames, rows: Tensor) -> Tensor:
         """Z* of simulated garments in chosen rows: (B, Z)."""
-        texels = self.maps.positions(frames.vertices[chosen])
-        seen = (texels, frames.offsets[chosen], frames.pose.seeds.points[chosen])
-        return space.encode(shape_features(space, self.maps, *seen))
+        texels = self.maps.positions(frames.vertices[rows])
+        inputs = (texels, frames.offsets[rows], frames.pose.seeds.points[rows])
+        return space.encode(shape_features(space, self.maps, *inputs))
 
     def depth(self, resting: Tensor) -> Tensor:
         """L_SDF: mean depth below CLEARANCE of rest shapes (B, N, 3), by the exact distance to the body."""

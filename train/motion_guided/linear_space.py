@@ -16,16 +16,16 @@ RIDGE = 1e-3
 """Of the linear encoder, as a share of the mean square of what it sees."""
 
 
-def rest_displacements(space: Space, dataset: GarmentDataset, chosen: Tensor) -> Tensor:
+def rest_displacements(space: Space, dataset: GarmentDataset, rows: Tensor) -> Tensor:
     """Simulated garments of rows (B,) as displacements in the local frames at rest: (B, 3 N), m.
 
     Kernels that take a vertex back may depend on where it comes to lie: found by iteration.
     """
     maps, frames = dataset.maps, dataset.training
-    resting = maps.points.expand(len(chosen), -1, -1)
+    resting = maps.points.expand(len(rows), -1, -1)
     for _ in range(ROUNDS):
-        blended = pose_transforms(space, maps, resting, frames.pose[chosen])
-        resting = rotate(torch.linalg.inv(blended[..., :3]), frames.vertices[chosen] - blended[..., 3])
+        blended = pose_transforms(space, maps, resting, frames.pose[rows])
+        resting = rotate(torch.linalg.inv(blended[..., :3]), frames.vertices[rows] - blended[..., 3])
     return rotate_back(maps.axes, resting - maps.points).flatten(1)
 
 
@@ -37,11 +37,11 @@ def fit_linear(space: LinearSpace, dataset: GarmentDataset) -> None:
     regression from the maps that it sees.
     """
     maps, frames = dataset.maps, dataset.training
-    chosen = frames.rows.samples
+    rows = frames.rows.samples
     shapes = torch.cat(
         [
             rest_displacements(space, dataset, part)
-            for part in track(chosen.split(FRAMES_AT_ONCE), "shapes", transient=True)
+            for part in track(rows.split(FRAMES_AT_ONCE), "shapes", transient=True)
         ]
     )
     mean = shapes.mean(0)
@@ -54,12 +54,12 @@ def fit_linear(space: LinearSpace, dataset: GarmentDataset) -> None:
     space.decoder.weight.zero_()
     space.decoder.weight[:, : len(directions)] = directions.T / DISPLACEMENT_SCALE
     space.decoder.bias.copy_(mean / DISPLACEMENT_SCALE)
-    seen = torch.cat(
-        [space.features(maps.map(frames.offsets[part])).flatten(1) for part in chosen.split(FRAMES_AT_ONCE)]
+    features = torch.cat(
+        [space.features(maps.map(frames.offsets[part])).flatten(1) for part in rows.split(FRAMES_AT_ONCE)]
     )
     wanted = codes / size
-    gram = seen @ seen.T
+    gram = features @ features.T
     ridge = RIDGE * gram.diagonal().mean() * torch.eye(len(gram)).to(gram)
     space.code.weight.zero_()
     space.code.bias.zero_()
-    space.code.weight[: wanted.shape[1]] = (seen.T @ torch.linalg.solve(gram + ridge, wanted)).T
+    space.code.weight[: wanted.shape[1]] = (features.T @ torch.linalg.solve(gram + ridge, wanted)).T

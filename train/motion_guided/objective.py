@@ -84,9 +84,9 @@ class ShapeObjective(Objective):
         """The space, its inputs scaled to the data; a linear one is fitted."""
         dataset, net = self.dataset, self.dataset.config.shape_space()
         offsets = dataset.training.offsets[dataset.training.rows.samples[::4]]
-        seen = dataset.maps.map(offsets)
-        net.shift.copy_(seen.mean(0))
-        net.scale.copy_((seen - net.shift).std().clamp(min=1e-3))
+        maps = dataset.maps.map(offsets)
+        net.shift.copy_(maps.mean(0))
+        net.scale.copy_((maps - net.shift).std().clamp(min=1e-3))
         if isinstance(net, LinearSpace):
             fit_linear(net, dataset)
         return {"net": net}
@@ -119,11 +119,11 @@ class ShapeObjective(Objective):
         """Mean vertex error of held-out garments encoded and decoded, mm."""
         net.eval()
         dataset, errors = self.dataset, []
-        for chosen in dataset.held.rows.samples[::2].split(8):
-            codes = dataset.codes(net, dataset.held, chosen)
+        for rows in dataset.held.rows.samples[::2].split(8):
+            codes = dataset.codes(net, dataset.held, rows)
             resting = rest_shape(net, dataset.maps, codes)
-            posed = posed_shape(net, dataset.maps, resting, dataset.held.pose[chosen])
-            errors.append((posed - dataset.held.vertices[chosen]).norm(dim=2).mean(1) * 1000.0)
+            posed = posed_shape(net, dataset.maps, resting, dataset.held.pose[rows])
+            errors.append((posed - dataset.held.vertices[rows]).norm(dim=2).mean(1) * 1000.0)
         net.train()
         return {"mean_mm": float(torch.cat(errors).mean())}
 
@@ -161,8 +161,8 @@ class DynamicsObjective(ShapeObjective):
         with torch.no_grad():
             self.codes = torch.cat(
                 [
-                    dataset.codes(self.space, dataset.training, chosen)
-                    for chosen in track(
+                    dataset.codes(self.space, dataset.training, rows)
+                    for rows in track(
                         torch.arange(len(self.past)).split(FRAMES_AT_ONCE), "codes", transient=True
                     )
                 ]
@@ -177,11 +177,11 @@ class DynamicsObjective(ShapeObjective):
         """The dynamic encoder, its inputs scaled to the data."""
         net = self.dataset.config.dynamics()
         dataset = self.dataset
-        seen = [
-            motion_of(dataset.config.local_offsets, dataset.maps, self._input(dataset.training, chosen))
-            for chosen in dataset.training.rows.samples[::8].split(FRAMES_AT_ONCE)
+        motions = [
+            motion_of(dataset.config.local_offsets, dataset.maps, self._input(dataset.training, rows))
+            for rows in dataset.training.rows.samples[::8].split(FRAMES_AT_ONCE)
         ]
-        scale = torch.cat(seen).square().mean((0, 1)).sqrt()
+        scale = torch.cat(motions).square().mean((0, 1)).sqrt()
         net.motion_scale.copy_(scale.clamp(min=1e-3)[:, None, None])
         return {"net": net}
 
@@ -196,21 +196,21 @@ class DynamicsObjective(ShapeObjective):
         )
         frames: list[dict[str, Tensor]] = []
         for now in (rows + frame for frame in range(losses.unroll)):
-            seen = self._after(dataset.training, now, past)
-            parts, last = self._losses(networks["net"], seen, now, last)
+            inputs = self._after(dataset.training, now, past)
+            parts, last = self._losses(networks["net"], inputs, now, last)
             frames.append(parts)
-            past = past.followed_by(dataset.maps, last, seen.pose.transforms)
+            past = past.followed_by(dataset.maps, last, inputs.pose.transforms)
             if losses.past == "own":
                 self.past[now], self.past_offsets[now] = last.detach(), past.offsets[:, 0].detach()
         parts = {name: torch.stack([each[name] for each in frames]).mean() for name in frames[0]}
         yield "net", torch.stack(list(parts.values())).sum(), parts
 
     def _losses(
-        self, net: Any, seen: DynamicsInput, rows: Tensor, last: Tensor
+        self, net: Any, inputs: DynamicsInput, rows: Tensor, last: Tensor
     ) -> tuple[dict[str, Tensor], Tensor]:
         """The parts of the loss on rows (B,), and the garments (B, N, 3) predicted; last: those before."""
         dataset, losses = self.dataset, self.losses
-        features, change = dynamics_features(self.space, net, dataset.maps, seen, dataset.config.sigma)
+        features, change = dynamics_features(self.space, net, dataset.maps, inputs, dataset.config.sigma)
         if losses.still:
             features = torch.cat([features, self._unchanged(rows - 1)])
             change = torch.cat([change, torch.zeros_like(change)])
@@ -241,23 +241,23 @@ class DynamicsObjective(ShapeObjective):
         return state_features(self.space, maps, texels, offsets, pose.seeds.points, pose.transforms)
 
     def _input(
-        self, frames: GarmentFrames, chosen: Tensor, past: tuple[Tensor, Tensor] | None = None
+        self, frames: GarmentFrames, rows: Tensor, past: tuple[Tensor, Tensor] | None = None
     ) -> DynamicsInput:
         """The encoder's input for chosen rows (B,). past: garments (R, N, 3) and their offsets."""
         vertices, offsets = past or (frames.vertices, frames.offsets)
-        back = chosen[:, None] - torch.arange(1, MEMORY + 1, device=chosen.device)
+        back = rows[:, None] - torch.arange(1, MEMORY + 1, device=rows.device)
         history = GarmentHistory(self.dataset.maps.positions(vertices[back]), offsets[back])
-        return self._after(frames, chosen, history)
+        return self._after(frames, rows, history)
 
-    def _after(self, frames: GarmentFrames, chosen: Tensor, past: GarmentHistory) -> DynamicsInput:
+    def _after(self, frames: GarmentFrames, rows: Tensor, past: GarmentHistory) -> DynamicsInput:
         """The encoder's input for chosen rows (B,) after a history."""
-        now = chosen[:, None] - torch.arange(MEMORY, device=chosen.device)
+        now = rows[:, None] - torch.arange(MEMORY, device=rows.device)
         return DynamicsInput(
             past=past,
             transforms=frames.pose.transforms[now],
-            seeds_before=frames.pose.seeds[chosen - 1],
-            seeds=frames.pose.seeds[chosen],
-            fps=frames.rows.fps[chosen],
+            seeds_before=frames.pose.seeds[rows - 1],
+            seeds=frames.pose.seeds[rows],
+            fps=frames.rows.fps[rows],
         )
 
     def validate(self, net: Any) -> dict[str, float]:

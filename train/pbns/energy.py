@@ -23,7 +23,7 @@ PROGRAM_FABRIC = Fabric(density=0.3, stretch=34.641016, bend=8.660254e-5)
 
 @dataclass(frozen=True)
 class FabricOptions:
-    """Fabric of the cloth, and numbers of it that are to be others."""
+    """Fabric of the cloth, and values that replace its own."""
 
     fabric: FabricName | None = None
     """Fabric (default: that of the paper's program: 34.6 N/m, 8.7e-5 N m, 0.3 kg/m2)."""

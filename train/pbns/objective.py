@@ -82,7 +82,7 @@ class PBNSObjective(Objective):
 
     batch: poses in a step. smoothing: share of the blend shapes' gradient that is smoothed, as in
     `GradientSmoothing`. Raises InputError for layers that cross at rest, pins that name no vertex, a share
-    that is none, and a database without training or validation poses.
+    that is not valid, and a database without training or validation poses.
     """
 
     def __init__(

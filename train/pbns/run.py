@@ -71,7 +71,7 @@ class PBNSRun:
         fabric, body = self.fabric.resolved(), load_body(self.body)
         say = partial(Console(stderr=True).print, highlight=False, markup=False)
         outfit = Outfit(body, tuple(load_garment(name, body, say) for name in self.garment))
-        # To draw poses takes minutes: a garment without a hem to be held by is refused before.
+        # Drawing poses takes minutes: a garment without a hem that holds it is refused before.
         held_vertices(outfit, self.attachment)
         poses = poses_for(self.poses, body, self.out)
         objective = PBNSObjective(

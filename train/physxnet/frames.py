@@ -60,7 +60,7 @@ def load_frames(
     clips = [clip for _, clips in worn for clip in clips]
     cut = zip(owners, led_in(clips, HISTORY - 1), strict=True)
     for which, (clip, first) in track(cut, title, len(clips), transient=True):
-        body, seen = worn[which][0], prepared[which]
+        body, ready = worn[which][0], prepared[which]
         led = with_lead(clip.transforms)
         lead = len(led) - len(clip.transforms)
         for begin in range(first, len(clip.transforms), BAKED_AT_ONCE):
@@ -69,16 +69,16 @@ def load_frames(
             now = frames.transforms[:, -1]
             vertices = frames.vertices[:, -1]
             values = motion_values(
-                config, seen.texels, frames.velocity[:, -1], frames.acceleration[:, -1], now
+                config, ready.texels, frames.velocity[:, -1], frames.acceleration[:, -1], now
             )
-            motion.append(sheet_of(values, seen))
+            motion.append(sheet_of(values, ready))
             if config.pose:
-                pose.append(sheet_of(pose_values(seen.texels, vertices, now), seen))
+                pose.append(sheet_of(pose_values(ready.texels, vertices, now), ready))
             for part, name, texels in zip(offsets, config.templates, shared, strict=True):
                 values = torch.zeros(len(now), len(texels.pixels), 3, dtype=torch.float16)
                 if name in clip.by_name:
                     simulated = clip.by_name[name].vertices[begin:end]
-                    values[:, texels.slots[which]] = _offsets(config, seen, name, simulated, vertices, now)
+                    values[:, texels.slots[which]] = _offsets(config, ready, name, simulated, vertices, now)
                 part.append(values)
         count = len(clip.transforms) - first
         has = torch.tensor([name in clip.by_name for name in config.templates])

@@ -89,8 +89,8 @@ class PhysXNetObjective(Objective):
         worn = read_clips(data, config.templates)
         prepared = [prepare(run, body, config.templates, config.size) for body, _ in worn]
         _require_one_layout([body for body, _ in worn], prepared)
-        for (body, clips), own in zip(worn, prepared, strict=True):
-            require_rests({name: decoder.points for name, decoder in own.decoders.items()}, clips, body)
+        for (body, clips), ready in zip(worn, prepared, strict=True):
+            require_rests({name: decoder.points for name, decoder in ready.decoders.items()}, clips, body)
         dealt = hold_out([clip for _, clips in worn for clip in clips], losses, folders)
         training, held = of_split(dealt, "train"), of_split(dealt, "validation")
         for name in config.templates:
@@ -117,13 +117,13 @@ class PhysXNetObjective(Objective):
             to_device(
                 Wearer(
                     body,
-                    own,
+                    ready,
                     tuple(of_split(clips, validating)),
-                    tuple(_geometry(own, name) for name in config.templates),
+                    tuple(_geometry(ready, name) for name in config.templates),
                 ),
                 device,
             )
-            for (body, clips), own in zip(worn, prepared, strict=True)
+            for (body, clips), ready in zip(worn, prepared, strict=True)
         ]
         self.past = _new_past(config, self.frames) if config.history else torch.zeros(0)
         if config.anchor == "smooth_lbs":
@@ -159,14 +159,14 @@ class PhysXNetObjective(Objective):
         parts = self._parts(networks["net"], predicted, rows)
         total = torch.stack(list(parts.values())).sum()
         if self.weights.adversarial:
-            seen, real, made = self._discriminator_inputs(networks["net"], maps, predicted, rows)
+            inputs, real, made = self._discriminator_inputs(networks["net"], maps, predicted, rows)
             discriminator = networks["discriminator"]
             loss = discriminator_loss(
-                discriminator(torch.cat([seen, real], dim=1)),
-                discriminator(torch.cat([seen, made.detach()], dim=1)),
+                discriminator(torch.cat([inputs, real], dim=1)),
+                discriminator(torch.cat([inputs, made.detach()], dim=1)),
             )
             yield "discriminator", loss, {"discriminator": loss}
-            fooled = generator_loss(discriminator(torch.cat([seen, made], dim=1)))
+            fooled = generator_loss(discriminator(torch.cat([inputs, made], dim=1)))
             total, parts = total + fooled, {**parts, "adversarial": fooled}
         yield "net", total, parts
 
@@ -184,22 +184,22 @@ class PhysXNetObjective(Objective):
         bodies, share = self.frames.bodies[rows], present[some] / present[some].sum().clamp(min=1.0)
         decoded: list[tuple[Tensor, Tensor]] = []
         for index, texels in enumerate(self.shared):
-            seen = texels.seen[bodies, :, None]
+            visible = texels.visible[bodies, :, None]
             offsets = offsets_of(predicted, index, texels.pixels)
-            wrong = (offsets - self.frames.offsets[index][rows].float()) * seen
-            means = wrong.abs().sum(1) / seen.sum(1)
+            wrong = (offsets - self.frames.offsets[index][rows].float()) * visible
+            means = wrong.abs().sum(1) / visible.sum(1)
             error = (means / scales[3 * index : 3 * index + 3]).mean(1)
             parts["l1"] = parts["l1"] + self.weights.l1 * (present[:, index] * error).sum() / total
             decoded.append((offsets[some], wrong[some]))
         for which in bodies[some].unique().tolist():
-            own = torch.nonzero(bodies[some] == which).squeeze(1)
-            wearer, transforms = self.wearers[which], self.frames.rows.transforms[rows[some][own]]
+            places = torch.nonzero(bodies[some] == which).squeeze(1)
+            wearer, transforms = self.wearers[which], self.frames.rows.transforms[rows[some][places]]
             posed = posed_skin(wearer.body, transforms) if self.config.anchor == "body" else transforms
             for index, texels in enumerate(self.shared):
-                offsets, wrong = (values[own][:, texels.slots[which]] for values in decoded[index])
+                offsets, wrong = (values[places][:, texels.slots[which]] for values in decoded[index])
                 stretch, turned = self._edges(wearer, index, offsets, wrong, posed, transforms)
-                parts["edge"] = parts["edge"] + self.weights.edge * (share[own, index] * stretch).sum()
-                parts["bend"] = parts["bend"] + self.weights.bend * (share[own, index] * turned).sum()
+                parts["edge"] = parts["edge"] + self.weights.edge * (share[places, index] * stretch).sum()
+                parts["bend"] = parts["bend"] + self.weights.bend * (share[places, index] * turned).sum()
         return parts
 
     def _edges(
@@ -244,9 +244,9 @@ class PhysXNetObjective(Objective):
         for index, texels in enumerate(self.shared):
             part = slice(3 * index, 3 * index + 3)
             true = self.frames.offsets[index][rows].float().transpose(1, 2)
-            seen = texels.seen[self.frames.bodies[rows]] & self.frames.present[rows][:, index, None]
+            visible = texels.visible[self.frames.bodies[rows]] & self.frames.present[rows][:, index, None]
             real[:, part].flatten(2)[:, :, texels.pixels] = true
-            mask[:, part].flatten(2)[:, :, texels.pixels] = seen[:, None].float()
+            mask[:, part].flatten(2)[:, :, texels.pixels] = visible[:, None].float()
         real, made = (mask * (values - net.output_shift) / net.output_scale for values in (real, predicted))
         return net.scaled(maps), real, made
 
@@ -255,17 +255,17 @@ class PhysXNetObjective(Objective):
         method = PhysXNet(self.config, net)  # type: ignore[arg-type]
         network = for_inference(net, self.device)
 
-        def on(own: Prepared) -> PhysXNetPrepared:
-            garments = tuple((name, own.decoders[name]) for name in self.config.templates)
-            return PhysXNetPrepared(network, own.texels, own.templates, garments)
+        def on(ready: Prepared) -> PhysXNetPrepared:
+            garments = tuple((name, ready.decoders[name]) for name in self.config.templates)
+            return PhysXNetPrepared(network, ready.texels, ready.templates, garments)
 
         return self._rollout_errors(method, on)
 
     def _skinning_errors(self) -> dict[str, float]:
         """Mean vertex errors, mm, of a garment that never leaves the smooth LBS reference, see `validate`."""
 
-        def on(own: Prepared) -> tuple[SkinnedGarment, ...]:
-            decoders = (own.decoders[name] for name in self.config.templates)
+        def on(ready: Prepared) -> tuple[SkinnedGarment, ...]:
+            decoders = (ready.decoders[name] for name in self.config.templates)
             return tuple(SkinnedGarment(decoder.points, decoder.smooth_weights) for decoder in decoders)
 
         return self._rollout_errors(LinearBlendSkinning("lbs_smooth", smooth=True), on)
@@ -274,9 +274,9 @@ class PhysXNetObjective(Objective):
         """Mean vertex errors, mm, of a method over the validation clips; on: prepares it for a body."""
         names, distances = self.config.templates, defaultdict[str, list[Tensor]](list)
         for each in self.wearers:
-            found = rollout_distances(method, on(each.prepared), each.body, names, each.clips, self.device)
-            for name, own in found.items():
-                distances[name] += own
+            errors = rollout_distances(method, on(each.prepared), each.body, names, each.clips, self.device)
+            for name, values in errors.items():
+                distances[name] += values
         return mean_errors(distances)
 
     def save(self, net: GarmentNet, run: Path, notes: dict[str, Any]) -> None:
@@ -337,12 +337,12 @@ def set_statistics(
             continue
         channels = slice(3 * index, 3 * index + 3)
         offsets = frames.offsets[index][rows].float()
-        seen = texels.seen[frames.bodies[rows]]
+        visible = texels.visible[frames.bodies[rows]]
         if config.centre == "texel":
-            mean = offsets.sum(0) / seen.sum(0).clamp(min=1)[:, None]
+            mean = offsets.sum(0) / visible.sum(0).clamp(min=1)[:, None]
             net.output_shift[channels].flatten(1)[:, texels.pixels] = mean.t()
             offsets = offsets - mean
-        shift, scale = _scales(config, offsets[seen])
+        shift, scale = _scales(config, offsets[visible])
         if config.centre == "channel":
             net.output_shift[channels] = shift[:, None, None]
         net.output_scale[channels] = scale[:, None, None]
@@ -363,8 +363,8 @@ def _scales(config: PhysXNetConfig, values: Tensor) -> tuple[Tensor, Tensor]:
 
 def _require_one_layout(bodies: Sequence[Body], prepared: Sequence[Prepared]) -> None:
     """Raise InputError naming the first body whose maps, or joints, are not those of the first one."""
-    for body, own in zip(bodies, prepared, strict=True):
-        same = own.texels.sheet.pixels.equal(prepared[0].texels.sheet.pixels)
+    for body, ready in zip(bodies, prepared, strict=True):
+        same = ready.texels.sheet.pixels.equal(prepared[0].texels.sheet.pixels)
         if not same or body.skeleton.names != bodies[0].skeleton.names:
             raise InputError(f"--data: body {body.name} has another layout or skeleton than {bodies[0].name}")
 

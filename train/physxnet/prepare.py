@@ -43,20 +43,20 @@ class SharedTexels:
     """The U texels that see a template on one body or another.
 
     pixels: (U,) int64 into the flattened sheet, ascending. slots: per body, (Q,) int64 places of its own Q
-    texels among them. seen: (bodies, U) bool.
+    texels among them. visible: (bodies, U) bool.
     """
 
     pixels: Tensor
     slots: tuple[Tensor, ...]
-    seen: Tensor
+    visible: Tensor
 
 
 def share_texels(prepared: Sequence[Prepared], name: str) -> SharedTexels:
     """Join the texels that see a template on each of several bodies of one layout."""
-    own = [each.templates[name].pixels for each in prepared]
-    pixels = torch.cat(own).unique()
-    seen = torch.stack([torch.isin(pixels, each) for each in own])
-    return SharedTexels(pixels, tuple(torch.searchsorted(pixels, each) for each in own), seen)
+    pixels_of = [each.templates[name].pixels for each in prepared]
+    pixels = torch.cat(pixels_of).unique()
+    visible = torch.stack([torch.isin(pixels, each) for each in pixels_of])
+    return SharedTexels(pixels, tuple(torch.searchsorted(pixels, each) for each in pixels_of), visible)
 
 
 def prepare(folder: Path, body: Body, templates: tuple[str, ...], size: int) -> Prepared:
@@ -88,11 +88,11 @@ def make(body: Body, templates: tuple[str, ...], size: int) -> Prepared:
 
     texels = body_texels(body, size)
     garments = {name: fit_template(name, body) for name in templates}
-    seen = {name: template_texels(name, garments[name].mesh, body, texels) for name in templates}
+    template_maps = {name: template_texels(name, garments[name].mesh, body, texels) for name in templates}
     return Prepared(
         texels=texels,
-        templates=seen,
-        decoders={name: build_decoder(garments[name], seen[name], texels) for name in templates},
+        templates=template_maps,
+        decoders={name: build_decoder(garments[name], template_maps[name], texels) for name in templates},
         edges={name: unique_edges(garments[name].mesh.faces) for name in templates},
     )
 

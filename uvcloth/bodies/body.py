@@ -176,8 +176,8 @@ def require_metres(path: Path, vertices: Tensor) -> None:
         return
     likely = likeliest_unit({name: max(size, 1e-9) * metres for name, metres in {**UNITS, "km": 1e3}.items()})
     raise InputError(
-        f"{path}: the body measures {size:.3g}, as a person does in {likely}, expected metres; a character "
-        "in another unit becomes a body with `uvcloth body --character`"
+        f"{path}: the body measures {size:.3g} units, the height of a person in {likely}; expected metres: "
+        "convert a character in another unit with `uvcloth body --character`"
     )
 
 
@@ -246,7 +246,7 @@ def body_of(path: Path, arrays: dict[str, np.ndarray]) -> Body:
     if sizes["V"]:
         require_metres(path, torch.from_numpy(data["vertices"]))
     if not (sizes["V"] and sizes["F"] and sizes["J"] and in_order(skeleton.parents)):
-        raise InputError(f"{path}: the body has no mesh, no joints, or a joint before the one above it")
+        raise InputError(f"{path}: the body has no mesh, no joints, or a joint before its parent")
     shapes = numbers(9 * (sizes["J"] - 1), "V", 3).if_there()
     data |= check_fields(path, arrays, {"pose_shapes": shapes}, **sizes)
     return Body(

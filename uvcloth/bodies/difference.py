@@ -50,7 +50,7 @@ def load_kept_body(path: Path) -> Body:
     shipped = body_arrays(load_body())
     data = check_fields(path, kept, FIELDS)
     if str(data["from"]) != _hash(shipped):
-        raise InputError(f"{path}: is a difference from another body than the one of this package")
+        raise InputError(f"{path}: is stored as a difference from another body than the one in this package")
     arrays: dict[str, np.ndarray] = {}
     # The vertices are expected to be those of the base, which has to be there before.
     for name in sorted(

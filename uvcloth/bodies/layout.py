@@ -178,7 +178,7 @@ def _neck(torso: np.ndarray, loops: dict[str, tuple[np.ndarray, np.ndarray]]) ->
     limbs = np.concatenate([ring for rings in loops.values() for ring in rings])
     free = [loop for loop in boundary_loops(torso) if not np.isin(loop, limbs).all()]
     if not free:
-        raise InputError("torso: it has no open neck")
+        raise InputError("torso: the mesh is not open at the neck")
     return free[0]
 
 

@@ -33,7 +33,8 @@ LONGEST_PUSH = 0.05
 """Most metres that a part is pushed: half of an arm's thickness."""
 
 POINT_SPACING = 0.012
-"""Metres between the points at which distances are measured: of a finer mesh only some vertices are used."""
+"""Metres between the points at which distances are measured; of a finer mesh only some vertices are points.
+"""
 
 
 @dataclass(frozen=True)
@@ -132,13 +133,17 @@ def _close_together(rest: np.ndarray, vertices: np.ndarray) -> np.ndarray:
 
 
 def _allowed(other: np.ndarray, graph: csr_array) -> np.ndarray:
-    """Longest push (C,) m of each vertex off another part (N,): shorter, the closer it is along the skin."""
+    """Longest push (C,) m of each vertex away from another part (N,): shorter where that part is near along
+    the skin.
+    """
     ways = dijkstra(graph, indices=other, limit=LONGEST_PUSH / SLOPE, min_only=True)
     return np.minimum(SLOPE * ways, LONGEST_PUSH).astype(np.float32)
 
 
 def _rings(faces: Tensor, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """For Plan: of each vertex its first row, and the other corners (R, 2) of the faces (F, 3) around it."""
+    """The rings of `Plan`: the first row of each vertex, and the other corners (R, 2) of the faces (F, 3)
+    around it.
+    """
     corner, rest = faces.T.flatten(), torch.cat([faces.roll(-turn, 1)[:, 1:] for turn in range(3)])
     order = torch.argsort(corner, stable=True)
     sizes = torch.bincount(corner, minlength=count)

@@ -14,7 +14,7 @@ import numpy as np
 from uvcloth.process.compiled import compiled
 
 REACH = 0.08
-"""Metres within which points of two parts act on each other: deeper ones are left inside."""
+"""Metres within which points of two parts act on each other; points that are deeper inside stay there."""
 
 FACING = 0.5
 """Cosine between normals below which two skins face each other: the far side of a limb does not count."""
@@ -26,33 +26,33 @@ FULL_WEIGHT = 1.0e4
 """Sum of the weights, 1/m4, from which a distance counts in full: that of one facing point 6 cm away."""
 
 LATERAL = 0.03
-"""Metres along the wall from a point to the part of the wall that measures it, up to which it counts.
-
-At twice that it does not count: a tangent plane extends beyond the end of the wall.
+"""Metres along the wall, from a point to the middle of the wall points that measure it, up to which it has
+full weight. At twice this distance its weight is zero, because a tangent plane extends beyond the end of the
+wall.
 """
 
 BLOCK = 16
-"""Points in a row, which lie close together, that are passed over at once where their box is out of reach."""
+"""Number of neighbouring points with one bounding box, which are skipped together if it is out of reach."""
 
 FAR = np.float32(1.0e9)
-"""Metres that mean no distance: fast arithmetic has no infinity."""
+"""Metres that stand for no distance, since fast arithmetic has no infinity."""
 
 
 class Plan(NamedTuple):
     """Points and pairs of a collider of C vertices before it moves, for S sides with K points in all.
 
-    starts: (S + 1,) int32, of each side its first point. points: (K,) int32 vertices, and of each
-    want: (K,) m, the distance that it keeps from the other part, and core: (K,) m2, the squared distance
-    within which the points of a wall count alike. slope: of a push along the skin, metres for each metre.
-    allowed: (S, C) m, the longest push of each vertex.
+    starts: (S + 1,) int32, first point of each side. points: (K,) int32, vertex of each point. want: (K,) m,
+    distance that the point keeps from the other part. core: (K,) m2, squared distance within which all points
+    of a wall have the same weight. slope: change of a push along the skin, metres for each metre. allowed:
+    (S, C) m, longest push of each vertex.
 
-    ring_starts: (C + 1,) int32, of each vertex its first row in rings: (R, 2) int32, the other corners of
-    the faces around it. spread_starts: (C + 1,) int32, of each vertex that is a point its first row in
-    spread_vertices: (M,) int32, the vertices that move with it, at spread_lengths: (M,) m along the skin, the
-    nearest first.
+    ring_starts: (C + 1,) int32, first row of each vertex in rings: (R, 2) int32, the other corners of the
+    faces around it. spread_starts: (C + 1,) int32, first row of each vertex that is a point in
+    spread_vertices: (M,) int32, the vertices that move with it, the nearest first. spread_lengths: (M,) m,
+    their distances along the skin.
 
-    tips: (T,) int32, the tips of the caps, and rim_starts: (T + 1,) int32, of each its first row in
-    rims: (E,) int32, the vertices around it.
+    tips: (T,) int32, the tips of the caps. rim_starts: (T + 1,) int32, first row of each tip in rims: (E,)
+    int32, the vertices around it.
     """
 
     starts: np.ndarray
@@ -132,7 +132,7 @@ def _find_near(
 ) -> None:
     """Find the points of each side that are within reach of the box around the other side, and their places.
 
-    Those of a side lie in `near` from its first point on.
+    The near points of a side are stored in `near` from the side's first point on.
     """
     sides = len(counts)
     low, high = np.full((sides, 3), FAR, np.float32), np.full((sides, 3), -FAR, np.float32)
@@ -184,7 +184,7 @@ def _find_pairs(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Find the points of the two sides of each pair that are within reach and face each other.
 
-    Returns the two points of each and how much they face each other, 0 to 1.
+    Returns the two points of each pair, and a weight from 0 to 1 by which they face each other.
     """
     most = 0
     for side in range(0, len(counts), 2):
@@ -243,7 +243,9 @@ def _measure(
     facing: np.ndarray,
     sums: np.ndarray,
 ) -> None:
-    """Sum up for each near point weights, and by them distances to planes, normals, and ways to the wall."""
+    """Sum up, for each near point, the weights, and weighted by them distances to planes, normals, and ways
+    to the wall.
+    """
     for side in range(len(counts)):
         for row in range(plan.starts[side], plan.starts[side] + counts[side]):
             sums[near[row]] = 0.0
@@ -354,8 +356,8 @@ def _spread(
 ) -> int:
     """Spread the pushes of points over the vertices around them, into the shift (C, 3) of all.
 
-    A vertex goes as far as the longest push less the slope to it, and in the mean direction of all. Returns
-    how many vertices have a shift so far: the first ones of `active`.
+    A vertex moves by the largest push, reduced by the slope along the skin, in the mean direction of all
+    pushes. Returns the number of vertices with a shift so far, which are the first ones of `active`.
     """
     for row in range(amount):
         shift[active[row]] = 0.0
@@ -427,10 +429,10 @@ def _move_tips(corners: np.ndarray, plan: Plan, shift: np.ndarray) -> None:
 def thin_out(
     starts: np.ndarray, neighbours: np.ndarray, lengths: np.ndarray, order: np.ndarray, spacing: float
 ) -> np.ndarray:
-    """Choose vertices, the first in order (N,) first, that are at least spacing, m, apart along the skin.
+    """Choose vertices, in a given order (N,), that are at least spacing, m, apart along the skin.
 
-    The edges of the skin are a graph in compressed rows. Returns of each vertex (C,) how far away, m, others
-    were left out for it; -1 of all others.
+    The edges of the skin are a graph in compressed rows. Returns (C,) m: for each chosen vertex the distance
+    within which others were left out for it, -1 for all others.
     """
     vertices = len(starts) - 1
     free, clear = np.zeros(vertices, np.bool_), np.full(vertices, -1.0, np.float32)
@@ -454,8 +456,8 @@ def along_skin(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Find the vertices within limit, m, along the skin of each vertex whose clear (C,) m is not negative.
 
-    Returns for Plan: of each vertex its first row, and of all rows the vertices, the nearest first, and their
-    lengths beyond what is clear.
+    Returns the spread of `Plan`: the first row of each vertex, the vertices of all rows, the nearest first,
+    and their distances less that of `clear`.
     """
     vertices = len(starts) - 1
     distance, region = np.full(vertices, FAR, np.float32), np.empty(vertices, np.int32)
@@ -489,7 +491,7 @@ def _walk(
 ) -> int:
     """Dijkstra's search from a vertex: sets the distance of each vertex within limit, m.
 
-    Returns how many there are: the first ones of `region`.
+    Returns their number; they are the first ones of `region`.
     """
     heap = [(np.float32(0.0), np.int32(source))]
     distance[source], region[0], count = 0.0, source, 1

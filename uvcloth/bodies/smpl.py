@@ -166,7 +166,7 @@ def _model(path: Path, arrays: dict[str, np.ndarray]) -> SmplModel:
         raise InputError(f"{path}: f has no faces")
     parents = (-1, *arrays["kintree_table"][0, 1:].tolist())
     if not all(0 <= parent < joint for joint, parent in enumerate(parents) if joint):
-        raise InputError(f"{path}: kintree_table has a joint before the one above it")
+        raise InputError(f"{path}: kintree_table has a joint before its parent")
     shapes = arrays["shapedirs"]
     if kind == "SMPL-X":
         shapes = shapes[..., : FACE_SHAPES.get(shapes.shape[-1], 10)]

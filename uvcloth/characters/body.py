@@ -67,9 +67,9 @@ class CharacterBody:
             f"{self.rigged.name}: {len(self.rigged.roles)} joints with a role, unit {self.rigged.unit}; "
             f"limbs are turned by up to {self.rigged.turned:.0f} degrees to the rest pose of our bodies",
             *self.parts.lines(),
-            f"  {len(appearance.mesh.vertices) if appearance else 0} vertices are seen; cloth meets a closed "
-            f"surface of {len(self.off)}, {near.median():.1f} mm from the character's in the median of trunk "
-            f"and limbs, {near.quantile(0.95):.1f} mm at 95 %",
+            f"  {len(appearance.mesh.vertices) if appearance else 0} vertices are shown; cloth collides with "
+            f"a closed surface of {len(self.off)} vertices; its distance from the character's on trunk "
+            f"and limbs: median {near.median():.1f} mm, 95 % below {near.quantile(0.95):.1f} mm",
         ]
 
 

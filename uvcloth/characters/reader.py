@@ -84,7 +84,7 @@ def read_character(path: Path) -> Character:
 def _require_room(file: Gltf, vertices: int, joints: int) -> None:
     if vertices * joints > MOST_WEIGHTS:
         most = MOST_WEIGHTS // joints
-        raise InputError(f"{file.path}: has more than {most:,} vertices, the most on {joints} joints")
+        raise InputError(f"{file.path}: has more than {most:,} vertices, the limit for {joints} joints")
 
 
 def _parts(file: Gltf, rig: SkinJoints, index: int) -> Iterable[Part]:
@@ -200,7 +200,7 @@ def _influences(
         owners = _of_vertices(file, name, attributes[key], count, "VEC4").astype(np.int64)
         values = _of_vertices(file, name, attributes[weights_key], count, "VEC4").astype(np.float32)
         if owners.size and not 0 <= owners.min() <= owners.max() < joints:
-            raise InputError(f"{file.path}: mesh {name} is moved by a joint that its skin does not have")
+            raise InputError(f"{file.path}: mesh {name} has a weight for a joint that its skin does not have")
         if values.size and values.min() < 0:
             raise InputError(f"{file.path}: mesh {name} has a negative blend weight")
         yield owners, values
@@ -211,5 +211,7 @@ def _of_vertices(file: Gltf, name: str, accessor: int, count: int, kind: str) ->
     """Values of an attribute of each of so many vertices. Raises InputError where there are more or fewer."""
     values = file.array(accessor, kind)
     if len(values) != count:
-        raise InputError(f"{file.path}: mesh {name} has {count} vertices, accessor {accessor} {len(values)}")
+        raise InputError(
+            f"{file.path}: mesh {name} has {count} vertices, accessor {accessor} has {len(values)} elements"
+        )
     return values

@@ -40,7 +40,7 @@ class Audience(Protocol):
     """Watcher of a rollout while it is computed."""
 
     def begin(self, title: str, body: Body, meshes: Sequence[Mesh], count: int, fps: float) -> None:
-        """Learn what comes: garments at rest on a body, over so many frames."""
+        """Receive the garments at rest on a body, and the number of frames to come."""
         ...
 
     def add(self, frame: RolloutFrame) -> None:
@@ -48,19 +48,22 @@ class Audience(Protocol):
         ...
 
 
+GO_ON = "--keep-going writes all frames, with linear blend skinning where a garment is torn"
+"""Advice for a rollout that breaks."""
+
 EVERY_IN_PREVIEW = 3
-"""A preview shows every so-many-th frame."""
+"""A preview shows one of this many frames."""
 
 
 def animate(command: Rollout, audience: Audience | None = None) -> Summary:
-    """Roll methods out on a motion once and write every file, each as its suffix says.
+    """Roll methods out on a motion once and write every file in the format of its suffix.
 
-    command: what to roll out, and where to; its threads and view are for the caller. audience: is shown each
-    frame. A motion of one frame, a pose, becomes the way into it from rest.
+    command: options of the rollout; its threads and view are left to the caller. audience: receives each
+    frame. A motion of one frame, a pose, becomes a motion from the rest pose into it.
 
-    Coarse garments are carried by proxies, unless there is no contact.
-    Raises InputError for bad input or a full disk; then, as after Ctrl-C, writes nothing. Of a rollout that
-    breaks the frames before it are kept, and an InputError says so.
+    Coarse garments are carried by proxies, unless there is no contact. Raises InputError for bad input or a
+    full disk; then, as after Ctrl-C, writes nothing. If the rollout breaks, the frames before are kept, and
+    the InputError says where they are.
     """
     console = Console(stderr=True)
     body, out = load_body(command.body), command.out
@@ -113,7 +116,7 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
                 )
         except BrokenRolloutError as error:
             if not totals.frames:
-                raise InputError(f"{error}; nothing is written; --keep-going goes on") from error
+                raise InputError(f"{error}; nothing is written; {GO_ON}") from error
             broken = error
         with totals.timed("writing"):
             for writer in writers:
@@ -128,10 +131,9 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
 
 
 def _kept_so_far(broken: BrokenRolloutError, frames: int, written: Sequence[Path]) -> InputError:
-    """The error that says where the frames before the broken one are, and how to have all."""
+    """The error for a broken rollout: where the earlier frames are, and how to get all."""
     names = ", ".join(map(str, written))
-    way_on = "--keep-going writes all, with linear blend skinning where a garment is torn"
-    return InputError(f"{broken}; the {frames} frames before it are in {names}; {way_on}")
+    return InputError(f"{broken}; the {frames} frames before it are in {names}; {GO_ON}")
 
 
 def _posed(body: Body, frame: RolloutFrame) -> Tensor:
@@ -140,7 +142,7 @@ def _posed(body: Body, frame: RolloutFrame) -> Tensor:
 
 
 def _interval(out: Sequence[Path], frames: int) -> int:
-    """Frames from one that a preview needs to the next."""
+    """Step between the frames that a preview needs."""
     if all(path.suffix.lower() in SHEETS for path in out):
         return max(EVERY_IN_PREVIEW, sheet_interval(frames, coarse=True))
     return EVERY_IN_PREVIEW

@@ -1,4 +1,4 @@
-"""`uvcloth body`: its options, and which of them go together."""
+"""`uvcloth body`: its options, and their valid combinations."""
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -72,8 +72,8 @@ class MakeBody:
         print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
 
     def check(self) -> None:
-        """Raise InputError for another suffix, two sources of the body, or options of a source that is not
-        there.
+        """Raise InputError for an unknown suffix, for two sources of the body, or for options without their
+        source.
         """
         if self.out.suffix.lower() not in SUFFIXES:
             raise InputError(
@@ -81,13 +81,11 @@ class MakeBody:
             )
         phenotype = self.phenotype.given()
         if phenotype and self.body:
-            raise InputError(f"{self.body}: is a body already, expected phenotypes or a file, not both")
+            raise InputError(f"{self.body}: --body cannot be combined with phenotypes, give one of them")
         if self.character and (phenotype or self.body):
-            raise InputError(f"{self.character}: has its own shape, expected it without phenotypes or --body")
+            raise InputError(f"{self.character}: has its own shape, leave out phenotypes and --body")
         if self.smpl and (phenotype or self.body or self.character):
-            raise InputError(
-                f"{self.smpl}: expected the SMPL model without phenotypes, --body or --character"
-            )
+            raise InputError(f"{self.smpl}: --smpl cannot be combined with phenotypes, --body or --character")
         if not self.character and (self.joints or self.keep or self.drop or self.unit):
             raise InputError("body: --joints, --keep, --drop and --unit need --character")
         if not self.smpl and self.betas:

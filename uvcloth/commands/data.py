@@ -1,4 +1,4 @@
-"""`uvcloth data`: its options, and what it does with a folder of sequences."""
+"""`uvcloth data`: its options, and the listing, packing and unpacking of a folder of sequences."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,9 @@ from uvcloth.errors import InputError
 
 @dataclass(frozen=True)
 class Data:
-    """List the sequences of a folder, which were refused and why, and which of its index are missing."""
+    """List the sequences of a folder, the refused ones with the reason, and those of its index that are
+    missing.
+    """
 
     folder: Positional[Annotated[Path, arg(metavar="DIR")]]
     """A folder made by `uvcloth simulate`; with --unpack, a packed folder."""

@@ -32,7 +32,7 @@ from uvcloth.simulate.batch import simulate_batch
 from uvcloth.simulate.plan import ClipSelection
 
 CLIP, FRAMES, STANDING = "twirl", 18, 1.0
-"""A built-in clip, the number of its first frames that are taken, and the seconds that a stop adds."""
+"""A built-in clip, the number of its first frames that are used, and the seconds that the stop adds."""
 
 MOMENTS = (-0.2, 0.0, 0.1, 0.2, 0.4, 0.8)
 """Seconds after the body has come to a standstill that are drawn."""
@@ -148,7 +148,7 @@ def _simulated(outfit: DemoOutfit, motion: Path) -> SimulatedClip:
     paths = [folder / f"{motion.stem}_{garment}.npz" for garment in outfit.garments]
     for path in paths:
         if not path.exists():
-            raise InputError(f"{path}: the simulation was kept apart, see {folder / 'rejected'}")
+            raise InputError(f"{path}: the simulation was rejected, see {folder / 'rejected'}")
     return load_simulated(*paths)
 
 

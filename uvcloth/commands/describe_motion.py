@@ -60,7 +60,7 @@ def _joint_lines(clip: Clip, roles: Mapping[str, int]) -> list[str]:
     missing = [role for role in ROLES if role not in roles]
     return [
         f"{naming_family(names)} names, {len(names)} joints, {len(roles)} of them with a role",
-        f"joints without a role, which move with the one above: {', '.join(free) or 'none'}",
+        f"joints without a role, which move with their parents: {', '.join(free) or 'none'}",
         f"roles without a joint: {', '.join(missing) or 'none'}",
     ]
 
@@ -73,13 +73,12 @@ def _unit(source: MotionSource, body: Body) -> str:
             (body.skeleton, joint_roles(body.skeleton.names)),
         )
     )
-    own, bodys = next(legs), next(legs)
-    metre = bodys / own
+    leg, body_leg = next(legs), next(legs)
+    metre = body_leg / leg
     name = min(UNITS, key=lambda unit: abs(UNITS[unit] / metre - 1.0))
     near = 1 / UNIT_ERROR < UNITS[name] / metre < UNIT_ERROR
-    return (
-        f"a leg of {own:.4g} {name if near else 'units of its own'} is scaled to the body's of {bodys:.2f} m"
-    )
+    unit = name if near else "unknown units"
+    return f"a leg of {leg:.4g} {unit} is scaled to the body's of {body_leg:.2f} m"
 
 
 def _table(clip: Clip, roles: Mapping[str, int]) -> Table:

@@ -27,11 +27,11 @@ def draw_maps(command: Maps) -> int:
     (garment,) = clip.garments
     body = load_body(command.body)
     if len(body.skeleton.names) != clip.transforms.shape[1]:
-        raise InputError(f"{path}: was not simulated on the body {body.name}, whose skeleton is another")
+        raise InputError(f"{path}: was not simulated on the body {body.name}, their skeletons differ")
     layout = load_layout(command.layout) if command.layout else layout_of(body)
     rest, faces = body.mesh.vertices, body.mesh.faces
     if int(layout.faces.max()) >= len(faces):
-        raise InputError(f"{command.layout}: this layout is not of the body {body.name}")
+        raise InputError(f"{command.layout}: this layout was not made for the body {body.name}")
     frames = _frames(command.frames, len(garment.vertices))
     texels = rasterize_layout(layout, size)
     hits = see_garment(rest, faces, garment.rest, garment.faces, texels)
@@ -61,5 +61,5 @@ def _frames(span: str, count: int) -> list[int]:
     except (ValueError, TypeError) as error:
         raise InputError(f"--frames {span}: expected FIRST:END:STEP, such as 0:60:10") from error
     if not frames:
-        raise InputError(f"--frames {span}: names none of the {count} frames")
+        raise InputError(f"--frames {span}: selects none of the {count} frames")
     return frames

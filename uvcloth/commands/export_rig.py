@@ -85,7 +85,7 @@ def export(command: Export) -> Exported:
 
 
 def _riggable(method: Method) -> Riggable:
-    """A method as a rig. Raises InputError if it is none."""
+    """A method as a rig. Raises InputError if it cannot be exported as one."""
     riggable = method.capability(Riggable)
     if riggable is None:
         raise InputError(

@@ -11,7 +11,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.commands.view import View
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.rollout import RolloutFrame
-from uvcloth.view.choices import Choices, Chosen
+from uvcloth.view.choices import Choice, Choices
 from uvcloth.view.computation import Computation, Performance
 from uvcloth.view.viewer import Viewer
 
@@ -29,7 +29,7 @@ def view(command: View) -> None:
         [str(command.body)] if command.body else [],
         [str(path) for path in command.data],
     )
-    first = Chosen(
+    first = Choice(
         motion=choices.motions[0] if command.motion or command.data else "walk",
         garments=command.garment or ("tops",),
         model=choices.models[0],
@@ -82,7 +82,7 @@ def live_audience(host: str, port: int) -> Iterator[LiveAudience]:
     try:
         yield audience
         audience.end()
-        console.print(f"{viewer.address} goes on showing it; Ctrl-C ends", highlight=False, soft_wrap=True)
+        console.print(f"{viewer.address} still shows it; Ctrl-C ends", highlight=False, soft_wrap=True)
         with suppress(KeyboardInterrupt):
             ticking.join()
     finally:

@@ -22,12 +22,12 @@ from uvcloth.motion.roles import read_role_map
 
 
 def make(command: MakeBody) -> Body:
-    """Make a body and write it to one file, as its suffix says.
+    """Make a body and write it to one file, in the format of its suffix.
 
-    It is made from phenotypes, from a character or an SMPL model, which are then described, or is that of a
-    file or of the package. An OBJ or GLB holds the rest pose with its texture coordinates, in metres: Z up,
-    facing -Y, or Y up, facing +Z; the GLB also skeleton and skin. Raises InputError as `MakeBody.check` does,
-    and for a source that cannot be read or a file that cannot be written.
+    It is made from phenotypes, from a character or from an SMPL model (the last two are described), or read
+    from a file, or the one in the package. An OBJ or GLB holds the rest pose with its texture coordinates, in
+    metres: Z up, facing -Y, or Y up, facing +Z; the GLB also skeleton and skin. Raises InputError as
+    `MakeBody.check` does, and for a source that cannot be read or a file that cannot be written.
     """
     command.check()
     out, phenotype = command.out, command.phenotype.given()

@@ -46,7 +46,7 @@ PHENOTYPES = {
 """Ranges of drawn bodies: adults."""
 
 HELD_OUT = 6
-"""One body in so many is for validation, and another for the test."""
+"""One in this many bodies is for validation, and another one for the test."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class _Job:
 
 @dataclass(frozen=True)
 class _Made:
-    """Result of a job: why draws were refused, and why there is no outfit, "" if there is."""
+    """Result of a job: reasons of refused draws, and the reason for no outfit, "" if there is one."""
 
     refused: tuple[str, ...] = ()
     failed: str = ""
@@ -159,7 +159,7 @@ def _is_there(job: _Job) -> bool:
             "use another folder for other settings"
         )
     if worn not in (job.settings.type or OUTFITS):
-        raise InputError(f"{path}: is of type {worn}, --type asks for others, use another folder for them")
+        raise InputError(f"{path}: has the type {worn}, which --type leaves out; use another folder")
     return True
 
 
@@ -195,16 +195,16 @@ def _loaded(path: Path) -> Body:
 
 
 def wearer(number: int, bodies: Sequence[Path], seed: int) -> Path:
-    """Body that wears an outfit: the splits have bodies of their own, where there are several."""
+    """Body that wears an outfit: each split has separate bodies, if there are several."""
     if len(bodies) == 1:
         return bodies[0]
     held = max(1, len(bodies) // HELD_OUT)
-    own = {
+    by_split = {
         "test": bodies[-held:],
         "validation": bodies[-2 * held : -held],
         "train": bodies[: -2 * held],
     }[split_of(number)]
-    return own[int(np.random.default_rng([seed, number]).integers(len(own)))]
+    return by_split[int(np.random.default_rng([seed, number]).integers(len(by_split)))]
 
 
 def _bodies(settings: Outfits) -> list[Path]:

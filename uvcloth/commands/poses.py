@@ -21,13 +21,13 @@ class Poses:
     """Motion files (BVH, AMASS), folders of them, or names of built-in clips; by default, and without
     --windows, the built-in ones. An index.csv in a folder gives the splits."""
     windows: Annotated[Path | None, arg(metavar="CSV", help_behavior_hint="")] = None
-    """Such an index under any name: poses are drawn from its clips."""
+    """Index of clips under any file name: poses are drawn from its clips."""
     clips_from: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
     """Folder of those clips."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     apart: float = 0.5
-    """Least distance of two poses: at least one joint differs by so many radians."""
+    """Least distance of two poses: at least one joint differs by this angle, radians."""
     every: int = 1
     """Use one frame of N."""
     mirror: bool = True

@@ -1,4 +1,4 @@
-"""`uvcloth simulate`: its options, and which of them go together."""
+"""`uvcloth simulate`: its options, and their valid combinations."""
 
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -107,13 +107,13 @@ class Simulate:
         """Simulate what is missing in the folder. Raises InputError for bad input."""
         if not (self.clips or self.windows or self.plan) or not self.garment:
             raise InputError(
-                "simulate: name at least one clip, or a table with --windows, and one garment, or a --plan"
+                "simulate: name at least one clip (or --windows and a table) and one garment, or a --plan"
             )
         if self.plan:
             self._require_only(("plan",), "--plan, whose table contains it")
         elif self.outfits:
-            own = ("outfits", "most_frames", "clips", "windows", "split", "options")
-            self._require_only(own, "--outfits, whose files name garments and bodies")
+            allowed = ("outfits", "most_frames", "clips", "windows", "split", "options")
+            self._require_only(allowed, "--outfits, whose files name garments and bodies")
         elif self.most_frames is not None:
             raise InputError("--most-frames: needs --outfits; choose frames of clips with --windows")
         self._simulate()
@@ -149,7 +149,7 @@ class Simulate:
         )
 
     def _require_only(self, names: tuple[str, ...], reason: str) -> None:
-        """Raise InputError, with the reason, for an option that would do nothing.
+        """Raise InputError, with the reason, for an option that would have no effect.
 
         names: the options that are used in addition to RUNNING.
         """

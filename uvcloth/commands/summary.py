@@ -1,4 +1,4 @@
-"""Summary of a rollout: files, times, and what a person will see."""
+"""Summary of a rollout: files, times, contact and visible skin."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -24,14 +24,13 @@ MOST_LISTED = 5
 class Summary:
     """Summary of a rollout.
 
-    written: the files. frames: how many were predicted, every so-many-th of the clip. seconds: wall time of
-    all frames. milliseconds: per frame, by stage. skin: percent of the skin that the garments cover at rest
-    that shows through them in what was written; worst: the same in the frame where most shows, and which that
-    is. replaced: garments that were no garments in a frame, in words. inside_before,
-    inside_after: percent of the garment vertices inside the body before contact (and after what it carries
-    over from frame to frame) and after it, but for those squeezed between parts of the body; squeezed:
-    percent of those. None where there was no contact. difficult: what made frames hard, with the frames, in
-    words.
+    written: the files. frames: number of predicted frames, one of `every` of the clip. seconds: wall time of
+    all frames. milliseconds: per frame, by stage. skin: percent of the skin covered at rest that shows
+    through the garments, mean over the written frames; worst: its largest value and the frame. replaced:
+    messages on garments that had no valid prediction in a frame. inside_before, inside_after: percent of the
+    garment vertices inside the body before contact (but after the offsets that it carries over) and after it,
+    without those squeezed between parts of the body; squeezed: percent of those. None without contact.
+    difficult: messages on difficulties and their frames.
     """
 
     written: tuple[Path, ...]
@@ -69,10 +68,10 @@ class Summary:
             inside = f"{self.inside_before:.2f} % before contact, {self.inside_after:.2f} % after"
             squeezed = f"squeezed between parts of the body {self.squeezed:.2f} %"
             lines.append(f"cloth vertices inside the body: {inside}; {squeezed}")
-        return [*lines, self._seen()]
+        return [*lines, self._visible_skin()]
 
-    def _seen(self) -> str:
-        """A sentence that says what a person will see of the skin beneath the cloth."""
+    def _visible_skin(self) -> str:
+        """Sentence on the skin that shows through the cloth."""
         worst, frame = self.worst
         if worst < INVISIBLE:
             return "no skin shows through the cloth"

@@ -1,4 +1,4 @@
-"""The number of threads of a command, which the program that calls it keeps as it had it."""
+"""The number of threads of a command; the calling program gets its own number back."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +10,7 @@ from uvcloth.errors import InputError
 
 @contextmanager
 def limited_threads(count: int) -> Iterator[None]:
-    """Run the block on so many threads of the processor.
+    """Run the block on a number of CPU threads.
 
     Raises InputError for less than one. On a loaded machine several threads wait for each other.
     """

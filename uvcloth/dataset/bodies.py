@@ -1,4 +1,4 @@
-"""Bodies of a data folder: each is stored with its sequences, so that it need not be named again."""
+"""Bodies of a data folder: each is stored with its sequences, so that no option has to name it."""
 
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -32,7 +32,7 @@ def keep_body(body: Body, folder: Path, save: Callable[[Body, Path], None] = sav
 def sequence_body(path: Path, metadata: Mapping[str, Any], known: dict[str, Body]) -> Body:
     """The body that a sequence was simulated on: the one in its folder, or in the package.
 
-    known: bodies that were read before, by name; is added to. Raises InputError if it is neither.
+    known: bodies that were read before, by name; new ones are added. Raises InputError if it is neither.
     """
     name = str(metadata.get("body", ""))
     kept = path.parent / BODIES / f"{name}.npz"
@@ -40,7 +40,9 @@ def sequence_body(path: Path, metadata: Mapping[str, Any], known: dict[str, Body
         known[name] = load_kept_body(kept) if kept.is_file() else load_body()
     shape = known[name].identity.shape
     if metadata.get("body_hash", shape) != shape:
-        raise InputError(f"{path}: was simulated on another body ({name}) than {kept} or the one that ships")
+        raise InputError(
+            f"{path}: was simulated on the body {name}, which is neither {kept} nor the one in this package"
+        )
     return known[name]
 
 
@@ -48,7 +50,9 @@ def require_joints(path: Path, clip: SimulatedClip, body: Body) -> None:
     """Raise InputError naming the file of a clip that was simulated on a body of another skeleton."""
     joints, expected = clip.transforms.shape[1], len(body.skeleton.names)
     if joints != expected:
-        raise InputError(f"{path}: simulated on a body of {joints} joints, body {body.name!r} has {expected}")
+        raise InputError(
+            f"{path}: was simulated on a body of {joints} joints, body {body.name!r} has {expected}"
+        )
 
 
 def folder_body(folder: Path) -> Body:
@@ -59,10 +63,12 @@ def folder_body(folder: Path) -> Body:
     known: dict[str, Body] = {}
     body = None
     for path in sorted(folder.glob("*.npz")):
-        own = sequence_body(path, read_metadata(path), known)
-        if body is not None and own is not body:
-            raise InputError(f"{path}: was simulated on body {own.name}, others in its folder on {body.name}")
-        body = own
+        current = sequence_body(path, read_metadata(path), known)
+        if body is not None and current is not body:
+            raise InputError(
+                f"{path}: was simulated on body {current.name}, other files of its folder on {body.name}"
+            )
+        body = current
     return body or load_body()
 
 

@@ -1,6 +1,6 @@
 """Axes that move with the bones near a garment: cloth moves less in them than in those of the root.
 
-They depend on the skeleton and the garment's rest alone, so that they cost nothing to keep.
+They depend only on the skeleton and the garment at rest, so that nothing has to be stored for them.
 """
 
 import torch
@@ -11,7 +11,7 @@ from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.geometry.skinning import skin_frames
 
 BLUR = 0.15
-"""Metres from a bone within which points are about as near."""
+"""Metres from a bone within which differences of distance hardly count."""
 
 FALL = 3
 """Weights fall with the squared distance to the power of this."""
@@ -20,7 +20,7 @@ FALL = 3
 def bone_weights(points: Tensor, skeleton: Skeleton) -> Tensor:
     """Smooth blend weights (N, J), float64, of points (N, 3) m at rest, by their distances to the bones.
 
-    A bone goes from its joint to the mean of those below; without any it is its joint.
+    A bone goes from its joint to the mean of the joint's children; without children it is the joint itself.
     """
     heads = skeleton.heads.double()
     above = torch.tensor(skeleton.parents)
@@ -36,7 +36,8 @@ def bone_weights(points: Tensor, skeleton: Skeleton) -> Tensor:
 
 
 def seen_from_bones(points: Tensor, rest: Tensor, skeleton: Skeleton, transforms: Tensor) -> Tensor:
-    """Offsets (F, N, 3) m, float64, of moving points (F, N, 3) from rest (N, 3) as the bones move it.
+    """Offsets (F, N, 3) m, float64, of moving points (F, N, 3) from points at rest (N, 3) that the bones
+    move.
 
     Each is in axes that turn with the bones. transforms: (F, J, 3, 4).
     """
@@ -45,6 +46,6 @@ def seen_from_bones(points: Tensor, rest: Tensor, skeleton: Skeleton, transforms
 
 
 def moved_by_bones(offsets: Tensor, rest: Tensor, skeleton: Skeleton, transforms: Tensor) -> Tensor:
-    """Points (F, N, 3) m, float64, of offsets from what the bones make of rest; undoes `seen_from_bones`."""
+    """Points (F, N, 3) m, float64, from offsets in the axes of the bones; inverse of `seen_from_bones`."""
     origins, frames = skin_frames(rest.double(), bone_weights(rest, skeleton), transforms.double())
     return rotate(frames, offsets) + origins

@@ -159,7 +159,7 @@ def join_clips(parts: Mapping[Path, SimulatedClip], whole: str) -> SimulatedClip
     """Join the garments of several files into one clip.
 
     whole: what the files are parts of, in words. Raises InputError naming the first file whose body moves
-    otherwise than that of the first one.
+    differently from that of the first file.
     """
     (first_path, first), *others = parts.items()
     for path, other in others:

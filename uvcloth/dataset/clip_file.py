@@ -18,7 +18,7 @@ from uvcloth.motion.clip import FPS_RANGE
 
 SEQUENCE_FORMAT = "uvcloth-sequence-3"
 EXPECTED_FILE = (
-    "a sequence that this version's `uvcloth simulate` made, simulate older ones again into a new folder, "
+    "a sequence made by this version of `uvcloth simulate`; simulate older ones again into a new folder, and "
     "unpack packed ones with `uvcloth data DIR --unpack`"
 )
 FIELDS = {
@@ -78,8 +78,9 @@ def save_simulated(clip: SimulatedClip, *paths: Path) -> None:
 def load_simulated(*paths: Path) -> SimulatedClip:
     """Read a clip from the files of its garments, the innermost first.
 
-    Raises InputError naming the file, and the array, if it is none, holds arrays that do not fit together,
-    are out of range or not finite, does not name clip and garment, or moves otherwise than the first file.
+    Raises InputError naming the file, and the array, if it is not a sequence, holds arrays that do not fit
+    together, are out of range or not finite, does not name clip and garment, or has another motion than the
+    first file.
     """
     return join_clips({path: _load_garment(path) for path in paths}, "outfit")
 

@@ -41,10 +41,11 @@ FPS = 30.0
 """Frames per second of the data set; its files do not say."""
 
 MOST_METRES, MOST_SETTING = 1.0e4, 100.0
-"""Greatest numbers of a file: metres or radians of a frame, and others, such as parameters of a shape."""
+"""Limits for the numbers of a file: metres or radians of a frame, and all others, such as shape parameters.
+"""
 
 LEAST_EDGE = 0.001
-"""Metres that edges of a garment have at least, on average: weights spread from vertex to vertex."""
+"""Least mean edge length of a garment, m: weights spread from vertex to vertex."""
 
 REST_SPREAD = 0.15
 """Radians that each hip is turned outwards in the pose in which garments rest, arms as in the zero pose."""
@@ -76,7 +77,8 @@ MODELS = "smpl"
 """Folder, beside the samples, of the model files: model_f and model_m, .npz or .pkl."""
 
 EVERY = 10
-"""Frames of which one is read: neighbours add little to training, and thousands of samples fill memory."""
+"""One of this many frames is read: neighbours add little to training, and thousands of samples fill memory.
+"""
 
 SPLIT_FOLDERS = {"train": "train", "val": "validation", "validation": "validation", "test": "test"}
 
@@ -101,10 +103,10 @@ def load_cloth3d(
     }
     if not models:
         raise InputError(f"{root}: lacks {MODELS}/model_f and model_m (.npz or .pkl), the models of SMPL")
-    chosen = [(folder, split) for folder, split in cloth3d_samples(root).items() if split in splits]
+    samples = [(folder, split) for folder, split in cloth3d_samples(root).items() if split in splits]
     return [
         read_cloth3d_sample(folder, models, split, every)
-        for folder, split in track(chosen, "reading samples", transient=True)
+        for folder, split in track(samples, "reading samples", transient=True)
     ]
 
 
@@ -128,9 +130,9 @@ def read_cloth3d_sample(
     """Read a sample: its person as a body of SMPL's in its garments, and their motion.
 
     folder: with info.mat, and for each garment NAME.obj and NAME.pc16. smpl: model files of SMPL by gender,
-    female and male. every: read one frame out of so many. The body rests in the pose in which the garments
-    do, with its pelvis at the origin. Vertices of a cache are known to 1 mm within 2 m of the pelvis.
-    Raises InputError naming the file and what of it is missing, damaged, or does not fit the rest.
+    female and male. every: read one of this many frames. The body rests in the pose in which the garments do,
+    with its pelvis at the origin. Vertices of a cache are known to 1 mm within 2 m of the pelvis. Raises
+    InputError naming the file and the part that is missing, damaged, or does not fit the others.
     """
     info = _info(folder)
     poses, trans = (_frames(folder, info, name, size) for name, size in (("poses", 72), ("trans", 3)))
@@ -175,14 +177,14 @@ def _folders(root: Path) -> list[Path]:
 
 
 def _subject(folder: Path) -> str:
-    """Person of a sample: the first number of three, as in 01_05_s1; where there is no other, itself."""
+    """Person of a sample: the first of three numbers, as in 01_05_s1; in any other name the whole name."""
     parts = folder.name.split("_")
     return parts[0] if len(parts) == 3 else folder.name
 
 
 def _info(folder: Path) -> dict[str, Any]:
     if not (folder / INFO).is_file():
-        raise InputError(f"{folder}: lacks {INFO}, no sample of CLOTH3D")
+        raise InputError(f"{folder}: lacks {INFO}, so it is not a sample of CLOTH3D")
     return read_matlab(folder / INFO)
 
 
@@ -223,7 +225,7 @@ def _model(path: Path) -> RestingModel:
     """A model of SMPL, resting as garments do; all bodies of it share what corrects their skin."""
     model = read_smpl(path)
     if model.kind != "SMPL":
-        raise InputError(f"{path}: is a model of {model.kind}, samples of CLOTH3D are on SMPL")
+        raise InputError(f"{path}: is a model of {model.kind}, but CLOTH3D uses SMPL")
     return model.resting(_rest_pose())
 
 
@@ -234,7 +236,7 @@ def _body(folder: Path, info: Mapping[str, Any], smpl: Mapping[str, Path]) -> tu
         raise InputError(f"{folder / INFO}: gender is {number:g}, expected 0 (female) or 1 (male)")
     gender = GENDERS[int(number)]
     if gender not in smpl:
-        raise InputError(f"{folder}: is of a {gender} person, and no {gender} model of SMPL is given")
+        raise InputError(f"{folder}: the person is {gender}, but the {gender} model of SMPL is missing")
     model = _model(Path(smpl[gender]))
     shape = torch.from_numpy(_array(folder, info, "shape").reshape(-1))
     try:
@@ -274,7 +276,7 @@ def _fabric(folder: Path, name: str, piece: Mapping[str, Any]) -> str:
     """Fabric of a garment; "" where the file does not say."""
     fabric = piece.get("fabric", "")
     if not isinstance(fabric, str) or not fabric.isprintable() or len(fabric) > LONGEST:
-        raise InputError(f"{folder / INFO}: the fabric of the {name} is no printable text")
+        raise InputError(f"{folder / INFO}: the fabric of the {name} is not printable text")
     return fabric
 
 
@@ -289,7 +291,9 @@ def _garment(folder: Path, name: str, body: Body, upright: Tensor) -> Garment:
         raise InputError(f"{path}: a vertex is not a finite number, or beyond {MOST_METRES:g} m")
     edge = float(edge_lengths(read.vertices, unique_edges(read.faces)).mean())
     if edge < LEAST_EDGE:
-        raise InputError(f"{path}: edges of {1000 * edge:.2g} mm on average, expected a garment in metres")
+        raise InputError(
+            f"{path}: its edges are {1000 * edge:.2g} mm long on average, expected a garment in metres"
+        )
     # The files rest turned by zrot, in which the motion is not.
     mesh = Mesh(read.vertices.float() @ upright, read.faces, read.uvs, read.face_uvs)
     template = TEMPLATES.get(name)
@@ -308,12 +312,14 @@ def _cache(folder: Path, garment: Garment, frames: int, every: int) -> tuple[Pat
         raise InputError(f"{path}: not a point cache, it does not begin with POINTCACHE2")
     _, _, points, _, _, samples = HEADER.unpack(head)
     if points != len(garment.mesh.vertices):
-        raise InputError(f"{path}: has {points} vertices, {garment.name}.obj {len(garment.mesh.vertices)}")
+        raise InputError(
+            f"{path}: has {points} vertices, but {garment.name}.obj has {len(garment.mesh.vertices)}"
+        )
     if samples != frames:
-        raise InputError(f"{path}: has {samples} frames, {INFO} {frames}")
+        raise InputError(f"{path}: has {samples} frames, but {INFO} has {frames}")
     if size != HEADER.size + samples * points * 3 * kind.itemsize:
         whole = (size - HEADER.size) // (points * 3 * kind.itemsize)
-        raise InputError(f"{path}: is of {samples} frames by its header, holds {whole} whole ones")
+        raise InputError(f"{path}: its header gives {samples} frames, but the file has {whole} complete ones")
     stored = np.memmap(path, kind, "r", HEADER.size, (samples, points, 3))
     vertices = torch.from_numpy(stored[::every].astype(np.float32))
     far = ~(vertices.abs() <= MOST_METRES).flatten(1).all(1)

@@ -1,4 +1,4 @@
-"""Data folders: their sequences, all of one body, engine and outfit, and what was refused."""
+"""Data folders: their sequences, all of one body, engine and outfit, and the refused ones."""
 
 import csv
 import json
@@ -66,7 +66,7 @@ def stored_sequences(folder: Path) -> list[Stored]:
 def require_same(
     stored: Sequence[Stored], body: Body, made: Mapping[str, Any], outfits: Sequence[tuple[str, ...]]
 ) -> None:
-    """Raise InputError if a sequence is of another body, engine or outfit than what would be made.
+    """Raise InputError if a sequence has another body, engine or outfit than the new ones would have.
 
     made: description of the engine that makes sequences now. outfits: names of the garments that are
     simulated together.
@@ -81,11 +81,11 @@ def require_same(
                 f"{each.path}: was simulated on another body ({metadata['body']}) than {body.name}, "
                 "simulate into another folder"
             )
-        found = tuple(metadata.get("layers", (metadata["garment"],)))
-        expected = layers.get(metadata["garment"], found)
-        if found != expected:
+        actual = tuple(metadata.get("layers", (metadata["garment"],)))
+        expected = layers.get(metadata["garment"], actual)
+        if actual != expected:
             raise InputError(
-                f"{each.path}: was simulated as {' under '.join(found)}, not as {' under '.join(expected)}, "
+                f"{each.path}: was simulated as {' under '.join(actual)}, not as {' under '.join(expected)}, "
                 "simulate into another folder"
             )
 
@@ -102,7 +102,7 @@ def require_engine(stored: Sequence[Stored], made: Mapping[str, Any]) -> None:
 
 
 def _require_engine(path: Path, metadata: Mapping[str, Any], made: Mapping[str, Any]) -> None:
-    """Raise InputError if another engine made it, or other settings, which are then named."""
+    """Raise InputError if it was made by another engine, or with other settings, which the message names."""
     if metadata["engine"] != made["engine"]:
         raise InputError(
             f"{path}: was simulated by {metadata['engine']}, not by {made['engine']}, "

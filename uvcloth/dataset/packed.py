@@ -1,4 +1,4 @@
-"""Packed sequences: a data folder at a small part of its size, to be kept or passed on, and unpacked again.
+"""Packed sequences: a data folder at a small part of its size, for storage and transfer.
 
 The motion is kept once for all garments of a clip, the mesh of a garment once for all clips, and the cloth,
 in axes that move with the bones, as `formats.spectral` codes it: in steps as coarse as an error allows.
@@ -61,10 +61,10 @@ MESHES_AT_ONCE = 8
 MOTIONS_AT_ONCE = 8
 
 PROBES = 8
-"""Points of the middle frame that tell whether a sequence unpacks to what was packed."""
+"""Number of points of the middle frame that check whether a sequence unpacks correctly."""
 
 MOST_STEP = 10.0
-"""Metres of a coefficient's step that a file may name."""
+"""Largest step of a coefficient in a file, m."""
 
 FIELDS = {
     "cloth": whole("B", most=255, dtype=np.uint8),
@@ -114,10 +114,10 @@ class PackedFolder:
 def pack_folder(folder: Path, out: Path, error: float = MEAN_ERROR) -> int:
     """Pack the sequences of a data folder that are not packed yet, its body and its index; return how many.
 
-    error: metres that vertices are off on average in each sequence, at most; 99 % and all of them are off by
-    no more than `formats.spectral` says. Second simulations and refused sequences are left out. Raises
-    InputError for an error out of ERROR_RANGE, for a folder without sequences, for sequences on a body that
-    the folder lacks, or of one garment with two meshes, and where OUT has another index.
+    error: largest mean error of the vertices of a sequence, m; the limits for 99 % and for all vertices are
+    those of `formats.spectral`. Second simulations and refused sequences are left out. Raises InputError for
+    an error out of ERROR_RANGE, for a folder without sequences, for sequences on a body that the folder
+    lacks, or of one garment with two meshes, and where OUT has another index.
     """
     if not ERROR_RANGE[0] <= error <= ERROR_RANGE[1]:
         least, most = (1e3 * end for end in ERROR_RANGE)
@@ -143,8 +143,8 @@ def pack_folder(folder: Path, out: Path, error: float = MEAN_ERROR) -> int:
 def unpack_folder(folder: Path, out: Path) -> int:
     """Unpack the sequences of a packed folder that are not there, its body and its index; return how many.
 
-    Raises InputError for a folder without sequences, files that are none, on a body that the folder lacks,
-    and where OUT has another index.
+    Raises InputError for a folder without sequences, for files that are not packed sequences, for a body that
+    the folder lacks, and where OUT has another index.
     """
     paths = _sequences(folder, "packed by `uvcloth data --pack`")
     shared = PackedFolder(folder)
@@ -160,9 +160,9 @@ def unpack_folder(folder: Path, out: Path) -> int:
 def _convert(
     paths: Sequence[Path], folder: Path, out: Path, convert: Callable[[Path], None], what: str
 ) -> int:
-    """Convert what is not in OUT yet, beside the folder's tables; returns the number of files."""
+    """Convert the files that are not in OUT yet, and copy the tables; returns the number of files."""
     if out.resolve() == folder.resolve():
-        raise InputError(f"{out}: is the folder itself, name another one")
+        raise InputError(f"{out}: is the input folder itself, name another output folder")
     with sole_writer(out):
         if (folder / INDEX).is_file():
             keep_index(folder / INDEX, out / INDEX)
@@ -185,11 +185,11 @@ def save_packed(clip: SimulatedClip, mesh: GarmentMesh, skeleton: Skeleton, path
         motion = keep_motion(clip, skeleton, folder)
         # The cloth is packed in axes that unpacking finds again.
         transforms = load_motion(folder, motion, skeleton).transforms
-        seen = seen_from_bones(garment.vertices, mesh.rest, skeleton, transforms).numpy()
-        cloth = code_points(seen, mesh.parts, error)
+        local = seen_from_bones(garment.vertices, mesh.rest, skeleton, transforms).numpy()
+        cloth = code_points(local, mesh.parts, error)
     except ValueError as fault:
         raise InputError(f"{path.name}: cannot be packed, its {fault}") from fault
-    unpacked = decode_points(cloth, mesh.parts, error, *seen.shape[:2])
+    unpacked = decode_points(cloth, mesh.parts, error, *local.shape[:2])
     metadata = {
         key: value
         for key, value in flat_metadata(clip, garment).items()
@@ -211,8 +211,8 @@ def save_packed(clip: SimulatedClip, mesh: GarmentMesh, skeleton: Skeleton, path
 def load_packed(path: Path, shared: PackedFolder) -> SimulatedClip:
     """Read a packed sequence; shared: of the folder in which it lies.
 
-    Raises InputError naming the file if it is none, on a body that its folder lacks, of another mesh, or does
-    not unpack to what was packed.
+    Raises InputError naming the file if it is not a packed sequence, has a body that its folder lacks or
+    another mesh, or does not unpack to the packed data.
     """
     data = check_fields(path, load_arrays(path, PACKED_FORMAT, EXPECTED), FIELDS)
     description = _description(path, str(data["description"]))
@@ -227,12 +227,14 @@ def load_packed(path: Path, shared: PackedFolder) -> SimulatedClip:
         data.get("corrections", np.zeros((0, 3), np.int64)),
     )
     try:
-        seen = decode_points(coded, mesh.parts, error, len(motion.transforms), len(mesh.rest))
+        local = decode_points(coded, mesh.parts, error, len(motion.transforms), len(mesh.rest))
     except ValueError as fault:
-        raise InputError(f"{path}: its {fault}, its mesh, its motion or the file is another") from fault
-    if not np.abs(_probes(seen) - data["probes"]).max() < error:
-        raise InputError(f"{path}: does not unpack to what was packed, its mesh or the file is another")
-    vertices = moved_by_bones(torch.from_numpy(seen), mesh.rest, body.skeleton, motion.transforms)
+        raise InputError(f"{path}: its {fault}: the file, its mesh or its motion was replaced") from fault
+    if not np.abs(_probes(local) - data["probes"]).max() < error:
+        raise InputError(
+            f"{path}: does not unpack to the data that was packed: the file or its mesh was replaced"
+        )
+    vertices = moved_by_bones(torch.from_numpy(local), mesh.rest, body.skeleton, motion.transforms)
     return clip_of_garment(
         vertices=vertices.float(),
         faces=mesh.faces,
@@ -245,9 +247,9 @@ def load_packed(path: Path, shared: PackedFolder) -> SimulatedClip:
 
 
 def load_mesh(folder: Path, garment: str) -> GarmentMesh:
-    """Read the mesh of a garment of a packed folder and work out the spectra of its halves.
+    """Read the mesh of a garment of a packed folder and compute the spectra of its halves.
 
-    Raises InputError if it is none, or has more points than a spectrum.
+    Raises InputError if it is not valid, or has more points than a spectrum can have.
     """
     path = folder / MESHES / f"{garment}.npz"
     data = check_fields(path, load_arrays(path, MESH_FORMAT, EXPECTED_MESH), MESH_FIELDS)
@@ -286,8 +288,8 @@ def _keep_mesh(garment: SimulatedGarment, out: Path, path: Path) -> None:
 
 def _probes(points: np.ndarray) -> np.ndarray:
     """Some points (PROBES, 3) of the middle one of frames (F, N, 3)."""
-    chosen = np.linspace(0, points.shape[1] - 1, PROBES).round().astype(np.int64)
-    return points[len(points) // 2, chosen]
+    rows = np.linspace(0, points.shape[1] - 1, PROBES).round().astype(np.int64)
+    return points[len(points) // 2, rows]
 
 
 def _sequences(folder: Path, made: str) -> list[Path]:

@@ -44,13 +44,14 @@ FIELDS = {
     "fps": numbers(least=FPS_RANGE[0], most=FPS_RANGE[1], dtype=np.float64),
     "warm_up": indices(of="F"),
 }
-"""Arrays of a motion's file. code: what `formats.entropy` made of the second differences in time, in steps,
-of the quaternions of all joints relative to the one above, and of the place of the root."""
+"""Arrays of a motion's file. code: the second differences in time, in steps, coded by `formats.entropy`, of
+the quaternions of all joints relative to their parents, and of the position of the root.
+"""
 
 
 @dataclass(frozen=True)
 class PackedMotion:
-    """Motion as it unpacks: transforms (F, J, 3, 4) of a body's joints, and fps and warm_up of a sequence."""
+    """Unpacked motion: transforms (F, J, 3, 4) of a body's joints, and fps and warm_up of a sequence."""
 
     transforms: Tensor
     fps: float
@@ -80,7 +81,7 @@ def keep_motion(clip: SimulatedClip, skeleton: Skeleton, folder: Path) -> str:
 def load_motion(folder: Path, name: str, skeleton: Skeleton) -> PackedMotion:
     """Read a motion of a packed folder.
 
-    Raises InputError naming the file if it is none, or not of the skeleton.
+    Raises InputError naming the file if it is not a packed motion, or has another skeleton.
     """
     path = folder / MOTIONS / f"{name}.npz"
     arrays = load_arrays(path, MOTION_FORMAT, EXPECTED_MOTION)
@@ -91,7 +92,7 @@ def load_motion(folder: Path, name: str, skeleton: Skeleton) -> PackedMotion:
         steps = decode(data["code"], (frames, _rows(joints), AXES), stride=1)
     except ValueError as error:
         raise InputError(
-            f"{path}: its {error}, expected that of {frames} frames of {joints} joints"
+            f"{path}: its {error}, expected the code of {frames} frames of {joints} joints"
         ) from error
     numbers = torch.from_numpy(steps.cumsum(axis=0).cumsum(axis=0) * MOTION_STEP).flatten(1)
     quaternions, places = numbers[:, : 4 * joints].unflatten(1, (-1, 4)), numbers[:, 4 * joints :][:, :3]

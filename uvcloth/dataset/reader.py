@@ -1,4 +1,4 @@
-"""Data folders as clips: by their motion for training on templates, or by their outfits, dressed."""
+"""Data folders as clips: by their motion, for training on templates, or by their outfits."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -38,11 +38,11 @@ def read_clips(folders: Sequence[Path], garments: Sequence[str]) -> list[BodyCli
     """
     if not folders:
         raise InputError("--data: names no folder of sequences")
-    found = [each for folder in folders for each in _clips_of(Path(folder), garments)]
+    pairs = [each for folder in folders for each in _clips_of(Path(folder), garments)]
     source = " ".join(map(str, folders))
-    require_one_split(source, ((clip.name, clip.subject, clip.split) for _, clip in found))
+    require_one_split(source, ((clip.name, clip.subject, clip.split) for _, clip in pairs))
     bodies: dict[str, BodyClips] = {}
-    for body, clip in found:
+    for body, clip in pairs:
         bodies.setdefault(body.identity.shape, (body, []))[1].append(clip)
     names = [body.name for body, _ in bodies.values()]
     for name in names:
@@ -54,7 +54,7 @@ def read_clips(folders: Sequence[Path], garments: Sequence[str]) -> list[BodyCli
 def read_motions(
     windows: Path, body: Body, splits: Sequence[str] = SPLITS, clips_from: Path | None = None
 ) -> list[SimulatedClip]:
-    """Read the windows of an index as clips without garments: motion to learn from without simulations.
+    """Read the windows of an index as clips without garments: motion for training without simulations.
 
     clips_from: folder of the motion files, by default that of the index. Raises InputError as
     `read_index`, `clip_file` and `load_clip` do, and for a window that ends after its motion.
@@ -87,32 +87,32 @@ def require_rests(rests: Mapping[str, Tensor], clips: Sequence[SimulatedClip], b
             same = garment.rest.shape == expected.shape
             if not same or (garment.rest - expected).norm(dim=1).max() > REST_TOLERANCE:
                 raise InputError(
-                    f"{clip.name}_{garment.name}: at rest not the garment {garment.name} on body "
-                    f"{body.name!r}; it was simulated with another garment or body"
+                    f"{clip.name}_{garment.name}: its rest shape is not that of garment {garment.name} on "
+                    f"body {body.name!r}; it was simulated with another garment or body"
                 )
 
 
 def read_outfit_clips(folder: Path, splits: Sequence[str] = SPLITS) -> list[tuple[Outfit, SimulatedClip]]:
     """Read the clips of a folder by outfit and name, each with its outfit, dressed.
 
-    What was not made with --outfits is one too, by itself or with its layers, of the split that the folder's
-    index says. Raises InputError naming the file if one is damaged, of no split, on a body that the folder
-    lacks, or of another motion than the outfit's other garments; and the folder if it holds none in these
-    splits.
+    A sequence that was not made with --outfits counts as an outfit too, alone or with its layers, in the
+    split that the folder's index gives. Raises InputError naming the file if one is damaged, of no split, on
+    a body that the folder lacks, or of another motion than the outfit's other garments; and the folder if it
+    holds none in these splits.
     """
-    found: dict[tuple[str, str], dict[str, tuple[Path, SimulatedClip]]] = {}
+    by_clip: dict[tuple[str, str], dict[str, tuple[Path, SimulatedClip]]] = {}
     for path, clip in _files_of(folder):
         if not clip.split:
-            raise InputError(f"{path}: has no split: its clip {clip.name} is in no {INDEX} of its folder")
+            raise InputError(f"{path}: has no split: the {INDEX} of its folder lacks the clip {clip.name}")
         if clip.split in splits:
-            found.setdefault((clip.outfit, clip.name), {})[clip.garments[0].name] = (path, clip)
-    if not found:
+            by_clip.setdefault((clip.outfit, clip.name), {})[clip.garments[0].name] = (path, clip)
+    if not by_clip:
         raise InputError(f"{folder}: holds no outfit for {' or '.join(splits)}")
     bodies: dict[str, Body] = {}
     outfits: dict[str, Outfit] = {}
     dressed = []
-    for name, clip_name in track(sorted(found), "dressing bodies", transient=True):
-        parts = _layers(found[name, clip_name])
+    for name, clip_name in track(sorted(by_clip), "dressing bodies", transient=True):
+        parts = _layers(by_clip[name, clip_name])
         clip = join_clips(parts, "outfit")
         body = sequence_body(next(iter(parts)), clip.metadata, bodies)
         if name not in outfits:
@@ -123,7 +123,7 @@ def read_outfit_clips(folder: Path, splits: Sequence[str] = SPLITS) -> list[tupl
 
 def _clips_of(folder: Path, garments: Sequence[str]) -> list[tuple[Body, SimulatedClip]]:
     """The clips of one folder, see `read_clips`."""
-    found: dict[str, dict[Path, SimulatedClip]] = {}
+    by_clip: dict[str, dict[Path, SimulatedClip]] = {}
     bodies: dict[str, Body] = {}
     on: dict[str, Body] = {}
     indexed = (folder / INDEX).is_file()
@@ -131,11 +131,11 @@ def _clips_of(folder: Path, garments: Sequence[str]) -> list[tuple[Body, Simulat
         body = sequence_body(path, clip.metadata, bodies)
         require_joints(path, clip, body)
         if clip.garments[0].name in garments and (not indexed or clip.split in TRAINING_SPLITS):
-            found.setdefault(clip.name, {})[path] = clip
+            by_clip.setdefault(clip.name, {})[path] = clip
             on[clip.name] = body
-    if not found:
+    if not by_clip:
         raise InputError(f"{folder}: none of its sequences is a training clip of {', '.join(garments)}")
-    joined = [(on[name], join_clips(found[name], f"clip {name!r}")) for name in sorted(found)]
+    joined = [(on[name], join_clips(by_clip[name], f"clip {name!r}")) for name in sorted(by_clip)]
     return [(body, clip.from_folder(folder.name)) for body, clip in joined]
 
 

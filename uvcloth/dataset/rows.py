@@ -26,7 +26,7 @@ class Rows:
     samples: Tensor
 
     def windows(self, frames: int) -> Tensor:
-        """The samples at which windows of so many frames begin that end in their clip (W,)."""
+        """The samples (W,) at which windows of a number of frames begin that end within their clip."""
         last = frames - 1
         first = self.samples[self.samples + last < len(self.starts)]
         return first[self.starts[first + last] == self.starts[first]]

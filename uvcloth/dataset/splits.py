@@ -1,4 +1,4 @@
-"""Splits of clips: what is trained on, what chooses the network to keep, and the record of both."""
+"""Splits of clips: those for training, those that choose the network to keep, and the record of both."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from uvcloth.errors import InputError
 from uvcloth.motion.index import INDEX
 
 TRAINING_SPLITS = ("train", "validation")
-"""The splits of an index that training sees: training, and validation, which chooses the network to keep."""
+"""The splits of an index that training uses: training, and validation, which chooses the network to keep."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ def hold_out(clips: Sequence[SimulatedClip], holdout: Holdout, data: str) -> lis
         for split in TRAINING_SPLITS:
             if split not in splits:
                 raise InputError(
-                    f"{data}: holds no sequence for {split}; simulate clips that {INDEX} calls {split}"
+                    f"{data}: holds no sequence for {split}; simulate clips of this split in {INDEX}"
                 )
     return [
         cut_warm_up(clip.labelled(split=split), holdout.rest_frames)
@@ -64,10 +64,10 @@ def of_split(clips: Iterable[SimulatedClip], split: str) -> list[SimulatedClip]:
 
 def training_data(clips: Sequence[SimulatedClip]) -> TrainingData:
     """The record of the clips that a model was trained on and chosen by, for its checkpoint."""
-    seen = [clip for split in TRAINING_SPLITS for clip in of_split(clips, split)]
+    subset = [clip for split in TRAINING_SPLITS for clip in of_split(clips, split)]
     return TrainingData(
-        files={name: content for clip in seen for name, content in clip.files.items()},
+        files={name: content for clip in subset for name, content in clip.files.items()},
         clips={
-            split: {clip.name: clip.subject for clip in of_split(seen, split)} for split in TRAINING_SPLITS
+            split: {clip.name: clip.subject for clip in of_split(subset, split)} for split in TRAINING_SPLITS
         },
     )

@@ -20,7 +20,7 @@ DESCRIPTION = 500
 
 
 def expected_bytes(suffix: str, frames: int, meshes: Sequence[Mesh], body: Body | None) -> int:
-    """Size of a file of so many frames, to within a tenth where it is large; 0 for pictures.
+    """Approximate size of a file of a number of frames, to within a tenth where it is large; 0 for pictures.
 
     An upper bound for .npz, which is compressed, and for OpenUSD, which keeps equal values once.
     """

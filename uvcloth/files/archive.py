@@ -140,7 +140,7 @@ def _require_moderate(members: Sequence[zipfile.ZipInfo], size: int) -> None:
     unpacked, most = sum(member.file_size for member in members), max(FREE_BYTES, MOST_RATIO * size)
     if unpacked > most:
         raise InputError(
-            f"unpacks to {unpacked / 2**20:.0f} MB, expected at most {most / 2**20:.0f} of {size} bytes"
+            f"unpacks to {unpacked / 2**20:.0f} MB, expected at most {most / 2**20:.0f} MB from {size} bytes"
         )
 
 
@@ -155,8 +155,8 @@ def _read(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> np.ndarray:
         claimed, stored = count * header.dtype.itemsize, member.file_size - header.size
         if claimed != stored or (count == 0 and max(header.shape) > MOST_ROWS):
             raise InputError(
-                f"{_name(member)} has the shape {header.shape} of {header.dtype.itemsize} bytes each, "
-                f"its member {stored} bytes"
+                f"{_name(member)} has the shape {header.shape} with {header.dtype.itemsize} bytes an "
+                f"element, but {stored} bytes of data"
             )
         values = np.empty(count, header.dtype)
         place = values.view(np.uint8).data if claimed else memoryview(b"")

@@ -211,8 +211,8 @@ def _is_gone(folder: Path) -> InputError:
 
 def _is_written(path: Path, error: HeldError) -> InputError:
     if error.here:
-        return InputError(f"{path}: is written already, name every output once")
-    return InputError(f"{path}: {error.holder} writes it, wait for its end or name another output")
+        return InputError(f"{path}: is already being written, name every output once")
+    return InputError(f"{path}: {error.holder} is writing it; wait until that ends, or name another output")
 
 
 def _clear_leftovers(folder: Path) -> None:

@@ -17,7 +17,7 @@ MOST = 1e9
 """Greatest absolute value of a number of a file, so that products of a few stay finite in float32."""
 
 LONGEST = 1000
-"""Characters of a name."""
+"""Limit for the characters of a name."""
 
 LONGEST_FILE_NAME = 220
 """Bytes of the name of a file, in UTF-8; systems allow 255."""
@@ -29,7 +29,7 @@ DEVICES = frozenset(
     ["CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$"]
     + [port + digit for port in ("COM", "LPT") for digit in "123456789¹²³"]
 )
-"""Names that are those of devices on Windows, in any case and with any ending."""
+"""Names of devices on Windows, in upper or lower case and with any suffix."""
 
 KINDS = {"numbers": "fiu", "whole numbers": "iu", "truth values": "b", "names": "U", "text": "U"}
 """Kinds of values in words, and the numpy kinds that are read as each."""
@@ -111,13 +111,15 @@ def require_file_name(name: str, owner: str | Path) -> None:
     """Raise InputError that names the owner unless a name passes `is_file_name`."""
     if not is_file_name(name):
         raise InputError(
-            f'{owner}: a file called {name!r:.60} cannot exist on every system (Windows allows no <>:"|?*, '
-            "dot or space at the end or name of a device; 220 bytes are the most), rename it"
+            f"{owner}: {name!r:.60} cannot be the name of a file on every system (Windows forbids "
+            '<>:"|?*, a dot or space at the end, and names of devices; the limit is 220 bytes), rename it'
         )
 
 
 def safe_file_name(name: str) -> str:
-    """A name with what no file's may have replaced by underscores; for a device, and at the end, one more."""
+    """A name in which underscores replace the characters that a file's name cannot have; for a device, and at
+    the end, with one more.
+    """
     safe = "".join("_" if each in FORBIDDEN or not each.isprintable() else each for each in name)
     safe = safe.encode()[: LONGEST_FILE_NAME // 2].decode(errors="ignore")
     return safe if is_file_name(safe) else f"_{safe}_"

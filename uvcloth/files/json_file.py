@@ -13,10 +13,10 @@ MOST_BYTES = 64 * 2**20
 """Greatest size of a JSON file."""
 
 MOST_DEPTH = 50
-"""Lists and objects within one another."""
+"""Limit for the depth of nested lists and objects."""
 
 MOST_DIGITS = 18
-"""Digits of a whole number, which then fits into 64 bits."""
+"""Limit for the digits of a whole number, which then fits into 64 bits."""
 
 
 def read_json(path: Path, expected: str) -> dict[str, Any]:
@@ -39,8 +39,8 @@ def read_json(path: Path, expected: str) -> dict[str, Any]:
 def parse_json(text: str, source: str, expected: str) -> dict[str, Any]:
     """The JSON object of a text; source: its place, with which errors begin.
 
-    NaN and infinities are read as Python writes them. Raises InputError if it is none, nested deeper than
-    MOST_DEPTH, names a key twice, or holds a whole number of more than MOST_DIGITS or a text of no
+    NaN and infinities are read as Python writes them. Raises InputError if it is not valid, nested deeper
+    than MOST_DEPTH, names a key twice, or holds a whole number of more than MOST_DIGITS or a text of no
     characters.
     """
     try:
@@ -59,7 +59,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(values) < len(pairs):
         keys = [key for key, _ in pairs]
         twice = next(key for key in keys if keys.count(key) > 1)
-        raise ValueError(f"the key {twice[:40]!r} is there twice")
+        raise ValueError(f"the key {twice[:40]!r} occurs twice")
     return values
 
 

@@ -9,7 +9,7 @@ ADDRESS = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*:|[/\\]")
 """Beginning of a web address, of a drive, or of an absolute path."""
 
 LONGEST_NAME = 1000
-"""Characters of such a name."""
+"""Limit for the characters of such a name."""
 
 
 def read_content(path: Path) -> bytes:
@@ -27,7 +27,7 @@ def require_file(path: Path) -> None:
     try:
         if path.is_file():
             return
-        there = ", what is there is a folder or a device" if path.exists() else ""
+        there = ", this is a folder or a device" if path.exists() else ""
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
     raise InputError(f"{path}: no such file{there}")
@@ -46,5 +46,5 @@ def file_below(root: Path, folder: Path, name: str) -> Path:
         inside = False
     if not inside:
         shown = "".join(letter if letter.isprintable() else " " for letter in name[:80])
-        raise InputError(f"{shown} is not read, it lies outside {root.resolve().name or root}")
+        raise InputError(f"{shown} lies outside {root.resolve().name or root} and is not read")
     return path

@@ -1,4 +1,4 @@
-"""Entropy coding of whole numbers that are mostly small: an arithmetic coder that learns while it codes.
+"""Entropy coding of whole numbers that are mostly small: an adaptive arithmetic coder.
 
 Each number is coded as decisions: how many binary digits it has, one decision for each, then the digits and
 the sign. Several models guess each decision by the sizes of numbers coded before, nearby in the array; their
@@ -20,14 +20,15 @@ CHECKED = 4
 """Bytes of the checksum of the numbers."""
 
 MOST_NUMBERS = 1 << 27
-"""Numbers of an array, which take a gigabyte."""
+"""Limit for the numbers of an array: they take a gigabyte."""
 
 MOST_PER_BYTE, LEAST_BYTES = 30_000, 256
-"""Numbers that a byte of code can hold, as likely decisions take 1/2,000 of a bit; and bytes by which code
-counts as longer, for short ones."""
+"""Limit for the numbers in a byte of code (a likely decision takes 1/2,000 of a bit), and the bytes that are
+added to the length of short code for this limit.
+"""
 
 AXES = 3
-"""Numbers of the last axis that belong together: the coordinates of a wave."""
+"""Numbers on the last axis that belong together: the coordinates of one wave."""
 
 MODELS = 7
 CONTEXTS = 1 << 15
@@ -48,14 +49,14 @@ EVEN, COUNT_BITS = 1 << 31, 10
 MOST_COUNT = 255
 FULL = 0xFFFFFFFF
 MIXED_BITS = 16
-"""Bits behind the point of the weights, and of the odds that are coded."""
+"""Fractional bits of the weights, and of the coded odds."""
 
 LEARNING, LEARNING_BITS = 3, 18
 """Rate at which the weights of the models are learned: LEARNING / 2^LEARNING_BITS."""
 
 _logits = np.arange(-STRETCHED, STRETCHED + 1) / 256.0
 _ODDS = np.rint(2**MIXED_BITS / (1.0 + np.exp(-_logits))).astype(np.int64).clip(16, 2**MIXED_BITS - 16)
-"""Odds by logit; none lies so near the middle of two whole numbers that machines could differ."""
+"""Odds by logit; no value is so close to a rounding boundary that machines could differ."""
 _LOGITS = (np.searchsorted(_ODDS, 16 * np.arange(4096) + 8) - STRETCHED).clip(-STRETCHED, STRETCHED)
 """Logit by the upper 12 bits of odds."""
 
@@ -63,8 +64,9 @@ _LOGITS = (np.searchsorted(_ODDS, 16 * np.arange(4096) + 8) - STRETCHED).clip(-S
 def encode(values: np.ndarray, stride: int) -> np.ndarray:
     """Encode whole numbers (T, K, C) to bytes (B,) uint8, of which the first four are a checksum.
 
-    C is a multiple of AXES. Sizes are expected to change little along K, and along T to the next and by the
-    stride. Raises ValueError for numbers of more than MOST_DIGITS digits, or more than MOST_NUMBERS.
+    C is a multiple of AXES. Sizes are expected to change little along K, and along T from one number to the
+    next and over the stride. Raises ValueError for numbers of more than MOST_DIGITS digits, or more than
+    MOST_NUMBERS.
     """
     if values.size > MOST_NUMBERS:
         raise ValueError("points and frames are too many")
@@ -143,10 +145,10 @@ def _decide(
     weights: np.ndarray,
     tables: tuple[np.ndarray, np.ndarray],
 ) -> int:
-    """Code one decision as the models mix it, and let them learn from it; returns it.
+    """Code one decision by the mixed odds of the models, and update the models by it; returns it.
 
-    contexts: (models,) of each its context. states: (models, CONTEXTS) of the models.
-    weights: (models,) of the mixture. tables: odds by logit, and logits by odds.
+    contexts: (models,), the context of each. states: (models, CONTEXTS) of the models. weights: (models,) of
+    the mixture. tables: odds by logit, and logits by odds.
     """
     odds_of, logit_of = tables
     mixed = 0

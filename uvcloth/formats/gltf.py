@@ -1,4 +1,4 @@
-"""glTF 2.0 files: their JSON, and the arrays that its accessors name."""
+"""glTF 2.0 files: their JSON, and the arrays of its accessors."""
 
 import base64
 import json
@@ -26,18 +26,18 @@ MOST_MESHES = 2000
 """Meshes, each of one material, that the nodes of a scene may place."""
 
 MOST_ZEROS = 1_000_000
-"""Elements of an accessor that has no buffer view, and so no bytes in the file for most of them."""
+"""Limit for the elements of an accessor without a buffer view: the file has no bytes for most of them."""
 
 COMPRESSIONS = {"KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"}
-"""Extensions without which there are no arrays to read."""
+"""Extensions that compress arrays, which cannot be read then."""
 
 
 @dataclass(frozen=True)
 class Gltf:
     """A glTF file, its JSON checked.
 
-    document: the JSON. binary: the chunk of a .glb that buffers without a URI mean. above: parent of every
-    node that has one.
+    document: the JSON. binary: the chunk of a .glb, for buffers without a URI. above: parent of every node
+    that has one.
     """
 
     path: Path
@@ -51,9 +51,10 @@ class Gltf:
         return self.document.get(name, [])
 
     def array(self, accessor: int, *kinds: str) -> np.ndarray:
-        """Values of an accessor of one of some kinds ("VEC3"): (count, width), normalized integers as floats.
+        """Values of an accessor of one of the given kinds ("VEC3"): (count, width), normalized integers as
+        floats.
 
-        Those of a sparse one are put in their places; without a buffer view the others are zeros. Raises
+        Values of a sparse accessor are substituted; without a buffer view all others are zeros. Raises
         InputError for another kind, for data that are not in the file, for more than MOST_ZEROS zeros and for
         numbers that are not finite.
         """
@@ -77,7 +78,7 @@ class Gltf:
         return values.astype(kind)
 
     def held(self, accessor: int) -> int:
-        """Number of elements of an accessor that the file may have bytes for, whatever it says."""
+        """Number of elements of an accessor for which the file can have bytes, whatever count it states."""
         entry = self.entries("accessors")[accessor]
         sparse = entry.get("sparse", {"count": 0})
         parts = [(entry["count"], entry), (sparse["count"], sparse.get("values", {}))]
@@ -165,7 +166,7 @@ class Gltf:
 
 
 def _compressed_by(extension: str) -> str:
-    return f"compressed ({extension}), which is not read: export it without compression"
+    return f"compressed ({extension}), which is not supported: export it without compression"
 
 
 def one_line(name: Any) -> str:
@@ -190,7 +191,7 @@ def decode_data(uri: str) -> bytes:
 
 
 def read_gltf(path: Path) -> Gltf:
-    """Read a .glb or .gltf file. Raises InputError naming the file, and the place, if it is none."""
+    """Read a .glb or .gltf file. Raises InputError naming the file, and the place, if it is not valid."""
     path = Path(path)
     content = read_content(path)
     try:

@@ -9,10 +9,10 @@ from typing import Any
 from uvcloth.errors import InputError
 
 DEEPEST = 1000
-"""Nodes above a node."""
+"""Limit for the ancestors of a node."""
 
 LARGEST = 1e9
-"""Of a number: float32 holds its square."""
+"""Limit for a number: float32 holds its square."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def parents_of(document: dict[str, Any]) -> dict[int, int]:
         for steps, node in enumerate(reversed(way)):
             depth[node] = known + steps
         if depth[index] >= DEEPEST:
-            raise InputError(f"nodes[{index}] is below itself or below more than {DEEPEST} others")
+            raise InputError(f"nodes[{index}] is its own ancestor or has more than {DEEPEST} ancestors")
     return above
 
 

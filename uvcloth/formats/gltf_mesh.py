@@ -40,7 +40,7 @@ class _Part:
 def read_gltf_mesh(path: Path) -> AuthoredMesh:
     """Read the triangles of a .glb or .gltf, its vertices float64, in the order of nodes and accessors.
 
-    Raises InputError for a file that is none, lacks data, or has too many vertices or faces.
+    Raises InputError for a file that is not valid, lacks data, or has too many vertices or faces.
     """
     gltf = read_gltf(path)
     parts: list[_Part] = []
@@ -116,7 +116,9 @@ def _parts(gltf: Gltf, node: dict[str, Any], place: np.ndarray) -> Iterator[_Par
             uvs.append(gltf.array(of[key], "VEC2") * [1, -1] + [0, 1])
         colors = _colors(gltf.array(of["COLOR_0"], "VEC3", "VEC4")) if "COLOR_0" in of else None
         if any(len(each) != len(positions) for each in (*uvs, *(() if colors is None else (colors,)))):
-            raise InputError(f"{gltf.path}: mesh {name} has attributes of other counts than its vertices")
+            raise InputError(
+                f"{gltf.path}: mesh {name} has attributes whose count differs from that of its vertices"
+            )
         yield _Part(
             vertices=positions @ place[:3, :3].T + place[:3, 3],
             uvs=tuple(uvs),
@@ -128,17 +130,17 @@ def _parts(gltf: Gltf, node: dict[str, Any], place: np.ndarray) -> Iterator[_Par
 
 
 def _corners(gltf: Gltf, primitive: dict[str, Any]) -> int:
-    """Corners that a primitive says to have."""
+    """Number of corners that a primitive states."""
     accessor = primitive.get("indices", primitive["attributes"]["POSITION"])
     return int(gltf.entries("accessors")[accessor]["count"])
 
 
 def _faces(gltf: Gltf, primitive: dict[str, Any], count: int) -> np.ndarray:
-    """Faces (F, 3) of a primitive. Raises InputError if they name a vertex that it does not have."""
+    """Faces (F, 3) of a primitive. Raises InputError if they refer to a vertex that it does not have."""
     indices = gltf.array(primitive["indices"], "SCALAR")[:, 0] if "indices" in primitive else np.arange(count)
     faces = indices[: len(indices) // 3 * 3].astype(np.int64).reshape(-1, 3)
     if faces.size and not 0 <= faces.min() <= faces.max() < count:
-        raise InputError(f"{gltf.path}: a face names a vertex beyond the {count} of its mesh")
+        raise InputError(f"{gltf.path}: a face refers to a vertex beyond the {count} of its mesh")
     return faces
 
 

@@ -1,4 +1,4 @@
-"""Skeletons in glTF files: nodes above one another, and the bind pose of a skin as it stands in the scene."""
+"""Skeletons in glTF files: the tree of nodes, and the bind pose of a skin in the scene."""
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -13,13 +13,13 @@ from uvcloth.formats.gltf_document import LARGEST
 from uvcloth.geometry.skeleton import check_joints
 
 FLAT = 1e-6
-"""Volume of the unit cube under a transform, relative to its size, that is none."""
+"""Relative volume of the transformed unit cube below which a transform counts as flat."""
 
 AFFINE = 1e-3
-"""How far the last row of a transform may be from 0, 0, 0, 1."""
+"""Largest difference of the last row of a transform from 0, 0, 0, 1."""
 
 REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
-"""Of a node that says nothing, as the format has it."""
+"""Transform of a node that gives none, by the format."""
 
 
 @dataclass(frozen=True)

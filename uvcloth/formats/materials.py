@@ -25,7 +25,7 @@ def read_text(path: Path) -> list[str]:
 class Pictures:
     """Picture files that materials name, each read once: in the folder `root` or below, and nowhere else.
 
-    missing: those that are not there, or lie elsewhere, and files of materials.
+    missing: pictures and material files that do not exist, or lie elsewhere.
     """
 
     def __init__(self, root: Path) -> None:
@@ -58,7 +58,7 @@ class Pictures:
 
 
 def read_libraries(pictures: Pictures, names: Iterable[str]) -> dict[str, SurfaceMaterial]:
-    """Read the materials of .mtl files in the root of the pictures by name, none of one that is missing."""
+    """Read the materials of .mtl files in the root of the pictures, by name; missing files are left out."""
     paths = [pictures.file(pictures.root, name) for name in dict.fromkeys(names)]
     materials: dict[str, SurfaceMaterial] = {}
     for path in filter(None, paths):

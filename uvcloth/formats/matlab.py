@@ -17,10 +17,10 @@ from uvcloth.errors import InputError
 from uvcloth.files.reading import read_content
 
 MOST_BYTES = 4 * 2**20
-"""Bytes of a file, and of what it unpacks to."""
+"""Limit for the bytes of a file, and for its unpacked contents."""
 
 MOST_DEPTH = 20
-"""Structs within one another."""
+"""Limit for the depth of nested structs."""
 
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 """Types of numbers as they are stored, by their number."""

@@ -23,7 +23,7 @@ def read_mesh(path: Path) -> Mesh:
 
     An OBJ and a glTF file give an AuthoredMesh, which keeps polygons, groups, materials and colours. A file
     without texture coordinates gives uvs (0, 2) and face_uvs (0, 3). Raises InputError for an unsupported
-    extension, an unreadable file, no faces, a face of vertices that there are not, more than MOST_VERTICES,
+    extension, an unreadable file, no faces, a face with vertices that do not exist, more than MOST_VERTICES,
     or a number that is not finite or beyond LARGEST.
     """
     path = Path(path)
@@ -36,14 +36,14 @@ def read_mesh(path: Path) -> Mesh:
 
 
 def check_mesh(path: Path, mesh: Mesh) -> None:
-    """Raise InputError naming the path for a mesh that is no garment's, as `read_mesh` says."""
+    """Raise InputError naming the path for a mesh that cannot be a garment's, see `read_mesh`."""
     refuse_too_many(path, len(mesh.vertices), len(mesh.faces))
     if not len(mesh.vertices) or not len(mesh.faces):
         raise InputError(f"{path}: the garment is empty, it has {len(mesh.vertices)} vertices and no faces")
     wrong = mesh.faces[((mesh.faces < 0) | (mesh.faces >= len(mesh.vertices))).any(dim=1)]
     if len(wrong):
         raise InputError(
-            f"{path}: a face is of the vertices {wrong[0].tolist()}, there are 0 to {len(mesh.vertices) - 1}"
+            f"{path}: a face has the vertices {wrong[0].tolist()}, expected 0 to {len(mesh.vertices) - 1}"
         )
     broken = torch.nonzero(~(mesh.vertices.abs() <= LARGEST).all(dim=1))
     if len(broken):

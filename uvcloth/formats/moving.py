@@ -1,8 +1,8 @@
 """Compression of moving points: whole multiples of a step, predicted in time and along the mesh.
 
-What is kept is how each point's second difference in time differs from that of a neighbour: a few steps where
-cloth moves smoothly. These are whole numbers, so that nothing adds up: in every frame, and on every machine
-alike, each coordinate is within half a step of what it was.
+Each point's second difference in time is stored relative to that of a neighbour: a few steps where cloth
+moves smoothly. These are whole numbers, so that errors do not accumulate: in every frame, and on every
+machine, each coordinate is within half a step of the original.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,7 +20,7 @@ QUANTIZATION_STEP = 5.7e-5
 """Metres between two coordinates; half the diagonal of such a cube, the largest error, is 0.0494 mm."""
 
 PACKED_ARRAYS = ("changes", "parents", "origin")
-"""Names of what `pack` makes and `unpack` takes."""
+"""Names of the arrays that `pack` returns and `unpack` takes."""
 
 MAX_COORDINATE = 1.0e4
 """Metres from the origin within which points are packed."""
@@ -116,7 +116,7 @@ def _levels(parents: np.ndarray) -> Iterator[np.ndarray]:
     for _ in range(count.bit_length()):
         depth, above = depth + depth[above], above[above]
     if (above < count).any():
-        raise ValueError("points are predicted by one another in a circle")
+        raise ValueError("points are predicted from each other in a cycle")
     order = np.argsort(depth[:count], kind="stable")
     starts = np.flatnonzero(np.diff(depth[order])) + 1
     yield from np.split(order, starts)[1:]

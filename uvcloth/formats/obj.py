@@ -15,12 +15,12 @@ from uvcloth.formats.size import refuse_too_many
 from uvcloth.geometry.authored import AuthoredMesh, Labels, Polygons, SurfaceMaterial, UvSet
 
 LARGEST_INDEX = 2**31
-"""That a face may name, whatever there is."""
+"""Limit for an index in a face."""
 
 
 @dataclass
 class _Names:
-    """Names as the polygons of a file come: the one that is current, and the index of each polygon's."""
+    """Names of polygons while a file is read: the current one, and the index of each polygon's name."""
 
     index: dict[str, int] = field(default_factory=dict)
     current: int = -1
@@ -37,7 +37,7 @@ class _Names:
 def read_obj(path: Path) -> AuthoredMesh:
     """Read an OBJ, its vertices float64 as they are.
 
-    Raises InputError naming the line that is no OBJ, and for more than MOST_VERTICES.
+    Raises InputError naming a line that is not valid, and for more than MOST_VERTICES.
     """
     vertices: list[list[float]] = []
     uvs: list[list[float]] = []
@@ -75,7 +75,7 @@ def read_obj(path: Path) -> AuthoredMesh:
     pairs = np.array(corners, dtype=np.int64).reshape(-1, 2)
     for kind, indices, count in (("vertex", pairs[:, 0], len(points)), ("vt", pairs[:, 1], len(texture))):
         if indices.size and not (-1 if kind == "vt" else 0) <= indices.min() <= indices.max() < count:
-            raise InputError(f"{path}: a face names a {kind} that the file does not have")
+            raise InputError(f"{path}: a face refers to a {kind} that the file does not have")
     textured = len(texture) > 0 and bool((pairs[:, 1] >= 0).all())
     pictures = Pictures(path.parent)
     materials = read_libraries(pictures, libraries)

@@ -1,8 +1,8 @@
 """Pickled SMPL files, read without executing anything of them.
 
 A pickle is a program: it names functions and classes and calls them. Here every name of a short list stands
-for a record that keeps what it is given, every other name ends the reading, and arrays are made of the
-records afterwards. Nothing of numpy, scipy or chumpy is called while the file is read.
+for a record that keeps its arguments, every other name ends the reading, and arrays are made from the records
+afterwards. Nothing of numpy, scipy or chumpy is called while the file is read.
 """
 
 import io
@@ -22,7 +22,7 @@ DTYPES = ("f4", "f8", "i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8")
 """Types of values that arrays may have, besides booleans."""
 
 MOST_VALUES = 10_000_000
-"""Values of a sparse matrix, zeros included, beyond which it is none of SMPL's."""
+"""Limit for the values of a sparse matrix, zeros included; those of SMPL have fewer."""
 
 
 class _Record:
@@ -68,7 +68,7 @@ class _Array(_Record):
 
     def value(self) -> np.ndarray:
         if not isinstance(self.state, tuple) or len(self.state) != 5:
-            raise InputError("holds an array that is not whole")
+            raise InputError("holds an incomplete array")
         _, shape, kind, fortran, content = self.state
         return _array(content, kind, shape, "F" if fortran else "C")
 
@@ -78,7 +78,7 @@ class _Buffer(_Record):
 
     def value(self) -> np.ndarray:
         if len(self.arguments) != 4:
-            raise InputError("holds an array that is not whole")
+            raise InputError("holds an incomplete array")
         content, kind, shape, order = self.arguments
         return _array(content, kind, shape, order)
 
@@ -88,7 +88,7 @@ class _Scalar(_Record):
 
     def value(self) -> Any:
         if len(self.arguments) != 2:
-            raise InputError("holds a number that is not whole")
+            raise InputError("holds an incomplete number")
         return _array(self.arguments[1], self.arguments[0], (), "C")[()]
 
 
@@ -165,8 +165,8 @@ ALLOWED = {name: record for record, names in RECORDS.items() for name in names}
 class _Reader(pickle._Unpickler):
     """An unpickler whose every name is a record, and whose every key is a text or a number.
 
-    It is the one in Python, whose memory and time do not depend on a number in the file: the one in C makes
-    a table as long as the largest number that a value is remembered by.
+    It is the one in Python, whose memory and time do not depend on a number in the file: the one in C makes a
+    table whose length is the largest memo index in the file.
     """
 
     stack: list[Any]
@@ -272,7 +272,7 @@ def plain(value: Any) -> Any:
     except InputError:
         raise
     except (ValueError, TypeError, IndexError, OverflowError, MemoryError, RecursionError) as error:
-        raise InputError(f"holds an array that is not whole ({error})") from error
+        raise InputError(f"holds an incomplete array ({error})") from error
 
 
 def _plain_array(value: Any) -> np.ndarray:
@@ -288,7 +288,7 @@ def _attributes(record: _Record) -> dict[Any, Any]:
 def _shape(shape: Any) -> tuple[int, ...]:
     sizes = tuple(plain(size) for size in shape) if isinstance(shape, tuple | list) else ()
     if not sizes or not all(isinstance(size, int | np.integer) and size >= 0 for size in sizes):
-        raise InputError("holds an array of a shape that is none")
+        raise InputError("holds an array of an invalid shape")
     return tuple(int(size) for size in sizes)
 
 

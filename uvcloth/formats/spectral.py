@@ -1,9 +1,9 @@
 """Lossy compression of moving meshes: cosines in time, the spectrum of the mesh in space, in whole steps.
 
-Both transforms have orthonormal rows, so that no more is lost in the sum of squares than the coefficients
-lose, and of cloth that moves smoothly nearly all coefficients are less than a step. Frames are transformed in
-blocks, as motion changes within a second, and the mesh in two halves, as a bodice moves less than a skirt.
-The steps are as coarse as an error allows; single points that are off by much are corrected.
+Both transforms are orthonormal, so that the squared error of the points is that of the coefficients, and
+nearly all coefficients of smoothly moving cloth are below one step. Frames are transformed in blocks, as
+motion changes within a second, and the mesh in two halves, as a bodice moves less than a skirt. The steps are
+as coarse as an error allows; single points that are off by much are corrected.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,9 @@ from scipy.sparse.linalg import eigsh
 from uvcloth.formats.entropy import decode, encode
 
 MOST_POINTS = 6000
-"""Points of a mesh whose spectrum is worth its time, half a minute: it grows with their third power."""
+"""Limit for the points of a mesh: its spectrum takes half a minute then, and the time grows with their third
+power.
+"""
 
 BLOCK = 25
 """Frames of a block, about."""
@@ -33,7 +35,7 @@ STEPS = np.exp2(np.arange(-16, 41) / 8.0)
 
 GOLDEN = 0.6180339887498949
 UNEVENNESS = 0.4
-"""How far edges' weights are apart, so that no two wavelengths are the same, even of a symmetric mesh."""
+"""Range of the weights of edges, by which all wavelengths differ, even on a symmetric mesh."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ class Part:
 
 @dataclass(frozen=True)
 class CodedPoints:
-    """Moving points as they are kept.
+    """Moving points in coded form.
 
     step: metres of a coefficient's step. code: (B,) uint8, the coefficients. gaps: (R,) from each corrected
     place to the next, in the order of frames and points. corrections: (R, 3) in steps of the mean error.
@@ -96,8 +98,9 @@ def part_spectra(faces: np.ndarray, second: np.ndarray) -> tuple[Part, ...]:
 def code_points(points: np.ndarray, parts: tuple[Part, ...], error: float) -> CodedPoints:
     """Code points (F, N, 3) m of a mesh in the coarsest steps that a mean error, m, allows.
 
-    Of all distances from where points were, the mean is at most `error`, 99 % are at most MOST_OF_99 times
-    so long, and all at most MOST_OF_ALL times. Raises ValueError for points that are not finite or too far.
+    The mean distance from the original points is at most `error`; 99 % of the distances are at most
+    MOST_OF_99 times, and all at most MOST_OF_ALL times `error`. Raises ValueError for points that are not
+    finite or too far.
     """
     if not np.isfinite(points).all():
         raise ValueError("points are not finite")
@@ -125,7 +128,7 @@ def code_points(points: np.ndarray, parts: tuple[Part, ...], error: float) -> Co
 def decode_points(
     coded: CodedPoints, parts: tuple[Part, ...], error: float, frames: int, count: int
 ) -> np.ndarray:
-    """Points (F, N, 3) m, float64, of what `code_points` made of them with the same mean error.
+    """Decode points (F, N, 3) m, float64, that `code_points` coded with the same mean error.
 
     Raises ValueError for code that is not of so many frames and points.
     """
@@ -134,7 +137,7 @@ def decode_points(
     points = _from_steps(steps, coded.step, parts, count)
     corrected = coded.gaps.cumsum()
     if (coded.gaps < 0).any() or (corrected >= frames * count).any():
-        raise ValueError("corrections are of other points")
+        raise ValueError("corrections belong to other points")
     points.reshape(-1, 3)[corrected] += coded.corrections * error
     return points
 

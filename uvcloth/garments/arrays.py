@@ -30,7 +30,7 @@ def named_mesh(name: str, source: Mesh | tuple[Array, Array]) -> NamedMesh:
     """Name a mesh, or vertices (N, 3) and triangles (M, 3) of whole numbers, as a garment.
 
     Raises InputError naming the garment, and the array, for another shape or kind, a value that is not a
-    finite number, a vertex that there is not, no faces, and a mesh that is too large.
+    finite number, a vertex that does not exist, no faces, and a mesh that is too large.
     """
     if not isinstance(source, Mesh):
         empty = torch.zeros(0, 3, dtype=torch.int64)

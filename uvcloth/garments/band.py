@@ -19,11 +19,11 @@ BAND_WIDTH = 0.03
 """Metres from the hem that the band reaches."""
 
 BELOW_TOP = 0.1
-"""Metres that the uppermost hem may be below the top of its piece, as that of a hood is."""
+"""Metres that the uppermost hem may be below the top of its piece: the hem of a hood is."""
 
 DROP = 0.2
-"""Metres below its top to which a hem holds the piece: that of an open jacket continues down to its
-bottom."""
+"""Metres below its top up to which a hem holds the piece: the hem of an open jacket runs down to the bottom.
+"""
 
 TEMPLATE_MASS = {
     "tops": 11.0,
@@ -85,7 +85,7 @@ def _top_hem(name: str, vertices: Tensor, faces: Tensor) -> Tensor:
     below = float(heights[faces.unique()].max() - heights[top].max()) if top is not None else np.inf
     if top is None or below > BELOW_TOP:
         fault = "no open hem" if top is None else f"no open hem within {BELOW_TOP:.2f} m of its top"
-        raise InputError(f"garment {name}: a piece of it has {fault} to be held by, it cannot be simulated")
+        raise InputError(f"garment {name}: cannot be simulated, a piece of it has {fault} that would hold it")
     return top[heights[top] > heights[top].max() - DROP]
 
 

@@ -1,8 +1,8 @@
 """Cages: coarse meshes of garments, on which cloth is solved in real time and which carry the fine mesh.
 
-A cage is the dual of a Voronoi diagram on the garment's surface, whose seeds are first thrown at their
+A cage is the dual of a Voronoi diagram on the garment's surface, whose seeds are first drawn with a least
 distance and then moved to the centres of their cells. Distances are measured along the surface, so that
-layers which lie on each other do not mix, and over the edge length that is wanted there.
+touching layers do not mix, and relative to the edge length that is wanted there.
 """
 
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ AROUND = 10
 """Edges that are wanted around a hem, a cuff or a collar, as far as FINEST allows."""
 
 FINEST = 0.6
-"""Share of the edge length below which no hem makes edges, since the smallest decide the time step."""
+"""Shortest edges that a hem can ask for, as a share of the edge length: the shortest limit the time step."""
 
 GROWTH = 0.25
 """Metres that edges grow for each metre from a narrow hem."""
@@ -45,7 +45,7 @@ SAMPLES = 0.4
 """Edge length of the surface on which cells are made, over that of the cage."""
 
 APART = 0.8
-"""Distance, in edge lengths, at which seeds are thrown."""
+"""Least distance of seeds when they are drawn, in edge lengths."""
 
 RELAXATIONS = 20
 """Times that seeds are moved to the centres of their cells."""
@@ -57,7 +57,7 @@ TRIM_SHARE = 0.02
 """Share of a garment's area below which a separate piece, a button, follows the cloth around it."""
 
 FEWEST = 60
-"""Vertices of a cage, about, at least: a strap has smaller faces than a coat."""
+"""Least number of vertices of a cage, about: a strap gets smaller faces than a coat."""
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -67,9 +67,9 @@ Indices = NDArray[np.int64]
 class Cage:
     """Coarse mesh of a garment, and where the vertices of each lie in the other.
 
-    vertices: (n, 3) m at rest. faces: (m, 3). corners, weights: (n, 3) the garment's vertices around each of
-    the cage's, and their barycentrics. own_corners, own_weights: (N, 3) the cage's around each of the
-    garment's.
+    vertices: (n, 3) m at rest. faces: (m, 3). corners, weights: (n, 3) the garment's vertices around each
+    cage vertex, and their barycentrics. own_corners, own_weights: (N, 3) the cage's vertices around each
+    garment vertex, and their barycentrics.
     """
 
     vertices: Tensor
@@ -80,11 +80,11 @@ class Cage:
     own_weights: Tensor
 
     def at_cage(self, values: Tensor) -> Tensor:
-        """Values (..., n, C) at the cage's vertices of those at the garment's (..., N, C)."""
+        """Values (..., n, C) at the cage's vertices from values at the garment's (..., N, C)."""
         return gather(values, self.corners, self.weights)
 
     def at_garment(self, values: Tensor) -> Tensor:
-        """Values (..., N, C) at the garment's vertices of those at the cage's (..., n, C)."""
+        """Values (..., N, C) at the garment's vertices from values at the cage's (..., n, C)."""
         return gather(values, self.own_corners, self.own_weights)
 
 
@@ -226,7 +226,7 @@ def _cells(surface: _Surface) -> tuple[Indices, Indices]:
 
 
 def _nearest(graph: csr_array, seeds: Indices) -> tuple[Floats, Indices]:
-    """Way (P,) to the nearest seed, and which one (P,) of the S it is, -1 where none is reached."""
+    """Distance (P,) to the nearest seed, and its index (P,) among the S, -1 where none is reached."""
     if not len(seeds):
         return np.full(graph.shape[0], np.inf), np.full(graph.shape[0], -1)
     ways, _, sources = dijkstra(graph, indices=seeds, min_only=True, return_predecessors=True)
@@ -238,7 +238,7 @@ def _nearest(graph: csr_array, seeds: Indices) -> tuple[Floats, Indices]:
 def _thrown(
     graph: csr_array, fixed: Indices, allowed: NDArray[np.bool_], generator: np.random.Generator
 ) -> Indices:
-    """Throw seeds (S,) on the vertices that are allowed, none nearer than APART to another or a fixed one."""
+    """Draw seeds (S,) among the allowed vertices, none closer than APART to another or to a fixed one."""
     seeds = np.zeros(0, np.int64)
     first, second = coo_array(graph).coords
     while True:

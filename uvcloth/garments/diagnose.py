@@ -18,13 +18,12 @@ from uvcloth.physics.surface import BodySurface, SurfacePoints
 class Diagnosis:
     """Findings about a garment file; counts of faces that were dropped or turned are of the file's triangles.
 
-    placing: of the file's frame in the body's, None where it is bound to the body.
-    components: pieces, UV seams taken as joined.
-    inside_share: fraction of vertices inside the body. mean_distance, max_distance: metres to the skin.
-    ray_misses: vertices whose ray misses the body, so that the closest point says what part they cover.
-    unwrapped: whether texture coordinates were made. depth: layer that the file names, larger is farther out.
-    missing: files of materials and pictures that it names and that are not there. pose: in which the garment
-    was modelled, "" for the rest pose; what is said of the body is of the body in that pose.
+    placing: of the file's frame in the body's, None where it is bound to the body. components: pieces, UV
+    seams taken as joined. inside_share: fraction of vertices inside the body. mean_distance, max_distance:
+    metres to the skin. ray_misses: vertices whose ray misses the body, which count as covering their closest
+    point. unwrapped: whether texture coordinates were made. depth: layer that the file names, larger is
+    farther out. missing: material and picture files that it names but that do not exist. pose: the one that
+    the garment was modelled in, "" for the rest pose; distances are from the body in that pose.
     """
 
     path: Path
@@ -59,7 +58,7 @@ class Diagnosis:
             (self.duplicate_faces, "duplicate faces, dropped"),
             (self.degenerate_faces, "faces with two corners at one place, dropped"),
             (self.double_sided_faces, "double-sided faces, one side dropped"),
-            (self.flipped_faces, "flipped faces, turned outside out"),
+            (self.flipped_faces, "flipped faces, corrected"),
             (self.ray_misses, "vertices whose ray misses the body, taken to cover its closest point"),
         ):
             if count:
@@ -67,9 +66,11 @@ class Diagnosis:
         if self.unwrapped:
             faults.append("  no texture coordinates, unwrapped")
         if self.missing:
-            faults.append(f"  not there, so that colours may lack: {', '.join(dict.fromkeys(self.missing))}")
+            faults.append(
+                f"  missing files, so colours may be wrong: {', '.join(dict.fromkeys(self.missing))}"
+            )
         if self.pose:
-            faults.append(f"  modelled in {self.pose.upper()} pose, taken along to the body's rest pose")
+            faults.append(f"  modelled in {self.pose.upper()} pose, transferred to the body's rest pose")
         if self.template:
             faults.append(f"  worn as {self.template}")
         return faults

@@ -84,14 +84,14 @@ def read_on_body(path: Path, body: Body, pose: str | None = None) -> PlacedFile:
         clothes = path.with_suffix(SUFFIX)
         if not clothes.is_file():
             raise
-        raise UnwearableError(f"{error}; {clothes} beside it fits it to any body", error.mesh) from error
+        raise UnwearableError(f"{error}; use {clothes}, which fits it to any body", error.mesh) from error
 
 
 def place_on_body(path: Path, mesh: Mesh, body: Body, pose: str | None = None) -> PlacedFile:
     """Place a mesh on a body's rest pose where it lies best, unwrapped if it has no texture coordinates.
 
-    path: its file, or the name that sentences call it by. pose: as `read_on_body` takes it. Raises InputError
-    as that does.
+    path: its file, or its name in error messages. pose: as `read_on_body` takes it. Raises InputError as that
+    does.
     """
     if pose is not None and pose not in POSES:
         raise InputError(f"--garment-pose {pose}: expected one of {', '.join(POSES)}")
@@ -126,14 +126,14 @@ def _modelled_in_another(path: Path, mesh: Mesh, body: Body) -> UnwearableError 
     if not (pose := other_pose(mesh, body)):
         return None
     return UnwearableError(
-        f"{path}: the garment lies on the body in {pose.upper()} pose, not in its rest pose: with "
-        f"--garment-pose {pose}, fit, rollout and export take it along",
+        f"{path}: the garment fits the body in {pose.upper()} pose, not in its rest pose; give "
+        f"--garment-pose {pose} to fit, rollout and export",
         mesh,
     )
 
 
 def _from_pose(path: Path, mesh: Mesh, body: Body, pose: str) -> tuple[Mesh, Diagnosis]:
-    """The mesh of a garment modelled on the body in one of POSES, taken along to the rest pose."""
+    """The mesh of a garment modelled on the body in one of POSES, transferred to the rest pose."""
     transforms = arms_held(body, pose)
     posed = posed_body(body, transforms)
     placed, diagnosis = diagnose(path, mesh, posed)

@@ -17,8 +17,8 @@ class Cloth:
     """A garment for an engine.
 
     kept: (n,) the vertices of the garment's mesh that are simulated, one where several are at one place.
-    places: (N,) index of the one that each vertex of the mesh goes with, -1 for one that no face uses.
-    faces: (M, 3) into the n.
+    places: (N,) index into kept for each vertex of the mesh, -1 for a vertex that no face uses. faces: (M, 3)
+    into kept.
     """
 
     garment: Garment
@@ -28,14 +28,16 @@ class Cloth:
     faces: Tensor
 
     def whole(self, simulated: Tensor, skinned: Tensor) -> Tensor:
-        """Whole meshes (F, N, 3) m from simulated vertices (F, n, 3) m; what no face uses is skinned."""
+        """Whole meshes (F, N, 3) m from simulated vertices (F, n, 3) m; vertices that no face uses are
+        skinned.
+        """
         return torch.where((self.places < 0)[:, None], skinned, simulated[:, self.places])
 
 
 def join(garment: Garment, body: Body) -> Cloth:
     """Join a garment for simulation.
 
-    Raises InputError if it has no hem to be held by or a face without an area.
+    Raises InputError if it has no hem that holds it, or a face without an area.
     """
     mesh = garment.mesh
     flat = flat_faces(mesh.vertices, mesh.faces)

@@ -39,7 +39,7 @@ LEAST_CLOTHED = 0.2
 """Least share of the cloth over these."""
 
 BARE = ("head", "hand", "foot")
-"""Regions that only the body itself covers all."""
+"""Regions that are all covered only by a mesh of a body."""
 
 COVERED = 0.5
 """Share of a region's area from which it counts as covered."""
@@ -80,7 +80,7 @@ class Measures:
     inside, deep: shares inside the body, and deeper than DEEP. distance: metres to the skin on average.
     along: share that lies along the skin. regions: (8,) share over each of REGIONS. body_share: (8,) cloth
     over each region, of the region's own area. around, around_head: share of the directions across a bone in
-    which the garment is met, at the place where that is most, and across the middle of the head.
+    which a ray hits the garment: the largest over all places, and that across the middle of the head.
     """
 
     inside: float
@@ -115,7 +115,9 @@ def measure(mesh: Mesh, body: Body, surface: BodySurface) -> Measures:
 
 
 def _around(mesh: Mesh, body: Body) -> Tensor:
-    """Share (P,) of the directions across places on the bones, the head last, in which a garment is met."""
+    """Share (P,) of the directions across places on the bones, the head last, in which a ray hits the
+    garment.
+    """
     skeleton = body.skeleton
     head = body.mesh.vertices[body.mesh.faces[body.regions == REGIONS.index("head")]].reshape(-1, 3).mean(0)
     bones = [(parent, joint) for joint, parent in enumerate(skeleton.parents) if parent >= 0]
@@ -140,7 +142,7 @@ def _around(mesh: Mesh, body: Body) -> Tensor:
 def refuse_unworn(path: Path, mesh: Mesh, welded: Tensor, body: Body, surface: BodySurface) -> None:
     """Raise UnwearableError naming the path and the reason if a garment does not lie as clothes lie.
 
-    mesh: at rest in metres. welded: (F, 3) its faces with the vertices at one place as one.
+    mesh: at rest in metres. welded: (F, 3), its faces after vertices at the same place are joined.
     """
     measures = measure(mesh, body, surface)
     reason = _no_garment(measures, welded) or _misplaced(measures, mesh, surface)
@@ -167,7 +169,7 @@ def _no_garment(measures: Measures, welded: Tensor) -> str:
         (
             sum(over[region] for region in CLOTHED) < LEAST_CLOTHED,
             f"the garment is worn on the {most} ({100 * over[most]:.0f} % of it), expected one of "
-            "trunk, upper arms or thighs: nothing moves shoes, gloves or hats as cloth",
+            "trunk, upper arms or thighs: shoes, gloves and hats are not supported",
         ),
     ):
         if wrong:
@@ -187,7 +189,7 @@ def _misplaced(measures: Measures, mesh: Mesh, surface: BodySurface) -> str:
             "body's rest pose"
         )
     if measures.around < LEAST_AROUND:
-        return "the garment goes around no part of the body, so nothing holds it"
+        return "the garment does not go around any part of the body, so nothing holds it"
     return ""
 
 

@@ -15,7 +15,7 @@ from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.physics.fabric import Fabric, find_fabric
 
 AUTO = "auto"
-"""Instead of a template's name: the template that a garment covers best."""
+"""Word for the template that a garment covers best, instead of a template's name."""
 
 
 def load_garment(name: str, body: Body, report: Callable[[str], None] = lambda line: None) -> Garment:
@@ -43,11 +43,11 @@ def load_outfit(
     """Load garments worn together, the innermost first; a file or mesh that holds several gives all of them.
 
     names: templates, garment files and meshes. Where all are MakeHuman's clothes, the layers that they name
-    decide the order. templates: whose motion the garments take, one for all names or one for each, none or
-    "auto" for the one that each covers best. report: as `load_garment` has it. pose: that mesh files and
-    meshes were modelled in, as `read_on_body` takes it. fabric: of all of them, as `find_fabric` takes it.
-    Raises InputError as `fit_template` and `fit` do, and where templates are neither one nor as many as
-    names, or unknown.
+    decide the order. templates: those whose motion the garments take, one for all names or one for each; none
+    or "auto" for the one that each covers best. report: as `load_garment` has it. pose: the one that mesh
+    files and meshes were modelled in, see `read_on_body`. fabric: that of all garments, see `find_fabric`.
+    Raises InputError as `fit_template` and `fit` do, for unknown templates, and for a number of templates
+    that is neither one nor that of the names.
     """
     made_of = find_fabric(fabric)
     if len(templates) not in (0, 1, len(names)):
@@ -100,7 +100,7 @@ def _file(name: str) -> Path:
 def load_garment_for_data(
     name: str, body: Body, report: Callable[[str], None] = lambda line: None
 ) -> Garment:
-    """Load a garment as `load_garment` does, where data files will be named CLIP_GARMENT by it.
+    """Load a garment as `load_garment` does, for data files that are named CLIP_GARMENT.
 
     Raises InputError also for a mesh file whose data would be mistaken for a template's, or that holds
     several garments.
@@ -115,7 +115,7 @@ def load_garment_for_data(
     count = 1 if name in TEMPLATES else int(pieces(garment.mesh).max()) + 1
     if count > 1:
         raise InputError(
-            f"{path}: holds {count} garments, simulated sequences are of one: `uvcloth fit {path} --out "
-            f"{path.stem}.obj` writes each into a file of its own, --layered simulates these together"
+            f"{path}: holds {count} garments, a simulated sequence has one: `uvcloth fit {path} --out "
+            f"{path.stem}.obj` writes each to a separate file, and --layered simulates these together"
         )
     return garment

@@ -80,8 +80,8 @@ class Binding:
 def fit_clothes(path: Path, body: Body) -> tuple[Mesh, Binding]:
     """Read clothes and place them on a body: their mesh as the OBJ has it, in metres, Z up, and the binding.
 
-    Raises InputError naming the file if it cannot be read, is bound to another base mesh, to vertices that
-    there are not or to places that are none, or if the body does not know its base mesh.
+    Raises InputError naming the file if it cannot be read, is bound to another base mesh, to vertices that do
+    not exist or to invalid places, or if the body does not contain its base mesh.
     """
     if body.base is None:
         raise InputError(

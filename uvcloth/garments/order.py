@@ -15,7 +15,7 @@ def check_order(garments: Sequence[Garment]) -> None:
     for index, over in enumerate(garments):
         for under in garments[:index]:
             if over.name == under.name:
-                raise InputError(f"garment {over.name}: is named twice, an outfit has each once")
+                raise InputError(f"garment {over.name}: is named twice, an outfit contains each garment once")
             crossed = wrong_side_percent(
                 over.mesh.vertices[None], under.mesh.vertices[None], under.mesh.faces
             )

@@ -1,4 +1,4 @@
-"""Pieces of a garment file that are garments of their own, such as a shirt and trousers."""
+"""Pieces of a garment file that are separate garments, such as a shirt and trousers."""
 
 from dataclasses import replace
 
@@ -20,7 +20,7 @@ def split(name: str, mesh: Mesh, body: Body, template: str | None) -> tuple[Garm
     """Garments of a mesh that lies on a body, the innermost first; one if its pieces are connected.
 
     A garment keeps the order of its vertices, and is called NAME_TEMPLATE where there are several. template:
-    of all of them, None for each its own, as `make_fitted` takes it.
+    one for all of them, None to choose one for each, see `make_fitted`.
     """
     piece = pieces(mesh)
     if int(piece.max()) == 0:
@@ -57,7 +57,7 @@ def pieces(mesh: Mesh) -> Tensor:
 
 
 def layered(garments: list[Garment]) -> tuple[Garment, ...]:
-    """Order garments by what lies over what at rest, the innermost first; where none does, as they come."""
+    """Order garments by which lies over which at rest, the innermost first; all others keep their order."""
 
     def over(one: Garment, other: Garment) -> bool:
         return _crossed(one, other) < _crossed(other, one)

@@ -26,10 +26,10 @@ ORIGINS = ("body", "feet")
 """Origin of a file: the body's own, at the hips, or on the floor between its feet."""
 
 SMALLEST, LARGEST = 0.12, 1.2
-"""Diagonals of a garment in body diagonals: a decade, so that few units fit."""
+"""Limits of a garment's diagonal, in body diagonals: a factor of ten, so that few units fit."""
 
 UNUSUAL = 1.25
-"""Factor on the misfit of another facing or origin than the usual: skirts lie alike in several."""
+"""Factor on the misfit for an unusual facing or origin: skirts fit equally well in several."""
 
 INSIDE_WEIGHT = 3.0
 """Factor on the depth of what is inside the body: cloth is worn outside."""
@@ -52,7 +52,7 @@ SEARCH_DISTANCE = 10.0
 
 @dataclass(frozen=True)
 class Placing:
-    """A file's frame of reference: what turns its coordinates into the body's.
+    """A file's frame of reference, which converts its coordinates to the body's.
 
     unit: a key of UNITS. up: "Y" or "Z". front: the axis that the garment's front faces. origin: of ORIGINS.
     """
@@ -124,7 +124,7 @@ def find_placing(path: Path, vertices: Tensor, faces: Tensor, body: Body, surfac
         wrong = "large" if sizes["mm"] >= LARGEST else "small"
         raise InputError(
             f"{path}: the garment is {extent:.3g} units across, too {wrong} for a body of {tallest:.1f} m "
-            f"whether a unit is one {', '.join(UNITS)}"
+            f"in every unit ({', '.join(UNITS)})"
         )
     candidates = [
         Placing(unit, up, front, origin)

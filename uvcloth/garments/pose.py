@@ -28,8 +28,9 @@ LIES_WELL = 0.02
 """Misfit, m, up to which cloth lies well enough on the rest pose."""
 
 FAR_BETTER = 0.6
-"""Factor on that misfit in the pose that a garment was modelled in: sleeves of templates have 0.13 to 0.5,
-what was modelled on the rest pose 0.95 or more."""
+"""Largest share of that misfit which remains in the pose that a garment was modelled in: 0.13 to 0.5 for
+sleeves of templates, 0.95 or more for garments modelled on the rest pose.
+"""
 
 
 def other_pose(mesh: Mesh, body: Body) -> str:
@@ -88,7 +89,7 @@ def posed_body(body: Body, transforms: Tensor) -> Body:
 
 
 def unposed(mesh: Mesh, posed: Body, transforms: Tensor) -> Mesh:
-    """A mesh that lies on a body posed by joint transforms (J, 3, 4), taken along to the body's rest pose.
+    """A mesh that lies on a body posed by joint transforms (J, 3, 4), transferred to the body's rest pose.
 
     Inverse of linear blend skinning by smooth weights.
     """

@@ -23,8 +23,9 @@ PROXY_EDGE = 0.025
 class ProxiedOutfit:
     """An outfit in which proxies stand for the coarse garments.
 
-    outfit: what is rolled out. meshes: what is shown, at rest, the faces off the skin; the vertices of each
-    are the first of the garment that carries it. lines: which garments are carried, in words.
+    outfit: what is rolled out. meshes: those that are shown, at rest, their faces off the skin; their
+    vertices are the first ones of the garment that carries them. lines: report on the garments that are
+    carried.
     """
 
     outfit: Outfit
@@ -52,8 +53,8 @@ class ProxiedOutfit:
             for garment, mesh, is_coarse in zip(outfit.garments, shown, coarse, strict=True)
         )
         lines = tuple(
-            f"  {garment.name}: coarse, {1000 * spacing(mesh):.0f} mm from vertex to vertex; carried by a "
-            f"proxy of {len(garment.mesh.vertices)} vertices, its faces kept off the skin"
+            f"  {garment.name}: coarse, {1000 * spacing(mesh):.0f} mm between vertices; moved by a "
+            f"proxy of {len(garment.mesh.vertices)} vertices, its faces are kept off the skin"
             for garment, mesh, is_coarse in zip(garments, meshes, coarse, strict=True)
             if is_coarse
         )
@@ -66,20 +67,22 @@ class ProxiedOutfit:
     def hides(self, shown: Body) -> list[Tensor]:
         """Vertices (K,) of the body that the files of garments say they hide.
 
-        None of a character's meshes, which are shown instead of the fitted body.
+        Empty for a character, whose meshes are shown instead of the fitted body.
         """
         if shown is not self.outfit.body:
             return []
         return [garment.hides for garment in self.outfit.garments if garment.hides is not None]
 
     def mesh_vertices(self, garments: Sequence[Tensor]) -> tuple[Tensor, ...]:
-        """The vertices that the meshes have themselves, (N, 3) m, of what was rolled out."""
+        """The vertices (N, 3) m of the meshes, taken from the garments that were rolled out."""
         return tuple(
             vertices[: len(mesh.vertices)] for vertices, mesh in zip(garments, self.meshes, strict=True)
         )
 
     def shown(self, garments: Sequence[Tensor], body_vertices: Tensor) -> tuple[Tensor, ...]:
-        """Vertices (N, 3) m of the meshes that are shown, of what was rolled out on a posed body (V, 3) m."""
+        """Vertices (N, 3) m of the meshes that are shown, from the garments that were rolled out on a posed
+        body (V, 3) m.
+        """
         rolled = self.mesh_vertices(garments)
         return rolled if self.contact is None else self.contact.resolve(rolled, body_vertices)
 

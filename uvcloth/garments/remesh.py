@@ -77,7 +77,7 @@ def _subdivisions(vertices: int, count: int) -> int:
 
 
 def _turned_as(source: BodySurface, faces: Indices, points: Array, triangles: Indices) -> Indices:
-    """Triangles turned as the faces (Q, 3) of the surface are that they stand for."""
+    """Triangles with the orientation of the faces (Q, 3) of the surface that they replace."""
     placed, corners = torch.from_numpy(points).float(), torch.from_numpy(triangles)
     stands_for = source.closest(placed[corners].mean(1)).faces
     there = face_normals(source.points, torch.from_numpy(faces)[stands_for])

@@ -20,18 +20,18 @@ def check_arrays(
 ) -> dict[str, np.ndarray]:
     """Arrays of a caller, checked and converted as those of a file are.
 
-    owner: whose arrays they are, for the sentence. Nothing of the result shares memory with what was passed.
-    Raises InputError as `check_fields` does, and for what is no array.
+    owner: name for error messages. The results share no memory with the input. Raises InputError as
+    `check_fields` does, and for values that are not arrays.
     """
     copies = {name: as_array(owner, name, values) for name, values in arrays.items()}
     return check_fields(Path(owner), copies, fields, **sizes)
 
 
 def as_array(owner: str, name: str, values: Array) -> np.ndarray:
-    """A copy of what a caller passed as a NumPy array. Raises InputError for what is no array."""
+    """A copy of a caller's value as a NumPy array. Raises InputError for a value that is not an array."""
     if isinstance(values, Tensor):
         values = values.detach().cpu().numpy()
     try:
         return np.array(values)
     except (ValueError, TypeError) as error:
-        raise InputError(f"{owner}: {name} is no array of numbers ({cause(error)})") from error
+        raise InputError(f"{owner}: {name} is not an array of numbers ({cause(error)})") from error

@@ -42,7 +42,7 @@ class Labels:
     of: Indices
 
     def select(self, rows: Indices) -> "Labels":
-        """Labels of some of the polygons, without the names that none has any more."""
+        """Labels of some of the polygons; names that are no longer used are dropped."""
         used, of = np.unique(self.of[rows], return_inverse=True)
         first = int(len(used) > 0 and used[0] < 0)
         return Labels(tuple(self.names[index] for index in used[first:]), of.reshape(-1) - first)
@@ -60,9 +60,9 @@ class UvSet:
 class Polygons:
     """Faces of a mesh as its file has them.
 
-    sizes: (P,) corners of each. corners: (C,) vertices, polygon after polygon. materials: what `material`
-    counts. colors: (N, 4) of the vertices, 0 to 1, None without. missing: files that the mesh names and that
-    are not there.
+    sizes: (P,) corners of each. corners: (C,) vertices, polygon after polygon. material: (P,) index of each
+    into materials. colors: (N, 4) of the vertices, 0 to 1, None without. missing: files that the mesh names
+    but that do not exist.
     """
 
     sizes: Indices

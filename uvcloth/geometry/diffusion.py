@@ -1,4 +1,4 @@
-"""Diffusion over meshes as sums of Chebyshev polynomials: a fine mesh needs the root of as many products."""
+"""Diffusion over meshes as sums of Chebyshev polynomials: n passes need about sqrt(n) products."""
 
 import math
 from collections.abc import Callable, Sequence

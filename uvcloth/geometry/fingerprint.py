@@ -1,4 +1,4 @@
-"""Hashes that tell contents apart: of bodies, garments, sequences and files."""
+"""Hashes of the contents of bodies, garments, sequences and files."""
 
 import hashlib
 
@@ -8,7 +8,7 @@ from torch import Tensor
 def fingerprint(*contents: Tensor | str | bytes) -> str:
     """SHA-256 of contents one after another, in hexadecimal: the bytes of tensors, and text as UTF-8.
 
-    Neither shapes nor dtypes count, and where one ends and the next begins only by what they hold.
+    Only the bytes count: shapes, dtypes and borders between contents do not change the hash.
     """
     digest = hashlib.sha256()
     for content in contents:

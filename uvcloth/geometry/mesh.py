@@ -33,7 +33,8 @@ class Mesh:
 class JoinedMesh:
     """Meshes one after another as one.
 
-    vertices: (N, 3). faces: (F, 3) into them. starts: of each mesh, its first vertex. sizes: how many it has.
+    vertices: (N, 3). faces: (F, 3) into them. starts: first vertex of each mesh. sizes: number of its
+    vertices.
     """
 
     vertices: Tensor
@@ -90,8 +91,8 @@ def face_pairs(faces: Tensor) -> Tensor:
 def hinges(faces: Tensor) -> Tensor:
     """Vertices around the edge that each of `face_pairs` shares: (P, 4) int64.
 
-    The vertex of the first face and that of the second opposite the edge, then its ends, in the direction of
-    the first face.
+    In this order: the vertex of the first face opposite the edge, that of the second face, and the two ends
+    of the edge in the direction of the first face.
     """
     directed, sides = _directed_edges(faces), _shared_edges(faces)
     opposite = [faces[side % len(faces), (side // len(faces) + 2) % 3] for side in sides]
@@ -111,7 +112,7 @@ def _directed_edges(faces: Tensor) -> Tensor:
 
 
 def _shared_edges(faces: Tensor) -> tuple[Tensor, Tensor]:
-    """Directed edges, rows (P,) each of `_directed_edges`, at either side of every shared edge."""
+    """The two directed edges of every shared edge, as rows (P,) each of `_directed_edges`."""
     keys, order = _edge_keys(_directed_edges(faces)).sort(stable=True)
     shared = torch.nonzero(keys[1:] == keys[:-1]).squeeze(1)
     return order[shared], order[shared + 1]
@@ -141,7 +142,9 @@ def neighbour_average(faces: Tensor, count: int) -> Tensor:
 
 
 def laplacian(faces: Tensor, count: int) -> Tensor:
-    """Sparse (count, count) matrix that takes the mean of a vertex's neighbours from it (uniform weights)."""
+    """Sparse (count, count) matrix that subtracts from each vertex the mean of its neighbours (uniform
+    weights).
+    """
     here = torch.arange(count).expand(2, -1)
     identity = torch.sparse_coo_tensor(here, torch.ones(count), (count, count), check_invariants=False)
     return (identity - neighbour_average(faces, count)).coalesce()

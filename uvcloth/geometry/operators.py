@@ -13,7 +13,7 @@ Dense = Callable[[Tensor], Tensor]
 
 
 class _Applied(torch.autograd.Function):
-    """A linear map of dense columns; the backward pass applies its transpose, nothing between is kept."""
+    """A linear map of dense columns; the backward pass applies its transpose and saves no tensor."""
 
     @staticmethod
     def forward(ctx: Any, dense: Tensor, linear: Dense, transposed: Dense) -> Tensor:

@@ -39,7 +39,7 @@ def from_arrays(kind: type[Record], arrays: dict[str, np.ndarray], prefix: str) 
 def to_device(value: Value, device: torch.device) -> Value:
     """The same with all its tensors on a device: those in dataclasses, tuples, lists and dicts, at any depth.
 
-    Everything else stays the object that it is, such as a module, which moves by itself.
+    All other objects are returned as they are, such as modules, which have their own `to`.
     """
     copy: Any = value
     if isinstance(value, Tensor):

@@ -10,10 +10,10 @@ from torch import Tensor
 from uvcloth.errors import InputError
 
 MOST_JOINTS = 2000
-"""Of a skeleton in a file: film characters with faces have some 1,500."""
+"""Limit for a skeleton in a file; film characters with faces have about 1,500."""
 
 LONGEST_NAME = 256
-"""Characters of a joint's name in a file."""
+"""Limit for the characters of a joint's name in a file."""
 
 
 @dataclass(frozen=True)
@@ -29,15 +29,17 @@ class Skeleton:
 
 
 def check_joints(path: Path, names: Sequence[str]) -> None:
-    """Raise InputError naming the file of a skeleton of more than MOST_JOINTS, or with an endless name."""
+    """Raise InputError naming the file of a skeleton of more than MOST_JOINTS, or with a name longer than
+    LONGEST_NAME.
+    """
     if len(names) > MOST_JOINTS:
-        raise InputError(f"{path}: has more than {MOST_JOINTS:,} joints, the most that are read")
+        raise InputError(f"{path}: has more than {MOST_JOINTS:,} joints, which is the limit")
     if max(map(len, names), default=0) > LONGEST_NAME:
         raise InputError(f"{path}: a joint's name is longer than {LONGEST_NAME} characters")
 
 
 def in_order(parents: Sequence[int]) -> bool:
-    """Test that every joint comes after the one above it."""
+    """Test that every joint comes after its parent."""
     return all(-1 <= parent < joint for joint, parent in enumerate(parents))
 
 
@@ -60,7 +62,7 @@ def joint_transforms(skeleton: Skeleton, rotations: Tensor, translation: Tensor)
 
 
 def joint_positions(skeleton: Skeleton, transforms: Tensor) -> Tensor:
-    """Places (B, J, 3) of the joints that transforms (B, J, 3, 4) from rest move, each by its own."""
+    """Positions (B, J, 3) of joints, each moved by its own of the transforms (B, J, 3, 4) from rest."""
     return (transforms[..., :3] @ skeleton.heads.to(transforms)[..., None]).squeeze(-1) + transforms[..., 3]
 
 

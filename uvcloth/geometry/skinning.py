@@ -11,7 +11,7 @@ from uvcloth.geometry.mesh import neighbour_average, unique_edges
 from uvcloth.geometry.rotations import rotate_back
 
 FEW = 8
-"""Joints for each frame from which on blending transforms costs less than spreading points over joints."""
+"""Joints per frame from which on blending transforms costs less than one product with all weighted points."""
 
 
 def blend_transforms(weights: Tensor, transforms: Tensor) -> Tensor:
@@ -29,7 +29,7 @@ def apply_transforms(blended: Tensor, points: Tensor) -> Tensor:
 def skin(points: Tensor, weights: Tensor, transforms: Tensor) -> Tensor:
     """Linear blend skinning: points (V, 3) at rest, weights (V, J), transforms (B, J, 3, 4) -> (B, V, 3).
 
-    For many frames one matrix product: the blended transform of every vertex is never formed.
+    For many frames it is one matrix product, without the blended transforms of the vertices.
     """
     batch, joints = transforms.shape[:2]
     if FEW * batch <= joints:

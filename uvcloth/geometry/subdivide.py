@@ -14,8 +14,9 @@ PATTERNS = (
     torch.tensor([[3, 1, 4], [0, 3, 4], [0, 4, 2]]),
     torch.tensor([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]),
 )
-"""Triangles of a face by how many of its edges are halved: corners 0 to 2, then the middle of the edge after
-each. Of one edge it is the first, of two the first two."""
+"""Triangles of a face by the number of its halved edges: 0 to 2 are its corners, 3 to 5 the middles of the
+edges after them. One halved edge is the first, two are the first two.
+"""
 
 
 def subdivide(mesh: Mesh, longest: float) -> Mesh:

@@ -1,4 +1,4 @@
-"""Names of the last steps after a prediction, without what they need to run."""
+"""Names of the last steps after a prediction, without heavy imports."""
 
 from typing import Literal, get_args
 

@@ -122,12 +122,12 @@ def _parse_line(hierarchy: _Hierarchy, open_blocks: list[int], keyword: str, res
     elif keyword == "OFFSET" and open_blocks[-1] != END_SITE:
         offset = [float(word) for word in rest]
         if len(offset) != 3 or not all(abs(value) <= LARGEST for value in offset):
-            raise ValueError("an offset is three finite numbers")
+            raise ValueError("an offset has to be three finite numbers")
         hierarchy.offsets[open_blocks[-1]] = offset
     elif keyword == "CHANNELS":
         channels = [word.lower() for word in rest[1:]]
         if len(channels) != int(rest[0]) or not CHANNEL_NAMES.issuperset(channels):
-            raise ValueError("not the channels that were announced")
+            raise ValueError("the channels have another number than given, or unknown names")
         hierarchy.channels += [(open_blocks[-1], channel) for channel in channels]
 
 
@@ -183,7 +183,7 @@ def _bad_row(path: Path, rows: list[tuple[int, str]], expected: int) -> InputErr
                 return InputError(
                     f"{path}, line {number}: frame {frame} holds {word[:SHOWN]!r}, expected a number"
                 )
-    return InputError(f"{path}: the frames cannot be understood")
+    return InputError(f"{path}: the frames cannot be read")
 
 
 def _nominal_fps(fps: float) -> float:

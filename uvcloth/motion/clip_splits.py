@@ -89,7 +89,7 @@ def _indexed(index: Path, folder: Path) -> list[SplitClip]:
     """The clips that an index gives to a split."""
     entries = [entry for entry in read_index(index).values() if entry.split in SPLITS]
     if not entries:
-        raise InputError(f"{index}: gives no clip to {', '.join(SPLITS)}")
+        raise InputError(f"{index}: assigns no clip to {', '.join(SPLITS)}")
     return [SplitClip(e.clip, str(clip_file(e, folder)), e.split, e.subject) for e in entries]
 
 

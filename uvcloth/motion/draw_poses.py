@@ -34,7 +34,7 @@ def draw_poses(
 
     A pose is kept if it is at least `apart` radians from every one kept before, of all splits (the largest
     difference of their `local_angles`), and if it is valid; that is asked of the posed body (V, 3), last.
-    mirror: training poses are also drawn left-right mirrored. every: one frame out of so many is looked at.
+    mirror: training poses are also drawn left-right mirrored. every: one of this many frames is used.
 
     Raises InputError for unreadable clips, for `apart` not above zero, `every` below one, for mirroring where
     a joint lacks its counterpart, and if no pose is valid.

@@ -130,7 +130,7 @@ def _keys(file: Gltf, sampler: dict[str, Any]) -> np.ndarray:
     """Times (K,) of the keys of a sampler, seconds."""
     keys = file.array(sampler["input"], "SCALAR")[:, 0].astype(np.float64)
     if (np.diff(keys) < 0).any() or not (np.abs(keys) <= LARGEST).all():
-        raise InputError(f"{file.path}: the keys of the animation do not follow one another")
+        raise InputError(f"{file.path}: the keys of the animation are not in order of time")
     return keys
 
 
@@ -155,7 +155,7 @@ def _sampled(file: Gltf, sampler: dict[str, Any], kind: str, times: np.ndarray) 
     mode = sampler.get("interpolation", "LINEAR")
     if len(values) != len(keys) * (3 if mode == "CUBICSPLINE" else 1):
         raise InputError(
-            f"{file.path}: a sampler of the animation has {len(keys)} keys, {len(values)} values"
+            f"{file.path}: a sampler of the animation has {len(keys)} keys but {len(values)} values"
         )
     tangents = None
     if mode == "CUBICSPLINE":

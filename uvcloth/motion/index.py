@@ -83,7 +83,7 @@ def require_one_split(source: str, clips: Iterable[tuple[str, str, str]]) -> Non
         if known != split:
             raise InputError(
                 f"{source}: person {subject} is in two splits, {known} (clip {other}) and {split} "
-                f"(clip {clip}); keep one and call the other clips {UNUSED}"
+                f"(clip {clip}); keep one and set the split of the other clips to {UNUSED}"
             )
 
 
@@ -111,7 +111,7 @@ def _require_columns(path: Path, columns: Iterable[str]) -> None:
     if "subject" in missing:
         raise InputError(
             f"{path}: lacks the column subject; add one that names the captured person, "
-            f"so that nobody is in two of {', '.join(SPLITS)}"
+            f"so that no person is in two of {', '.join(SPLITS)}"
         )
     if missing:
         raise InputError(f"{path}: lacks the column {', '.join(missing)}")
@@ -123,7 +123,9 @@ def _entry(path: Path, row: dict[str, str]) -> Entry:
         raise InputError(f"{path}: the trial {clip!r:.40} cannot be part of a file's name")
     for column in ("subject", "action", "file"):
         if not row.get(column, "").isprintable() or len(row.get(column, "")) > LONGEST:
-            raise InputError(f"{path}: the {column} of {clip} is not printable text of {LONGEST} at most")
+            raise InputError(
+                f"{path}: the {column} of {clip} is not printable text of at most {LONGEST} characters"
+            )
     if not row["subject"]:
         raise InputError(f"{path}: does not name the person of {clip} (column subject)")
     if row["split"] not in (*SPLITS, UNUSED):

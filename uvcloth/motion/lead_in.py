@@ -39,7 +39,7 @@ def lead_in(clip: Clip, body: Body, parts: LeadIn) -> Clip:
     The body stands at rest under its first position, facing its first heading, turns smoothly into the first
     pose moved back along the first frame's velocity, and reaches that velocity just as the clip begins.
 
-    Moved back, a swinging arm may be in the torso, where no person's is and a sleeve comes off it. Where the
+    If the pose is moved back, a swinging arm may be inside the torso, and a sleeve comes off it. Where the
     bones of a forearm or hand get in, joints turn in the last frames of the ramp alone: in the most that keep
     ARM_CLEARANCE, or what the clip's first frame keeps, or else in those in which bones get in least.
     """

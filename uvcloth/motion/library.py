@@ -156,10 +156,10 @@ def read_clip(path: Path) -> Clip:
     if not len(data["translation"]):
         raise InputError(f"{path}: the clip has zero frames")
     if not (parents and in_order(parents)):
-        raise InputError(f"{path}: the clip has no joints, or one before the joint above it")
+        raise InputError(f"{path}: the clip has no joints, or one before its parent")
     quaternions = torch.from_numpy(data["quaternions"])
     if not are_unit(quaternions):
-        raise InputError(f"{path}: a rotation of the clip is no unit quaternion")
+        raise InputError(f"{path}: a rotation of the clip is not a unit quaternion")
     skeleton = Skeleton(tuple(map(str, data["joint_names"])), parents, torch.from_numpy(data["joint_heads"]))
     return Clip(
         name=str(data["name"]),

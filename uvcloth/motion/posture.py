@@ -37,20 +37,20 @@ def check_posture(clip: Clip, lying: bool = False) -> None:
     upright = _upright(positions, roles)
     if upright <= MOST and not lying:
         raise InputError(
-            f"feet are below hips and hips below the head in only {upright:.0%} of the frames: which axis is "
-            f"up? Say it with --up y or --up z, also where the person really lies; or {ADVICE}"
+            f"feet are below hips and hips below the head in only {upright:.0%} of the frames: give the up "
+            f"axis with --up y or --up z, also if the person really lies down; or {ADVICE}"
         )
     one_side = _one_side(positions, roles)
     if one_side <= MOST:
         raise InputError(
             f"left arm and left leg are on one side in only {one_side:.0%} of the frames: left and right "
-            f"joints are exchanged, or the rest pose is another: {ADVICE}"
+            f"joints are exchanged, or the rest pose is wrong: {ADVICE}"
         )
     forwards = _bending_forwards(positions, roles)
     if forwards <= MOST:
         raise InputError(
             f"knees bend backwards in {1 - forwards:.0%} of the frames in which they bend: left and right "
-            f"joints are exchanged, or the rest pose is another: {ADVICE}"
+            f"joints are exchanged, or the rest pose is wrong: {ADVICE}"
         )
 
 

@@ -161,7 +161,7 @@ def _motion_axis(positions: Tensor, roles: Roles) -> Tensor:
     best = int(shares.argmax())
     if float(shares[best]) <= 0.5:
         raise InputError(
-            "the person stands along no axis in most of the frames, and the zero pose does not stand: "
+            "no axis points up in most of the frames, and the zero pose does not stand: "
             "give the up axis with --up y or --up z, or name a standing frame with --rest-frame"
         )
     return torch.cat([torch.eye(3), -torch.eye(3)])[best]

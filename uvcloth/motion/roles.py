@@ -119,7 +119,7 @@ def naming_family(names: Iterable[str]) -> str:
 def read_role_map(path: Path) -> dict[str, str]:
     """Read a JSON object of roles and joint names, {"hips": "Pelvis_02", ...}.
 
-    Raises InputError naming the file if it is none, and the role if there is no such role.
+    Raises InputError naming the file if it is not valid, and a role that does not exist.
     """
     expected = 'roles and joint names, as in {"hips": "Pelvis", ...}'
     content = read_json(path, expected)

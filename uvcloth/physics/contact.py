@@ -94,9 +94,9 @@ class InnerLayerContact:
 
         Returns their rows (n,), their distance (n,) m and its normals there (n, 3).
         """
-        found = self.layer.beside(vertices[self.rows])
-        met = found.covered & (self.parts[found.faces] & self.touches != 0)
-        return self.rows[met], found.distance[met], found.normals[met]
+        closest = self.layer.beside(vertices[self.rows])
+        met = closest.covered & (self.parts[closest.faces] & self.touches != 0)
+        return self.rows[met], closest.distance[met], closest.normals[met]
 
 
 @dataclass(frozen=True)
@@ -240,8 +240,8 @@ class Obstacle:
 
     def _beneath(self, layer: Layer, vertices: Tensor, touches: Tensor) -> InnerLayerContact:
         """Contact of vertices (N, 3) m with a layer at rest, all but those on its inner side."""
-        found = layer.beside(vertices, surface.SEARCH_DISTANCE)
-        rows = torch.nonzero(~found.covered | (found.distance >= 0)).squeeze(1)
+        closest = layer.beside(vertices, surface.SEARCH_DISTANCE)
+        rows = torch.nonzero(~closest.covered | (closest.distance >= 0)).squeeze(1)
         first, second, third = self._touches(layer.points)[layer.faces].unbind(1)
         return InnerLayerContact(layer, rows, touches[rows], first | second | third)
 
@@ -256,11 +256,11 @@ class Obstacle:
         if not len(rows):
             return
         reach = (-skin.distance[rows]).clamp(min=0) + 2.0 * SKIN_CLEARANCE
-        found = self._search(vertices[rows], garment.touches[rows], reach)
-        skin.distance[rows] = found.distance
-        near = torch.nonzero(found.distance < reach).squeeze(1)
-        skin.normals[rows[near]], skin.offsets[rows[near]] = found.normals[near], found.offsets[near]
-        skin.gap[rows] = found.gap
+        closest = self._search(vertices[rows], garment.touches[rows], reach)
+        skin.distance[rows] = closest.distance
+        near = torch.nonzero(closest.distance < reach).squeeze(1)
+        skin.normals[rows[near]], skin.offsets[rows[near]] = closest.normals[near], closest.offsets[near]
+        skin.gap[rows] = closest.gap
 
     def _search(self, vertices: Tensor, touches: Tensor, reach: Tensor, exact: float = math.inf) -> Skin:
         """The nearest skin of N vertices within their reach (N,), m; exact as in `skin`."""

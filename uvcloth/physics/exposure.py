@@ -50,7 +50,7 @@ class SurfaceSample:
         """Positions on posed vertices (..., V, 3) m: (..., P, 3) m."""
         return gather(vertices, self.corners, self.barycentrics)
 
-    def chosen(self, rows: Tensor) -> "SurfaceSample":
+    def subset(self, rows: Tensor) -> "SurfaceSample":
         """Subset of the points, by mask or index (K,)."""
         return SurfaceSample(self.corners[rows], self.barycentrics[rows])
 
@@ -62,12 +62,12 @@ def spread(vertices: Tensor, faces: Tensor, count: int) -> SurfaceSample:
     """
     areas = face_normals(vertices, faces).norm(dim=1).double().cumsum(0)
     places = (torch.arange(count, device=vertices.device) + 0.5) * (areas[-1] / count)
-    chosen = torch.searchsorted(areas, places).clamp(max=len(faces) - 1)
+    rows = torch.searchsorted(areas, places).clamp(max=len(faces) - 1)
     steps = torch.tensor(R2_STEPS, dtype=torch.float64, device=vertices.device)
     u, v = torch.frac(torch.arange(1, count + 1, device=vertices.device)[:, None] * steps).unbind(1)
     folded = u + v > 1
     u, v = torch.where(folded, 1 - u, u), torch.where(folded, 1 - v, v)
-    return SurfaceSample(faces[chosen], torch.stack([u, v, 1 - u - v], dim=1).to(vertices.dtype))
+    return SurfaceSample(faces[rows], torch.stack([u, v, 1 - u - v], dim=1).to(vertices.dtype))
 
 
 class Shell(MovingMeshes):
@@ -108,7 +108,7 @@ class Exposure:
         points, normals = _skin(everywhere, body.mesh.vertices)
         cloth, facing = self._cloth.first_hit(points, normals, COVER_DISTANCE)
         limb, _ = self._body.first_hit(points + RAY_START_HEIGHT * normals, normals, COVER_DISTANCE)
-        self.covered = everywhere.chosen((cloth < COVER_DISTANCE) & (facing > 0) & (cloth < limb))
+        self.covered = everywhere.subset((cloth < COVER_DISTANCE) & (facing > 0) & (cloth < limb))
 
     def shows(self, garments: Sequence[Tensor], body_vertices: Tensor) -> Tensor:
         """Mask of the covered points of a posed body (V, 3) m that show through garments (N, 3) m: (P,)."""

@@ -86,7 +86,7 @@ def fabric_from(numbers: Mapping[str, float], where: str) -> Fabric:
     """
     if unknown := numbers.keys() - RANGES.keys():
         raise InputError(
-            f"{where}: {min(unknown)!r:.40} is not a number of a fabric; there are {', '.join(RANGES)}"
+            f"{where}: {min(unknown)!r:.40} is not a property of a fabric; these are {', '.join(RANGES)}"
         )
     for name, value in numbers.items():
         least, most = RANGES[name]

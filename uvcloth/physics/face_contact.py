@@ -63,8 +63,8 @@ class FaceContact:
         self._obstacle = Obstacle(make_collider(body), body.mesh.vertices)
         self._layers = [Layer(mesh.vertices, mesh.faces) for mesh in meshes[:-1]]
         self._garments = [
-            self._garment(mesh, self._layers[:index]) if chosen else None
-            for index, (mesh, chosen) in enumerate(zip(meshes, coarse, strict=True))
+            self._garment(mesh, self._layers[:index]) if is_coarse else None
+            for index, (mesh, is_coarse) in enumerate(zip(meshes, coarse, strict=True))
         ]
 
     def resolve(self, garments: Sequence[Tensor], body_vertices: Tensor) -> tuple[Tensor, ...]:
@@ -81,11 +81,11 @@ class FaceContact:
     def _garment(self, mesh: Mesh, layers: Sequence[Layer]) -> CoarseGarment:
         area = 0.5 * float(face_normals(mesh.vertices, mesh.faces).norm(dim=1).sum())
         points = spread(mesh.vertices, mesh.faces, math.ceil(area / POINT_SPACING**2))
-        own = self._obstacle.contact_garment(mesh.vertices, mesh.faces[:0], layers)
+        corners = self._obstacle.contact_garment(mesh.vertices, mesh.faces[:0], layers)
         loose = self._obstacle.contact_garment(points.points(mesh.vertices), mesh.faces[:0], layers)
         over = tuple(
             _where_corners_are(points, loose.touches, beneath, vertices.rows)
-            for beneath, vertices in zip(loose.over, own.over, strict=True)
+            for beneath, vertices in zip(loose.over, corners.over, strict=True)
         )
         return CoarseGarment(points, replace(loose, over=over), weld(mesh.vertices))
 

@@ -46,7 +46,7 @@ class HiddenSkin:
         """Mask (F,) of the faces that no one sees, a margin kept."""
         hidden = self._covered
         for _ in range(MARGIN):
-            seen = torch.zeros(self._count, dtype=torch.bool)
-            seen[self._faces[~hidden]] = True
-            hidden = hidden & ~seen[self._faces].any(1)
+            visible = torch.zeros(self._count, dtype=torch.bool)
+            visible[self._faces[~hidden]] = True
+            hidden = hidden & ~visible[self._faces].any(1)
         return hidden | self._declared

@@ -27,13 +27,13 @@ def crossings(mesh: wp.uint64, start: wp.vec3, direction: wp.vec3):
     origin = start
     # Warp tells a variable from a constant by these calls.
     count = int(0)  # noqa: UP018, RUF046
-    found = int(0)  # noqa: UP018, RUF046
+    hits = int(0)  # noqa: UP018, RUF046
     searching = bool(True)  # noqa: UP018
-    while searching and found < 64:
+    while searching and hits < 64:
         hit = wp.mesh_query_ray(mesh, origin, direction, FAR)
         if hit.result:
             count += wp.where(wp.dot(hit.normal, direction) > 0.0, 1, -1)
-            found += 1
+            hits += 1
             origin = origin + direction * (hit.t + RAY_ADVANCE)
         else:
             searching = False
@@ -93,8 +93,8 @@ def closest_point(
 ):
     """Find the surface point closest to each point, negative distance inside; face -1 beyond the reach."""
     i = share + wp.tid()
-    found, place, direction, index, u, v = signed_closest(mesh, points[i], reach, 0.0)
-    distance[i] = found
+    separation, place, direction, index, u, v = signed_closest(mesh, points[i], reach, 0.0)
+    distance[i] = separation
     closest[i] = place
     normal[i] = direction
     face[i] = index
@@ -119,19 +119,19 @@ def nearest_touched(
         if (touched >> part) & 1 == 1:
             mesh = parts[part]
             near = wp.min(reach, exact)
-            found, place, direction, face, _u, _v = signed_closest(mesh, point, near, 0.0)
+            separation, place, direction, face, _u, _v = signed_closest(mesh, point, near, 0.0)
             if face < 0 and near < reach:
                 # Farther away, it counts only with the point inside. The ray leads away from the part, which
                 # makes it cheap, and out of the body's plane of symmetry, where it would meet edges.
                 away = wp.normalize(point - wp.mesh_get_point(mesh, 0)) + OBLIQUE_DIRECTION
                 if crossings(mesh, point, wp.normalize(away)) > 0:
-                    found, place, direction, face, _u, _v = signed_closest(mesh, point, reach, 0.0)
+                    separation, place, direction, face, _u, _v = signed_closest(mesh, point, reach, 0.0)
                 else:
                     least = wp.min(least, near)
             if wp.dot(outward, direction) < OPPOSING_COSINE:
-                room = wp.min(room, least + found)
-            if face >= 0 and found < least:
-                least = found
+                room = wp.min(room, least + separation)
+            if face >= 0 and separation < least:
+                least = separation
                 outward = direction
                 offset = wp.dot(direction, place)
     return least, outward, offset, room
@@ -252,12 +252,12 @@ def project_edges(
     each = 1.0 / wp.max(float(end - begin), 1.0)
     curve *= each
     excess = wp.max(1.0 - curvatures[i] / wp.max(wp.length(curve), 1.0e-9), 0.0)
-    moved = place + 0.5 * step * each * pull + bend * excess * curve
-    moved = before[i] + momentum * (moved - before[i])
-    depth = offsets[i] - wp.dot(normals[i], moved)
+    target = place + 0.5 * step * each * pull + bend * excess * curve
+    target = before[i] + momentum * (target - before[i])
+    depth = offsets[i] - wp.dot(normals[i], target)
     if depth > 0.0:
-        moved += depth * normals[i]
-    before[i] = moved
+        target += depth * normals[i]
+    before[i] = target
 
 
 @wp.kernel
@@ -283,17 +283,17 @@ def closest_in_batch(
     """
     i = share + wp.tid()
     point = points[i]
-    moved = wp.length(point - cached[i])
-    if clearance[i] - moved > near:
+    travel = wp.length(point - cached[i])
+    if clearance[i] - travel > near:
         return
-    limit = wp.min(reach, wp.abs(clearance[i]) + moved + ON_SURFACE)
+    limit = wp.min(reach, wp.abs(clearance[i]) + travel + ON_SURFACE)
     # No way shorter than the distance to the surface leads through it.
-    side = wp.where(wp.abs(clearance[i]) > moved + ON_SURFACE, clearance[i], 0.0)
+    side = wp.where(wp.abs(clearance[i]) > travel + ON_SURFACE, clearance[i], 0.0)
     mesh = meshes[i // each]
     cached[i] = point
-    found, place, direction, face, _u, _v = signed_closest(mesh, point, limit, side)
-    clearance[i] = found
-    if found < near and face >= 0:
+    separation, place, direction, face, _u, _v = signed_closest(mesh, point, limit, side)
+    clearance[i] = separation
+    if separation < near and face >= 0:
         if corners.shape[0] > 0:
             nearest = FAR
             start = (i // each) * (corners.shape[0] // meshes.shape[0])

@@ -69,7 +69,7 @@ def wrong_side_percent(outer: Tensor, inner: Tensor, faces: Tensor) -> float:
     covered = wrong = 0
     for points, vertices in zip(outer, inner, strict=True):
         layer.update(vertices)
-        found = layer.beside(points)
-        covered += int(found.covered.sum())
-        wrong += int((found.covered & (found.distance < 0)).sum())
+        closest = layer.beside(points)
+        covered += int(closest.covered.sum())
+        wrong += int((closest.covered & (closest.distance < 0)).sum())
     return 100.0 * wrong / max(covered, 1)

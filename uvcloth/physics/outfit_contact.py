@@ -36,10 +36,12 @@ class OutfitContact:
         rest = self._as_adult(body.mesh.vertices)
         self.obstacle = Obstacle(to_device(make_collider(body), rest.device), rest)
         points = [self._as_adult(mesh.vertices) for mesh in meshes]
-        self.layers = [Layer(own, mesh.faces) for own, mesh in zip(points[:-1], meshes[:-1], strict=True)]
+        self.layers = [
+            Layer(vertices, mesh.faces) for vertices, mesh in zip(points[:-1], meshes[:-1], strict=True)
+        ]
         self.garments = [
-            self.obstacle.contact_garment(own, mesh.faces, self.layers[:index])
-            for index, (own, mesh) in enumerate(zip(points, meshes, strict=True))
+            self.obstacle.contact_garment(vertices, mesh.faces, self.layers[:index])
+            for index, (vertices, mesh) in enumerate(zip(points, meshes, strict=True))
         ]
 
     def resolve(
@@ -53,13 +55,13 @@ class OutfitContact:
         finished, contacts = [], []
         for index, (vertices, garment) in enumerate(zip(raw, self.garments, strict=True)):
             before = moves[index]
-            after, found = self.obstacle.resolve(
+            after, contact = self.obstacle.resolve(
                 self._as_adult(vertices), garment, None if before is None else self._as_adult(before)
             )
             for layer in self.layers[index : index + 1]:
                 layer.update(after)
             finished.append(after if self._size == 1.0 else after * self._size)
-            contacts.append(replace(found, deepest=found.deepest * self._size))
+            contacts.append(replace(contact, deepest=contact.deepest * self._size))
         apart = (after - before for after, before in zip(finished, raw, strict=True))
         return ResolvedOutfit(tuple(finished), tuple(contacts), tuple(apart))
 

@@ -48,14 +48,14 @@ class SelfContact:
         self._collider = make_collider(body, BODY_PARTS)
         self._tolerances = tolerances()
         rest = self._collider.vertices(body.mesh.vertices)
-        chosen = _spread(body.mesh.vertices, SAMPLE_SPACING)
+        samples = _spread(body.mesh.vertices, SAMPLE_SPACING)
         owners = _owners(self._collider.parts, len(rest))
         self._parts: list[tuple[int, BodySurface, Tensor, Tensor]] = []
         for part, faces in enumerate(self._collider.parts):
             if not len(faces):
                 continue
             surface = BodySurface(rest, faces)
-            others = chosen[owners[chosen] != part]
+            others = samples[owners[samples] != part]
             others = others[surface.closest(rest[others]).signed_distance >= LEAST_REST_DISTANCE]
             self._parts.append((part, surface, others, owners[others]))
 

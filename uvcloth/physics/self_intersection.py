@@ -25,8 +25,8 @@ def crossing_edges_percent(vertices: Tensor, faces: Tensor) -> Tensor:
     mesh = MovingMeshes(vertices[0], (faces,))
     crosses = edges.new_empty(count)
     arguments = (mesh.ids, array(mesh.points), array(edges), array(crosses))
-    for frame, moved in enumerate(vertices):
-        mesh.update(moved)
+    for frame, points in enumerate(vertices):
+        mesh.update(points)
         launch(kernels.crossing_edges, count, vertices.device, *arguments)
         percent[frame] = 100.0 * crosses.float().mean()
     return percent

@@ -48,9 +48,9 @@ LEAD_IN = LeadIn()
 class Work:
     """Simulations that a command makes into its folder, or folders in it.
 
-    jobs: those that are missing, in order; the next is asked for when there is room for it. frames: of all,
-    about. folders: data folders of the targets. refused: by folder, captures that are not simulated, and the
-    reason of each. keep: writes what goes with the sequences, such as bodies and the index.
+    jobs: the missing ones, in order; the next one is taken when a worker is free. frames: approximate number
+    for all. folders: data folders of the targets. refused: by folder, captures that are not simulated, and
+    the reason of each. keep: writes the files that belong to the sequences, such as bodies and the index.
     """
 
     jobs: Iterable[Job]
@@ -116,7 +116,8 @@ def chosen_engine(engine: str, fabric: str | None, workers: Workers) -> Engine:
 
 
 def simulate_work(work: Work, engine: Engine, workers: Workers, out: Path) -> None:
-    """Keep what goes with the sequences, and simulate as `simulate_all` does, if anything is missing.
+    """Write the files that belong to the sequences, and simulate as `simulate_all` does, if anything is
+    missing.
 
     out: the command's folder, which one process alone may write.
     """
@@ -159,7 +160,7 @@ def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Work
 def _cloths(outfits: Sequence[Sequence[str]], body: Body) -> list[tuple[Cloth, ...]]:
     """Load the garments, ready to simulate. Raises InputError also if two of them have one name.
 
-    Names that differ in capitals alone are one: on Windows and macOS, so are their files.
+    Names that differ only in capitals count as the same: on Windows and macOS their files are the same.
     """
     taken: dict[str, str] = {}
 

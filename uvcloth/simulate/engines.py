@@ -17,6 +17,6 @@ ENGINES: dict[str, Callable[[], Engine]] = {
 
 
 def require_engine_name(name: str) -> None:
-    """Raise InputError for a name that is none of ENGINES."""
+    """Raise InputError for a name that is not in ENGINES."""
     if name not in ENGINES:
         raise InputError(f"--engine {name}: expected one of {', '.join(ENGINES)}")

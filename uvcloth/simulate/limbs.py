@@ -52,10 +52,10 @@ def limbs_left_percent(
     limbs = [[roles[role] for role in limb] for limb in LIMBS]
     edges = boundary_edges(weld(rest)[faces])
     for hem in hems(edges):
-        own = edges[torch.isin(edges, hem).all(1)]
-        passing = [limb for limb in limbs if _passes(skeleton.heads[None, limb], rest[None], own).item()]
+        loop = edges[torch.isin(edges, hem).all(1)]
+        passing = [limb for limb in limbs if _passes(skeleton.heads[None, limb], rest[None], loop).item()]
         if len(passing) == 1:
-            left |= ~_passes(joints[:, passing[0]], vertices, own)
+            left |= ~_passes(joints[:, passing[0]], vertices, loop)
     return 100.0 * float(left.float().mean())
 
 

@@ -1,4 +1,4 @@
-"""Ensemble members: the same motion and garment simulated in another way, to see what is chance.
+"""Ensemble members: the same motion and garment, simulated in other ways to measure what is chance.
 
 Member 0 is the usual simulation. 1 takes more substeps, 2 another mesh of the garment, 3 both.
 """
@@ -13,7 +13,7 @@ MEMBERS = 4
 """Members of an ensemble, the usual simulation included."""
 
 MORE_SUBSTEPS = 0.5
-"""Share by which substeps are more in members that take more."""
+"""Share of additional substeps in members that take more."""
 
 
 def member_engine(engine: Engine, member: int) -> Engine:

@@ -81,12 +81,12 @@ def _deal(outfits: Sequence[OutfitFile], sources: Sequence[Source], frames: int 
     dealt = dict.fromkeys(SPLITS, 0)
     tasks = []
     for outfit in outfits:
-        own = windows[outfit.split]
-        if not own:
+        queue = windows[outfit.split]
+        if not queue:
             continue
-        first = dealt[outfit.split] % len(own)
+        first = dealt[outfit.split] % len(queue)
         dealt[outfit.split] += 1
-        tasks.append(_Task(outfit, [*own[first:], *own[:first]]))
+        tasks.append(_Task(outfit, [*queue[first:], *queue[:first]]))
     if not tasks:
         raise InputError("--outfits: the table has no window for the splits of these outfits")
     return tasks

@@ -25,7 +25,7 @@ def overview(folder: Path) -> RenderableType:
     """Make a table of frames by split and garment, and lines on bodies, engines, refusals and missing clips.
 
     Where a plan was simulated, each of its data folders is listed. Only metadata are read. Raises InputError
-    if the folder does not exist or holds nothing, and for an index or a plan that is none; files that are no
+    if the folder does not exist or holds nothing, and for an invalid index or plan; files that are not
     sequences of this version are listed.
     """
     if not folder.is_dir():
@@ -36,14 +36,14 @@ def overview(folder: Path) -> RenderableType:
     files = [folder / file for row in rows for file in row.files]
     there = sum(map(is_finished, files))
     parts = [
-        _overview(folder / part, {(row.motion.name, name) for row in own for name in row.names})
-        for part, own in plan_folders(rows).items()
+        _overview(folder / part, {(row.motion.name, name) for row in part_rows for name in row.names})
+        for part, part_rows in plan_folders(rows).items()
     ]
     return Group(Text(f"{folder}: {there} of {len(files)} planned sequences are there or refused"), *parts)
 
 
 def _overview(folder: Path, planned: Set[tuple[str, str]] | None) -> RenderableType:
-    """Overview of one data folder. planned: clip and garment of what is to be there, None if no plan says."""
+    """Overview of one data folder. planned: clip and garment of each sequence, None without a plan."""
     stored, unreadable, size = [], [], 0
     for path, repeat in sequence_files(folder):
         size += path.stat().st_size
@@ -140,13 +140,13 @@ def _counted(what: str, names: Iterable[str]) -> list[str]:
 
 
 def _unfinished(frames: Mapping[str, int]) -> list[str]:
-    """Line on sequences that were interrupted or are under way, with the frames that are there of each."""
+    """Line on sequences that were interrupted or are in progress, with the number of their frames so far."""
     if not frames:
         return []
     named = [f"{name} {count}" for name, count in frames.items()][:MAX_NAMED]
     return [
         f"unfinished: {len(frames)} sequences, {sum(frames.values()):,} frames ({', '.join(named)}"
-        f"{', ...' * (len(frames) > MAX_NAMED)}); the same `uvcloth simulate` goes on with them"
+        f"{', ...' * (len(frames) > MAX_NAMED)}); the same `uvcloth simulate` command continues them"
     ]
 
 
@@ -161,12 +161,12 @@ def _missing(
     Without a plan, all clips of the index are to have all of the folder's garments.
     """
     garments = {each.metadata["garment"] for each in stored}
-    found = {(each.metadata["clip"], each.metadata["garment"]) for each in stored if not each.repeat}
+    present = {(each.metadata["clip"], each.metadata["garment"]) for each in stored if not each.repeat}
     wanted = product(index, garments) if planned is None else sorted(planned)
     missing: dict[str, Counter[str]] = {split: Counter() for split in SPLITS}
     for clip, garment in wanted:
         entry = index.get(clip)
-        if entry and entry.split in SPLITS and clip not in captures and (clip, garment) not in found:
+        if entry and entry.split in SPLITS and clip not in captures and (clip, garment) not in present:
             missing[entry.split][clip] += 1
     return [
         f"missing of {split}: {clips.total()} sequences of {len(clips)} clips "

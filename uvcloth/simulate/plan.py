@@ -1,4 +1,4 @@
-"""Plan of a batch: windows of clips, in an order of which any beginning is a good mixture."""
+"""Plan of a batch: windows of clips, in an order in which any first part is a good mixture."""
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -73,7 +73,7 @@ class ClipSelection:
 def batch_sources(selection: ClipSelection) -> list[Source]:
     """Find the clips of a batch, in order.
 
-    Raises InputError for an index that is none or lacks a named clip, and for a clip without a file.
+    Raises InputError for an index that is invalid or lacks a named clip, and for a clip without a file.
     """
     clips, windows = selection.clips, selection.windows
     clips_from, splits, options = selection.clips_from, selection.splits, selection.options
@@ -86,19 +86,19 @@ def batch_sources(selection: ClipSelection) -> list[Source]:
     table = read_index(windows)
     if clips:
         if clips_from is not None or splits is not None:
-            raise InputError("--clips-from and --split choose the clips: name none besides")
+            raise InputError("--clips-from and --split choose the clips: do not name clips as well")
         for name in clips:
             if Path(name).stem not in table:
                 raise InputError(f"{windows}: has no row for the clip {Path(name).stem}")
         return [Source(name, Path(name).stem, table[Path(name).stem], options) for name in clips]
-    chosen = tuple(splits or SPLITS)
-    for split in chosen:
+    wanted = tuple(splits or SPLITS)
+    for split in wanted:
         if split not in SPLITS:
             raise InputError(f"--split {split}: expected some of {', '.join(SPLITS)}")
     folder = clips_from or windows.parent
-    entries = [entry for entry in table.values() if entry.split in chosen]
+    entries = [entry for entry in table.values() if entry.split in wanted]
     if not entries:
-        raise InputError(f"{windows}: has no clip of the split {', '.join(chosen)}")
+        raise InputError(f"{windows}: has no clip of the split {', '.join(wanted)}")
     return [Source(str(clip_file(e, folder)), e.clip, e, options) for e in interleaved(entries)]
 
 
@@ -114,13 +114,13 @@ def interleaved(entries: Iterable[Entry]) -> list[Entry]:
 def _spread(entries: Sequence[Entry], group: Callable[[Entry], Hashable]) -> list[Entry]:
     """Entries of each group, in their order, evenly over the whole."""
     places: list[tuple[float, int]] = []
-    seen: dict[Hashable, int] = {}
+    counts: dict[Hashable, int] = {}
     sizes: dict[Hashable, int] = {}
     for entry in entries:
         sizes[group(entry)] = sizes.get(group(entry), 0) + 1
     for index, entry in enumerate(entries):
-        before = seen.get(group(entry), 0)
-        seen[group(entry)] = before + 1
+        before = counts.get(group(entry), 0)
+        counts[group(entry)] = before + 1
         places.append(((before + 0.5) / sizes[group(entry)], index))
     return [entries[index] for _, index in sorted(places)]
 

@@ -133,7 +133,7 @@ def _row(path: Path, number: int, row: Mapping[str, str]) -> PlanRow:
     cells = {column: (row.get(column) or "").strip() for column in (*REQUIRED, *OPTIONAL)}
     for column, cell in cells.items():
         if not cell.isprintable() or len(cell) > LONGEST:
-            raise InputError(f"{where}: the {column} is not printable text of {LONGEST} at most")
+            raise InputError(f"{where}: the {column} is not printable text of at most {LONGEST} characters")
     for column in ("clip", "garments", "subject"):
         if not cells[column]:
             raise InputError(f"{where}: names no {column}")
@@ -166,7 +166,7 @@ def _row(path: Path, number: int, row: Mapping[str, str]) -> PlanRow:
         require_file_name(folder, where)
         if folder in (BODIES, REPEAT, REJECTED, LAYERED, MEMBERS_FOLDER):
             raise InputError(
-                f"{where}: data of a body called {folder} have no folder, rename the body's file"
+                f"{where}: a body cannot be named {folder}, which is a folder of the data; rename its file"
             )
     return planned
 
@@ -205,21 +205,21 @@ def _require_consistent(path: Path, rows: Iterable[PlanRow]) -> None:
         other = motions.setdefault(motion.name.casefold(), row)
         if other.motion != motion:
             raise InputError(
-                f"{where}: calls another motion {motion.name} than row {other.number} does; give one of them "
-                "another name in the column name"
+                f"{where}: row {other.number} gives the name {motion.name} to another motion; change one of "
+                "them in the column name"
             )
         other = bodies.setdefault(PurePosixPath(row.body).stem.casefold(), row)
         if other.body != row.body:
-            raise InputError(f"{where}: its body has the name of {other.body} in row {other.number}")
+            raise InputError(f"{where}: its body has the same name as {other.body} in row {other.number}")
         for file in row.files:
             other = files.setdefault(str(file).casefold(), row)
             if other is not row:
-                raise InputError(f"{where}: makes {file} again, as row {other.number} does")
+                raise InputError(f"{where}: makes {file}, which row {other.number} already makes")
         for garment in row.names:
             other = outfits.setdefault((row.folder, garment), row)
             if other.names != row.names:
                 raise InputError(
                     f"{where}: wears {garment} as {' under '.join(row.names)}, row {other.number} as "
-                    f"{' under '.join(other.names)}; a folder of data holds one outfit, plan the other in a "
-                    "file of its own"
+                    f"{' under '.join(other.names)}; a data folder holds one outfit, plan the other in a "
+                    "separate file"
                 )

@@ -56,11 +56,11 @@ def simulate_plan(
     _require_members(plan, rows, made_by)
     stock = _Stock(plan, clips_from or plan.parent)
     folders = plan_folders(rows)
-    for folder, own in folders.items():
-        outfits = [*{row.names: None for row in own}]
-        made = member_engine(made_by, own[0].member)
-        require_same(stored_sequences(out / folder), stock.body(own[0]), made.describe(), outfits)
-        require_windows((row.motion.entry for row in own), out / folder / INDEX)
+    for folder, folder_rows in folders.items():
+        outfits = [*{row.names: None for row in folder_rows}]
+        made = member_engine(made_by, folder_rows[0].member)
+        require_same(stored_sequences(out / folder), stock.body(folder_rows[0]), made.describe(), outfits)
+        require_windows((row.motion.entry for row in folder_rows), out / folder / INDEX)
     missing = [row for row in rows if not all(is_finished(out / file) for file in row.files)]
     clips = [stock.clip_file(row) for row in missing]
     dressed = [stock.cloths(row) for row in track(missing, "reading garments", transient=True)]
@@ -79,16 +79,16 @@ def simulate_plan(
     def keep() -> None:
         with atomic_write(out / PLAN) as partial:
             shutil.copyfile(plan, partial)
-        for folder, own in folders.items():
-            keep_body(stock.body(own[0]), out / folder)
-            add_windows((row.motion.entry for row in own), out / folder / INDEX)
+        for folder, folder_rows in folders.items():
+            keep_body(stock.body(folder_rows[0]), out / folder)
+            add_windows((row.motion.entry for row in folder_rows), out / folder / INDEX)
 
     work = Work(todo, count_frames(todo), [out / folder for folder in folders], refused, keep)
     simulate_work(work, made_by, workers, out)
 
 
 def ordered(rows: Sequence[PlanRow]) -> list[PlanRow]:
-    """Order rows so that any beginning is a good mixture.
+    """Order rows so that any first part is a good mixture.
 
     Single garments come before layered ones, ensemble members last; within each validation, test, training,
     as `interleaved` orders them, with all garments and bodies of a motion one after another.
@@ -130,8 +130,8 @@ class _Stock:
         if key not in self.worn:
             body = self.body(row)
             with self._named(row):
-                found = [name if name in TEMPLATES else self._garment(name) for name in row.garments]
-                self.worn[key] = tuple(join(load_garment_for_data(name, body), body) for name in found)
+                sources = [name if name in TEMPLATES else self._garment(name) for name in row.garments]
+                self.worn[key] = tuple(join(load_garment_for_data(name, body), body) for name in sources)
                 check_order([cloth.garment for cloth in self.worn[key]])
         return self.worn[key]
 

@@ -1,4 +1,4 @@
-"""Progress of a batch: the frames of all workers, and when the last will be there."""
+"""Progress of a batch: the frames of all workers, and the expected end."""
 
 from collections import Counter
 from datetime import datetime, timedelta
@@ -36,10 +36,10 @@ class FramesBar:
         return self._progress.tasks[0]
 
     def report(self, name: str, made: int) -> None:
-        """Take in that a sequence has some frames now.
+        """Take in the number of frames that a sequence has now.
 
-        One more was simulated. Any other number says that a process begins with it: frames that were kept
-        need not be simulated, those that were lost have to be once more.
+        One more than before is a simulated frame. Any other number is where a process begins: kept frames
+        need not be simulated, lost ones have to be simulated again.
         """
         more = made - self._reached[name]
         self._reached[name] = made
@@ -48,7 +48,7 @@ class FramesBar:
             return
         self._progress.update(self._bar, total=(self.task.total or 0) - more)
         if more > 0:
-            self.print(f"{name}: goes on after frame {made}")
+            self.print(f"{name}: continues after frame {made}")
 
     def advance(self, frames: int) -> None:
         """Count frames as done."""
@@ -59,7 +59,7 @@ class FramesBar:
         self._progress.console.print(line, soft_wrap=True)
 
     def print_progress(self) -> None:
-        """Print how far it is, where no bar is seen."""
+        """Print the progress where no bar is shown."""
         if not self._progress.console.is_terminal:
             print(progress_text(self.task, datetime.now()), flush=True)
 

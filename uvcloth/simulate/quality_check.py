@@ -100,8 +100,8 @@ def _examine(
     elif raised is not None:
         frame, rise = raised
         reason = (
-            f"frame {clip.warm_up + frame}: a hem stays up, for a second {100 * rise:.0f} cm above the "
-            "skinned one while nothing supports it"
+            f"frame {clip.warm_up + frame}: a hem stays {100 * rise:.0f} cm above the skinned one for a "
+            "second, without support"
         )
     return replace(simulated, metadata=metadata), reason
 

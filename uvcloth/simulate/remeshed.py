@@ -30,12 +30,12 @@ def other_mesh(vertices: Tensor, faces: Tensor) -> Cage:
     for piece in range(int(pieces.max()) + 1):
         kept, triangles = faces[pieces == piece].unique(return_inverse=True)
         surface = vertices[kept].double().numpy()
-        points, own = remesh(surface, triangles.numpy(), len(kept))
-        placed = torch.from_numpy(points).float(), torch.from_numpy(own)
-        found = surface_of(surface, triangles.numpy()).closest(placed[0])
-        back = surface_of(points, own).closest(vertices[kept])
-        corners.append(kept[triangles[found.faces]])
-        weights.append(found.barycentrics)
+        points, new_faces = remesh(surface, triangles.numpy(), len(kept))
+        placed = torch.from_numpy(points).float(), torch.from_numpy(new_faces)
+        closest = surface_of(surface, triangles.numpy()).closest(placed[0])
+        back = surface_of(points, new_faces).closest(vertices[kept])
+        corners.append(kept[triangles[closest.faces]])
+        weights.append(closest.barycentrics)
         own_corners[kept] = placed[1][back.faces] + sum(len(part) for part, _ in parts)
         own_weights[kept] = back.barycentrics
         parts.append(placed)
@@ -55,7 +55,7 @@ class Remeshed:
     engine: Engine
 
     def describe(self) -> dict[str, Any]:
-        """Describe the engine, as `Engine` says; its settings say that the mesh is another."""
+        """Describe the engine, as `Engine` says; its settings include the change of the mesh."""
         described = self.engine.describe()
         return {**described, "settings": {**described["settings"], "mesh": "remeshed"}}
 

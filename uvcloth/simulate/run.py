@@ -55,7 +55,7 @@ def simulate(
     made = move(engine, scene, place, progress)
     frames = len(made.vertices)
     shares = made.vertices.split([len(cloth.kept) for cloth in cloths], dim=1)
-    moved = [
+    vertices_of = [
         cloth.whole(share, skinned[:frames])
         for cloth, share, skinned in zip(cloths, shares, references, strict=True)
     ]
@@ -80,21 +80,21 @@ def simulate(
             metadata={
                 "template": cloth.garment.template,
                 "source": cloth.garment.source,
-                **_sides(cloths[:index], [other[scored] for other in moved], vertices[scored]),
+                **_sides(cloths[:index], [other[scored] for other in vertices_of], vertices[scored]),
             },
         )
-        for index, (cloth, vertices) in enumerate(zip(cloths, moved, strict=True))
+        for index, (cloth, vertices) in enumerate(zip(cloths, vertices_of, strict=True))
     )
     return SimulatedClip(garments, transforms[:frames], clip.fps, warm_up, metadata)
 
 
-def _sides(inner: Sequence[Cloth], moved: Sequence[Tensor], outer: Tensor) -> dict[str, Any]:
+def _sides(inner: Sequence[Cloth], inner_vertices: Sequence[Tensor], outer: Tensor) -> dict[str, Any]:
     """Metadata on a garment's vertices (F, N, 3) m over inner ones; none for the innermost."""
     if not inner:
         return {}
     sides = {
         cloth.garment.name: wrong_side_percent(outer, vertices, cloth.garment.mesh.faces)
-        for cloth, vertices in zip(inner, moved, strict=False)
+        for cloth, vertices in zip(inner, inner_vertices, strict=False)
     }
     return {"wrong_side_percent": {name: round(share, 4) for name, share in sides.items()}}
 

@@ -1,6 +1,6 @@
-"""Unfinished sequences: frames are kept while they are simulated, so that what was killed goes on with them.
+"""Unfinished sequences: frames are kept during the simulation, so that a killed one continues from them.
 
-They lie in a hidden file beside the sequence to be, `.NAME.unfinished`, until that is there.
+They are in a hidden file next to the future sequence, `.NAME.unfinished`, until the sequence exists.
 """
 
 import json
@@ -27,7 +27,7 @@ from uvcloth.version import package_version
 SUFFIX = ".unfinished"
 
 SECONDS = 20.0
-"""Seconds of simulation after which frames are kept: no more is lost, but for one frame."""
+"""Seconds of simulation after which frames are kept: at most so much and one frame are lost."""
 
 FORMAT, EXPECTED_FILE = "uvcloth-unfinished-1", "frames that `uvcloth simulate` keeps"
 
@@ -41,12 +41,12 @@ class Place:
 
     @property
     def file(self) -> Path:
-        """File of what is unfinished."""
+        """File of the unfinished frames."""
         return self.target.with_name(f".{self.target.stem}{SUFFIX}")
 
 
 @dataclass(frozen=True)
-class Moved:
+class SimulatedFrames:
     """Cloth over the first F frames of a scene.
 
     vertices: (F, N, 3) m. seconds: that they took. memory: (K,) of the engine at the last one.
@@ -59,12 +59,12 @@ class Moved:
 
 def move(
     engine: Engine, scene: Scene, place: Place | None, report: Callable[[int], None] = lambda made: None
-) -> Moved:
+) -> SimulatedFrames:
     """Simulate a scene, up to the first frame that is not finite if there is one.
 
-    place: where frames are kept every SECONDS, and continued if scene and engine are equal, and
-    version of this package; nothing is kept where the folder is not there, as on another machine, or what
-    cannot be written. report: is told the number of frames that are there, first of those that were kept.
+    place: where frames are kept every SECONDS; they are continued if scene, engine and version of this
+    package are equal. Nothing is kept if the folder does not exist, as on another machine, or cannot be
+    written to. report: called with the number of frames so far, first with that of the kept ones.
     """
     key = "" if place is None else _key(engine, scene)
     kept = None if place is None else _load(place.file, key, len(scene.rest))
@@ -79,15 +79,15 @@ def move(
         if not torch.isfinite(frame.vertices).all():
             break
         if place is not None and frame.memory is not None and time.monotonic() - saved > SECONDS:
-            moved = Moved(torch.stack(frames), time.monotonic() - started, frame.memory)
+            progress = SimulatedFrames(torch.stack(frames), time.monotonic() - started, frame.memory)
             with suppress(InputError):
-                _save(moved, key, place)
+                _save(progress, key, place)
             saved = time.monotonic()
-    return Moved(torch.stack(frames), time.monotonic() - started)
+    return SimulatedFrames(torch.stack(frames), time.monotonic() - started)
 
 
 def clear_finished(folder: Path) -> None:
-    """Remove from a data folder what was kept of sequences that are finished."""
+    """Remove the kept frames of finished sequences from a data folder."""
     for file in unfinished_files(folder):
         if is_finished(_target(file)):
             with suppress(OSError):
@@ -95,12 +95,12 @@ def clear_finished(folder: Path) -> None:
 
 
 def unfinished_files(folder: Path) -> list[Path]:
-    """Files of what is unfinished in a data folder, sorted."""
+    """Files of unfinished frames in a data folder, sorted."""
     return sorted(chain.from_iterable(folder.glob(depth + f".*{SUFFIX}") for depth in ("", "*/")))
 
 
 def unfinished_frames(file: Path) -> tuple[str, int]:
-    """Name of an unfinished sequence, and how many frames of it are there; none in a damaged file."""
+    """Name of an unfinished sequence, and the number of its frames; 0 in a damaged file."""
     try:
         frames = len(_read(file)["vertices"])
     except InputError:
@@ -124,21 +124,23 @@ def _key(engine: Engine, scene: Scene) -> str:
     return fingerprint(settings, *tensors)
 
 
-def _save(moved: Moved, key: str, place: Place) -> None:
+def _save(progress: SimulatedFrames, key: str, place: Place) -> None:
     """Write frames to their place. Raises InputError if that cannot be, or the folder is gone."""
-    assert moved.memory is not None
+    assert progress.memory is not None
     require_there(place.folder)
     arrays = {
         "key": np.array(key),
-        "vertices": moved.vertices.numpy(),
-        "memory": moved.memory.numpy(),
-        "seconds": np.array(moved.seconds),
+        "vertices": progress.vertices.numpy(),
+        "memory": progress.memory.numpy(),
+        "seconds": np.array(progress.seconds),
     }
     keep_arrays(place.file, FORMAT, arrays, compressed=False)
 
 
-def _load(file: Path, key: str, vertices: int) -> Moved | None:
-    """Frames that are kept, None without, if they are damaged or of another key. vertices: of the cloth."""
+def _load(file: Path, key: str, vertices: int) -> SimulatedFrames | None:
+    """Kept frames; None if there are none, or if they are damaged or have another key. vertices: of the
+    cloth.
+    """
     try:
         data = _read(file, N=vertices)
     except InputError:
@@ -146,7 +148,7 @@ def _load(file: Path, key: str, vertices: int) -> Moved | None:
     if data["key"] != key:
         return None
     points, memory = torch.from_numpy(data["vertices"]), torch.from_numpy(data["memory"])
-    return Moved(points, float(data["seconds"]), memory)
+    return SimulatedFrames(points, float(data["seconds"]), memory)
 
 
 def _read(file: Path, **sizes: int) -> dict[str, np.ndarray]:

@@ -44,13 +44,13 @@ class Access:
         another host; other users of this machine lack the token.
         """
         if len(hosts) != 1 or not self._is_served(hosts[0].lower()):
-            return f"the page is served at port {self.port} of {self.host}, not under another name"
+            return f"the page is served at port {self.port} of {self.host} and under no other name"
         if any(origin.lower() != f"http://{hosts[0].lower()}" for origin in origins):
             return "the request comes from a page of another address"
         token = path.partition("?")[0].removeprefix("/").partition("/")[0]
         # Bytes that are no ASCII come as surrogates.
         if not secrets.compare_digest(token.encode(errors="surrogateescape"), self.token.encode()):
-            return "the token is missing or of an earlier run: open the address that uvcloth printed"
+            return "the token is missing or belongs to an earlier run: open the address that uvcloth printed"
         return ""
 
     def inner_path(self, path: str) -> str:

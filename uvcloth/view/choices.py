@@ -1,4 +1,4 @@
-"""Motions, garments, models and bodies that the live view offers, and the rollout of what was chosen."""
+"""Motions, garments, models and bodies that the live view offers, and the rollout of a choice."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ DEFAULT_BODY = "default"
 
 
 @dataclass(frozen=True)
-class Chosen:
+class Choice:
     """A choice: garments are in the order in which they are worn, the innermost first."""
 
     motion: str
@@ -71,40 +71,40 @@ class Choices:
             sequences=tuple(sequences),
         )
 
-    def perform(self, chosen: Chosen) -> Performance:
+    def perform(self, choice: Choice) -> Performance:
         """Load a choice and start its rollout. Raises InputError for an impossible combination, and for
         anything that is not among the choices, which a page other than ours may send.
         """
         for what, offered in (
-            (chosen.motion, self.motions),
-            (chosen.model, self.models),
-            (chosen.body, self.bodies),
-            *((name, self.garments) for name in chosen.garments),
+            (choice.motion, self.motions),
+            (choice.model, self.models),
+            (choice.body, self.bodies),
+            *((name, self.garments) for name in choice.garments),
         ):
             if what not in offered:
                 raise InputError(f"{what} is not among the choices")
-        body = load_body(None if chosen.body == DEFAULT_BODY else Path(chosen.body))
-        if chosen.motion in self.sequences:
-            return self._beside_simulation(chosen, body)
-        if not chosen.garments:
+        body = load_body(None if choice.body == DEFAULT_BODY else Path(choice.body))
+        if choice.motion in self.sequences:
+            return self._beside_simulation(choice, body)
+        if not choice.garments:
             raise InputError("choose a garment")
-        outfit = Outfit(body, load_outfit(chosen.garments, body))
-        method, contact = _method(chosen, outfit)
-        return _perform(ready_rollout(method, outfit, load_clip(chosen.motion, body), contact))
+        outfit = Outfit(body, load_outfit(choice.garments, body))
+        method, contact = _method(choice, outfit)
+        return _perform(ready_rollout(method, outfit, load_clip(choice.motion, body), contact))
 
-    def _beside_simulation(self, chosen: Chosen, body: Body) -> Performance:
+    def _beside_simulation(self, choice: Choice, body: Body) -> Performance:
         """The rollout over the motion of a sequence, in its garment, to be compared vertex by vertex."""
-        sequence = load_simulated(Path(chosen.motion))
-        garment = self._simulated_garment(chosen.motion, sequence)
+        sequence = load_simulated(Path(choice.motion))
+        garment = self._simulated_garment(choice.motion, sequence)
         outfit = Outfit(body, load_outfit([garment], body))
-        _require_same(chosen.motion, sequence, outfit)
-        motion = clip_of_transforms(sequence.transforms, body, sequence.fps, chosen.motion)
-        method, contact = _method(chosen, outfit)
+        _require_same(choice.motion, sequence, outfit)
+        motion = clip_of_transforms(sequence.transforms, body, sequence.fps, choice.motion)
+        method, contact = _method(choice, outfit)
         ready = ready_rollout(method, outfit, motion, contact, proxies=False)
-        return replace(_perform(ready), title=Path(chosen.motion).stem, truth=sequence.vertices)
+        return replace(_perform(ready), title=Path(choice.motion).stem, truth=sequence.vertices)
 
     def _simulated_garment(self, path: str, sequence: SimulatedClip) -> str:
-        """The template or file of a sequence's garment. Raises InputError if it is none of the choices."""
+        """The template or file of a sequence's garment. Raises InputError if it is not among the choices."""
         (simulated,) = sequence.garments
         for name in self.garments:
             if simulated.name in (name, Path(name).stem):
@@ -112,14 +112,14 @@ class Choices:
         raise InputError(f"{path}: its garment {simulated.name} is unknown, give its file with --garment")
 
 
-def _method(chosen: Chosen, outfit: Outfit) -> tuple[Method, bool]:
-    """The chosen method with its finish, and whether contact comes after it."""
-    method = load_method(chosen.model, outfit.body)
-    return finished(method, outfit, chosen.finish, Physics(PhysicsConfig()))
+def _method(choice: Choice, outfit: Outfit) -> tuple[Method, bool]:
+    """The method of a choice with its finish, and whether contact comes after it."""
+    method = load_method(choice.model, outfit.body)
+    return finished(method, outfit, choice.finish, Physics(PhysicsConfig()))
 
 
 def _perform(ready: ReadyRollout) -> Performance:
-    """A rollout that goes on where a garment tears, for the page."""
+    """A rollout for the page, which continues where a garment tears."""
     return Performance(
         title=ready.motion.name,
         body=ready.proxied.outfit.body,
@@ -135,7 +135,7 @@ def _require_same(path: str, sequence: SimulatedClip, outfit: Outfit) -> None:
     body, (garment,) = outfit.body, outfit.garments
     rest, simulated = garment.mesh.vertices, sequence.garments[0].rest
     if sequence.transforms.shape[1] != len(body.skeleton.names):
-        raise InputError(f"{path}: was simulated on a body of another skeleton, give it with --body")
+        raise InputError(f"{path}: was simulated on a body with another skeleton, give that body with --body")
     if rest.shape != simulated.shape or float((rest - simulated).abs().max()) > REST_TOLERANCE:
         raise InputError(
             f"{path}: its garment {garment.name} is not the one that this body has, give the body that it "

@@ -16,13 +16,13 @@ from uvcloth.rollout import RolloutFrame
 class ShownFrame:
     """One frame to show.
 
-    transforms: (J, 3, 4) of the body. garments: (N, 3) m each, after contact. moved: (N,) m each, how far
-    contact moved a vertex.
+    transforms: (J, 3, 4) of the body. garments: (N, 3) m each, after contact. displacements: (N,) m each,
+    by which contact moved each vertex.
     """
 
     transforms: Tensor
     garments: tuple[Tensor, ...]
-    moved: tuple[Tensor, ...]
+    displacements: tuple[Tensor, ...]
 
     @classmethod
     def of(cls, frame: RolloutFrame) -> "ShownFrame":
@@ -54,8 +54,8 @@ class Performance:
 class Computation:
     """A performance that is prepared and computed ahead of what is shown; nothing waits for it.
 
-    performance: None until it is prepared. frames: those that there are, which grow. complete: no more will
-    come. failure: a sentence for people, "" while all is well.
+    performance: None until it is prepared. frames: those computed so far. complete: true if no more will
+    come. failure: an error message, "" without an error.
     """
 
     def __init__(self, prepare: Callable[[], Performance]) -> None:

@@ -1,9 +1,9 @@
 """viser's server behind `Access`: requests that are refused never reach it, and share requests do nothing.
 
-viser has no option for who may connect, and where a port is taken it serves at the next one. It starts its
-server by `websockets.asyncio.server.serve`: while it does, another function stands there, which gives the
-server a socket that listens already, and a `process_request` (the hook of websockets) that asks `Access`
-before viser.
+viser cannot restrict who connects, and if a port is taken it uses the next one. It starts its server by
+`websockets.asyncio.server.serve`: during the start another function replaces this one, which gives the server
+a socket that already listens, and a `process_request` (the hook of websockets) that asks `Access` before
+viser.
 """
 
 import socket
@@ -36,7 +36,9 @@ class PrivateServer(viser.ViserServer):
         if self.get_port() != port:
             # viser has opened a port of its own.
             self.stop()
-            raise InputError(f"the live view knows viser 1.1, not {viser.__version__}: install uvcloth[view]")
+            raise InputError(
+                f"the live view supports viser 1.1, not {viser.__version__}: install uvcloth[view]"
+            )
         self.gui.configure_theme(show_share_button=False)
 
     def request_share_url(self, verbose: bool = True) -> None:

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from uvcloth.errors import InputError
 from uvcloth.methods.finish_names import FINISHES
-from uvcloth.view.choices import Choices, Chosen
+from uvcloth.view.choices import Choice, Choices
 from uvcloth.view.computation import Computation, Performance, ShownFrame
 from uvcloth.view.heat import CONTACT, ERROR, QUANTITIES, STRETCH, Quantity, Stretch, legend
 from uvcloth.view.stage import Actor
@@ -26,7 +26,7 @@ ASIDE = -1.2
 """Metres along x from the predicted body to the simulated one."""
 
 HOST = "127.0.0.1"
-"""Where the page is served: to this machine alone, for whoever reaches it chooses what is computed."""
+"""Address of the page: this machine only, because a visitor of the page can choose what is computed."""
 
 IDLE_SECONDS = 0.1
 """Time between two looks at the controls while nothing plays."""
@@ -67,9 +67,9 @@ class Viewer:
         self._speed = gui.add_slider("Speed", min=0.1, max=2.0, step=0.1, initial_value=1.0)
         self._heat = gui.add_dropdown("Heat map", (NO_HEAT, *(quantity.label for quantity in QUANTITIES)))
         self._legend = gui.add_html("")
-        self._selection: Callable[[], Chosen] | None = None
+        self._selection: Callable[[], Choice] | None = None
         self._choices: Choices | None = None
-        self._chosen: Chosen | None = None
+        self._choice: Choice | None = None
         self.controls: dict[str, Any] = {}
         """What was offered, by name: motion, model, body, finish, and a checkbox for each garment."""
 
@@ -79,7 +79,7 @@ class Viewer:
         address: str = self.server.access.address
         return address
 
-    def offer(self, choices: Choices, first: Chosen) -> None:
+    def offer(self, choices: Choices, first: Choice) -> None:
         """Add controls that choose what is computed, `first` to begin with."""
         gui: Any = self.server.gui
         with gui.add_folder("Roll out"):
@@ -90,7 +90,7 @@ class Viewer:
             finish = gui.add_dropdown("Finish", (USUAL, *FINISHES), initial_value=first.finish or USUAL)
         self.controls = {"motion": motion, "model": model, "body": body, "finish": finish, **garments}
         self._choices = choices
-        self._selection = lambda: Chosen(
+        self._selection = lambda: Choice(
             motion=motion.value,
             garments=tuple(name for name in choices.garments if garments[name].value),
             model=model.value,
@@ -120,10 +120,10 @@ class Viewer:
     def tick(self) -> None:
         """Look at the controls once and show what they ask for."""
         if self._selection is not None and self._choices is not None:
-            chosen, choices = self._selection(), self._choices
-            if chosen != self._chosen:
-                self._chosen = chosen
-                self.show(Computation(lambda: choices.perform(chosen)).start())
+            choice, choices = self._selection(), self._choices
+            if choice != self._choice:
+                self._choice = choice
+                self.show(Computation(lambda: choices.perform(choice)).start())
         computation = self._computation
         if computation is None:
             return
@@ -182,7 +182,7 @@ class Viewer:
         self.shown = index
 
     def _draw(self, index: int, frame: ShownFrame) -> None:
-        """Move all meshes to a frame, with the heat map that is chosen."""
+        """Move all meshes to a frame, with the chosen heat map."""
         label = self._heat.value
         truth = None if self._performance is None else self._performance.truth
         quantity = next((each for each in QUANTITIES if each.label == label), None)
@@ -211,7 +211,7 @@ class Viewer:
             pairs = zip(self._stretches, frame.garments, strict=True)
             return [measure(vertices) for measure, vertices in pairs]
         if quantity is CONTACT:
-            return list(frame.moved)
+            return list(frame.displacements)
         if quantity is ERROR and simulated is not None:
             pairs_of = zip(frame.garments, simulated, strict=True)
             return [torch.linalg.vector_norm(one - other, dim=1) for one, other in pairs_of]

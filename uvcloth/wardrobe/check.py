@@ -1,4 +1,4 @@
-"""Check of a sewn outfit: outside the skin, not through itself, one piece each, with a hem to be held by."""
+"""Check of a sewn outfit: outside the skin, not through itself, one piece each, with a hem that holds it."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,7 +31,7 @@ def refuse_faulty(names: Sequence[str], pieces: Sequence[Mesh], body: Body) -> N
 
     pieces: on the body's rest pose, the innermost first. Every piece is finite, of one piece with doubled
     seam vertices as one, turned outward, at least LEAST_OFF off the skin, without spikes, lies as clothes lie
-    where it is (`diagnose`), and has a hem to be held by (`holding_band`); none crosses itself or another,
+    where it is (`diagnose`), and has a hem that holds it (`holding_band`); none crosses itself or another,
     and each is over those before it.
     """
     surface = BodySurface(body.mesh.vertices, body.mesh.faces)
@@ -43,7 +43,7 @@ def refuse_faulty(names: Sequence[str], pieces: Sequence[Mesh], body: Body) -> N
         holding_band(bare_garment(name, mesh, body), body)
         placing = diagnose(Path(name), mesh, body)[1].placing
         if placing is None or not placing.usual or (placing.unit, placing.up) != ("m", "Z"):
-            raise InputError(f"{name}: would be placed as a file in other axes or units")
+            raise InputError(f"{name}: would be read as a file in other axes or units")
     check_order([bare_garment(name, mesh, body) for name, mesh in zip(names, pieces, strict=True)])
     outfit = join_meshes((mesh.vertices, mesh.faces) for mesh in pieces)
     crossing = _crossing(outfit.vertices, outfit.faces)
@@ -58,7 +58,7 @@ def bare_garment(name: str, mesh: Mesh, body: Body) -> Garment:
 
 
 def _fault(mesh: Mesh, body: Body, surface: BodySurface) -> str:
-    """Sentence that says what is wrong with a piece by itself, "" if nothing is."""
+    """Fault of a single piece as a sentence, "" if it has none."""
     if not torch.isfinite(mesh.vertices).all():
         return "a vertex is not a finite number"
     broken = _broken(mesh)
@@ -77,7 +77,7 @@ def _fault(mesh: Mesh, body: Body, surface: BodySurface) -> str:
 
 
 def _broken(mesh: Mesh) -> str:
-    """Sentence that says why the faces of a piece make no surface, "" if they do."""
+    """Reason why the faces of a piece are not a valid surface, "" if they are."""
     welded = weld(mesh.vertices)[mesh.faces]
     parts = int(face_components(welded.numpy(), welded.new_zeros(0).numpy()).max()) + 1
     if parts > 1:

@@ -1,4 +1,4 @@
-"""Designs of garments: what is cut, how long, how wide. Lengths are relative to the body that wears them.
+"""Designs of garments: their parts, lengths and widths. Lengths are relative to the body that wears them.
 
 A design is an upper part, a lower part or both: a shirt is an upper part alone, trousers are legs alone, a
 gown is an upper part and a skirt, a jumpsuit an upper part and legs.
@@ -104,15 +104,15 @@ class Design:
     def of(cls, kind: str, parameters: Mapping[str, Mapping[str, float]], source: str = "design") -> "Design":
         """Design from plain numbers, as `parameters` gives them.
 
-        source: what the sentence of an InputError begins with: an unknown kind, a part or number that is
-        missing or not known, or a number outside its range.
+        source: beginning of the message of an InputError, which is raised for an unknown kind, for a part or
+        number that is missing or unknown, and for a number outside its range.
         """
         if kind not in KINDS:
             raise InputError(
                 f"{source}: {kind!s:.40} is not a type of piece, expected one of {', '.join(KINDS)}"
             )
         if not isinstance(parameters, Mapping) or set(parameters) != set(KINDS[kind]):
-            raise InputError(f"{source}: the parameters of {kind} are those of {' and '.join(KINDS[kind])}")
+            raise InputError(f"{source}: the parts of {kind} have to be {' and '.join(KINDS[kind])}")
         parts = {name: _part(PARTS[name], values, f"{source}: {name}") for name, values in parameters.items()}
         return cls(kind, **parts)
 

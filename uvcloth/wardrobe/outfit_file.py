@@ -37,7 +37,7 @@ KINDS = {
 """Kinds of the values of a file."""
 
 MOST_VERTICES = 1_000_000
-"""Of a piece, and of the range that they were drawn from."""
+"""Limit for the vertices of a piece, and for the range that their number was drawn from."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,8 @@ class OutfitFile:
     """Outfit of one or two pieces, the innermost first.
 
     body: npz of the body that it is worn on. tightness: 0 loose to 1 tight. even: whether triangles are of
-    about one size. seams: whether vertices are doubled along seams. vertex_range: between which its number of
-    vertices was drawn.
+    about one size. seams: whether vertices are doubled along seams. vertex_range: limits between which its
+    number of vertices was drawn.
     """
 
     path: Path
@@ -84,7 +84,7 @@ def load_outfit_file(path: Path) -> OutfitFile:
     """Read the description of an outfit.
 
     Raises InputError naming the file and what is wrong: not readable, another version, a missing or unknown
-    value, a number that is not finite, or a piece or body that is not there.
+    value, a number that is not finite, or a piece or body that does not exist.
     """
     path = Path(path)
     values = read_json(path, "an outfit made by `uvcloth outfits`")
@@ -175,7 +175,7 @@ def _file(path: Path, name: str) -> Path:
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     if not file.is_file():
-        raise InputError(f"{path}: names {file.name}, which is not there")
+        raise InputError(f"{path}: names {file.name}, which does not exist")
     return file
 
 

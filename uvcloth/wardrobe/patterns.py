@@ -26,7 +26,7 @@ SNUG = 0.0055
 """Metres off the skin where a garment is held: at neck, shoulders and waist."""
 
 WAISTBAND = 0.035
-"""Metres that a skirt's waistband is high."""
+"""Height of a skirt's waistband, m."""
 
 ARMHOLE = 0.06
 """Place along the upper arm, as a share of it, where the armhole of a sleeveless garment is."""
@@ -41,7 +41,7 @@ FREE_ARM = 0.6
 """Place along the upper arm from where on no hem of the trunk cuts a sleeve."""
 
 BELOW_NECK = 0.02
-"""Metres below the base of the neck of the top of a neckline."""
+"""Metres from the base of the neck down to the top of a neckline."""
 
 ABOVE_ANKLE = 0.055
 """Metres over the ankle of the longest legs and skirts."""
@@ -58,7 +58,7 @@ class Pattern:
 def cut_pattern(design: Design, body: Body) -> Pattern:
     """Cut a design on a body at rest.
 
-    Raises InputError if the body has no proxy or joint that it takes, or a hem does not close.
+    Raises InputError if the body lacks a proxy or joint that the design needs, or if a hem does not close.
     """
     vertices, faces = tight_shell(body)
     if design.skirt is None:

@@ -34,10 +34,12 @@ REACH = 0.15
 """Metres off the skin within which a piece beneath is searched."""
 
 ROOM_SHARE = 0.35
-"""Share of the way to the body opposite, between the legs and under the arms, that cloth takes at most."""
+"""Share of the distance to the opposite side of the body, between the legs and under the arms, that cloth may
+take.
+"""
 
 ROOM = 0.3
-"""Metres within which the body opposite is searched."""
+"""Metres within which the opposite side of the body is searched."""
 
 EASE_SMOOTHING = 8
 """Passes that smooth the ease over neighbours, so that a sleeve meets the trunk without a step."""
@@ -141,7 +143,7 @@ def _held(vertices: Tensor, faces: Tensor) -> Tensor:
 
 
 def _room(vertices: Tensor, body: Body, surface: BodySurface) -> Tensor:
-    """Metres (N,) off the skin that there is room for: a share of the way to the body opposite."""
+    """Metres (N,) off the skin that cloth may take: a share of the distance to the body opposite."""
     skin = surface.closest(vertices)
     start = skin.points + 1e-4 * skin.normals
     hits = cast_rays(

@@ -39,7 +39,9 @@ from uvcloth.wardrobe.patterns import Pattern, cut_pattern, waist_strip
 Array = NDArray[np.float64]
 
 VERTICES = {"tops": 3600, "bottoms": 3600, "dress": 3600, "shirt": 4000, "skirt": 3880, "jacket": 3360}
-"""Vertices of what ships: near numbers leave thinner triangles, in the jacket down to 2 mm high."""
+"""Vertices of the templates in the package; numbers close to these give thinner triangles, in the jacket down
+to a height of 2 mm.
+"""
 
 SHORT_SLEEVE = 0.55
 """Length of a short sleeve as a share of the upper arm."""
@@ -134,7 +136,7 @@ def _pattern(name: str, body: Body, vertices: Array, faces: Indices) -> Pattern:
 def _meshed(name: str, body: Body, pattern: Pattern, count: int) -> tuple[Array, Indices, Array]:
     """Remesh a pattern to `count` vertices: points (N, 3) m on it, faces (M, 3), and metres (N,) off it.
 
-    What lies off its pattern is remeshed where it lies, so that its triangles are even there.
+    Parts that lie off their pattern are remeshed at their final place, so that triangles are even there.
     """
     off = _lift(name, body, pattern.vertices)
     if not off.any():
@@ -170,7 +172,7 @@ def _field(name: str, body: Body, vertices: Array) -> Array:
 
 
 def _lift(name: str, body: Body, vertices: Array) -> Array:
-    """Metres (P,) off its shell at which a template starts: a jacket farther off than it is to end."""
+    """Distance (P,) m from its shell at which a template starts; a jacket ends closer to it."""
     return _clearance(name, body, vertices) + DRAWN_IN if name == "jacket" else np.zeros(len(vertices))
 
 
@@ -224,9 +226,9 @@ class Options:
     garment: tuple[str, ...] = TEMPLATES
     """Which templates to tailor."""
     body: Path | None = None
-    """Body npz to cut on; the built-in one if left out."""
+    """Body npz to cut on; by default the one in the package."""
     vertices: int | None = None
-    """Vertices per template, about; as many as what ships has if left out."""
+    """Vertices per template, about; by default those of the templates in the package."""
 
 
 def main() -> None:

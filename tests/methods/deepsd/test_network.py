@@ -40,8 +40,8 @@ def poses() -> Tensor:
     ("moved", "seen"), [(0.009, 0.0), (0.02, 0.5), (0.025, 0.75), (0.03, 1.0), (1.0, 1.0)]
 )
 def test_joints_are_seen_by_what_they_move(moved: float, seen: float) -> None:
-    assert float(network().seen(torch.tensor([moved]))) == pytest.approx(seen, abs=1e-6)
-    assert float(network(replace(TINY, seen_joints=0.0)).seen(torch.tensor([moved]))) == 1.0
+    assert float(network().joint_visibility(torch.tensor([moved]))) == pytest.approx(seen, abs=1e-6)
+    assert float(network(replace(TINY, seen_joints=0.0)).joint_visibility(torch.tensor([moved]))) == 1.0
 
 
 def test_a_joint_moves_what_is_beyond_it_too() -> None:
@@ -54,8 +54,8 @@ def test_a_joint_moves_what_is_beyond_it_too() -> None:
         a, b, c = graph.points[face]
         areas.append(float(torch.linalg.cross(b - a, c - a).norm()))
         moved.append(areas[-1] * float(graph.smooth[face, 1].mean()))
-    assert graph.moved.tolist() == pytest.approx([1.0, sum(moved) / sum(areas)], rel=1e-5)
-    assert 0.0 < float(graph.moved[1]) < 1.0
+    assert graph.joint_areas.tolist() == pytest.approx([1.0, sum(moved) / sum(areas)], rel=1e-5)
+    assert 0.0 < float(graph.joint_areas[1]) < 1.0
 
 
 def test_a_joint_that_is_not_seen_changes_no_key() -> None:

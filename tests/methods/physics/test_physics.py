@@ -112,7 +112,7 @@ def test_what_cannot_be_solved_is_said(body: Body) -> None:
     mixed = Outfit(body, (replace(bottoms, fabric=FABRICS["silk"]), tops))
     assert "one fabric" in FAST.unsupported_reason(mixed)
     closed = replace(tops, template=None, source="file", mesh=body.mesh)
-    assert "to be held by" in FAST.unsupported_reason(Outfit(body, (closed,)))
+    assert "that would hold it" in FAST.unsupported_reason(Outfit(body, (closed,)))
 
 
 @dataclass(frozen=True)

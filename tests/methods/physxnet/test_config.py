@@ -23,7 +23,7 @@ def test_decoders_serve_their_template_and_those_like_it() -> None:
 
 
 def test_a_network_that_would_see_nothing_is_refused() -> None:
-    with pytest.raises(InputError, match="--no-motion --no-pose: leaves the network no input of the body"):
+    with pytest.raises(InputError, match="--no-motion --no-pose: leave the network without input"):
         replace(TINY, motion=False, pose=False)
 
 

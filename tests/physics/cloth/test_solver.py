@@ -221,5 +221,5 @@ def test_cloth_that_needs_too_many_substeps_is_refused_by_name() -> None:
     doubled[40] = doubled[41]
     for rest, fabric in ((square, stiff), (narrow, Fabric()), (doubled, Fabric())):
         cloth = make_cloth(rest.numpy(), halves.numpy(), fabric, moved_mass=0.0)
-        with pytest.raises(InputError, match=r"skirt: needs \d+ substeps a second, 60000 at most"):
+        with pytest.raises(InputError, match=r"skirt: needs \d+ substeps a second, the limit is 60000"):
             make_solver(cloth, rest.numpy(), NO_BODY, Settings(), "skirt")

@@ -218,7 +218,9 @@ def test_another_version_of_newton_is_refused_in_one_sentence(
     if supported:
         require_newton()
         return
-    with pytest.raises(InputError, match=r"^Newton 1\.9\.0 is installed, .* Newton 1\.8: install [^\n]*$"):
+    with pytest.raises(
+        InputError, match=r"^Newton 1\.9\.0 is installed, .* Newton 1\.8, .*: install [^\n]*$"
+    ):
         next(Newton().simulate(hanging_sheet(2)))
 
 

@@ -255,7 +255,7 @@ def test_what_does_not_do_is_refused(dataset: OutfitDataset, start: TrainedStart
         DeePSDRun(out=tmp_path / "run").train()
     with pytest.raises(InputError, match="name either --data, or --outfit"):
         DeePSDRun(out=tmp_path / "run", data=(tmp_path,), outfit=("tops",)).train()
-    with pytest.raises(InputError, match="--outfit: is trained on physics alone"):
+    with pytest.raises(InputError, match="--outfit: trains on physics alone"):
         DeePSDRun(out=tmp_path / "run", outfit=("tops",)).train()
     with pytest.raises(InputError, match=r"--thickness -1\.0: has to be 0 or more"):
         PhysicsLosses(thickness=-1.0)

@@ -98,7 +98,10 @@ def test_what_is_trained_is_what_the_method_does(graph_heads: bool, dataset: Out
     (predicted,) = pose_outfits(net, describe(net, [graph], CPU), own, ("data",))
     packed = pack([graph], CPU, net.config.spread)
     described = net.describe(packed)
-    shapes, keys = net.shapes(described, packed, "data"), net.embed(own.vectors[0], net.seen(packed.moved[0]))
+    shapes, keys = (
+        net.shapes(described, packed, "data"),
+        net.embed(own.vectors[0], net.joint_visibility(packed.joint_areas[0])),
+    )
     moved = torch.einsum("bk,ukc->buc", keys, shapes)
     torch.testing.assert_close(predicted.deformation["data"], moved, atol=1e-6, rtol=0)
     expected = pose(graph.points, moved, net.blend_weights(described, packed), own.transforms[0])
@@ -322,7 +325,7 @@ def test_folders_that_do_not_do_are_refused(folder: Path, tmp_path: Path) -> Non
         (tmp_path / path.name).write_bytes(path.read_bytes())
     (tmp_path / BODIES).mkdir()
     (tmp_path / BODIES / "ann.npz").write_bytes((folder / BODIES / "ann.npz").read_bytes())
-    with pytest.raises(InputError, match="holds no outfit for validation, training needs some"):
+    with pytest.raises(InputError, match="holds no outfit for validation, training needs at least one"):
         read_outfits([tmp_path], 1)
     with pytest.raises(InputError, match=r"no sequence \(\*.npz\)"):
         read_outfits([tmp_path / BODIES / "none"], 1)
@@ -334,7 +337,7 @@ def test_sequences_of_single_garments_are_outfits_of_one(folder: Path, tmp_path:
     plain = tmp_path / "plain"
     save_clips(plain, ("tops", "bottoms"), clips=3, frames=5)
     with pytest.raises(
-        InputError, match=r"clip0_bottoms.npz: has no split: its clip clip0 is in no index.csv"
+        InputError, match=r"clip0_bottoms.npz: has no split: the index.csv of its folder lacks the clip clip0"
     ):
         read_outfits([plain], 1)
     rows = "clip0,ann,train,walk,0,2\nclip1,ann,train,run,0,2\nclip2,bob,validation,walk,0,2\n"

@@ -66,7 +66,7 @@ class DeePSDConfig:
         if not self.convolutions:
             raise InputError("--convolutions: has to be one number or more")
         if self.deformation == "none" and self.blend_weights == "smooth":
-            raise InputError("--deformation none: leaves nothing to learn, with --blend-weights smooth")
+            raise InputError("--deformation none: leaves nothing to train with --blend-weights smooth")
         for name in ("convolutions", "global_layers", "weight_layers", "shape_layers", "pose_layers"):
             if len(getattr(self, name)) > MOST_LAYERS:
                 raise InputError(f"--{name.replace('_', '-')}: has to be {MOST_LAYERS} numbers at most")

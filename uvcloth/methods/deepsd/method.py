@@ -43,7 +43,7 @@ DEFAULT_JOINTS = 31
 class DeePSDPrepared:
     """The rig of an outfit of N vertices on a device; those at one place are one of U points.
 
-    owner: (N,). points: (U, 3) m. weights: (U, J). seen: (J,), how much each joint influences the keys.
+    owner: (N,). points: (U, 3) m. weights: (U, J). visibility: (J,), how much each joint influences the keys.
     shapes: (K, 3, U) m, None where no blend shapes are predicted; then described: (U, F) is what offsets are
     predicted from. parents: of the joints. sizes: vertices of each garment.
     """
@@ -52,7 +52,7 @@ class DeePSDPrepared:
     owner: Tensor
     points: Tensor
     weights: Tensor
-    seen: Tensor
+    visibility: Tensor
     shapes: Tensor | None
     described: Tensor
     parents: tuple[int, ...]
@@ -120,7 +120,7 @@ class DeePSD(Method, ContactAware, Riggable):
             owner=graph.owner.to(device),
             points=packed.points,
             weights=network.blend_weights(described, packed),
-            seen=network.seen(packed.moved[0]),
+            visibility=network.joint_visibility(packed.joint_areas[0]),
             shapes=self._shapes(network, described, packed),
             described=described,
             parents=tuple(outfit.body.skeleton.parents),
@@ -140,7 +140,7 @@ class DeePSD(Method, ContactAware, Riggable):
     ) -> tuple[tuple[()], tuple[Tensor, ...]]:
         """Garment vertices (B, N, 3) of each garment, m (paper eq. 1)."""
         transforms = frames.transforms[:, -1]
-        keys = prepared.network.embed(pose_vectors(prepared.parents, transforms), prepared.seen)
+        keys = prepared.network.embed(pose_vectors(prepared.parents, transforms), prepared.visibility)
         deformed = prepared.points.T + self._deformation(prepared, keys)
         posed = skin_each(deformed, prepared.weights, transforms)
         return state, posed[:, prepared.owner].split(list(prepared.sizes), dim=1)
@@ -149,11 +149,11 @@ class DeePSD(Method, ContactAware, Riggable):
         """Deformation (B, 3, U) m of the outfit at rest."""
         if prepared.shapes is not None:
             return (keys @ prepared.shapes.flatten(1)).view(len(keys), 3, -1)
-        moved = keys.new_zeros(len(keys), len(prepared.points), 3)
+        offsets = keys.new_zeros(len(keys), len(prepared.points), 3)
         if self.config.deformation == "offsets":
             for branch in self.branches:
-                moved = moved + prepared.network.offsets(prepared.described, keys, branch)
-        return moved.mT
+                offsets = offsets + prepared.network.offsets(prepared.described, keys, branch)
+        return offsets.mT
 
     @torch.no_grad()
     def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> PoseRig:
@@ -168,7 +168,7 @@ class DeePSD(Method, ContactAware, Riggable):
             owner=prepared.owner,
             weights=prepared.weights,
             shapes=shapes.mT,
-            layers=self.network.embedding_layers(prepared.seen),
+            layers=self.network.embedding_layers(prepared.visibility),
             parents=prepared.parents,
             poses=self.poses,
             sum_to_one=self.config.keys > 0,

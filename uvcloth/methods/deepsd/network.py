@@ -142,8 +142,8 @@ class DeePSDNetwork(nn.Module):
         if not config.standardized:
             return
         for name, values in (("pose", poses), ("input", self._read(outfits))):
-            for moment, found in zip(("mean", "scale"), _moments(values, LEAST_DEVIATION), strict=True):
-                self.get_buffer(f"{name}_{moment}").copy_(found)
+            for moment, value in zip(("mean", "scale"), _moments(values, LEAST_DEVIATION), strict=True):
+                self.get_buffer(f"{name}_{moment}").copy_(value)
         local = self._inputs(outfits)
         for layer in _linear_layers(self.convolutions):
             local = torch.relu(_standardized(layer, _convolved(layer, local, outfits)))
@@ -156,33 +156,33 @@ class DeePSDNetwork(nn.Module):
                 for layer in list(_linear_layers(branch))[:-1]:
                     values = torch.relu(_standardized(layer, layer(values)))
 
-    def seen(self, moved: Tensor) -> Tensor:
-        """Share of each joint's rotation that keys see (..., J), from what the joints move (..., J)."""
+    def joint_visibility(self, areas: Tensor) -> Tensor:
+        """Weight (..., J) of each joint's rotation in the keys, 0 to 1; areas: (..., J) that it moves."""
         share = self.config.seen_joints
-        return (moved / share - 0.5).clamp(0.0, 1.0) if share else torch.ones_like(moved)
+        return (areas / share - 0.5).clamp(0.0, 1.0) if share else torch.ones_like(areas)
 
-    def embed(self, poses: Tensor, seen: Tensor) -> Tensor:
+    def embed(self, poses: Tensor, visibility: Tensor) -> Tensor:
         """Pose keys Theta (..., K) of pose vectors (..., 3 J): none negative, their sum 1 (or all are 0).
 
-        seen: (..., J), how much of each joint they see.
+        visibility: (..., J), the weight of each joint's rotation, see `joint_visibility`.
         """
         if not len(self.embedding):
             return poses
-        keys = (poses - self.pose_mean) / self.pose_scale * seen.repeat_interleave(3, dim=-1)
+        keys = (poses - self.pose_mean) / self.pose_scale * visibility.repeat_interleave(3, dim=-1)
         for layer in self.embedding:
             keys = torch.relu(layer(keys))
         return shares(keys)
 
-    def embedding_layers(self, seen: Tensor) -> tuple[tuple[Tensor, Tensor], ...]:
-        """Weights and biases of the layers from pose vectors to keys; seen: (J,) of the outfit's joints.
+    def embedding_layers(self, visibility: Tensor) -> tuple[tuple[Tensor, Tensor], ...]:
+        """Weights and biases of the layers from pose vectors to keys; none where poses are the keys.
 
-        Mean, deviations and what is seen are in the first. None where the pose itself is the keys.
+        visibility: (J,) of each joint to the keys. The first layer contains it, and mean and deviation.
         """
         layers = [(layer.weight.detach(), layer.bias.detach()) for layer in _linear_layers(self.embedding)]
         if not layers:
             return ()
         weight, bias = layers[0]
-        weight = weight * (seen.repeat_interleave(3) / self.pose_scale)
+        weight = weight * (visibility.repeat_interleave(3) / self.pose_scale)
         layers[0] = weight, bias - weight @ self.pose_mean
         return tuple(layers)
 

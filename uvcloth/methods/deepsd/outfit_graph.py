@@ -24,8 +24,8 @@ class OutfitGraph:
 
     owner: (N,) int64, which point each vertex is. points: (U, 3) m. faces: (F, 3) into them, per piece.
     offsets: (U, 3) m from the closest point of the skin. smooth, closest: (U, J) blend weights, the smooth
-    ones of the baseline and those of the closest vertex of the body. moved: (J,) share of the outfit's area
-    that each joint moves by the smooth ones, with all joints beyond it. fabric: (U, FEATURES) of their
+    ones of the baseline and those of the closest vertex of the body. joint_areas: (J,) share of the
+    outfit's area that each joint and its descendants move by the smooth ones. fabric: (U, FEATURES) of their
     garments. rows: (U + 1,) and columns: (E,) int64, the neighbours of each point, itself among them, as
     compressed rows.
     """
@@ -36,7 +36,7 @@ class OutfitGraph:
     offsets: Tensor
     smooth: Tensor
     closest: Tensor
-    moved: Tensor
+    joint_areas: Tensor
     fabric: Tensor
     rows: Tensor
     columns: Tensor
@@ -77,21 +77,21 @@ def outfit_graph(outfit: Outfit) -> OutfitGraph:
         offsets=points - skin.points,
         smooth=smooth,
         closest=torch.cat([garment.weights for garment in outfit.garments])[kept],
-        moved=_moved(points, torch.cat(faces), smooth, outfit.body.skeleton.parents),
+        joint_areas=_joint_areas(points, torch.cat(faces), smooth, outfit.body.skeleton.parents),
         fabric=torch.cat([_fabric(garment) for garment in outfit.garments])[kept],
         rows=rows,
         columns=columns,
     )
 
 
-def _moved(points: Tensor, faces: Tensor, weights: Tensor, parents: Sequence[int]) -> Tensor:
-    """Share of the area that each joint moves together with those beyond it (J,)."""
+def _joint_areas(points: Tensor, faces: Tensor, weights: Tensor, parents: Sequence[int]) -> Tensor:
+    """Share of the area that each joint moves together with its descendants (J,)."""
     areas = face_normals(points, faces).norm(dim=1, keepdim=True)
-    moved = (areas * weights[faces].mean(1)).sum(0) / areas.sum()
+    shares = (areas * weights[faces].mean(1)).sum(0) / areas.sum()
     for joint, parent in reversed(list(enumerate(parents))):
         if parent >= 0:
-            moved[parent] += moved[joint]
-    return moved
+            shares[parent] += shares[joint]
+    return shares
 
 
 def _fabric(garment: Garment) -> Tensor:
@@ -116,9 +116,9 @@ class PackedOutfits:
     """Points of several outfits, one outfit after another, on one device.
 
     sizes: points of each outfit. outfit: (U,) int64, whose each point is. points, normals, offsets: (U, 3).
-    smooth: (U, J). moved: (B, J). fabric: (U, FEATURES). average: the mean over a point's neighbours and
-    itself. convolve: what a graph convolution takes of values (B, U, C), that mean or, over a distance, the
-    heat kernel.
+    smooth: (U, J). joint_areas: (B, J). fabric: (U, FEATURES). average: the mean over a point's neighbours
+    and itself. convolve: the operator of a graph convolution on values (B, U, C): that mean or, over a
+    distance, the heat kernel.
     """
 
     sizes: tuple[int, ...]
@@ -127,7 +127,7 @@ class PackedOutfits:
     normals: Tensor
     offsets: Tensor
     smooth: Tensor
-    moved: Tensor
+    joint_areas: Tensor
     fabric: Tensor
     average: Operator
     convolve: Callable[[Tensor], Tensor]
@@ -157,7 +157,7 @@ def pack(graphs: Sequence[OutfitGraph], device: torch.device, spread: float = 0.
         normals=joined("normals"),
         offsets=joined("offsets"),
         smooth=joined("smooth"),
-        moved=torch.stack([graph.moved for graph in graphs]).to(device),
+        joint_areas=torch.stack([graph.joint_areas for graph in graphs]).to(device),
         fabric=joined("fabric"),
         average=average,
         convolve=_heat(rows, columns, points, spread, device) if spread else average,
@@ -189,8 +189,10 @@ def _heat_of(average: Operator, shares: Sequence[float], values: Tensor) -> Tens
     return apply_linear(values, *kernels)
 
 
-def _operator(rows: Tensor, columns: Tensor, others: Tensor, own: Tensor, device: torch.device) -> Operator:
-    """Weighted sums of a point, by `own` (U,), and of each neighbour, by `others` (U,)."""
+def _operator(
+    rows: Tensor, columns: Tensor, others: Tensor, diagonal: Tensor, device: torch.device
+) -> Operator:
+    """Weighted sums of a point, by `diagonal` (U,), and of each neighbour, by `others` (U,)."""
     here = _row_of(rows)
     # Neighbourhood goes both ways: the transpose has the same places, and the weights of the column.
     return Operator(
@@ -198,8 +200,8 @@ def _operator(rows: Tensor, columns: Tensor, others: Tensor, own: Tensor, device
             torch.sparse_csr_tensor(
                 rows,
                 columns,
-                torch.where(here == columns, own[here], others[whose]),
-                (len(own), len(own)),
+                torch.where(here == columns, diagonal[here], others[whose]),
+                (len(diagonal), len(diagonal)),
                 check_invariants=False,
             ).to(device)
             for whose in (here, columns)

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 FARTHEST = 4.0
-"""Standard deviations from which on a seed pushes nothing: less than a 2,980th."""
+"""Standard deviations beyond which the force of a seed is ignored: it is below 1/2,980 there."""
 
 TAPS = 3
 """Height and width of the kernels."""
@@ -34,10 +34,10 @@ class RelativePositions(SeedKernel):
     def forward(self, positions: Tensor, mask: Tensor, seeds: Tensor) -> Tensor:
         """Positions (B, 3, H, W) m, zero off the charts, mask (1, 1, H, W), seeds (B, S, 3): (B, C, H, W)."""
         kernel = self.weight.sum(1).unflatten(-1, (TAPS, TAPS))
-        seen = functional.conv2d(positions, kernel, padding=TAPS // 2)
+        response = functional.conv2d(positions, kernel, padding=TAPS // 2)
         shift = torch.einsum("osat,bsa->bot", self.weight, seeds)
         patches = functional.unfold(mask, TAPS, padding=TAPS // 2)
-        return seen - (shift @ patches).view_as(seen)
+        return response - (shift @ patches).view_as(response)
 
 
 @dataclass(frozen=True)
@@ -93,8 +93,8 @@ def contact_forces(
     # Both are products of the points with a row per seed, the constants with a one.
     points = torch.cat([before, torch.ones_like(before[..., :1])], dim=-1)
     depth = points @ torch.cat([-normals, (seeds * normals).sum(-1, keepdim=True)], dim=-1).mT
-    seen = torch.cat([-2.0 * seeds_before, seeds_before.square().sum(-1, keepdim=True)], dim=-1)
-    apart = torch.baddbmm(before.square().sum(-1, keepdim=True), points, seen.mT)
+    seed_rows = torch.cat([-2.0 * seeds_before, seeds_before.square().sum(-1, keepdim=True)], dim=-1)
+    apart = torch.baddbmm(before.square().sum(-1, keepdim=True), points, seed_rows.mT)
     behind = (depth > 0.0) & (apart < (FARTHEST * sigma) ** 2)
     pairs = torch.nonzero(behind.flatten()).squeeze(1)
     near, deep = (values.flatten().index_select(0, pairs) for values in (apart, depth))

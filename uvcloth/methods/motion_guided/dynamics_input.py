@@ -92,23 +92,23 @@ def shape_features(space: Space, maps: GarmentMaps, texels: Tensor, offsets: Ten
     return space.features(maps.map(texels - middle), maps.mask, seeds - middle)
 
 
-def motion_of(local_offsets: bool, maps: GarmentMaps, seen: DynamicsInput) -> Tensor:
+def motion_of(local_offsets: bool, maps: GarmentMaps, inputs: DynamicsInput) -> Tensor:
     """Velocities and accelerations of every texel (B, P, C), m/s and m/s2.
 
     C = 6 as published, the garment's own motion. With local offsets, C = 12: the changes of its offsets, and
     the reference's velocity and specific force, in the axes that turn with it.
     """
-    past = seen.past.offsets if local_offsets else seen.past.texels
-    fps = seen.fps[:, None, None]
+    past = inputs.past.offsets if local_offsets else inputs.past.texels
+    fps = inputs.fps[:, None, None]
     velocity = (past[:, 0] - past[:, 1]) * fps
-    own = [velocity, (velocity - (past[:, 1] - past[:, 2]) * fps) * fps]
+    garment_motion = [velocity, (velocity - (past[:, 1] - past[:, 2]) * fps) * fps]
     if not local_offsets:
-        return torch.cat(own, dim=2)
-    now, frames = skin_frames(maps.texel_points, maps.texel_weights, seen.transforms[:, 0])
-    before, earlier = (skin(maps.texel_points, maps.texel_weights, seen.transforms[:, k]) for k in (1, 2))
+        return torch.cat(garment_motion, dim=2)
+    now, frames = skin_frames(maps.texel_points, maps.texel_weights, inputs.transforms[:, 0])
+    before, earlier = (skin(maps.texel_points, maps.texel_weights, inputs.transforms[:, k]) for k in (1, 2))
     velocity = (now - before) * fps
     force = (velocity - (before - earlier) * fps) * fps - now.new_tensor(FREE_FALL)
-    return torch.cat([*own, rotate_back(frames, velocity), rotate_back(frames, force)], dim=2)
+    return torch.cat([*garment_motion, rotate_back(frames, velocity), rotate_back(frames, force)], dim=2)
 
 
 def state_features(
@@ -116,8 +116,8 @@ def state_features(
 ) -> Tensor:
     """S(M^P) of a garment, as `shape_features` takes it, and the pose of the body (B, J, 3, 4).
 
-    With local offsets, the latter is where the smooth LBS reference lies, seen from the root joint, against
-    its rest, m; as published there is none.
+    With local offsets, the pose is the displacement, m, of the smooth LBS reference from its rest position,
+    in the axes of the root joint; the published method has no pose here.
     """
     features = shape_features(space, maps, texels, offsets, seeds)
     if not space.local_offsets:
@@ -128,14 +128,14 @@ def state_features(
 
 
 def dynamics_features(
-    space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: DynamicsInput, sigma: float
+    space: Space, dynamics: Dynamics, maps: GarmentMaps, inputs: DynamicsInput, sigma: float
 ) -> tuple[Tensor, Tensor]:
-    """S(M^P_{t-1}) and E_t; the pose of t goes with the former, since it is no change."""
-    last, before = seen.past.texels[:, 0], seen.seeds_before.points
-    features = state_features(space, maps, last, seen.past.offsets[:, 0], before, seen.transforms[:, 0])
-    motion = motion_of(space.local_offsets, maps, seen)
-    forces = contact_forces(last, before, seen.seeds.points, seen.seeds.normals, sigma)
-    return features, dynamics.change(maps.map(motion), forces, seen.seeds.normals, maps.sheet.pixels)
+    """S(M^P_{t-1}) and E_t; the pose of frame t belongs to the former, since it is not a change."""
+    last, before = inputs.past.texels[:, 0], inputs.seeds_before.points
+    features = state_features(space, maps, last, inputs.past.offsets[:, 0], before, inputs.transforms[:, 0])
+    motion = motion_of(space.local_offsets, maps, inputs)
+    forces = contact_forces(last, before, inputs.seeds.points, inputs.seeds.normals, sigma)
+    return features, dynamics.change(maps.map(motion), forces, inputs.seeds.normals, maps.sheet.pixels)
 
 
 def rest_shape(
@@ -143,17 +143,17 @@ def rest_shape(
 ) -> Tensor:
     """Codes (B, Z) -> the garment in the rest space (B, N, 3), m.
 
-    sample: a function in the place of `maps.sample`, with a faster gradient.
+    sample: a function that replaces `maps.sample`, with a faster gradient.
     """
     displaced = space.decode(codes, sample or maps.sample, maps.places)
     return maps.points + rotate(maps.axes, displaced)
 
 
 def next_shape(
-    space: Space, dynamics: Dynamics, maps: GarmentMaps, seen: DynamicsInput, sigma: float
+    space: Space, dynamics: Dynamics, maps: GarmentMaps, inputs: DynamicsInput, sigma: float
 ) -> Tensor:
     """The next garment in the rest space (B, N, 3), m."""
-    features, change = dynamics_features(space, dynamics, maps, seen, sigma)
+    features, change = dynamics_features(space, dynamics, maps, inputs, sigma)
     return rest_shape(space, maps, dynamics(features, change))
 
 

@@ -18,18 +18,19 @@ from uvcloth.methods.motion_guided.seeds import Kernels, Seeds, nearest_kernels
 
 Skinning = Literal["smooth_lbs", "fixed", "kernels"]
 """The skinning of shapes at rest: by the smooth blend weights, or by Gaussian kernels around the seeds,
-weighed where a vertex lies at rest or where it is displaced to (as published)."""
+evaluated at a vertex's rest position (fixed) or at its displaced position (kernels, as published).
+"""
 
 
 @dataclass(frozen=True)
 class GarmentMaps:
     """A garment at rest on a body, as the networks read it: fixed from frame to frame.
 
-    sheet: its P texels. corners: (P, 3) vertices around each. mask:
-    (1, 1, H, W). points: (N, 3) m at rest; axes: (N, 3, 3) local frames there. pixels, shares: (N, K) samples
-    of the decoded map. places: (N, C) encoded texture coordinates. kernels: of the seeds near each vertex.
-    smooth_weights: (N, J). skinning: which of the two poses the garment. texel_points: (P, 3) m at rest, and
-    texel_weights: (P, J), of the smooth LBS reference at the texels.
+    sheet: its P texels. corners: (P, 3) vertices around each. mask: (1, 1, H, W). points: (N, 3) m at rest;
+    axes: (N, 3, 3) local frames there. pixels, shares: (N, K) samples of the decoded map. places: (N, C)
+    encoded texture coordinates. kernels: of the seeds near each vertex. smooth_weights: (N, J). skinning: the
+    one that poses the garment. texel_points: (P, 3) m at rest, and texel_weights: (P, J), of the smooth LBS
+    reference at the texels.
     """
 
     sheet: Texels

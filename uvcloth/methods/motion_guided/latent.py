@@ -12,16 +12,16 @@ from uvcloth.methods.motion_guided.seeds import PARTS
 from uvcloth.methods.physxnet.unet import KERNEL, normalization, upsampling
 
 SLOPE = 0.2
-"""Of the leaky rectifiers between convolutions."""
+"""Negative slope of the leaky ReLUs between convolutions."""
 
 FREQUENCIES = 8
-"""Of the positional encoding of texture coordinates."""
+"""Number of frequencies in the positional encoding of texture coordinates."""
 
 FIRST_RADIUS = 0.05
-"""Metres: every kernel's radius before training."""
+"""Radius of every kernel before training, m."""
 
 DISPLACEMENT_SCALE = 0.05
-"""Metres of displacement that the network's last layer calls 1."""
+"""Metres of displacement for an output of 1 of the network's last layer."""
 
 
 def uv_encoding(uvs: Tensor) -> Tensor:
@@ -68,8 +68,8 @@ class Encoder(nn.Module):
 class Space(nn.Module):
     """A generative space: positions -> features -> code, and code -> displacements at rest (section 4.2).
 
-    local_offsets: it reads offsets from the smooth LBS reference, less their mean (shift) and as shares of
-    their deviation (scale), not positions relative to every seed.
+    local_offsets: its input are offsets from the smooth LBS reference, less their mean (shift) and divided by
+    their deviation (scale), instead of positions relative to every seed.
     """
 
     shift: Tensor
@@ -165,15 +165,17 @@ class ShapeSpace(Space):
     def decode(self, codes: Tensor, sample: Callable[[Tensor], Tensor], places: Tensor) -> Tensor:
         """Codes (B, Z) -> displacements (B, N, 3), m, by maps and a perceptron, see `Space`."""
         maps = self.decoder(self.unfold(codes).unflatten(1, (-1, 2, 2)))
-        seen = sample(maps.flatten(2).transpose(1, 2))
-        return DISPLACEMENT_SCALE * self.vertex(torch.cat([seen, places.expand(len(codes), -1, -1)], dim=2))
+        samples = sample(maps.flatten(2).transpose(1, 2))
+        return DISPLACEMENT_SCALE * self.vertex(
+            torch.cat([samples, places.expand(len(codes), -1, -1)], dim=2)
+        )
 
 
 class LinearSpace(Space):
     """A space without hidden layers: codes are principal components of the garment's shapes.
 
     Its features are the centred offsets from the smooth LBS reference; it decodes the displacement of every
-    vertex, without a map between, which would be least exact along its seams.
+    vertex, without an intermediate map, which would be inexact along its seams.
     """
 
     def __init__(self, *, size: int, latent: int, vertices: int) -> None:

@@ -78,7 +78,7 @@ class MotionGuidedState:
 class MotionGuided(Method, Feedback, Representation):
     """Each garment of an outfit is rolled out by itself.
 
-    topology: of the garment's faces that the networks are for, where they were trained.
+    topology: hash of the garment's faces, for trained networks, see `faces_hash`.
     """
 
     config: MotionGuidedConfig
@@ -131,7 +131,7 @@ class MotionGuided(Method, Feedback, Representation):
         return tuple(self._still(maps, transforms) for maps in prepared.maps)
 
     def _still(self, maps: GarmentMaps, transforms: Tensor) -> MotionGuidedState:
-        """The state of a garment that lay smoothly skinned on the body at (B, J, 3, 4) all along."""
+        """The state of a garment that was smoothly skinned to the body at (B, J, 3, 4) until now."""
         still = skin(maps.points, maps.smooth_weights, transforms)
         texels = maps.positions(still)[:, None].repeat(1, MEMORY, 1, 1)
         return MotionGuidedState(
@@ -146,8 +146,8 @@ class MotionGuided(Method, Feedback, Representation):
         self, prepared: MotionGuidedPrepared, state: tuple[MotionGuidedState, ...], frames: BodyFrames
     ) -> tuple[tuple[MotionGuidedState, ...], tuple[Tensor, ...]]:
         """The next garments (B, N, 3), m, from the last ones."""
-        moved = [self._next(prepared, index, before, frames) for index, before in enumerate(state)]
-        return tuple(following for following, _ in moved), tuple(vertices for _, vertices in moved)
+        pairs = [self._next(prepared, index, before, frames) for index, before in enumerate(state)]
+        return tuple(following for following, _ in pairs), tuple(vertices for _, vertices in pairs)
 
     @torch.no_grad()
     def feed_back(
@@ -206,22 +206,22 @@ class MotionGuided(Method, Feedback, Representation):
         """The state after the frame and the garment (B, N, 3) in it."""
         maps, now = prepared.maps[index], frames.transforms[:, -1]
         seeds = self._seeds(maps, frames)
-        seen = DynamicsInput(
+        inputs = DynamicsInput(
             past=state.past,
             transforms=frames.transforms.flip(1),
             seeds_before=state.seeds,
             seeds=seeds,
             fps=now.new_full((len(now),), frames.fps),
         )
-        resting = next_shape(prepared.space, prepared.dynamics, maps, seen, self.config.sigma)
-        blended = pose_transforms(prepared.space, maps, resting, seen.pose)
+        resting = next_shape(prepared.space, prepared.dynamics, maps, inputs, self.config.sigma)
+        blended = pose_transforms(prepared.space, maps, resting, inputs.pose)
         vertices, residual = apply_transforms(blended, resting), state.residual
         if prepared.resolvers:
             turns = blended[..., :3] @ maps.axes
             resolver = prepared.resolvers[index]
             parts = [
-                resolver.resolve(each, turned, maps.sample, moved[None], skin_vertices)
-                for each, turned, moved, skin_vertices in zip(
+                resolver.resolve(each, turned, maps.sample, move[None], skin_vertices)
+                for each, turned, move, skin_vertices in zip(
                     vertices, turns, residual, frames.vertices[:, -1], strict=True
                 )
             ]
@@ -276,15 +276,15 @@ def load_motion_guided(checkpoint: Checkpoint, folder: Path) -> MotionGuided:
     """
     if not any(name.startswith("dynamics.") for name in checkpoint.tensors):
         raise InputError(
-            f"{folder}: holds the first stage alone, the shape space; "
-            "train on with `python -m train motion_guided --resume`"
+            f"{folder}: holds only the first stage, the shape space; "
+            "continue with `python -m train motion_guided --resume`"
         )
     method: MotionGuided = restored(checkpoint, folder, MotionGuidedConfig, MotionGuided.untrained, Both)
     return replace(method, topology=str(checkpoint.notes.get("garment_topology", "")))
 
 
 def faces_hash(garment: Garment) -> str:
-    """Hash of a garment's faces, texture faces included: tells meshes of one name apart."""
+    """Hash of a garment's faces, texture faces included; it differs between meshes of one name."""
     return fingerprint(garment.mesh.faces, garment.mesh.face_uvs)
 
 

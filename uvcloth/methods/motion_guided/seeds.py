@@ -83,7 +83,7 @@ def pose_seeds(seeds: Seeds, transforms: Tensor) -> PosedSeeds:
 
 
 def seeds_on(seeds: Seeds, vertices: Tensor, transforms: Tensor) -> PosedSeeds:
-    """The seeds on the surface as it lies now, vertices (B, V, 3) m; it turns as its skin would."""
+    """The seeds on a moved surface, vertices (B, V, 3) m; their rotations are those of the skinning."""
     _, rotations = skin_frames(seeds.points, seeds.weights, transforms)
     normals = vertex_normals(vertices, seeds.faces)
     points, normals = (gather(values, seeds.corners, seeds.barycentrics) for values in (vertices, normals))

@@ -106,8 +106,8 @@ class PBNS(Method, Riggable):
     def unsupported_reason(self, outfit: Outfit) -> str:
         """Reason why it cannot dress an outfit: it is for the garments and the body of its training."""
         names = tuple(garment.name for garment in outfit.garments)
-        own = " over ".join(reversed(self.garments.names)) or "no garment yet"
-        who = f"model {self.name} is for {own}"
+        garments = " over ".join(reversed(self.garments.names)) or "no garment yet"
+        who = f"model {self.name} is for {garments}"
         if names != tuple(name for name in self.garments.names if name in names):
             return f"{who}, not for {' over '.join(reversed(names))}"
         if fault := self.body_fault(outfit.body):
@@ -125,8 +125,8 @@ class PBNS(Method, Riggable):
 
     def body_fault(self, body: Body) -> str:
         """The reason that the model does not fit a body: it is for one shape of body; "" if it fits."""
-        heads, own = body.skeleton.heads, self.garments.heads
-        if heads.shape == own.shape and float((heads - own).norm(dim=1).max()) < SAME_SHAPE:
+        heads, expected = body.skeleton.heads, self.garments.heads
+        if heads.shape == expected.shape and float((heads - expected).norm(dim=1).max()) < SAME_SHAPE:
             return ""
         return f"model {self.name} was trained on another body than {body.name!r}, in skeleton or shape"
 
@@ -135,14 +135,14 @@ class PBNS(Method, Riggable):
         require_supported(self, outfit)
         rows = self._rows([garment.name for garment in outfit.garments])
         network = for_inference(self.network, device)
-        chosen = torch.cat(rows).to(device)
-        return PBNSPrepared(network, chosen, [len(each) for each in rows], network.blend_weights()[chosen])
+        indices = torch.cat(rows).to(device)
+        return PBNSPrepared(network, indices, [len(each) for each in rows], network.blend_weights()[indices])
 
     def _rows(self, names: Sequence[str]) -> list[Tensor]:
         """Rows of the model's vertices that are those of each of some of its garments."""
         parts = torch.arange(len(self.network.rest)).split(self.garments.sizes)
-        own = dict(zip(self.garments.names, parts, strict=True))
-        return [own[name] for name in names]
+        by_name = dict(zip(self.garments.names, parts, strict=True))
+        return [by_name[name] for name in names]
 
     @torch.no_grad()
     def step(
@@ -246,12 +246,12 @@ def _outfit(checkpoint: Checkpoint, path: Path) -> RestOutfit:
     meshes = []
     for index in range(len(checkpoint.garments)):
         mesh = {f"mesh.{index}.{name}": field for name, field in MESH_FIELDS.items()}
-        found = check_fields(path, arrays, mesh).values()
-        meshes.append(Mesh(*(torch.from_numpy(array) for array in found)))
+        fields = check_fields(path, arrays, mesh).values()
+        meshes.append(Mesh(*(torch.from_numpy(array) for array in fields)))
     joints = check_fields(path, arrays, {"heads": numbers("J", 3), "parents": indices("J", of="J", least=-1)})
     parents = tuple(joints["parents"].tolist())
     if not in_order(parents) or not meshes:
-        raise InputError(f"{path}: has no garments, or a joint before the one above it")
+        raise InputError(f"{path}: has no garments, or a joint before its parent")
     return RestOutfit(checkpoint.garments, tuple(meshes), torch.from_numpy(joints["heads"]), parents)
 
 

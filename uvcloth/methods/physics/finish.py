@@ -25,7 +25,7 @@ from uvcloth.methods.finish_names import FINISHES, FinishName
 from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.method import Method, Traits
 from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.physics.outfit import CagedOutfit, Moved, at_rest, carry, moved, posed
+from uvcloth.methods.physics.outfit import CagedOutfit, CagedState, at_rest, carry, next_frame, posed
 
 PULL = 2.0
 """Frequency, 1/s, of the spring that pulls cages to a prediction: more of it freezes skirts."""
@@ -36,7 +36,7 @@ class FinishState:
     """States of the method and of the solver."""
 
     guide: Any
-    cloth: tuple[Moved, ...]
+    cloth: tuple[CagedState, ...]
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class Finished(Finish):
             skinned = cages.skinned_cages(transforms)
             predicted = [garment[place].cpu() for garment in raw]
             targets = _targets(cages, skinned, predicted)
-            after = moved(cages, before, cages.collider(vertices), targets, self.pull, frames.fps)
+            after = next_frame(cages, before, cages.collider(vertices), targets, self.pull, frames.fps)
             after, garments = carry(cages, after, skinned, cages.skinned(transforms))
             cloth.append(after)
             rows.append(_where_finite(predicted, garments))
@@ -164,8 +164,9 @@ def finished(
 ) -> tuple[Method, bool]:
     """The method with its finish for an outfit, and whether contact comes after it.
 
-    finish: None for the usual one: dynamic for trained methods, where the solver can move the outfit; contact
-    for baselines, beside physics, and for other outfits. Raises InputError for a name that is none.
+    finish: None for the usual one, which is dynamic for trained methods if the solver can move the outfit,
+    and contact for other outfits, for baselines and for methods with physics. Raises InputError for an
+    unknown name.
     """
     if finish is not None and finish not in FINISHES:
         raise InputError(f"--finish {finish}: expected one of {', '.join(FINISHES)}")

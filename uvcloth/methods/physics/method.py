@@ -13,12 +13,12 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.methods.method import Method, MethodEntry, Traits
 from uvcloth.methods.physics.outfit import (
     CagedOutfit,
-    Moved,
+    CagedState,
     PhysicsConfig,
     at_rest,
     carry,
     make_caged_outfit,
-    moved,
+    next_frame,
     posed,
 )
 
@@ -37,7 +37,7 @@ class Physics(Method):
             for garment in outfit.garments:
                 holding_band(garment, outfit.body)
         except InputError as error:
-            return f"{error}; --model physxnet or lbs_smooth will serve"
+            return f"{error}; use --model physxnet or lbs_smooth"
         if len({garment.fabric for garment in outfit.garments}) > 1:
             return "model physics: all garments of an outfit have to be of one fabric, name one with --fabric"
         return ""
@@ -46,7 +46,7 @@ class Physics(Method):
         """Make the cages and their solver, which runs on the CPU."""
         return make_caged_outfit(outfit, self.config)
 
-    def init(self, prepared: CagedOutfit, frames: BodyFrames) -> tuple[Moved, ...]:
+    def init(self, prepared: CagedOutfit, frames: BodyFrames) -> tuple[CagedState, ...]:
         """Let cloth settle on the bodies as they stand in the frames."""
         return tuple(
             at_rest(prepared, prepared.collider(vertices), prepared.skinned_cages(transforms), 0.0)
@@ -54,20 +54,22 @@ class Physics(Method):
         )
 
     def step(
-        self, prepared: CagedOutfit, state: tuple[Moved, ...], frames: BodyFrames
-    ) -> tuple[tuple[Moved, ...], tuple[Tensor, ...]]:
+        self, prepared: CagedOutfit, state: tuple[CagedState, ...], frames: BodyFrames
+    ) -> tuple[tuple[CagedState, ...], tuple[Tensor, ...]]:
         """Garments (B, N, 3) m of the next frame of B rollouts."""
         following, rows = [], []
         for before, (transforms, vertices) in zip(state, posed(frames), strict=True):
             targets = prepared.skinned_cages(transforms)
-            after = moved(prepared, before, prepared.collider(vertices), targets, 0.0, frames.fps)
+            after = next_frame(prepared, before, prepared.collider(vertices), targets, 0.0, frames.fps)
             after, garments = carry(prepared, after, targets, prepared.skinned(transforms))
             following.append(after)
             rows.append(garments)
         device = frames.vertices.device
         return tuple(following), tuple(torch.stack(each).to(device) for each in zip(*rows, strict=True))
 
-    def displaced(self, prepared: CagedOutfit, state: tuple[Moved, ...], shift: Tensor) -> tuple[Moved, ...]:
+    def displaced(
+        self, prepared: CagedOutfit, state: tuple[CagedState, ...], shift: Tensor
+    ) -> tuple[CagedState, ...]:
         """The rollouts displaced by (B, 3) m."""
         ways = shift.double().cpu().numpy()
         return tuple(each.displaced(way) for each, way in zip(state, ways, strict=True))

@@ -126,7 +126,7 @@ class CagedOutfit:
 
 
 @dataclass(frozen=True)
-class Moved:
+class CagedState:
     """Cloth of one rollout, and what moved it last.
 
     body: (C, 3) m, the collider. targets: (n, 3) m that its cages were pulled to. fine: the points of all
@@ -138,7 +138,7 @@ class Moved:
     targets: NDArray[np.float32]
     fine: FineState
 
-    def displaced(self, way: NDArray[np.float64]) -> "Moved":
+    def displaced(self, way: NDArray[np.float64]) -> "CagedState":
         """The same displaced by (3,) m."""
         return replace(
             self,
@@ -205,14 +205,14 @@ def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
     )
 
 
-def moved(
+def next_frame(
     prepared: CagedOutfit,
-    state: Moved,
+    state: CagedState,
     body: NDArray[np.float32],
     targets: NDArray[np.float32],
     pull: float,
     fps: float,
-) -> Moved:
+) -> CagedState:
     """Cloth one frame later: the collider at (C, 3) m, cages pulled to targets (n, 3) m with `pull`, 1/s."""
     held = prepared.hold > 0
     motion = Motion(
@@ -229,7 +229,7 @@ def moved(
 
 def at_rest(
     prepared: CagedOutfit, body: NDArray[np.float32], targets: NDArray[np.float32], pull: float
-) -> Moved:
+) -> CagedState:
     """Cloth that came to rest from the targets (n, 3) m, pulled to them, on a collider (C, 3) m that stands.
 
     Whenever it has become slower it is stopped, so that a skirt does not swing for seconds (kinetic damping:
@@ -237,10 +237,10 @@ def at_rest(
     """
     nowhere = np.zeros((sum(_sizes(prepared)), 3), np.float32)
     fine = FineState(nowhere, np.zeros_like(body), moving_body.no_memory(prepared.fine_body), 0)
-    state = Moved(start(prepared.solver, targets), body, targets, fine)
+    state = CagedState(start(prepared.solver, targets), body, targets, fine)
     energy = 0.0
     for _ in range(SETTLING_FRAMES):
-        state = moved(prepared, state, body, targets, pull, SETTLING_FPS)
+        state = next_frame(prepared, state, body, targets, pull, SETTLING_FPS)
         before, energy = energy, float(np.square(state.cloth.velocities).sum())
         if energy < before:
             stopped = replace(state.cloth, velocities=np.zeros_like(state.cloth.velocities))
@@ -249,8 +249,8 @@ def at_rest(
 
 
 def carry(
-    prepared: CagedOutfit, state: Moved, cages: NDArray[np.float32], garments: Sequence[Tensor]
-) -> tuple[Moved, tuple[Tensor, ...]]:
+    prepared: CagedOutfit, state: CagedState, cages: NDArray[np.float32], garments: Sequence[Tensor]
+) -> tuple[CagedState, tuple[Tensor, ...]]:
     """Garments (N, 3) m that follow their cages, cleared off the body and off each other.
 
     cages: (n, 3) m and garments: (U, 3) m of each, that belong to one another; what cloth is off the former
@@ -308,7 +308,10 @@ def _sizes(prepared: CagedOutfit) -> list[int]:
 
 def _thickness(points: Sequence[Tensor], garments: Sequence[Garment]) -> NDArray[np.float32]:
     return torch.cat(
-        [inner_thickness(own, (inner.mesh for inner in garments[:index])) for index, own in enumerate(points)]
+        [
+            inner_thickness(vertices, (inner.mesh for inner in garments[:index]))
+            for index, vertices in enumerate(points)
+        ]
     ).numpy()
 
 
@@ -321,10 +324,10 @@ def _fine_mesh(garments: Sequence[CagedGarment], worn: Sequence[Garment]) -> Fin
 
 def _layers(garments: Sequence[CagedGarment], worn: Sequence[Garment]) -> Iterator[Over]:
     """Pairs of garments, with the points of the outer one that are not on the inner side at rest."""
-    for outer, own in enumerate(garments):
+    for outer, cage in enumerate(garments):
         for inner, below in enumerate(garments[:outer]):
             layer = Layer(below.points, below.places[worn[inner].mesh.faces])
-            beside = layer.beside(own.points)
+            beside = layer.beside(cage.points)
             rows = torch.nonzero(~beside.covered | (beside.distance >= 0)).squeeze(1)
             yield Over(outer, inner, rows, layer)
 

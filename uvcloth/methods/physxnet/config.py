@@ -64,7 +64,7 @@ class PhysXNetConfig:
         if not self.templates or len(set(self.templates)) < len(self.templates):
             raise InputError("--templates: has to be one template or more, each once")
         if not (self.motion or self.pose):
-            raise InputError("--no-motion --no-pose: leaves the network no input of the body")
+            raise InputError("--no-motion --no-pose: leave the network without input from the body")
         if self.size % 2**self.levels:
             raise InputError(
                 f"--size {self.size}: has to be a multiple of {2**self.levels} for --levels {self.levels}"
@@ -73,8 +73,8 @@ class PhysXNetConfig:
     @property
     def inputs(self) -> int:
         """Channels of the network's input."""
-        seen = (HISTORY * 6 if self.motion else 0) + (3 if self.pose else 0)
-        return seen + self.history * 3 * len(self.templates)
+        channels = (HISTORY * 6 if self.motion else 0) + (3 if self.pose else 0)
+        return channels + self.history * 3 * len(self.templates)
 
     def decoder(self, template: str | None) -> str | None:
         """The template whose decoder serves a garment of this one: its own, else that of the one LIKE it.

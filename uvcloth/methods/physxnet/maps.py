@@ -95,6 +95,6 @@ def body_anchors(
     texels: BodyTexels, template: TemplateTexels, body_vertices: Tensor, transforms: Tensor
 ) -> tuple[Tensor, Tensor]:
     """Posed body points (B, Q, 3) of a template's texels, and the frames that turn with them (B, Q, 3, 3)."""
-    seen = template.texels
-    _, frames = skin_frames(texels.points[seen], texels.weights[seen], transforms)
-    return gather(body_vertices, texels.corners[seen], texels.sheet.barycentrics[seen]), frames
+    rows = template.texels
+    _, frames = skin_frames(texels.points[rows], texels.weights[rows], transforms)
+    return gather(body_vertices, texels.corners[rows], texels.sheet.barycentrics[rows]), frames

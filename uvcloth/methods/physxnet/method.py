@@ -100,9 +100,9 @@ class PhysXNet(Method, Representation):
             (name, build_decoder(garment, templates[name], texels))
             for name, garment in zip(served, outfit.garments, strict=True)
         )
-        moved = to_device((texels, templates, garments), device)
+        on_device = to_device((texels, templates, garments), device)
         written = all(g.mesh is meshes[name] for name, g in zip(served, outfit.garments, strict=True))
-        return PhysXNetPrepared(for_inference(self.net, device), *moved, on_templates=written)
+        return PhysXNetPrepared(for_inference(self.net, device), *on_device, on_templates=written)
 
     @torch.no_grad()
     def init(self, prepared: PhysXNetPrepared, frames: BodyFrames) -> PhysXNetState | None:
@@ -128,11 +128,11 @@ class PhysXNet(Method, Representation):
         else:
             before = [self._motion(prepared, frames, frame) for frame in range(HISTORY - 1)]
             motions = torch.stack([*before, motion], dim=1)
-        seen = motions.flatten(1, 2)
+        values = motions.flatten(1, 2)
         body_vertices, transforms = frames.vertices[:, -1], frames.transforms[:, -1]
         if self.config.pose:
-            seen = torch.cat([seen, pose_values(prepared.texels, body_vertices, transforms)], dim=1)
-        maps = scatter_map(seen.transpose(1, 2), prepared.texels.sheet)
+            values = torch.cat([values, pose_values(prepared.texels, body_vertices, transforms)], dim=1)
+        maps = scatter_map(values.transpose(1, 2), prepared.texels.sheet)
         if state:
             maps = torch.cat([maps, state.offsets.flatten(1, 2)], dim=1)
         predicted = prepared.net(maps)

@@ -118,13 +118,13 @@ def template_texels(template: str | None, mesh: Mesh, body: Body, texels: BodyTe
         )
         reach = torch.where(legs, SKIRT_REACH, reach)
     hits = body_to_garment(origins, directions, mesh.vertices, mesh.faces, SKIRT_REACH)
-    seen = torch.nonzero(hits.distance <= reach).squeeze(1)
-    if not len(seen):
-        raise InputError(f"template {template}: no texel of body {body.name!r} sees it")
-    corners, barycentrics = mesh.faces[hits.face[seen]], hits.barycentrics[seen]
+    rows = torch.nonzero(hits.distance <= reach).squeeze(1)
+    if not len(rows):
+        raise InputError(f"template {template}: no ray from a texel of body {body.name!r} meets it")
+    corners, barycentrics = mesh.faces[hits.face[rows]], hits.barycentrics[rows]
     return TemplateTexels(
-        texels=seen,
-        pixels=texels.sheet.pixels[seen],
+        texels=rows,
+        pixels=texels.sheet.pixels[rows],
         corners=corners,
         barycentrics=barycentrics,
         points=gather(mesh.vertices, corners, barycentrics),

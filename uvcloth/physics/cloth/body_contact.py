@@ -91,8 +91,8 @@ def find_contacts(body: Body, passage: Passage, share: Number, positions: Array,
     fit_patches(body, passage.points, passage.boxes)
     vertices, faces = np.empty(body.touches.size, np.int32), np.empty(body.touches.size, np.int32)
     stack, distances = np.empty(DEPTH, np.int32), np.empty(DEPTH, np.float32)
-    found = _search(body, passage, share, positions, reach, stack, distances, vertices, faces)
-    return _contacts(vertices[:found].copy(), faces[:found].copy())
+    count = _search(body, passage, share, positions, reach, stack, distances, vertices, faces)
+    return _contacts(vertices[:count].copy(), faces[:count].copy())
 
 
 @inlined

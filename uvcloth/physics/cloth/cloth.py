@@ -103,13 +103,13 @@ def make_cloth(
     shear = fabric.stretch / (2.0 * (1.0 + fabric.poisson))
     spread = fabric.stretch * fabric.poisson / (1.0 - fabric.poisson**2)
     stiffness = (2.0 * shear + spread) * _corner_stiffness(faces, area, inverse, len(rest))
-    own = _redistributed(mass, factor, stiffness, moved_mass)
-    heavy = own + (factor - 1.0) * mass
+    true_mass = _redistributed(mass, factor, stiffness, moved_mass)
+    heavy = true_mass + (factor - 1.0) * mass
     return Cloth(
         Particles(
             mass=heavy.astype(np.float32),
             inverse_mass=(1.0 / heavy).astype(np.float32),
-            weight=(own / heavy).astype(np.float32),
+            weight=(true_mass / heavy).astype(np.float32),
             thickness=np.zeros(len(rest), np.float32)
             if thickness is None
             else np.ascontiguousarray(thickness, np.float32),
@@ -157,8 +157,8 @@ def _redistributed(mass: NDArray, factor: NDArray, stiffness: NDArray, share: fl
     order = np.argsort(-squared)
     limits = np.cumsum(stiffness[order]) / (np.cumsum(heavy[order]) + share * mass.sum())
     limit = limits[max(int((limits < squared[order]).sum()), 1) - 1]
-    own = mass + np.maximum(stiffness / limit - heavy, 0.0)
-    return own * (mass.sum() / own.sum())
+    true_mass = mass + np.maximum(stiffness / limit - heavy, 0.0)
+    return true_mass * (mass.sum() / true_mass.sum())
 
 
 def _hinges(rest: NDArray[np.float64], faces: Integers, bend: float, damping: float) -> Hinges:

@@ -196,21 +196,21 @@ def add_elastic_forces(
         for j in range(3):
             rows[i, j], rows[i, 4 + j], sums[i, j] = positions[i, j], velocities[i, j], forces[i, j]
         sums[i, 3] = ZERO
-    moved = np.zeros((24, BLOCK), np.float32)
+    lines = np.zeros((24, BLOCK), np.float32)
     pushed = np.empty((12, BLOCK), np.float32)
     for start in range(0, membrane.size, BLOCK):
         size = min(BLOCK, membrane.size - start)
-        _gather(membrane.corners, 3, start, size, rows, moved)
+        _gather(membrane.corners, 3, start, size, rows, lines)
         for k in range(BLOCK):
             a, b, c = face_forces(
                 membrane,
                 np.uint64(start) + np.uint64(k),
-                _column(moved, 0, k),
-                _column(moved, 1, k),
-                _column(moved, 2, k),
-                _column(moved, 4, k),
-                _column(moved, 5, k),
-                _column(moved, 6, k),
+                _column(lines, 0, k),
+                _column(lines, 1, k),
+                _column(lines, 2, k),
+                _column(lines, 4, k),
+                _column(lines, 5, k),
+                _column(lines, 6, k),
                 wind,
             )
             _put(pushed, 0, k, a)
@@ -219,19 +219,19 @@ def add_elastic_forces(
         _scatter(membrane.corners, 3, start, size, pushed, sums)
     for start in range(0, hinges.size, BLOCK):
         size = min(BLOCK, hinges.size - start)
-        _gather(hinges.corners, 4, start, size, rows, moved)
+        _gather(hinges.corners, 4, start, size, rows, lines)
         for k in range(BLOCK):
             a, b, c, d = hinge_forces(
                 hinges,
                 np.uint64(start) + np.uint64(k),
-                _column(moved, 0, k),
-                _column(moved, 1, k),
-                _column(moved, 2, k),
-                _column(moved, 3, k),
-                _column(moved, 4, k),
-                _column(moved, 5, k),
-                _column(moved, 6, k),
-                _column(moved, 7, k),
+                _column(lines, 0, k),
+                _column(lines, 1, k),
+                _column(lines, 2, k),
+                _column(lines, 3, k),
+                _column(lines, 4, k),
+                _column(lines, 5, k),
+                _column(lines, 6, k),
+                _column(lines, 7, k),
             )
             _put(pushed, 0, k, a)
             _put(pushed, 1, k, b)
@@ -243,11 +243,11 @@ def add_elastic_forces(
 
 
 @inlined
-def _gather(corners: Array, count: int, start: int, size: int, rows: Array, moved: Array) -> None:
+def _gather(corners: Array, count: int, start: int, size: int, rows: Array, lines: Array) -> None:
     """Copy rows (N, 8) of a block's corners to lines: corner r to those from 3 r and from 12 + 3 r on."""
     for r in range(count):
         for k in range(0, size, LANES):
-            gather_rows(rows, corners, r, start + k, moved, 3 * r, k)
+            gather_rows(rows, corners, r, start + k, lines, 3 * r, k)
 
 
 @inlined

@@ -67,8 +67,8 @@ def make_body(vertices: NDArray, parts: Sequence[NDArray], touches: NDArray) -> 
     faces = np.concatenate([np.zeros((0, 3)), *parts]).astype(np.int32)
     neighbours, first = [np.zeros((0, 3))], 0
     for part in parts:
-        own = neighbour_faces(np.asarray(part))
-        neighbours.append(np.where(own < 0, -1, own + first))
+        adjacent = neighbour_faces(np.asarray(part))
+        neighbours.append(np.where(adjacent < 0, -1, adjacent + first))
         first += len(part)
     tree = build_tree(np.asarray(vertices, np.float32), faces, [len(part) for part in parts], BODY_LEAF)
     patches = find_patches(tree, faces, PATCH)
@@ -86,7 +86,7 @@ def make_body(vertices: NDArray, parts: Sequence[NDArray], touches: NDArray) -> 
 
 
 class Memory(NamedTuple):
-    """Results of the searches of a frame for the next, for each of K parts and N vertices of the cloth.
+    """Search results of a frame that the next starts from, for each of K parts and N vertices of cloth.
 
     faces: (K, N) int32, the closest face, -1 for none. clear: (K, N) m, within which there is none.
     """

@@ -554,13 +554,13 @@ def _separate(
         light += shares[j] * shares[j] * inverse_mass[corners[j]]
     relative = _relative(velocities, corners, shares)
     approach = dot(relative, normal)
-    moved = min(-gap, PUSH_SPEED * step) / light
+    shift = min(-gap, PUSH_SPEED * step) / light
     impulse = max(-approach, ZERO) / light
     along = sub(relative, scale(approach, normal))
     speed = length(along)
     slowed = min(friction * impulse, speed / light) / (speed + TINY)
     for j in range(4):
         share = shares[j] * inverse_mass[corners[j]]
-        store(positions, corners[j], combine(ONE, load(positions, corners[j]), moved * share, normal))
+        store(positions, corners[j], combine(ONE, load(positions, corners[j]), shift * share, normal))
         change = combine(impulse * share, normal, -slowed * share, along)
         store(velocities, corners[j], add(load(velocities, corners[j]), change))

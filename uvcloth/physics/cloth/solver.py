@@ -135,7 +135,7 @@ def make_solver(cloth: Cloth, rest: NDArray, body: Body, settings: Settings, nam
     if not step * settings.safety * MOST_SUBSTEPS_PER_SECOND >= 1.0:
         raise InputError(
             f"{name}: needs {math.ceil(1.0 / max(1e-9, step * settings.safety))} substeps a second, "
-            f"{MOST_SUBSTEPS_PER_SECOND} at most are made: a face of it is too narrow, or its fabric too "
+            f"the limit is {MOST_SUBSTEPS_PER_SECOND}: one of its faces is too narrow, or its fabric is too "
             "stiff for its weight"
         )
     return Solver(cloth, body, settings, step)
@@ -175,8 +175,8 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
     body_speed = _fastest(drive.body_end - drive.body_start) / motion.seconds
     if not body_speed <= FASTEST_BODY:
         raise InputError(
-            f"the body moves at {body_speed:.0f} m/s past the cloth in a frame, {FASTEST_BODY:.0f} at most "
-            "can be followed"
+            f"the body moves at {body_speed:.0f} m/s past the cloth in a frame, the limit is "
+            f"{FASTEST_BODY:.0f} m/s"
         )
     body_interval = min(settings.interval, settings.reach / max(body_speed + _fastest(speeds), 1e-6))
     for attempt in range(RETRIES + 1):

@@ -40,11 +40,11 @@ def _largest_eigenvalue(cloth: Cloth, rest: NDArray[np.float32], rates: bool) ->
     value = 0.0
     for _ in range(ITERATIONS):
         direction /= np.linalg.norm(direction)
-        moved = direction / root
-        size = (1.0 if rates else DISPLACEMENT) / np.abs(moved).max()
+        displacement = direction / root
+        size = (1.0 if rates else DISPLACEMENT) / np.abs(displacement).max()
         forces = []
         for sign in (1.0, -1.0):
-            shift = (sign * size * moved).astype(np.float32)
+            shift = (sign * size * displacement).astype(np.float32)
             positions, velocities = (centred, shift) if rates else (centred + shift, np.zeros_like(shift))
             force = np.zeros_like(shift)
             add_elastic_forces(still, hinges, positions, velocities, (ZERO, ZERO, ZERO), force)

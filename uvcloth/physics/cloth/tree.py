@@ -106,20 +106,20 @@ def _find_connected(ranges: Array, order: Array, neighbours: Array, connected: A
     place = np.empty(len(order), np.int32)
     for k in range(len(order)):
         place[order[k]] = k
-    seen = np.full(len(order), -1, np.int32)
+    visited = np.full(len(order), -1, np.int32)
     waiting = np.empty(len(order), np.int32)
     for node in range(len(ranges)):
         start, end = ranges[node, 0], ranges[node, 1]
         waiting[0] = order[start]
-        seen[order[start]] = node
-        count, found = 1, 0
-        while found < count:
-            face = waiting[found]
-            found += 1
+        visited[order[start]] = node
+        count, head = 1, 0
+        while head < count:
+            face = waiting[head]
+            head += 1
             for j in range(3):
                 other = neighbours[face, j]
-                if other >= 0 and seen[other] != node and start <= place[other] < end:
-                    seen[other] = node
+                if other >= 0 and visited[other] != node and start <= place[other] < end:
+                    visited[other] = node
                     waiting[count] = other
                     count += 1
         connected[node] = count == end - start
@@ -364,11 +364,11 @@ def closest_face(
     saves time but does not matter. Returns besides, if none is found, the square of a distance within which
     none is.
     """
-    best, found = reach * reach, -1
+    best, face = reach * reach, -1
     if hint >= 0:
         distance = squared_distance(faces, points, hint, point)
         if distance < best:
-            best, found = distance, hint
+            best, face = distance, hint
     elif guess >= 0:
         best = min(best, _rounded_up(squared_distance(faces, points, guess, point)))
     beyond = FAR
@@ -387,7 +387,7 @@ def closest_face(
                 distance = squared_distance(faces, points, tree.order[k], point)
                 beyond = min(beyond, distance)
                 if distance < best:
-                    best, found = distance, tree.order[k]
+                    best, face = distance, tree.order[k]
             continue
         to_left, to_right = box_distance(boxes, left, point), box_distance(boxes, right, point)
         near, far = (left, right) if to_left < to_right else (right, left)
@@ -399,4 +399,4 @@ def closest_face(
             stack[top], distances[top] = near, to_near
             top += 1
         beyond = min(beyond, to_near if to_near >= best else to_far if to_far >= best else FAR)
-    return found, beyond
+    return face, beyond

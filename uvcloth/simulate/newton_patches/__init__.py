@@ -1,4 +1,4 @@
-"""Replaced internals of Newton: all of them, for one version, each with the reason.
+"""Replaced internals of one version of Newton, each with the reason.
 
 The tests of this folder show for each that Newton itself still lacks it; one that fails says which to remove.
 """
@@ -41,8 +41,8 @@ def require_newton() -> None:
         raise InputError("simulating needs Newton: install uvcloth[simulate]") from error
     if installed.split(".")[:2] != SUPPORTED.split("."):
         raise InputError(
-            f"Newton {installed} is installed, and this engine replaces internals of Newton {SUPPORTED}: "
-            "install uvcloth[simulate]"
+            f"Newton {installed} is installed, but this engine needs Newton {SUPPORTED}, whose internals it "
+            "replaces: install uvcloth[simulate]"
         )
 
 
@@ -99,11 +99,11 @@ def patches() -> tuple[Patch, ...]:
 def patched_solver() -> type[Any]:
     """SolverVBD with all patches, whose substeps start from the acceleration of the substep before.
 
-    Few iterations leave something of where they start. From free fall, cloth that drapes at rest falls a
-    little in every substep, until it is stretched so far that what the iterations do makes up for it; from
-    its acceleration, which is none, it stays where forces balance, whatever the iterations. (Chen et al.
-    2024, "Vertex Block Descent", section 3.7, take of the acceleration the part along gravity.) It is cut to
-    that of free fall, or stiff waves grow.
+    Few iterations do not remove all of the initial guess. With free fall as the guess, cloth at rest falls a
+    little in every substep, until it is stretched so far that the iterations compensate for it; with its own
+    acceleration as the guess, which is zero, it stays in equilibrium for any number of iterations. (Chen et
+    al. 2024, "Vertex Block Descent", section 3.7, use the part of the acceleration along gravity.) The
+    acceleration is limited to that of free fall, or stiff waves grow.
     """
     from newton.solvers import SolverVBD
 
@@ -128,10 +128,10 @@ def patched_solver() -> type[Any]:
 
 
 def keep_apart(pipeline: Any, touches: Tensor) -> None:
-    """Take pairs that may not touch out of a collision pipeline, which pairs all vertices with all shapes.
+    """Remove pairs that may not touch from a collision pipeline, which pairs all vertices with all shapes.
 
-    touches: (S, N), True where vertex n may touch shape s. The last shape of the pipeline, which touches
-    nothing, takes the places of the others.
+    touches: (S, N), True where vertex n may touch shape s. Their places are filled with the last shape of the
+    pipeline, which touches nothing.
     """
     pairs = pipeline.soft_rigid_contact_pairs.numpy()
     allowed = torch.cat([touches, touches.new_zeros(1, touches.shape[1])]).numpy()

@@ -1,11 +1,11 @@
 # mypy: ignore-errors
-"""Self-contact of pairs that are near enough to matter; of the others nothing is worked out.
+"""Self-contact of the pairs that are near enough to matter; all others are skipped.
 
 Stand-ins for functions of SolverVBD that take the same arguments and give the same results. Cloth meets
 itself in few places, but each vertex has some faces and each edge some edges of its own neighbourhood within
 the distance in which self-contact is watched, and the solver looks at all of them for every color of every
-iteration. Seen along any axis, two shapes are at most as far apart as they are: along the one between their
-middles that is quickly told, and mostly enough.
+iteration. The gap of two shapes along any axis is a lower bound of their distance; the axis between their
+middles gives one that is cheap and mostly sufficient.
 """
 
 import warp as wp
@@ -53,9 +53,9 @@ def near_edge_edge_plane(
     moved_b_1: wp.vec3,
 ):
     """Plane that keeps two edges apart; none where both together move less than their gap."""
-    moved = wp.max(wp.length(moved_a_0), wp.length(moved_a_1))
-    moved += wp.max(wp.length(moved_b_0), wp.length(moved_b_1))
-    if moved < SHARE * edges_gap(a_0, a_1, b_0, b_1) - SLACK:
+    travel = wp.max(wp.length(moved_a_0), wp.length(moved_a_1))
+    travel += wp.max(wp.length(moved_b_0), wp.length(moved_b_1))
+    if travel < SHARE * edges_gap(a_0, a_1, b_0, b_1) - SLACK:
         return False, wp.vec3(0.0), a_0, 0.0
     return edge_edge_plane(a_0, moved_a_0, a_1, moved_a_1, b_0, moved_b_0, b_1, moved_b_1)
 
@@ -72,9 +72,9 @@ def near_vertex_triangle_plane(
     moved_c: wp.vec3,
 ):
     """Plane that keeps a vertex and a triangle apart; none where both together move less than their gap."""
-    moved = wp.max(wp.length(moved_a), wp.max(wp.length(moved_b), wp.length(moved_c)))
-    moved += wp.length(moved_v)
-    if moved < SHARE * vertex_triangle_gap(v, a, b, c) - SLACK:
+    travel = wp.max(wp.length(moved_a), wp.max(wp.length(moved_b), wp.length(moved_c)))
+    travel += wp.length(moved_v)
+    if travel < SHARE * vertex_triangle_gap(v, a, b, c) - SLACK:
         return False, wp.vec3(0.0), v, 0.0
     return vertex_triangle_plane(v, moved_v, a, moved_a, b, moved_b, c, moved_c)
 
