@@ -123,7 +123,7 @@ def test_a_garment_starts_anew_where_the_motion_jumps() -> None:
     totals = Totals()
     for frame in whole:
         totals.add(frame)
-    lines = totals.summary((), 1.0, None, 1).lines()
+    lines = totals.summary((), 1.0, 1, 1).lines()
     assert f"difficult at frame 6: {JUMPED}" in lines
 
 
@@ -132,5 +132,5 @@ def test_difficult_frames_are_summed_up_as_spans() -> None:
     totals = Totals()
     for index in (3, 4, 5, 9, 20, 21, *range(30, 60, 2)):
         totals.add(replace(frame, index=index, difficulties=("the body is upside down",)))
-    line = next(line for line in totals.summary((), 1.0, None, 1).lines() if line.startswith("difficult"))
+    line = next(line for line in totals.summary((), 1.0, 1, 1).lines() if line.startswith("difficult"))
     assert line == "difficult at frames 3-5, 9, 20-21, 30, 32, ... to 58 (21 in all): the body is upside down"

@@ -151,7 +151,7 @@ def test_the_first_stage_alone_is_no_model(body, tmp_path):
     method = MotionGuided.untrained(TINY)
     tensors = {n: t for n, t in Both(method).state_dict().items() if n.startswith("space.")}
     checkpoint_of(method, tmp_path / "shape", body, tensors)
-    with pytest.raises(InputError, match="first stage alone"):
+    with pytest.raises(InputError, match="only the first stage"):
         load_method(tmp_path / "shape", body)
 
 

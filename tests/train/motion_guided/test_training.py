@@ -205,7 +205,7 @@ def test_one_command_trains_both_stages(data: Path, tmp_path: Path, monkeypatch:
     monkeypatch.setattr(sys, "argv", command.split())
     main()
     assert load_method(run, load_body()).name == "run"
-    with pytest.raises(InputError, match="first stage alone"):
+    with pytest.raises(InputError, match="only the first stage"):
         load_method(run / "shape", load_body())
     with pytest.raises(InputError, match="--resume"):
         main()
