@@ -147,7 +147,7 @@ def test_the_summary_names_the_frame_to_look_at_and_what_was_replaced():
         totals.frames += 1
         totals.add_skin(percent, index)
     totals.replaced.append("frame 1: garment tops is torn")
-    lines = totals.summary((), 1.0, None, 1).lines()
+    lines = totals.summary((), 1.0, 1, 1).lines()
     assert "2.5 % at frame 1" in lines[-1]
     assert "frame 1: garment tops is torn" in lines
 
