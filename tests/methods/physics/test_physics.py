@@ -12,6 +12,7 @@ from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.frames import body_frames, side_by_side, with_lead
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.templates import fit_template
+from uvcloth.geometry.mesh import edge_lengths, unique_edges
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.lbs import LBSConfig, LinearBlendSkinning, create_lbs
@@ -76,6 +77,18 @@ def test_garments_are_off_the_body_in_a_dance(body: Body) -> None:
         assert float(obstacle.inside_percent(vertices, contact, posed).mean()) < 0.3
     outer, inner = (torch.stack([frame.vertices[place] for frame in frames]) for place in (1, 0))
     assert wrong_side_percent(outer, inner, outfit.garments[0].mesh.faces) < 0.5
+
+
+def test_sleeves_stay_whole_as_a_crouch_begins_to_turn(body: Body) -> None:
+    """A vertex that is followed over the body, and stays on a wrong face, stretches edges 7 times."""
+    tops = fit_template("tops", body)
+    outfit = Outfit(body, (fit_template("bottoms", body), tops))
+    frames = list(rollout(Physics(PhysicsConfig()), outfit, load_clip("twirl", body).transforms()[:16], 30.0))
+    edges = unique_edges(tops.mesh.faces)
+    shirts = torch.stack([frame.vertices[1] for frame in frames])
+    stretch = edge_lengths(shirts, edges) / edge_lengths(tops.mesh.vertices, edges).clamp(min=1e-3)
+    assert float(stretch.max()) < 5.0
+    assert float((stretch > 3.0).sum(1).float().mean()) < 0.8
 
 
 def test_it_goes_the_same_way_far_from_the_origin(skirt: Outfit) -> None:

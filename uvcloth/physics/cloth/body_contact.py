@@ -52,6 +52,9 @@ PUSH_SPEED = np.float32(1.0)
 ALERT_SPEED = np.float32(0.5)
 """Speed, m/s, that a contact may gain before it is searched again."""
 
+CLOSE = np.float32(0.01)
+"""Metres from the body up to which a vertex is followed: farther off, a face elsewhere may be closer."""
+
 SLIDE = np.float32(1e-3)
 """Metres that a vertex moves past the body before its closest point is found again."""
 
@@ -140,7 +143,7 @@ def _search(
                 guess = passage.before.faces[part, vertex]
             if guess >= 0:
                 face, _, away = walk(body, passage.start, passage.end, share, guess, point, FOLLOWED)
-                if dot(away, away) < reach * reach:
+                if dot(away, away) < min(reach, CLOSE) ** 2:
                     passage.hints[part, vertex], passage.clear[part, vertex] = face, ZERO
                     vertices[contacts], faces[contacts] = vertex, face
                     contacts += 1
