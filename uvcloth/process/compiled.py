@@ -11,6 +11,7 @@ import pickle
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -121,7 +122,7 @@ def _child(parent: int) -> "subprocess.Popen[bytes] | None":
 
     paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
     try:
-        return subprocess.Popen(
+        child = subprocess.Popen(
             [sys.executable, "-P", "-m", compiling.__name__],
             env={**os.environ, "PYTHONPATH": paths},
             stdin=subprocess.PIPE,
@@ -130,6 +131,9 @@ def _child(parent: int) -> "subprocess.Popen[bytes] | None":
         )
     except OSError:
         return None
+    # A child that has ended by itself leaves the table of processes at once.
+    threading.Thread(target=child.wait, daemon=True).start()
+    return child
 
 
 def _end(child: "subprocess.Popen[bytes]") -> None:
