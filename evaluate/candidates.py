@@ -10,10 +10,10 @@ from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.methods.ensemble import Ensemble
+from uvcloth.methods.finish_names import FinishName
 from uvcloth.methods.method import Method
-from uvcloth.methods.physics.finish import Finished, Settled
+from uvcloth.methods.physics.finish import with_finish
 from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import load_method, model_folder
 
 SIMULATION = "simulation"
@@ -24,6 +24,9 @@ IN_ORDER = "+"
 
 FINISHED = "@"
 """Between a model, or several in order, and the finish of the solver that it has."""
+
+SOLVED: tuple[FinishName, ...] = ("dynamic", "static")
+"""The finishes of the solver."""
 
 TRAINING = ("step", "epochs", "minutes", "samples")
 """The notes of a checkpoint that say how long it was trained."""
@@ -113,19 +116,15 @@ def _load_one(model: str, body: Body) -> Candidate:
 
 def _finished(candidate: Candidate, finish: str) -> Candidate:
     """The candidate with a finish, under a name that says so."""
-    solver = Physics(PhysicsConfig())
-    if finish == "dynamic":
-        method: Method = Finished.of(candidate.method, solver)
-    elif finish == "static":
-        method = Settled.of(candidate.method, solver)
-    else:
+    named = next((each for each in SOLVED if each == finish), None)
+    if named is None:
         raise InputError(
             f"--model {candidate.name}{FINISHED}{finish}: expected {FINISHED}dynamic or {FINISHED}static"
         )
     return replace(
         candidate,
         name=f"{candidate.name}{FINISHED}{finish}",
-        method=method,
+        method=with_finish(candidate.method, named, Physics()),
         fingerprint=fingerprint(candidate.fingerprint, finish),
     )
 

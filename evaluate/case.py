@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
 from evaluate.actions import Window
+from evaluate.body_scores import DressedBody, dressed_body
 from evaluate.maps import Texels
 from evaluate.metrics import Reference
 from uvcloth.bodies.body import Body
@@ -78,6 +80,11 @@ class Case:
     def truth(self) -> Tensor:
         """All vertices of the simulated outfit in the scored frames (F, N, 3), m."""
         return self.parts[-1].reference.vertices
+
+    @cached_property
+    def dressed(self) -> dict[str, DressedBody]:
+        """The garments of each part as they lie on the body, by its name; for all methods and settings."""
+        return {part.name: dressed_body(self.outfit.body, part.meshes) for part in self.parts}
 
     @property
     def end(self) -> int:

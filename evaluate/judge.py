@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from evaluate.actions import Window
-from evaluate.body_scores import body_scores, dressed_body
+from evaluate.body_scores import body_scores
 from evaluate.candidates import Candidate
 from evaluate.case import Case
 from evaluate.metrics import distance_scores, layer_scores, map_mse, shape_scores
@@ -121,10 +121,10 @@ def _frame_scores(case: Case, frames: Tensor) -> dict[str, dict[str, Tensor]]:
     """Scores of each part of an outfit (F, N, 3), per frame, and in those of the whole where layers lie."""
     parts = {}
     for part in case.parts:
-        vertices, dressed = frames[:, part.rows], dressed_body(case.outfit.body, part.meshes)
+        vertices = frames[:, part.rows]
         parts[part.name] = {
             **shape_scores(vertices, part.reference),
-            **body_scores(dressed, vertices, case.body_vertices),
+            **body_scores(case.dressed[part.name], vertices, case.body_vertices),
         }
     *garments, whole = case.parts
     layers = {part.name: frames[:, part.rows] for part in garments}

@@ -34,7 +34,6 @@ from uvcloth.methods.finish_names import FinishName
 from uvcloth.methods.method import Method, require_fabric_read
 from uvcloth.methods.physics.finish import finished
 from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import DEFAULT, load_methods
 from uvcloth.motion.arrays import clip_of_transforms
 from uvcloth.motion.capture import find_jump, find_standstill
@@ -323,7 +322,7 @@ def _ready(model: Model, motion: Clip | File, garments: Garments, finish: Finish
     outfit = _outfit(garments)
     clip = _motion(motion, outfit)
     method = load_model(model, outfit.body) if isinstance(model, str | PathLike | Sequence) else model
-    method, contact = finished(method, outfit, finish, Physics(PhysicsConfig()))
+    method, contact = finished(method, outfit, finish, Physics())
     for garment in outfit.garments:
         if garment.fabric != JERSEY:
             require_fabric_read(method, _fabric_name(garment.fabric))

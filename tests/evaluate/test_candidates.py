@@ -31,3 +31,10 @@ def test_several_in_order_have_one_finish(body: Body) -> None:
 def test_another_finish_is_refused(body: Body) -> None:
     with pytest.raises(InputError, match="--model lbs@varnish: expected @dynamic or @static"):
         load_candidates(("lbs@varnish",), body)
+
+
+def test_physics_is_its_own_dynamic_finish_and_rests_from_skinned_garments(body: Body) -> None:
+    plain, dynamic, static = load_candidates(("physics", "physics@dynamic", "physics@static"), body)
+    assert dynamic.method == plain.method
+    assert isinstance(static.method, Settled)
+    assert static.method.guide.name == "lbs_smooth"

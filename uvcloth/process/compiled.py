@@ -26,6 +26,9 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 CACHE_VARIABLE = "UVCLOTH_CACHE"
 """Environment variable that names the folder of compiled loops; by default it is in the user's cache."""
 
+DONE, FAILED = b"1", b"0"
+"""Answers of the child process to a task."""
+
 
 def compiled(function: Function) -> Function:
     """Compile a loop at its first call, and keep the machine code for later processes."""
@@ -38,10 +41,6 @@ def borrowing(function: Function) -> Function:
     It does not count references to arrays, which can take most of the time where small functions get many.
     """
     return _kept(function, _nrt=False)
-
-
-DONE, FAILED = b"1", b"0"
-"""Answers of the child process to a task."""
 
 
 class ChildCache(FunctionCache):
@@ -94,7 +93,7 @@ def _compile_in_child(function: Callable[..., Any], types: Any) -> bool:
     except (pickle.PicklingError, TypeError, AttributeError):
         return False
     # A child that has waited for long ends, and leaves the task to another one.
-    return any(_answer(task) == DONE for _ in range(2))
+    return (_answer(task) or _answer(task)) == DONE
 
 
 def _answer(task: bytes) -> bytes:
@@ -110,7 +109,7 @@ def _answer(task: bytes) -> bytes:
             child.stdin.flush()
             answer = child.stdout.read(1)
     finally:
-        if answer != DONE:
+        if not answer:
             _end(child)
     return answer
 

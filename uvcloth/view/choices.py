@@ -14,7 +14,6 @@ from uvcloth.methods.finish_names import FinishName
 from uvcloth.methods.method import Method
 from uvcloth.methods.physics.finish import finished
 from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import DEFAULT, METHODS, load_method
 from uvcloth.motion.arrays import clip_of_transforms
 from uvcloth.motion.library import builtin_clips, load_clip
@@ -115,7 +114,7 @@ class Choices:
 def _method(choice: Choice, outfit: Outfit) -> tuple[Method, bool]:
     """The method of a choice with its finish, and whether contact comes after it."""
     method = load_method(choice.model, outfit.body)
-    return finished(method, outfit, choice.finish, Physics(PhysicsConfig()))
+    return finished(method, outfit, choice.finish, Physics())
 
 
 def _perform(ready: ReadyRollout) -> Performance:

@@ -170,16 +170,19 @@ def finished(
     """
     if finish is not None and finish not in FINISHES:
         raise InputError(f"--finish {finish}: expected one of {', '.join(FINISHES)}")
-    solves = isinstance(method, Physics)
     if finish is None:
         parts = method.parts if isinstance(method, Wrapper) else (method,)
         trained = not any(isinstance(part, Physics) or part.traits.is_baseline for part in parts)
         finish = "dynamic" if trained and not physics.unsupported_reason(outfit) else "contact"
+    return with_finish(method, finish, physics), finish != "none"
+
+
+def with_finish(method: Method, finish: FinishName, physics: Physics) -> Method:
+    """The method with the finish of the solver, if the name is that of one; for physics dynamic is none."""
+    solves = isinstance(method, Physics)
     if finish == "static":
-        return static_physics(physics) if solves else Settled.of(method, physics), True
-    if finish == "dynamic" and not solves:
-        return Finished.of(method, physics), True
-    return method, finish != "none"
+        return static_physics(physics) if solves else Settled.of(method, physics)
+    return Finished.of(method, physics) if finish == "dynamic" and not solves else method
 
 
 def static_physics(physics: Physics) -> Settled:

@@ -1,6 +1,6 @@
 """Physics: the cloth solver on cages, in real time, for any garments in one solve, with nothing to train."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import torch
 from torch import Tensor
@@ -27,7 +27,7 @@ from uvcloth.methods.physics.outfit import (
 class Physics(Method):
     """The cloth solver on cages of the garments."""
 
-    config: PhysicsConfig
+    config: PhysicsConfig = field(default_factory=PhysicsConfig)
     name: str = "physics"
     traits = Traits(autoregressive=True, keeps_off_body=True, reads_fabric=True)
 

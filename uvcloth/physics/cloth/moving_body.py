@@ -107,11 +107,11 @@ class Passage(NamedTuple):
     start, end: (V, 3) m before and after the frame. points: (V, 3) m at the last search. normals: (V, 3)
     there, of the vertices for which `known`, (V,) int32, is the number of that search. boxes: (T, 6) of the
     tree, in patches for which `fitted`, (P,) int32, is it. hints: (K, N) int32, the face of each part that
-    was found last for each vertex of the cloth, -1 for none; before: what is known of the frame before.
-    clear: (K, N) m, within which there was none. drifts: (K, 3) m that a part moves in the
-    frame on average; ways: (K,) m by which a vertex of it differs from that at most. cloth:
-    (N, 3) m at the last search. share: (1,) of the way at which it was. searches: (1,) int32, how many there
-    were. turn, renewal: as `begin_passage` says.
+    was found last for each vertex of the cloth, -1 for none. before: what is known of the frame before.
+    clear: (K, N) m, within which there was none. drifts: (K, 3) m that a part moves in the frame on average;
+    ways: (K,) m by which a vertex of it differs from that at most. cloth: (N, 3) m at the last search. share:
+    (1,) of the way at which it was. searches: (1,) int32, how many there were. turn, renewal: as
+    `begin_passage` says.
     """
 
     start: NDArray[np.float32]
