@@ -4,6 +4,7 @@ What a reader imports is imported once, in the process that forks. CPU time is l
 clock, which on a busy machine is no property of the reader; a file that blocks is ended after WALL_SECONDS.
 """
 
+import gc
 import multiprocessing
 import os
 import resource
@@ -71,10 +72,10 @@ class Worker:
         self._end()
 
     def judge(self, path: Path) -> Outcome:
-        """Read a file and judge the outcome. One that exceeds the memory is read again in a new process,
-        whose memory nothing else has fragmented."""
+        """Read a file and judge the outcome. One that exceeds a limit is read again in a new process, whose
+        memory nothing else has fragmented; a reader that is too slow is too slow twice."""
         outcome = self._judge(path)
-        if outcome.kind == "memory":
+        if outcome.kind in ("memory", "hang"):
             self._end()
             outcome = self._judge(path)
         return outcome
@@ -133,6 +134,8 @@ def judge(target: Target, path: Path) -> Outcome:
 
 def _serve(connection: Connection, target: Target) -> None:
     """Judge the paths that come, until the other end is closed."""
+    # A collection would touch all objects of the process that forked, and so copy its memory.
+    gc.freeze()
     quiet = os.open(os.devnull, os.O_WRONLY)
     os.dup2(quiet, 1)
     os.dup2(quiet, 2)
