@@ -8,8 +8,8 @@ import sys
 from collections import Counter
 from pathlib import Path
 
+from uvcloth.dataset.folder import MEMBERS
 from uvcloth.motion.index import UNUSED, Entry, read_index
-from uvcloth.simulate.members import MEMBERS
 from uvcloth.simulate.plan import interleaved
 
 GARMENTS = ("tops", "bottoms", "dress", "shirt", "skirt", "jacket")

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uvcloth.dataset.clip_file import read_metadata
-from uvcloth.dataset.folder import REPEAT, Stored, refused_captures, rejected
+from uvcloth.dataset.folder import Stored, refused_captures, rejected
 from uvcloth.errors import InputError
 from uvcloth.garments.templates import TEMPLATES
 from uvcloth.motion.index import INDEX, read_index
@@ -15,8 +15,7 @@ from uvcloth.motion.index import INDEX, read_index
 class Window:
     """One garment over one unseen clip.
 
-    subject: the captured person, "" if unknown. path: its sequence, there or not. repeat: the same window
-    simulated from an earlier start, or None where there is none.
+    subject: the captured person, "" if unknown. path: its sequence, there or not.
     """
 
     action: str
@@ -24,7 +23,6 @@ class Window:
     subject: str
     garment: str
     path: Path
-    repeat: Path | None
 
     @property
     def name(self) -> str:
@@ -73,7 +71,7 @@ def _why(window: Window, captures: Mapping[str, str]) -> str:
     """The reason that a window has no sequence. captures: by clip, the reason that it was refused."""
     apart = rejected(window.path)
     if apart.is_file():
-        return str(Stored(apart, read_metadata(apart), repeat=False).reason)
+        return str(Stored(apart, read_metadata(apart)).reason)
     return captures.get(window.clip, "not simulated")
 
 
@@ -99,11 +97,10 @@ def _wanted(data: Path, actions: Sequence[str], garments: Sequence[str], split: 
                 f"{data}: no {split} action is called {action!r}, expected one of {', '.join(known)}"
             )
     return [
-        Window(action, clip, people.get(clip, ""), garment, path, repeat if repeat.is_file() else None)
+        Window(action, clip, people.get(clip, ""), garment, data / f"{clip}_{garment}.npz")
         for clip, action in named.items()
         if not actions or action in actions
         for garment in garments
-        for path, repeat in [(data / f"{clip}_{garment}.npz", data / REPEAT / f"{clip}_{garment}.npz")]
     ]
 
 

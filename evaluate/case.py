@@ -15,11 +15,13 @@ from evaluate.metrics import Reference
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.dataset.bodies import require_joints
-from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip, SimulatedGarment
+from uvcloth.dataset.clip import MOTION_TOLERANCE, REST_TOLERANCE, SimulatedClip, SimulatedGarment
 from uvcloth.dataset.clip_file import load_simulated, read_metadata
+from uvcloth.dataset.folder import MEMBERS, member_folder
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh, join_meshes
+from uvcloth.geometry.skinning import skin
 
 SHOWN = 50
 """Frames of a case that are kept to be looked at, at most."""
@@ -43,13 +45,15 @@ class Part:
 class Case:
     """An outfit over a clip; a garment that was simulated alone is an outfit of one.
 
-    windows: of its garments, the innermost first. clip: what was simulated. parts: what is scored, each
+    windows: of its garments, the innermost first. clip: the simulation. members: the other members of its
+    ensemble, if there are any. parts: what is scored, each
     garment and last, if there are several, the whole outfit. start: number of warm-up frames. transforms:
     (F, J, 3, 4) and body_vertices: (F, V, 3) of the body in the scored frames.
     """
 
     windows: tuple[Window, ...]
     clip: SimulatedClip
+    members: tuple[SimulatedClip, ...]
     outfit: Outfit
     parts: tuple[Part, ...]
     start: int
@@ -127,13 +131,21 @@ def open_case(
     """Load what was simulated together and check that it was with these garments on this body.
 
     texels: of each garment's map by its name, None without one. frames: judge at most so many, None for all.
-    Raises InputError naming the file if a mesh, a rest shape or the skeleton differs, or garments do not
-    move with the same body.
+    Raises InputError naming the file if a mesh, a rest shape, the skeleton or the motion of an ensemble
+    member differs, or garments do not move with the same body.
     """
-    clip = load_simulated(*(window.path for window in windows))
-    for window, garment, simulated in zip(windows, outfit.garments, clip.garments, strict=True):
-        _require_same(window.path, clip, simulated, garment, outfit.body)
-    return make_case(windows, clip, outfit, texels, frames)
+    paths = [window.path for window in windows]
+    clip = load_simulated(*paths)
+    members = []
+    for member in range(MEMBERS):
+        files = [member_folder(path.parent, member) / path.name for path in paths]
+        if all(map(Path.is_file, files)):
+            made = load_simulated(*files) if member else clip
+            _require_motion(files[0], made, clip)
+            for path, garment, simulated in zip(files, outfit.garments, made.garments, strict=True):
+                _require_same(path, made, simulated, garment, outfit.body)
+            members.append(made)
+    return make_case(windows, clip, outfit, texels, frames, members[1:])
 
 
 def make_case(
@@ -142,15 +154,22 @@ def make_case(
     outfit: Outfit,
     texels: Mapping[str, Texels | None],
     frames: int | None = None,
+    members: Sequence[SimulatedClip] = (),
 ) -> Case:
-    """The case of a clip whose garments are those of the outfit; see `open_case`."""
+    """The case of a clip whose garments are those of the outfit; see `open_case`.
+
+    members: other simulations of the clip and its garments.
+    """
     scored = slice(clip.warm_up, None if frames is None else clip.warm_up + frames)
     parts: list[Part] = []
     row = 0
-    for garment, simulated in zip(outfit.garments, clip.garments, strict=True):
+    transforms = clip.transforms[scored]
+    for index, (garment, simulated) in enumerate(zip(outfit.garments, clip.garments, strict=True)):
         map_texels = texels.get(garment.name)
         reference = Reference(
             simulated.vertices[scored],
+            tuple(member.garments[index].vertices[scored] for member in members),
+            skin(garment.mesh.vertices, garment.smooth_weights, transforms),
             simulated.rest,
             simulated.faces,
             clip.fps,
@@ -161,16 +180,19 @@ def make_case(
         row = rows.stop
     if len(parts) > 1:
         parts.append(_whole(parts, row))
-    transforms = clip.transforms[scored]
     posed = posed_skin(outfit.body, transforms)
-    return Case(windows, clip, outfit, tuple(parts), clip.warm_up, transforms, posed)
+    return Case(windows, clip, tuple(members), outfit, tuple(parts), clip.warm_up, transforms, posed)
 
 
 def _whole(parts: Sequence[Part], vertices: int) -> Part:
     """The garments of an outfit as one mesh; no map shows it all."""
     joined = join_meshes((part.reference.rest, part.reference.faces) for part in parts)
+    references = [part.reference for part in parts]
+    members = zip(*(each.members for each in references), strict=True)
     reference = Reference(
-        vertices=torch.cat([part.reference.vertices for part in parts], dim=1),
+        vertices=torch.cat([each.vertices for each in references], dim=1),
+        members=tuple(torch.cat(member, dim=1) for member in members),
+        skinned=torch.cat([each.skinned for each in references], dim=1),
         rest=joined.vertices,
         faces=joined.faces,
         fps=parts[0].reference.fps,
@@ -179,6 +201,13 @@ def _whole(parts: Sequence[Part], vertices: int) -> Part:
     )
     meshes = tuple(mesh for part in parts for mesh in part.meshes)
     return Part(outfit_name([part.name for part in parts]), slice(0, vertices), meshes, reference)
+
+
+def _require_motion(path: Path, member: SimulatedClip, clip: SimulatedClip) -> None:
+    """Raise InputError naming the file of an ensemble member if it has another motion than the clip."""
+    same = member.transforms.shape == clip.transforms.shape and member.warm_up == clip.warm_up
+    if not same or (member.transforms - clip.transforms).abs().max() > MOTION_TOLERANCE:
+        raise InputError(f"{path}: has another motion than the sequence of which it is an ensemble member")
 
 
 def _require_same(

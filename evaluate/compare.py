@@ -20,10 +20,9 @@ from evaluate.judge import (
     code_fingerprint,
     judge,
     judge_simulation,
-    repeatability,
 )
 from evaluate.progress import progress
-from evaluate.results import PartScores, floor, representation_floor, stability, summarize
+from evaluate.results import PartScores, repeatability_floor, representation_floor, stability, summarize
 from evaluate.selection import Cases
 from evaluate.show import Shown
 from evaluate.stability import copied_truth
@@ -34,14 +33,13 @@ from uvcloth.garments.garment import Outfit
 class JudgedCase:
     """A case after all methods were judged on it.
 
-    scores: by name, the simulation first. contents: hash of each window's sequence. repeated: by garment, the
-    errors of its repeat. copied: by kind and garment, those of the frame before. shown: what to look at.
+    scores: by name, the simulation first. contents: hash of each window's sequence. copied: by kind and
+    garment, the errors of the frame before. shown: what to look at.
     """
 
     scores: Mapping[str, CaseScores]
     contents: Mapping[Window, str]
     fps: float
-    repeated: Mapping[str, Scores]
     copied: Mapping[str, Mapping[str, Scores]]
     shown: Shown
 
@@ -90,7 +88,6 @@ def judged_case(
     scores = {SIMULATION: keep(SIMULATION, setting, partial(judge_simulation, case))}
     garments = {garment.name: garment for garment in case.outfit.garments}
     alone = {name: case.clip.alone(name) for name in garments}
-    repeated = {window.garment: repeatability(window, alone[window.garment]) for window in case.windows}
     copied = {name: copied_truth(garment, alone[name], case.end) for name, garment in garments.items()}
     tick()
     for candidate in candidates:
@@ -104,7 +101,6 @@ def judged_case(
             window: str(case.clip.by_name[window.garment].metadata.get("hash")) for window in case.windows
         },
         fps=case.fps,
-        repeated=repeated,
         copied={kind: {name: by[kind] for name, by in copied.items()} for kind in ("held", "carried")},
         shown=Shown(
             action=case.action,
@@ -145,14 +141,13 @@ def measured(
         )
         for c in candidates
     }
-    repeats = by_garment([case.repeated for case in judged])
     copies = {kind: by_garment([case.copied[kind] for case in judged]) for kind in ("held", "carried")}
     windows = [window for case in judged for window in case.contents]
-    frames = [len(e.scores["vertex_mean_mm"]) for e in entries[SIMULATION] if e.part not in outfits]
+    single = [entry for entry in entries[SIMULATION] if entry.part not in outfits]
     return {
         **results,
         "methods": methods,
-        "floor": {**representation_floor(methods), **floor(repeats, "repeatability")},
+        "floor": {**representation_floor(methods), **repeatability_floor(single)},
         "previous_frame": {
             kind: {garment: stability(copy_scores) for garment, copy_scores in by.items()}
             for kind, by in copies.items()
@@ -160,7 +155,7 @@ def measured(
         "outfits": {name: {"garments": list(garments)} for name, garments in outfits.items()},
         "actions": list(dict.fromkeys(window.action for window in windows)),
         "windows": len(windows),
-        "frames": sum(frames),
+        "frames": sum(len(entry.scores["vertex_mean_mm"]) for entry in single),
         "fps": frame_rate(judged),
     }
 

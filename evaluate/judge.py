@@ -9,23 +9,20 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from evaluate.actions import Window
 from evaluate.body_scores import body_scores
 from evaluate.candidates import Candidate
 from evaluate.case import Case
-from evaluate.metrics import distance_scores, layer_scores, map_mse, shape_scores
+from evaluate.metrics import distance_scores, layer_scores, map_mse, shape_scores, spread_scores
 from evaluate.stability import stability_scores, uses_feedback
 from uvcloth.bodies.frames import LEAD, body_frames, with_lead
-from uvcloth.dataset.clip import MOTION_TOLERANCE, SimulatedClip, content_hash
-from uvcloth.dataset.clip_file import load_simulated
-from uvcloth.errors import InputError
+from uvcloth.dataset.clip import content_hash
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.kept import keep_arrays, kept_arrays
 from uvcloth.methods.capabilities import round_trip
 from uvcloth.rollout import PreparedRollout, prepare_rollout
 
-SCORES_FORMAT = "uvcloth-judged-6"
+SCORES_FORMAT = "uvcloth-judged-7"
 
 ENCODED_AT_ONCE = 16
 """Frames that are written in a method's representation at the same time: bounds the memory of large maps."""
@@ -44,7 +41,7 @@ JUDGING = (
 """The sources and data that decide a score."""
 
 Scores = Mapping[str, Tensor]
-"""By measure, F values (jitter F - 2)."""
+"""By measure, F values (swing F - 1, jitter F - 2)."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +106,7 @@ def score(case: Case, raw: Tensor, resolved: Tensor) -> CaseScores:
     parts = {
         part.name: {
             **map_mse(raw[:, part.rows], part.reference),
+            **spread_scores(part.reference),
             **{f"{key}_raw": values for key, values in before[part.name].items()},
             **after[part.name],
         }
@@ -153,35 +151,14 @@ def representation(case: Case, prepared: PreparedRollout) -> dict[str, Scores]:
     return {name: {f"representation_{k}": v for k, v in scores.items()} for name, scores in errors.items()}
 
 
-def repeatability(window: Window, simulated: SimulatedClip) -> dict[str, Tensor]:
-    """Distances of a simulation from its repeat, per frame that is scored in both; empty without a repeat.
-
-    Frames are matched by the body's pose. A clip that has nothing before its window cannot start earlier: its
-    repeat is the same simulation and tells nothing, so it counts as none. Raises InputError if the repeat is
-    not the same motion or mesh.
-    """
-    if window.repeat is None:
-        return {}
-    repeat = load_simulated(window.repeat)
-    if repeat.vertices.shape[1:] != simulated.vertices.shape[1:]:
-        raise InputError(f"{window.repeat}: not the mesh of {window.path}")
-    gaps = (repeat.transforms - simulated.transforms[-1]).abs().amax(dim=(1, 2, 3))
-    shift = int(gaps.argmin()) - (len(simulated.vertices) - 1)
-    if shift == 0 and len(repeat.vertices) == len(simulated.vertices):
-        return {}
-    first = max(simulated.warm_up, repeat.warm_up - shift)
-    frames = torch.arange(first, len(simulated.vertices))
-    if not len(frames) or (
-        (simulated.transforms[frames] - repeat.transforms[frames + shift]).abs().max() > MOTION_TOLERANCE
-    ):
-        raise InputError(f"{window.repeat}: does not repeat the motion of {window.path}")
-    return distance_scores(repeat.vertices[frames + shift], simulated.vertices[frames])
-
-
 def cached(out: Path, case: Case, name: str, setting: str, work: Callable[[], CaseScores]) -> CaseScores:
     """The result of an earlier run of the same code on the same input, or that of `work`, then kept."""
     garments = [garment_fingerprint(garment) for garment in case.outfit.garments]
-    contents = [content_hash(garment, case.clip.transforms) for garment in case.clip.garments]
+    contents = [
+        content_hash(garment, clip.transforms)
+        for clip in (case.clip, *case.members)
+        for garment in clip.garments
+    ]
     text = "/".join([SCORES_FORMAT, setting, *garments, *contents, str(len(case.transforms))])
     key = fingerprint(text)[:16]
     path = Path(out) / "partial" / f"{case.name}_{name}_{key}.npz"

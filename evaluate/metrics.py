@@ -5,6 +5,7 @@ Shapes: F frames, N vertices, P texels. Positions in metres, results in millimet
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 
 import torch
 from torch import Tensor
@@ -17,17 +18,23 @@ from uvcloth.physics.self_intersection import crossing_edges_percent
 
 MM = 1000.0
 
+SWINGING = 10
+"""Swing is measured on one vertex in so many, those that move most against the skinned garment."""
+
 
 @dataclass(frozen=True)
 class Reference:
     """A simulated garment over the scored frames.
 
-    vertices: (F, N, 3). rest: (N, 3). faces: (M, 3). fps: frames per second.
+    vertices: (F, N, 3). members: the same of the other members of its ensemble, if there are any. skinned:
+    (F, N, 3) the smoothly skinned garment. rest: (N, 3). faces: (M, 3). fps: frames per second.
     texel_corners: (P, 3) int64 garment vertices that each valid texel of the garment's map sees, and
     texel_barycentrics: (P, 3) their weights (PhysXNet's transference matrix T^BC); None without a map.
     """
 
     vertices: Tensor
+    members: tuple[Tensor, ...]
+    skinned: Tensor
     rest: Tensor
     faces: Tensor
     fps: float
@@ -42,6 +49,52 @@ def distance_scores(predicted: Tensor, truth: Tensor) -> dict[str, Tensor]:
     """
     squared = ((predicted - truth) * MM).square().sum(-1)
     return {"vertex_mean_mm": squared.sqrt().mean(-1), "vertex_mse_mm2": squared.mean(-1)}
+
+
+def ensemble_scores(vertices: Tensor, reference: Reference) -> dict[str, Tensor]:
+    """Mean distances of (F, N, 3) from the members of an ensemble of simulations, (F,) each, mm.
+
+    ensemble_mm: the mean over all members. nearest_member_mm: from the closest one of all frames. Nothing
+    without an ensemble.
+    """
+    if not reference.members:
+        return {}
+    members = (reference.vertices, *reference.members)
+    distances = torch.stack([distance_scores(vertices, each)["vertex_mean_mm"] for each in members])
+    return {
+        "ensemble_mm": distances.mean(0),
+        "nearest_member_mm": distances[distances.mean(1).argmin()],
+    }
+
+
+def spread_scores(reference: Reference) -> dict[str, Tensor]:
+    """Distances of an ensemble's members from each other, the mean over all pairs, as `distance_scores` has
+    them: spread_vertex_mean_mm and spread_vertex_mse_mm2. Nothing without an ensemble.
+    """
+    if not reference.members:
+        return {}
+    pairs = combinations((reference.vertices, *reference.members), 2)
+    apart = [distance_scores(*pair) for pair in pairs]
+    return {f"spread_{key}": torch.stack([each[key] for each in apart]).mean(0) for key in apart[0]}
+
+
+def swing_scores(vertices: Tensor, reference: Reference) -> dict[str, Tensor]:
+    """Sums from which the swing of (F, N, 3) follows, between neighbouring frames, (F - 1,) each.
+
+    Of the motion relative to the skinned garment, of the tenth of the vertices that moves most in the
+    simulation. swing_speed, true_swing_speed: mean speed of the prediction and of the simulation, mm per
+    frame. swing_product, swing_square, true_swing_square: sums of the products and squares of velocities.
+    """
+    moved, true = ((each - reference.skinned).diff(dim=0) * MM for each in (vertices, reference.vertices))
+    free = true.norm(dim=2).sum(0).topk(max(1, true.shape[1] // SWINGING)).indices
+    moved, true = moved[:, free], true[:, free]
+    return {
+        "swing_speed": moved.norm(dim=2).mean(1),
+        "true_swing_speed": true.norm(dim=2).mean(1),
+        "swing_product": (moved * true).sum(dim=(1, 2)),
+        "swing_square": moved.square().sum(dim=(1, 2)),
+        "true_swing_square": true.square().sum(dim=(1, 2)),
+    }
 
 
 def map_mse(predicted: Tensor, reference: Reference) -> dict[str, Tensor]:
@@ -61,10 +114,12 @@ def map_mse(predicted: Tensor, reference: Reference) -> dict[str, Tensor]:
 def shape_scores(vertices: Tensor, reference: Reference) -> dict[str, Tensor]:
     """Every measure of (F, N, 3) that needs no body, per frame: (F,) each, jitter (F - 2,).
 
-    Vertex errors, change of edges, bending, jitter and self-intersection.
+    Vertex errors, swing (F - 1,), change of edges, bending, jitter and self-intersection.
     """
     return {
         **distance_scores(vertices, reference.vertices),
+        **ensemble_scores(vertices, reference),
+        **swing_scores(vertices, reference),
         "edge_mm": edge_change(vertices, reference.rest, reference.faces) * MM,
         "bend_cos": fold_cosine(vertices, reference.faces),
         "bend_rad": fold_angle(vertices, reference.faces),

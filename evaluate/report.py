@@ -55,6 +55,15 @@ PHYSICS = {
     "crossing_edges_percent": "Edges through cloth (%)",
 }
 
+SWING = {
+    "swing_ratio": "Swing ÷ simulation's",
+    "swing_correlation": "Correlation of swing",
+    "nearest_member_mm": "Closest member (mm)",
+    "ensemble_mm": "All members (mm)",
+    "spread_ratio": "Spread ratio",
+}
+"""Motion of the cloth relative to the skinned garment, and distances from an ensemble: titles by field."""
+
 PAPER_COSTS = (
     ("LBS", "1 MB", DASH, "3 ms"),
     ("TailorNet, shirt", "13.5 GB", "2.5 GB", "1 s"),
@@ -138,6 +147,7 @@ def write_report(
         trained=[name for name, judged in results["methods"].items() if judged["training"]],
         measures=MEASURES,
         physics=PHYSICS,
+        swing=SWING,
         outfit_titles=OUTFIT,
         stages=STAGES,
         paper_costs=PAPER_COSTS,

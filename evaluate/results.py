@@ -45,8 +45,8 @@ FIGURES = {
 }
 """The three figures of a floor: the distance score that is averaged, and the power of its mean."""
 
-REPRESENTED = "representation_"
-"""Prefix of the distance scores of a method's own representation."""
+REPRESENTED, SPREAD = "representation_", "spread_"
+"""Prefixes of the distance scores of a method's own representation, and of an ensemble's members."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def summarize(
         whole = {name: [entry for entry in scores if entry.part == name] for name in judged}
         return {
             **_tables(single, simulation),
-            "representation": _representation(single),
+            "representation": _by_garment(single, REPRESENTED),
             "outfits": {name: _outfit(whole[name], simulation, outfits[name]) for name in judged},
         }
 
@@ -88,14 +88,16 @@ def summarize(
     }
 
 
-def floor(frames: Mapping[str, Sequence[Scores]], kind: str) -> dict[str, dict[str, float]]:
-    """The mean, root mean square and mean square of a floor by garment: {"KIND_mm": ..., ...}.
+def repeatability_floor(simulation: Sequence[PartScores]) -> dict[str, dict[str, float]]:
+    """By garment, the distance of an ensemble's members from each other: {"repeatability_mm": ..., ...}.
 
-    frames: by garment, the distance scores of every window; garments without any are left out.
+    simulation: its scores of garments; those without an ensemble are left out.
     """
-    by_garment = {garment: [scores for scores in windows if scores] for garment, windows in frames.items()}
-    figures = {garment: _figures(windows) for garment, windows in by_garment.items() if windows}
-    return {f"{kind}_{unit}": {garment: each[unit] for garment, each in figures.items()} for unit in FIGURES}
+    figures = _by_garment(simulation, SPREAD)
+    return {
+        f"repeatability_{unit}": {garment: each[unit] for garment, each in figures.items()}
+        for unit in FIGURES
+    }
 
 
 def representation_floor(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, float]]:
@@ -176,18 +178,16 @@ def _sides(scores: Sequence[Scores], garments: Sequence[str]) -> dict[str, dict[
     }
 
 
-def _representation(entries: Sequence[PartScores]) -> dict[str, dict[str, float]]:
-    """The errors of a method's own representation, by garment; empty if it has none."""
+def _by_garment(entries: Sequence[PartScores], prefix: str) -> dict[str, dict[str, float]]:
+    """The three figures of a floor by garment, from the scores with a prefix; empty if nothing has them."""
     by_garment: dict[str, list[Scores]] = {}
     for entry in entries:
-        if f"{REPRESENTED}vertex_mean_mm" in entry.scores:
+        if f"{prefix}vertex_mean_mm" in entry.scores:
             by_garment.setdefault(entry.part, []).append(entry.scores)
-    return {garment: _figures(windows, REPRESENTED) for garment, windows in by_garment.items()}
-
-
-def _figures(windows: Sequence[Scores], prefix: str = "") -> dict[str, float]:
-    """The three figures of a floor over some windows."""
-    return {unit: _mean(windows, f"{prefix}{key}") ** power for unit, (key, power) in FIGURES.items()}
+    return {
+        garment: {unit: _mean(windows, f"{prefix}{key}") ** power for unit, (key, power) in FIGURES.items()}
+        for garment, windows in by_garment.items()
+    }
 
 
 def _by_action(entries: Sequence[PartScores], simulation: Sequence[PartScores]) -> dict[str, dict[str, Any]]:
@@ -217,10 +217,41 @@ def _cell(scores: Sequence[Scores], simulation: Sequence[Scores]) -> dict[str, A
         cell[f"vertex_rmse_mm{stage}"] = _mean(scores, f"vertex_mse_mm2{stage}") ** 0.5
         # Fewer than three frames have no acceleration.
         cell[f"jitter_ratio{stage}"] = _mean(scores, f"jitter{stage}") / calm if calm > 0 else None
+        cell |= _swing(scores, stage) | _chance(scores, stage)
     if all("network_ms" in each for each in scores):
         network, contact = _mean(scores, "network_ms"), _mean(scores, "contact_ms")
         cell |= {"network_ms": network, "contact_ms": contact, "ms_per_frame": network + contact}
     return cell
+
+
+def _swing(scores: Sequence[Scores], stage: str) -> dict[str, float | None]:
+    """Ratio of the swing's speed to the simulation's, and the correlation of both; None without motion."""
+
+    def total(key: str) -> float:
+        return float(torch.cat([each[f"{key}{stage}"] for each in scores]).double().sum())
+
+    speed, squares = total("true_swing_speed"), total("swing_square") * total("true_swing_square")
+    return {
+        f"swing_ratio{stage}": total("swing_speed") / speed if speed > 0 else None,
+        f"swing_correlation{stage}": total("swing_product") / squares**0.5 if squares > 0 else None,
+    }
+
+
+def _chance(scores: Sequence[Scores], stage: str) -> dict[str, float | None]:
+    """Distances from an ensemble of simulations over the windows that have one, None without any.
+
+    spread_ratio: the mean distance from the members over their distance from each other.
+    """
+    scores = [each for each in scores if f"ensemble_mm{stage}" in each]
+    ensemble, nearest = (
+        _mean(scores, f"{key}{stage}") if scores else None for key in ("ensemble_mm", "nearest_member_mm")
+    )
+    spread = _mean(scores, f"{SPREAD}vertex_mean_mm") if scores else 0.0
+    return {
+        f"ensemble_mm{stage}": ensemble,
+        f"nearest_member_mm{stage}": nearest,
+        f"spread_ratio{stage}": ensemble / spread if ensemble is not None and spread > 0 else None,
+    }
 
 
 def _mean(scores: Sequence[Scores], key: str) -> float:

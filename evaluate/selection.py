@@ -141,7 +141,7 @@ def _by_type(
     counts = [kinds[: index + 1].count(kind) for index, kind in enumerate(kinds)]
     names = [kind if count == 1 else f"{kind} {count}" for kind, count in zip(kinds, counts, strict=True)]
     windows = tuple(
-        Window(clip.action, clip.name, clip.subject, name, data / file, None)
+        Window(clip.action, clip.name, clip.subject, name, data / file)
         for name, file in zip(names, clip.files, strict=True)
     )
     garments = tuple(replace(each, name=name) for each, name in zip(outfit.garments, names, strict=True))

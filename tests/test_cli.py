@@ -2,7 +2,6 @@
 
 import json
 import re
-import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -111,19 +110,26 @@ def test_simulate_says_which_option_does_not_go_with_what_is_there(
     assert [path.name for path in simulated.iterdir()] == ["walk_tops.npz"]
 
 
-def test_simulate_repeats_into_a_folder_of_its_own(monkeypatch, capsys, simulated):
-    """What is there once is not there twice, and what is there twice is not made again."""
+def test_simulate_writes_an_ensemble_into_folders_of_its_members(monkeypatch, capsys, simulated):
+    """Only the missing members are simulated, each with its own engine."""
+    from uvcloth.dataset.clip_file import load_simulated, save_simulated
     from uvcloth.simulate import batch
+    from uvcloth.simulate.explicit import Explicit
+    from uvcloth.simulate.members import member_engine
 
     asked = []
     monkeypatch.setattr(batch, "simulate_all", lambda todo, *_: asked.extend(todo))
-    words = ("simulate", "walk", "--garment", "tops", "--out", str(simulated), "--repeat")
+    words = ("simulate", "walk", "--garment", "tops", "--out", str(simulated), "--ensemble")
     assert run(monkeypatch, *words) == 0
-    assert [job.targets for job in asked] == [(simulated / "repeat" / "walk_tops.npz",)]
-    (simulated / "repeat").mkdir()
-    shutil.copy(simulated / "walk_tops.npz", simulated / "repeat")
+    folders = [simulated / "members" / str(member) for member in (1, 2, 3)]
+    assert [job.targets for job in asked] == [(folder / "walk_tops.npz",) for folder in folders]
+    assert [job.member for job in asked] == [1, 2, 3]
+    usual = load_simulated(simulated / "walk_tops.npz")
+    for folder, job in zip(folders, asked, strict=True):
+        settings = member_engine(Explicit(), job.member).describe()["settings"]
+        save_simulated(usual.labelled(settings=settings), folder / "walk_tops.npz")
     assert run(monkeypatch, *words) == 0
-    assert len(asked) == 1
+    assert len(asked) == 3
     assert "every sequence is there already" in capsys.readouterr().out
 
 
@@ -273,7 +279,7 @@ def test_unknown_options_exit_with_two(monkeypatch):
     [
         *(
             (("--outfits", "made", *option), f"{option[0]}: not allowed with --outfits")
-            for option in (("--repeat",), ("--layered",), ("--body", "b.npz"))
+            for option in (("--ensemble",), ("--layered",), ("--body", "b.npz"))
         ),
         (("--plan", "p.csv"), "clips: not allowed with --plan, whose table contains it"),
         (("--outfits", "made", "--garment", "tops"), "--garment: not allowed with --outfits"),

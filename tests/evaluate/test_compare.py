@@ -74,16 +74,16 @@ def tube_garment(name: str, radius: float = 0.18) -> Garment:
     return Garment(name, name, Mesh(vertices, faces, vertices[:, :2], faces), weights, weights)
 
 
-def motion(frames: int, start: int = 0) -> Tensor:
+def motion(frames: int) -> Tensor:
     """A body that travels along a gentle curve: (frames, 1, 3, 4)."""
-    time = (torch.arange(frames) + start) / FPS
+    time = torch.arange(frames) / FPS
     path = torch.stack([time, 0.1 * time**2, 0.02 * torch.sin(3 * time)], dim=-1)
     return torch.cat([torch.eye(3).expand(frames, 3, 3), path[:, :, None]], dim=-1)[:, None]
 
 
-def simulated(garment: Garment, clip: str, off: Tensor, start: int = 0) -> SimulatedClip:
+def simulated(garment: Garment, clip: str, off: Tensor) -> SimulatedClip:
     """A garment that hangs `off` metres beside its rest shape on the moving body."""
-    transforms = motion(SETTLING + COUNTED - start, start)
+    transforms = motion(SETTLING + COUNTED)
     carried = skin(garment.mesh.vertices, garment.weights, transforms)
     body = capsule_body()
     metadata = {"clip": clip, "garment": garment.name, "template": garment.template}
@@ -111,9 +111,9 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
             save_simulated(
                 simulated(garment, clip, torch.tensor([0.0, 0.0, off])), data / f"{clip}_{name}.npz"
             )
-    # The repeat of one window starts three frames later and hangs 2 mm apart.
-    repeat = simulated(tube_garment("tops"), "02_04", torch.tensor([0.002, 0.0, 0.005]), start=3)
-    save_simulated(repeat, data / "repeat" / "02_04_tops.npz")
+    # One window has a second member of an ensemble, which hangs 2 mm apart.
+    member = simulated(tube_garment("tops"), "02_04", torch.tensor([0.002, 0.0, 0.005]))
+    save_simulated(member, data / "members" / "2" / "02_04_tops.npz")
     (data / "index.csv").write_text(
         "trial,subject,split,action,window_start,window_frames\n"
         "02_04,02,test,jump,0,9\n12_01,12,test,walking,0,9\n01_01,01,train,playground,0,9\n"
@@ -511,21 +511,21 @@ def test_a_garment_that_no_texel_sees_has_no_map(
     assert 'aria-label="tops: map mse"' not in page
 
 
-def test_a_repeat_without_an_earlier_start_tells_nothing(world: Path, tmp_path: Path) -> None:
-    same = simulated(tube_garment("tops"), "12_01", torch.tensor([0.0, 0.0, 0.010]))
-    save_simulated(same, world / "repeat" / "12_01_tops.npz")
-    floor = run(world, tmp_path / "out")["floor"]
-    assert floor["repeatability_mm"] == pytest.approx({"tops": 2.0}, abs=1e-3)
+def test_an_error_is_compared_with_the_spread_of_the_ensemble(world: Path, tmp_path: Path) -> None:
+    """LBS is 5 mm from one member and 5.4 from the other, which are 2 mm from each other."""
+    jump = run(world, tmp_path / "out")["methods"]["lbs"]["actions"]["jump"]
+    assert jump["tops"]["nearest_member_mm_raw"] == pytest.approx(5.0, abs=1e-3)
+    assert jump["tops"]["ensemble_mm_raw"] == pytest.approx((5.0 + 29**0.5) / 2, abs=1e-3)
+    assert jump["tops"]["spread_ratio_raw"] == pytest.approx((5.0 + 29**0.5) / 4, abs=1e-3)
+    assert jump["dress"]["ensemble_mm"] is jump["dress"]["spread_ratio"] is None
 
 
-def test_repeat_of_another_motion_is_refused(world: Path, tmp_path: Path) -> None:
+def test_an_ensemble_member_of_another_motion_is_refused(world: Path, tmp_path: Path) -> None:
     other = simulated(tube_garment("tops"), "02_04", torch.zeros(3))
-    bent = other.transforms[2:].clone()
+    bent = other.transforms.clone()
     bent[:-1, :, 0, 3] += 0.05
-    (garment,) = other.garments
-    shorter = replace(other, garments=(replace(garment, vertices=garment.vertices[2:]),), transforms=bent)
-    save_simulated(shorter, world / "repeat" / "02_04_tops.npz")
-    with pytest.raises(InputError, match="does not repeat the motion"):
+    save_simulated(replace(other, transforms=bent), world / "members" / "1" / "02_04_tops.npz")
+    with pytest.raises(InputError, match=r"members/1/02_04_tops\.npz: has another motion"):
         run(world, tmp_path / "out")
 
 

@@ -14,7 +14,7 @@ CLIPS = {"train": {"02_01": "02", "w": ""}, "validation": {"11_01": "11", "v": "
 
 
 def window(clip: str, subject: str = "", garment: str = "tops") -> Window:
-    return Window("walking", clip, subject, garment, Path(f"{clip}.npz"), None)
+    return Window("walking", clip, subject, garment, Path(f"{clip}.npz"))
 
 
 def candidate(seen: frozenset[str] = frozenset()) -> Candidate:

@@ -41,7 +41,7 @@ def test_inside_counts_what_lies_within_the_body() -> None:
     transforms = torch.eye(3, 4).expand(2, 1, 3, 4)
     corners = torch.arange(300)[:, None].expand(-1, 3)
     case = make_case(
-        (Window("a", "a", "", "g", None, None),),  # type: ignore[arg-type]
+        (Window("a", "a", "", "g", None),),  # type: ignore[arg-type]
         clip_of_garment(points, sheet, points[0], transforms, 30.0, 0, {"clip": "a", "garment": "g"}),
         Outfit(body, (garment,)),
         {"g": (corners, torch.full((300, 3), 1 / 3))},
@@ -79,7 +79,7 @@ def test_figures_before_contact_are_of_the_method_without_it() -> None:
     moved, garment = simulated(tube_garment("tops"), "02_04", torch.zeros(3)), tube_garment("tops")
     still = torch.eye(3, 4).expand_as(moved.transforms)
     moved = altered(moved, transforms=still, vertices=garment.mesh.vertices.expand_as(moved.vertices))
-    window = Window("a", "02_04", "", "tops", None, None)  # type: ignore[arg-type]
+    window = Window("a", "02_04", "", "tops", None)  # type: ignore[arg-type]
     case = make_case((window,), moved, Outfit(capsule_body(), (garment,)), {})
     scores = judge(case, Candidate("raised", Raised(), 0.0, "", frozenset())).parts["tops"]
     assert scores["vertex_mean_mm_raw"].mean() == pytest.approx(410.0, abs=0.1)

@@ -10,8 +10,11 @@ from torch import Tensor
 from evaluate.metrics import (
     Reference,
     distance_scores,
+    ensemble_scores,
     map_mse,
     shape_scores,
+    spread_scores,
+    swing_scores,
 )
 from uvcloth.geometry.mesh import unique_edges
 
@@ -42,7 +45,7 @@ def reference(frames: int = 8) -> Reference:
     weights = torch.cat(
         [torch.tensor([[1.0, 0.0, 0.0]]).expand(len(rest), 3), torch.full((len(faces), 3), 1 / 3)]
     )
-    return Reference(moved, rest, faces, FPS, corners, weights)
+    return Reference(moved, (), torch.zeros_like(moved), rest, faces, FPS, corners, weights)
 
 
 def test_a_shift_is_its_own_length() -> None:
@@ -69,9 +72,51 @@ def test_map_error_is_the_vertex_error_seen_through_the_texels() -> None:
     corners = torch.tensor([[0, 1, 2], [0, 1, 2]])
     weights = torch.tensor([[0.5, 0.5, 0.0], [0.5, 0.0, 0.5]])
     # The first texel sees 3 mm, in the second the two errors cancel.
-    truth = Reference(still, still[0], torch.tensor([[0, 1, 2]]), FPS, corners, weights)
+    truth = Reference(still, (), still, still[0], torch.tensor([[0, 1, 2]]), FPS, corners, weights)
     assert float(map_mse(predicted, truth)["map_mse_mm2"]) == pytest.approx(9.0 / 2)
     assert map_mse(predicted, replace(truth, texel_corners=None)) == {}
+
+
+def test_spread_is_the_mean_distance_of_all_pairs_of_members() -> None:
+    """Members 0, 3 and 6 mm along an axis: pairs of 3, 3 and 6 mm."""
+    truth = reference()
+    members = tuple(truth.vertices + torch.tensor([0.001 * off, 0.0, 0.0]) for off in (3.0, 6.0))
+    truth = replace(truth, members=members)
+    spread = spread_scores(truth)
+    assert torch.allclose(spread["spread_vertex_mean_mm"], torch.full((8,), 4.0), atol=1e-3)
+    assert torch.allclose(spread["spread_vertex_mse_mm2"], torch.full((8,), (9 + 9 + 36) / 3), atol=1e-2)
+    scores = ensemble_scores(truth.vertices + torch.tensor([0.005, 0.0, 0.0]), truth)
+    assert torch.allclose(scores["ensemble_mm"], torch.full((8,), (5.0 + 2.0 + 1.0) / 3), atol=1e-3)
+    assert torch.allclose(scores["nearest_member_mm"], torch.full((8,), 1.0), atol=1e-3)
+    assert spread_scores(reference()) == ensemble_scores(truth.vertices, reference()) == {}
+
+
+def swinging(amplitude: float, delay: float = 0.0) -> Tensor:
+    """A sheet of which one row swings across, a full turn in 32 frames: (33, 36, 3) m."""
+    rest, _ = sheet()
+    angles = 2 * torch.pi * torch.arange(33) / 32 - delay
+    moved = rest.repeat(33, 1, 1)
+    moved[:, :6, 2] += amplitude * angles.sin()[:, None]
+    return moved
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "delay", "ratio", "correlation"),
+    [(0.02, 0.0, 1.0, 1.0), (0.01, 0.0, 0.5, 1.0), (0.02, torch.pi / 3, 1.0, 0.5), (0.0, 0.0, 0.0, None)],
+)
+def test_swing_knows_amplitude_and_delay(
+    amplitude: float, delay: float, ratio: float, correlation: float | None
+) -> None:
+    """Half of the amplitude halves the ratio, a delay lowers the correlation to its cosine."""
+    rest, faces = sheet()
+    truth = Reference(swinging(0.02), (), rest.expand(33, -1, -1), rest, faces, FPS, None, None)
+    sums = {
+        key: float(values.sum()) for key, values in swing_scores(swinging(amplitude, delay), truth).items()
+    }
+    assert sums["swing_speed"] / sums["true_swing_speed"] == pytest.approx(ratio, abs=0.01)
+    if correlation is not None:
+        squares = sums["swing_square"] * sums["true_swing_square"]
+        assert sums["swing_product"] / squares**0.5 == pytest.approx(correlation, abs=0.01)
 
 
 def test_rigid_motion_neither_stretches_nor_bends() -> None:

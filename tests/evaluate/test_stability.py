@@ -62,7 +62,7 @@ def test_errors_grow_with_the_frames_since_the_truth(
 ) -> None:
     monkeypatch.setattr(measured, "SHORT_ROLLOUT", 5)
     outfit = Outfit(capsule_body(), (tube_garment("tops"),))
-    where = Window("jump", "02_04", "", "tops", Path(), None)
+    where = Window("jump", "02_04", "", "tops", Path())
     case = make_case((where,), window, outfit, {})
     scores = stability_scores(prepare_rollout(Straying(), outfit), case)["tops"]
     assert scores["one_step_mm"].tolist() == pytest.approx([1.0] * COUNTED, abs=0.05)

@@ -8,13 +8,13 @@ import torch
 from tests.fuzz.target import Target, require
 from tests.small_body import small_body
 from uvcloth.bodies.body import save_body
+from uvcloth.dataset.folder import MEMBERS
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.pins import pinned
 from uvcloth.motion.index import Entry, read_index
 from uvcloth.motion.poses import SPLITS
 from uvcloth.motion.roles import ROLES, read_role_map
 from uvcloth.physics.fabric import FABRICS, RANGES
-from uvcloth.simulate.members import MEMBERS
 from uvcloth.simulate.plan_file import PlanRow, read_plan
 from uvcloth.wardrobe.designs import KINDS, PARTS, Design, limits
 from uvcloth.wardrobe.outfit_file import OutfitFile, PieceFile, load_outfit_file, save_outfit_file

@@ -139,7 +139,7 @@ def test_data_of_another_body_or_engine_are_refused(
     finished: Path, body: Body, skinned: SimulatedClip, said: dict, words: str
 ) -> None:
     other = skinned.labelled(clip="run", **said)
-    save_simulated(other, finished / "repeat" / "rejected" / "run_dress.npz")
+    save_simulated(other, finished / "rejected" / "run_dress.npz")
     with pytest.raises(InputError, match=rf"run_dress\.npz: {words}.*simulate into another folder"):
         simulate_batch(ClipSelection(["walk"]), [["tops"]], finished, body)
 

@@ -37,7 +37,7 @@ def folder(tmp_path: Path) -> Path:
     for garment in ("tops", "dress"):
         save(tmp_path / f"01_01_{garment}.npz", "01_01", garment, 1000, **engine)
     save(tmp_path / "03_01_tops.npz", "03_01", "tops", 40, **engine)
-    save(tmp_path / "repeat" / "03_01_tops.npz", "03_01", "tops", 37, **engine)
+    save(tmp_path / "members" / "2" / "03_01_tops.npz", "03_01", "tops", 40, **engine)
     save(tmp_path / "rejected" / "03_01_dress.npz", "03_01", "dress", 40, rejected="came off", **engine)
     save(tmp_path / "02_01_tops.npz", "02_01", "tops", 70, **engine)
     keep_refused({"05_01": "LeftFoot turns by 120 degrees in frame 9"}, tmp_path)
@@ -70,21 +70,22 @@ def test_fabrics_of_outfits_are_counted_by_name(tmp_path: Path) -> None:
 
 def test_it_counts_frames_people_and_clips_by_split(folder: Path) -> None:
     text = printed(folder)
-    assert "5 sequences, 2,147 scored frames" in text
-    size = sum(path.stat().st_size for path in folder.rglob("*.npz"))
+    assert "4 sequences, 2,110 scored frames" in text
+    files = [*folder.glob("*.npz"), *(folder / "rejected").glob("*.npz")]
+    size = sum(path.stat().st_size for path in files)
     assert f"{size / 1e6:,.1f} MB" in text
     assert cells(text, "train")[:5] == ["train", "2", "2", "1,000", "1,070"]
     assert cells(text, "train")[5:] == ["4", "1,610"]
     assert cells(text, "test")[:5] == ["test", "1", "1", "0", "40"]
-    assert cells(text, "test, repeat")[:6] == ["test,", "repeat", "1", "1", "0", "37"]
+    assert f"{folder / 'members' / '2'}: 1 sequences, 40 scored frames" in text
     assert cells(text, "validation")[:3] == ["validation", "0", "0"]
 
 
 def test_it_says_who_made_it_what_was_refused_and_what_is_missing(folder: Path) -> None:
     save_arrays(folder / "old_tops.npz", {"format": np.array("uvcloth-sequence-1")})
     text = printed(folder)
-    assert "body: box (01234567), 5 sequences" in text
-    assert "engine: newton.X (newton 1.8.0; density 0.2), 5 sequences" in text
+    assert "body: box (01234567), 4 sequences" in text
+    assert "engine: newton.X (newton 1.8.0; density 0.2), 4 sequences" in text
     assert "refused: rejected/03_01_dress.npz, came off" in text
     assert "refused before it was simulated: 05_01, LeftFoot turns by 120 degrees in frame 9" in text
     assert "missing of train: 3 sequences of 2 clips (01_02, 02_01)" in text

@@ -9,6 +9,7 @@ import torch
 
 from rasterize.charts import boundary_loops
 from uvcloth.bodies.body import Body
+from uvcloth.dataset.folder import MEMBERS
 from uvcloth.errors import InputError
 from uvcloth.garments.cage import Cage
 from uvcloth.garments.joined import Cloth, join
@@ -16,7 +17,7 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import boundary_edges, edge_lengths, join_meshes, unique_edges
 from uvcloth.physics.fabric import FABRICS, Fabric
 from uvcloth.simulate.engine import Frame, Scene
-from uvcloth.simulate.members import MEMBERS, member_engine
+from uvcloth.simulate.members import member_engine
 from uvcloth.simulate.newton import Newton
 from uvcloth.simulate.remeshed import Remeshed, other_mesh
 

@@ -94,11 +94,11 @@ class Simulate:
     """Number of sequences to simulate at the same time."""
     scheduler: Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")] = None
     """Address of a dask scheduler that runs the simulations instead of this machine."""
-    repeat: Annotated[
+    ensemble: Annotated[
         bool,
         arg(
-            help="Simulate each window again from a start 20 frames earlier, into OUT/repeat. Evaluation "
-            "reports the difference as the repeatability floor."
+            help="Simulate everything four times, with another mesh, more substeps and both, into "
+            "OUT/members. Evaluation reports how much of an error is chance."
         ),
     ] = False
     options: MotionFile = field(default_factory=MotionOptions)
@@ -144,7 +144,7 @@ class Simulate:
             body=load_body(self.body),
             engine=self.engine,
             fabric=self.fabric,
-            repeat=self.repeat,
+            ensemble=self.ensemble,
             workers=workers,
         )
 

@@ -3,7 +3,7 @@
 import csv
 import json
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,11 @@ from uvcloth.files.atomic import atomic_write
 from uvcloth.files.reading import require_file
 from uvcloth.motion.index import COLUMNS, Entry, read_index
 
-REPEAT, REJECTED = "repeat", "rejected"
-"""Folders in a data folder: second simulations of windows, and sequences that were refused (of either)."""
+REJECTED, MEMBERS_FOLDER = "rejected", "members"
+"""Folders in a data folder: of sequences that were refused, and of the other members of an ensemble."""
+
+MEMBERS = 4
+"""Members of an ensemble of simulations of one motion and garment, the usual simulation included."""
 
 REFUSED = "refused.csv"
 """Name of the table of captures that were refused before they were simulated, and why."""
@@ -24,11 +27,10 @@ REFUSED = "refused.csv"
 
 @dataclass(frozen=True)
 class Stored:
-    """A sequence in a data folder: its file, its metadata, and whether it is a second simulation."""
+    """A sequence in a data folder: its file and its metadata."""
 
     path: Path
     metadata: dict[str, Any]
-    repeat: bool
 
     @property
     def reason(self) -> str | None:
@@ -48,11 +50,14 @@ def is_finished(target: Path) -> bool:
     return target.exists() or rejected(target).exists()
 
 
-def sequence_files(folder: Path) -> Iterator[tuple[Path, bool]]:
-    """Yield every sequence file in a data folder, and whether it is a second simulation."""
-    for part in (folder, folder / REPEAT):
-        for path in (*sorted(part.glob("*.npz")), *sorted((part / REJECTED).glob("*.npz"))):
-            yield path, part != folder
+def member_folder(folder: Path, member: int) -> Path:
+    """Data folder of an ensemble member of the sequences of a data folder; the same one for member 0."""
+    return folder / MEMBERS_FOLDER / str(member) if member else folder
+
+
+def sequence_files(folder: Path) -> list[Path]:
+    """List every sequence file in a data folder, refused ones last."""
+    return [*sorted(folder.glob("*.npz")), *sorted((folder / REJECTED).glob("*.npz"))]
 
 
 def stored_sequences(folder: Path) -> list[Stored]:
@@ -60,7 +65,7 @@ def stored_sequences(folder: Path) -> list[Stored]:
 
     Raises InputError for a file that is no sequence.
     """
-    return [Stored(path, read_metadata(path), repeat) for path, repeat in sequence_files(folder)]
+    return [Stored(path, read_metadata(path)) for path in sequence_files(folder)]
 
 
 def require_same(

@@ -11,9 +11,10 @@ from uvcloth.dataset.bodies import keep_body
 from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.dataset.clip_file import save_simulated
 from uvcloth.dataset.folder import (
-    REPEAT,
+    MEMBERS,
     keep_index,
     keep_refused,
+    member_folder,
     rejected,
     require_same,
     stored_sequences,
@@ -67,7 +68,7 @@ def simulate_batch(
     body: Body,
     engine: str = "explicit",
     fabric: str | None = None,
-    repeat: bool = False,
+    ensemble: bool = False,
     workers: Workers = ONE_PER_CORE,
 ) -> None:
     """Simulate every clip with every outfit into OUT/<clip>_<garment>.npz; what is there already is kept.
@@ -75,8 +76,8 @@ def simulate_batch(
     selection: its index, if any, is copied to OUT/index.csv. body: is kept in OUT/bodies. outfits: garments
     that are simulated together, each outfit by itself, the innermost garment first: template names or mesh
     files, whose garment is named by the file's stem. engine: one of ENGINES. fabric: a key of FABRICS, None
-    for the engine's. repeat: start each window REPEAT_LEAD_FRAMES frames earlier and write to OUT/repeat
-    instead.
+    for the engine's. ensemble: simulate everything MEMBERS times, as `member_engine` has it, and write the
+    other members to OUT/members/<member>.
 
     Sequences that `examine` refuses go to OUT/rejected with the reason in their metadata, all layers of an
     outfit together; captures that are faulty are not simulated and named in OUT/refused.csv, as are
@@ -92,15 +93,19 @@ def simulate_batch(
         check_order([cloth.garment for cloth in outfit])
     sources = batch_sources(selection)
     names = [tuple(cloth.garment.name for cloth in outfit) for outfit in cloths]
-    require_same(stored_sequences(out), body, made_by.describe(), names)
-    todo, refused = plan(sources, cloths, out / REPEAT if repeat else out, body, repeat)
+    folders = [member_folder(out, member) for member in range(MEMBERS if ensemble else 1)]
+    for member, folder in enumerate(folders):
+        made = member_engine(made_by, member)
+        require_same(stored_sequences(folder), body, made.describe(), names)
+    todo, refused = plan(sources, cloths, folders, body)
 
     def keep() -> None:
-        keep_body(body, out)
-        if selection.windows is not None:
-            keep_index(selection.windows, out / INDEX)
+        for folder in folders:
+            keep_body(body, folder)
+            if selection.windows is not None:
+                keep_index(selection.windows, folder / INDEX)
 
-    work = Work(todo, count_frames(todo), [out], {out: refused} if refused else {}, keep)
+    work = Work(todo, count_frames(todo), folders, {out: refused} if refused else {}, keep)
     simulate_work(work, made_by, workers, out)
 
 

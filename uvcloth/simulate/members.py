@@ -9,9 +9,6 @@ from uvcloth.errors import InputError
 from uvcloth.simulate.engine import Engine, SubstepEngine
 from uvcloth.simulate.remeshed import Remeshed
 
-MEMBERS = 4
-"""Members of an ensemble, the usual simulation included."""
-
 MORE_SUBSTEPS = 0.5
 """Share of additional substeps in members that take more."""
 

@@ -123,7 +123,7 @@ def _job(task: _Task, out: Path) -> Job | None:
     keep_body(body, out)
     cloths = tuple(join(garment, body) for garment in worn.garments)
     for source in task.windows:
-        motion, warm_up, fault = load_motion(source, body, 0)
+        motion, warm_up, fault = load_motion(source, body)
         if fault is not None:
             keep_refused({source.clip: fault}, out)
             continue

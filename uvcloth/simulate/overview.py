@@ -10,7 +10,14 @@ from rich.table import Table
 from rich.text import Text
 
 from uvcloth.dataset.clip_file import read_metadata
-from uvcloth.dataset.folder import REPEAT, Stored, is_finished, refused_captures, sequence_files
+from uvcloth.dataset.folder import (
+    MEMBERS,
+    Stored,
+    is_finished,
+    member_folder,
+    refused_captures,
+    sequence_files,
+)
 from uvcloth.errors import InputError
 from uvcloth.motion.index import INDEX, Entry, read_index
 from uvcloth.motion.poses import SPLITS
@@ -24,14 +31,15 @@ MAX_NAMED = 12
 def overview(folder: Path) -> RenderableType:
     """Make a table of frames by split and garment, and lines on bodies, engines, refusals and missing clips.
 
-    Where a plan was simulated, each of its data folders is listed. Only metadata are read. Raises InputError
+    Each data folder of a plan, or of an ensemble, is listed. Only metadata are read. Raises InputError
     if the folder does not exist or holds nothing, and for an invalid index or plan; files that are not
     sequences of this version are listed.
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder, expected one made by `uvcloth simulate`")
     if not (folder / PLAN).is_file():
-        return _overview(folder, None)
+        members = [member_folder(folder, member) for member in range(1, MEMBERS)]
+        return Group(*(_overview(part, None) for part in (folder, *filter(Path.is_dir, members))))
     rows = read_plan(folder / PLAN)
     files = [folder / file for row in rows for file in row.files]
     there = sum(map(is_finished, files))
@@ -45,10 +53,10 @@ def overview(folder: Path) -> RenderableType:
 def _overview(folder: Path, planned: Set[tuple[str, str]] | None) -> RenderableType:
     """Overview of one data folder. planned: clip and garment of each sequence, None without a plan."""
     stored, unreadable, size = [], [], 0
-    for path, repeat in sequence_files(folder):
+    for path in sequence_files(folder):
         size += path.stat().st_size
         try:
-            stored.append(Stored(path, read_metadata(path), repeat))
+            stored.append(Stored(path, read_metadata(path)))
         except InputError as error:
             unreadable.append(str(error))
     begun = [file for file in unfinished_files(folder) if planned is None or file.parent == folder]
@@ -75,7 +83,7 @@ def _overview(folder: Path, planned: Set[tuple[str, str]] | None) -> RenderableT
 
 
 def _table(index: Mapping[str, Entry], kept: list[Stored]) -> Table:
-    """Table of a row per split (and its repeats): people, clips, frames of each garment, or type of it."""
+    """Table of a row per split: people, clips, frames of each garment, or type of it."""
     garments = sorted({_garment(each) for each in kept})
     rows: dict[str, list[Stored]] = {split: [] for split in SPLITS if index}
     for each in kept:
@@ -86,7 +94,7 @@ def _table(index: Mapping[str, Entry], kept: list[Stored]) -> Table:
     for split, sequences in rows.items():
         clips = {each.metadata["clip"] for each in sequences}
         people = {_subject(index, each) for each in sequences} - {""}
-        entries = [entry for entry in index.values() if entry.split == split.removesuffix(f", {REPEAT}")]
+        entries = [entry for entry in index.values() if entry.split == split]
         table.add_row(
             split,
             str(len(people)) if people or index else "",
@@ -111,8 +119,7 @@ def _subject(index: Mapping[str, Entry], each: Stored) -> str:
 
 def _split(index: Mapping[str, Entry], each: Stored) -> str:
     entry = index.get(each.metadata["clip"])
-    split = entry.split if entry else str(each.metadata.get("split", "without an index"))
-    return f"{split}, {REPEAT}" if each.repeat else split
+    return entry.split if entry else str(each.metadata.get("split", "without an index"))
 
 
 def _frames(sequences: Iterable[Stored]) -> int:
@@ -161,7 +168,7 @@ def _missing(
     Without a plan, all clips of the index are to have all of the folder's garments.
     """
     garments = {each.metadata["garment"] for each in stored}
-    present = {(each.metadata["clip"], each.metadata["garment"]) for each in stored if not each.repeat}
+    present = {(each.metadata["clip"], each.metadata["garment"]) for each in stored}
     wanted = product(index, garments) if planned is None else sorted(planned)
     missing: dict[str, Counter[str]] = {split: Counter() for split in SPLITS}
     for clip, garment in wanted:

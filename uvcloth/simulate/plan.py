@@ -21,9 +21,6 @@ from uvcloth.motion.poses import SPLITS
 from uvcloth.physics.fabric import Fabric
 from uvcloth.simulate.run import run_up
 
-REPEAT_LEAD_FRAMES = 20
-"""Frames by which the second start of a window is earlier, for the repeatability floor."""
-
 
 @dataclass(frozen=True)
 class Job:
@@ -128,47 +125,50 @@ def _spread(entries: Sequence[Entry], group: Callable[[Entry], Hashable]) -> lis
 def plan(
     sources: Sequence[Source],
     outfits: Sequence[tuple[Cloth, ...]],
-    out: Path,
+    folders: Sequence[Path],
     body: Body,
-    earlier: bool = False,
 ) -> tuple[list[Job], dict[str, str]]:
     """Plan the simulations still to make, all outfits of a clip together, and the reasons of refused clips.
 
-    Clips are read only if a sequence of theirs is missing. Raises InputError for unreadable clips, windows
+    folders: of the ensemble's members, which come one after another. Clips are read only if a sequence of
+    theirs is missing. Raises InputError for unreadable clips, windows
     that do not fit and sequences that would share a file or have names that no file can have everywhere.
     """
     todo: list[Job] = []
     refused: dict[str, str] = {}
     written: dict[str, str] = {}
     for source in track(sources, "reading clips", transient=True):
-        targets = [tuple(out / f"{source.clip}_{c.garment.name}.npz" for c in outfit) for outfit in outfits]
-        for target in (target for each in targets for target in each):
-            require_file_name(target.name, source.name)
-            file = str(target).casefold()
-            if file in written:
-                raise InputError(f"{target}: both {written[file]} and {source.name} would be written there")
-            written[file] = source.name
+        files = [tuple(f"{source.clip}_{c.garment.name}.npz" for c in outfit) for outfit in outfits]
+        for file in (file for each in files for file in each):
+            require_file_name(file, source.name)
+            if file.casefold() in written:
+                raise InputError(
+                    f"{folders[0] / file}: both {written[file.casefold()]} and {source.name} would be "
+                    "written there"
+                )
+            written[file.casefold()] = source.name
         missing = [
-            (outfit, each)
-            for outfit, each in zip(outfits, targets, strict=True)
-            if not all(map(is_finished, each))
+            (member, outfit, targets)
+            for member, folder in enumerate(folders)
+            for outfit, each in zip(outfits, files, strict=True)
+            if not all(map(is_finished, targets := tuple(folder / file for file in each)))
         ]
         if missing:
-            motion, warm_up, fault = load_motion(source, body, REPEAT_LEAD_FRAMES if earlier else 0)
+            motion, warm_up, fault = load_motion(source, body)
             if fault is not None:
                 refused[source.clip] = fault
             else:
-                todo += [Job(motion, warm_up, body, outfit, each) for outfit, each in missing]
-    return todo, refused
+                todo += [Job(motion, warm_up, body, outfit, to, member=m) for m, outfit, to in missing]
+    return sorted(todo, key=lambda job: job.member), refused
 
 
-def load_motion(source: Source, body: Body, earlier: int) -> tuple[Clip, int, str | None]:
+def load_motion(source: Source, body: Body) -> tuple[Clip, int, str | None]:
     """Load the motion of a source with its run-up, the frames of that, and the capture's fault, if any."""
     clip = replace(load_clip(source.name, body, source.options), name=source.clip)
     start, frames = 0, len(clip)
     if source.window is not None:
         start, frames = source.window.start, source.window.frames
     clip.require_frames(start + frames, source.name)
-    motion, before = run_up(clip, start, frames, earlier)
+    motion, before = run_up(clip, start, frames)
     fault = find_jump(motion, start - before) or find_standstill(motion.window(before, frames), start)
     return motion, before, fault

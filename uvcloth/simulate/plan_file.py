@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 from uvcloth.dataset.bodies import BODIES
-from uvcloth.dataset.folder import REJECTED, REPEAT
+from uvcloth.dataset.folder import MEMBERS, MEMBERS_FOLDER, REJECTED, member_folder
 from uvcloth.errors import InputError
 from uvcloth.files.fields import LONGEST, is_file_name, require_file_name
 from uvcloth.files.reading import require_file
 from uvcloth.garments.templates import TEMPLATES
 from uvcloth.motion.index import MOST_FRAMES, WHOLE, Entry
 from uvcloth.motion.poses import SPLITS
-from uvcloth.simulate.members import MEMBERS
 
 PLAN = "plan.csv"
 """Name of the copy of its plan in a data folder."""
@@ -21,8 +20,8 @@ PLAN = "plan.csv"
 PLAN_FPS = 30
 """Frames per second in which a plan counts."""
 
-LAYERED, MEMBERS_FOLDER = "layered", "members"
-"""Data folders, in another one, of garments that are worn over one another, and of ensemble members."""
+LAYERED = "layered"
+"""Data folder, in another one, of garments that are worn over one another."""
 
 REQUIRED = ("clip", "start", "frames", "garments", "split", "subject", "action")
 OPTIONAL = ("name", "hold", "body", "member")
@@ -86,8 +85,7 @@ class PlanRow:
         """Data folder of its sequences, relative to that of the plan: all in it are comparable."""
         parts = [PurePosixPath(self.body).stem] if self.body else []
         parts += [LAYERED] if len(self.garments) > 1 else []
-        parts += [MEMBERS_FOLDER, str(self.member)] if self.member else []
-        return Path(*parts)
+        return member_folder(Path(*parts), self.member)
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -164,7 +162,7 @@ def _row(path: Path, number: int, row: Mapping[str, str]) -> PlanRow:
     if planned.body:
         folder = planned.folder.parts[0]
         require_file_name(folder, where)
-        if folder in (BODIES, REPEAT, REJECTED, LAYERED, MEMBERS_FOLDER):
+        if folder in (BODIES, REJECTED, LAYERED, MEMBERS_FOLDER):
             raise InputError(
                 f"{where}: a body cannot be named {folder}, which is a folder of the data; rename its file"
             )

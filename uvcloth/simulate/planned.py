@@ -145,7 +145,7 @@ class _Stock:
             body = self.body(row)
             with self._named(row):
                 source = Source(file, row.motion.name, row.motion.window)
-                motion, warm_up, fault = load_motion(source, body, 0)
+                motion, warm_up, fault = load_motion(source, body)
                 if row.motion.hold:
                     motion = come_to_rest(motion, row.motion.hold)
                 self.motions[key] = motion, warm_up, fault

@@ -26,9 +26,9 @@ RUN_UP = 15
 """Frames of the clip before a window that are simulated and not scored, while cloth forgets its start."""
 
 
-def run_up(clip: Clip, start: int, frames: int, earlier: int = 0) -> tuple[Clip, int]:
-    """Cut a window from a clip with up to RUN_UP + earlier frames before it; returns their number too."""
-    before = min(start, RUN_UP + earlier)
+def run_up(clip: Clip, start: int, frames: int) -> tuple[Clip, int]:
+    """Cut a window from a clip with up to RUN_UP frames before it; returns their number too."""
+    before = min(start, RUN_UP)
     return clip.window(start - before, frames + before), before
 
 
