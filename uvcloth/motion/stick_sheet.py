@@ -15,7 +15,7 @@ from uvcloth.motion.roles import joint_roles
 from uvcloth.render import contact_sheet
 
 COLUMNS = 8
-"""Frames on a sheet, evenly over the motion."""
+"""Frames on a sheet, spread evenly over the motion."""
 
 WIDTH, HEIGHT = 220, 320
 """Pixels of a figure."""
