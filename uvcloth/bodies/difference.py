@@ -67,7 +67,7 @@ def load_kept_body(path: Path) -> Body:
 
 
 def _expected(name: str, shipped: dict[str, np.ndarray], arrays: dict[str, np.ndarray]) -> np.ndarray | None:
-    """The expected array of that name for a body whose base is known; None if there is none."""
+    """The expected array of a name; vertices follow from the base if it is known. None if unknown."""
     known = name == "vertices" and {"base", "vertices"} <= shipped.keys() and "base" in arrays
     if known and arrays["base"].shape == shipped["base"].shape:
         rows = {tuple(row): place for place, row in enumerate(shipped["base"].tolist())}

@@ -109,7 +109,7 @@ def rig_of(
 
     shapes: how many blend shapes, as principal components; None keeps the model's own. Weights cover the
     rest pose, the training poses and the clip. Raises InputError for a clip on another skeleton, a number of
-    shapes out of range, and a model whose blend shapes no pose moves.
+    shapes out of range, and a model whose poses use none of its blend shapes.
     """
     if clip and clip.skeleton.names != body.skeleton.names:
         raise InputError(f"clip {clip.name}: its skeleton is not that of body {body.name!r}")

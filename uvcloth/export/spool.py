@@ -54,7 +54,7 @@ class Spool:
         self._write(self._animation(), path)
 
     def discard(self) -> None:
-        """Close what is open."""
+        """Close open files."""
         for stream in self._streams:
             try:
                 stream.close()

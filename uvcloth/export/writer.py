@@ -54,7 +54,7 @@ class Sink(Protocol):
         ...
 
     def discard(self) -> None:
-        """Close what is open."""
+        """Close open files."""
         ...
 
 
@@ -213,9 +213,9 @@ def open_writer(
 
 
 def require_own_names(path: Path, garments: Sequence[str]) -> None:
-    """Raise InputError naming the file if two of its garments have one name, or one is called body.
+    """Raise InputError naming the file if two of its garments share a name, or one is called body.
 
-    Names that differ in capitals alone are one: on Windows and macOS, so are files.
+    Names that differ only in capitals count as the same: on Windows and macOS, files do.
     """
     names = [*garments, "body"]
     folded = [name.casefold() for name in names]

@@ -82,7 +82,7 @@ def encode(values: np.ndarray, stride: int) -> np.ndarray:
 def decode(code: np.ndarray, shape: tuple[int, int, int], stride: int) -> np.ndarray:
     """Decode bytes of `encode` to whole numbers (T, K, C), int64.
 
-    Raises ValueError if the bytes are damaged, or not of so many numbers.
+    Raises ValueError if the bytes are damaged, or belong to another shape.
     """
     if np.prod(shape, dtype=np.float64) > min(MOST_PER_BYTE * (LEAST_BYTES + len(code)), MOST_NUMBERS):
         raise ValueError("code is too short for so many numbers")

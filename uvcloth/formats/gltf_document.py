@@ -24,7 +24,7 @@ class Index:
 
 @dataclass(frozen=True)
 class Numbers:
-    """Rule for a list of so many numbers."""
+    """Rule for a list of `count` numbers."""
 
     count: int
 

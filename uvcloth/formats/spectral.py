@@ -131,7 +131,7 @@ def decode_points(
 ) -> np.ndarray:
     """Decode points (F, N, 3) m, float64, that `code_points` coded with the same mean error.
 
-    Raises ValueError for code that is not of so many frames and points.
+    Raises ValueError for code of other frames or points.
     """
     longest = max(len(part.points) for part in parts)
     steps = decode(coded.code, (frames, longest, 3 * len(parts)), _blocks(frames))

@@ -25,7 +25,10 @@ FPS_RANGE = (30.0, 120.0)
 """Least and greatest rate at which keys are sampled, frames per second."""
 
 SHEAR = 1e-4
-"""Largest difference from the identity of an entry of a matrix times its transpose, for a rotation."""
+"""Largest difference of an entry of a matrix times its transpose from the identity, for a rotation.
+
+Also the least singular value of a sheared matrix that has a nearest rotation.
+"""
 
 SPARSEST, MOST_OF_FEW = 100, 1_000_000
 """Limit for the sampled transforms of nodes: so many for each value in the file, and so many more."""
