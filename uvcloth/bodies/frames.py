@@ -22,7 +22,7 @@ class BodyFrames:
 
     transforms: (B, H, J, 3, 4). vertices: (B, H, V, 3) m. velocity: (B, H, V, 3) m/s, acceleration:
     (B, H, V, 3) m/s2, both backward differences (PhysXNet eq. 6 and 7) divided by the frame time. under:
-    (B, N, 3) m, the garment worn beneath the one that is asked for, where a method needs it.
+    (B, N, 3) m, the garment beneath the one to predict, where a method needs it.
     """
 
     body: Body
@@ -49,7 +49,7 @@ class BodyFrames:
 
 
 def side_by_side(frames: Sequence[BodyFrames]) -> BodyFrames:
-    """Frames of several motions of one body, over nothing, as one batch; they have to have one frame rate."""
+    """Frames of several motions of one body as one batch, without `under`; all need the same frame rate."""
     return BodyFrames(
         body=frames[0].body,
         fps=frames[0].fps,
@@ -63,8 +63,8 @@ def side_by_side(frames: Sequence[BodyFrames]) -> BodyFrames:
 def body_frames(body: Body, transforms: Tensor, fps: float, posed: Tensor | None = None) -> BodyFrames:
     """Pose a body over LEAD + B consecutive frames of joint transforms (LEAD + B, J, 3, 4).
 
-    The first LEAD frames only serve the differences; for a clip's true start repeat its first frame. posed:
-    (K, V, 3) m, the body in the first K frames, where that is known.
+    The first LEAD frames only serve the differences; `with_lead` makes them at a clip's start. fps: frames
+    per second. posed: (K, V, 3) m, the body in the first K frames, where that is known.
     """
     known = 0 if posed is None else len(posed)
     vertices = posed_skin(body, transforms[known:])

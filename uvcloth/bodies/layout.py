@@ -125,7 +125,7 @@ def _part_labels(body: Body, mirror: np.ndarray | None) -> np.ndarray:
 
 
 def _smooth_borders(labels: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Labels (F,) in which a face that meets its own part along one edge only goes to the part around it.
+    """Labels (F,) in which a face that meets its own part along only one edge goes to the part around it.
 
     Such a face would have all its corners on the rim of its chart, where no texel sees it.
     """
@@ -222,7 +222,7 @@ def _front_and_back(body: Body, torso: np.ndarray, cut: np.ndarray) -> np.ndarra
 
 
 def _charts(body: Body, labels: np.ndarray, seams: dict[str, np.ndarray]) -> list[Chart]:
-    """Rectangles with areas as the surface, and each chart's corners."""
+    """Charts with their corners, and rectangles of areas in proportion to the surface."""
     points, faces = body.mesh.vertices.double().numpy(), body.mesh.faces.numpy()
     a, b, c = (points[faces[:, corner]] for corner in range(3))
     face_area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2

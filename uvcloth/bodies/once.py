@@ -14,7 +14,7 @@ Result = TypeVar("Result")
 def once_per_body(
     make: Callable[Concatenate[Body, Options], Result],
 ) -> Callable[Concatenate[Body, Options], Result]:
-    """Keep what a function makes of a body and of hashable options, beside the body.
+    """Cache a function's results by body and hashable options, for as long as the body lives.
 
     The results are shared: they must be immutable, and must not hold the body, which would then live forever.
     """

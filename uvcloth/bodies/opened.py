@@ -54,7 +54,7 @@ class Opening:
 
 
 def make_opening(collider: Collider, body_vertices: Tensor) -> Opening:
-    """Opening of a collider's pressed parts, of a body with vertices (V, 3) m at rest."""
+    """Opening of a collider's pressed parts, for a body with vertices (V, 3) m at rest."""
     body, collider = body_vertices.detach().to("cpu", torch.float32), to_device(collider, CPU)
     rest, count = body.numpy(), len(body) + len(collider.rims)
     skins = [part[(part < len(body)).all(1)] for part in collider.parts]

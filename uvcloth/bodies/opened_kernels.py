@@ -243,8 +243,8 @@ def _measure(
     facing: np.ndarray,
     sums: np.ndarray,
 ) -> None:
-    """Sum up, for each near point, the weights, and weighted by them distances to planes, normals, and ways
-    to the wall.
+    """Sum up, for each near point, the weights and the weighted distances to planes, normals, and offsets
+    from the wall points.
     """
     for side in range(len(counts)):
         for row in range(plan.starts[side], plan.starts[side] + counts[side]):

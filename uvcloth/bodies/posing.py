@@ -8,13 +8,13 @@ from uvcloth.geometry.skeleton import local_rotations
 from uvcloth.geometry.skinning import apply_transforms, blend_transforms, skin
 
 POSED_AT_ONCE = 64
-"""Frames whose pose shapes are added at once: they have a rest mesh each."""
+"""Frames whose pose shapes are added at once: each needs a rest mesh of its own."""
 
 
 def posed_skin(body: Body, transforms: Tensor) -> Tensor:
     """Vertices (B, V, 3) m of a body posed by joint transforms (B, J, 3, 4), on their device.
 
-    Linear blend skinning of the rest mesh, to which a body with pose shapes first adds those of the pose.
+    Linear blend skinning of the rest mesh, after the offsets of pose shapes are added if the body has them.
     """
     vertices, weights = body.mesh.vertices.to(transforms), body.weights.to(transforms)
     if body.pose_shapes is None:
@@ -30,6 +30,6 @@ def posed_skin(body: Body, transforms: Tensor) -> Tensor:
 
 
 def _corrections(shapes: Tensor, parents: tuple[int, ...], transforms: Tensor) -> Tensor:
-    """Pose shapes of the pose, to add to the rest mesh: (B, V, 3) m."""
+    """Offsets of the rest mesh by the pose shapes: (B, V, 3) m."""
     turns = local_rotations(parents, transforms[..., :3])[:, 1:] - torch.eye(3).to(transforms)
     return (turns.flatten(1) @ shapes.flatten(1)).unflatten(1, (-1, 3))

@@ -32,9 +32,9 @@ REGION_SUFFIXES = {
 
 
 def face_regions(skeleton: Skeleton, weights: Tensor, faces: Tensor) -> tuple[Tensor, Tensor]:
-    """Region and side of every face, from the joint that moves it most.
+    """Region (F,) and side (F,), as of `Body`, of faces (F, 3), from the joint that moves each most.
 
-    A joint whose name says nothing moves what the one above it moves, the first one the torso.
+    weights: (V, J). A joint with another name has its parent's region and side, a root the torso's.
     """
     region_of_joint: list[int] = []
     side_of_joint: list[int] = []

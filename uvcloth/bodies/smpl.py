@@ -42,7 +42,7 @@ ARRAYS = ("v_template", "shapedirs", "posedirs", "weights", "J_regressor", "kint
 EXPECTED = "a model file of SMPL, SMPL-H or SMPL-X"
 
 FACE_SHAPES = {400: 300}
-"""Of the shapes of an SMPL-X file, how many are of the person, not of the expression; of others 10."""
+"""Number of shapes of the person, before those of expressions, by the total of an SMPL-X file; else 10."""
 
 
 @dataclass(frozen=True)
@@ -64,9 +64,9 @@ class SmplModel:
     parents: tuple[int, ...]
 
     def resting(self, pose: Tensor | None = None) -> "RestingModel":
-        """The model with another rest pose than its zero pose, the T, or with that.
+        """The model with a rest pose, by default its zero pose, the T.
 
-        pose: (J, 3) axis-angles relative to the parents, besides the turn to our axes.
+        pose: (J, 3) axis-angles, radians, relative to the parents, besides the turn to our axes.
         """
         turns = torch.zeros(len(self.parents), 3) if pose is None else pose.float()
         return _resting(self, from_axis_angles(turns))
@@ -74,11 +74,11 @@ class SmplModel:
 
 @dataclass(frozen=True)
 class RestingModel:
-    """A model whose bodies all rest in one pose, and share what corrects their skin.
+    """A model whose bodies all have one rest pose, and share its pose correction and pose shapes.
 
-    used: (V,) int64, vertices of the model in the largest piece of its surface. rotations: (J, 3, 3) of the
-    rest pose, world. correction: (V, 3) m, what the rest pose adds in the zero pose's axes. pose_shapes: as
-    of Body, from the rest pose. regions, sides: (F,) as of Body.
+    used: (V,) int64, vertices of the model in the largest piece of its surface. faces: (F, 3) into these.
+    rotations: (J, 3, 3) of the rest pose, world. correction: (V, 3) m, pose correction of the rest pose, in
+    the zero pose's axes. pose_shapes: as of Body, from the rest pose. regions, sides: (F,) as of Body.
     """
 
     model: SmplModel
@@ -96,7 +96,7 @@ class RestingModel:
         betas: (B,) shape parameters, B at most S. unwrapped: False for a mesh without texture coordinates,
         which take seconds. With another rest pose than the zero pose, skin between two joints that it turns
         differs from SMPL's by millimetres, in wide poses.
-        Raises InputError for more shape parameters than there are, and for such as are not finite.
+        Raises InputError for more shape parameters than there are, and for one that is not finite.
         """
         model = self.model
         if len(betas) > len(model.shapes):
@@ -131,7 +131,7 @@ def read_smpl(path: Path) -> SmplModel:
     arrays that do not fit together or are not finite.
     """
     path = Path(path)
-    # Others in an npz may be pickled and are not looked at.
+    # Other arrays of an npz may be pickled: they are not read.
     arrays = read_arrays(path, EXPECTED, ARRAYS) if path.suffix.lower() == ".npz" else read_smpl_pickle(path)
     missing = [name for name in ARRAYS if name not in arrays]
     if missing:
@@ -194,7 +194,7 @@ def _resting(model: SmplModel, local: Tensor) -> RestingModel:
 
     With G_j the world rotations of that pose, R_j - R0_j = G_p^T (L_j - 1) G_j: R_j is a local rotation from
     the zero pose, R0_j that of the rest pose, L_j the same from the rest pose, p the parent of j. Corrections
-    are linear in R_j - 1, so also in L_j - 1; what of them is there at rest is part of the rest mesh.
+    are linear in R_j - 1, so also in L_j - 1; their value at rest is part of the rest mesh.
     """
     kept = torch.from_numpy(largest_piece(model.faces.numpy()))
     used, faces = model.faces[kept].unique(return_inverse=True)
@@ -227,7 +227,7 @@ def _twice_skinned(vertices: Tensor, weights: Tensor, transforms: Tensor, parent
     """Corrections for skinning to a rest pose and on from there: (J-1, 3, 3, V, 3) m, to first order.
 
     vertices: (V, 3) m in the zero pose, which transforms (J, 3, 4) skin to the rest pose; shapes of a person
-    hardly matter. With d_j the way from a rest vertex to where joint j alone would have it, sum w_j R_j d_j
+    hardly matter. With d_j the offset from a rest vertex to its place by joint j alone, sum w_j R_j d_j
     is missing, R_j being world rotations from the rest pose: a local rotation L_k adds (L_k - 1) w_j d_j for
     all joints j from k down.
     """

@@ -1,10 +1,10 @@
-"""Height of a body, beside the adults that limits and models are for."""
+"""Height of a body, and its ratio to that of adults, for whom limits and models are made."""
 
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.once import once_per_body
 
 ADULTS = (1.4, 2.2)
-"""Metres of the bodies whose motion and clothes the models that ship, and limits of speed, are for."""
+"""Heights of adults, metres; the models that ship and limits of speed are for their motion and clothes."""
 
 
 @once_per_body

@@ -1,7 +1,7 @@
 """A body posed over a motion, batch after batch, in coordinates around its root.
 
-float32 tells places apart by 0.1 micrometres near the origin, by 1 mm at 10 km. What follows is computed
-around the root, which is subtracted in float64.
+float32 resolves 0.1 micrometres near the origin, 1 mm at 10 km. Positions are therefore computed relative to
+the root, which is subtracted in float64.
 """
 
 import time
@@ -31,9 +31,9 @@ bodies, on which a motion takes shorter or longer ways, it is in proportion to t
 class PosedBatch:
     """B consecutive frames of a posed body.
 
-    frames: with places relative to the origin. origin: (3,) float64 m, world, where the root is in the first
-    of them. begins: whether the body stood still before, in its first frame: the motion begins, or jumped.
-    milliseconds: per frame, that posing took.
+    frames: with positions relative to the origin. origin: (3,) float64 m, world, where the root is in the
+    first of them. begins: whether the body stood still before, in its first frame: the motion begins, or
+    jumped. milliseconds: time that posing took per frame.
     """
 
     frames: BodyFrames
@@ -47,8 +47,8 @@ def posed_batches(
 ) -> Iterator[PosedBatch]:
     """Pose a body over a motion, (J, 3, 4) of each frame in turn, float64 where it leads far away.
 
-    It keeps LEAD frames behind, and reads no further than a batch. jumps: where the motion jumps, a batch
-    begins as at the first frame, and nothing of what was before is seen.
+    It keeps LEAD earlier frames, and reads no further than a batch. jumps: start again as at the first frame
+    where the motion jumps, without the frames before.
     Raises InputError naming the frame where a transform is not a finite number.
     """
     device = body.mesh.vertices.device

@@ -1,4 +1,4 @@
-"""The visible body: of a character its meshes, instead of the surface that cloth collides with."""
+"""The visible body: a character's own meshes instead of the surface that cloth collides with."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ from uvcloth.bodies.regions import face_regions
 
 
 def visible_body(body: Body) -> Body:
-    """The body with the mesh that pictures and files show; itself where that is the mesh that it has."""
+    """The body with the mesh that pictures and files show; without an appearance, the body itself."""
     if body.appearance is None:
         return body
     mesh, weights = body.appearance.mesh, body.appearance.weights

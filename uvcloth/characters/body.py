@@ -1,7 +1,8 @@
 """Bodies from characters: the surface of the default body fitted to the character's shape, and its meshes.
 
-Cloth, maps and methods meet a closed surface of the mesh that all our bodies have; it fits the character,
-moves as it does, and takes along what garments are bound to. The character's meshes are what is visible.
+Cloth, maps and methods use a closed surface with the mesh that all bodies share. It fits the character, has
+its blend weights, and brings along the proxies and the base mesh that garments are bound to. Only the
+character's own meshes are visible.
 """
 
 from collections.abc import Iterable, Mapping
@@ -26,32 +27,33 @@ from uvcloth.geometry.skinning import diffuse_weights, skin
 from uvcloth.physics.surface import BodySurface
 
 CLOTHED = ("torso", "upper_arm", "forearm", "thigh", "calf")
-"""Regions that cloth lies on, where the surface has to be the character's."""
+"""Regions that cloth lies on, where the surface has to match the character's."""
 
 OUTLYING = 0.012
-"""Height above the surface, over the character's own, up to which the surface is lifted over it."""
+"""Distance, over the body's height, up to which a vertex of the character lifts the surface below it."""
 
 FARTHEST = 0.02
-"""Distance from the character, over its height, beyond which a vertex of the surface has no place on it."""
+"""Distance from the character, over its height, beyond which a vertex has no counterpart on it."""
 
 LEAST_PLACED = 0.85
-"""Share of a region's vertices that have to have one."""
+"""Least share of a region's vertices that have a counterpart."""
 
 DIFFUSION = 0.01
 """Metres over which the character's weights are smoothed."""
 
 NEIGHBOURS, SOFTENING = 12, 0.005
-"""Vertices whose displacements a point off the surface takes, and metres within which none stands out."""
+"""Nearest vertices whose displacements move a point, and metres that soften their inverse-square weights."""
 
 EASE_TURNS, EASE_REACH = 6, 0.05
-"""Turns that give a shell its distances from the skin back, where these are below so many metres."""
+"""Iterations that restore a shell's distances from the skin, and metres up to which these are restored."""
 
 
 @dataclass(frozen=True)
 class CharacterBody:
     """A body made from a character, and how well it fits.
 
-    off: (V,) m from each vertex of its surface to the character's own.
+    off: (V,) m from each vertex of its surface to the character's, at least FARTHEST times the height where
+    the vertex has no counterpart.
     """
 
     body: Body
@@ -60,7 +62,7 @@ class CharacterBody:
     off: Tensor
 
     def lines(self) -> list[str]:
-        """Report, line by line, of the meshes and of how well the surface fits."""
+        """Report of the meshes and of how well the surface fits, line by line."""
         appearance = self.body.appearance
         near = 1000.0 * self.off[region_vertices(self.body, CLOTHED)]
         return [
@@ -81,12 +83,11 @@ def body_from_character(
     drop: Iterable[str] = (),
     unit: str | None = None,
 ) -> CharacterBody:
-    """Make a body of a rigged character in a glTF file.
+    """Make a body from a rigged character in a glTF file.
 
     pattern: the body whose surface is fitted, with its proxies and base mesh. joints: joint names by role.
-    keep, drop: as `sort_parts` takes them. unit: as `rig_character` takes it. Raises InputError
-    naming the file as `read_character`, `rig_character` and `sort_parts` do, and for proportions that the
-    surface cannot take.
+    keep, drop: as in `sort_parts`. unit: as in `rig_character`. Raises InputError naming the file as
+    `read_character`, `rig_character` and `sort_parts` do, and if the surface does not fit the character.
     """
     character = read_character(path)
     try:
@@ -129,7 +130,7 @@ def _joined(parts: Iterable[Part]) -> SkinnedSurface:
 def _fitted(
     pattern: Body, rough: Tensor, target: SkinnedSurface, rigged: RiggedCharacter
 ) -> tuple[SkinnedSurface, Tensor]:
-    """The pattern's surface on the target, with the target's weights, and each vertex's distance (V,) m."""
+    """The pattern's surface fitted to the target, with its weights, and each vertex's distance (V,) m."""
     limbs = limbs_of(rigged.skeleton.names)
     start = SkinnedSurface(
         skin(pattern.mesh.vertices, pattern.weights, rough[None])[0], pattern.mesh.faces, pattern.weights
@@ -147,7 +148,7 @@ def _fitted(
 
 
 def _strongest_region(pattern: Body, vertices: Tensor, target: SkinnedSurface) -> Tensor:
-    """Region (P,) of the pattern's surface, moved to vertices (V, 3), beside each vertex of the target."""
+    """Closest region (P,) of the pattern, with vertices (V, 3) m, to each vertex of the target."""
     return pattern.regions[closest_points(target.vertices, vertices, pattern.mesh.faces).face]
 
 
@@ -156,7 +157,7 @@ def _region_numbers(regions: Iterable[str]) -> Tensor:
 
 
 def _refuse_unfit(body: Body, off: Tensor) -> None:
-    """Raise InputError naming the region whose surface has no place on the character."""
+    """Raise InputError naming a region of which too few vertices have a counterpart on the character."""
     height = stature(body)
     for region in CLOTHED:
         distance = off[region_vertices(body, (region,))]
@@ -170,7 +171,7 @@ def _refuse_unfit(body: Body, off: Tensor) -> None:
 
 
 class _Deformation:
-    """Deformation of what lies around the body of the pattern, along with its surface."""
+    """Deformation from the pattern to the body, for points around the surface."""
 
     def __init__(self, pattern: Body, rough: Tensor, body: Body) -> None:
         from scipy.spatial import KDTree
@@ -181,7 +182,7 @@ class _Deformation:
         self._tree = KDTree(pattern.mesh.vertices.numpy())
 
     def points(self, points: Tensor, weights: Tensor) -> Tensor:
-        """Points (P, 3) m around the pattern, which joints move by weights (P, J), around the character."""
+        """Move points (P, 3) m with blend weights (P, J) from around the pattern to around the character."""
         distance, nearest = self._tree.query(points.numpy(), k=NEIGHBOURS)
         share = 1.0 / (torch.from_numpy(distance).float() ** 2 + SOFTENING**2)
         share = share / share.sum(1, keepdim=True)
@@ -189,7 +190,7 @@ class _Deformation:
         return skin(points, weights, self._rough[None])[0] + displacement
 
     def shell(self, proxy: Proxy) -> Tensor:
-        """Vertices (P, 3) m of a shell around the character, as far from its skin as from the pattern's."""
+        """Vertices (P, 3) m of a shell as far from the character's skin as the proxy from the pattern's."""
         before = BodySurface(self._pattern.mesh.vertices, self._pattern.mesh.faces)
         after = BodySurface(self._body.mesh.vertices, self._body.mesh.faces)
         wanted = before.closest(proxy.vertices).signed_distance

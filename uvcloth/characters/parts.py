@@ -1,7 +1,7 @@
 """Parts of a character: skin or a substitute for it, visible parts without contact, and parts to leave out.
 
-Cloth lies on skin. Hair, eyes and the like are looked at and nothing more. A character's own clothes go where
-there is skin beneath them; where there is none, as in games that leave covered skin out, they serve as it.
+Cloth lies on skin. Hair, eyes and the like are only visible. A character's own clothes are left out where
+there is skin beneath them. Where there is none, as in games that leave covered skin out, they serve as skin.
 """
 
 import re
@@ -20,22 +20,22 @@ LOOKS = (
     r"hair|brow|lash|beard|mustache|moustache|eye|iris|cornea|pupil|sclera|tear|teeth|tooth|tongue|gum|mouth|"
     r"glasses|goggles|hat|cap|helmet|horn|ear_?ring|necklace|ribbon|tail|wing|weapon|sword|gun|prop|backpack|bag"
 )
-"""Words, in the name of a mesh or a material, of parts that are visible without contact."""
+"""Words in the name of a mesh or a material that mark a part as visible without contact."""
 
 CLOTHES = (
     r"cloth(es|ing)?|outfit|tops?|bottoms?|shirts?|tshirt|blouse|jacket|coat|hood(ie|y)?|sweater|vest|dress|skirt|pants?|"
     r"trousers|jeans|shorts|suit|tie|scarf|sleeves?|gloves?|socks?|stockings?|shoes?|boots?|sneakers?|heels?|"
     r"footwear|belt|cape|robe|accessor(y|ies)|onepiece"
 )
-"""The same of clothes."""
+"""The same for clothes."""
 
 WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+")
 
 NEEDED = {"torso": ("Hips", "LowerBack", "Spine", "Spine1"), "legs": ("UpLeg", "Leg"), "arms": ("Arm",)}
-"""What skin has to cover without clothes, for these to go: endings of joints that move it."""
+"""Areas that skin has to cover for clothes to be left out, as endings of the joints that move them."""
 
 LEAST_SHARE = 0.35
-"""Share of a region's area, clothes and skin together, that is skin where there is skin beneath clothes."""
+"""Least share of skin in an area of skin and clothes that counts as covered by skin."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Sorted:
     left_out: tuple[Part, ...]
 
     def lines(self) -> list[str]:
-        """Report of what became of each part, a line each."""
+        """Report of the use of each part, a line each."""
         return [
             f"  {label(part)}: {len(part.mesh.faces)} faces, {fate}"
             for parts, fate in (
@@ -92,7 +92,7 @@ def sort_parts(
 
 
 def label(part: Part) -> str:
-    """Name of a part: of its mesh, and of its material where that is another."""
+    """Name of a part: its mesh's, and its material's where that differs."""
     return part.name if part.material in ("", part.name) else f"{part.name} ({part.material})"
 
 
@@ -113,7 +113,7 @@ def _names(parts: Sequence[Part]) -> str:
 
 
 def _kind(part: Part) -> str:
-    """Kind of a part by the words in its names; the material tells more than the mesh."""
+    """Kind of a part by the words in its names: first the material's, which says more, then the mesh's."""
     for name in (part.material, part.name):
         words = [word.lower() for word in WORD.findall(name)]
         if any(re.fullmatch(f"(?:{LOOKS})s?", word) or re.match("hair|eye", word) for word in words):
@@ -126,7 +126,7 @@ def _kind(part: Part) -> str:
 
 
 def _covers(skin: Sequence[Part], everything: Sequence[Part], joints: Sequence[str]) -> bool:
-    """True where skin alone covers trunk, legs and upper arms."""
+    """True if skin alone covers trunk, legs and upper arms."""
     for endings in NEEDED.values():
         moving = torch.tensor([any(_ends(joint, ending) for ending in endings) for joint in joints])
         if _area(skin, moving) < LEAST_SHARE * _area(everything, moving):
@@ -139,7 +139,7 @@ def _ends(joint: str, ending: str) -> bool:
 
 
 def _area(parts: Iterable[Part], moving: Tensor) -> float:
-    """Area of the faces that some joints (J,) bool move most, m2."""
+    """Area, m2, of the faces that the joints of a mask (J,) move most."""
     total = 0.0
     for part in parts:
         strongest = part.weights[part.mesh.faces].sum(1).argmax(1)

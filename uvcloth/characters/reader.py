@@ -20,7 +20,7 @@ TRIANGLES = 4
 """Mode of a primitive that is made of separate triangles."""
 
 MOST_WEIGHTS = 100_000_000
-"""Vertices times joints of a character, whose blend weights are dense."""
+"""Most vertices times joints of a character: its blend weights are dense."""
 
 
 @dataclass(frozen=True)
@@ -54,9 +54,9 @@ class Character:
 def read_character(path: Path) -> Character:
     """Read a rigged character: the skeleton of its largest skin, and all meshes that this skeleton moves.
 
-    Meshes of other skins on the same joints are included, and meshes without a skin that a joint moves, as
-    eyes and the limbs of a robot do. Morph targets stay at zero. Raises InputError naming the file if it is
-    none, has no skin, or holds what is not read.
+    Meshes of other skins on the same joints are included, and meshes without a skin on a node below a joint,
+    such as eyes or the limbs of a robot. Morph targets stay at zero. Raises InputError naming the file if it
+    is not glTF, has no skin, no mesh bound to it, too many vertices, or damaged or unsupported content.
     """
     if Path(path).suffix.lower() not in SUFFIXES:
         raise InputError(
@@ -88,7 +88,7 @@ def _require_room(file: Gltf, vertices: int, joints: int) -> None:
 
 
 def _parts(file: Gltf, rig: SkinJoints, index: int) -> Iterable[Part]:
-    """Parts, one after the other, of the mesh of a node, none if the skeleton does not move it."""
+    """Parts of a node's mesh, one after the other; none if the skeleton does not move it."""
     node = file.entries("nodes")[index]
     mesh = file.entries("meshes")[node["mesh"]]
     name = one_line(node.get("name") or mesh.get("name") or f"mesh {node['mesh']}")
@@ -99,7 +99,7 @@ def _parts(file: Gltf, rig: SkinJoints, index: int) -> Iterable[Part]:
         if max(places) < 0:
             return []
         to_bind = _to_bind(file, rig, skin, places)
-        # Joints that the larger skin lacks hand their weights to the nearest above that it has.
+        # Weights of joints that the largest skin lacks go to their nearest ancestor in it.
         owners = [
             place
             if place >= 0
@@ -121,7 +121,7 @@ def _parts(file: Gltf, rig: SkinJoints, index: int) -> Iterable[Part]:
 
 
 def _to_bind(file: Gltf, rig: SkinJoints, skin: dict[str, Any], places: list[int]) -> np.ndarray:
-    """Transform (4, 4) of the vertices of a skin to the bind pose of the rig, by a joint that both have."""
+    """Transform (4, 4) of the vertices of a skin to the bind pose of the rig, from a joint that both have."""
     if "inverseBindMatrices" not in skin:
         return np.eye(4)
     shared = next(index for index, place in enumerate(places) if place >= 0)
@@ -136,7 +136,7 @@ def _part(
     owners: list[int],
     joints: int,
 ) -> Part:
-    """One primitive, of whose buffers only the vertices in use are kept."""
+    """Part from one primitive, with only the vertices that its faces use."""
     attributes = primitive["attributes"]
     place = f"{file.path}: mesh {name}"
     if "POSITION" not in attributes:
@@ -208,7 +208,7 @@ def _influences(
 
 
 def _of_vertices(file: Gltf, name: str, accessor: int, count: int, kind: str) -> np.ndarray:
-    """Values of an attribute of each of so many vertices. Raises InputError where there are more or fewer."""
+    """Values of a vertex attribute. Raises InputError if there are not `count` of them."""
     values = file.array(accessor, kind)
     if len(values) != count:
         raise InputError(

@@ -1,9 +1,9 @@
 """Registration: our body's surface moved onto a character's, so that each vertex keeps its place on the body.
 
-Non-rigid closest points (Amberg et al. 2007, with displacements instead of affine maps): in turn, each
-vertex looks for the closest point of the character that belongs to the same limb and faces the same way; then
+Non-rigid ICP (Amberg et al. 2007) with displacements instead of affine maps. In each iteration, every vertex
+is matched with the closest point of the character that belongs to the same limb and faces the same way. Then
 the displacements D minimize sum w |D - (closest - start)|^2 + stiffness |L D|^2 over the mesh, with L its
-Laplacian. The stiffness falls from turn to turn.
+Laplacian. The stiffness falls from iteration to iteration.
 """
 
 from dataclasses import dataclass
@@ -22,22 +22,22 @@ from uvcloth.geometry.mesh import face_normals, laplacian, neighbour_average, ve
 Array = NDArray[np.float64]
 
 STIFFNESS = (300.0, 100.0, 30.0, 10.0, 4.0, 2.0, 1.0, 0.5, 0.3, 0.3)
-"""Stiffness of each turn."""
+"""Stiffness of each iteration."""
 
 REACH = (0.12, 0.12, 0.1, 0.08, 0.06, 0.05, 0.04, 0.04, 0.03, 0.03)
-"""Distance within which a vertex has a closest point in each turn, as a share of the body's height."""
+"""Greatest distance of a match in each iteration, as a share of the body's height."""
 
 HOLD = 1e-3
-"""Weight of no displacement where nothing was found: the rough shape is kept."""
+"""Weight of zero displacement, which keeps the rough shape where a vertex has no match."""
 
 TOLERANCE, ITERATIONS = 3e-3, 120
-"""Residual at which a turn's displacements are good enough, and the most steps towards it."""
+"""Relative residual at which conjugate gradients stop, and their most steps."""
 
 FACING = 0.4
-"""Cosine between normals of points that belong together."""
+"""Least cosine between the normals of a vertex and its match."""
 
 LEAST_LIMB = 0.15
-"""Weight of a limb in the face that a closest point lies on."""
+"""Least weight of a limb in a face for it to hold matches of that limb."""
 
 LIFTS, SPREADING = 3, 6
 """Times that the surface is lifted over the character's own vertices, and passes that spread each lift."""
@@ -45,7 +45,10 @@ LIFTS, SPREADING = 3, 6
 
 @dataclass(frozen=True)
 class Matches:
-    """Closest points of N vertices on a surface: hit (N,) bool, points (N, 3), weights (N, J) there."""
+    """Closest points of N vertices on a surface: hit (N,) bool, points (N, 3) m, weights (N, J) there.
+
+    A vertex without a match (not hit) keeps its own point and weights.
+    """
 
     hit: Tensor
     points: Tensor
@@ -67,7 +70,7 @@ def limbs_of(names: tuple[str, ...]) -> Tensor:
 def register(start: SkinnedSurface, target: SkinnedSurface, limbs: Tensor) -> Tensor:
     """Move a surface that lies near a target onto it: vertices (V, 3) m.
 
-    Both are moved by the same joints, limbs (J,) as of `limbs_of`.
+    Both have weights of the same joints; limbs: (J,) from `limbs_of`.
     """
     height = float(start.vertices[:, 2].max() - start.vertices[:, 2].min())
     count = len(start.vertices)
@@ -85,7 +88,10 @@ def register(start: SkinnedSurface, target: SkinnedSurface, limbs: Tensor) -> Te
 
 
 def match(surface: SkinnedSurface, target: SkinnedSurface, limbs: Tensor, reach: float) -> Matches:
-    """Find the closest point of the target for each vertex, on the same limb, facing the same way."""
+    """Find the closest point of the target for each vertex, on the same limb, facing the same way.
+
+    reach: greatest distance of a match, m.
+    """
     count = len(surface.vertices)
     normals = vertex_normals(surface.vertices, surface.faces)
     facing = torch.nn.functional.normalize(face_normals(target.vertices, target.faces), dim=1)
@@ -112,7 +118,7 @@ def match(surface: SkinnedSurface, target: SkinnedSurface, limbs: Tensor, reach:
 def lifted(surface: SkinnedSurface, points: Tensor, most: float) -> Tensor:
     """Vertices (V, 3) of a surface, lifted along its normals until points (P, 3) m are hardly above it.
 
-    most: metres by which a point above it counts; farther points are not on the body.
+    most: greatest distance, m, of a point that lifts the surface; farther points are not part of the body.
     """
     vertices = surface.vertices
     average = neighbour_average(surface.faces, len(vertices))

@@ -1,8 +1,8 @@
 """A character on the skeleton of our bodies: its joints by role, its blend weights, its rest pose.
 
-Every body has the joints of the one in the package. A joint of the character with a role gives the place of
-ours; where it has none, ours lies between its neighbours as in the package's body. The rest pose is brought
-to that of the package's body, limb by limb, so that garments and methods meet what they know.
+Every body has the joints of the default body. A joint of the character with a role gives the position of
+ours. Without one, ours is placed between its neighbours as in the default body. Limb by limb, the rest pose
+is turned to that of the default body, which garments and methods expect.
 """
 
 from collections.abc import Mapping
@@ -24,13 +24,13 @@ from uvcloth.motion.retarget import LIMB_BONES, REQUIRED_ROLES, body_axes, bone_
 from uvcloth.motion.roles import assign_roles, joint_roles
 
 TRUNK = ("Hips", "LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head")
-"""Our joints from the hips up, between which missing ones lie."""
+"""Our joints from the hips up; missing ones are placed between the others."""
 
 HEADS = ("head", "upper_neck", "lower_neck")
-"""Roles of which a character needs one, to have a head."""
+"""Roles of which a character needs at least one as its head."""
 
 HEIGHTS = (0.5, 3.0)
-"""Metres that a character may be tall."""
+"""Least and greatest height of a character, metres."""
 
 SIZES = {**UNITS, "hundreds of metres": 100.0}
 """Metres in the units that a file may be in; glTF's is the metre."""
@@ -43,8 +43,8 @@ LEAST_BONE = 0.01
 class RiggedCharacter:
     """A character on our skeleton at our rest pose, metres, Z up, facing -Y.
 
-    parts: their weights are (V, J) of the skeleton's joints. roles: joint of the file by role. unit: the
-    file's. turned: largest angle, degrees, that a limb was turned by to our rest pose.
+    parts: with weights (V, J) of the skeleton's joints. roles: joint of the file by role. unit: the file's.
+    turned: largest angle, degrees, by which a limb was turned to our rest pose.
     """
 
     name: str
@@ -60,9 +60,9 @@ def rig_character(
 ) -> RiggedCharacter:
     """Put a character on the skeleton of a body.
 
-    overrides: joint names by role where names do not tell. unit: of the file, a key of SIZES, None for the
-    one that makes the likeliest height. Raises InputError naming the roles that no joint has, and for a
-    character that does not stand, has no human height or limbs without length.
+    overrides: joint names by role, for joints whose names do not tell their role. unit: of the file, a key of
+    SIZES, None for the one that makes the likeliest height. Raises InputError naming the roles that no joint
+    has, and for a character that does not stand, has no human height or has limbs without length.
     """
     roles = _needed_roles(character, overrides)
     if standing_axis(character.heads, roles) is None:
@@ -105,7 +105,7 @@ def rig_character(
 
 
 def _likeliest_unit(tall: float) -> str:
-    """Unit of a file whose character is so many of them tall: the metre, if that makes a human height."""
+    """Likeliest unit of a file, from the character's height: the metre, if that makes a human height."""
     heights = {name: tall * size for name, size in SIZES.items()}
     if HEIGHTS[0] <= heights["m"] <= HEIGHTS[1]:
         return "m"
@@ -160,7 +160,7 @@ def _complete(known: Mapping[int, Tensor], pattern: Body, ours: Mapping[str, int
 
 
 def _trunk(known: Mapping[int, Tensor], trunk: list[int], usual: Tensor) -> dict[int, Tensor]:
-    """Joints of the trunk that are not known, between those that are as in the usual body."""
+    """Missing joints of the trunk, placed between the known ones in the usual body's proportions."""
     along = torch.cat([torch.zeros(1), (usual[trunk[1:]] - usual[trunk[:-1]]).norm(dim=1).cumsum(0)])
     given = [place for place, joint in enumerate(trunk) if joint in known]
     heads: dict[int, Tensor] = {}
@@ -170,7 +170,7 @@ def _trunk(known: Mapping[int, Tensor], trunk: list[int], usual: Tensor) -> dict
         before = max(each for each in given if each < place)
         after = min((each for each in given if each > place), default=None)
         if after is None:
-            # Above the last one, as far as the trunk below is long.
+            # Above the last known joint, the trunk keeps the scale that it has below.
             size = (known[trunk[before]] - known[trunk[0]]).norm() / along[before].clamp(min=1e-6)
             heads[joint] = known[trunk[before]] + size * (usual[joint] - usual[trunk[before]])
         else:
@@ -199,7 +199,7 @@ def _to_rest(bind: Skeleton, pattern: Body, ours: Mapping[str, int]) -> tuple[Te
 
 
 def _owners(character: Character, roles: Mapping[str, int], ours: Mapping[str, int]) -> Tensor:
-    """Our joint (J,) that each joint of the character gives its weights to: its own, or the nearest above."""
+    """Our joint (J,) that takes the weights of each joint of the character: by its role or its parent's."""
     role_of = {joint: role for role, joint in roles.items() if role in ours}
     owners: list[int] = []
     for joint, parent in enumerate(character.parents):

@@ -1,7 +1,8 @@
 """Rough shape of a character: our body stretched joint by joint to its lengths and widths.
 
-The joints of both lie at the same places of the body and the limbs point the same way, so that one affine map
-for each joint, blended as skin is, brings our body near the character's surface, whatever its proportions.
+The joints of both have the same anatomical places and the limbs point the same way. One affine map for each
+joint, blended by the blend weights, therefore brings our body near the character's surface, whatever its
+proportions.
 """
 
 from collections.abc import Sequence
@@ -17,16 +18,16 @@ from uvcloth.motion.anatomy import unit
 from uvcloth.physics.exposure import spread
 
 POINTS = 20000
-"""Points over a surface by which it is measured."""
+"""Points sampled on a surface to measure it."""
 
 FEWEST = 30
-"""Points on a part of the body from which on they tell its size."""
+"""Least number of points from which the size of a body part is measured."""
 
 RATIOS = (0.2, 5.0)
 """Least and greatest stretch of a part of the body."""
 
 WITHIN = (0.03, 0.97)
-"""Quantiles of the points of a part between which its extent is taken."""
+"""Quantiles of a part's points that bound its extent."""
 
 TRUNK = ("Hips", "LHipJoint", "RHipJoint", "LowerBack", "Spine", "Spine1", "LeftShoulder", "RightShoulder")
 HEAD = ("Neck", "Neck1", "Head")
@@ -77,7 +78,7 @@ def rough_fit(pattern: Body, skeleton: Skeleton, target: SkinnedSurface) -> Tens
 
 
 class _Measured:
-    """Points over a surface, each with its joint, and the joints' places."""
+    """Points on a surface, each with the joint that moves it most, and the joints' positions."""
 
     def __init__(self, surface: SkinnedSurface, skeleton: Skeleton) -> None:
         self.points, self.joint = surface.sample(POINTS)
@@ -120,7 +121,7 @@ def _trunk(before: _Measured, after: _Measured) -> Tensor:
 
 
 def _box(before: _Measured, after: _Measured, joints: Sequence[str], otherwise: Tensor) -> Tensor:
-    """Map (3, 4) of the box around what some joints move; the other one where the target has no such."""
+    """Map (3, 4) from box to box around some joints' points; `otherwise` where there are too few."""
     usual, actual = before.box(joints), after.box(joints)
     if usual is None or actual is None:
         return otherwise

@@ -17,7 +17,7 @@ from uvcloth.geometry.mesh import Mesh
 BYTES_PER_POINT, BYTES_PER_FACE = 12, 40
 
 DATE, NO_DATE = b"_ai_DateWritten=", b"Thu Jan  1 00:00:00 1970"
-"""Text before the time of writing in the file's metadata, and its replacement."""
+"""Text before the time of writing in the file's metadata, and the time that replaces it."""
 
 RATE = b"_ai_DCC_FPS="
 """Text before the frame rate there, which the library writes in the process's locale: 30,0."""
@@ -26,7 +26,7 @@ RATE = b"_ai_DCC_FPS="
 def write_abc(animation: Animation, path: Path) -> None:
     """Write one .abc: metres, Y up, the first frame at time zero; vertices in the order of the mesh.
 
-    Raises InputError if alembic3d is not installed.
+    Raises InputError if alembic3d is not installed, and OSError if the disk has no room.
     """
     try:
         from alembic3d import Abc, AbcCoreAbstract
@@ -45,7 +45,7 @@ def write_abc(animation: Animation, path: Path) -> None:
 
 
 def _settle_metadata(path: Path) -> None:
-    """Take moment and locale of writing out of a finished file: the same frames give the same bytes."""
+    """Remove time and locale of writing from a finished file: the same frames give the same bytes."""
     with path.open("r+b") as stream, mmap.mmap(stream.fileno(), 0) as content:
         place = content.rfind(DATE)
         if place >= 0:

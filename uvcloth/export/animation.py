@@ -23,7 +23,7 @@ FIELDS = {
     "names": names("K"),
     "transforms": numbers("F", "J", 3, 4),
 }
-"""Arrays of an animation's file, but for those of each garment."""
+"""Arrays of an animation's file, except those of each garment."""
 
 FRAMES_AT_ONCE = 32
 """Frames that are in memory at once."""
@@ -34,7 +34,7 @@ class Animation:
     """F frames of garments on a body, metres, Z up.
 
     names: of the garments. meshes: at rest on the body's rest pose. vertices: per garment (F, N, 3) float32,
-    maybe memory-mapped. body: None leaves it out. transforms: (F, J, 3, 4) rest-to-posed joint transforms,
+    possibly memory-mapped. body: None leaves it out. transforms: (F, J, 3, 4) rest-to-posed joint transforms,
     J = 0 without a body. fps: frames per second.
     """
 
@@ -66,7 +66,7 @@ def posed_body(animation: Animation) -> Iterator[np.ndarray]:
 
 
 def write_npz(animation: Animation, path: Path) -> None:
-    """Write one compressed npz: per garment vertices, faces, uvs and face_uvs, the transforms and the fps.
+    """Write one compressed npz: names, transforms, fps; per garment vertices, rest, faces, uvs, face_uvs.
 
     Raises InputError if it cannot be written.
     """
@@ -126,8 +126,8 @@ def local_pose(
     """Poses of joints relative to their parents: transforms (F, J, 3, 4) -> translations and rotations.
 
     Translations (F, J, 3) in metres; rotations (F, J, 4) as unit quaternions x, y, z, w that never jump to
-    their negative from one frame to the next, nor from those of the frame before (J, 4). At rest every joint
-    has the world's orientation, so that a bind pose is a shift.
+    their negative from one frame to the next. before: (J, 4), the quaternions of the preceding frame. At rest
+    every joint has the world's orientation, so that a bind pose is a shift.
     """
     turns = transforms[..., :3].astype(np.float64)
     heads = skeleton.heads.numpy().astype(np.float64)

@@ -21,7 +21,7 @@ POSE_DESCRIPTION = (
 
 
 def write_embedding(model: PoseRig, rigged: Rigged, path: Path) -> None:
-    """Write f_X and the map to a rig's weights: input pose (B, 3 J), output weights (B, K) in [0, 1].
+    """Write the embedding and the map to a rig's weights: pose (B, 3 J) in, weights (B, K) in [0, 1] out.
 
     The metadata names joints, parents and shapes. Raises InputError if the package onnx is not installed.
     """

@@ -45,7 +45,7 @@ class Document:
     ) -> int:
         """Reserve `length` bytes (a multiple of 4), which `part` will yield when the file is written.
 
-        stride: needed where several accessors of vertices share the view.
+        stride: needed where several accessors of vertices share the view. Returns the view's index.
         """
         optional = {"target": target, "byteStride": stride}
         self.views.append(
@@ -64,7 +64,7 @@ class Document:
         target: int | None = None,
         bounds: bool = False,
     ) -> int:
-        """Add an accessor over an array of its own. Returns its index."""
+        """Add an array and an accessor of it. Returns the accessor's index."""
         data = np.ascontiguousarray(values, COMPONENT_TYPES[component])
         view = self.view(data.nbytes, lambda: iter([data]), target)
         accessor = {"bufferView": view, "componentType": component, "count": len(data), "type": kind}
@@ -77,7 +77,7 @@ class Document:
     def mesh(
         self, name: str, primitives: list[dict[str, Any]], skin: int | None = None, **others: Any
     ) -> int:
-        """Add a mesh, and a node for it at the root of the scene. Returns the node."""
+        """Add a mesh, and a node for it at the root of the scene. Returns the node's index."""
         self.meshes.append({"name": name, "primitives": primitives, **others})
         node = {"name": name, "mesh": len(self.meshes) - 1}
         self.nodes.append(node if skin is None else {**node, "skin": skin})
@@ -92,7 +92,7 @@ class Document:
     def material(
         self, name: str, color: Color, opacity: float = 1.0, texture: dict[str, int] | None = None
     ) -> int:
-        """Add a rough, non-metallic material of one sRGB colour, on which a texture is multiplied.
+        """Add a rough, non-metallic material of one sRGB colour, which multiplies the texture if any.
 
         Returns its index.
         """

@@ -83,7 +83,7 @@ def _add_garment(document: Document, animation: Animation, index: int, time: int
         }
     )
     output = len(document.accessors) - 1
-    # Blender and others name their shape keys so.
+    # Blender and others take the names of shape keys from here.
     names = [f"frame_{frame:05d}" for frame in range(len(animation))]
     extras = {"source_vertices": source.tolist(), "targetNames": names}
     node = document.mesh(name, primitives, weights=[0.0] * len(animation), extras=extras)

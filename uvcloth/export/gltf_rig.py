@@ -19,7 +19,7 @@ from uvcloth.render import GARMENT_COLORS
 
 
 def write_rig_glb(rig: Rig, path: Path) -> None:
-    """Write a rig as one .glb: metres, Y up, seconds. Where it is not played, the file shows the rest pose.
+    """Write a rig as one .glb: metres, Y up, seconds. Without playback, the file shows the rest pose.
 
     Raises InputError if the file would exceed the 4 GiB that the format can hold.
     """
@@ -40,7 +40,7 @@ def write_rig_glb(rig: Rig, path: Path) -> None:
 
 
 def _add_garment(document: Document, rig: Rig, index: int, skin: int) -> int:
-    """Add a garment with all of its targets. Returns its node."""
+    """Add a garment with all of its targets. Returns its node's index."""
     garment = rig.garments[index]
     color = GARMENT_COLORS[index % len(GARMENT_COLORS)]
     source, primitives = add_surface(document, garment.name, garment.mesh, color)

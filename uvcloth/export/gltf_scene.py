@@ -1,6 +1,6 @@
 """Parts of glTF files that animations and rigs share: meshes at rest, a skeleton, its poses, and skins.
 
-glTF knows one texture coordinate per vertex, so vertices on texture seams are repeated after the mesh's own
+glTF has one texture coordinate per vertex, so vertices on texture seams are repeated after the mesh's own
 vertices, and the mesh's `extras.source_vertices` names the original of each.
 """
 
@@ -117,10 +117,12 @@ def split_seams(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def split_corners(
     count: int, corners: np.ndarray, sets: list[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Split vertices where the corners (C,) at one have different texture coordinates, (C,) of each set.
+    """Split vertices whose corners have different texture coordinates.
 
-    Returns the source of each vertex (M,), of which the first `count` are the mesh's own, the vertex of each
-    corner (C,), and, of those vertices that are a corner, the row (K,) and the texture coordinates (K, sets).
+    corners: (C,) vertex of each corner. sets: per UV set, the texture coordinate of each corner (C,). Returns
+    the source of each new vertex (M,), of which the first `count` are the mesh's own, and the new vertex of
+    each corner (C,); for the K new vertices that are a corner, their index (K,) and their texture coordinates
+    (K, sets).
     """
     pairs, corner = np.unique(np.stack([corners, *sets], axis=1), axis=0, return_inverse=True)
     owner = pairs[:, 0]

@@ -35,7 +35,7 @@ def save_obj(mesh: Mesh, path: Path) -> None:
 
 
 def faces_text(polygons: Polygons, name: str, first_vertex: int = 1, first_uv: int = 1) -> str:
-    """Texture coordinates and faces as lines of an OBJ; name: of the object where polygons name none.
+    """Texture coordinates and faces as lines of an OBJ; name: of the object if polygons have none.
 
     first_vertex, first_uv: numbers in the file of the mesh's first vertex and texture coordinate.
     """

@@ -12,7 +12,10 @@ from uvcloth.geometry.authored import Polygons, SurfaceMaterial, polygons_of
 
 
 def write_obj_sequence(animation: Animation, path: Path) -> None:
-    """Write NAME_00000.obj, NAME_00001.obj, ... and NAME.mtl beside path (NAME.obj): metres, Z up."""
+    """Write NAME_00000.obj, NAME_00001.obj, ... and NAME.mtl beside path (NAME.obj): metres, Z up.
+
+    Raises InputError if a material or a texture cannot be written.
+    """
     meshes = [*animation.meshes, *([animation.body.mesh] if animation.body else [])]
     names = [*animation.names, *(["body"] if animation.body else [])]
     parts = [_named(polygons_of(mesh), name) for mesh, name in zip(meshes, names, strict=True)]
@@ -39,7 +42,7 @@ def write_obj_sequence(animation: Animation, path: Path) -> None:
 
 
 def _named(polygons: Polygons, name: str) -> Polygons:
-    """The polygons with names of materials and textures that no other garment of the file has."""
+    """The polygons, names of materials and textures prefixed so that no other garment has them."""
 
     def prefixed(material: SurfaceMaterial) -> SurfaceMaterial:
         texture = material.texture

@@ -1,4 +1,4 @@
-"""Videos and contact sheets of garments on a moving body, drawn frame after frame while they come."""
+"""Videos and contact sheets of garments on a moving body, drawn as the frames arrive."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -30,18 +30,18 @@ VIDEOS, SHEETS = (".mp4", ".gif"), (".png",)
 SHEET_COLUMNS = 6
 
 REACH = 0.2
-"""Metres around the joints in which body and clothes are."""
+"""Margin around the joints, metres, that holds body and clothes."""
 
 FITTED_FRAMES = 500
-"""Frames, about, that the camera is fitted to."""
+"""Approximate number of frames that the camera is fitted to."""
 
 FOLLOWING_SECONDS = 0.3
-"""Standard deviation of the time over which the camera's path is that of the body: it does not shake."""
+"""Standard deviation of the filter that smooths the camera's path, so that it does not shake."""
 
 
 @dataclass(frozen=True)
 class PictureSettings:
-    """Size (width, height) of each picture in pixels, quality, and how many a contact sheet has."""
+    """Size (width, height) of each picture in pixels, quality, and number of pictures on a contact sheet."""
 
     size: tuple[int, int]
     quality: Quality
@@ -62,7 +62,7 @@ def picture_settings(suffix: str, coarse: bool) -> PictureSettings:
 
 
 def camera_path(body: Body, motion: Tensor, fps: float, aspect: float) -> list[Camera]:
-    """A camera for each frame of a motion (F, J, 3, 4): it goes along with the body and holds all of it.
+    """A camera for each frame of a motion (F, J, 3, 4), which follows the body and keeps all of it in view.
 
     aspect: width of the picture over its height.
     """
@@ -80,20 +80,20 @@ def camera_path(body: Body, motion: Tensor, fps: float, aspect: float) -> list[C
 
 
 def sheet_moments(frames: int, count: int) -> list[int]:
-    """Frames on a contact sheet of `count` pictures, spread evenly over so many frames."""
+    """Frames on a contact sheet of `count` pictures, spread evenly over `frames`."""
     return sorted(set(np.linspace(0, frames - 1, count).round().astype(int).tolist()))
 
 
 def sheet_interval(frames: int, coarse: bool) -> int:
-    """Frames from one picture to the next, at least, on a contact sheet of so many frames."""
+    """Least number of frames from one picture to the next on a contact sheet of `frames` frames."""
     return max(1, (frames - 1) // picture_settings(SHEETS[0], coarse).on_sheet)
 
 
 class Pictures:
     """Drawing of frames one by one: all of them into a video, or some onto a contact sheet.
 
-    motion: (F, J, 3, 4), the joint transforms of the frames that are to come, from which the camera's path is
-    made. Raises InputError for a video where PyAV is not installed.
+    motion: (F, J, 3, 4), the joint transforms of all frames, from which the camera's path is made. Raises
+    InputError for a video if PyAV is not installed.
     """
 
     def __init__(

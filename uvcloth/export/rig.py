@@ -26,7 +26,7 @@ from uvcloth.methods.rig import PoseRig, pose_vectors
 from uvcloth.motion.clip import Clip
 
 REGULARIZATION = 1e-3
-"""Squared weights: regularizes `one` where the training poses do not determine it."""
+"""Ridge term, in squared weights, for `one` where the training poses do not determine it."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,8 @@ class RiggedGarment:
     def normal_shapes(self) -> Tensor:
         """Change of the mesh's unit normals by each shape: (K, N, 3).
 
-        Normalized, the sum is right at the usual weights and nearly so to first order around them. It starts
-        from all weights at their lowest, where no pose is; a tangent there would be worth little.
+        The rest normals plus the weighted changes, normalized, are exact at the usual weights, and nearly so
+        to first order around them. A tangent at zero weights would be inaccurate: no pose is near them.
         """
         rest, faces = self.mesh.vertices, self.mesh.faces
         usual = rest + torch.tensordot(self.usual, self.shapes, 1)
@@ -108,8 +108,8 @@ def rig_of(
     """Make a rig of a model on its body, with the motion of a clip on that body or without.
 
     shapes: how many blend shapes, as principal components; None keeps the model's own. Weights cover the
-    rest pose, those that the model was made for and the clip. Raises InputError for a clip on another
-    skeleton, and a number of shapes that there cannot be.
+    rest pose, the training poses and the clip. Raises InputError for a clip on another skeleton, a number of
+    shapes out of range, and a model whose poses use none of its blend shapes.
     """
     if clip and clip.skeleton.names != body.skeleton.names:
         raise InputError(f"clip {clip.name}: its skeleton is not that of body {body.name!r}")

@@ -1,6 +1,6 @@
 """Blend shapes for a file, and their weights within the [0, 1] that every engine plays.
 
-A pose embedding X (width) deforms by X D, D the network's blend shapes. Engines clamp weights to [0, 1], so
+A pose embedding X (W,) deforms by X D, with D the network's blend shapes. Engines clamp weights to [0, 1], so
 each shape is scaled by the range lo .. hi that its weight has over known poses, and lo of it goes into the
 base: base += lo D, D *= hi - lo, w = (w - lo) / (hi - lo). Within that range nothing changes.
 """
@@ -17,7 +17,7 @@ LEAST_MOVE = 1e-6
 """Metres: a shape that moves no vertex by more over the known poses is left out."""
 
 LEAST_SPREAD = 1e-5
-"""Share of the strongest direction's spread below which a direction is rounding."""
+"""Share of the strongest direction's spread below which a direction is rounding error."""
 
 POSES_AT_ONCE = 256
 """Poses whose deformations are in memory at once."""

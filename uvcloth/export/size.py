@@ -48,7 +48,7 @@ LARGE = 500e6
 
 
 def announce(path: Path, frames: int, meshes: Sequence[Mesh], body: Body | None) -> str:
-    """A sentence about a file that is going to be large, with what would be smaller; "" for any other.
+    """Sentence about a file that will be large, with smaller formats; "" for any other.
 
     Raises InputError for a glTF file that would exceed what the format can hold.
     """

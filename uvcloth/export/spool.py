@@ -1,4 +1,4 @@
-"""Frames of an animation on disk, until all of them are there and a file can be made of them."""
+"""Frames of an animation on disk, until all are there and the file can be written."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -54,7 +54,7 @@ class Spool:
         self._write(self._animation(), path)
 
     def discard(self) -> None:
-        """Close what is open."""
+        """Close open files."""
         for stream in self._streams:
             try:
                 stream.close()

@@ -1,4 +1,4 @@
-"""Texture files beside what names them."""
+"""Texture files beside the files that name them."""
 
 from pathlib import Path
 

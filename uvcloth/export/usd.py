@@ -25,7 +25,10 @@ from uvcloth.render import BODY_COLOR, GARMENT_COLORS
 
 
 def write_usd(animation: Animation, path: Path) -> None:
-    """Write a binary USD stage: metres, Z up, time codes are frames from 0 on; OSError if it cannot."""
+    """Write a binary USD stage: metres, Z up, time codes are frames from 0 on.
+
+    Raises OSError if it cannot be written, and InputError if a texture cannot.
+    """
     from pxr import UsdGeom, UsdSkel
 
     with writing(path, animation.fps, len(animation)) as stage:

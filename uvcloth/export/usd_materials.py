@@ -13,7 +13,7 @@ from uvcloth.geometry.mesh import Mesh
 
 
 def add_subsets(stage: Any, geometry: Any, mesh: Mesh, path: Path) -> None:
-    """Add what the polygons of a mesh are called and made of; textures lie beside path, named after it."""
+    """Add objects, groups and materials of a mesh; textures are written beside path, named after it."""
     from pxr import UsdShade
 
     polygons = polygons_of(mesh)
@@ -28,7 +28,7 @@ def add_subsets(stage: Any, geometry: Any, mesh: Mesh, path: Path) -> None:
 
 
 def _subsets(geometry: Any, family: str, names: Sequence[str], of: np.ndarray) -> list[Any]:
-    """A subset of the faces for each name: of (P,) index of the name of each face."""
+    """A subset of the faces for each name. of: (P,) index of the name of each face."""
     from pxr import UsdGeom, Vt
 
     return [

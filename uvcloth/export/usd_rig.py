@@ -25,9 +25,10 @@ from uvcloth.render import BODY_COLOR, GARMENT_COLORS
 
 
 def write_rig_usd(rig: Rig, path: Path) -> None:
-    """Write a binary USD stage: metres, Z up, time codes are frames from 0 on; OSError if it cannot.
+    """Write a binary USD stage: metres, Z up, time codes are frames from 0 on.
 
     A rig without motion holds the rest pose at time 0. Textures of the garments' files lie beside it.
+    Raises OSError if it cannot be written, and InputError if a texture cannot.
     """
     from pxr import UsdSkel, Vt
 

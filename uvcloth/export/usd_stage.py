@@ -15,20 +15,20 @@ from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.render import Color
 
 MAX_UNSAVED = 64_000_000
-"""Bytes of samples that are kept in memory: a stage repeats its tables of them each time that it is saved."""
+"""Bytes of samples kept in memory between saves, which are rare: each repeats the stage's tables."""
 
 POSES_AT_ONCE = 1024
 """Frames whose local poses are computed at once."""
 
 
 class SavedInParts:
-    """A stage whose samples leave memory while they are added: `add` their bytes after each."""
+    """A stage whose samples leave memory while they are added: call `add` with the bytes of each."""
 
     def __init__(self, stage: Any) -> None:
         self._stage, self._unsaved = stage, 0
 
     def add(self, size: int) -> None:
-        """Count so many bytes of samples, and save the stage when they are many."""
+        """Count `size` bytes of samples, and save the stage once they exceed MAX_UNSAVED."""
         self._unsaved += size
         if self._unsaved > MAX_UNSAVED:
             self._stage.Save()

@@ -9,7 +9,7 @@ import numpy as np
 from uvcloth.errors import InputError
 
 QUALITY = "18"
-"""Constant rate factor of H.264: the eye sees no loss."""
+"""Constant rate factor of H.264: no visible loss."""
 
 
 class Video:
@@ -91,7 +91,7 @@ def open_video(path: Path, size: tuple[int, int], fps: float) -> Video:
 
 
 def _palette_graph(size: tuple[int, int], rate: Fraction) -> Any:
-    """A graph of filters that gives every picture the 256 colours that serve it best."""
+    """A filter graph that reduces every picture to its own 256 colours."""
     import av
 
     graph: Any = av.filter.Graph()

@@ -35,18 +35,18 @@ WRITERS: dict[str, Callable[[Animation, Path], None]] = {
 """Writers by suffix. A writer may put several files beside the path that it is given."""
 
 PICTURES = (*VIDEOS, *SHEETS)
-"""Suffixes of what is drawn while the frames come."""
+"""Suffixes of files that are drawn as the frames arrive."""
 
 
 class Sink(Protocol):
-    """Keeper of the frames of one file."""
+    """Receiver of the frames of one file."""
 
     def add(self, vertices: Sequence[np.ndarray], transforms: np.ndarray) -> None:
         """Append B frames: per garment (B, N, 3) m, and (B, J, 3, 4). Raises OSError if the disk is full."""
         ...
 
     def hide(self, faces: Tensor) -> None:
-        """Leave out faces of the body in what is not made yet: mask (F,) bool."""
+        """Leave faces of the body out of what is not written yet: mask (F,) bool."""
         ...
 
     def finish(self, path: Path) -> None:
@@ -54,7 +54,7 @@ class Sink(Protocol):
         ...
 
     def discard(self) -> None:
-        """Close what is open."""
+        """Close open files."""
         ...
 
 
@@ -170,13 +170,13 @@ def open_writer(
     motion: Tensor | None = None,
     coarse: bool = False,
 ) -> FrameWriter:
-    """Start a file of moving garments (name, mesh at rest), and of the body as it is seen unless it is None.
+    """Start a file of moving garments (name, mesh at rest), and of the body's visible mesh unless it is None.
 
     The suffix decides: .glb (glTF: morph targets, a skinned body), .usdc or .usd, .pc2 (one point cache and
     one OBJ per mesh, named after the path), .abc (Alembic), .obj (a file per frame), .npz (arrays, see
     load_animation), .mp4 and .gif (a video), .png (a contact sheet). Pictures need the body and its motion
-    (F, J, 3, 4), which the camera follows; coarse ones are small and quickly drawn. Materials of garments
-    that were read from a file go along, with their textures, as files beside it where the format wants that.
+    (F, J, 3, 4), which the camera follows; coarse ones are small and quickly drawn. Materials and textures of
+    garments that were read from a file are kept, in files beside it where the format needs them there.
     Use it as a context manager: leaving it by an exception writes nothing.
     Memory does not grow with the number of frames.
     Raises InputError for another suffix, for garments of the same name, where a package is missing, or if the
@@ -213,9 +213,9 @@ def open_writer(
 
 
 def require_own_names(path: Path, garments: Sequence[str]) -> None:
-    """Raise InputError naming the file if two of its garments have one name, or one is called body.
+    """Raise InputError naming the file if two of its garments share a name, or one is called body.
 
-    Names that differ in capitals alone are one: on Windows and macOS, so are files.
+    Names that differ only in capitals count as the same: on Windows and macOS, files do.
     """
     names = [*garments, "body"]
     folded = [name.casefold() for name in names]

@@ -1,10 +1,10 @@
 """Entropy coding of whole numbers that are mostly small: an adaptive arithmetic coder.
 
 Each number is coded as decisions: how many binary digits it has, one decision for each, then the digits and
-the sign. Several models guess each decision by the sizes of numbers coded before, nearby in the array; their
-guesses are mixed in the logistic domain by weights that are learned too (context mixing: Mahoney, "Adaptive
-weighing of context models for lossless data compression", 2005). All arithmetic is in whole numbers, so that
-every machine reads what another one wrote.
+the sign. Several models predict each decision from the sizes of numbers coded before, nearby in the array.
+Their predictions are mixed in the logistic domain by weights that adapt too (context mixing: Mahoney,
+"Adaptive weighing of context models for lossless data compression", 2005). All arithmetic is in whole
+numbers, so that every machine reads what another one wrote.
 """
 
 import zlib
@@ -44,7 +44,7 @@ STRETCHED = 2047
 """Greatest logit, in 1/256."""
 
 EVEN, COUNT_BITS = 1 << 31, 10
-"""State of a context at first: even odds in the upper 22 bits, and how often it was met in the lower."""
+"""Initial state of a context: even odds in the upper 22 bits, its number of decisions in the lower ones."""
 
 MOST_COUNT = 255
 FULL = 0xFFFFFFFF
@@ -56,7 +56,7 @@ LEARNING, LEARNING_BITS = 3, 18
 
 _logits = np.arange(-STRETCHED, STRETCHED + 1) / 256.0
 _ODDS = np.rint(2**MIXED_BITS / (1.0 + np.exp(-_logits))).astype(np.int64).clip(16, 2**MIXED_BITS - 16)
-"""Odds by logit; no value is so close to a rounding boundary that machines could differ."""
+"""Odds, as probabilities, by logit; none is so close to a rounding boundary that machines could differ."""
 _LOGITS = (np.searchsorted(_ODDS, 16 * np.arange(4096) + 8) - STRETCHED).clip(-STRETCHED, STRETCHED)
 """Logit by the upper 12 bits of odds."""
 
@@ -73,21 +73,21 @@ def encode(values: np.ndarray, stride: int) -> np.ndarray:
     if np.abs(values).max(initial=0) >= 1 << MOST_DIGITS:
         raise ValueError("points are too far away, or too fast")
     digits = np.frexp(np.abs(values).astype(np.float64))[1].astype(np.int64)
-    # A number is as many decisions as it has digits twice, and two; each writes four bytes at most.
+    # A number takes at most 2 * digits + 2 decisions; each writes four bytes at most.
     code = np.zeros(4 * int((2 * digits + 2).sum()) + 4, np.uint8)
     end = _run(values.astype(np.int64), stride, code, True, (_ODDS, _LOGITS))
     return np.concatenate([_checksum(values), code[:end]])
 
 
 def decode(code: np.ndarray, shape: tuple[int, int, int], stride: int) -> np.ndarray:
-    """Whole numbers (T, K, C), int64, of the bytes that `encode` made of them.
+    """Decode bytes of `encode` to whole numbers (T, K, C), int64.
 
-    Raises ValueError if the bytes are damaged, or not of so many numbers.
+    Raises ValueError if the bytes are damaged, or belong to another shape.
     """
     if np.prod(shape, dtype=np.float64) > min(MOST_PER_BYTE * (LEAST_BYTES + len(code)), MOST_NUMBERS):
         raise ValueError("code is too short for so many numbers")
     values = np.zeros(shape, np.int64)
-    # A copy, as what comes from a file may not be writable, for which nothing is compiled.
+    # A copy: an array from a file may be read-only, a type that nothing is compiled for.
     _run(values, stride, code[CHECKED:].copy(), False, (_ODDS, _LOGITS))
     if not np.array_equal(code[:CHECKED], _checksum(values)):
         raise ValueError("code is damaged or belongs to other numbers")
@@ -112,7 +112,7 @@ def _bucket(size: int) -> int:
 
 @compiled
 def _narrow(state: np.ndarray, code: np.ndarray, middle: int, bit: int, encoding: bool) -> int:
-    """Narrow the interval to the part of a decision, which is read unless it is encoded; returns it.
+    """Narrow the interval by a decision, which is read from the code if decoding; returns the decision.
 
     state: (4,) the interval's ends, the number that is read, and the place in the code.
     """
@@ -145,7 +145,7 @@ def _decide(
     weights: np.ndarray,
     tables: tuple[np.ndarray, np.ndarray],
 ) -> int:
-    """Code one decision by the mixed odds of the models, and update the models by it; returns it.
+    """Code one decision by the mixed odds of the models, and update the models; returns the decision.
 
     contexts: (models,), the context of each. states: (models, CONTEXTS) of the models. weights: (models,) of
     the mixture. tables: odds by logit, and logits by odds.
@@ -164,7 +164,7 @@ def _decide(
         change = logit_of[before >> 20] * missed * LEARNING
         weights[model] += (change + (1 << (LEARNING_BITS - 1))) >> LEARNING_BITS
         count, share = before & ((1 << COUNT_BITS) - 1), before >> COUNT_BITS
-        # The first guesses move fast, as a mean does, later ones by no less than 1 of MOST_COUNT.
+        # The first estimates move fast, as a mean does, later ones by no less than 1 of MOST_COUNT.
         share += 2 * ((bit << 22) - share) // (2 * count + 3)
         states[model, contexts[model]] = share << COUNT_BITS | min(count + 1, MOST_COUNT)
     return bit
@@ -172,14 +172,14 @@ def _decide(
 
 @compiled
 def _size(values: np.ndarray, time: int, wave: int, column: int) -> int:
-    """Size of a number, none outside of the array."""
+    """Size of a number, 0 outside of the array."""
     inside = time >= 0 and 0 <= wave < values.shape[1]
     return abs(values[time, wave, column]) if inside else 0
 
 
 @compiled
 def _sum(sums: np.ndarray, time: int, group: int, low: int, high: int) -> int:
-    """Sum of the sizes of a group's waves from low to before high, which may lie outside."""
+    """Sum of the sizes of a group's waves from low up to, not including, high; both may lie outside."""
     if time < 0:
         return 0
     return sums[time, group, min(high, sums.shape[2] - 1)] - sums[time, group, max(low, 0)]
@@ -189,7 +189,7 @@ def _sum(sums: np.ndarray, time: int, group: int, low: int, high: int) -> int:
 def _look(
     values: np.ndarray, sums: np.ndarray, stride: int, place: tuple[int, int, int], classes: np.ndarray
 ) -> None:
-    """Write into classes (11,) those of the numbers around the place (T, K, C) of a number."""
+    """Write into classes (11,) the size classes of the numbers around a place (T, K, C)."""
     time, wave, column = place
     group, axis = column // AXES, column % AXES
     slower, much_slower = time - stride, time - 2 * stride
@@ -247,7 +247,7 @@ def _run(
     weights = np.full((MOST_LEVEL + 1, BUCKETS, MODELS), 2 * (1 << MIXED_BITS) // MODELS, np.int64)
     sole_weight, digit_context = np.full(1, 1 << MIXED_BITS, np.int64), np.zeros(1, np.int64)
     contexts, classes = np.zeros(MODELS, np.int64), np.zeros(11, np.int64)
-    # Of every group of columns, sums of sizes over the waves before: those of any range are two of them.
+    # Prefix sums of sizes over the waves, for every group of columns: a range is the difference of two.
     sums = np.zeros((times, columns // AXES, waves + 1), np.int64)
     state = np.array([0, FULL, 0, 0], np.int64)
     if not encoding:
@@ -281,6 +281,6 @@ def _run(
         sums[time, group, wave + 1] += number
     if not encoding:
         return 0
-    # One byte more lies in the interval, whatever follows.
+    # One more byte gives a number in the interval, whatever follows.
     code[state[3]] = (state[0] >> 24) + 1
     return state[3] + 1

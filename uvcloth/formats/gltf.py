@@ -29,7 +29,7 @@ MOST_ZEROS = 1_000_000
 """Limit for the elements of an accessor without a buffer view: the file has no bytes for most of them."""
 
 COMPRESSIONS = {"KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"}
-"""Extensions that compress arrays, which cannot be read then."""
+"""Extensions that compress arrays, which are not supported."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +125,7 @@ class Gltf:
         shape: tuple[int, int],
         step: int | None = None,
     ) -> np.ndarray:
-        """Numbers of a kind and shape (count, width) in a buffer view, so many bytes from one to the next."""
+        """Numbers of a kind and shape (count, width) in a buffer view; step: bytes from row to row."""
         (count, width), start = shape, part.get("byteOffset", 0)
         size = width * kind.itemsize
         step = size if step is None else step
@@ -170,7 +170,7 @@ def _compressed_by(extension: str) -> str:
 
 
 def one_line(name: Any) -> str:
-    """A name of a file's, in one line of at most LONGEST_NAME characters, none of which is a control code."""
+    """A name from a file, in one line of at most LONGEST_NAME characters, without control characters."""
     text = "".join(letter if letter.isprintable() else " " for letter in str(name)[:LONGEST_NAME])
     return " ".join(text.split())
 

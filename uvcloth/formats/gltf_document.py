@@ -1,6 +1,6 @@
 """The JSON of a glTF 2.0 file, checked once, so that readers need no checks.
 
-Only what readers here use is looked at: kinds of values, indices of other entries, and the tree of nodes.
+Only what readers here use is checked: kinds of values, indices of other entries, and the tree of nodes.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class Index:
 
 @dataclass(frozen=True)
 class Numbers:
-    """Rule for a list of so many numbers."""
+    """Rule for a list of `count` numbers."""
 
     count: int
 
@@ -125,7 +125,7 @@ def check_document(document: Any) -> None:
 
 
 def parents_of(document: dict[str, Any]) -> dict[int, int]:
-    """Parent of every node that has one. Raises InputError for nodes that are no trees, or DEEPEST ones."""
+    """Parent of every node that has one. Raises InputError for nodes that are no trees, or too deep."""
     above: dict[int, int] = {}
     for index, node in enumerate(document.get("nodes", [])):
         for child in node.get("children", []):

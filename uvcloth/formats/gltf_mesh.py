@@ -153,7 +153,7 @@ def _colors(values: np.ndarray) -> np.ndarray:
 
 
 def _materials(gltf: Gltf, sets: int) -> tuple[tuple[SurfaceMaterial, ...], tuple[str, ...]]:
-    """Materials of a file with so many sets of texture coordinates, and the pictures that are missing."""
+    """Materials of a file with `sets` sets of texture coordinates, and the pictures that are missing."""
     materials, missing = [], []
     pictures = Pictures(gltf.path.parent)
     textures: dict[int, Texture | None] = {}

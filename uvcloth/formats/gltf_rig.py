@@ -26,9 +26,9 @@ REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale
 class SkinJoints:
     """Joints of a skin, parents before children.
 
-    names: J, each once. parents: J indices, -1 for a root. nodes: of the joints in the file. bind: (J, 4, 4)
-    joints to the world in the bind pose, in which the mesh was modelled. placing: (4, 4) from the mesh's own
-    axes and units to the scene's.
+    names: J, each once. parents: J indices, -1 for a root. nodes: the file's index of each joint. bind:
+    (J, 4, 4) joints to the world in the bind pose, in which the mesh was modelled. placing: (4, 4) from the
+    mesh's own axes and units to the scene's.
     """
 
     names: tuple[str, ...]
@@ -63,7 +63,7 @@ def read_rig(file: Gltf, skin: dict[str, Any]) -> SkinJoints:
     _require_solid(file, unique, inverse)
     poses = np.linalg.inv(inverse)
     _require_solid(file, unique[:1], resting[joints[0]][None])
-    # The mesh may be modelled in other axes and units than the scene has: the axes of the root joint tell.
+    # The mesh may be modelled in other axes and units than the scene's: those of the root joint tell.
     placing = resting[joints[0]] @ np.linalg.inv(poses[0])
     size = np.cbrt(np.linalg.det(placing[:3, :3]))
     axes = np.eye(4)
@@ -73,7 +73,7 @@ def read_rig(file: Gltf, skin: dict[str, Any]) -> SkinJoints:
 
 
 def _distinct_names(names: Sequence[str]) -> tuple[str, ...]:
-    """The names, with their number where two are alike."""
+    """The names, with their index where two are equal."""
     counts = Counter(names)
     numbered = [f"{name} {i}" if counts[name] > 1 else name for i, name in enumerate(names)]
     return tuple(numbered) if len(set(numbered)) == len(names) else _distinct_names(numbered)
@@ -107,7 +107,7 @@ def _require_solid(file: Gltf, names: Sequence[str], transforms: np.ndarray) -> 
 
 
 def chain(node: int, above: dict[int, int]) -> list[int]:
-    """Nodes above a node, the nearest first."""
+    """Ancestors of a node, the nearest first."""
     nodes: list[int] = []
     while node in above:
         node = above[node]
@@ -121,7 +121,7 @@ def parents_first(nodes: Iterable[int], above: dict[int, int]) -> list[int]:
 
 
 def resting_worlds(file: Gltf, nodes: Iterable[int]) -> dict[int, np.ndarray]:
-    """World transforms (4, 4) of nodes, and of those above them, as the file stands without playing."""
+    """World transforms (4, 4) of nodes, and of their ancestors, without the file's animations."""
     above = file.above
     wanted = set(nodes)
     for node in tuple(wanted):

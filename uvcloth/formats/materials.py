@@ -96,7 +96,7 @@ def _words(path: Path) -> Iterator[list[str]]:
 
 
 def _with(material: SurfaceMaterial, words: list[str], folder: Path, pictures: Pictures) -> SurfaceMaterial:
-    """The material with what a line of a file in `folder` says."""
+    """The material, changed by a line of a file in `folder`."""
     try:
         match words:
             case ["Kd", red, green, blue, *_]:
@@ -121,7 +121,7 @@ def _after_options(words: list[str]) -> list[str]:
 
 
 def _share(word: str) -> float:
-    """A number brought into 0 to 1. Raises ValueError for a word that is no finite number."""
+    """A number clamped to 0 to 1. Raises ValueError for a word that is not a finite number."""
     value = float(word)
     if not math.isfinite(value):
         raise ValueError(word)

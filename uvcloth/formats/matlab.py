@@ -1,7 +1,7 @@
-"""Files of MATLAB's (level 5): numbers, texts and structs, read without trust in their headers.
+"""MATLAB files (level 5): numbers, texts and structs, read without trust in their headers.
 
-The format is that of "MAT-File Format" by MathWorks. `scipy.io.loadmat` takes memory by a file's headers, and
-damage to a tag ends the process.
+The format is that of "MAT-File Format" by MathWorks. `scipy.io.loadmat` allocates memory by a file's headers,
+and a damaged tag crashes the process.
 """
 
 import math
@@ -23,10 +23,10 @@ MOST_DEPTH = 20
 """Limit for the depth of nested structs."""
 
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
-"""Types of numbers as they are stored, by their number."""
+"""Stored types of numbers, by type code."""
 
 TEXTS = {1: "utf-8", 2: "utf-8", 16: "utf-8", 4: "utf-16", 17: "utf-16", 18: "utf-32"}
-"""Encodings of stored texts, by their number."""
+"""Encodings of stored texts, by type code."""
 
 MATRIX, COMPRESSED = 14, 15
 """Elements that hold an array, and one that is compressed."""
@@ -77,13 +77,13 @@ def _arrays(content: memoryview, order: str) -> Iterator[memoryview]:
 
 
 def _elements(content: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
-    """The elements that lie one after another: the number of each one's type, and its content."""
+    """Consecutive elements: the type code and the content of each."""
     place = 0
     while place < len(content):
         kind, size = struct.unpack_from(f"{order}II", content, place)
         start, after = place + 8, place + 8 + size
         if kind >> 16:
-            # A small one, whose content lies in its own tag.
+            # The content of a small element lies in its tag.
             kind, size = kind & 0xFFFF, kind >> 16
             start, after = place + 4, place + 8
         end = start + size
@@ -107,7 +107,7 @@ def _array(content: memoryview, order: str, depth: int) -> tuple[str, Value]:
     elements = _elements(content, order)
     first = next(elements, None)
     if first is None:
-        return "", np.zeros(0)  # What is empty may be written without anything.
+        return "", np.zeros(0)  # An empty array may be written without any element.
     flags = int(_numbers(first, order)[0])
     kind = flags & 0xFF
     if kind == OPAQUE:

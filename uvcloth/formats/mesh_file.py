@@ -23,8 +23,8 @@ def read_mesh(path: Path) -> Mesh:
 
     An OBJ and a glTF file give an AuthoredMesh, which keeps polygons, groups, materials and colours. A file
     without texture coordinates gives uvs (0, 2) and face_uvs (0, 3). Raises InputError for an unsupported
-    extension, an unreadable file, no faces, a face with vertices that do not exist, more than MOST_VERTICES,
-    or a number that is not finite or beyond LARGEST.
+    extension, an unreadable file, no faces, a face with vertices that do not exist, more than MOST_VERTICES
+    or MOST_FACES, or a number that is not finite or beyond LARGEST.
     """
     path = Path(path)
     if path.suffix.lower() not in EXTENSIONS:

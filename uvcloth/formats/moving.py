@@ -17,7 +17,7 @@ from uvcloth.files.archive import load_arrays
 from uvcloth.files.fields import Field, check_fields, numbers, whole
 
 QUANTIZATION_STEP = 5.7e-5
-"""Metres between two coordinates; half the diagonal of such a cube, the largest error, is 0.0494 mm."""
+"""Step of a coordinate, metres; half the diagonal of such a cube, the largest error, is 0.0494 mm."""
 
 PACKED_ARRAYS = ("changes", "parents", "origin")
 """Names of the arrays that `pack` returns and `unpack` takes."""
@@ -97,12 +97,12 @@ def load_moving(path: Path, format: str, expected: str, fields: Mapping[str, Fie
 
 
 def _parents(faces: np.ndarray, count: int) -> np.ndarray:
-    """A neighbour of each of `count` points closer to the first of its piece of the mesh, or `count`."""
+    """Neighbour of each point that is closer to the first point of its piece; `count` for that point."""
     start, end = (np.concatenate([faces[:, i] for i in corners]) for corners in ((0, 1, 2), (1, 2, 0)))
     graph = coo_array((np.ones(len(start)), (start, end)), shape=(count, count))
     labels = connected_components(graph, directed=False)[1]
     roots = np.unique(labels, return_index=True)[1]
-    # One more point beside the first of every piece: a single search finds all of them.
+    # An extra point is connected to the first of every piece: a single search reaches all pieces.
     start, end = np.concatenate([start, np.full_like(roots, count)]), np.concatenate([end, roots])
     graph = coo_array((np.ones(len(start)), (start, end)), shape=(count + 1, count + 1))
     return breadth_first_order(graph, count, directed=False)[1][:count].astype(np.int32)
@@ -111,7 +111,7 @@ def _parents(faces: np.ndarray, count: int) -> np.ndarray:
 def _levels(parents: np.ndarray) -> Iterator[np.ndarray]:
     """Points in the order of their distance, in edges, from the first of their piece, without the first."""
     count = len(parents)
-    # By every turn, points look twice as far up; after these turns only points in a circle have not ended.
+    # Each iteration looks twice as far up; at the end only points in a cycle have not reached the root.
     above, depth = np.append(parents, count), np.append(np.ones(count, dtype=np.int64), 0)
     for _ in range(count.bit_length()):
         depth, above = depth + depth[above], above[above]

@@ -70,7 +70,7 @@ def read_obj(path: Path) -> AuthoredMesh:
         except ValueError as error:
             raise InputError(f"{path}, line {number}: not a readable OBJ file ({cause(error)})") from error
     points = np.array([row[:3] for row in vertices], dtype=np.float64).reshape(-1, 3)
-    with np.errstate(over="ignore"):  # What is not finite is refused with the mesh.
+    with np.errstate(over="ignore"):  # Values that are not finite are refused with the mesh.
         texture = np.array(uvs, dtype=np.float32).reshape(-1, 2)
     pairs = np.array(corners, dtype=np.int64).reshape(-1, 2)
     for kind, indices, count in (("vertex", pairs[:, 0], len(points)), ("vt", pairs[:, 1], len(texture))):
@@ -105,7 +105,7 @@ def _colors(vertices: list[list[float]]) -> np.ndarray | None:
 
 
 def _corner(corner: str, vertices: int, uvs: int) -> tuple[int, int]:
-    """A corner `v/vt/vn`, counted from 1, or backwards from -1, as indices; -1 without texture."""
+    """Indices of a corner `v/vt/vn`, counted from 1, or backwards from -1; -1 without texture."""
     vertex, _, rest = corner.partition("/")
     texture = rest.partition("/")[0]
     return _index(vertex, vertices), _index(texture, uvs) if texture else -1

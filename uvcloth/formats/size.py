@@ -5,10 +5,10 @@ from pathlib import Path
 from uvcloth.errors import InputError
 
 MOST_VERTICES = 200_000
-"""Limit for a garment: a rollout could not handle more."""
+"""Limit for the vertices of a garment: a rollout could not handle more."""
 
 MOST_FACES = 2_000_000
-"""Limit for a garment, far more than MOST_VERTICES need."""
+"""Limit for the faces of a garment, far more than MOST_VERTICES need."""
 
 
 def refuse_too_many(path: Path, vertices: int, faces: int = 0) -> None:

@@ -1,4 +1,4 @@
-"""Pickled SMPL files, read without executing anything of them.
+"""Pickled SMPL files, read without executing any of their code.
 
 A pickle is a program: it names functions and classes and calls them. Here every name of a short list stands
 for a record that keeps its arguments, every other name ends the reading, and arrays are made from the records
@@ -109,7 +109,7 @@ class _Instance(_Record):
 
 
 class _Collection(_Record):
-    """A set or an ordered dictionary, which holds nothing that is needed."""
+    """A set or an ordered dictionary, whose content is not needed."""
 
 
 class _Sparse(_Record):
@@ -128,14 +128,14 @@ class _Sparse(_Record):
 
 
 class _Ch(_Record):
-    """A chumpy.Ch: an array and what chumpy knew of its derivatives."""
+    """A chumpy.Ch: an array, with data for its derivatives."""
 
     def value(self) -> np.ndarray:
         return _plain_array(_attributes(self).get("x"))
 
 
 class _Select(_Record):
-    """A chumpy selection: places of another array, counted in one row."""
+    """A chumpy selection: indices into another array, flattened."""
 
     def value(self) -> np.ndarray:
         parts = _attributes(self)
@@ -165,8 +165,8 @@ ALLOWED = {name: record for record, names in RECORDS.items() for name in names}
 class _Reader(pickle._Unpickler):
     """An unpickler whose every name is a record, and whose every key is a text or a number.
 
-    It is the one in Python, whose memory and time do not depend on a number in the file: the one in C makes a
-    table whose length is the largest memo index in the file.
+    It extends the unpickler in Python: the one in C allocates a table as long as the largest memo index in
+    the file.
     """
 
     stack: list[Any]
@@ -231,7 +231,7 @@ def read_smpl_pickle(path: Path) -> dict[str, Any]:
         *(pickle.UnpicklingError, EOFError, AttributeError, IndexError, KeyError, TypeError, ValueError),
         *(OverflowError, MemoryError, RecursionError, ImportError),
     ) as error:
-        # An error may hold all that could not be converted.
+        # An error's text may contain all that could not be converted.
         reason = ascii(" ".join(str(error).split()))[1:-1]
         raise InputError(f"{path}: not a readable pickle ({reason:.200})") from error
     if not isinstance(root, dict):
@@ -293,7 +293,7 @@ def _shape(shape: Any) -> tuple[int, ...]:
 
 
 def _array(content: Any, kind: Any, shape: Any, order: Any) -> np.ndarray:
-    """An array of raw bytes; of a shape () a number."""
+    """An array from raw bytes; a number for the shape ()."""
     sizes = () if shape == () else _shape(shape)
     if isinstance(content, _Bytes):
         content = content.arguments[0] if content.arguments else None

@@ -1,9 +1,9 @@
-"""Lossy compression of moving meshes: cosines in time, the spectrum of the mesh in space, in whole steps.
+"""Lossy compression of moving meshes: a cosine transform in time, the mesh's spectrum in space, quantized.
 
-Both transforms are orthonormal, so that the squared error of the points is that of the coefficients, and
-nearly all coefficients of smoothly moving cloth are below one step. Frames are transformed in blocks, as
-motion changes within a second, and the mesh in two halves, as a bodice moves less than a skirt. The steps are
-as coarse as an error allows; single points that are off by much are corrected.
+Both transforms are orthonormal, so that the squared error of the points is that of the coefficients. Nearly
+all coefficients of smoothly moving cloth are below one quantization step. Frames are transformed in blocks,
+as motion changes within a second, and the mesh in two halves, as a bodice moves less than a skirt. The steps
+are as coarse as an error allows; single points with a large error are corrected.
 """
 
 from dataclasses import dataclass
@@ -22,25 +22,25 @@ power.
 """
 
 BLOCK = 25
-"""Frames of a block, about."""
+"""Approximate number of frames of a block."""
 
 MOST_OF_99, MOST_OF_ALL = 3.0, 6.0
 """Largest errors of 99 % of the points, and of all, as multiples of the mean error that is allowed."""
 
 ROUNDED_FROM = 0.6
-"""Steps from which on a coefficient is rounded up: smaller ones cost more to keep than they correct."""
+"""Fraction of a step from which a coefficient is rounded up: less costs more to keep than it corrects."""
 
 STEPS = np.exp2(np.arange(-16, 41) / 8.0)
 """Steps that are tried, as multiples of the mean error that is allowed."""
 
 GOLDEN = 0.6180339887498949
 UNEVENNESS = 0.4
-"""Range of the weights of edges, by which all wavelengths differ, even on a symmetric mesh."""
+"""Range of the edges' weights, which differ so that all eigenvalues do, even on a symmetric mesh."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """Part of a mesh: points (n,), their indices, and waves (n, n), the spectrum of the part as columns."""
+    """Part of a mesh: points (n,), indices in the mesh, and waves (n, n), its spectrum as columns."""
 
     points: np.ndarray
     waves: np.ndarray
@@ -50,8 +50,9 @@ class Part:
 class CodedPoints:
     """Moving points in coded form.
 
-    step: metres of a coefficient's step. code: (B,) uint8, the coefficients. gaps: (R,) from each corrected
-    place to the next, in the order of frames and points. corrections: (R, 3) in steps of the mean error.
+    step: quantization step of the coefficients, m. code: (B,) uint8, the coefficients. gaps: (R,) from each
+    corrected point to the next, in the order of frames and points. corrections: (R, 3) in multiples of the
+    mean error.
     """
 
     step: float
@@ -63,7 +64,7 @@ class CodedPoints:
 def second_half(faces: np.ndarray, count: int) -> np.ndarray:
     """Flags (N,) of the points of the second of two halves of a mesh that few edges connect.
 
-    They are divided at the median of the mesh's second wave.
+    They are divided at the median of the Fiedler vector, the second eigenvector of the graph Laplacian.
     """
     if count < 4:
         return np.zeros(count, bool)
@@ -80,7 +81,7 @@ def second_half(faces: np.ndarray, count: int) -> np.ndarray:
 
 
 def part_spectra(faces: np.ndarray, second: np.ndarray) -> tuple[Part, ...]:
-    """Spectra of the two halves of a mesh with faces (M, 3), without those of no points.
+    """Spectra of the two halves of a mesh with faces (M, 3), without a half that has no points.
 
     second: (N,) flags of the points of the second half. Long waves come first. Edges have different weights,
     a fixed series, so that every eigenvalue is single: its vector is then the same on every machine, to
@@ -130,7 +131,7 @@ def decode_points(
 ) -> np.ndarray:
     """Decode points (F, N, 3) m, float64, that `code_points` coded with the same mean error.
 
-    Raises ValueError for code that is not of so many frames and points.
+    Raises ValueError for code of other frames or points.
     """
     longest = max(len(part.points) for part in parts)
     steps = decode(coded.code, (frames, longest, 3 * len(parts)), _blocks(frames))
@@ -152,7 +153,7 @@ def _spectrum(edges: np.ndarray, count: int) -> np.ndarray:
     weights = 1.0 + UNEVENNESS * (_series(len(edges)) - 0.5)
     laplacian = np.zeros((count, count))
     laplacian[edges[:, 0], edges[:, 1]] = laplacian[edges[:, 1], edges[:, 0]] = -weights
-    # Points that no edge reaches differ too, by what is on the diagonal.
+    # The diagonal also separates the eigenvalues of points without edges.
     laplacian[np.diag_indices(count)] = 1e-3 * _series(count) - laplacian.sum(axis=1)
     vectors = eigh(laplacian, overwrite_a=True, check_finite=False)[1]
     return np.copysign(1.0, (_series(count) - 0.5) @ vectors) * vectors
@@ -213,5 +214,5 @@ def _to_steps(coefficients: np.ndarray, step: float) -> np.ndarray:
 
 
 def _series(count: int) -> np.ndarray:
-    """Numbers (count,) from 0 to 1 of which no two are the same: the golden ratio's multiples."""
+    """Distinct numbers (count,) from 0 to 1: fractional parts of multiples of the golden ratio."""
     return np.modf(np.arange(1, count + 1) * GOLDEN)[0]

@@ -44,7 +44,7 @@ PARENTS = {
     "collar": "spine3", "shoulder": "collar", "elbow": "shoulder", "wrist": "elbow", "hand": "wrist",
     "jaw": "head", "eye_smplhf": "head",
 }  # fmt: skip
-"""Joint above each, without sides."""
+"""Parent of each joint, without sides."""
 
 OFFSETS = {
     "spine1": (0.0, 0.11, -0.02), "spine2": (0.0, 0.13, 0.02), "spine3": (0.0, 0.06, 0.01),
@@ -54,10 +54,10 @@ OFFSETS = {
     "wrist": (0.26, 0.0, 0.0), "hand": (0.08, 0.0, 0.0), "jaw": (0.0, 0.0, 0.02),
     "eye_smplhf": (0.03, 0.07, 0.07),
 }  # fmt: skip
-"""Place of each joint of the left side beside the one above it, metres, of an adult in a T.
+"""Offset of each joint, of the left side, from its parent, metres, for an adult in a T: Y up, facing +Z.
 
-Files hold no skeleton: its lengths depend on a model file. Only directions matter for other bodies, and the
-length of a leg, by which the person's way is scaled.
+Files hold no skeleton: its lengths depend on a model file. Other bodies need only the directions, and the leg
+length, which scales the root's path.
 """
 
 FINGER_OFFSETS = {"1": (0.1, -0.01, 0.0), "2": (0.03, 0.0, 0.0), "3": (0.025, 0.0, 0.0)}
@@ -97,7 +97,7 @@ def read_amass(path: Path) -> Clip:
 
 
 def zero_pose(names: tuple[str, ...]) -> Skeleton:
-    """Joints of a person of usual size in the T of SMPL, by their names there: Z up, facing -Y, metres."""
+    """Skeleton of a person of usual size in the T of SMPL, by SMPL's names: Z up, facing -Y, metres."""
     heads: list[Tensor] = []
     parents: list[int] = []
     for name in names:
@@ -108,7 +108,7 @@ def zero_pose(names: tuple[str, ...]) -> Skeleton:
 
 
 def fits_unchanged(clip: Clip, body: Body) -> bool:
-    """Test whether a clip is one of AMASS, from its zero pose, and a body one of SMPL's, resting in it."""
+    """Test for a clip of AMASS, relative to its zero pose, and a body with the joints of an SMPL model."""
     names = clip.skeleton.names
     if body.skeleton.names not in SMPL_JOINTS.values() or names[: len(TRUNK_AND_LIMBS)] != TRUNK_AND_LIMBS:
         return False
@@ -116,9 +116,9 @@ def fits_unchanged(clip: Clip, body: Body) -> bool:
 
 
 def carried_over(clip: Clip, body: Body, fps: float) -> Clip:
-    """A motion of AMASS on a body of SMPL's, its rotations unchanged, resampled, feet on the floor z = 0.
+    """Put a motion of AMASS on an SMPL body: rotations unchanged, resampled, feet on the floor z = 0.
 
-    Joints that the motion lacks move with the ones above them; those that the body lacks are left out.
+    Joints that the motion lacks move with their parents; those that the body lacks are left out.
     fps: frames per second of the result; raises InputError as `resample` does.
     """
     clip = resample(clip, fps)
@@ -194,7 +194,7 @@ def _fps(path: Path, arrays: Mapping[str, np.ndarray]) -> float:
 
 
 def _above(name: str) -> tuple[str, tuple[float, float, float]]:
-    """Joint above one, "" for the pelvis, and the way from it, metres, Y up."""
+    """Parent of a joint, "" for the pelvis, and the offset from it, metres, Y up."""
     if name == "pelvis":
         return "", (0.0, 0.0, 0.0)
     side, _, part = name.partition("_")

@@ -1,4 +1,4 @@
-"""Frames of joints by where joints are: bones, lines of hips and shoulders, axes of knees and elbows."""
+"""Joint frames from joint positions: bones, lines of hips and shoulders, axes of knees and elbows."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -7,16 +7,15 @@ import torch
 from torch import Tensor
 
 UNTWISTED = ("shin", "forearm", "foot")
-"""Limb joints that turn about one axis only, nearly, against the joint above."""
+"""Limb joints that turn almost only about one axis relative to their parent."""
 
 
 @dataclass(frozen=True)
 class JointFrames:
     """Frames of one joint over T poses, each times its weight: (T, 3, 3), columns left or hinge, back, bone.
 
-    weights: (T,) from 0, nothing is known but the bone, to 1. bones: (T, 3) unit directions of the bone.
-    is_limb: the bone is exact, only the twist about it is not. untwisted: the joint hardly twists against
-    the one above.
+    weights: (T,) from 0, only the bone is known, to 1. bones: (T, 3) unit directions of the bone. is_limb:
+    the bone is exact, the twist about it is not. untwisted: the joint hardly twists relative to its parent.
     """
 
     frames: Tensor
@@ -27,11 +26,11 @@ class JointFrames:
 
 
 def joint_frames(positions: Tensor, roles: Mapping[str, int]) -> dict[str, JointFrames]:
-    """Frames of the joints that play a role, from the posed joints (T, J, 3).
+    """Frames of the joints that have a role, by role, from the posed joints (T, J, 3).
 
-    The trunk's bone points from the hips to the shoulders; a limb's along itself, with the axis that its knee
-    or elbow bends about, weighted by the sine of the bend. Fingers, toes and hands without fingers have that
-    of the joint above, a foot without toes that of the hips.
+    The trunk's bone points from the hips to the shoulders. A limb's bone points along the limb; its hinge is
+    the axis that the knee or elbow bends about, weighted by the sine of the bend. Fingers, toes and hands
+    without fingers have the frame of their parent, a foot without toes that of the hips.
     """
 
     def joint(role: str) -> Tensor:
@@ -64,7 +63,7 @@ def joint_frames(positions: Tensor, roles: Mapping[str, int]) -> dict[str, Joint
             if f"{side}_{bone}" in roles and f"{side}_{tip}" in roles:
                 along = unit(joint(f"{side}_{tip}") - joint(f"{side}_{bone}"))
                 frames[f"{side}_{bone}"] = _limb(along, hinge, bone in UNTWISTED)
-        # Ends have no bone: on average they continue the one above, and a foot points as the pelvis does.
+        # Ends have no bone: on average they continue their parent's, and a foot points as the pelvis does.
         frames.setdefault(f"{side}_foot", frames["hips"])
         frames.setdefault(f"{side}_hand", replace(frames[f"{side}_forearm"], is_limb=False))
         for end, above in (("toes", "foot"), ("fingers", "hand")):

@@ -12,7 +12,7 @@ from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.motion.roles import joint_roles
 
 FOREARM_SHARES = (0.2, 0.4, 0.6, 0.8, 1.0)
-"""Places on the bone from elbow to wrist that are looked at; the elbow itself may touch the ribs."""
+"""Places on the bone from elbow to wrist that are tested; the elbow itself may touch the ribs."""
 
 HAND_SHARES = (0.6, 1.2, 1.8)
 """Places on the line from wrist to knuckles and on to the fingertips, in lengths of the palm."""
@@ -39,7 +39,7 @@ def arm_depth(body: Body, transforms: Tensor) -> Tensor:
     at = nearest[..., None].expand(-1, -1, 3)
     outwards = ((places - torso.gather(1, at)) * normals.gather(1, at)).sum(-1)
     depth = -distance
-    # At folds nearest vertices take what is outside for inside: what winds around it tells.
+    # At folds, the nearest vertex's normal can mistake outside for inside: the winding number decides.
     for at in (outwards < 0).nonzero().split(POINTS_AT_ONCE):
         frame, place = at.unbind(1)
         around = _winds_around(torso[frame][:, faces], places[frame, place])
@@ -48,9 +48,9 @@ def arm_depth(body: Body, transforms: Tensor) -> Tensor:
 
 
 def _winds_around(corners: Tensor, points: Tensor) -> Tensor:
-    """Mask (K,) of the points (K, 3) that a closed surface, its triangles (K, M, 3, 3), winds around.
+    """Mask (K,) of the points (K, 3) inside closed surfaces of triangles (K, M, 3, 3), one for each point.
 
-    By solid angles (van Oosterom and Strackee 1983).
+    Sums up solid angles (van Oosterom and Strackee 1983).
     """
     a, b, c = (corners - points[:, None, None]).unbind(2)
     far_a, far_b, far_c = (side.norm(dim=-1) for side in (a, b, c))

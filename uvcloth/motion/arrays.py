@@ -15,23 +15,23 @@ from uvcloth.motion.clip import Clip, require_fps
 from uvcloth.motion.posture import require_near
 
 LAST_ROW = (0.0, 0.0, 0.0, 1.0)
-"""Last row of a 4 x 4 matrix that takes points to points."""
+"""Last row of an affine 4 x 4 matrix."""
 
 ROTATION_TOLERANCE = 1e-3
-"""Largest entry by which a rotation times its transpose may differ from the identity."""
+"""Largest difference of an entry of a rotation times its transpose from the identity."""
 
 JOINT_TOLERANCE = 1e-3
-"""Metres that a joint may be away from where the bone above it holds it."""
+"""Greatest distance, metres, of a joint from the end of the bone above it."""
 
 
 def clip_of_transforms(transforms: Array, body: Body, fps: float, name: str = "motion") -> Clip:
-    """Make a motion of a body of its joint transforms in every frame.
+    """Make a motion of a body from its joint transforms in every frame.
 
     transforms: (F, J, 3, 4) or (F, J, 4, 4), from the rest pose to the posed one, metres, Z up, in the order
-    of the body's joints. fps: frames per second. The clip has the same places, in float64.
+    of the body's joints. fps: frames per second. The clip has the same positions, in float64.
     Raises InputError naming the motion, and the joint and frame, for another shape, another number of joints,
-    no frames, a value that is not a finite number, a frame rate out of FPS_RANGE, what is no rotation and
-    shift, a joint that leaves the bone above it, and a person too far from the origin.
+    no frames, a value that is not a finite number, a frame rate out of FPS_RANGE, a matrix that is not a
+    rotation and translation, a joint that leaves the bone above it, and a person too far from the origin.
     """
     require_fps(fps)
     joints = len(body.skeleton.names)

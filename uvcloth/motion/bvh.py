@@ -19,13 +19,13 @@ END_SITE = -2
 
 CHANNEL_NAMES = frozenset(axis + kind for axis in "xyz" for kind in ("position", "rotation"))
 FRAME_TIME_RANGE = (1e-4, 0.5)
-"""Least and greatest time of a frame, seconds: slower ones tell no motion, and make many frames of few."""
+"""Least and greatest frame time, seconds: slower frames show no motion, and resampling multiplies them."""
 
 SHOWN = 60
 """Characters of a file that an error repeats."""
 
 LARGEST = 1e9
-"""Of an offset or a value, in the file's units or degrees: float32 holds its square."""
+"""Limit for an offset or a value, in the file's units or degrees: float32 holds its square."""
 
 
 @dataclass
@@ -43,9 +43,9 @@ def read_bvh(path: Path) -> Clip:
 
     The clip's rest pose is the file's all-zero pose: heads (J, 3) are the summed OFFSETs, rotations
     (T, J, 3, 3) the world rotations relative to it, each joint's own rotation being the product of its
-    channels in the listed order. translation (T, 3) is the root's path. Position channels stand in the place
-    of the OFFSET: those of the root and of hips below it move the person, others give a bone its mean offset.
-    End sites are left out.
+    channels in the listed order. translation (T, 3) is the root's path. Position channels replace the OFFSET:
+    those of the root and of hips below it move the person, others give a bone its mean offset. End sites are
+    left out.
 
     Raises InputError naming the file and the line, frame or joint if the file is missing, truncated,
     without frames, or holds a value that is not a finite number or beyond LARGEST.
@@ -187,7 +187,7 @@ def _bad_row(path: Path, rows: list[tuple[int, str]], expected: int) -> InputErr
 
 
 def _nominal_fps(fps: float) -> float:
-    """Frame rate freed of the rounding of frame times in files (0.0083333 s): the whole number beside it."""
+    """Frame rate without the rounding of a file's frame time (0.0083333 s): a whole number if close."""
     return float(round(fps)) if abs(fps - round(fps)) < 1e-4 * fps else fps
 
 
@@ -205,7 +205,7 @@ def _rotations(path: Path, hierarchy: _Hierarchy, values: np.ndarray) -> np.ndar
 
 
 def _positions(path: Path, hierarchy: _Hierarchy, values: np.ndarray) -> np.ndarray:
-    """Positions (T, J, 3) relative to the parent; channels of a bone that are all zero say nothing."""
+    """Positions (T, J, 3) relative to the parent; channels of a bone that are all zero are ignored."""
     positions = np.tile(np.array(hierarchy.offsets), (len(values), 1, 1))
     for joint, (columns, axes) in _columns(hierarchy, "position").items():
         if len(set(axes)) < len(axes):

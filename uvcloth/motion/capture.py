@@ -10,7 +10,7 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.roles import joint_roles
 
 MAX_FRAME_TURN = 90.0
-"""Degrees that a joint may turn in the world from one frame to the next."""
+"""Most degrees that a joint may turn in world axes from one frame to the next."""
 
 STANDSTILL_SECONDS = 1.0
 """Seconds that a joint may stand still relative to its parent while others move."""
@@ -42,7 +42,7 @@ def find_jump(clip: Clip, first: int = 0) -> str | None:
 def find_standstill(clip: Clip, first: int = 0) -> str | None:
     """Text on the joint that stands still for STANDSTILL_SECONDS while others move, or None.
 
-    Joints count as in `find_jump`; one that never moves is one that the capture does not have.
+    Joints count as in `find_jump`. A joint that never moves does not count: the capture lacks it.
     """
     joints = _joints(clip)
     moves = _turns(local_rotations(clip.skeleton.parents, clip.rotations)[:, joints]) > STANDSTILL_DEGREES

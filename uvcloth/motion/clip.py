@@ -23,9 +23,9 @@ def require_fps(fps: float) -> None:
 class Clip:
     """Motion of one skeleton.
 
-    rotations: (T, J, 3, 3) world rotations relative to the skeleton's rest pose.
-    translation: (T, 3) world position of the root joint, metres, float64 where it is read so. fps: frames per
-    second.
+    rotations: (T, J, 3, 3) world rotations relative to the skeleton's rest pose. translation: (T, 3) world
+    position of the root joint, float32 or float64, in the skeleton's unit: metres on a body, that of its file
+    as read. fps: frames per second.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Clip:
         return joint_transforms(self.skeleton, self.rotations.to(wide), self.translation.to(wide)).to(dtype)
 
     def positions(self) -> Tensor:
-        """Posed joints: (T, J, 3), as precise as the translation."""
+        """Posed joints: (T, J, 3), in the translation's type."""
         transforms = self.transforms(self.translation.dtype)
         heads = self.skeleton.heads.to(transforms)
         return (transforms[..., :3] @ heads[:, :, None]).squeeze(-1) + transforms[..., 3]

@@ -1,4 +1,4 @@
-"""Splits of clips: those that poses for training, validation and test come from."""
+"""Clips to draw poses from, split into training, validation and test."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from uvcloth.motion.library import builtin_clips
 from uvcloth.motion.poses import SPLITS
 
 HELD_OUT = 0.15
-"""Shares of the clips without an index that are for validation and for the test, each."""
+"""Share of the clips without an index that validation and test get, each."""
 
 AMASS = ("*_poses.npz", "*_stageii.npz")
 """Names of the motions in the folders of AMASS, older and newer; beside them lie shapes without a motion."""
@@ -36,12 +36,12 @@ def find_sources(
 ) -> list[SplitClip]:
     """Find the clips of files, folders, built-in names and an index, sorted by name, each for one split.
 
-    A folder gives its BVH and AMASS files (`AMASS`) and those of the folders in it. If an index.csv lies in
-    it, that decides: its clips are for what it says, and those that it calls unused or does not name are left
-    out. windows: an index that decides so over the clips of the folder `clips_from`. Of the clips without an
-    index, HELD_OUT each are for validation and for the test, whole clips, evenly spread over the names: of
-    two the second is for validation, a single one is for training. No clips and no index are the built-in
-    ones.
+    A folder gives its BVH and AMASS files (`AMASS`) and those of the folders in it. An index.csv in it
+    decides instead: it assigns the splits, and clips that it calls unused or does not name are left out.
+    windows: an index that decides in the same way for the clips of the folder `clips_from`. Of the clips
+    without an index, validation and test get HELD_OUT each, evenly spread over the sorted names: of two the
+    second is for validation, a single one is for training. With neither clips nor an index, the built-in
+    clips are used.
 
     Raises InputError for a folder without clips, an index that is not one or whose clips are not there, one
     without its folder or the reverse, and two clips of one name.
@@ -94,7 +94,7 @@ def _indexed(index: Path, folder: Path) -> list[SplitClip]:
 
 
 def deal_splits(names: Iterable[str]) -> dict[str, str]:
-    """Split of each name: HELD_OUT of them for each other one, at least one name if one remains to train."""
+    """Split of each name: HELD_OUT each for validation and test, at least one where one remains to train."""
     names = sorted(names)
     splits = ["train"] * len(names)
     count = max(1, round(HELD_OUT * len(names)))

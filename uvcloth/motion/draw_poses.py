@@ -32,8 +32,8 @@ def draw_poses(
 ) -> PoseDatabase:
     """Draw poses of the sources in random order, training first, then validation, then test.
 
-    A pose is kept if it is at least `apart` radians from every one kept before, of all splits (the largest
-    difference of their `local_angles`), and if it is valid; that is asked of the posed body (V, 3), last.
+    A pose is kept if its `local_angles` differ by at least `apart` radians (largest difference) from those of
+    every pose kept before, of all splits, and if `valid` accepts the posed body (V, 3) m, tested last.
     mirror: training poses are also drawn left-right mirrored. every: one of this many frames is used.
 
     Raises InputError for unreadable clips, for `apart` not above zero, `every` below one, for mirroring where
@@ -110,7 +110,7 @@ def _candidates(
 def _distinct(
     angles: Tensor, apart: float, transforms: Tensor, body: Body, valid: Callable[[Tensor], bool]
 ) -> Tensor:
-    """Indices (K,) of the poses (B, A), (B, J, 3, 4) that are valid and apart from those before them."""
+    """Indices (K,) of the poses, angles (B, A), that are valid and `apart` from those kept before."""
     close = torch.cdist(angles, angles, p=torch.inf) < apart
     free = torch.ones(len(angles), dtype=torch.bool)
     kept: list[int] = []

@@ -22,13 +22,16 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.hierarchy import Hierarchy, to_clip
 
 FPS_RANGE = (30.0, 120.0)
-"""Least and greatest rate that keys are sampled at, frames per second."""
+"""Least and greatest rate at which keys are sampled, frames per second."""
 
 SHEAR = 1e-4
-"""How far columns may be from standing upright on one another before that is put right."""
+"""Largest difference of an entry of a matrix times its transpose from the identity, for a rotation.
+
+Also the least singular value of a sheared matrix that has a nearest rotation.
+"""
 
 SPARSEST, MOST_OF_FEW = 100, 1_000_000
-"""Transforms of nodes that are sampled for a value in the file, at most, and beyond these."""
+"""Limit for the sampled transforms of nodes: so many for each value in the file, and so many more."""
 
 
 def read_gltf_motion(path: Path) -> Clip:
@@ -59,7 +62,7 @@ def read_gltf_motion(path: Path) -> Clip:
         raise InputError(f"{file.path}: has no animation of its skeleton")
     order = parents_first(nodes, above)
     times, fps = _times(file, animation, len(order))
-    with np.errstate(all="ignore"):  # What comes of broken keys is refused below.
+    with np.errstate(all="ignore"):  # Results of broken keys are refused below.
         world = worlds(order, above, {node: _local(file, animation, node, times) for node in order})
         return to_clip(file.path.stem, _hierarchy(file, rig, world, fps))
 
@@ -97,7 +100,7 @@ def _rotations(transforms: np.ndarray) -> np.ndarray:
 
 
 def _nearest_rotations(linear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The rotations nearest to (T, J, 3, 3), which scales above may shear, and which of them there are."""
+    """Nearest rotations to (T, J, 3, 3), which parents' scales may shear, and a mask (T, J) of the valid."""
     rotations = linear.copy()
     finite = np.isfinite(linear).all(axis=(2, 3))
     sheared = finite & (np.abs(linear @ np.swapaxes(linear, 2, 3) - np.eye(3)).max(axis=(2, 3)) > SHEAR)
@@ -109,7 +112,7 @@ def _nearest_rotations(linear: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _times(file: Gltf, animation: dict[str, Any], nodes: int) -> tuple[np.ndarray, float]:
-    """Times (T,) of the frames of so many nodes, seconds, and their rate."""
+    """Times (T,) of the frames, seconds, and their rate. Raises InputError for too few keys for `nodes`."""
     keys = np.unique(np.concatenate([_keys(file, sampler) for sampler in animation["samplers"]]))
     if not len(keys):
         raise InputError(f"{file.path}: the animation has no keys")

@@ -1,4 +1,4 @@
-"""Joints that turn and move relative to their parents, as motion files hold them, made a clip."""
+"""Motion of joints relative to their parents, as in motion files, and its conversion to a clip."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,10 +10,10 @@ from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.motion.clip import Clip
 
 HELD_JOINTS = 0.6
-"""Share of the joints below a child from which it is the person's root instead of its parent."""
+"""Least share of all joints that a child holds, itself included, to be the person's root instead."""
 
 MOVING = 0.002
-"""Way that such a child goes relative to its parent, over the length of all bones."""
+"""Least movement of such a child relative to its parent, over the length of all bones."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Hierarchy:
 
 
 def to_clip(name: str, hierarchy: Hierarchy) -> Clip:
-    """Make a clip, of which only the root moves and others turn: a bone has the offset of the rest pose.
+    """Make a clip: only the root translates; other joints turn and keep their rest offsets.
 
     The root is the file's own, or the joint below it that moves instead (a person's hips below the origin of
     a scene); joints that are not below the root are left out.

@@ -1,4 +1,4 @@
-"""Index of a benchmark: windows of clips, their person, and their split (training, validation, test)."""
+"""Index of a benchmark: windows of clips, their subjects, and their splits (training, validation, test)."""
 
 import csv
 import re
@@ -48,8 +48,8 @@ class Entry:
 def read_index(path: Path) -> dict[str, Entry]:
     """Read the windows of an index, by clip.
 
-    Raises InputError if it is missing or not such a table, for a clip that it names twice, for a split that
-    is none, for a person in two of SPLITS, and for a window that starts before the clip or is empty.
+    Raises InputError if it is missing or not such a table, for a clip that it names twice, for an unknown
+    split, for a person in two of SPLITS, and for a window that starts before the clip or is empty.
     """
     require_file(path)
     try:
@@ -73,7 +73,7 @@ def read_index(path: Path) -> dict[str, Entry]:
 def require_one_split(source: str, clips: Iterable[tuple[str, str, str]]) -> None:
     """Raise InputError naming a person who is in two splits, and a clip of each.
 
-    clips: their name, person ("" where that is not known) and split. source: where they are from, in words.
+    clips: name, person ("" where unknown) and split of each. source: description for the message.
     """
     first: dict[str, tuple[str, str]] = {}
     for clip, subject, split in clips:

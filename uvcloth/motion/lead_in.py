@@ -12,13 +12,13 @@ from uvcloth.motion.arms import arm_depth
 from uvcloth.motion.clip import Clip
 
 HELD_FRAMES = 18
-"""Frames that a pose is held for, after those of the ramp, in which it stands as well."""
+"""Frames for which a pose is held after the ramp, in which the body stands in it as well."""
 
 TURNING_SHARES = (1.0, 0.67, 0.42, 0.25, 0.0)
-"""Shares of the ramp's frames, the last ones, in which joints turn, as they are tried."""
+"""Shares of the ramp, counted from its end, in which joints turn, in the order tried."""
 
 ARM_CLEARANCE = 0.02
-"""Metres that bones of forearms and hands keep from the torso's skin where joints turn in fewer frames."""
+"""Metres that bones of forearms and hands keep from the torso's skin if joints turn in fewer frames."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +36,13 @@ class LeadIn:
 def lead_in(clip: Clip, body: Body, parts: LeadIn) -> Clip:
     """Put a start from rest in front of a clip: len(parts) more frames.
 
-    The body stands at rest under its first position, facing its first heading, turns smoothly into the first
-    pose moved back along the first frame's velocity, and reaches that velocity just as the clip begins.
+    The body stands at rest under its first position, facing its first heading. It blends smoothly into the
+    first pose, moved back along the first frame's velocity, and reaches that velocity as the clip begins.
 
-    If the pose is moved back, a swinging arm may be inside the torso, and a sleeve comes off it. Where the
-    bones of a forearm or hand get in, joints turn in the last frames of the ramp alone: in the most that keep
-    ARM_CLEARANCE, or what the clip's first frame keeps, or else in those in which bones get in least.
+    Moved back, a swinging arm may be inside the torso, where its sleeve comes off. If bones of a forearm or
+    hand get inside, joints turn only in the last frames of the ramp: in the largest of TURNING_SHARES that
+    keeps ARM_CLEARANCE, or the clearance of the clip's first frame if that is less. If none does, the share
+    with the least depth is taken.
     """
     translation = _translation(clip, body, parts)
     tried: list[tuple[float, Tensor]] = []
@@ -56,7 +57,7 @@ def lead_in(clip: Clip, body: Body, parts: LeadIn) -> Clip:
 
 
 def pose_from_rest(clip: Clip, body: Body) -> Clip:
-    """Make a clip of one frame, a pose, the way into it from rest, held at the end; other clips stay."""
+    """Put a lead-in before a clip of one frame, and hold its pose HELD_FRAMES; return others unchanged."""
     if len(clip) > 1:
         return clip
     posed = lead_in(clip, body, LeadIn())
@@ -86,7 +87,7 @@ def _translation(clip: Clip, body: Body, parts: LeadIn) -> Tensor:
 
 
 def _back(parts: LeadIn, last: int) -> Tensor:
-    """Frames (parts.ramp,) by which the ramp is behind the clip's first one, if it moves in its last ones."""
+    """Frames (parts.ramp,) of motion by which the ramp is behind the clip, if only the `last` ones move."""
     u = (torch.arange(parts.ramp, 0, -1).float() / last).clamp(max=1.0)
     return last * (u - u**3 + 0.5 * u**4)
 
@@ -107,7 +108,7 @@ def _joined(rotations: Tensor, translation: Tensor, clip: Clip) -> Clip:
 
 
 def _depth(motion: Clip, body: Body) -> Tensor:
-    """Metres (F, A) as `arm_depth` says, wherever the motion is."""
+    """Arm depth (F, A) m as of `arm_depth`, computed near the origin for precision."""
     near = replace(motion, translation=motion.translation - motion.translation[:1])
     return arm_depth(body, near.transforms())
 

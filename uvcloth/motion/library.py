@@ -67,7 +67,7 @@ def load_clip(path_or_name: str | Path, body: Body, options: MotionOptions = DEF
     """Load a motion retargeted onto a body, from a motion file or a built-in clip's name.
 
     Raises InputError naming the file for unreadable files, unknown joints, unknown names, a rest pose that
-    cannot be told, a frame rate outside FPS_RANGE, and a motion that no person can have made.
+    cannot be determined, a frame rate outside FPS_RANGE, and a motion that no person can have made.
     """
     source = load_source(path_or_name, body, options)
     try:
@@ -79,7 +79,7 @@ def load_clip(path_or_name: str | Path, body: Body, options: MotionOptions = DEF
 
 
 def wanted_part(clip: Clip, options: MotionOptions) -> Clip:
-    """The frames of a clip that options want, in place if they say so. Raises InputError for other frames."""
+    """The frames of a clip that options select, in place if they say so. Raises InputError if none."""
     clip = clip.window(*options.window(len(clip)))
     if options.in_place:
         clip = replace(clip, translation=clip.translation * torch.tensor([0.0, 0.0, 1.0]))
@@ -98,7 +98,7 @@ def load_source(path_or_name: str | Path, body: Body, options: MotionOptions = D
 
 
 def motion_on_body(source: MotionSource, body: Body, fps: float) -> Clip:
-    """A motion on a body: retargeted, but for one of AMASS on a body of SMPL's, whose joints it has."""
+    """Put a motion on a body: unchanged rotations for AMASS on an SMPL body, retargeted otherwise."""
     if fits_unchanged(source.rest.clip, body):
         return carried_over(source.rest.clip, body, fps)
     return retarget(source.rest.clip, body, fps, source.roles)
@@ -111,7 +111,10 @@ def clip_roles(clip: Clip, options: MotionOptions = DEFAULTS) -> dict[str, int]:
 
 
 def read_motion(path_or_name: str | Path) -> Clip:
-    """Read a motion file or a built-in clip on its own skeleton, in its own units and axes."""
+    """Read a motion file or a built-in clip on its own skeleton, in its own units and axes.
+
+    Raises InputError for another suffix or an unknown name, and as the reader of the file does.
+    """
     path = builtin_clips().get(str(path_or_name), Path(path_or_name))
     reader = (READERS | {".npz": read_archive}).get(path.suffix.lower())
     if reader is None:
@@ -128,7 +131,10 @@ def read_archive(path: Path) -> Clip:
 
 
 def save_clip(clip: Clip, path: Path, notice: str = "") -> None:
-    """Write a clip on its own skeleton to one npz; `notice` is a licence or an origin to keep with it."""
+    """Write a clip on its own skeleton to one npz; `notice` is a licence or an origin to keep with it.
+
+    Raises InputError if it cannot be written.
+    """
     save_arrays(
         path,
         {

@@ -19,7 +19,7 @@ SPLITS = ("train", "validation", "test")
 
 POSES_FORMAT = "uvcloth-poses-2"
 DONORS = 4
-"""Poses that a recombined one is made of."""
+"""Number of poses that a recombined one is made of."""
 
 FIELDS = {
     "joint_names": names("J"),
@@ -45,7 +45,7 @@ class PoseDatabase:
     """M poses of a skeleton of J joints (PBNS section 4.3).
 
     joints: names. rotations: (M, J, 3, 3) float32 world rotations relative to rest. clip_names: the clips
-    that they come from. subjects: the captured person of each of those, "" if unknown. clips: (M,) int64
+    that they come from. subjects: the captured person of each clip, "" if unknown. clips: (M,) int64
     index of the clip. frames: (M,) int64 frame of it at 30 frames per second. mirrored: (M,) bool, left and
     right swapped. splits: (M,) int64 indices into SPLITS. donors: (M, DONORS) int64 the poses of the file
     whose legs, trunk, left and right arm a recombined one has (clip, frame and mirrored are those of the

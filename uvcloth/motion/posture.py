@@ -11,7 +11,7 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.roles import joint_roles
 
 MOST = 0.5
-"""Share of the frames in which a motion has to be as it should."""
+"""Share of the frames that has to be exceeded for a motion to pass a check."""
 
 HEAD_HEIGHT = 0.6
 """Height of the head over the feet, in lengths of a thigh, below which a person lies."""
@@ -28,9 +28,9 @@ ADVICE = "name a frame in which the person stands with --rest-frame, or the join
 def check_posture(clip: Clip, lying: bool = False) -> None:
     """Raise InputError if a clip on a body's skeleton cannot be how a person moved.
 
-    No frame may be FARTHEST from the origin.
-    Over most of the frames the feet have to be below the hips and these below the head (not asked where
-    `lying`), the knees to bend forwards where they bend, and left arm and left leg to be on one side.
+    No frame may be farther than FARTHEST from the origin.
+    In more than MOST of the frames, the feet have to be below the hips and these below the head (not checked
+    where `lying`), bent knees have to bend forwards, and left arm and left leg have to be on one side.
     """
     positions = require_near(clip)
     roles = joint_roles(clip.skeleton.names)
@@ -55,7 +55,7 @@ def check_posture(clip: Clip, lying: bool = False) -> None:
 
 
 def require_near(clip: Clip) -> Tensor:
-    """Joints (T, J, 3) of a clip, m. Raises InputError naming a frame FARTHEST from the origin."""
+    """Joints (T, J, 3) of a clip, m. Raises InputError naming a frame beyond FARTHEST from the origin."""
     positions = clip.positions()
     away = ~(positions.norm(dim=-1).amax(1) <= FARTHEST)
     if bool(away.any()):

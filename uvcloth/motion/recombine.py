@@ -1,7 +1,7 @@
 """Recombination of poses: the legs of one, the trunk of another, the arms of two more.
 
-A few clips hold each arm and each leg in many positions, but only in few combinations. A method that learns
-without data can be shown the others too: all that it needs of a pose is that the body can take it.
+A few clips hold each arm and each leg in many positions, but only in few combinations. A method that trains
+without simulated data can use other combinations too: it needs only poses that the body can take.
 """
 
 from collections.abc import Callable
@@ -38,8 +38,8 @@ def recombine(
 ) -> PoseDatabase:
     """Add `count` training poses to a database, each made of the parts of training poses.
 
-    Each arm is the trunk's own with even odds. valid: asked of the posed body (V, 3). Raises InputError
-    if too few of the combinations are valid.
+    Each arm is that of the trunk's pose with probability 1/2. valid: test of the posed body (V, 3) m. Raises
+    InputError if too few of the combinations are valid.
     """
     generator = torch.Generator().manual_seed(seed)
     rows = torch.nonzero(poses.splits == SPLITS.index("train")).squeeze(1)

@@ -22,7 +22,7 @@ from uvcloth.motion.roles import joint_roles
 Roles = Mapping[str, int]
 
 FRAMES_LOOKED_AT = 500
-"""Most frames that an estimate is made of, evenly over the clip."""
+"""Most frames that an estimate uses, spread evenly over the clip."""
 
 UPRIGHT = 0.7
 """Cosine between an axis and the line from feet to shoulders of a person who stands along it."""
@@ -31,13 +31,13 @@ FLOOR_SHARE = 0.3
 """Height of the lowest foot, over the length of a leg, that is still on the floor."""
 
 AXIS_DEGREES = 20.0
-"""Degrees from an axis of its joint within which an estimate is meant to be that axis."""
+"""Degrees within which an estimated frame snaps to the axes of its joint."""
 
 BONE_DEGREES = 1.0
-"""The same for a bone, whose direction is not estimated but known."""
+"""The same for a bone, whose direction is known."""
 
 UNTWISTED_DEGREES = 45.0
-"""Degrees from an untwisted child of its parent within which a shin, forearm or foot is meant to be that."""
+"""Degrees from no twist relative to its parent within which a shin, forearm or foot snaps to it."""
 
 LEAST_BEND = 0.05
 """Mean sine of the bend of knees or elbows below which they do not tell the axis that they bend about."""
@@ -210,15 +210,15 @@ def _estimate(clip: Clip, positions: Tensor, roles: Roles, body: Body, up: Tenso
 def _rest_of(rotations: Tensor, posed: JointFrames, target: JointFrames, above: Tensor) -> Tensor:
     """Rotation (3, 3) of a joint in the standing pose, given that of the joint above it there.
 
-    rotations: (T, 3, 3) of the joint in the motion. Nothing tells the twist of a limb that hardly bends: it
-    is that of the joint above.
+    rotations: (T, 3, 3) of the joint in the motion. The twist of a limb that hardly bends is unknown: it is
+    that of the joint above.
     """
     bone = unit((rotations.mT @ posed.bones[:, :, None]).mean(0).squeeze(-1))
     untwisted = smallest_rotation(unit(above @ bone), target.bones[0]) @ above
     if float(posed.weights.mean()) < LEAST_BEND:
         return untwisted
     local = _to_axes(_nearest_rotation((rotations.mT @ posed.frames).sum(0)), bone, posed.is_limb)
-    # The frame of a limb at rest has a weight as well.
+    # Frames at rest are scaled by their weights as well.
     estimate = _nearest_rotation(target.frames[0]) @ local.mT
     if posed.untwisted and _degrees(estimate, untwisted) < UNTWISTED_DEGREES:
         return untwisted
@@ -226,7 +226,7 @@ def _rest_of(rotations: Tensor, posed: JointFrames, target: JointFrames, above: 
 
 
 def _to_axes(frame: Tensor, bone: Tensor, is_limb: bool) -> Tensor:
-    """The frame (3, 3) along the joint's own axes that is meant by an estimate, or the estimate itself."""
+    """An estimated frame (3, 3), snapped to the joint's own axes if these are close."""
     order = frame.abs().argmax(0)
     along = torch.zeros_like(frame)
     along[order, torch.arange(3)] = frame.gather(0, order[None]).sign().squeeze(0)
@@ -245,7 +245,7 @@ def _nearest_rotation(matrix: Tensor) -> Tensor:
 
 
 def _degrees(first: Tensor, second: Tensor) -> float:
-    """Angle between two rotations (3, 3)."""
+    """Angle between two rotations (3, 3), degrees."""
     cosine = ((first * second).sum() - 1.0) / 2.0
     return float(cosine.clamp(-1.0, 1.0).acos().rad2deg())
 

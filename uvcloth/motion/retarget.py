@@ -31,7 +31,7 @@ LIMB_BONES = {
         "hand": "fingers",
     }.items()
 }
-"""Bones whose rest directions are brought together, and the joint each points at."""
+"""Bones whose rest directions are aligned, and the joint that each points at."""
 
 REQUIRED_ROLES = ("hips", *LIMB_BONES, "left_foot", "right_foot")
 
@@ -101,7 +101,7 @@ def resample(clip: Clip, fps: float) -> Clip:
 
 
 def at_times(clip: Clip, times: Tensor) -> Clip:
-    """A clip's poses at times (T,) float64, in frames of it and within it; its fps stays."""
+    """Sample a clip at times (T,) float64, in its frames, from 0 to its last; fps stays."""
     last = len(clip) - 1
     before = times.floor().long().clamp(max=max(last - 1, 0))
     after = (before + 1).clamp(max=last)
@@ -131,7 +131,7 @@ def required_roles(
 
 
 def require_limbs(skeleton: Skeleton, roles: Mapping[str, int]) -> None:
-    """Raise InputError naming an arm or a leg bone without length, whose direction would be anything."""
+    """Raise InputError naming an arm or a leg bone without length, whose direction is undefined."""
     for bone, tip in LIMB_BONES.items():
         if tip not in roles or bone.endswith("hand"):
             continue

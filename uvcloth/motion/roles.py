@@ -34,7 +34,7 @@ SIDE_NAMES = {
     ),
 }
 """Canonical role -> names of its joint, without side, separators and prefix, in lower case. The first name
-that the skeleton has, and that no role above claimed, is meant; a side in full goes before its letter."""
+that the skeleton has, and that no role above claimed, is taken; a side in full goes before its letter."""
 
 ROLES = (*MIDDLE_NAMES, *(f"{side}_{part}" for side in ("left", "right") for part in SIDE_NAMES))
 """Every role that a joint can play."""
@@ -57,7 +57,7 @@ WORD = re.compile(r"[A-Z]+(?=[A-Z][a-z])|[A-Z]?[a-z]+|[A-Z]+|\d+")
 SIDES = {"left": "left", "right": "right", "l": "left", "r": "right"}
 KNOWN_PREFIXES = ("mixamorig", "def", "org", "j", "bip", "c")
 PREFIX_SHARE = 0.6
-"""Share of the names that begin with a word which is therefore no part of them."""
+"""Share of the names that have to begin with a word for it to count as a prefix."""
 
 FAMILIES = {
     "SMPL": r"left_collar",
@@ -76,7 +76,7 @@ FAMILIES = {
     "3ds Max": r"leftknee",
     "MotionBuilder": r"leftupleg",
 }
-"""Naming families by a name that only they have, the more special first; LAFAN1 has MotionBuilder's names."""
+"""Naming families by a name that only they have, most specific first; LAFAN1 has MotionBuilder's names."""
 
 
 def joint_roles(names: Iterable[str]) -> dict[str, int]:
@@ -103,7 +103,7 @@ def _joint_roles(names: tuple[str, ...]) -> dict[str, int]:
 
 
 def naming_family(names: Iterable[str]) -> str:
-    """Name of the family of the joints' names, or "unknown"."""
+    """Naming family of the joints, or "unknown"."""
     names = list(names)
     spelled = {name.lower() for name in names} | {"".join(parts) for parts in _plain_words(names)}
     return next(
@@ -178,7 +178,7 @@ def _middle_roles(whole: Mapping[str, int]) -> dict[str, int]:
 
 
 def _side_names(words: Sequence[Sequence[str]]) -> tuple[dict, dict]:
-    """Joints by side and the rest of the name: those with the side in full, and those with a letter."""
+    """Joints by side and remaining name: those with the side in full, and those with its letter."""
     full: dict[tuple[str, str], int] = {}
     short: dict[tuple[str, str], int] = {}
     for joint, parts in enumerate(words):

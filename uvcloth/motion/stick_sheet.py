@@ -15,7 +15,7 @@ from uvcloth.motion.roles import joint_roles
 from uvcloth.render import contact_sheet
 
 COLUMNS = 8
-"""Frames on a sheet, evenly over the motion."""
+"""Frames on a sheet, spread evenly over the motion."""
 
 WIDTH, HEIGHT = 220, 320
 """Pixels of a figure."""
@@ -27,7 +27,7 @@ GREY, MIDDLE, LEFT, RIGHT = (190, 190, 190), (40, 40, 40), (30, 90, 200), (205, 
 
 
 def stick_sheet(source: MotionSource, clip: Clip) -> np.ndarray:
-    """Draw a motion and what was retargeted from it: above from the front, below from the left.
+    """Draw a motion and the clip retargeted from it: above from the front, below from the left.
 
     The body's left is blue, its right red; front is where its hips point to. Returns (h, w, 3) uint8.
     """

@@ -12,9 +12,9 @@ BRAKING_SECONDS = 0.2
 def come_to_rest(clip: Clip, seconds: float) -> Clip:
     """Brake a motion to a standstill in its last pose, and stand there: `seconds` more than the clip has.
 
-    Time runs slower over the clip's last BRAKING_SECONDS / 2, so that every joint and the root take
-    BRAKING_SECONDS for what they went through in half of that. With u from 0 to 1 over the braking, the speed
-    is 1 - 3 u^2 + 2 u^3 of the clip's: its acceleration is continuous as well.
+    Time runs slower over the clip's last BRAKING_SECONDS / 2, which then take BRAKING_SECONDS. With u from 0
+    to 1 over the braking, the speed is 1 - 3 u^2 + 2 u^3 of the clip's: its acceleration is continuous as
+    well.
     """
     last = len(clip) - 1
     added = round(seconds * clip.fps)
