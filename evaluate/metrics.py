@@ -74,7 +74,7 @@ def shape_scores(vertices: Tensor, reference: Reference) -> dict[str, Tensor]:
 
 
 def layer_scores(garments: Mapping[str, Tensor], faces: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Percent of an outer garment's vertices on an inner one's inner side, of those beside it: (F,) each.
+    """Percent of an outer garment's vertices near an inner one that are on its inner side: (F,) each.
 
     garments: (F, N, 3) m of each, the innermost first, and faces: (M, 3), by name.
     """
