@@ -64,7 +64,7 @@ class Contacts(NamedTuple):
 
     vertices, faces: (C,) int32, the closest face. wait: (C,) int32, substeps until the contact is looked at
     again. points: (C, 3) m, the closest points of the body before the frame; ways: (C, 3) m, what they move
-    in it. normals: (C, 3). slide: (C,) m that the vertex may move past the point until it is found anew.
+    in it. normals: (C, 3). slide: (C,) m that the vertex may move past the point until it is searched again.
     """
 
     vertices: NDArray[np.int32]
