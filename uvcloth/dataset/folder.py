@@ -129,9 +129,9 @@ def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]
 
 
 def keep_index(windows: Path, kept: Path) -> None:
-    """Copy the index of windows, by which training and evaluation go.
+    """Copy the index of windows, which training and evaluation read.
 
-    Raises InputError if others are kept.
+    Raises InputError if the copy exists and differs.
     """
     if not kept.exists():
         with atomic_write(kept) as partial:
@@ -141,7 +141,7 @@ def keep_index(windows: Path, kept: Path) -> None:
 
 
 def require_windows(entries: Iterable[Entry], kept: Path) -> None:
-    """Raise InputError if the index of a data folder, if there is one, has another window for an entry."""
+    """Raise InputError if a data folder has an index with another window for an entry."""
     if not kept.exists():
         return
     table = read_index(kept)
@@ -153,7 +153,7 @@ def require_windows(entries: Iterable[Entry], kept: Path) -> None:
 
 
 def add_windows(entries: Iterable[Entry], kept: Path) -> None:
-    """Write entries to the index of a data folder, which stay if they are there.
+    """Add entries to the index of a data folder; those that are there stay.
 
     Raises InputError as `require_windows` does.
     """

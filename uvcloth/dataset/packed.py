@@ -56,7 +56,7 @@ ERROR_RANGE = 1e-5, 0.1
 """Range of the mean error, m, of options and files."""
 
 MESHES_AT_ONCE = 8
-"""Garments whose spectra are kept in memory, tens of megabytes each; made outfits have one sequence each."""
+"""Garments whose spectra are kept in memory, tens of megabytes each; a random outfit has one sequence."""
 
 MOTIONS_AT_ONCE = 8
 
@@ -183,7 +183,7 @@ def save_packed(clip: SimulatedClip, mesh: GarmentMesh, skeleton: Skeleton, path
     folder = path.parent
     try:
         motion = keep_motion(clip, skeleton, folder)
-        # The cloth is packed in axes that unpacking finds again.
+        # Of the motion as unpacked, so that packing and unpacking use the same axes.
         transforms = load_motion(folder, motion, skeleton).transforms
         local = seen_from_bones(garment.vertices, mesh.rest, skeleton, transforms).numpy()
         cloth = code_points(local, mesh.parts, error)

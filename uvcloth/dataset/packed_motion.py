@@ -31,7 +31,7 @@ MOTION_FORMAT = "uvcloth-packed-motion-2"
 EXPECTED_MOTION = "the motion of packed sequences"
 
 MOTION_STEP = 5e-5
-"""Metres, and half radians, of a step of the motion."""
+"""Step of the packed motion, in metres and in components of quaternions (half radians)."""
 
 NAME_LENGTH = 16
 """Hexadecimal digits of a motion's name, the hash of its file's contents."""

@@ -99,7 +99,7 @@ class ClothEnergies:
         return _sums(0.5 * self.fold * apart, self.hinge_counts)
 
     def hinges(self, vertices: Tensor) -> Tensor:
-        """Bending K (theta - theta0)^2 / 2 of the angle at each hinge; at any mesh resolution that of a plate."""
+        """Bending K (theta - theta0)^2 / 2 of the angle at each hinge; that of a plate on any mesh."""
         turned = hinge_angles(vertices, self.corners) - self.angles
         return _sums(0.5 * self.rigidity * turned.square(), self.hinge_counts)
 

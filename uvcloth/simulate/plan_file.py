@@ -1,4 +1,4 @@
-"""Plan files: tables of simulations, a row for each, from which one command makes all data again."""
+"""Plan files: tables of simulations, a row for each, from which one command reproduces all data."""
 
 import csv
 from collections.abc import Iterable, Mapping
@@ -19,7 +19,7 @@ PLAN = "plan.csv"
 """Name of the copy of its plan in a data folder."""
 
 PLAN_FPS = 30
-"""Frames per second in which a plan counts."""
+"""Frame rate of the frame numbers in a plan."""
 
 LAYERED, MEMBERS_FOLDER = "layered", "members"
 """Data folders, in another one, of garments that are worn over one another, and of ensemble members."""
@@ -36,7 +36,7 @@ LONGEST_HOLD = 60.0
 class PlannedMotion:
     """A window of a clip: what moves the body in one or more rows of a plan.
 
-    name: its own, by which the sequences and the index call it. clip: a built-in clip, or one of a folder.
+    name: of the motion, in the sequences and the index. clip: a built-in clip, or one of a folder.
     start, frames: the window, at PLAN_FPS. hold: seconds that the body stands in its last pose, after it has
     come to rest. split: one of SPLITS. subject: the captured person.
     """
