@@ -97,7 +97,7 @@ def _load(model: str, body: Body) -> Candidate:
 
 
 def _load_one(model: str, body: Body) -> Candidate:
-    """A method by its name, or a trained one with what its checkpoint says."""
+    """A method by its name, or a trained one with the record of its checkpoint."""
     folder, method = model_folder(model), load_method(model, body)
     if folder is None:
         return Candidate(method.name, method, 0.0, fingerprint(model), frozenset())

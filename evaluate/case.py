@@ -43,7 +43,7 @@ class Part:
 class Case:
     """An outfit over a clip; a garment that was simulated alone is an outfit of one.
 
-    windows: of its garments, the innermost first. clip: what was simulated. parts: what is scored, each
+    windows: of its garments, the innermost first. clip: the simulation. parts: units of scoring, each
     garment and last, if there are several, the whole outfit. start: number of warm-up frames. transforms:
     (F, J, 3, 4) and body_vertices: (F, V, 3) of the body in the scored frames.
     """

@@ -66,7 +66,7 @@ PAPER_COSTS = (
 
 @dataclass(frozen=True)
 class Picture:
-    """A rendered picture: PNG bytes and one line that says what it shows; labels of its columns."""
+    """A rendered picture: PNG bytes, a caption of one line, and the labels of its columns."""
 
     caption: str
     png: bytes

@@ -12,7 +12,7 @@ from evaluate.judge import Scores
 from evaluate.metrics import wrong_side_key
 
 STAGE_SUFFIXES = ("_raw", "")
-"""Suffixes of what is measured before and after contact."""
+"""Suffixes of scores before and after contact."""
 
 SHORT = ("one_step_mm", "rollout_50_mm")
 """Fields of errors that differ from whole rollouts only for methods that use feedback."""

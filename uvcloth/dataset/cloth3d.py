@@ -51,7 +51,7 @@ REST_SPREAD = 0.15
 """Radians that each hip is turned outwards in the pose in which garments rest, arms as in the zero pose."""
 
 GENDERS = ("female", "male")
-"""By their number in the files."""
+"""Genders by their number in the files."""
 
 TEMPLATES = {
     "Trousers": "bottoms",
@@ -222,7 +222,7 @@ def _number(folder: Path, info: Mapping[str, Any], name: str) -> float:
 
 @cache
 def _model(path: Path) -> RestingModel:
-    """A model of SMPL, resting as garments do; all bodies of it share what corrects their skin."""
+    """A model of SMPL in the rest pose of the garments; all its bodies share the pose corrections."""
     model = read_smpl(path)
     if model.kind != "SMPL":
         raise InputError(f"{path}: is a model of {model.kind}, but CLOTH3D uses SMPL")

@@ -73,7 +73,7 @@ FIELDS = {
     "corrections": whole("R", 3, least=-(2**31), most=2**31).if_there(),
     "description": text(),
 }
-"""Arrays of a packed sequence: what `formats.spectral.code_points` makes, probes in the axes of the bones,
+"""Arrays of a packed sequence: the output of `formats.spectral.code_points`, probes in the axes of the bones,
 and JSON: the sequence's own metadata, the name of its motion, the step and the mean error in metres."""
 
 DESCRIPTION = {"motion": str, "step": float, "error": float, "metadata": dict}

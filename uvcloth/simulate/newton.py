@@ -147,7 +147,7 @@ def _memory(state: Any, accelerations: Tensor) -> Tensor:
 
 
 def _recall(frame: Frame, state: Any, accelerations: Tensor) -> None:
-    """Set a state, and accelerations, to what was remembered at a frame."""
+    """Set a state, and accelerations, to the memory of a frame."""
     if frame.memory is None:
         raise ValueError("a frame without the engine's state cannot be continued")
     places = (wp.to_torch(state.particle_q), wp.to_torch(state.particle_qd), accelerations)

@@ -34,7 +34,7 @@ LONGEST_HOLD = 60.0
 
 @dataclass(frozen=True)
 class PlannedMotion:
-    """A window of a clip: what moves the body in one or more rows of a plan.
+    """A window of a clip, which moves the body in one or more rows of a plan.
 
     name: of the motion, in the sequences and the index. clip: a built-in clip, or one of a folder.
     start, frames: the window, at PLAN_FPS. hold: seconds that the body stands in its last pose, after it has

@@ -99,7 +99,7 @@ class Viewer:
         )
 
     def show(self, computation: Computation) -> None:
-        """Show a computation instead of what is shown now, which is stopped."""
+        """Show a computation; the one that is shown now is stopped."""
         if self._computation is not None:
             self._computation.stop()
         self._computation, self._performance = computation, None

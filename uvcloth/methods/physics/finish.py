@@ -141,7 +141,7 @@ class Settled(Finish):
     def step(
         self, prepared: tuple[Any, CagedOutfit], state: Any, frames: BodyFrames
     ) -> tuple[Any, tuple[Tensor, ...]]:
-        """Garments (B, N, 3) m of B poses; what a method remembers is its own prediction."""
+        """Garments (B, N, 3) m of B poses; a method remembers its own predictions."""
         guide, cages = prepared
         state, raw = self.guide.step(guide, state, frames)
         rows = []

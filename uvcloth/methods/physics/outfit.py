@@ -1,4 +1,4 @@
-"""Outfits on cages: what the solver moves, and the garments that follow it, cleared off the skin."""
+"""Outfits on cages, which the solver moves, and the garments that follow them, cleared off the skin."""
 
 import logging
 from collections.abc import Iterator, Sequence
@@ -127,7 +127,7 @@ class CagedOutfit:
 
 @dataclass(frozen=True)
 class CagedState:
-    """Cloth of one rollout, and what moved it last.
+    """Cloth of one rollout, with the collider and the targets of its last frame.
 
     body: (C, 3) m, the collider. targets: (n, 3) m that its cages were pulled to. fine: the points of all
     garments in the frame that was shown last.

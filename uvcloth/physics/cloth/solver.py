@@ -48,7 +48,7 @@ class Settings:
 
     safety: share of the longest stable step that is taken. substeps: per second at least. radius: m, kept
     between cloth and body. self_radius: m, kept between cloth and cloth; self_margin: m more within which
-    cloth is watched, besides what it moves at its relative speed until the next search. self_contact: False
+    cloth is watched, plus its motion at the relative speed until the next search. self_contact: False
     leaves it out. reach: m, how near the body, and how deep in it, cloth is looked for. interval: s between
     two searches for the closest faces of the body and for cloth near cloth.
     """
@@ -265,7 +265,7 @@ def _advance(
     reach: Number,
     friction: Number,
 ) -> tuple[Pairs, Memory]:
-    """Move positions and velocities through the substeps of a frame; returns what it knows at the end."""
+    """Move positions and velocities through the substeps of a frame; returns the pairs and search results."""
     step = seconds / np.float32(substeps)
     forces, rounded = np.empty_like(positions), np.zeros(positions.shape, np.float64)
     nodes = len(sheet.tree.ranges)
