@@ -15,8 +15,8 @@ from uvcloth.motion.index import INDEX, read_index
 class Window:
     """One garment over one unseen clip.
 
-    subject: the captured person, "" if unknown. path: file of its sequence, which may be missing. repeat: the
-    same window simulated from an earlier start, or None where there is none.
+    subject: the captured person, "" if unknown. path: its sequence, there or not. repeat: the same window
+    simulated from an earlier start, or None where there is none.
     """
 
     action: str

@@ -43,7 +43,7 @@ class Part:
 class Case:
     """An outfit over a clip; a garment that was simulated alone is an outfit of one.
 
-    windows: of its garments, the innermost first. clip: the simulation. parts: units of scoring, each
+    windows: of its garments, the innermost first. clip: what was simulated. parts: what is scored, each
     garment and last, if there are several, the whole outfit. start: number of warm-up frames. transforms:
     (F, J, 3, 4) and body_vertices: (F, V, 3) of the body in the scored frames.
     """
@@ -126,7 +126,7 @@ def open_case(
 ) -> Case:
     """Load sequences that were simulated together, and check that they are of these garments on this body.
 
-    texels: of each garment's map by its name, None without one. frames: score at most so many, None for all.
+    texels: of each garment's map by its name, None without one. frames: judge at most so many, None for all.
     Raises InputError naming the file if a mesh, a rest shape or the skeleton differs, or garments do not
     move with the same body.
     """

@@ -35,8 +35,7 @@ class JudgedCase:
     """A case after all methods were judged on it.
 
     scores: by name, the simulation first. contents: hash of each window's sequence. repeated: by garment, the
-    errors of its repeat. copied: by kind and garment, the errors of copies of an earlier frame. shown: for
-    the viewer and the pictures.
+    errors of its repeat. copied: by kind and garment, those of the frame before. shown: what to look at.
     """
 
     scores: Mapping[str, CaseScores]

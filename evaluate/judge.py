@@ -44,7 +44,7 @@ JUDGING = (
 """The sources and data that decide a score."""
 
 Scores = Mapping[str, Tensor]
-"""By measure, (F,) values of the scored frames (jitter F - 2)."""
+"""By measure, F values (jitter F - 2)."""
 
 
 @dataclass(frozen=True)
