@@ -20,8 +20,8 @@ from pathlib import Path
 
 import torch
 import tyro
-from torch import Tensor
 
+from evaluate.metrics import Reference, distance_scores, swing_scores
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.dataset.clip_file import load_simulated
@@ -81,21 +81,14 @@ def measured(method: Method, sequence: SimulatedClip, name: str, body: Body) -> 
     scored = slice(sequence.warm_up, None)
     skinned = skin(garment.mesh.vertices, garment.smooth_weights, sequence.transforms)[scored]
     vertices, truth = torch.stack(frames)[scored], sequence.vertices[scored]
-    error = 1000.0 * float((vertices - truth).norm(dim=2).mean())
-    ratio, correlation = swing(vertices - skinned, truth - skinned)
+    mesh = garment.mesh
+    reference = Reference(truth, (), skinned, mesh.vertices, mesh.faces, sequence.fps, None, None)
+    scores = {**distance_scores(vertices, reference.vertices), **swing_scores(vertices, reference)}
+    sums = {key: float(values.sum()) for key, values in scores.items()}
+    error = sums["vertex_mean_mm"] / len(vertices)
+    ratio = sums["swing_speed"] / sums["true_swing_speed"]
+    correlation = sums["swing_product"] / (sums["swing_square"] * sums["true_swing_square"]) ** 0.5
     return f"{error:.1f}, {ratio:.2f}, {correlation:.2f}, {spent:.1f}"
-
-
-def swing(offsets: Tensor, expected: Tensor) -> tuple[float, float]:
-    """Ratio of speeds and correlation of offsets (F, N, 3) m from the skinned garment with expected ones.
-
-    Over the tenth of the vertices whose expected offsets move most.
-    """
-    moved, wanted = offsets.diff(dim=0), expected.diff(dim=0)
-    free = wanted.norm(dim=2).mean(0).topk(max(1, wanted.shape[1] // 10)).indices
-    moved, wanted = moved[:, free], wanted[:, free]
-    ratio = moved.norm(dim=2).mean() / wanted.norm(dim=2).mean()
-    return float(ratio), float((moved * wanted).sum() / (moved.norm() * wanted.norm()))
 
 
 if __name__ == "__main__":

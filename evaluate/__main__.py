@@ -25,18 +25,18 @@ class Evaluate:
         tuple[str, ...],
         tyro.conf.arg(
             metavar="NAME|RUN ...",
-            help=f"Methods: {list_methods()}; and folders written by `python -m train`; for layered outfits "
-            "also one for each garment, the innermost first: RUN_A+RUN_B. The cloth solver finishes "
-            "NAME@dynamic and NAME@static.",
+            help=f"Methods: {list_methods()}; or folders written by `python -m train`. For layered outfits "
+            "also one method per garment, the innermost first: RUN_A+RUN_B. NAME@dynamic and NAME@static add "
+            "a finish of the cloth solver.",
         ),
     ]
     data: Path
-    """A folder made by `uvcloth simulate`; its index.csv gives splits and actions. Random outfits are
-    evaluated each on its body, and figures are by type of garment."""
+    """A folder made by `uvcloth simulate`; its index.csv gives splits and actions. Each random
+    outfit is evaluated on its own body, and figures are by type of garment."""
     out: Path
     """Folder for metrics.json and report.html."""
     garment: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE ...")] = ()
-    """Also evaluate these garment files, of which sequences were simulated."""
+    """Garment files to evaluate as well; the data folder has to contain their sequences."""
     split: Literal["test", "validation"] = "test"
     """Windows to evaluate: test, or validation while settings are chosen."""
     actions: tuple[str, ...] = ()
@@ -46,7 +46,7 @@ class Evaluate:
     map_size: int = 256
     """Size of the maps for the map MSE."""
     pictures: bool = True
-    """Draw pictures: of every action, of spaces of garments, and of training and test motion."""
+    """Draw pictures of every action, of latent spaces of garments, and of training and test motion."""
     threads: Annotated[int, tyro.conf.arg(metavar="N")] = 1
     """Number of CPU threads; on a loaded machine several are slower than one."""
 
@@ -55,7 +55,7 @@ class Evaluate:
         if not all(find_spec(module) for module in ("jinja2", "markupsafe", "PIL", "sklearn")):
             raise InputError("the report needs Jinja, Pillow and scikit-learn: install uvcloth[report]")
         if self.frames is not None and self.frames < 1:
-            raise InputError(f"--frames: {self.frames} is not a number of frames")
+            raise InputError(f"--frames {self.frames}: expected at least 1")
         with sole_writer(self.out):
             self._judge()
 
@@ -98,7 +98,7 @@ def machine() -> str:
 
 def summary(results: dict) -> str:
     """Per garment or outfit and method, before and after contact: the mean distance, and its ratio to the
-    better LBS. Then a warning for each method that has used evaluated windows in training.
+    better LBS. Then a warning for each method that has used evaluated windows in training or selection.
     """
     from evaluate.familiar import cautions
     from evaluate.standings import Rank, standings

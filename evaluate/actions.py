@@ -36,8 +36,8 @@ def find_windows(
     """The windows of a split in a data folder made by `uvcloth simulate`, in the order of its index.
 
     split: test or validation. DATA/index.csv names its clips and their actions; without one every sequence
-    is for the test and its clip is its action. actions: keep only these, all if empty. garments: the names
-    that are looked for. Raises InputError if the folder, the index or an action is missing, or nothing was
+    is a test sequence and its clip is its action. actions: keep only these, all if empty. garments: names of
+    the garments to find. Raises InputError if the folder, the index or an action is missing, or nothing was
     simulated.
     """
     wanted = _wanted(Path(data), actions, garments, split)
@@ -53,7 +53,8 @@ def find_missing(
 ) -> dict[str, dict[str, str]]:
     """The windows of a split without a sequence: {action: {garment: reason}}.
 
-    A garment that was not tried on any of its clips is not missed. Raises InputError as find_windows does.
+    A garment that has no simulation of any clip, finished or refused, is left out. Raises InputError as
+    find_windows does.
     """
     everything = _wanted(Path(data), (), garments, split)
     tried = {w.garment for w in everything if w.path.is_file() or rejected(w.path).is_file()}

@@ -17,8 +17,8 @@ from uvcloth.physics.exposure import CLOTH_POINTS, Exposure, SurfaceSample, spre
 class DressedBody:
     """A garment, or several as one mesh, on a body.
 
-    garment: its vertices, as contact meets them. sample: points spread over its faces, and loose: they as
-    contact meets them. exposure: of the skin that it covers.
+    garment: its vertices, prepared for contact. sample: points spread over its faces. loose: these points,
+    prepared for contact. exposure: of the skin that it covers.
     """
 
     obstacle: Obstacle
@@ -45,9 +45,9 @@ def dressed_body(body: Body, meshes: Sequence[Mesh]) -> DressedBody:
 def body_scores(dressed: DressedBody, frames: Tensor, body_frames: Tensor) -> dict[str, Tensor]:
     """Percentages of a garment (F, N, 3) on the posed body (F, V, 3), m, per frame: (F,) each.
 
-    inside_percent, squeezed_percent: vertices inside the body, and those between two parts of it that leave
-    them no room, which do not count as inside. inside_faces_percent: of the cloth's area inside the body.
-    skin_percent: of the skin that the garment covers at rest, by area, what shows through it.
+    inside_percent: vertices inside the body. squeezed_percent: vertices between two parts of it that leave no
+    room; they do not count as inside. inside_faces_percent: the cloth's area inside the body. skin_percent:
+    of the skin that the garment covers at rest, the area that shows through it.
     """
     skins = list(dressed.obstacle.skins(frames, dressed.garment, body_frames))
     points = dressed.sample.points(frames)

@@ -1,4 +1,4 @@
-"""The methods in a comparison, and what their checkpoints say of them."""
+"""The methods in a comparison, with the records of their checkpoints."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -17,19 +17,19 @@ from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.registry import load_method, model_folder
 
 SIMULATION = "simulation"
-"""The name under which the simulation itself is scored: the yardstick of the physics."""
+"""The name under which the simulation itself is scored, the reference of the physical measures."""
 
 IN_ORDER = "+"
-"""Between models that are one candidate, one for each garment, the innermost first."""
+"""Separator of models that form one candidate, one for each garment, the innermost first."""
 
 FINISHED = "@"
-"""Between a model, or several in order, and the finish of the solver that it has."""
+"""Separator between a model, or several in order, and its finish by the solver."""
 
 SOLVED: tuple[FinishName, ...] = ("dynamic", "static")
 """The finishes of the solver."""
 
 TRAINING = ("step", "epochs", "minutes", "samples")
-"""The notes of a checkpoint that say how long it was trained."""
+"""The notes of a checkpoint on the length of its training."""
 
 
 @dataclass(frozen=True)
@@ -54,10 +54,10 @@ class Candidate:
 
 
 def load_candidates(models: Sequence[str], body: Body) -> tuple[Candidate, ...]:
-    """Load what ships by name, trained models by folder, and several in order with "+" between them.
+    """Load methods by name, trained models by folder, and several in order with "+" between them.
 
-    With "@dynamic" or "@static" behind them the cloth solver finishes their garments. Raises InputError for
-    unknown or equal names.
+    With "@dynamic" or "@static" at the end, the cloth solver finishes the garments. Raises InputError for an
+    unknown name, for a name that occurs twice, and for the name SIMULATION.
     """
     candidates = tuple(_load(model, body) for model in models)
     names = [candidate.name for candidate in candidates]
@@ -97,7 +97,7 @@ def _load(model: str, body: Body) -> Candidate:
 
 
 def _load_one(model: str, body: Body) -> Candidate:
-    """A method by its name, or a trained one with what its checkpoint says."""
+    """A method by its name, or a trained one with the record of its checkpoint."""
     folder, method = model_folder(model), load_method(model, body)
     if folder is None:
         return Candidate(method.name, method, 0.0, fingerprint(model), frozenset())
@@ -130,7 +130,7 @@ def _finished(candidate: Candidate, finish: str) -> Candidate:
 
 
 def _in_order(parts: Sequence[Candidate]) -> Candidate:
-    """One candidate of several methods in order: it has seen all that any of them has."""
+    """One candidate of several methods in order: it was trained on the data of all of them."""
     method = Ensemble.of(tuple(part.method for part in parts))
     splits = dict.fromkeys(split for part in parts for split in part.clips)
     return Candidate(

@@ -24,7 +24,7 @@ from uvcloth.geometry.mesh import Mesh, join_meshes
 from uvcloth.geometry.skinning import skin
 
 SHOWN = 50
-"""Frames of a case that are kept to be looked at, at most."""
+"""Most frames of a case that are kept for the viewer and the pictures."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Case:
 
     @property
     def stride(self) -> int:
-        """Frames from one that is shown to the next."""
+        """Number of frames from one that is shown to the next."""
         return -(-len(self.transforms) // SHOWN)
 
 
@@ -109,7 +109,7 @@ def outfit_name(garments: Sequence[str]) -> str:
 def simulated_together(windows: Sequence[Window]) -> tuple[tuple[Window, ...], ...]:
     """Windows by outfit, the garments that were simulated together, the innermost first, in their own order.
 
-    Raises InputError for one without another garment that it was simulated with.
+    Raises InputError for a window that lacks the sequence of a garment it was simulated with.
     """
     known = {(window.clip, window.garment): window for window in windows}
     outfits: dict[tuple[Window, ...], None] = {}
@@ -128,7 +128,7 @@ def simulated_together(windows: Sequence[Window]) -> tuple[tuple[Window, ...], .
 def open_case(
     windows: tuple[Window, ...], outfit: Outfit, texels: Mapping[str, Texels | None], frames: int | None
 ) -> Case:
-    """Load what was simulated together and check that it was with these garments on this body.
+    """Load sequences that were simulated together, and check that they are of these garments on this body.
 
     texels: of each garment's map by its name, None without one. frames: judge at most so many, None for all.
     Raises InputError naming the file if a mesh, a rest shape, the skeleton or the motion of an ensemble
@@ -185,7 +185,7 @@ def make_case(
 
 
 def _whole(parts: Sequence[Part], vertices: int) -> Part:
-    """The garments of an outfit as one mesh; no map shows it all."""
+    """The garments of an outfit as one mesh, which has no map."""
     joined = join_meshes((part.reference.rest, part.reference.faces) for part in parts)
     references = [part.reference for part in parts]
     members = zip(*(each.members for each in references), strict=True)

@@ -44,7 +44,7 @@ def bars(
 ) -> Markup:
     """Grouped horizontal bars: for every row (an action) one bar per name (a method), in order.
 
-    A name without any value has no room in the chart.
+    A name without any value gets no space in the chart.
     floors: vertical dashed lines by name, in the same unit.
     """
     values = [value for row in rows.values() for value in row if value is not None]

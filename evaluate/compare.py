@@ -49,8 +49,8 @@ def compare(
 ) -> tuple[dict[str, Any], list[Shown]]:
     """Judge methods on the outfits, most of them of one garment, that were simulated over unseen clips.
 
-    machine: for the record. Returns the content of metrics.json and what there is to look at. Finished cases
-    are kept under OUT/partial and taken over by a rerun. A method is judged on the outfits that it supports.
+    machine: for the record. Returns the content of metrics.json and the meshes to show. Finished cases are
+    kept under OUT/partial and reused by a rerun. A method is judged on the outfits that it supports.
     Raises InputError for a model or data that does not fit, and for a method that supports none of the
     outfits.
     """
@@ -82,7 +82,7 @@ def judged_case(
     setting: str,
     tick: Callable[..., None],
 ) -> JudgedCase:
-    """Judge methods on a case. keep: takes over what is finished, by name and setting, or works it out."""
+    """Judge methods on a case. keep: returns the kept scores of a name and setting, or computes them."""
     note = f"{case.action}, {outfit_name([window.garment for window in case.windows])}"
     tick(0, note=note)
     scores = {SIMULATION: keep(SIMULATION, setting, partial(judge_simulation, case))}
@@ -184,7 +184,7 @@ def by_garment(cases: Sequence[Mapping[str, Scores]]) -> dict[str, list[Scores]]
 
 
 def garment_sizes(outfits: Iterable[Outfit]) -> dict[str, dict[str, float | int]]:
-    """Mean vertices of the garments of each name, and of their 3D models' sizes, MB (with coordinates)."""
+    """Mean number of vertices and mean size of the 3D model, MB (with UV coordinates), by garment name."""
     sizes: dict[str, list[tuple[int, float]]] = {}
     for garment in (garment for outfit in outfits for garment in outfit.garments):
         mesh = garment.mesh

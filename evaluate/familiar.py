@@ -7,18 +7,18 @@ from typing import Any
 from evaluate.actions import Window
 from evaluate.candidates import Candidate
 
-MADE_BY = {"train": "was trained on", "validation": "was chosen by"}
-"""The role of each split of a model's own data, the graver first."""
+MADE_BY = {"train": "was trained on", "validation": "was selected on"}
+"""The use of each split of a model's own data, in words; the more serious one first."""
 
 
 @dataclass(frozen=True)
 class Familiar:
-    """The overlap of a window with the data that a model was made from.
+    """The overlap of a window with the data that a model was trained or selected on.
 
-    split: "train" if it was trained on it, "validation" if it was chosen by it. same: "sequence" if it was
-    the simulation itself, "clip" if it was the motion (another garment or simulation, or poses of it),
-    "person" if it was other motion of the subject. subject: that person, "" if unknown. clips:
-    those of the model that are meant.
+    split: "train" or "validation", the split of those data. same: "sequence" if they hold the window's
+    simulation itself, "clip" if they hold its motion (with another garment or simulation, or poses of it),
+    "person" if they hold other motion of its subject. subject: that person, "" if unknown. clips: the clips
+    of the model's data that overlap.
     """
 
     split: str
@@ -29,7 +29,10 @@ class Familiar:
 
 @dataclass(frozen=True)
 class Caution:
-    """A warning on a method: the number of windows it has seen, and from what. red: its scores mislead."""
+    """A warning on a method: the number of windows that overlap with its data, and the sources in words.
+
+    says: "was trained on" or "was selected on". red: the overlap makes the scores misleading.
+    """
 
     method: str
     says: str
@@ -41,7 +44,7 @@ class Caution:
 def familiarity(
     window: Window, content: str, candidate: Candidate, people: Mapping[str, str]
 ) -> Familiar | None:
-    """The gravest overlap of a window with a method's own data; None if none is known.
+    """The most serious overlap of a window with a method's own data; None if none is known.
 
     content: hash of the window's sequence. people: subjects, by clip, for models that do not name them.
     """
@@ -61,7 +64,10 @@ def familiarity(
 def training_overlap(
     candidate: Candidate, windows: Mapping[Window, str], people: Mapping[str, str]
 ) -> dict[str, Any]:
-    """The fields of metrics.json on the overlap of a method's data with judged windows, given by hash."""
+    """The fields of metrics.json on the overlap of a method's data with the judged windows.
+
+    windows: the hash of each window's sequence. people: subjects by clip.
+    """
     met = {w.name: familiarity(w, content, candidate, people) for w, content in windows.items()}
     familiar = {window: asdict(overlap) for window, overlap in met.items() if overlap is not None}
     return {
@@ -74,7 +80,7 @@ def training_overlap(
 def cautions(results: Mapping[str, Any]) -> list[Caution]:
     """The warnings on the methods in metrics.json whose own data overlaps with the judged windows.
 
-    Windows that are judged to choose by (results["split"] validation) are expected to be familiar.
+    An evaluation of validation windows is expected to overlap with the validation data: no red warning.
     """
     warnings = []
     for name, method in results["methods"].items():
@@ -87,7 +93,7 @@ def cautions(results: Mapping[str, Any]) -> list[Caution]:
 
 
 def _named(met: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
-    """Familiar windows by what they are known from, in words."""
+    """Familiar windows by the source of their overlap, in words."""
     groups: dict[str, list[str]] = {}
     for window, familiar in met.items():
         source = _source(familiar["same"], familiar["subject"], familiar["clips"])

@@ -1,4 +1,4 @@
-"""Pictures of a method's space of garments: from one code to another (Motion-guided, Figure 9)."""
+"""Pictures of a method's latent space: garments between two codes (Motion-guided, Figure 9)."""
 
 from collections.abc import Sequence
 
@@ -25,7 +25,7 @@ PICTURE_SIZE = (160, 240)
 def interpolations(candidates: Sequence[Candidate], shown: Sequence[Shown], body: Body) -> list[Picture]:
     """A sheet for every candidate and each garment, worn alone, of which it has a space.
 
-    Its rows lie between the codes of the two simulated garments shown whose codes are farthest apart, and
+    First row: between the codes of the two shown simulated garments that are farthest apart. Second row:
     between two random codes.
     """
     names = [candidate.name for candidate in candidates]

@@ -48,10 +48,10 @@ Scores = Mapping[str, Tensor]
 class CaseScores:
     """One method on one case.
 
-    parts: scores per frame of each garment and, of several, of the whole outfit, by name; the last has what
-    concerns the outfit: of a method "network_ms" and "contact_ms", of several garments on which side of each
-    other they are. A method has those of its stability too if it uses feedback, and those of its
-    representation if it has one.
+    parts: scores per frame of each garment and, if there are several, of the whole outfit, by name. The last
+    part also has the times of a method, "network_ms" and "contact_ms", and of several garments the vertices
+    on the wrong side. A method that uses feedback also has scores of stability, and a method with a
+    representation those of it.
     shown: (S, N, 3) every stride-th frame of the whole outfit after contact, metres, world.
     """
 
@@ -62,9 +62,9 @@ class CaseScores:
 def judge(case: Case, candidate: Candidate) -> CaseScores:
     """Roll a method out from the first warm-up frame and score the scored frames.
 
-    Before contact, one that continues from the corrected garments, or leaves something to contact, is rolled
-    out again without it: otherwise its predictions would depend on contact. The former is also rolled out
-    from the truth. Raises InputError if a prediction is not a finite number.
+    A method that uses feedback, or has parts that only do what contact does, is rolled out again without
+    contact for the scores before contact, which otherwise would depend on contact. One that uses feedback is
+    also rolled out from the truth. Raises InputError if a prediction is not a finite number.
     """
     prepared = prepare_rollout(candidate.method, case.outfit)
     raw, resolved, times = _predicted(case, prepared)
@@ -116,7 +116,7 @@ def score(case: Case, raw: Tensor, resolved: Tensor) -> CaseScores:
 
 
 def _frame_scores(case: Case, frames: Tensor) -> dict[str, dict[str, Tensor]]:
-    """Scores of each part of an outfit (F, N, 3), per frame, and in those of the whole where layers lie."""
+    """Scores of each part of an outfit (F, N, 3), per frame; the whole has those of the layers."""
     parts = {}
     for part in case.parts:
         vertices = frames[:, part.rows]
@@ -134,7 +134,7 @@ def _frame_scores(case: Case, frames: Tensor) -> dict[str, dict[str, Tensor]]:
 def representation(case: Case, prepared: PreparedRollout) -> dict[str, Scores]:
     """Errors of the simulation written in a method's representation and read back, mm and mm2, by part.
 
-    Empty for a method that can show any garment.
+    Empty for a method without a representation of its own.
     """
     chunks = []
     led = with_lead(case.motion)
@@ -191,7 +191,7 @@ def _prefix(part: int) -> str:
 
 
 def code_fingerprint() -> str:
-    """Hash of the sources and data that decide a score: results of others are not taken over."""
+    """Hash of the sources and data that decide a score: kept results of other code are not reused."""
     root = Path(__file__).resolve().parent.parent
     contents: list[str | bytes] = []
     for name in JUDGING:
@@ -203,7 +203,7 @@ def code_fingerprint() -> str:
 
 
 def garment_fingerprint(garment: Garment) -> str:
-    """Hash of what a method sees of a garment, which a file may change without the sequence."""
+    """Hash of the garment that a method sees: its file may change while the sequence stays the same."""
     mesh = garment.mesh
     tensors = (mesh.vertices, mesh.faces, mesh.uvs, mesh.face_uvs, garment.weights, garment.smooth_weights)
     return fingerprint(f"{garment.source}/{garment.template}", *tensors)

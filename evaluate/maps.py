@@ -15,7 +15,7 @@ def garment_map(garment: Garment, body: Body, size: int) -> Texels | None:
     """Cast the rays from the texels of a size x size sheet of the body's layout to a garment at rest.
 
     The rays meet the garment's own mesh, also where that is not a template's (T^BC of the paper). None if
-    none of them meets it.
+    no ray meets it.
     """
     try:
         texels = template_texels(garment.template, garment.mesh, body, body_texels(body, size))

@@ -85,15 +85,15 @@ def swing_scores(vertices: Tensor, reference: Reference) -> dict[str, Tensor]:
     simulation. swing_speed, true_swing_speed: mean speed of the prediction and of the simulation, mm per
     frame. swing_product, swing_square, true_swing_square: sums of the products and squares of velocities.
     """
-    moved, true = ((each - reference.skinned).diff(dim=0) * MM for each in (vertices, reference.vertices))
-    free = true.norm(dim=2).sum(0).topk(max(1, true.shape[1] // SWINGING)).indices
-    moved, true = moved[:, free], true[:, free]
+    steps, truth = ((each - reference.skinned).diff(dim=0) * MM for each in (vertices, reference.vertices))
+    free = truth.norm(dim=2).sum(0).topk(max(1, truth.shape[1] // SWINGING)).indices
+    steps, truth = steps[:, free], truth[:, free]
     return {
-        "swing_speed": moved.norm(dim=2).mean(1),
-        "true_swing_speed": true.norm(dim=2).mean(1),
-        "swing_product": (moved * true).sum(dim=(1, 2)),
-        "swing_square": moved.square().sum(dim=(1, 2)),
-        "true_swing_square": true.square().sum(dim=(1, 2)),
+        "swing_speed": steps.norm(dim=2).mean(1),
+        "true_swing_speed": truth.norm(dim=2).mean(1),
+        "swing_product": (steps * truth).sum(dim=(1, 2)),
+        "swing_square": steps.square().sum(dim=(1, 2)),
+        "true_swing_square": truth.square().sum(dim=(1, 2)),
     }
 
 
@@ -129,7 +129,7 @@ def shape_scores(vertices: Tensor, reference: Reference) -> dict[str, Tensor]:
 
 
 def layer_scores(garments: Mapping[str, Tensor], faces: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Percent of an outer garment's vertices on an inner one's inner side, of those beside it: (F,) each.
+    """Percent of an outer garment's vertices near an inner one that are on its inner side: (F,) each.
 
     garments: (F, N, 3) m of each, the innermost first, and faces: (M, 3), by name.
     """

@@ -15,10 +15,10 @@ from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.methods.motion_guided.seeds import pose_seeds, sample_seeds
 
 SEEDS = 581
-"""Points on the body that a pose is described by."""
+"""Number of points on the body that describe a pose."""
 
 PERPLEXITY = 30.0
-"""Of t-SNE: about how many frames count as near to one; fewer where there are few."""
+"""Perplexity of t-SNE, about the number of neighbours of a frame; lower for few frames."""
 
 
 def motion_maps(
@@ -26,9 +26,9 @@ def motion_maps(
 ) -> list[MotionMap]:
     """One map for the methods of each training set, all from one t-SNE; none if nothing was trained.
 
-    Training motion is what the data folder holds of the sequences that a checkpoint names, test motion the
-    judged windows: at most SHOWN frames of each clip, evenly spaced, without those that settle. Raises
-    InputError for a file of the folder that is not a sequence.
+    Training motion is that of the sequences in a checkpoint's record, as far as the data folder contains
+    them. Test motion is that of the judged windows. Of each clip at most SHOWN frames are used, evenly
+    spaced, without the warm-up. Raises InputError for a file of the folder that is not a sequence.
     """
     trained = [candidate for candidate in candidates if candidate.training_content]
     if not trained:
@@ -81,8 +81,8 @@ def _training_motion(data: Path, contents: frozenset[str]) -> dict[str, tuple[st
 def seed_positions(body: Body, transforms: Tensor) -> Tensor:
     """Positions of SEEDS points of the posed body, seen from its root: (F, 3 SEEDS), m.
 
-    Its position is taken away and its heading, the part of its rotation about the vertical, turned back:
-    where the body stands and faces does not count. transforms: (F, J, 3, 4).
+    The root's position is subtracted and its heading, the part of its rotation about the vertical, is undone:
+    place and direction of the body have no effect. transforms: (F, J, 3, 4).
     """
     points = pose_seeds(sample_seeds(body, SEEDS), transforms).points
     root = body.skeleton.parents.index(-1)

@@ -41,13 +41,13 @@ MEASURES = {
     "vertex_rmse_mm": ("Vertex RMSE after contact", "mm", "rmse_mm"),
     "vertex_mse_mm2": ("Vertex MSE after contact", "mm²", "mse_mm2"),
 }
-"""Figure 6 by measure: title, unit, and the suffix of the floors that can stand beside it."""
+"""Charts after Figure 6 of PhysXNet, by measure: title, unit, and the suffix of the floors in them."""
 
 PHYSICS = {
     "edge_mm": "Edge change (mm)",
     "bend_cos": "Bend (cosine distance)",
     "bend_rad": "Bend (rad)",
-    "jitter_ratio": "Jitter ÷ simulation's",
+    "jitter_ratio": "Jitter ratio",
     "inside_percent": "Vertices inside (%)",
     "squeezed_percent": "Vertices squeezed (%)",
     "inside_faces_percent": "Cloth inside (% of area)",
@@ -75,7 +75,7 @@ PAPER_COSTS = (
 
 @dataclass(frozen=True)
 class Picture:
-    """A rendered picture: PNG bytes and one line that says what it shows; labels of its columns."""
+    """A rendered picture: PNG bytes, a caption of one line, and the labels of its columns."""
 
     caption: str
     png: bytes
@@ -91,9 +91,9 @@ class Picture:
 class MotionMap:
     """Frames laid out in the plane so that similar poses lie together.
 
-    methods: those trained on the same `of` sequences, of which the data holds `count`. seeds: points of the
-    body that make a pose. training: (P, 2) frames of those found, in the unit square; tests: by action, the
-    judged ones, in the same place on every map.
+    methods: those trained on the same `of` sequences, of which the data folder contains `count`. seeds:
+    number of body points that describe a pose. training: (P, 2) frames of these sequences, in the unit
+    square. tests: by action, (P, 2) judged frames, at the same places on every map.
     """
 
     methods: tuple[str, ...]

@@ -12,7 +12,7 @@ from evaluate.judge import Scores
 from evaluate.metrics import wrong_side_key
 
 STAGE_SUFFIXES = ("_raw", "")
-"""Suffixes of what is measured before and after contact."""
+"""Suffixes of scores before and after contact."""
 
 SHORT = ("one_step_mm", "rollout_50_mm")
 """Fields of errors that differ from whole rollouts only for methods that use feedback."""
@@ -32,11 +32,10 @@ MEANS = (
 """Scores that are averaged over the frames, before and after contact."""
 
 LONG = 250
-"""Frames from which on a window tells whether a rollout drifts,"""
+"""Least number of frames of a window in which drift is measured."""
 
 EARLY, LATE = slice(50, 150), slice(-100, None)
-"""and those of its frames that are compared for that."""
-
+"""Frames of a long window whose errors are compared for the drift."""
 
 FIGURES = {
     "mm": ("vertex_mean_mm", 1.0),
@@ -63,7 +62,7 @@ def summarize(
 ) -> dict[str, Any]:
     """The methods and the simulation, by action and garment, and by outfit and action.
 
-    entries: by method name; those under SIMULATION are the yardstick and go to a key of their own. outfits:
+    entries: by method name; those under SIMULATION are the reference and get a key of their own. outfits:
     by name, the garments of those that have several, the innermost first.
     """
     simulation = entries[SIMULATION]
@@ -115,8 +114,8 @@ def representation_floor(methods: Mapping[str, Mapping[str, Any]]) -> dict[str, 
 def stability(windows: Sequence[Scores]) -> dict[str, float | int | None]:
     """Mean errors over all frames of some windows: in one step, in short rollouts and in whole ones.
 
-    What does not feed on itself has the same error in all of them. A score that nothing has is None, as is
-    the drift without a long window.
+    A method without feedback has the same error in all of them. A score without values is None, as is the
+    drift without a long window.
     """
     alike = {
         f"{key}{stage}": f"vertex_mean_mm{stage}" for key in (*SHORT, "whole_mm") for stage in STAGE_SUFFIXES
@@ -153,7 +152,7 @@ def _tables(entries: Sequence[PartScores], simulation: Sequence[PartScores]) -> 
 def _outfit(
     entries: Sequence[PartScores], simulation: Sequence[PartScores], garments: Sequence[str]
 ) -> dict[str, Any]:
-    """The same of one outfit as a whole, and how its garments lie over one another in each action."""
+    """The tables of one outfit as a whole, with the vertices on the wrong side in each action."""
     tables = _tables(entries, simulation)
     (name,) = tables["stability"]
     cells = {action: by_part[name] for action, by_part in tables["actions"].items()}

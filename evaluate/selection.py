@@ -39,9 +39,9 @@ class Selection:
 class Cases:
     """The cases of a selection.
 
-    outfits: by name, all on bodies of one skeleton. openers: of each case the name of its outfit and what
-    loads it. people: subjects by clip. missing: windows without a sequence, see `find_missing`. map_size: of
-    the maps that are measured, 0 for none. one_body: whether all are on the same body.
+    outfits: by name, all on bodies of one skeleton. openers: for each case the name of its outfit and the
+    function that loads it. people: subjects by clip. missing: windows without a sequence, see `find_missing`.
+    map_size: of the maps that are measured, 0 for none. one_body: whether all are on the same body.
     """
 
     data: Path
@@ -68,7 +68,8 @@ class Cases:
 def find_cases(selection: Selection) -> Cases:
     """Find what a selection has to judge.
 
-    Raises InputError for data that do not fit, for a file that is no sequence, and if there is nothing.
+    Raises InputError for data that do not fit, for a file that is no sequence, and if there is nothing to
+    judge.
     """
     if _holds_outfits(selection.data):
         return _cases_of_outfits(selection)
@@ -150,7 +151,7 @@ def _by_type(
 
 
 def load_garment_files(files: Sequence[str], body: Body) -> dict[str, Garment]:
-    """Garments from files by the names that their sequences have; what is a template is not among them.
+    """Garments from files, templates left out, by the names that their sequences have.
 
     Raises InputError also if two have one name.
     """

@@ -37,7 +37,7 @@ METHOD_COLORS: tuple[Color, ...] = (
 
 @dataclass(frozen=True)
 class Shown:
-    """A judged case as far as it is looked at.
+    """The parts of a judged case that are shown.
 
     meshes: by name, the simulation first, then the methods that support the outfit, all its garments as one,
     (S, N, 3) metres. transforms: (S, J, 3, 4). fps: of the S frames.
@@ -103,9 +103,9 @@ def method_color(methods: Sequence[str], name: str) -> Color:
 
 
 def pictures(shown: Sequence[Shown], methods: Sequence[str], tick: Callable[[], None]) -> Iterator[Picture]:
-    """One picture per case: a row per moment, the simulation first, then every method. tick: after each.
+    """One picture per case: a row per moment, the simulation first, then every method.
 
-    methods: all that were judged on anything, in order.
+    methods: all that were judged on anything, in order. tick: called after each picture.
     """
     for window in shown:
         frames = [min(int(share * len(window.transforms)), len(window.transforms) - 1) for share in MOMENTS]

@@ -1,4 +1,4 @@
-"""Stability of a method that feeds on itself: errors in one step, and in rollouts from the truth."""
+"""Stability of a method that uses feedback: errors in one step, and in rollouts from the truth."""
 
 from dataclasses import replace
 from itertools import islice
@@ -23,10 +23,10 @@ SHORT_ROLLOUT = 50
 def stability_scores(prepared: PreparedRollout, case: Case) -> dict[str, dict[str, Tensor]]:
     """Mean vertex distances, mm, of a method that uses feedback, in the scored frames, (F,) each, by part.
 
-    one_step_mm_raw, one_step_mm: before and after contact, the true garments having been observed after every
-    frame before. rollout_50_mm_raw, rollout_50_mm: without contact and after it, in rollouts of SHORT_ROLLOUT
-    frames one behind the other. Each starts again as the case does: it observes as many true garments as
-    there are warm-up frames, then its own.
+    one_step_mm_raw, one_step_mm: before and after contact, with the true garments observed after every
+    earlier frame. rollout_50_mm_raw, rollout_50_mm: without contact and after it, in consecutive rollouts of
+    SHORT_ROLLOUT frames. Each rollout has a warm-up as long as that of the case, in which it observes the
+    true garments; then it observes its own.
     """
     spans = [
         (first, min(first + case.start + SHORT_ROLLOUT, case.end))
@@ -50,7 +50,7 @@ def stability_scores(prepared: PreparedRollout, case: Case) -> dict[str, dict[st
 
 
 def uses_feedback(prepared: PreparedRollout, case: Case) -> bool:
-    """True if observed garments change a method's state; one may remember its own predictions only."""
+    """True if observed garments change a method's state, not its own predictions alone."""
     method = prepared.method
     if not method.traits.autoregressive:
         return False
@@ -63,7 +63,7 @@ def uses_feedback(prepared: PreparedRollout, case: Case) -> bool:
 def _errors(prepared: PreparedRollout, case: Case, span: tuple[int, int], known: int) -> Tensor:
     """Errors (F, 2, parts), mm, before and after contact, over a span of frames, its warm-up left out.
 
-    known: of how many frames, from its first on, the truth is observed.
+    known: number of frames, from the first on, in which the truth is observed.
     """
     first, last = span
     garments = [garment.vertices[first:last] for garment in case.clip.garments]
@@ -83,10 +83,10 @@ def _errors(prepared: PreparedRollout, case: Case, span: tuple[int, int], known:
 def copied_truth(garment: Garment, simulated: SimulatedClip, end: int) -> dict[str, dict[str, Tensor]]:
     """The errors, mm, (F,) each, of predicting no change since the last true garment that was observed.
 
-    "held": it stays where it was. "carried": it keeps its offsets from the smoothly skinned garment, in the
-    axes that this carries along. Of either one_step_mm, rollout_50_mm and vertex_mean_mm; for the last, only
-    the garment before the first frame that counts is ever seen (that frame itself where nothing settles).
-    There is no contact: each also counts as the error before it (..._raw).
+    "held": it stays in place. "carried": it keeps its local offsets from the smoothly skinned garment. Both
+    have one_step_mm, rollout_50_mm and vertex_mean_mm; for the last, only the garment before the first scored
+    frame is observed (that frame itself without a warm-up). There is no contact: each is also the error
+    before it (..._raw).
     """
     warm_up = simulated.warm_up
     frames = torch.arange(warm_up, end)
@@ -105,7 +105,7 @@ def copied_truth(garment: Garment, simulated: SimulatedClip, end: int) -> dict[s
 
 
 def _copy_errors(garment: Garment, simulated: SimulatedClip, frames: Tensor, sources: Tensor) -> Tensor:
-    """Errors (F, 2), mm, in `frames` of the garments of the frames `sources`, held and carried."""
+    """Errors (F, 2), mm, in `frames` of copies of the garments in `sources`, (F,) each: held, carried."""
     points, weights, transforms = garment.mesh.vertices, garment.smooth_weights, simulated.transforms
     held = simulated.vertices[sources]
     origins, axes = skin_frames(points, weights, transforms[sources])

@@ -18,7 +18,7 @@ OUTFIT = {
     "skin_percent": "Skin that shows (%)",
     "crossing_edges_percent": "Edges through cloth (%)",
 }
-"""Of an outfit as a whole: titles by field."""
+"""Titles of the fields of an outfit as a whole."""
 
 
 @dataclass(frozen=True)

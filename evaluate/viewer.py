@@ -1,7 +1,7 @@
 """Mesh animations packed small enough to live inside an HTML page.
 
 Positions are quantized to half a millimetre. The first mesh of a clip is stored as second
-differences in time, the others as second differences of what sets them apart from the first; 16-bit
+differences in time, the others as second differences of their offsets from the first. 16-bit
 values are split into planes of low and high bytes, compressed with gzip and written as base64.
 `templates/viewer.js` holds the inverse.
 """
@@ -28,8 +28,8 @@ class ViewerClip:
     """One window to scrub through: the same garment from the simulation and from the methods.
 
     meshes: by name, the simulation first, each (F, N, 3) metres, world. faces: (M, 3). body: drawn under the
-    garment. transforms: (F, J, 3, 4) of its joints. stride: of the frames shown, the first being
-    the first of the window that counts. fps: frames per second shown.
+    garment. transforms: (F, J, 3, 4) of its joints. stride: scored frames from
+    one that is shown to the next, the first one being shown. fps: shown frames per second.
     """
 
     action: str
@@ -45,7 +45,7 @@ class ViewerClip:
 def pack_clip(clip: ViewerClip, methods: Sequence[str], body: int) -> tuple[dict[str, Any], str]:
     """A JSON header and the base64 text of one clip.
 
-    methods: all of the page, as their colours go. body: the number of the clip's on the page.
+    methods: all methods of the page, in the order of their colours. body: index of the clip's body on it.
     """
     positions = [mesh.numpy() for mesh in clip.meshes.values()]
     low = np.min([mesh.min((0, 1)) for mesh in positions], axis=0)

@@ -1,4 +1,4 @@
-// What viewer.js uses of three.js. Beside node_modules with three@0.187.0 and esbuild@0.28.2, three.min.js is made by
+// The parts of three.js that viewer.js uses. Beside node_modules with three@0.187.0 and esbuild@0.28.2, three.min.js is made by
 //
 //   esbuild three.mjs --bundle --minify --format=iife --global-name=THREE --legal-comments=none
 //     --banner:js="/*! three.js r187. $(cat node_modules/three/LICENSE) */" --outfile=three.min.js

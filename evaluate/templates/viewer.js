@@ -130,7 +130,7 @@
   const headlight = new THREE.DirectionalLight("white", 0.8);
   scene.add(ground, sky, key, headlight);
 
-  /* A surface whose inside is darker. */
+  /* A surface with a darker inside. */
   class Cloth {
     constructor(geometry) {
       this.front = new THREE.Mesh(geometry, new THREE.MeshLambertMaterial());
@@ -199,7 +199,7 @@
     const mesh = new THREE.SkinnedMesh(geometry, new THREE.MeshLambertMaterial({ color: SKIN }));
     mesh.normalizeSkinWeights();
     mesh.frustumCulled = false;
-    // Transforms are from rest to posed already, so that the bones at rest are none.
+    // Transforms go from rest to pose already, so the bind matrices are identities.
     const bones = Array.from({ length: joints }, () => new THREE.Bone());
     mesh.bind(new THREE.Skeleton(bones, bones.map(() => new THREE.Matrix4())), new THREE.Matrix4());
     scene.add(mesh);
@@ -224,7 +224,7 @@
     });
   }
 
-  /* Let the camera go along with the cloth. */
+  /* Move the camera with the cloth. */
   function follow(centre) {
     camera.position.add(centre).sub(orbit.target);
     orbit.target.copy(centre);
@@ -313,7 +313,7 @@
     fill(byId("viewer-right"), clip.header.meshes, state.right);
     slider.max = clip.header.frames - 1;
     byId("viewer-note").textContent = renderer ? "drag to turn, wheel or pinch to zoom"
-      : "This browser offers no WebGL 2, so only the numbers move.";
+      : "This browser has no WebGL 2: only the numbers are shown.";
     draw();
     canvas.dataset.ready = index;
   }

@@ -48,7 +48,6 @@ def sequence(garment: str = "tops", **said: object) -> SimulatedClip:
 def folder(tmp_path: Path) -> Path:
     for garment in ("tops", "dress"):
         save_simulated(sequence(garment), tmp_path / "data" / f"01_01_{garment}.npz")
-    save_simulated(sequence(), tmp_path / "data" / "repeat" / "01_01_tops.npz")
     keep_body(small_body(), tmp_path / "data")
     (tmp_path / "data" / "index.csv").write_text(INDEX)
     return tmp_path / "data"
@@ -133,18 +132,33 @@ def test_the_command_packs_and_unpacks(folder: Path, tmp_path: Path, monkeypatch
     assert "give --pack or --unpack" in capsys.readouterr().err
 
 
+def test_members_of_an_ensemble_share_meshes_and_motions(folder: Path, tmp_path: Path) -> None:
+    packed, again = tmp_path / "packed", tmp_path / "again"
+    member = sequence("dress")
+    save_simulated(member, folder / "members" / "1" / "01_01_dress.npz")
+    keep_body(small_body(), folder / "members" / "1")
+    assert pack_folder(folder, packed) == 3
+    files = sorted(
+        path.relative_to(packed / "members").as_posix() for path in packed.glob("members/**/*.npz")
+    )
+    assert files == ["1/01_01_dress.npz", "1/bodies/box.npz"]
+    assert unpack_folder(packed, again) == 3
+    require_within(member, load_simulated(again / "members" / "1" / "01_01_dress.npz"), 1e-3)
+
+
 def test_what_cannot_be_packed_is_refused_by_its_file(folder: Path, tmp_path: Path) -> None:
     packed = tmp_path / "packed"
     with pytest.raises(InputError, match=r"none: no such folder"):
         pack_folder(tmp_path / "none", packed)
-    with pytest.raises(InputError, match=r"repeat/rejected: no such folder|no sequence"):
-        pack_folder(folder / "repeat" / "rejected", packed)
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(InputError, match=r"empty: no sequence"):
+        pack_folder(tmp_path / "empty", packed)
     save_body(small_body(scale=1.1), folder / "bodies" / "box.npz")
     with pytest.raises(InputError, match=r"01_01_dress.npz: was simulated on the body box, which is neither"):
         pack_folder(folder, packed)
     save_body(small_body(), folder / "bodies" / "box.npz")
-    with pytest.raises(InputError, match=r"repeat/..: is the input folder itself"):
-        pack_folder(folder, folder / "repeat" / "..")
+    with pytest.raises(InputError, match=r"bodies/..: is the input folder itself"):
+        pack_folder(folder, folder / "bodies" / "..")
     other = sequence()
     wider = altered(other, rest=1.01 * other.garments[0].rest)
     save_simulated(wider, folder / "01_03_tops.npz")

@@ -57,7 +57,7 @@ def test_cautions_are_red_unless_one_chooses_by_what_one_chose_by() -> None:
     trained, chosen = cautions({"split": "test", "methods": {"net": said}})
     assert (trained.says, trained.windows, trained.red) == ("was trained on", 2, True)
     assert trained.familiar == ("person 02 in clip 02_01 (windows 02_04_tops, 02_04_dress)",)
-    assert (chosen.says, chosen.windows, chosen.red) == ("was chosen by", 1, True)
+    assert (chosen.says, chosen.windows, chosen.red) == ("was selected on", 1, True)
     assert chosen.familiar == ("clip 11_01 (window 11_01_tops)",)
     trained, chosen = cautions({"split": "validation", "methods": {"net": said}})
     assert (trained.red, chosen.red) == (True, False)

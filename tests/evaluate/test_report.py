@@ -310,7 +310,7 @@ def test_page_leaves_out_what_a_method_does_not_dress(tmp_path: Path) -> None:
         ),
     ]
     page = write_report(tmp_path, only_the_dress(), clips, []).read_text()
-    assert "net does not dress every garment: it is evaluated on dress." in page
+    assert "net does not support every garment: it is evaluated on dress." in page
     assert "net" not in rows(page, "tops: vertices inside the body")[0]
     assert "net" in rows(page, "dress: vertices inside the body")[0]
     assert "net" not in rows(page, "tops: map MSE")[0]
@@ -351,12 +351,13 @@ def warned(tmp_path: Path, split: str, made_by: str) -> str:
 
 def test_page_warns_of_familiar_windows(tmp_path: Path) -> None:
     red = warned(tmp_path, "test", "train")
-    assert '<p class="warning"><b>net was trained on what 3 of these 3 windows show</b>' in red
+    assert '<p class="warning"><b>net was trained on data that overlap with 3 of these 3 windows</b>' in red
     assert "person 02 in clips 02_01, 02_06 (windows 02_04_tops, 02_04_dress)" in red
     assert "clip 12_01 (window 12_01_tops)" in red
     assert "unseen motion and people" in red
-    assert '<p class="warning"><b>net was chosen by what 3' in warned(tmp_path, "test", "validation")
-    assert "<p><b>net was chosen by what 3" in warned(tmp_path, "validation", "validation")
+    selected = "<b>net was selected on data that overlap with 3 of these"
+    assert f'<p class="warning">{selected}' in warned(tmp_path, "test", "validation")
+    assert f"<p>{selected}" in warned(tmp_path, "validation", "validation")
     assert "was trained on" not in write_report(tmp_path, fake_results(), [], []).read_text()
 
 
@@ -428,7 +429,7 @@ def test_page_shows_motion_and_the_space_of_garments(tmp_path: Path) -> None:
     space = [Picture("net, dress", PIXEL, ("a = 1", "a = 0"))]
     page = write_report(tmp_path, fake_results(), [], [], spaces=space, motion=motion).read_text()
     assert "net: 2 of the 5 training sequences are in the data folder" in page
-    assert "holds none of the 3 sequences that far learned from" in page
+    assert "holds none of the 3 sequences that far\nwas trained on" in page
     assert [path.count("M") for path in re.findall(r'class="dots [^"]*" d="([^"]*)"', page)] == [
         6,
         3,

@@ -27,11 +27,9 @@ def table(tmp_path: Path) -> Path:
     return tmp_path / "index.csv"
 
 
-def jobs(
-    clips: list[str], dress: tuple[Cloth, ...], body: Body, table: Path, earlier: bool = False
-) -> list[Job]:
+def jobs(clips: list[str], dress: tuple[Cloth, ...], body: Body, table: Path) -> list[Job]:
     sources = batch_sources(ClipSelection(clips, table))
-    return plan(sources, [dress], table.parent, body, earlier)[0]
+    return plan(sources, [dress], [table.parent], body)[0]
 
 
 def test_windows_choose_frames_and_name_what_is_wrong(
@@ -39,8 +37,6 @@ def test_windows_choose_frames_and_name_what_is_wrong(
 ) -> None:
     (job,) = jobs(["walk"], dress, body, table)
     assert (len(job.motion), job.warm_up, job.targets[0].name) == (45, 15, "walk_dress.npz")
-    (again,) = jobs(["walk"], dress, body, table, earlier=True)
-    assert (len(again.motion), again.warm_up) == (65, 35)
     with pytest.raises(InputError, match="the window ends at 140"):
         jobs(["run"], dress, body, table)
     with pytest.raises(InputError, match="no row for the clip twirl"):
@@ -54,7 +50,7 @@ def test_two_clips_for_one_file_are_refused(dress: tuple[Cloth, ...], body: Body
     shipped = builtin_clips()["walk"]
     sources = batch_sources(ClipSelection(["walk", str(shipped)]))
     with pytest.raises(InputError, match=rf"walk_dress\.npz: both walk and {shipped}"):
-        plan(sources, [dress], tmp_path, body)
+        plan(sources, [dress], [tmp_path], body)
 
 
 def test_what_is_there_is_not_read_again(dress: tuple[Cloth, ...], body: Body, tmp_path: Path) -> None:
@@ -62,9 +58,9 @@ def test_what_is_there_is_not_read_again(dress: tuple[Cloth, ...], body: Body, t
     (tmp_path / "rejected" / "gone_dress.npz").touch()
     (tmp_path / "walk_dress.npz").touch()
     sources = batch_sources(ClipSelection(["gone.bvh", "walk"]))
-    assert plan(sources, [dress], tmp_path, body) == ([], {})
-    todo, _ = plan(sources[1:], [dress], tmp_path / "repeat", body)
-    assert len(todo) == 1
+    assert plan(sources, [dress], [tmp_path], body) == ([], {})
+    todo, _ = plan(sources[1:], [dress], [tmp_path, tmp_path / "members" / "1"], body)
+    assert [(job.member, job.targets) for job in todo] == [(1, (tmp_path / "members/1/walk_dress.npz",))]
 
 
 def test_a_whole_index_gives_the_clips_of_its_splits(tmp_path: Path) -> None:
@@ -121,4 +117,4 @@ def test_a_file_that_windows_cannot_have_is_refused(
 ) -> None:
     sources = batch_sources(ClipSelection(["mocap/12:30.bvh"]))
     with pytest.raises(InputError, match=r"12:30\.bvh: '12:30_dress\.npz' cannot be the name of a file"):
-        plan(sources, [dress], tmp_path, body)
+        plan(sources, [dress], [tmp_path], body)

@@ -18,9 +18,10 @@ BODIES = "bodies"
 
 
 def keep_body(body: Body, folder: Path, save: Callable[[Body, Path], None] = save_body) -> None:
-    """Write a body to a data folder, where its sequences look for it; save: writes its file.
+    """Write a body to a data folder, where its sequences look for it, unless it is the one of the package.
 
-    Raises InputError for a name that no file can have everywhere, and if it cannot be written.
+    save: writes its file. Raises InputError for a name that no file can have everywhere, and if it cannot be
+    written.
     """
     kept = folder / BODIES / f"{body.name}.npz"
     require_file_name(f"{body.name}.npz", f"body {body.name}")

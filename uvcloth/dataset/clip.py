@@ -31,8 +31,8 @@ class SimulatedGarment:
 
     vertices: (F, N, 3) metres, world. faces: (M, 3). rest: (N, 3) m at rest on the body's rest pose.
     metadata: JSON values of it alone, see OF_GARMENT: template (whose motion it takes, or null), source
-    ("template" or "file"), what `examine` measured, over other garments wrong_side_percent (by the name of
-    each inner one), and from a file hash, that of what is read from it, and scored_frames.
+    ("template" or "file"), the measures of `examine`, over other garments wrong_side_percent (by the name of
+    each inner one), and from a file the hash of its contents and scored_frames.
     """
 
     name: str
@@ -43,7 +43,7 @@ class SimulatedGarment:
 
     @property
     def template(self) -> str | None:
-        """Template whose motion the garment takes; files from before other garments do not say."""
+        """Template whose motion the garment takes; the name where an old file does not say."""
         template = self.metadata.get("template", self.name)
         return None if template is None else str(template)
 

@@ -40,7 +40,7 @@ METADATA = {
     "template?": (str, type(None)),
     "layers?": [str],
 }
-"""Kinds of the metadata that are read."""
+"""Types of the metadata that are read."""
 
 FILE_NAMES = ("clip", "garment", "body", "outfit")
 """Metadata that are parts of the names of files."""

@@ -51,7 +51,7 @@ REST_SPREAD = 0.15
 """Radians that each hip is turned outwards in the pose in which garments rest, arms as in the zero pose."""
 
 GENDERS = ("female", "male")
-"""By their number in the files."""
+"""Genders by their number in the files."""
 
 TEMPLATES = {
     "Trousers": "bottoms",
@@ -65,7 +65,7 @@ TEMPLATES = {
 """Garments of the data set, the innermost first, and the template whose motion each takes."""
 
 LABELS = FABRICS | {"leather": Fabric(density=0.6, stretch=200.0, bend=3e-4, friction=0.5)}
-"""Fabrics that the data set names; its leather by the numbers of thin clothing leather, roughly."""
+"""Fabrics that the data set names; leather has rough values of thin clothing leather."""
 
 CACHES: dict[str, np.dtype] = {".pc16": np.dtype("<f2"), ".pc2": np.dtype("<f4")}
 """Kinds of point caches and the floats that each holds, the usual one first."""
@@ -113,7 +113,7 @@ def load_cloth3d(
 def cloth3d_samples(root: Path) -> dict[Path, str]:
     """Find the samples of a folder, sorted, and the split of each.
 
-    A sample is a folder with an info.mat, in the root or a folder in it; one named train, val or test says
+    A sample is a folder with an info.mat, in the root or a folder in it; one named train, val or test gives
     the split. Other samples are dealt out, those of one person (01_05_s1 is of the person 01) together.
     Raises InputError if there are none.
     """
@@ -127,7 +127,7 @@ def cloth3d_samples(root: Path) -> dict[Path, str]:
 def read_cloth3d_sample(
     folder: Path, smpl: Mapping[str, Path], split: str = "train", every: int = 1
 ) -> tuple[Outfit, SimulatedClip]:
-    """Read a sample: its person as a body of SMPL's in its garments, and their motion.
+    """Read a sample: its person as a body of SMPL, its garments, and their motion.
 
     folder: with info.mat, and for each garment NAME.obj and NAME.pc16. smpl: model files of SMPL by gender,
     female and male. every: read one of this many frames. The body rests in the pose in which the garments do,
@@ -222,7 +222,7 @@ def _number(folder: Path, info: Mapping[str, Any], name: str) -> float:
 
 @cache
 def _model(path: Path) -> RestingModel:
-    """A model of SMPL, resting as garments do; all bodies of it share what corrects their skin."""
+    """A model of SMPL in the rest pose of the garments; all its bodies share the pose corrections."""
     model = read_smpl(path)
     if model.kind != "SMPL":
         raise InputError(f"{path}: is a model of {model.kind}, but CLOTH3D uses SMPL")
@@ -294,7 +294,7 @@ def _garment(folder: Path, name: str, body: Body, upright: Tensor) -> Garment:
         raise InputError(
             f"{path}: its edges are {1000 * edge:.2g} mm long on average, expected a garment in metres"
         )
-    # The files rest turned by zrot, in which the motion is not.
+    # The garments at rest are turned by zrot, the motion is not.
     mesh = Mesh(read.vertices.float() @ upright, read.faces, read.uvs, read.face_uvs)
     template = TEMPLATES.get(name)
     return make_garment(name, mesh, body, DIFFUSION[template or "tops"], template=template)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from uvcloth.bodies.body import Body
+from uvcloth.dataset.bodies import BODIES
 from uvcloth.dataset.clip_file import read_metadata
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import atomic_write
@@ -17,6 +18,12 @@ from uvcloth.motion.index import COLUMNS, Entry, read_index
 
 REJECTED, MEMBERS_FOLDER = "rejected", "members"
 """Folders in a data folder: of sequences that were refused, and of the other members of an ensemble."""
+
+MESHES, MOTIONS = "meshes", "motions"
+"""Folders in a packed data folder: of the garments' meshes, and of the motions."""
+
+NO_DATA = (BODIES, REJECTED, MESHES, MOTIONS)
+"""Folders in a data folder that hold other files than its sequences."""
 
 MEMBERS = 4
 """Members of an ensemble of simulations of one motion and garment, the usual simulation included."""
@@ -53,6 +60,17 @@ def is_finished(target: Path) -> bool:
 def member_folder(folder: Path, member: int) -> Path:
     """Data folder of an ensemble member of the sequences of a data folder; the same one for member 0."""
     return folder / MEMBERS_FOLDER / str(member) if member else folder
+
+
+def usual_folder(folder: Path) -> Path:
+    """Data folder of the usual simulations, of which a data folder holds an ensemble member; or itself."""
+    return folder.parent.parent if folder.parent.name == MEMBERS_FOLDER else folder
+
+
+def data_folders(folder: Path) -> list[Path]:
+    """List the folders with sequences in a data folder: its own, of other bodies, layers and members."""
+    holding = {path.parent for path in folder.rglob("*.npz")}
+    return sorted(each for each in holding if not set(each.relative_to(folder).parts) & set(NO_DATA))
 
 
 def sequence_files(folder: Path) -> list[Path]:
@@ -134,9 +152,9 @@ def _differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]
 
 
 def keep_index(windows: Path, kept: Path) -> None:
-    """Copy the index of windows, by which training and evaluation go.
+    """Copy the index of windows, which training and evaluation read.
 
-    Raises InputError if others are kept.
+    Raises InputError if the copy exists and differs.
     """
     if not kept.exists():
         with atomic_write(kept) as partial:
@@ -146,7 +164,7 @@ def keep_index(windows: Path, kept: Path) -> None:
 
 
 def require_windows(entries: Iterable[Entry], kept: Path) -> None:
-    """Raise InputError if the index of a data folder, if there is one, has another window for an entry."""
+    """Raise InputError if a data folder has an index with another window for an entry."""
     if not kept.exists():
         return
     table = read_index(kept)
@@ -158,7 +176,7 @@ def require_windows(entries: Iterable[Entry], kept: Path) -> None:
 
 
 def add_windows(entries: Iterable[Entry], kept: Path) -> None:
-    """Write entries to the index of a data folder, which stay if they are there.
+    """Add entries to the index of a data folder; those that are there stay.
 
     Raises InputError as `require_windows` does.
     """

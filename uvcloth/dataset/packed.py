@@ -5,7 +5,7 @@ in axes that move with the bones, as `formats.spectral` codes it: in steps as co
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -22,7 +22,15 @@ from uvcloth.dataset.bodies import keep_body, sequence_body
 from uvcloth.dataset.bone_axes import moved_by_bones, seen_from_bones
 from uvcloth.dataset.clip import SimulatedClip, SimulatedGarment, clip_of_garment, flat_metadata
 from uvcloth.dataset.clip_file import load_simulated, parse_metadata, save_simulated
-from uvcloth.dataset.folder import REFUSED, keep_index, keep_refused, refused_captures
+from uvcloth.dataset.folder import (
+    MESHES,
+    REFUSED,
+    data_folders,
+    keep_index,
+    keep_refused,
+    refused_captures,
+    usual_folder,
+)
 from uvcloth.dataset.packed_motion import NAME_LENGTH, PackedMotion, keep_motion, load_motion
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays, smallest_indices
@@ -43,8 +51,6 @@ from uvcloth.motion.index import INDEX
 
 PACKED_FORMAT = "uvcloth-packed-2"
 MESH_FORMAT = "uvcloth-mesh-2"
-MESHES = "meshes"
-"""Folder, in a packed one, of the garments' meshes."""
 
 EXPECTED = "a sequence packed by `uvcloth data --pack`"
 EXPECTED_MESH = "the mesh of a garment beside packed sequences"
@@ -56,7 +62,7 @@ ERROR_RANGE = 1e-5, 0.1
 """Range of the mean error, m, of options and files."""
 
 MESHES_AT_ONCE = 8
-"""Garments whose spectra are kept in memory, tens of megabytes each; made outfits have one sequence each."""
+"""Garments whose spectra are kept in memory, tens of megabytes each; a random outfit has one sequence."""
 
 MOTIONS_AT_ONCE = 8
 
@@ -73,7 +79,7 @@ FIELDS = {
     "corrections": whole("R", 3, least=-(2**31), most=2**31).if_there(),
     "description": text(),
 }
-"""Arrays of a packed sequence: what `formats.spectral.code_points` makes, probes in the axes of the bones,
+"""Arrays of a packed sequence: the output of `formats.spectral.code_points`, probes in the axes of the bones,
 and JSON: the sequence's own metadata, the name of its motion, the step and the mean error in metres."""
 
 DESCRIPTION = {"motion": str, "step": float, "error": float, "metadata": dict}
@@ -112,18 +118,26 @@ class PackedFolder:
 
 
 def pack_folder(folder: Path, out: Path, error: float = MEAN_ERROR) -> int:
-    """Pack the sequences of a data folder that are not packed yet, its body and its index; return how many.
+    """Pack the sequences of a data folder, and of those in it, that are not packed; return how many.
+
+    Bodies and indices are kept too. An ensemble's members share the meshes and motions of its usual
+    simulations.
 
     error: largest mean error of the vertices of a sequence, m; the limits for 99 % and for all vertices are
-    those of `formats.spectral`. Second simulations and refused sequences are left out. Raises InputError for
+    those of `formats.spectral`. Refused sequences are left out. Raises InputError for
     an error out of ERROR_RANGE, for a folder without sequences, for sequences on a body that the folder
     lacks, or of one garment with two meshes, and where OUT has another index.
     """
     if not ERROR_RANGE[0] <= error <= ERROR_RANGE[1]:
         least, most = (1e3 * end for end in ERROR_RANGE)
         raise InputError(f"--error {1e3 * error:g}: expected {least:g} to {most:g} mm")
-    paths = _sequences(folder, "made by `uvcloth simulate`")
-    shared = PackedFolder(out)
+    parts = _data_folders(folder, "made by `uvcloth simulate`")
+    return sum(_pack(part, out / part.relative_to(folder), error) for part in parts)
+
+
+def _pack(folder: Path, out: Path, error: float) -> int:
+    """Pack the sequences of one data folder."""
+    shared = PackedFolder(usual_folder(out))
     known: dict[str, Body] = {}
 
     def convert(path: Path) -> None:
@@ -131,35 +145,42 @@ def pack_folder(folder: Path, out: Path, error: float = MEAN_ERROR) -> int:
         (garment,) = clip.garments
         body = sequence_body(path, clip.metadata, known)
         keep_body(body, out, save_difference)
-        _keep_mesh(garment, out, path)
+        _keep_mesh(garment, shared.folder, path)
         mesh = shared.mesh(garment.name)
         if not (torch.equal(mesh.faces, garment.faces) and torch.equal(mesh.rest, garment.rest)):
-            raise InputError(f"{path}: {garment.name} has another mesh there than in {out / MESHES}")
-        save_packed(clip, mesh, body.skeleton, out / path.name, error)
+            raise InputError(
+                f"{path}: {garment.name} has another mesh there than in {shared.folder / MESHES}"
+            )
+        save_packed(clip, mesh, body.skeleton, shared.folder, out / path.name, error)
 
-    return _convert(paths, folder, out, convert, "packing")
+    return _convert(folder, out, convert, "packing")
 
 
 def unpack_folder(folder: Path, out: Path) -> int:
-    """Unpack the sequences of a packed folder that are not there, its body and its index; return how many.
+    """Unpack the sequences of a packed folder, and of those in it, that are not there; return how many.
+
+    Bodies and indices are written too.
 
     Raises InputError for a folder without sequences, for files that are not packed sequences, for a body that
     the folder lacks, and where OUT has another index.
     """
-    paths = _sequences(folder, "packed by `uvcloth data --pack`")
-    shared = PackedFolder(folder)
+    parts = _data_folders(folder, "packed by `uvcloth data --pack`")
+    return sum(_unpack(part, out / part.relative_to(folder)) for part in parts)
+
+
+def _unpack(folder: Path, out: Path) -> int:
+    """Unpack the sequences of one packed folder."""
+    shared = PackedFolder(usual_folder(folder))
 
     def convert(path: Path) -> None:
         clip = load_packed(path, shared)
         keep_body(sequence_body(path, clip.metadata, shared.bodies), out)
         save_simulated(clip, out / path.name)
 
-    return _convert(paths, folder, out, convert, "unpacking")
+    return _convert(folder, out, convert, "unpacking")
 
 
-def _convert(
-    paths: Sequence[Path], folder: Path, out: Path, convert: Callable[[Path], None], what: str
-) -> int:
+def _convert(folder: Path, out: Path, convert: Callable[[Path], None], what: str) -> int:
     """Convert the files that are not in OUT yet, and copy the tables; returns the number of files."""
     if out.resolve() == folder.resolve():
         raise InputError(f"{out}: is the input folder itself, name another output folder")
@@ -168,22 +189,25 @@ def _convert(
             keep_index(folder / INDEX, out / INDEX)
         if (folder / REFUSED).is_file():
             keep_refused(refused_captures(folder), out)
-        todo = [path for path in paths if not (out / path.name).exists()]
+        todo = [path for path in sorted(folder.glob("*.npz")) if not (out / path.name).exists()]
         for path in track(todo, what, console=Console(stderr=True), transient=True):
             convert(path)
     return len(todo)
 
 
-def save_packed(clip: SimulatedClip, mesh: GarmentMesh, skeleton: Skeleton, path: Path, error: float) -> None:
-    """Write the packed clip of one garment and, unless it is there, its motion; error: see `pack_folder`.
+def save_packed(
+    clip: SimulatedClip, mesh: GarmentMesh, skeleton: Skeleton, folder: Path, path: Path, error: float
+) -> None:
+    """Write the packed clip of one garment and, into a packed folder that lacks it, its motion.
+
+    error: see `pack_folder`.
 
     Raises InputError if it is too far from the origin to be packed.
     """
     (garment,) = clip.garments
-    folder = path.parent
     try:
         motion = keep_motion(clip, skeleton, folder)
-        # The cloth is packed in axes that unpacking finds again.
+        # Of the motion as unpacked, so that packing and unpacking use the same axes.
         transforms = load_motion(folder, motion, skeleton).transforms
         local = seen_from_bones(garment.vertices, mesh.rest, skeleton, transforms).numpy()
         cloth = code_points(local, mesh.parts, error)
@@ -209,7 +233,7 @@ def save_packed(clip: SimulatedClip, mesh: GarmentMesh, skeleton: Skeleton, path
 
 
 def load_packed(path: Path, shared: PackedFolder) -> SimulatedClip:
-    """Read a packed sequence; shared: of the folder in which it lies.
+    """Read a packed sequence; shared: of the folder in which it lies, or of the ensemble's usual simulations.
 
     Raises InputError naming the file if it is not a packed sequence, has a body that its folder lacks or
     another mesh, or does not unpack to the packed data.
@@ -292,10 +316,10 @@ def _probes(points: np.ndarray) -> np.ndarray:
     return points[len(points) // 2, rows]
 
 
-def _sequences(folder: Path, made: str) -> list[Path]:
+def _data_folders(folder: Path, made: str) -> list[Path]:
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder, expected one {made}")
-    paths = sorted(folder.glob("*.npz"))
-    if not paths:
+    parts = data_folders(folder)
+    if not parts:
         raise InputError(f"{folder}: no sequence (*.npz) {made} in this folder")
-    return paths
+    return parts

@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.dataset.clip import SimulatedClip
+from uvcloth.dataset.folder import MOTIONS
 from uvcloth.errors import InputError
 from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.files.atomic import make_folder
@@ -24,14 +25,11 @@ from uvcloth.geometry.skeleton import (
 )
 from uvcloth.motion.clip import FPS_RANGE
 
-MOTIONS = "motions"
-"""Folder, in a packed one, of the motions."""
-
 MOTION_FORMAT = "uvcloth-packed-motion-2"
 EXPECTED_MOTION = "the motion of packed sequences"
 
 MOTION_STEP = 5e-5
-"""Metres, and half radians, of a step of the motion."""
+"""Step of the packed motion, in metres and in components of quaternions (half radians)."""
 
 NAME_LENGTH = 16
 """Hexadecimal digits of a motion's name, the hash of its file's contents."""

@@ -93,7 +93,7 @@ def require_rests(rests: Mapping[str, Tensor], clips: Sequence[SimulatedClip], b
 
 
 def read_outfit_clips(folder: Path, splits: Sequence[str] = SPLITS) -> list[tuple[Outfit, SimulatedClip]]:
-    """Read the clips of a folder by outfit and name, each with its outfit, dressed.
+    """Read the clips of a folder by outfit and name, each with its outfit on its body.
 
     A sequence that was not made with --outfits counts as an outfit too, alone or with its layers, in the
     split that the folder's index gives. Raises InputError naming the file if one is damaged, of no split, on
@@ -150,7 +150,7 @@ def _files_of(folder: Path) -> Iterator[tuple[Path, SimulatedClip]]:
 
 
 def _labelled(clip: SimulatedClip, index: Mapping[str, Entry]) -> SimulatedClip:
-    """The clip with the labels of the index; made outfits have their own."""
+    """The clip with the labels of the index; random outfits have their own."""
     entry = index.get(clip.name)
     if entry is None or "outfit" in clip.metadata:
         return clip

@@ -1,6 +1,6 @@
-"""Frames of many clips one after another, as training draws them: single ones, windows, and those before.
+"""Frames of many clips, one after another, from which training draws single frames, windows and histories.
 
-Whole clips are the clips themselves; motion without cloth is that of clips without garments.
+Clips without garments give motion without cloth.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,13 +26,13 @@ class Rows:
     samples: Tensor
 
     def windows(self, frames: int) -> Tensor:
-        """The samples (W,) at which windows of a number of frames begin that end within their clip."""
+        """The samples (W,) at which windows of so many frames begin that end in the same clip."""
         last = frames - 1
         first = self.samples[self.samples + last < len(self.starts)]
         return first[self.starts[first + last] == self.starts[first]]
 
     def before(self, rows: Tensor, frames: int) -> tuple[Tensor, Tensor]:
-        """The rows (B, frames) before some, oldest first, and whether each is one of the same clip."""
+        """The rows (B, frames) before rows (B,), oldest first, and a mask of those in the same clip."""
         before = rows[:, None] - torch.arange(frames, 0, -1, device=rows.device)
         return before, before >= self.starts[rows][:, None]
 

@@ -23,7 +23,7 @@ class Holdout:
     leaves out the whole warm-up."""
 
     def __post_init__(self) -> None:
-        """Raises InputError if nothing would be left to train on."""
+        """Raises InputError for a holdout below 2, and for a negative number of frames."""
         if self.holdout < 2:
             raise InputError(f"--holdout {self.holdout}: has to be 2 or more")
         if self.rest_frames < 0:
@@ -53,7 +53,7 @@ def hold_out(clips: Sequence[SimulatedClip], holdout: Holdout, data: str) -> lis
 
 
 def cut_warm_up(clip: SimulatedClip, rest_frames: int) -> SimulatedClip:
-    """The clip; if it is trained on, with all frames but the first `rest_frames` scored, at least."""
+    """The clip; one of the split train gets a warm-up of at most `rest_frames`."""
     return replace(clip, warm_up=min(clip.warm_up, rest_frames)) if clip.split == "train" else clip
 
 

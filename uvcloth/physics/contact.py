@@ -1,6 +1,6 @@
-"""Contact: moves garments out of the posed body and gives edges their length back, in one solve.
+"""Contact: moves garments out of the posed body and restores edge lengths, in one solve.
 
-A frame starts from the corrections of the one before, so that folds last and few passes suffice.
+A frame starts from the corrections of the one before, so that folds persist and few passes suffice.
 
 Mocap presses arms into ribs and thighs into bellies: such parts are opened first. A vertex touches only
 the parts of the body that it lies next to at rest, as in the simulations; other parts do not act on it. A
@@ -42,7 +42,7 @@ WARM_START_SHARE = 0.7
 """Share of a frame's correction of a vertex that the next frame starts from."""
 
 MAX_WARM_START = 0.04
-"""Most metres that a frame starts from, so that cloth caught on the wrong side of a limb gets free."""
+"""Largest correction, m, that a frame starts from: cloth caught on the wrong side of a limb gets free."""
 
 SQUEEZE_GAP = 0.004
 """Metres between two parts of the body below which they squeeze cloth."""
@@ -187,9 +187,9 @@ class Obstacle:
     ) -> tuple[Tensor, Contacts]:
         """Move garment vertices (N, 3) m out of the body, and give edges a plausible length.
 
-        before: (N, 3) m, the corrections of the frame before. Passes over the edges and planes SKIN_CLEARANCE
-        off the nearest skin, or off the garment beneath, work together, so that pushing out tears nothing; at
-        the end vertices that are still inside are moved out to FINAL_CLEARANCE.
+        before: (N, 3) m, the corrections of the frame before. Each pass over the edges also keeps vertices
+        SKIN_CLEARANCE off the nearest skin, or LAYER_CLEARANCE off the garment beneath, so that pushing out
+        tears nothing. At the end vertices that are still inside are moved out to FINAL_CLEARANCE.
 
         Inner layers have to be at their final places of this frame.
         """

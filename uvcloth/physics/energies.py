@@ -1,4 +1,4 @@
-"""Energies of cloth in joules, differentiable: what training on physics minimizes and the solver follows.
+"""Energies of cloth in joules, differentiable: training on physics minimizes them, the solver follows them.
 
 A `Fabric` in SI units sets the stiffness of all terms. Stretch and bending have two forms each. `membrane`
 and `hinges` are those of the solver in `physics/cloth`: its forces are minus their gradients. `springs` and
@@ -79,8 +79,8 @@ class ClothEnergies:
         """Stretch of faces, per area mu (e1^2 + e2^2) + lambda (e1 + e2)^2 / 2 of principal strains e1, e2.
 
         Those are Green's in tension, (s^2 - 1) / 2 at a stretch s, as in St. Venant and Kirchhoff's material,
-        and Biot's in compression, s - 1, with which cloth that is squeezed does not give way. compression:
-        share of the stiffness that negative ones have.
+        and Biot's in compression, s - 1, so that squeezed cloth does not give way. compression: share of the
+        stiffness that is left for negative strains.
         """
         first, second = self._deformation(vertices)
         c00, c11, c01 = (first * first).sum(-1), (second * second).sum(-1), (first * second).sum(-1)
@@ -99,15 +99,15 @@ class ClothEnergies:
         return _sums(0.5 * self.fold * apart, self.hinge_counts)
 
     def hinges(self, vertices: Tensor) -> Tensor:
-        """Bending K (theta - theta0)^2 / 2 of the angle at each hinge; on any mesh that of a plate."""
+        """Bending K (theta - theta0)^2 / 2 of the angle at each hinge; that of a plate on any mesh."""
         turned = hinge_angles(vertices, self.corners) - self.angles
         return _sums(0.5 * self.rigidity * turned.square(), self.hinge_counts)
 
     def roughness(self, normals: Tensor, average: Operator, stiffness: float) -> Tensor:
         """Stiffness, J, times the squared Laplacians of vertex normals (..., N, 3) (DeePSD, eq. 4).
 
-        average: over the neighbours of each and itself, which the Laplacian takes from it. It smooths cloth;
-        no rigidity of a fabric corresponds to it.
+        average: over each vertex and its neighbours; the Laplacian is the normal minus that. The term smooths
+        cloth; no rigidity of a fabric corresponds to it.
         """
         rough = (normals - average(normals)).square().sum(-1)
         return _sums(stiffness * rough, self.vertex_counts)
@@ -117,19 +117,19 @@ class ClothEnergies:
         return _sums(GRAVITY * self.masses * vertices[..., 2], self.vertex_counts)
 
     def inertia(self, vertices: Tensor, before: Tensor, earlier: Tensor, seconds: float) -> Tensor:
-        """Inertia m |x - 2 x' + x''|^2 / (2 h^2) of three places, (..., N, 3) m each, h seconds apart.
+        """Inertia m |x - 2 x' + x''|^2 / (2 h^2) of three positions, (..., N, 3) m each, h seconds apart.
 
-        Its gradient is the mass times the acceleration: where the sum of all energies is least, a step of
-        implicit Euler ends (after Santesteban et al. 2022, SNUG, eq. 8).
+        Its gradient is the mass times the acceleration: the positions with the least sum of all energies are
+        those after a step of implicit Euler (after Santesteban et al. 2022, SNUG, eq. 8).
         """
         change = (vertices - 2.0 * before + earlier).square().sum(-1)
         return _sums(self.masses * change / (2.0 * seconds**2), self.vertex_counts)
 
     def air(self, vertices: Tensor, before: Tensor, seconds: float) -> Tensor:
-        """Drag of still air on the way from the places before, (..., N, 3) m, in a time.
+        """Drag of still air on the way from the positions `before`, (..., N, 3) m, in h = `seconds`.
 
-        h p a |v|^3 / 3 of each face, of area a and the speed v of its centre along its normal as they were
-        before: minus its gradient is the drag p a v |v|, a third at each corner.
+        h p a |v|^3 / 3 of each face, with `pressure` p and the speed v of its centre along its normal; normal
+        and area a are those before. Minus its gradient is the drag p a v |v|, a third at each corner.
         """
         normals = 0.5 * face_normals(before, self.faces)
         areas = normals.norm(dim=-1)
@@ -147,7 +147,7 @@ class ClothEnergies:
 def cloth_energies(vertices: Tensor, faces: Tensor, fabric: Fabric) -> ClothEnergies:
     """Energies of one outfit of a fabric, at rest vertices (N, 3) m and faces (F, 3).
 
-    Faces weigh on their corners.
+    The mass of a face is shared by its corners.
     """
     edges, pairs, corners = unique_edges(faces), face_pairs(faces), hinges(faces)
     areas, inverse = _flattened(vertices, faces)
@@ -197,10 +197,10 @@ def join_energies(parts: Sequence[ClothEnergies]) -> ClothEnergies:
 
 
 def collision_energy(distance: Tensor, thickness: float, stiffness: float) -> Tensor:
-    """Springs against what comes too close (PBNS L_collision, eq. 5): (..., n) m, stiffness N/m -> (...,) J.
+    """Springs against vertices too close (PBNS L_collision, eq. 5): (..., n) m, stiffness N/m -> (...,) J.
 
-    distance: signed, of each vertex from a surface. k (thickness - distance)^2 / 2 where thickness, m, the
-    paper's epsilon, is not kept.
+    distance: signed, of each vertex from a surface. k (thickness - distance)^2 / 2 where it is less than
+    the thickness, m, the paper's epsilon.
     """
     return 0.5 * stiffness * (thickness - distance).clamp(min=0).square().sum(-1)
 

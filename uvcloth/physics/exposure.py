@@ -1,7 +1,7 @@
 """Visible penetration: skin that shows through the cloth, measured at points over the surface.
 
-Vertices do not tell: the faces of a coarse garment cut through a shoulder while each of its vertices is
-outside. Both sides are asked at points spread evenly over their areas.
+Vertices do not show it: the faces of a coarse garment may cut through a shoulder while all its vertices are
+outside. Cloth and skin are therefore sampled at points spread evenly over their areas.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ COVER_DISTANCE = 0.3
 """Metres in front of the skin within which a garment at rest covers it: a skirt drapes away from the legs."""
 
 UNDER_SKIN_DISTANCE = 0.05
-"""Metres under the skin within which cloth should cover it."""
+"""Metres under the skin within which cloth is searched that the skin shows through."""
 
 HIDING_DISTANCE = 0.1
 """Metres in front of the skin within which other cloth, or another limb, hides it."""
@@ -58,7 +58,7 @@ class SurfaceSample:
 def spread(vertices: Tensor, faces: Tensor, count: int) -> SurfaceSample:
     """Sample `count` points of a mesh (V, 3) m, (F, 3), each for the same area; the same on every call.
 
-    A face gets its share of them up to one; within the faces they follow a sequence of low discrepancy.
+    A face gets its share of them to within one; within the faces they follow a sequence of low discrepancy.
     """
     areas = face_normals(vertices, faces).norm(dim=1).double().cumsum(0)
     places = (torch.arange(count, device=vertices.device) + 0.5) * (areas[-1] / count)
@@ -95,8 +95,8 @@ class Exposure:
 
     A point of the skin is covered if the ray along its normal first meets, within COVER_DISTANCE, the inner
     side of the garments. It shows if, posed, the ray into the body first meets their outer side, within
-    UNDER_SKIN_DISTANCE, as if they were under the skin, and neither they nor another part of the body are
-    within HIDING_DISTANCE in front. Skin that a hem has left bare does not count.
+    UNDER_SKIN_DISTANCE, and neither they nor another part of the body are within HIDING_DISTANCE in front.
+    Skin that a hem has left bare does not count.
     """
 
     def __init__(self, body: Body, garments: Sequence[Mesh]) -> None:

@@ -39,7 +39,7 @@ class Fabric:
     drag: float = 1.2
 
     def features(self) -> tuple[float, ...]:
-        """Numbers of it that a network reads, FEATURES of them, all 0 for the jersey.
+        """FEATURES numbers that a network reads, all 0 for the jersey.
 
         Logarithms of the weight, of the stiffness per weight and, shifted, of Peirce's bending length, each
         over the jersey's: the last two decide how cloth drapes. Then the differences of the other numbers.
@@ -79,10 +79,10 @@ def find_fabric(fabric: str | Fabric | None) -> Fabric:
 
 
 def fabric_from(numbers: Mapping[str, float], where: str) -> Fabric:
-    """Make a fabric of its numbers, the jersey's where they are missing.
+    """Make a fabric from its numbers; missing ones are the jersey's.
 
-    where: whose fabric it is, for the sentence. Raises InputError for a number that no fabric has, and for
-    one out of its range.
+    where: origin of the numbers, for the error message. Raises InputError for a number that no fabric has,
+    and for one out of its range.
     """
     if unknown := numbers.keys() - RANGES.keys():
         raise InputError(

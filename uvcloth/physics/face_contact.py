@@ -1,8 +1,8 @@
 """Contact of faces: moves the vertices of coarse garments until no skin shows through their faces.
 
-Every vertex of a coarse mesh may be outside of a body whose knee comes through the face between them. Points
-all over the faces are kept off the body, and off the faces of the garment beneath; what a point lacks moves
-the three corners around it.
+All vertices of a coarse mesh may be outside the body while a knee comes through the face between them. Points
+all over the faces are kept off the body, and off the faces of the garment beneath; a point that is too close
+moves the three corners of its face.
 """
 
 import math
@@ -27,19 +27,25 @@ FACE_CLEARANCE = 0.002
 """Metres that points keep off the skin and off the garment beneath."""
 
 SEARCHES, PASSES = 3, 12
-"""Times that the nearest skin is looked up, and passes over the planes that it gives, in a frame."""
+"""Searches for the nearest skin in a frame, and passes over its planes after each."""
 
 
 @dataclass(frozen=True)
 class CoarseGarment:
-    """A garment whose faces are kept off: points on them, and the first vertex at the place of each."""
+    """A garment whose faces are kept off the body.
+
+    points: on its faces. contact: of these points. owner: (N,) first vertex at the place of each vertex.
+    """
 
     points: SurfaceSample
     contact: ContactGarment
     owner: Tensor
 
     def push(self, vertices: Tensor, normals: Tensor, offsets: Tensor) -> Tensor:
-        """Move vertices (N, 3) m until the points are beyond their planes, by the product with the normal."""
+        """Move vertices (N, 3) m until the P points are on the outer side of their planes.
+
+        normals: (P, 3). offsets: (P,) m, the least product of a point with its normal.
+        """
         corners, weights = self.owner[self.points.corners], self.points.barycentrics
         shares = weights / weights.square().sum(1, keepdim=True)
         for _ in range(PASSES):
@@ -59,7 +65,7 @@ class FaceContact:
     """Contact of the faces of an outfit, the innermost garment first; see the module."""
 
     def __init__(self, body: Body, meshes: Sequence[Mesh], coarse: Sequence[bool]) -> None:
-        """Prepare garments at rest; of those that are not coarse only what is worn over them takes notice."""
+        """Prepare garments at rest. Those that are not coarse stay, and garments over them keep off them."""
         self._obstacle = Obstacle(make_collider(body), body.mesh.vertices)
         self._layers = [Layer(mesh.vertices, mesh.faces) for mesh in meshes[:-1]]
         self._garments = [

@@ -1,4 +1,4 @@
-"""Skin that is never seen: faces of the body that garments cover closely in every frame, or say they hide."""
+"""Skin that is never seen: body faces that garments cover closely in every frame, or declare hidden."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ CLOSE = 0.06
 """Metres in front of the skin within which cloth hides it; under a skirt legs can be seen."""
 
 UNDER = 0.02
-"""Metres under the skin within which cloth should have covered it: skin that pokes out is best left out."""
+"""Metres under the skin within which cloth still hides it: skin that pokes through is best left out."""
 
 MARGIN = 2
 """Rings of faces beside uncovered ones that are kept: between two frames a hem may move."""
@@ -43,7 +43,7 @@ class HiddenSkin:
         self._covered &= (distance < UNDER + CLOSE) & (facing > 0)
 
     def faces(self) -> Tensor:
-        """Mask (F,) of the faces that no one sees, a margin kept."""
+        """Mask (F,) of the faces that are never seen, without a margin of MARGIN rings."""
         hidden = self._covered
         for _ in range(MARGIN):
             visible = torch.zeros(self._count, dtype=torch.bool)

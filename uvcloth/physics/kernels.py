@@ -23,9 +23,9 @@ OPPOSING_COSINE = wp.constant(0.0)
 
 @wp.func
 def crossings(mesh: wp.uint64, start: wp.vec3, direction: wp.vec3):
-    """Signed crossings of a ray: times the mesh is left less times it is entered."""
+    """Signed crossings of a ray with a mesh: exits minus entries."""
     origin = start
-    # Warp tells a variable from a constant by these calls.
+    # These calls make variables, which Warp would take as constants.
     count = int(0)  # noqa: UP018, RUF046
     hits = int(0)  # noqa: UP018, RUF046
     searching = bool(True)  # noqa: UP018
@@ -44,10 +44,10 @@ def crossings(mesh: wp.uint64, start: wp.vec3, direction: wp.vec3):
 def signed_closest(mesh: wp.uint64, point: wp.vec3, reach: float, side: float):
     """Signed distance, place, outward direction, face (-1 beyond the reach) and barycentrics (u, v).
 
-    side: negative inside and positive outside, where that is known; zero where rays have to tell.
+    side: negative inside and positive outside, where that is known; zero where rays have to decide.
 
     Posed surfaces fold into themselves, where the nearest sheet may face either way. The ray away from it
-    crosses few others and tells whether the point is inside; where sheet and ray disagree, the majority of
+    crosses few others and shows whether the point is inside; where sheet and ray disagree, the majority of
     three rays decides: one that meets an edge of two sheets may miss them.
     """
     distance = reach
@@ -107,9 +107,9 @@ def nearest_touched(
 ):
     """The closed part that a point is deepest in or nearest to, of those that it may touch (a bit each).
 
-    Its signed distance, outward direction and offset (product of the closest point with that), and the room
-    between it and the nearest part that faces it, negative where they overlap; FAR where there is none. Parts
-    that the point is outside of and farther from than `exact` count as that far away.
+    Returns its signed distance, outward direction and offset (product of the closest point with that),
+    and the room between it and the nearest part that faces it, negative where they overlap; FAR where there
+    is none. Parts that the point is outside of and farther from than `exact` count as that far away.
     """
     least = reach
     outward = wp.vec3(0.0)
@@ -151,7 +151,7 @@ def closest_touched(
     offset: wp.array(dtype=float),
     gap: wp.array(dtype=float),
 ):
-    """The result of `nearest_touched` for each point. narrow: least room that needs not be exact."""
+    """The result of `nearest_touched` for each point. narrow: least room that need not be exact."""
     i = share + wp.tid()
     least, outward, plane, room = nearest_touched(parts, touches[i], points[i], reach[i], exact)
     if least < narrow - exact:
@@ -177,7 +177,7 @@ def beside_sheet(
 ):
     """Find the face of an open sheet that covers each point, -1 if none does, by the normals of its vertices.
 
-    steepest: cosine of the angle from the normal there under which the closest place still covers a point.
+    steepest: least cosine between the normal at the closest place and the way to a point that it covers.
     distance: along that normal.
     """
     i = share + wp.tid()
@@ -274,10 +274,11 @@ def closest_in_batch(
     normal: wp.array(dtype=wp.vec3),
     offset: wp.array(dtype=float),
 ):
-    """Find the plane through the closest point of the mesh of each run of points, if it is near.
+    """Find for each point the plane through the closest point of its mesh, if that is near.
 
-    corners: normals of the vertices of all meshes; with them, the plane at the nearest corner of the closest
-    face, without them, through that point across the way to it.
+    each: points per mesh. corners: normals of the vertices of all meshes, or none. With them, the plane is at
+    the nearest corner of the closest face, across its normal; without them, at the closest point, across the
+    way to it.
 
     cached, clearance: position of a point at its last search, and its signed distance then, within reach.
     """
@@ -321,7 +322,7 @@ def crossing_edges(
     edges: wp.array(dtype=int),
     crosses: wp.array(dtype=int),
 ):
-    """Test each edge (two points) for a face of the only mesh that it crosses, no corner at its ends."""
+    """Test for each edge (two points) that it crosses a face of the only mesh with no corner at its ends."""
     i = share + wp.tid()
     start = points[edges[2 * i]]
     along = points[edges[2 * i + 1]] - start

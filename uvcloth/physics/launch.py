@@ -12,7 +12,7 @@ from torch import Tensor
 from rasterize.warp_start import start_warp
 
 LEAST_ITEMS_PER_THREAD = 500
-"""Fewest items that a thread of their own is worth."""
+"""Fewest items that justify a thread of their own."""
 
 start_warp()
 

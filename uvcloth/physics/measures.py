@@ -62,6 +62,6 @@ def normal_differences(vertices: Tensor, faces: Tensor, pairs: Tensor) -> Tensor
 def acceleration_jitter(vertices: Tensor, fps: float) -> Tensor:
     """Mean length of the second difference in time, m/s2: vertices (T, N, 3) -> (T - 2,).
 
-    It holds the motion's own acceleration too: compare it with the simulation's.
+    It includes the acceleration of the motion itself: compare it with the simulation's.
     """
     return torch.diff(vertices, n=2, dim=0).norm(dim=-1).mean(-1) * fps**2

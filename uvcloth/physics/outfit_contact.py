@@ -26,8 +26,8 @@ class ResolvedOutfit:
 class OutfitContact:
     """Contact of an outfit, frame by frame: garments off the collider, edges at rest length.
 
-    The innermost comes first, and each other one stays on the outer side of where it ends. Distances that are
-    kept are those of adults; a body of another size is resolved as the nearest of theirs, in proportion.
+    The innermost comes first, and each other one stays on the outer side of the resolved ones. Clearances are
+    for adults: a body of another size is scaled to that of the nearest adult.
     """
 
     def __init__(self, body: Body, meshes: Sequence[Mesh]) -> None:
@@ -66,5 +66,5 @@ class OutfitContact:
         return ResolvedOutfit(tuple(finished), tuple(contacts), tuple(apart))
 
     def _as_adult(self, points: Tensor) -> Tensor:
-        """Points (N, 3) m around a body of any size, around one of an adult's."""
+        """Points (N, 3) m around a body of any size, scaled to an adult's."""
         return points if self._size == 1.0 else points / self._size

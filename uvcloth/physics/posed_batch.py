@@ -1,8 +1,8 @@
 """A mesh in many poses at once, and the planes at its surface beside the points of each pose.
 
 Training visits the same poses again and again, and a network's prediction for one moves little between two
-visits. A point that was farther away than it has moved since touches nothing, and the distance that it had
-bounds the search otherwise: most points need no search, the others a short one. The result is the same.
+visits. A point that has moved less than its distance at the last search touches nothing; otherwise that
+distance bounds the search. Most points need no search, the others a short one. The result is the same.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class Planes:
     """Planes that keep B x N points off a surface: one each, or none.
 
     normals: (B, N, 3) the direction in which the signed distance grows, unit length. offsets: (B, N) m,
-    product of the plane's points with its normal; FREE where nothing is near.
+    product of the plane's points with its normal; FREE where no surface is near.
     """
 
     normals: Tensor

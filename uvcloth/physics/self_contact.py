@@ -25,7 +25,7 @@ LEAST_REST_DISTANCE = 0.02
 """Metres from a part at rest beyond which a vertex has to stay out of it: caps and creases overlap."""
 
 SAMPLE_SPACING = 0.012
-"""Metres, about, between the vertices that are looked up: face, hands and feet have many more."""
+"""Approximate spacing, m, of the vertices that are tested: face, hands and feet have many more."""
 
 DEPTH_TOLERANCE = 0.01
 """Metres that one part may be inside another."""

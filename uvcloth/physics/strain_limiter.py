@@ -1,4 +1,4 @@
-"""Strain limiting: moves vertices until edges are as long as cloth lets them be, and reduces bending."""
+"""Strain limiting: moves vertices until edge lengths are plausible for cloth, and reduces bending."""
 
 import torch
 from torch import Tensor
@@ -17,18 +17,19 @@ BENDING_CORRECTION = 0.04
 """Share of the curvature beyond that at rest which a pass undoes: without it folds are as small as edges."""
 
 STRETCH = 1.03
-"""Most that an edge stays longer than at rest. Cloth gives way, jersey by this much under its own weight; it
-hardly gets shorter, but a network's mean of many folds does."""
+"""Longest edges that are kept, over their length at rest: jersey stretches this much under its own weight.
+Cloth hardly gets shorter, but a network's mean of many folds does."""
 
 PLAIN_PASSES = 2
-"""First passes, without momentum, while the largest errors go."""
+"""First passes, without momentum, which remove the largest errors."""
 
 
 class StrainLimiter:
     """A garment's edges and its shape at rest; vertices at one place there (UV seams) are one.
 
-    The shape is the length of each edge and, as the curvature at a vertex, that of the mean of the vectors to
-    its neighbours. vertices: (N, 3) at rest, m. faces: (M, 3). It runs on the device of `vertices`.
+    The shape is the length of each edge and, as the curvature at a vertex, the length of the mean of the
+    vectors to its neighbours. vertices: (N, 3) at rest, m. faces: (M, 3). It runs on the device of
+    `vertices`.
     """
 
     def __init__(self, vertices: Tensor, faces: Tensor) -> None:
@@ -51,9 +52,10 @@ class StrainLimiter:
     ) -> Tensor:
         """Even out the edges of a garment (N, 3), m, and keep it on the outer side of planes.
 
-        Jacobi iterations with Chebyshev weights (Wang 2015): short waves go first, so that the shape stays.
-        passes: how many iterations. normals: (N, 3) and offsets: (N,) m, the least product of a vertex with
-        its normal. predicted: (N, 3) m, of which edges keep a length of 1 to STRETCH times that at rest.
+        Jacobi iterations with Chebyshev weights (Wang 2015): short waves converge first, so that the shape
+        stays. passes: number of iterations. normals: (N, 3) and offsets: (N,) m, the least product of a
+        vertex with its normal. predicted: (N, 3) m, whose edge lengths are kept within 1 to STRETCH times
+        those at rest.
         """
         lengths = array(self._allowed(predicted))
         now = vertices[self.owner].float()

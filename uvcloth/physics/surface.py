@@ -38,7 +38,7 @@ class MovingMeshes:
     """Closed meshes over the same moving vertices: one tree each, refitted at every update.
 
     vertices: (V, 3) metres, faces: (F, 3) of each; everything runs on the device of `vertices`. A mesh
-    without faces has id 0, which no kernel may ask.
+    without faces has id 0, which no kernel may query.
     """
 
     def __init__(self, vertices: Tensor, faces: Sequence[Tensor]) -> None:

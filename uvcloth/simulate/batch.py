@@ -47,7 +47,7 @@ LEAD_IN = LeadIn()
 
 @dataclass(frozen=True)
 class Work:
-    """Simulations that a command makes into its folder, or folders in it.
+    """Simulations of a command, whose sequences go into its folder, or folders in it.
 
     jobs: the missing ones, in order; the next one is taken when a worker is free. frames: approximate number
     for all. folders: data folders of the targets. refused: by folder, captures that are not simulated, and
@@ -80,8 +80,8 @@ def simulate_batch(
     other members to OUT/members/<member>.
 
     Sequences that `examine` refuses go to OUT/rejected with the reason in their metadata, all layers of an
-    outfit together; captures that are faulty are not simulated and named in OUT/refused.csv, as are
-    sequences that the engine cannot simulate.
+    outfit together. Faulty captures are not simulated, but named in OUT/refused.csv, as are sequences that
+    the engine cannot simulate.
     Raises InputError for unreadable clips, garments or windows, for garments that cannot be simulated or
     cross as layers, for sequences that would share a file, if OUT cannot be written, is written by another
     process, or was made from other windows, layers, settings or on another body, for a scheduler that does
@@ -124,7 +124,7 @@ def simulate_work(work: Work, engine: Engine, workers: Workers, out: Path) -> No
     """Write the files that belong to the sequences, and simulate as `simulate_all` does, if anything is
     missing.
 
-    out: the command's folder, which one process alone may write.
+    out: the command's folder, which only one process may write.
     """
     with sole_writer(out):
         for folder in work.folders:
@@ -185,7 +185,7 @@ def _simulate_job(
 ) -> tuple[SimulatedClip | None, str | None]:
     """Simulate and examine a job in a worker process, on one core, and report frames as they are made.
 
-    folder: of its targets. here: the folder that paths start from, which may be another for workers. Returns
+    folder: of its targets. here: the folder that paths are relative to; workers may run in another. Returns
     the clip, and the reasons why it is refused, None if it is not; no clip, and the reason, for a job that
     the engine cannot simulate.
     """
@@ -196,7 +196,7 @@ def _simulate_job(
     if job.fabric is not None:
         engine = engine.with_fabric(job.fabric)
     engine = member_engine(engine, job.member)
-    # The last of the targets is written last: where it is, all are.
+    # The last of the targets is written last: if it exists, all do.
     place = Place(here / folder, here / job.targets[-1])
 
     name = place.target.relative_to(place.folder).with_suffix("").as_posix()

@@ -3,10 +3,10 @@
 The environment variable UVCLOTH_BLENDER_PYTHON names a Python in which `import bpy` works. A scene goes there
 as a file, frames come back through a pipe (`blender_worker.py`); bpy, which is GPL, is never imported here.
 
-Blender has no setting for these: which vertex may touch which part of the collider (`_reachable` comes near
-it by leaving out faces), how heavy a single vertex is (`mass_factor` only makes the attachment stiffer), what
-other cloth is under a vertex (`inner_thickness`; layers still keep apart, by self-collision), a Poisson ratio
-other than the third that a net of springs has, and air that acts along the normals of faces only.
+Blender has no settings for the parts of the collider that a vertex may touch (`_reachable` approximates them
+by leaving out faces), the mass of a single vertex (`mass_factor` only makes the attachment stiffer), other
+cloth under a vertex (`inner_thickness`; layers still keep apart, by self-collision), a Poisson ratio other
+than 1/3, that of a net of springs, and air that acts along the normals of faces only.
 """
 
 import json
@@ -50,7 +50,7 @@ MAX_FRICTION = 0.8
 """Greatest coefficient of friction that Blender's cloth can have."""
 
 MAX_SELF_DISTANCE = 0.25
-"""Most mean edge lengths that cloth keeps from itself: farther, neighbours push each other away."""
+"""Largest distance of cloth from itself, in mean edge lengths: above, neighbours push each other away."""
 
 FACE_MARGIN = 0.01
 """Metres by which cloth that may touch a face has to be closer to it at rest than cloth that may not."""
@@ -115,7 +115,7 @@ class Blender:
         # A net of springs of stiffness k has the membrane stiffness k sum(length^2) / (3 area).
         spring = 3.0 * area * fabric.stretch / float(lengths.square().sum())
         tension = spring * float(lengths.mean()) * step**2
-        # Blender's air slows any motion: by a third of what slows that along the normal, at 1 m/s.
+        # Blender's air slows motion in any direction: by a third of the drag along the normal at 1 m/s.
         drag = fabric.drag * AIR_DENSITY / (2.0 * fabric.density) / 3.0
         held = mass * float(scene.mass_factor[scene.band].mean()) if scene.band.any() else 0.0
         hold = (self.hold or 0.0) * step
@@ -195,9 +195,9 @@ def _arrays(scene: Scene) -> dict[str, np.ndarray]:
 
 
 def _reachable(scene: Scene) -> list[Tensor]:
-    """Faces (F, 3) of each part that cloth which may touch the part is nearest to at rest.
+    """Faces (F, 3) of each part whose nearest cloth at rest may touch the part.
 
-    Without them arm and torso both push what is between them: caps reach out of the part next to them, and in
+    Otherwise arm and torso both push the cloth between them: caps reach out of the part next to them, and in
     the armpit each has faces beside the other's cloth.
     """
     from scipy.spatial import KDTree

@@ -1,10 +1,10 @@
 """Blender's cloth on one scene, run as `python blender_worker.py SCENE.npz` by a Python that has bpy.
 
-Never imported: bpy is GPL and lives in an environment of its own. Writes the cloth's vertices to standard
-output, (N, 3) little-endian float32 after another, one for each frame as it is made.
+Never imported: bpy is GPL and lives in an environment of its own. Writes the cloth's vertices (N, 3),
+little-endian float32, to standard output as each frame is made.
 
-A frame is the unit of time: Blender's cloth steps by frames, whatever their rate, and takes a thousandth of
-the gravity that it is told.
+A frame is the unit of time: Blender's cloth steps by frames, whatever their rate, and applies a thousandth of
+the gravity that is set.
 """
 
 import json

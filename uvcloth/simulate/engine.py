@@ -21,8 +21,8 @@ class Scene:
     attachment. mass_factor: (N,) on the mass of each vertex; the band's are heavier, so that they can carry
     the rest. inner_thickness: (N,) m of other cloth between a vertex and the collider.
     skinned: (F, N, 3) the skinned garment, which attachment and drag follow.
-    collider: (F, C, 3) collider vertices. collider_parts: (K, 3) faces of each of its closed parts.
-    touches: (parts, N) bool, the parts that may touch each vertex. fps: frames per second.
+    collider: (F, C, 3) collider vertices. collider_parts: faces (M, 3) of each of its K closed parts.
+    touches: (K, N) bool, the parts that may touch each vertex. fps: frames per second.
     """
 
     rest: Tensor
@@ -64,7 +64,7 @@ class Engine(Protocol):
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
         """Yield every frame of the scene, in order.
 
-        after: a frame with a memory that an equal engine made of an equal scene; only those after it are
+        after: a frame with a memory, made by an equal engine from an equal scene; only later frames are
         yielded.
         """
         ...
@@ -93,7 +93,7 @@ class CompiledEngine(Engine, Protocol):
 
 
 def compile_once(engine: Engine) -> None:
-    """Compile an engine where that was not done before on this machine, and say so."""
+    """Compile an engine that is not yet compiled on this machine, and log it."""
     if isinstance(engine, CompiledEngine) and not engine.is_compiled():
         LOGGER.info(COMPILING)
         engine.compile()

@@ -64,7 +64,7 @@ class Explicit:
         return replace(self, fabric=fabric)
 
     def with_more_substeps(self, share: float) -> Self:
-        """Make the same engine with so many more substeps, as a share of what it makes now."""
+        """Make the same engine with 1 + share times as many substeps."""
         return replace(self, more_substeps=(1.0 + share) * self.more_substeps)
 
     def is_compiled(self) -> bool:
@@ -79,7 +79,10 @@ class Explicit:
         list(self.simulate(Scene(rest, faces, free, one, 0.0 * one, two, two, (faces,), touches, 30.0)))
 
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
-        """Yield the frames as `Engine` says. Raises InputError for cloth that the solver cannot step."""
+        """Yield the frames as `Engine` says.
+
+        Raises InputError for cloth that the solver cannot step, ValueError for `after` without a memory.
+        """
         used, parts = compact(scene.collider_parts)
         body, targets = scene.collider[:, used].numpy(), scene.skinned.numpy()
         solver = self._solver(scene, body[0], parts)

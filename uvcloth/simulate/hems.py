@@ -13,7 +13,7 @@ LEAST_RISE = 0.1
 """Mean height over the skinned hem, m, from which a hem needs support."""
 
 STILL_SPEED = 1.0
-"""Mean speed relative to the garment, m/s, below which a hem does not swing: with it, it swings 5 cm up."""
+"""Mean speed relative to the garment, m/s, below which a hem counts as still: at it, a hem swings 5 cm up."""
 
 HANGING_SECONDS = 1.0
 """Seconds that a hem may be unsupported: cloth falls 10 cm in 0.15 s."""
@@ -37,14 +37,14 @@ CLINGING_SHARE = 0.5
 def unsupported_hem(
     vertices: Tensor, skinned: Tensor, rest: Tensor, faces: Tensor, fps: float, skin_at: Callable[[int], Skin]
 ) -> tuple[int, float] | None:
-    """First frame in which a hem is up that nothing supports for a second in all, and its mean rise, m.
+    """First frame in which a hem is up without support, for a second in all, and its mean rise, m, or None.
 
     vertices, skinned: (F, N, 3) m, simulated and skinned. rest: (N, 3) m. faces: (M, 3). skin_at: the skin
     nearest to the garment's vertices in a frame.
 
     A hem is up if it is LEAST_RISE above the skinned one and still. The body supports it if raised cloth
     beside it rests on it, as a skirt does on the thighs in a squat, or if the hem clings to it. The second is
-    counted over as long as the hem does not come down: legs that rise again do not excuse that it never fell.
+    the sum until the hem comes down: support in between, as of legs that rise again, does not reset it.
     """
     for hem in hems(boundary_edges(weld(rest)[faces])):
         rise = (vertices - skinned)[..., 2]

@@ -32,7 +32,7 @@ LIMBS = (
 """Roles of the joints of each limb, from the trunk outwards."""
 
 BEYOND = 0.1
-"""Metres that the last bone of a limb is taken to be longer: cuffs lie over wrists and ankles."""
+"""Metres by which the last bone of a limb is extended: cuffs lie over wrists and ankles."""
 
 
 def limbs_left_percent(

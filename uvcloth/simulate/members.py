@@ -1,4 +1,4 @@
-"""Ensemble members: the same motion and garment, simulated in other ways to measure what is chance.
+"""Ensemble members: the same motion and garment, simulated in other ways to measure the effect of chance.
 
 Member 0 is the usual simulation. 1 takes more substeps, 2 another mesh of the garment, 3 both.
 """

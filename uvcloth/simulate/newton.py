@@ -69,12 +69,14 @@ class Newton:
         return replace(self, fabric=fabric)
 
     def simulate(self, scene: Scene, after: Frame | None = None) -> Iterator[Frame]:
-        """Yield the frames as `Engine` says. Raises InputError if Newton is missing or unsupported.
+        """Yield the frames as `Engine` says.
 
-        Positions and velocities, the memory of a frame, are relative to the mean of the skinned garment,
-        which moves evenly between two frames, so that strides bound how cloth moves on the body and not how
-        the body walks. The solver remembers nothing else: contacts are found again in each substep, in trees
-        that are built at rest and refitted.
+        Raises InputError if Newton is missing or unsupported, ValueError for `after` without a memory.
+
+        The memory of a frame is positions, velocities and accelerations, the first two relative to the mean
+        of the skinned garment. It moves evenly between two frames, so that strides bound the motion of cloth
+        on the body and not that of the body. The solver remembers nothing else: contacts are found again in
+        each substep, in trees that are built at rest and refitted.
         """
         start_warp()
         require_newton()
@@ -145,7 +147,7 @@ def _memory(state: Any, accelerations: Tensor) -> Tensor:
 
 
 def _recall(frame: Frame, state: Any, accelerations: Tensor) -> None:
-    """Set a state, and accelerations, to what was remembered at a frame."""
+    """Set a state, and accelerations, to the memory of a frame."""
     if frame.memory is None:
         raise ValueError("a frame without the engine's state cannot be continued")
     places = (wp.to_torch(state.particle_q), wp.to_torch(state.particle_qd), accelerations)

@@ -45,10 +45,10 @@ def simulate_outfits(
 ) -> None:
     """Simulate every outfit of a folder over one window of its split, its garments together, on its body.
 
-    The windows of a split are dealt to its outfits in turn. frames: simulate no more of a window. fabric: of
-    all, a key of FABRICS; None for each outfit's own. Written are OUT/<clip>_<garment>.npz and OUT/bodies;
-    what is there already is kept. Raises InputError as `simulate_batch` does, for a folder without outfits,
-    and for outfits of a split without windows.
+    The windows of a split are dealt to its outfits in turn. frames: most frames of a window to simulate.
+    fabric: of all, a key of FABRICS; None for each outfit's own. Written are OUT/<clip>_<garment>.npz and
+    OUT/bodies; what is there already is kept. Outfits of a split without windows are left
+    out. Raises InputError as `simulate_batch` does, for a folder without outfits, and if all are left out.
     """
     made_by = chosen_engine(engine, None, workers)
     if frames is not None and frames < 1:
@@ -109,7 +109,7 @@ def _targets(outfit: OutfitFile, source: Source, out: Path) -> tuple[Path, ...]:
 
 
 def _jobs(tasks: Sequence[_Task], out: Path) -> Iterator[Job]:
-    """Yield a job for each outfit: what it wears and the motion are read when it is its turn."""
+    """Yield a job for each outfit; garments and motion are read when it is its turn."""
     for task in tasks:
         job = _job(task, out)
         if job is not None:

@@ -11,10 +11,9 @@ from rich.text import Text
 
 from uvcloth.dataset.clip_file import read_metadata
 from uvcloth.dataset.folder import (
-    MEMBERS,
     Stored,
+    data_folders,
     is_finished,
-    member_folder,
     refused_captures,
     sequence_files,
 )
@@ -38,8 +37,9 @@ def overview(folder: Path) -> RenderableType:
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder, expected one made by `uvcloth simulate`")
     if not (folder / PLAN).is_file():
-        members = [member_folder(folder, member) for member in range(1, MEMBERS)]
-        return Group(*(_overview(part, None) for part in (folder, *filter(Path.is_dir, members))))
+        return Group(
+            *(_overview(part, None) for part in {folder: None} | dict.fromkeys(data_folders(folder)))
+        )
     rows = read_plan(folder / PLAN)
     files = [folder / file for row in rows for file in row.files]
     there = sum(map(is_finished, files))

@@ -1,12 +1,11 @@
-"""Plan files: tables of simulations, a row for each, from which one command makes all data again."""
+"""Plan files: tables of simulations, a row for each, from which one command reproduces all data."""
 
 import csv
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
-from uvcloth.dataset.bodies import BODIES
-from uvcloth.dataset.folder import MEMBERS, MEMBERS_FOLDER, REJECTED, member_folder
+from uvcloth.dataset.folder import MEMBERS, MEMBERS_FOLDER, NO_DATA, member_folder
 from uvcloth.errors import InputError
 from uvcloth.files.fields import LONGEST, is_file_name, require_file_name
 from uvcloth.files.reading import require_file
@@ -18,7 +17,7 @@ PLAN = "plan.csv"
 """Name of the copy of its plan in a data folder."""
 
 PLAN_FPS = 30
-"""Frames per second in which a plan counts."""
+"""Frame rate of the frame numbers in a plan."""
 
 LAYERED = "layered"
 """Data folder, in another one, of garments that are worn over one another."""
@@ -33,9 +32,9 @@ LONGEST_HOLD = 60.0
 
 @dataclass(frozen=True)
 class PlannedMotion:
-    """A window of a clip: what moves the body in one or more rows of a plan.
+    """A window of a clip, which moves the body in one or more rows of a plan.
 
-    name: its own, by which the sequences and the index call it. clip: a built-in clip, or one of a folder.
+    name: of the motion, in the sequences and the index. clip: a built-in clip, or one of a folder.
     start, frames: the window, at PLAN_FPS. hold: seconds that the body stands in its last pose, after it has
     come to rest. split: one of SPLITS. subject: the captured person.
     """
@@ -162,7 +161,7 @@ def _row(path: Path, number: int, row: Mapping[str, str]) -> PlanRow:
     if planned.body:
         folder = planned.folder.parts[0]
         require_file_name(folder, where)
-        if folder in (BODIES, REJECTED, LAYERED, MEMBERS_FOLDER):
+        if folder in (*NO_DATA, LAYERED, MEMBERS_FOLDER):
             raise InputError(
                 f"{where}: a body cannot be named {folder}, which is a folder of the data; rename its file"
             )

@@ -49,7 +49,7 @@ def simulate_plan(
     clips_from: folder of the clips, by default the plan's. Each part of the plan, see `PlanRow.folder`, is a
     data folder with an index and a body of its own, OUT that of single garments on the body in the package;
     a copy of the plan lies in it. Raises InputError, before anything is simulated, as `simulate_batch` does,
-    and as `read_plan` does, with the row for what is wrong with it.
+    and as `read_plan` does, naming the faulty row.
     """
     made_by = chosen_engine(engine, fabric, workers)
     rows = ordered(read_plan(plan))

@@ -65,7 +65,7 @@ class FramesBar:
 
 
 def progress_text(task: Task, now: datetime) -> str:
-    """Text on the speed of all workers together and the end; what was there before does not count."""
+    """Text with the speed of all workers together and the expected end; kept frames do not count."""
     if not task.speed or task.remaining is None:
         return "measuring"
     end = now + timedelta(seconds=task.remaining / task.speed)

@@ -25,14 +25,14 @@ MAX_STRETCH = 20.0
 """Multiple of its rest length that no edge may exceed."""
 
 MAX_LEFT_PERCENT = 5.0
-"""Percent of the frames in which a bone may stick through the cloth around it, or be out of its cuff."""
+"""Percent of the frames in which a bone may stick through the cloth around it, or a limb leave its cuff."""
 
 MAX_CROSSING_PERCENT = 5.0
 """Percent of the edges that may run through the garment itself, averaged over the scored frames."""
 
 
 def examine(clip: SimulatedClip, garments: Sequence[Garment], body: Body) -> tuple[SimulatedClip, str | None]:
-    """Examine a clip: it, with the measures of each garment in its metadata, and the reasons of a refusal.
+    """Examine a clip: returns it with measures in the metadata of each garment, and the reasons of a refusal.
 
     Where there are several garments, the reasons give their names. The measures:
 
@@ -58,7 +58,7 @@ def examine(clip: SimulatedClip, garments: Sequence[Garment], body: Body) -> tup
 def _examine(
     clip: SimulatedClip, simulated: SimulatedGarment, garment: Garment, body: Body
 ) -> tuple[SimulatedGarment, str | None]:
-    """Examine a garment of a clip: it, with its measures, and the reason of a refusal."""
+    """Examine a garment of a clip: returns it with its measures, and the reason of a refusal."""
     frames, vertices = len(simulated.vertices), simulated.vertices
     if not torch.isfinite(vertices).all():
         return simulated, f"frame {frames - 1}: a vertex is not a finite number"

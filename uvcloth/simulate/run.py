@@ -44,10 +44,10 @@ def simulate(
 ) -> SimulatedClip:
     """Simulate one garment or more, innermost first, from rest over a clip on the body's skeleton.
 
-    warm_up: leading frames of the clip that are not scored (its run-up). The lead-in is added here. Several
-    garments touch each other; the metadata then name the layers, and the percentage of each outer one's
-    vertices that are on the wrong side of an inner one. progress: is told the number of frames that are
-    there. place: where they are kept while others are made, so that a later call can continue.
+    warm_up: leading frames of the clip that are not scored (its run-up). parts: of the lead-in, which is
+    added here. Several garments touch each other; the metadata then name the layers, and the percentage of
+    each outer one's vertices that are on the wrong side of an inner one. progress: called with the number of
+    frames so far. place: where these are kept, so that a later call can continue.
     """
     transforms = lead_in(clip, body, parts).transforms()
     references = [skin(c.garment.mesh.vertices, c.garment.smooth_weights, transforms) for c in cloths]

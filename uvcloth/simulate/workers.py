@@ -24,10 +24,10 @@ JOBS_PER_CORE = 2
 """Simulations that are submitted per core: one runs, one waits."""
 
 ATTEMPTS = 3
-"""Times that a job is submitted which dask forgets, as after processes were paused (a laptop that slept)."""
+"""Most times that a job is submitted: dask forgets jobs when processes were paused (a laptop that slept)."""
 
 LOOK_SECONDS = 0.2
-"""Seconds between looks at what is done."""
+"""Seconds between two looks for finished jobs."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def connected(workers: Workers, at_most: int | None) -> Iterator[Any]:
                 try:
                     yield client
                 except BaseException:
-                    # What still simulates is not waited for.
+                    # Running simulations are not waited for.
                     for nanny in cluster.workers.values():
                         nanny.close_gracefully()
                     kill_children()

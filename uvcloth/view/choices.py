@@ -118,7 +118,7 @@ def _method(choice: Choice, outfit: Outfit) -> tuple[Method, bool]:
 
 
 def _perform(ready: ReadyRollout) -> Performance:
-    """A rollout for the page, which continues where a garment tears."""
+    """A rollout for the page, which continues even if a garment tears."""
     return Performance(
         title=ready.motion.name,
         body=ready.proxied.outfit.body,

@@ -25,8 +25,8 @@ from uvcloth.view.access import Access, listen
 class PrivateServer(viser.ViserServer):
     """viser's server, for requests with the token.
 
-    host, port: what it listens on. access: the rule that decides on every request. Raises InputError as
-    `listen` does, and for a version of viser that does not start as this module says.
+    host, port: the address that it listens on. access: the rule that decides on every request. Raises
+    InputError as `listen` does, and for a version of viser that does not start as this module says.
     """
 
     def __init__(self, host: str, port: int) -> None:

@@ -44,7 +44,7 @@ class Viewer:
             from uvcloth.view.server import PrivateServer
         except ModuleNotFoundError as error:
             raise InputError("the live view needs viser: install uvcloth[view]") from error
-        # It prints a banner of its own, whatever `verbose` is.
+        # viser prints a banner even if it is not verbose.
         with redirect_stdout(StringIO()):
             self.server: Any = PrivateServer(host, port)
         self.server.scene.set_up_direction("+z")
@@ -71,7 +71,7 @@ class Viewer:
         self._choices: Choices | None = None
         self._choice: Choice | None = None
         self.controls: dict[str, Any] = {}
-        """What was offered, by name: motion, model, body, finish, and a checkbox for each garment."""
+        """The controls by name: motion, model, body, finish, and a checkbox for each garment."""
 
     @property
     def address(self) -> str:
@@ -99,7 +99,7 @@ class Viewer:
         )
 
     def show(self, computation: Computation) -> None:
-        """Show a computation instead of what is shown now, which is stopped."""
+        """Show a computation; the one that is shown now is stopped."""
         if self._computation is not None:
             self._computation.stop()
         self._computation, self._performance = computation, None
@@ -154,7 +154,7 @@ class Viewer:
         self._frame.value = 0
 
     def _tell(self, computation: Computation) -> None:
-        """Say how far the computation is; names of files are text, whatever is in them."""
+        """Show the progress of the computation; file names are escaped."""
         performance, done = computation.performance, len(computation.frames)
         if computation.failure:
             text = f"<b>{escape(computation.failure)}</b>"

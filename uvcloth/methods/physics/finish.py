@@ -28,7 +28,7 @@ from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import CagedOutfit, CagedState, at_rest, carry, next_frame, posed
 
 PULL = 2.0
-"""Frequency, 1/s, of the spring that pulls cages to a prediction: more of it freezes skirts."""
+"""Frequency, 1/s, of the spring that pulls cages to a prediction: a higher one freezes skirts."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ class FinishState:
 class Finish(Wrapper, Representation):
     """A method whose garments the solver moves, on cages that are pulled to its prediction.
 
-    pull: 1/s, frequency of the critically damped spring that pulls; 0 is physics alone, and the greater it
-    is, the more the result is the prediction. A garment whose prediction is not finite is not moved, so that
-    a rollout names it.
+    pull: 1/s, frequency of the critically damped spring that pulls; 0 is physics alone, and the higher it
+    is, the closer the result is to the prediction. A garment whose prediction is not finite is not moved, so
+    that the rollout's error names it.
     """
 
     guide: Method
@@ -89,7 +89,7 @@ class Finished(Finish):
     traits = Traits(autoregressive=True, keeps_off_body=True, reads_fabric=True)
 
     def init(self, prepared: tuple[Any, CagedOutfit], frames: BodyFrames) -> FinishState:
-        """Start both."""
+        """Start the method and the solver."""
         guide, cages = prepared
         return FinishState(self.guide.init(guide, frames), self.physics.init(cages, frames))
 
@@ -114,7 +114,7 @@ class Finished(Finish):
         return FinishState(guided, tuple(cloth)), finished
 
     def displaced(self, prepared: tuple[Any, CagedOutfit], state: FinishState, shift: Tensor) -> FinishState:
-        """Both displaced by (B, 3) m."""
+        """Both states displaced by (B, 3) m."""
         guide, cages = prepared
         return FinishState(
             self.guide.displaced(guide, state.guide, shift),
@@ -126,7 +126,7 @@ class Finished(Finish):
 class Settled(Finish):
     """The static finish: garments come to rest in each pose, whatever was before, for poses and previews.
 
-    The solver begins at the prediction and ends where nothing moves.
+    The solver starts at the prediction and lets the cloth come to rest.
     """
 
     @property
@@ -141,7 +141,7 @@ class Settled(Finish):
     def step(
         self, prepared: tuple[Any, CagedOutfit], state: Any, frames: BodyFrames
     ) -> tuple[Any, tuple[Tensor, ...]]:
-        """Garments (B, N, 3) m of B poses; what a method remembers is its own prediction."""
+        """Garments (B, N, 3) m of B poses; a method remembers its own predictions."""
         guide, cages = prepared
         state, raw = self.guide.step(guide, state, frames)
         rows = []
@@ -178,7 +178,7 @@ def finished(
 
 
 def with_finish(method: Method, finish: FinishName, physics: Physics) -> Method:
-    """The method with the finish of the solver, if the name is that of one; for physics dynamic is none."""
+    """The method with a dynamic or static finish of the solver; otherwise, as dynamic physics, itself."""
     solves = isinstance(method, Physics)
     if finish == "static":
         return static_physics(physics) if solves else Settled.of(method, physics)
@@ -201,7 +201,7 @@ def _targets(
 ) -> NDArray[np.float32]:
     """Places (n, 3) m of the cages in predicted garments (N, 3) m.
 
-    skinned: (n, 3) m, the cages, where bands are held, and where a prediction is not finite.
+    skinned: (n, 3) m, the skinned cages: taken where bands are held, and where a prediction is not finite.
     """
     guided = torch.cat(
         [

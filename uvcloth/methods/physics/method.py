@@ -1,4 +1,4 @@
-"""Physics: the cloth solver on cages, in real time, for any garments in one solve, with nothing to train."""
+"""Physics: the cloth solver on cages, in real time, for any garments in one solve, without training."""
 
 from dataclasses import dataclass, field
 
@@ -43,7 +43,7 @@ class Physics(Method):
         return ""
 
     def prepare(self, outfit: Outfit, device: torch.device) -> CagedOutfit:
-        """Make the cages and their solver, which runs on the CPU."""
+        """Make the cages and their solver, on the CPU. Raises InputError as `make_caged_outfit` does."""
         return make_caged_outfit(outfit, self.config)
 
     def init(self, prepared: CagedOutfit, frames: BodyFrames) -> tuple[CagedState, ...]:

@@ -1,4 +1,4 @@
-"""Outfits on cages: what the solver moves, and the garments that follow it, cleared off the skin."""
+"""Outfits on cages, which the solver moves, and the garments that follow them, cleared off the skin."""
 
 import logging
 from collections.abc import Iterator, Sequence
@@ -95,9 +95,9 @@ class Over:
 class CagedOutfit:
     """An outfit on cages, ready to be stepped.
 
-    closed: the body as closed parts. opening: what gives cloth room between them. used: (C,) the collider's
-    vertices that the solver has. hold: (n,) 1/s, the attachment of bands. fine, fine_body: of all garments'
-    points. over: the pairs of layers, the innermost first.
+    closed: the body as closed parts. opening: moves these apart to give cloth room. used: (C,) the
+    collider's vertices that the solver has. hold: (n,) 1/s, the attachment of bands. fine, fine_body: for the
+    clearing of all garments' points. over: the pairs of layers, the innermost first.
     """
 
     garments: tuple[CagedGarment, ...]
@@ -127,7 +127,7 @@ class CagedOutfit:
 
 @dataclass(frozen=True)
 class CagedState:
-    """Cloth of one rollout, and what moved it last.
+    """Cloth of one rollout, with the collider and the targets of its last frame.
 
     body: (C, 3) m, the collider. targets: (n, 3) m that its cages were pulled to. fine: the points of all
     garments in the frame that was shown last.
@@ -149,7 +149,7 @@ class CagedState:
 
 
 def posed(frames: BodyFrames) -> Iterator[tuple[Tensor, Tensor]]:
-    """Yield joint transforms (J, 3, 4) and body vertices (V, 3) m of each frame, on the CPU as the solver."""
+    """Yield joint transforms (J, 3, 4) and body vertices (V, 3) m of each frame, on the CPU."""
     return zip(frames.transforms[:, -1].cpu(), frames.vertices[:, -1].cpu(), strict=True)
 
 
@@ -230,9 +230,9 @@ def next_frame(
 def at_rest(
     prepared: CagedOutfit, body: NDArray[np.float32], targets: NDArray[np.float32], pull: float
 ) -> CagedState:
-    """Cloth that came to rest from the targets (n, 3) m, pulled to them, on a collider (C, 3) m that stands.
+    """Cloth that comes to rest from the targets (n, 3) m, pulled to them, on a still collider (C, 3) m.
 
-    Whenever it has become slower it is stopped, so that a skirt does not swing for seconds (kinetic damping:
+    Whenever it slows down it is stopped, so that a skirt does not swing for seconds (kinetic damping:
     Barnes, 1999).
     """
     nowhere = np.zeros((sum(_sizes(prepared)), 3), np.float32)
@@ -253,8 +253,8 @@ def carry(
 ) -> tuple[CagedState, tuple[Tensor, ...]]:
     """Garments (N, 3) m that follow their cages, cleared off the body and off each other.
 
-    cages: (n, 3) m and garments: (U, 3) m of each, that belong to one another; what cloth is off the former
-    is added to the latter.
+    cages: (n, 3) m and garments: (U, 3) m of each, skinned in one pose. The offsets of the cloth from the
+    cages are added to the garments.
     """
     offsets = torch.from_numpy((state.cloth.vertices() - cages).astype(np.float32))
     origin = np.asarray(state.body, np.float64).mean(0)

@@ -63,8 +63,8 @@ class Contacts(NamedTuple):
     """Vertices near the body, each with the plane that the body is for it.
 
     vertices, faces: (C,) int32, the closest face. wait: (C,) int32, substeps until the contact is looked at
-    again. points: (C, 3) m, the closest points of the body before the frame; ways: (C, 3) m, what they move
-    in it. normals: (C, 3). slide: (C,) m that the vertex may move past the point until it is found anew.
+    again. points: (C, 3) m, the closest points of the body before the frame; ways: (C, 3) m, their motion
+    in it. normals: (C, 3). slide: (C,) m that the vertex may move past the point until it is searched again.
     """
 
     vertices: NDArray[np.int32]
@@ -100,7 +100,7 @@ def find_contacts(body: Body, passage: Passage, share: Number, positions: Array,
 
 @inlined
 def _contacts(vertices: Array, faces: Array) -> Contacts:
-    """Contacts whose planes are not known."""
+    """Contacts without planes."""
     count = len(vertices)
     return Contacts(
         vertices,

@@ -1,4 +1,4 @@
-"""Fine meshes on a body, moved off its skin: what a cage carries may lie in it by a few millimetres."""
+"""Clearing: moves fine meshes off the skin, in which garments on cages may lie by a few millimetres."""
 
 from typing import NamedTuple
 
@@ -26,7 +26,7 @@ from uvcloth.physics.cloth.vectors import (
 from uvcloth.process.compiled import compiled, inlined
 
 REACH = np.float32(0.03)
-"""Metres from the skin within which it is looked for; what lies deeper stays."""
+"""Metres from the skin within which it is searched; deeper vertices stay."""
 
 RENEWAL = 16
 """Frames from one search of the whole body for a vertex to the next."""
@@ -54,9 +54,9 @@ class FineMesh(NamedTuple):
 
 
 class FineState(NamedTuple):
-    """A fine mesh at (N, 3) m, a body at (V, 3) m, relative to its mean, and what is known of the body.
+    """A fine mesh at (N, 3) m, a body at (V, 3) m, relative to its mean, and the search results.
 
-    frame: how many there were before.
+    frame: number of earlier frames.
     """
 
     positions: NDArray[np.float32]
@@ -127,7 +127,7 @@ def _spread(mesh: FineMesh, positions: Array, moves: Array) -> None:
 def _signed(faces: Array, points: Array, normals: Array, face: int, point: Vector) -> tuple[Number, Vector]:
     """Distance of a point from a face, negative inside, and the interpolated normal there.
 
-    From the inside the way to the closest face jumps where another one becomes that; normals do not.
+    From the inside, the way to the closest face jumps where another face becomes closest; normals do not.
     """
     a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
     corners = load(points, a), load(points, b), load(points, c)

@@ -25,8 +25,8 @@ Integers = NDArray[np.integer]
 class Particles(NamedTuple):
     """Vertices of cloth.
 
-    mass: (N,) kg. inverse_mass: (N,) 1/kg. weight: (N,) share of the mass that gravity pulls. thickness: (N,)
-    m of other cloth between a vertex and the body.
+    mass: (N,) kg. inverse_mass: (N,) 1/kg. weight: (N,) share of the mass on which gravity acts. thickness:
+    (N,) m of other cloth between a vertex and the body.
     """
 
     mass: Floats
@@ -42,7 +42,7 @@ class Sheet(NamedTuple):
     (corner i to i + 1) that a face stands for, so that each is tested once. face_edges: (M, 3) into edges.
     ring_starts: (N + 1,), ring: the vertices on an edge with each vertex. tree: over the faces. halves: (T,),
     following: (P, 2), where a walk through its pairs of nodes goes on, as `adjacent_walk` says.
-    spacing: m, what vertices that are no neighbours keep apart along the mesh, if it is squeezed a little.
+    spacing: m, least distance of vertices along the mesh that are no neighbours, in slightly squeezed cloth.
     """
 
     faces: Integers
@@ -88,7 +88,7 @@ def make_cloth(
 ) -> Cloth:
     """Make cloth of a mesh at rest, (N, 3) m and (M, 3).
 
-    mass_factor: (N,) on the mass of vertices; gravity pulls what they weigh without it. thickness: (N,) m of
+    mass_factor: (N,) on the mass of vertices; gravity acts on their mass without it. thickness: (N,) m of
     other cloth beneath. compression: share of the membrane's stiffness that is left in compression.
     moved_mass: share of the mass that is moved to the stiffest vertices, so that a few small faces do not
     decide the step (after selective mass scaling: Olovsson et al. 2005).
@@ -189,9 +189,9 @@ def _hinges(rest: NDArray[np.float64], faces: Integers, bend: float, damping: fl
 
 
 def vertex_rings(edges: Integers, count: int) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Vertices on an edge (E, 2) with each of `count` vertices, and of each the first row (N + 1,) of them.
+    """Neighbours by edges (E, 2) of each of N = `count` vertices, in rows (2 E,), one vertex after another.
 
-    Returns the first rows first.
+    Returns the first row (N + 1,) of each vertex, and the neighbours.
     """
     both = np.concatenate([edges, edges[:, ::-1]])
     both = both[np.lexsort((both[:, 1], both[:, 0]))]

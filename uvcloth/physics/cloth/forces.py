@@ -39,10 +39,10 @@ TILT = np.float32(1e-7)
 """Least difference of squared principal stretches, halved, so that their directions are defined."""
 
 FLATTENED = np.float32(1e-2)
-"""Square of the stretch below which a face is not squeezed further."""
+"""Square of the stretch below which compressive strain does not grow further."""
 
 SQUEEZED = 0.5
-"""Share of its rest height below which a face bends as at that height: stiffness grows without end below."""
+"""Share of its area at rest below which the bending forces of a face fade: they would grow without bound."""
 
 
 class Membrane(NamedTuple):
@@ -69,8 +69,8 @@ class Hinges(NamedTuple):
     """Edges between two faces, padded to whole blocks.
 
     size: E, without the padding. corners: (4, E+) uint32, the vertices opposite of the edge, then its ends.
-    stiffness: (E+,) N m. rest: (E+,) radians. floors: (2, E+) m4, least square of the doubled areas of the
-    two faces. damping: s, times the stiffness.
+    stiffness: (E+,) N m. rest: (E+,) radians. floors: (2, E+) m4, square of the doubled area of each face
+    below which forces fade. damping: s, times the stiffness.
     """
 
     size: int
@@ -106,9 +106,10 @@ def face_forces(
 
     Energy mu (e1^2 + e2^2) + lambda (e1 + e2)^2 / 2 per area, of the principal strains e1 and e2: Green's in
     tension, (s^2 - 1) / 2 at a stretch s, which stiffens as a knit does, and Biot's in compression, s - 1,
-    with which cloth that is squeezed does not give way. Negative ones are reduced where a coarse mesh, which
-    cannot buckle below its edges, should resist compression less. Besides viscous stress in the rate of the
-    Green strain, and drag of still air, by the square of the speed along the normal.
+    so that squeezed cloth does not give way. `reduction` weakens negative strains for coarse meshes, which
+    cannot buckle below their edge length. Viscous stress by the rate of the Green strain is added, and drag
+    of still air by the square of the speed along the normal. xa, xb, xc: m. va, vb, vc: m/s, relative to a
+    frame of reference that moves at `wind`, m/s, through the air.
     """
     d00, d01, d10, d11 = (
         membrane.inverse[0, k],
@@ -185,11 +186,10 @@ def hinge_forces(
 def add_elastic_forces(
     membrane: Membrane, hinges: Hinges, positions: Array, velocities: Array, wind: Vector, forces: Array
 ) -> None:
-    """Add the forces of all faces and hinges to forces (N, 3).
+    """Add the forces, N, of all faces and hinges to forces (N, 3).
 
-    Indices are unsigned: with negative ones, which count from the end, the compiler takes what lies behind an
-    array in memory for a part of it, and where `pushed` happens to lie there it computes, and so rounds, in
-    another way.
+    Indices are unsigned. With signed ones, which may count from the end, the compiler takes memory behind an
+    array as a part of it; where `pushed` happens to lie there, other code runs, which rounds differently.
     """
     rows, sums = np.empty((len(forces), 8), np.float32), np.empty((len(forces), 4), np.float32)
     for i in range(len(forces)):

@@ -1,4 +1,4 @@
-"""A moving body that cloth collides with: its parts, their way through a frame, and what is known of it."""
+"""A moving body that cloth collides with: its parts, their way through a frame, and search results."""
 
 import math
 from collections.abc import Sequence
@@ -88,7 +88,7 @@ def make_body(vertices: NDArray, parts: Sequence[NDArray], touches: NDArray) -> 
 class Memory(NamedTuple):
     """Search results of a frame that the next starts from, for each of K parts and N vertices of cloth.
 
-    faces: (K, N) int32, the closest face, -1 for none. clear: (K, N) m, within which there is none.
+    faces: (K, N) int32, the closest face, -1 for none. clear: (K, N) m, distance without any face.
     """
 
     faces: NDArray[np.int32]
@@ -102,15 +102,15 @@ def no_memory(body: Body) -> Memory:
 
 
 class Passage(NamedTuple):
-    """The body on its way through a frame, and what the searches of the frame know.
+    """The body on its way through a frame, and the results of its searches.
 
     start, end: (V, 3) m before and after the frame. points: (V, 3) m at the last search. normals: (V, 3)
     there, of the vertices for which `known`, (V,) int32, is the number of that search. boxes: (T, 6) of the
-    tree, in patches for which `fitted`, (P,) int32, is it. hints: (K, N) int32, the face of each part that
-    was found last for each vertex of the cloth, -1 for none. before: what is known of the frame before.
-    clear: (K, N) m, within which there was none. drifts: (K, 3) m that a part moves in the frame on average;
+    tree, in patches for which `fitted`, (P,) int32, is that number too. hints: (K, N) int32, the face of each
+    part at the last search for each vertex of the cloth, -1 for none. before: results of the frame before.
+    clear: (K, N) m, distance without any face. drifts: (K, 3) m that a part moves in the frame on average;
     ways: (K,) m by which a vertex of it differs from that at most. cloth: (N, 3) m at the last search. share:
-    (1,) of the way at which it was. searches: (1,) int32, how many there were. turn, renewal: as
+    (1,) of the way at which it was. searches: (1,) int32, their number so far. turn, renewal: as
     `begin_passage` says.
     """
 
@@ -139,8 +139,8 @@ def begin_passage(
 ) -> Passage:
     """Begin a frame of a body at (V, 3) m before and after it, and of cloth at (N, 3) m.
 
-    before: what is known of the frame before. turn: number of the frame. renewal: frames from one search of
-    the whole body for a vertex to the next; with 1 what is known changes only the cost.
+    before: results of the frame before. turn: number of the frame. renewal: frames from one search of the
+    whole body for a vertex to the next; with 1, earlier results change only the cost.
     """
     drifts, ways = _ways(body, start, end)
     return Passage(
@@ -244,7 +244,10 @@ def find_normals(body: Body, passage: Passage, face: int) -> None:
 def walk(
     body: Body, start: Array, end: Array, share: Number, face: int, point: Vector, steps: int
 ) -> tuple[int, Vector, Vector]:
-    """Walk from a moving face over neighbours to a closer one: it, its closest point, the way from there."""
+    """Walk from a moving face over neighbours to a closer one.
+
+    Returns it, the barycentric coordinates of its closest point, and the way from there to the point.
+    """
     weights, away = _nearby(body.faces, start, end, share, face, point)
     for _ in range(steps):
         here, least = face, dot(away, away) - np.float32(1e-12)

@@ -44,7 +44,7 @@ LOST = np.float32(0.004)
 """Metres on the wrong side, beyond twice the kept distance, from which a vertex is no longer moved."""
 
 LOST_EDGES = np.float32(0.006)
-"""The same of two edges."""
+"""The same for two edges."""
 
 TOUCHING = np.float32(1e-6)
 """Metres below which the direction between two points is not defined."""
@@ -176,7 +176,7 @@ def _look_through(
     near: Array,
     crossed: Array,
 ) -> tuple[int, int]:
-    """Find vertices near faces, (6 L, 2), and edges near edges, (9 L, 2), in L pairs of leaves: how many."""
+    """Find and count vertices near faces, (6 L, 2), and edges near edges, (9 L, 2), in L pairs of leaves."""
     points = edges = 0
     for k in range(len(leaves)):
         a, b = leaves[k, 0], leaves[k, 1]
@@ -480,7 +480,7 @@ def _resolve_point(
         if gap < -TWO * radius - LOST:
             return 0
     else:
-        # Beside the face its side says nothing.
+        # Beside a face, the side of a vertex is not defined.
         if height < ZERO or distance < TOUCHING:
             return 0
         normal = scale(ONE / distance, away)

@@ -27,7 +27,7 @@ HOLD, HOLD_DAMPING = 100.0, 0.7
 """Frequency, 1/s, and damping ratio of the springs that hold the band of a garment."""
 
 COMPILING = "compiling the cloth solver, once after an installation (about a minute)"
-"""Sentence for whoever waits for the first step."""
+"""Message while the first step waits for the compiler."""
 
 MOST_SUBSTEPS_PER_SECOND = 60_000
 """Substeps above which cloth is refused: its faces are too small, or it is too stiff, for its mass."""
@@ -48,7 +48,7 @@ class Settings:
 
     safety: share of the longest stable step that is taken. substeps: per second at least. radius: m, kept
     between cloth and body. self_radius: m, kept between cloth and cloth; self_margin: m more within which
-    cloth is watched, besides what it moves at its relative speed until the next search. self_contact: False
+    cloth is watched, plus its motion at the relative speed until the next search. self_contact: False
     leaves it out. reach: m, how near the body, and how deep in it, cloth is looked for. interval: s between
     two searches for the closest faces of the body and for cloth near cloth.
     """
@@ -79,7 +79,7 @@ class State:
 
     positions: (N, 3) m, velocities: (N, 3) m/s, relative to a frame of reference at `origin`, (3,) m, that
     moves at `drift`, (3,) m/s. pairs: of cloth near cloth, and their sides. substeps: of the last frame.
-    near: what is known of the body near the cloth.
+    near: search results for the body.
     """
 
     positions: Floats
@@ -96,7 +96,7 @@ class State:
 
 
 class Drive(NamedTuple):
-    """A `Motion` in the frame of reference, for the compiled loop; no rows of acceleration for none."""
+    """A `Motion` in the frame of reference, for the compiled loop; acceleration may have no rows."""
 
     body_start: Floats
     body_end: Floats
@@ -153,8 +153,8 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
     """Simulate one frame.
 
     The frame of reference moves evenly with the mean of the targets, which keeps numbers small where a body
-    walks far. A frame in which cloth flies apart is made again with more substeps; if that does not help, the
-    state is as it is, with numbers that are not finite or too large, and whoever steps has to look. Raises
+    walks far. A frame in which cloth flies apart is repeated with more substeps. If that does not help, the
+    returned state has numbers that are not finite or too large: the caller has to check it. Raises
     InputError for a body that is faster than FASTEST_BODY, or whose vertices are not finite.
     """
     origin, end, drift = moving_frame(motion.target_start, motion.target_end, motion.seconds)
@@ -171,7 +171,7 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
     )
     settings, cloth = solver.settings, solver.cloth
     needed = motion.seconds * max(settings.substeps, 1.0 / (settings.safety * solver.stable_step))
-    # What moves farther than the reach between two searches for the body could pass through it.
+    # Cloth that moves farther than the reach between two searches could pass through the body.
     body_speed = _fastest(drive.body_end - drive.body_start) / motion.seconds
     if not body_speed <= FASTEST_BODY:
         raise InputError(
@@ -233,7 +233,7 @@ def _around(points: Array, origin: Array) -> Array:
 def moving_frame(
     start: NDArray, end: NDArray, seconds: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Frame of reference of a frame: where it is, m, before and after, and its speed, m/s, (3,) each.
+    """Frame of reference during a frame: its position, m, before and after, and velocity, m/s, (3,) each.
 
     start, end: (N, 3) m, the targets before and after the frame of `seconds`.
     """
@@ -265,7 +265,7 @@ def _advance(
     reach: Number,
     friction: Number,
 ) -> tuple[Pairs, Memory]:
-    """Move positions and velocities through the substeps of a frame; returns what it knows at the end."""
+    """Move positions and velocities through the substeps of a frame; returns the pairs and search results."""
     step = seconds / np.float32(substeps)
     forces, rounded = np.empty_like(positions), np.zeros(positions.shape, np.float64)
     nodes = len(sheet.tree.ranges)
@@ -329,7 +329,7 @@ def _advance(
 
 @inlined
 def _weigh(particles: Particles, acceleration: Array, forces: Array) -> None:
-    """Set forces (N, 3) to the weight, and what an acceleration from outside takes."""
+    """Set forces (N, 3), N, to the weight plus mass times an acceleration from outside."""
     for i in range(len(forces)):
         store(forces, i, (ZERO, ZERO, -FALL * particles.weight[i] * particles.mass[i]))
     for i in range(len(acceleration)):
@@ -364,7 +364,8 @@ def _integrate(
 ) -> None:
     """Symplectic Euler.
 
-    rounded: (N, 3), what positions lose in float32, in which a slow vertex would not move in small substeps.
+    rounded: (N, 3), rounding errors of the float32 positions: without them slow vertices would not move in
+    small substeps.
     """
     for i in range(len(positions)):
         for j in range(3):

@@ -15,13 +15,13 @@ DEPTH = 128
 """Nodes that a walk through a tree has to remember at most."""
 
 BODY_LEAF, SHEET_LEAF = 4, 1
-"""Faces in a leaf: a leaf of a sheet is a face, whose box is its own."""
+"""Most faces in a leaf of a body, and of a sheet."""
 
 FAR = np.float32(1e30)
 """Squared distance, m2, beyond all."""
 
 APART, DONE = -1, -2
-"""In the place of the number of a pair of nodes: they share no vertex; they are faces that share one."""
+"""Instead of the number of a pair of nodes: they share no vertex; they are two faces that share one."""
 
 
 class Tree(NamedTuple):
@@ -359,10 +359,10 @@ def closest_face(
 ) -> tuple[int, Number]:
     """Face of a tree that is closest to a point within reach, m; -1 if none is.
 
-    fitted: (P,), the search in which the boxes of each patch were last fitted; they are now if need be.
-    hint: a face to begin with, or -1, which is found if others are only as close. guess: a face, or -1, that
-    saves time but does not matter. Returns besides, if none is found, the square of a distance within which
-    none is.
+    fitted: (P,), number of the search in which the boxes of each patch were last fitted; patches are
+    fitted when needed. hint: a face to begin with, or -1; others have to be closer. guess: a face, or -1,
+    that saves time and does not change the result. Also returns, if none is found, the square of a distance
+    within which there is none.
     """
     best, face = reach * reach, -1
     if hint >= 0:

@@ -8,12 +8,12 @@ import numpy as np
 from uvcloth.process.compiled import inlined
 
 Number = Any
-"""A float32 in registers; what arithmetic of them gives, mypy does not know."""
+"""A float32 in registers; mypy does not know the type of its arithmetic."""
 
 Vector = tuple[Number, Number, Number]
 Array = np.ndarray
 
-# Numba takes a literal for a float64, and the loop around it would compute in that: numbers are float32.
+# Numba takes a literal as float64 and would compute the whole loop in that: constants are float32.
 ZERO, ONE, TWO, HALF, THIRD = (np.float32(value) for value in (0.0, 1.0, 2.0, 0.5, 1.0 / 3.0))
 TINY = np.float32(1e-20)
 
