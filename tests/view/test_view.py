@@ -5,6 +5,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.request import urlopen
@@ -237,6 +238,7 @@ def test_what_was_not_offered_is_not_opened() -> None:
         Choice("walk", ("/etc/passwd.obj",), "lbs", "default"),
         Choice("walk", ("tops",), "/etc", "default"),
         Choice("walk", ("tops",), "lbs", "/etc/passwd.npz"),
+        Choice("walk", ("tops",), "lbs", "default", quality="/etc"),
     ):
         with pytest.raises(InputError, match=r"/etc.* is not among the choices"):
             choices.perform(choice)
@@ -250,6 +252,24 @@ def test_a_choice_is_rolled_out_as_the_command_would() -> None:
     assert first.vertices[0].shape == performance.meshes[0].vertices.shape
     with pytest.raises(InputError, match="choose a garment"):
         choices.perform(Choice("walk", (), "lbs", "default"))
+    with pytest.raises(InputError, match="--fabric denim: model lbs knows only the fabric of its training"):
+        choices.perform(Choice("walk", ("tops",), "lbs", "default", fabric="denim"))
+
+
+def test_fabric_and_quality_reach_the_solver() -> None:
+    choices = Choices.of(models=["physics"])
+    choice = Choice("walk", ("dress",), "physics", "default", quality="fast")
+    frames = {
+        name: choices.perform(replace(choice, **changed)).frames
+        for name, changed in {
+            "jersey": {},
+            "denim": {"fabric": "denim"},
+            "default": {"quality": "default"},
+        }.items()
+    }
+    first = {name: next(each).vertices[0] for name, each in frames.items()}
+    for name in ("denim", "default"):
+        assert (first[name] - first["jersey"]).norm(dim=1).max() > 0.001
 
 
 def test_a_pose_is_reached_from_rest(body: Body, tmp_path: Path) -> None:

@@ -8,15 +8,18 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip
 from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.errors import InputError
+from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.methods.finish_names import FinishName
-from uvcloth.methods.method import Method
+from uvcloth.methods.method import Method, require_fabric_read
 from uvcloth.methods.physics.finish import finished
 from uvcloth.methods.physics.method import Physics
+from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import DEFAULT, METHODS, load_method
 from uvcloth.motion.arrays import clip_of_transforms
 from uvcloth.motion.library import builtin_clips, load_clip
+from uvcloth.physics.fabric import FabricName
 from uvcloth.ready import ReadyRollout, ready_rollout
 from uvcloth.view.computation import Performance
 
@@ -29,13 +32,19 @@ DEFAULT_BODY = "default"
 
 @dataclass(frozen=True)
 class Choice:
-    """A choice: garments are in the order in which they are worn, the innermost first."""
+    """A choice.
+
+    garments: in the order in which they are worn, the innermost first. fabric: of all garments, None for
+    jersey. quality: of the solver, a key of QUALITIES.
+    """
 
     motion: str
     garments: tuple[str, ...]
     model: str
     body: str
     finish: FinishName | None = None
+    fabric: FabricName | None = None
+    quality: str = "default"
 
 
 @dataclass(frozen=True)
@@ -78,6 +87,7 @@ class Choices:
             (choice.motion, self.motions),
             (choice.model, self.models),
             (choice.body, self.bodies),
+            (choice.quality, QUALITIES),
             *((name, self.garments) for name in choice.garments),
         ):
             if what not in offered:
@@ -87,7 +97,7 @@ class Choices:
             return self._beside_simulation(choice, body)
         if not choice.garments:
             raise InputError("choose a garment")
-        outfit = Outfit(body, load_outfit(choice.garments, body))
+        outfit = Outfit(body, load_outfit(choice.garments, body, fabric=choice.fabric))
         method, contact = _method(choice, outfit)
         return _perform(ready_rollout(method, outfit, load_clip(choice.motion, body), contact))
 
@@ -95,7 +105,7 @@ class Choices:
         """The rollout over the motion of a sequence, in its garment, to be compared vertex by vertex."""
         sequence = load_simulated(Path(choice.motion))
         garment = self._simulated_garment(choice.motion, sequence)
-        outfit = Outfit(body, load_outfit([garment], body))
+        outfit = Outfit(body, load_outfit([garment], body, fabric=choice.fabric))
         _require_same(choice.motion, sequence, outfit)
         motion = clip_of_transforms(sequence.transforms, body, sequence.fps, choice.motion)
         method, contact = _method(choice, outfit)
@@ -113,8 +123,12 @@ class Choices:
 
 def _method(choice: Choice, outfit: Outfit) -> tuple[Method, bool]:
     """The method of a choice with its finish, and whether contact comes after it."""
+    solver = Physics(PhysicsConfig(choice.quality))
     method = load_method(choice.model, outfit.body)
-    return finished(method, outfit, choice.finish, Physics())
+    chosen = solver if isinstance(method, Physics) else method
+    method, contact = finished(chosen, outfit, choice.finish, solver)
+    require_fabric_read(method, choice.fabric)
+    return method, contact
 
 
 def _perform(ready: ReadyRollout) -> Performance:

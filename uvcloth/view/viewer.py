@@ -11,7 +11,9 @@ import torch
 from torch import Tensor
 
 from uvcloth.errors import InputError
+from uvcloth.garments.cage import QUALITIES
 from uvcloth.methods.finish_names import FINISHES
+from uvcloth.physics.fabric import FABRICS
 from uvcloth.view.choices import Choice, Choices
 from uvcloth.view.computation import Computation, Performance, ShownFrame
 from uvcloth.view.heat import CONTACT, ERROR, QUANTITIES, STRETCH, Quantity, Stretch, legend
@@ -20,7 +22,7 @@ from uvcloth.view.stage import Actor
 NO_HEAT = "none"
 
 USUAL = "usual"
-"""Finish that the model has by default."""
+"""Finish that the model has by default, and fabric of the training data."""
 
 ASIDE = -1.2
 """Metres along x from the predicted body to the simulated one."""
@@ -71,7 +73,7 @@ class Viewer:
         self._choices: Choices | None = None
         self._choice: Choice | None = None
         self.controls: dict[str, Any] = {}
-        """The controls by name: motion, model, body, finish, and a checkbox for each garment."""
+        """The controls by name: motion, model, body, finish, fabric, quality, and a box for each garment."""
 
     @property
     def address(self) -> str:
@@ -88,7 +90,10 @@ class Viewer:
             model = gui.add_dropdown("Model", choices.models, initial_value=first.model)
             body = gui.add_dropdown("Body", choices.bodies, initial_value=first.body)
             finish = gui.add_dropdown("Finish", (USUAL, *FINISHES), initial_value=first.finish or USUAL)
-        self.controls = {"motion": motion, "model": model, "body": body, "finish": finish, **garments}
+            fabric = gui.add_dropdown("Fabric", (USUAL, *FABRICS), initial_value=first.fabric or USUAL)
+            quality = gui.add_dropdown("Quality", tuple(QUALITIES), initial_value=first.quality)
+        self.controls = {"motion": motion, "model": model, "body": body, "finish": finish}
+        self.controls |= {"fabric": fabric, "quality": quality, **garments}
         self._choices = choices
         self._selection = lambda: Choice(
             motion=motion.value,
@@ -96,6 +101,8 @@ class Viewer:
             model=model.value,
             body=body.value,
             finish=None if finish.value == USUAL else finish.value,
+            fabric=None if fabric.value == USUAL else fabric.value,
+            quality=quality.value,
         )
 
     def show(self, computation: Computation) -> None:
