@@ -53,8 +53,8 @@ CLEARANCE = 0.003
 class PhysicsConfig:
     """Settings of the solver on cages.
 
-    quality: of the cages, a key of QUALITIES. compression: share of the membrane's stiffness that is left in
-    compression, where a coarse face cannot buckle as fine cloth does.
+    quality: of the cages, a key of QUALITIES. compression: share of the membrane's stiffness that is left
+    where compression begins, because a coarse face cannot buckle as fine cloth does.
     """
 
     quality: str = "default"

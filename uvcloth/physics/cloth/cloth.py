@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rasterize.charts import edge_keys, edge_twins, edges_of, face_components
 from uvcloth.physics.cloth.forces import BLOCK, SQUEEZED, Hinges, Membrane
 from uvcloth.physics.cloth.tree import SHEET_LEAF, Tree, adjacent_nodes, adjacent_walk, build_tree
-from uvcloth.physics.fabric import AIR_DENSITY, Fabric
+from uvcloth.physics.fabric import AIR_DENSITY, FOLDED, Fabric
 
 SPACING = 1.5
 """Distance of vertices two edges apart over the length of a short edge, in cloth that is squeezed."""
@@ -89,7 +89,8 @@ def make_cloth(
     """Make cloth of a mesh at rest, (N, 3) m and (M, 3).
 
     mass_factor: (N,) on the mass of vertices; gravity acts on their mass without it. thickness: (N,) m of
-    other cloth beneath. compression: share of the membrane's stiffness that is left in compression.
+    other cloth beneath. compression: share of the membrane's stiffness that is left at the
+    beginning of compression, see FOLDED.
     moved_mass: share of the mass that is moved to the stiffest vertices, so that a few small faces do not
     decide the step (after selective mass scaling: Olovsson et al. 2005).
     """
@@ -100,6 +101,7 @@ def make_cloth(
     mass = np.zeros(len(rest))
     np.add.at(mass, faces.ravel(), np.repeat(fabric.density * area / 3.0, 3))
     mass[mass == 0.0] = fabric.density * area.mean() / 3.0
+    reduction = math.sqrt(compression)
     shear = fabric.stretch / (2.0 * (1.0 + fabric.poisson))
     spread = fabric.stretch * fabric.poisson / (1.0 - fabric.poisson**2)
     stiffness = (2.0 * shear + spread) * _corner_stiffness(faces, area, inverse, len(rest))
@@ -121,7 +123,9 @@ def make_cloth(
             area=_padded(area, np.float32),
             shear=np.float32(shear),
             spread=np.float32(spread),
-            reduction=np.float32(math.sqrt(compression)),
+            reduction=np.float32(reduction),
+            stiffening=np.float32((1.0 - reduction) / FOLDED),
+            slack=np.float32(0.5 * (1.0 - reduction) * FOLDED),
             damping=np.float32(2.0 * damping.stretch * (shear + spread)),
             pressure=np.float32(0.5 * AIR_DENSITY * fabric.drag),
         ),

@@ -50,8 +50,9 @@ class Membrane(NamedTuple):
 
     size: M, without the padding. corners: (3, M+) uint32. inverse: (4, M+) 1/m, entries 00, 01, 10, 11 of
     the inverse of the rest edges' matrix. area: (M+,) m2. shear, spread: Lame parameters mu, lambda, N/m.
-    reduction: root of the share of the stiffness that is left where cloth is compressed. damping: N s/m, of
-    strain rates. pressure: half the density of air times the drag coefficient, kg/m3.
+    reduction: root of the share of the stiffness that is left where cloth begins to be compressed.
+    stiffening: by which the root grows per strain. slack: strain that is lost until it is 1. damping:
+    N s/m, of strain rates. pressure: half the density of air times the drag coefficient, kg/m3.
     """
 
     size: int
@@ -61,6 +62,8 @@ class Membrane(NamedTuple):
     shear: np.float32
     spread: np.float32
     reduction: np.float32
+    stiffening: np.float32
+    slack: np.float32
     damping: np.float32
     pressure: np.float32
 
@@ -91,6 +94,21 @@ def _strain(squared: Number) -> tuple[Number, Number]:
 
 
 @inlined
+def _buckled(membrane: Membrane, strain: Number) -> tuple[Number, Number]:
+    """Strain that stresses a face, reduced in compression, and its slope over the strain.
+
+    The slope rises from `reduction` for the first folds to 1 at a strain of -FOLDED.
+    """
+    slope = membrane.reduction - membrane.stiffening * strain
+    reduced = strain * (membrane.reduction - HALF * membrane.stiffening * strain)
+    if slope >= ONE:
+        slope, reduced = ONE, strain + membrane.slack
+    if strain > ZERO:
+        slope, reduced = ONE, strain
+    return reduced, slope
+
+
+@inlined
 def face_forces(
     membrane: Membrane,
     k: Number,
@@ -106,10 +124,10 @@ def face_forces(
 
     Energy mu (e1^2 + e2^2) + lambda (e1 + e2)^2 / 2 per area, of the principal strains e1 and e2: Green's in
     tension, (s^2 - 1) / 2 at a stretch s, which stiffens as a knit does, and Biot's in compression, s - 1,
-    so that squeezed cloth does not give way. `reduction` weakens negative strains for coarse meshes, which
-    cannot buckle below their edge length. Viscous stress by the rate of the Green strain is added, and drag
-    of still air by the square of the speed along the normal. xa, xb, xc: m. va, vb, vc: m/s, relative to a
-    frame of reference that moves at `wind`, m/s, through the air.
+    so that squeezed cloth does not give way. Negative strains are reduced for coarse meshes, which cannot
+    buckle below their edge length, see `_buckled`. Viscous stress by the rate of the Green strain is added,
+    and drag of still air by the square of the speed along the normal. xa, xb, xc: m. va, vb, vc: m/s,
+    relative to a frame of reference that moves at `wind`, m/s, through the air.
     """
     d00, d01, d10, d11 = (
         membrane.inverse[0, k],
@@ -125,12 +143,11 @@ def face_forces(
     mean, half = HALF * (c00 + c11), HALF * (c00 - c11)
     apart = math.sqrt(half * half + c01 * c01) + TILT
     (high, over_long), (low, over_short) = _strain(mean + apart), _strain(max(mean - apart, FLATTENED))
-    # Both stresses have to come from one energy: each strain is reduced by the root, and its stress again.
-    upper = ONE if high > ZERO else membrane.reduction
-    lower = ONE if low > ZERO else membrane.reduction
-    trace = membrane.spread * (upper * high + lower * low)
-    pull = upper * (TWO * shear * upper * high + trace) * over_long
-    push = lower * (TWO * shear * lower * low + trace) * over_short
+    # Both stresses have to come from one energy: each is multiplied by the slope of its reduced strain.
+    (long, upper), (short, lower) = _buckled(membrane, high), _buckled(membrane, low)
+    trace = membrane.spread * (long + short)
+    pull = upper * (TWO * shear * long + trace) * over_long
+    push = lower * (TWO * shear * short + trace) * over_short
     middle, turned = HALF * (pull + push), HALF * (pull - push) / apart
     s00 = middle + turned * half + damping * dot(f, f_rate)
     s11 = middle - turned * half + damping * dot(g, g_rate)
