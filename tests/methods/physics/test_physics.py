@@ -22,6 +22,7 @@ from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.library import load_clip
+from uvcloth.motion.stop import come_to_rest
 from uvcloth.physics.contact import Obstacle
 from uvcloth.physics.fabric import FABRICS
 from uvcloth.physics.layers import wrong_side_percent
@@ -89,6 +90,16 @@ def test_sleeves_stay_whole_as_a_crouch_begins_to_turn(body: Body) -> None:
     stretch = edge_lengths(shirts, edges) / edge_lengths(tops.mesh.vertices, edges).clamp(min=1e-3)
     assert float(stretch.max()) < 5.0
     assert float((stretch > 3.0).sum(1).float().mean()) < 0.8
+
+
+def test_a_shirt_does_not_stay_rucked_up_after_a_sudden_stop(body: Body) -> None:
+    """The fine simulation's hem is 0.97 m high at the end; with soft compression alone it was 1.03 m."""
+    tops = fit_template("tops", body)
+    outfit = Outfit(body, (fit_template("bottoms", body), tops))
+    stop = come_to_rest(load_clip("twirl", body).window(0, 18), 0.5).transforms()
+    *_, last = rollout(Physics(PhysicsConfig()), outfit, stop, 30.0)
+    hem = tops.mesh.vertices[:, 2] < tops.mesh.vertices[:, 2].min() + 0.03
+    assert float(last.vertices[1][hem, 2].mean()) < 0.99
 
 
 def test_it_goes_the_same_way_far_from_the_origin(skirt: Outfit) -> None:
