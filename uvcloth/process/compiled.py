@@ -5,6 +5,7 @@ the form that each has alone; a loaded one calls the copies of them in its own f
 the two in different ways. So the first run after an installation would give other bytes than later ones.
 """
 
+import atexit
 import hashlib
 import os
 import pickle
@@ -130,6 +131,8 @@ def _child(parent: int) -> "subprocess.Popen[bytes] | None":
         )
     except OSError:
         return None
+    for pipe in filter(None, (child.stdin, child.stdout)):
+        atexit.register(pipe.close)
     # A child that has ended by itself leaves the table of processes at once.
     threading.Thread(target=child.wait, daemon=True).start()
     return child
