@@ -46,7 +46,7 @@ class Case:
     """An outfit over a clip; a garment that was simulated alone is an outfit of one.
 
     windows: of its garments, the innermost first. clip: the simulation. members: the other members of its
-    ensemble, if there are any. parts: what is scored, each
+    ensemble, if there are any. parts: units of scoring, each
     garment and last, if there are several, the whole outfit. start: number of warm-up frames. transforms:
     (F, J, 3, 4) and body_vertices: (F, V, 3) of the body in the scored frames.
     """
@@ -130,7 +130,7 @@ def open_case(
 ) -> Case:
     """Load sequences that were simulated together, and check that they are of these garments on this body.
 
-    texels: of each garment's map by its name, None without one. frames: judge at most so many, None for all.
+    texels: of each garment's map by its name, None without one. frames: score at most so many, None for all.
     Raises InputError naming the file if a mesh, a rest shape, the skeleton or the motion of an ensemble
     member differs, or garments do not move with the same body.
     """

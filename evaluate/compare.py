@@ -34,7 +34,7 @@ class JudgedCase:
     """A case after all methods were judged on it.
 
     scores: by name, the simulation first. contents: hash of each window's sequence. copied: by kind and
-    garment, the errors of the frame before. shown: what to look at.
+    garment, the errors of copies of an earlier frame. shown: for the viewer and the pictures.
     """
 
     scores: Mapping[str, CaseScores]
