@@ -18,7 +18,7 @@ from uvcloth.physics.measures import edge_change
 
 BENCHMARKS = Path(__file__).parent.parent / "benchmarks"
 FOLDER = BENCHMARKS / "simulated"
-TEMPLATES = ("tops", "bottoms", "dress", "skirt")
+TEMPLATES = ("tops", "bottoms", "dress", "shirt", "skirt", "jacket")
 
 
 def read_plan() -> list[dict[str, str]]:
