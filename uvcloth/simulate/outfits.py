@@ -11,7 +11,7 @@ from uvcloth.files.fields import require_file_name
 from uvcloth.garments.joined import join
 from uvcloth.motion.index import Entry
 from uvcloth.motion.poses import SPLITS
-from uvcloth.physics.fabric import FABRICS
+from uvcloth.physics.fabric import find_fabric
 from uvcloth.simulate.batch import LEAD_IN, Work, chosen_engine, simulate_work
 from uvcloth.simulate.engine import Engine
 from uvcloth.simulate.plan import ClipSelection, Job, Source, batch_sources, load_motion
@@ -55,7 +55,8 @@ def simulate_outfits(
         raise InputError(f"--most-frames {frames}: has to be 1 or more")
     outfits = [load_outfit_file(path) for path in outfit_files(folder)]
     if fabric is not None:
-        outfits = [replace(outfit, fabric_name=fabric, fabric=FABRICS[fabric]) for outfit in outfits]
+        made_of = find_fabric(fabric)
+        outfits = [replace(outfit, fabric_name=fabric, fabric=made_of) for outfit in outfits]
     _require_fabrics(stored_sequences(out), outfits, made_by)
     tasks = _deal(outfits, batch_sources(selection), frames)
     todo = [task for task in tasks if not _done(task, out)]

@@ -158,6 +158,16 @@ def test_a_pull_with_critical_damping_brings_cloth_to_its_target_as_its_closed_f
         np.testing.assert_allclose(state.vertices() - ways[frame], expected, rtol=0.0, atol=1e-4)
 
 
+def test_the_stable_step_is_that_of_tension_however_soft_compression_is() -> None:
+    rest, faces = sheet(0.3, 0.3, 8, 8)
+    soft, stiff = (
+        make_cloth(rest.numpy(), faces.numpy(), VACUUM, compression=share, damping=UNDAMPED)
+        for share in (0.3, 1.0)
+    )
+    points = rest.numpy().astype(np.float32)
+    assert largest_step(soft, points) == pytest.approx(largest_step(stiff, points), rel=1e-6)
+
+
 def test_moved_mass_is_taken_from_none_and_cloth_falls_as_before() -> None:
     """A sheet with a sliver: one of its vertices gets several times its mass, all together weigh alike."""
     rest, faces = with_sliver(0.05)
