@@ -124,9 +124,9 @@ class Choices:
 def _method(choice: Choice, outfit: Outfit) -> tuple[Method, bool]:
     """The method of a choice with its finish, and whether contact comes after it."""
     solver = Physics(PhysicsConfig(choice.quality))
-    method = load_method(choice.model, outfit.body)
-    chosen = solver if isinstance(method, Physics) else method
-    method, contact = finished(chosen, outfit, choice.finish, solver)
+    loaded = load_method(choice.model, outfit.body)
+    method = solver if isinstance(loaded, Physics) else loaded
+    method, contact = finished(method, outfit, choice.finish, solver)
     require_fabric_read(method, choice.fabric)
     return method, contact
 
