@@ -81,7 +81,10 @@ def test_garments_are_off_the_body_in_a_dance(body: Body) -> None:
 
 
 def test_sleeves_stay_whole_as_a_crouch_begins_to_turn(body: Body) -> None:
-    """A vertex that is followed over the body, and stays on a wrong face, stretches edges 7 times."""
+    """A vertex that is followed too far over the body stays on a wrong face and stretches edges.
+
+    With following of any distance 1.25 to 1.6 edges a frame are over 3 times their length, without 0.3 to 0.8.
+    """
     tops = fit_template("tops", body)
     outfit = Outfit(body, (fit_template("bottoms", body), tops))
     frames = list(rollout(Physics(PhysicsConfig()), outfit, load_clip("twirl", body).transforms()[:16], 30.0))
@@ -89,7 +92,7 @@ def test_sleeves_stay_whole_as_a_crouch_begins_to_turn(body: Body) -> None:
     shirts = torch.stack([frame.vertices[1] for frame in frames])
     stretch = edge_lengths(shirts, edges) / edge_lengths(tops.mesh.vertices, edges).clamp(min=1e-3)
     assert float(stretch.max()) < 5.0
-    assert float((stretch > 3.0).sum(1).float().mean()) < 0.8
+    assert float((stretch > 3.0).sum(1).float().mean()) < 1.0
 
 
 def test_a_shirt_does_not_stay_rucked_up_after_a_sudden_stop(body: Body) -> None:
