@@ -83,7 +83,7 @@ def test_garments_are_off_the_body_in_a_dance(body: Body) -> None:
 def test_sleeves_stay_whole_as_a_crouch_begins_to_turn(body: Body) -> None:
     """A vertex that is followed too far over the body stays on a wrong face and stretches edges.
 
-    With following of any distance 1.25 to 1.6 edges a frame are over 3 times their length, without 0.3 to 0.8.
+    With that fault 1.25 to 1.6 edges a frame are over 3 times their length, without it 0.3 to 0.8.
     """
     tops = fit_template("tops", body)
     outfit = Outfit(body, (fit_template("bottoms", body), tops))
