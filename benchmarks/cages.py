@@ -22,6 +22,7 @@ import torch
 import tyro
 
 from evaluate.metrics import Reference, distance_scores, swing_scores
+from evaluate.results import swing
 from uvcloth.bodies.body import Body, load_body
 from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.dataset.clip_file import load_simulated
@@ -83,11 +84,8 @@ def measured(method: Method, sequence: SimulatedClip, name: str, body: Body) -> 
     vertices, truth = torch.stack(frames)[scored], sequence.vertices[scored]
     mesh = garment.mesh
     reference = Reference(truth, (), skinned, mesh.vertices, mesh.faces, sequence.fps, None, None)
-    scores = {**distance_scores(vertices, reference.vertices), **swing_scores(vertices, reference)}
-    sums = {key: float(values.sum()) for key, values in scores.items()}
-    error = sums["vertex_mean_mm"] / len(vertices)
-    ratio = sums["swing_speed"] / sums["true_swing_speed"]
-    correlation = sums["swing_product"] / (sums["swing_square"] * sums["true_swing_square"]) ** 0.5
+    error = float(distance_scores(vertices, truth)["vertex_mean_mm"].mean())
+    ratio, correlation = swing([swing_scores(vertices, reference)]).values()
     return f"{error:.1f}, {ratio:.2f}, {correlation:.2f}, {spent:.1f}"
 
 

@@ -15,7 +15,7 @@ from evaluate.metrics import Reference
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.dataset.bodies import require_joints
-from uvcloth.dataset.clip import MOTION_TOLERANCE, REST_TOLERANCE, SimulatedClip, SimulatedGarment
+from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip, SimulatedGarment
 from uvcloth.dataset.clip_file import load_simulated, read_metadata
 from uvcloth.dataset.folder import MEMBERS, member_folder
 from uvcloth.errors import InputError
@@ -46,9 +46,9 @@ class Case:
     """An outfit over a clip; a garment that was simulated alone is an outfit of one.
 
     windows: of its garments, the innermost first. clip: the simulation. members: the other members of its
-    ensemble, if there are any. parts: units of scoring, each
-    garment and last, if there are several, the whole outfit. start: number of warm-up frames. transforms:
-    (F, J, 3, 4) and body_vertices: (F, V, 3) of the body in the scored frames.
+    ensemble, if there are any. parts: units of scoring, each garment and last, if there are several, the
+    whole outfit. start: number of warm-up frames. transforms: (F, J, 3, 4) and body_vertices: (F, V, 3) of
+    the body in the scored frames.
     """
 
     windows: tuple[Window, ...]
@@ -135,17 +135,23 @@ def open_case(
     member differs, or garments do not move with the same body.
     """
     paths = [window.path for window in windows]
-    clip = load_simulated(*paths)
+    clip = _load(paths, outfit)
     members = []
-    for member in range(MEMBERS):
+    for member in range(1, MEMBERS):
         files = [member_folder(path.parent, member) / path.name for path in paths]
         if all(map(Path.is_file, files)):
-            made = load_simulated(*files) if member else clip
-            _require_motion(files[0], made, clip)
-            for path, garment, simulated in zip(files, outfit.garments, made.garments, strict=True):
-                _require_same(path, made, simulated, garment, outfit.body)
-            members.append(made)
-    return make_case(windows, clip, outfit, texels, frames, members[1:])
+            members.append(_load(files, outfit))
+            if not members[-1].has_motion_of(clip):
+                raise InputError(f"{files[0]}: has another motion than {paths[0]}, whose ensemble it is in")
+    return make_case(windows, clip, outfit, texels, frames, members)
+
+
+def _load(paths: Sequence[Path], outfit: Outfit) -> SimulatedClip:
+    """The clip of the files of an outfit's garments. Raises InputError naming the file that does not fit."""
+    clip = load_simulated(*paths)
+    for path, garment, simulated in zip(paths, outfit.garments, clip.garments, strict=True):
+        _require_same(path, clip, simulated, garment, outfit.body)
+    return clip
 
 
 def make_case(
@@ -201,13 +207,6 @@ def _whole(parts: Sequence[Part], vertices: int) -> Part:
     )
     meshes = tuple(mesh for part in parts for mesh in part.meshes)
     return Part(outfit_name([part.name for part in parts]), slice(0, vertices), meshes, reference)
-
-
-def _require_motion(path: Path, member: SimulatedClip, clip: SimulatedClip) -> None:
-    """Raise InputError naming the file of an ensemble member if it has another motion than the clip."""
-    same = member.transforms.shape == clip.transforms.shape and member.warm_up == clip.warm_up
-    if not same or (member.transforms - clip.transforms).abs().max() > MOTION_TOLERANCE:
-        raise InputError(f"{path}: has another motion than the sequence of which it is an ensemble member")
 
 
 def _require_same(

@@ -216,15 +216,18 @@ def _cell(scores: Sequence[Scores], simulation: Sequence[Scores]) -> dict[str, A
         cell[f"vertex_rmse_mm{stage}"] = _mean(scores, f"vertex_mse_mm2{stage}") ** 0.5
         # Fewer than three frames have no acceleration.
         cell[f"jitter_ratio{stage}"] = _mean(scores, f"jitter{stage}") / calm if calm > 0 else None
-        cell |= _swing(scores, stage) | _chance(scores, stage)
+        cell |= swing(scores, stage) | _chance(scores, stage)
     if all("network_ms" in each for each in scores):
         network, contact = _mean(scores, "network_ms"), _mean(scores, "contact_ms")
         cell |= {"network_ms": network, "contact_ms": contact, "ms_per_frame": network + contact}
     return cell
 
 
-def _swing(scores: Sequence[Scores], stage: str) -> dict[str, float | None]:
-    """Ratio of the swing's speed to the simulation's, and the correlation of both; None without motion."""
+def swing(scores: Sequence[Scores], stage: str = "") -> dict[str, float | None]:
+    """Ratio of the swing's speed to the simulation's, and the correlation of both; None without motion.
+
+    scores: of some windows, as `swing_scores` has them. stage: one of STAGE_SUFFIXES.
+    """
 
     def total(key: str) -> float:
         return float(torch.cat([each[f"{key}{stage}"] for each in scores]).double().sum())

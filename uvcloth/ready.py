@@ -1,6 +1,6 @@
 """Rollouts that are ready to begin: a method, an outfit and a motion that go together."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -10,8 +10,13 @@ from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.geometry.records import CPU
-from uvcloth.methods.ensemble import Ensemble
-from uvcloth.methods.method import Method
+from uvcloth.methods.ensemble import Ensemble, in_order
+from uvcloth.methods.finish_names import FinishName
+from uvcloth.methods.method import Method, require_fabric_read
+from uvcloth.methods.physics.finish import finished
+from uvcloth.methods.physics.method import Physics
+from uvcloth.methods.physics.outfit import PhysicsConfig
+from uvcloth.methods.registry import load_method
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import pose_from_rest
 from uvcloth.rollout import RolloutFrame, rollout_proxied, with_proxies
@@ -45,6 +50,23 @@ class ReadyRollout:
             every=every,
             keep_going=keep_going,
         )
+
+
+def ready_method(
+    models: Sequence[str], outfit: Outfit, finish: FinishName | None, quality: str, fabric: str | None
+) -> tuple[Method, bool]:
+    """Load the method that models make in order with its finish, and tell whether contact comes after it.
+
+    finish: as `finished` has it. quality: of the solver, a key of QUALITIES. fabric: by name, where one was
+    asked for. Raises InputError as `load_method` and `finished` do, and for a fabric that the method does not
+    read.
+    """
+    solver = Physics(PhysicsConfig(quality))
+    loaded = [load_method(model, outfit.body) for model in models]
+    method = in_order([solver if isinstance(each, Physics) else each for each in loaded])
+    method, contact = finished(method, outfit, finish, solver)
+    require_fabric_read(method, fabric)
+    return method, contact
 
 
 def ready_rollout(

@@ -68,7 +68,7 @@ def scene(monkeypatch, body):
         traits=Traits(is_baseline=True),
         unsupported_reason=lambda outfit: "it itches" if len(outfit.garments) > 1 else "",
     )
-    monkeypatch.setattr(animation, "load_method", lambda *_: method)
+    monkeypatch.setattr(ready, "load_method", lambda *_: method)
     monkeypatch.setattr(ready, "with_proxies", lambda outfit, _: ProxiedOutfit.as_is(outfit))
     monkeypatch.setattr(ready, "rollout_proxied", rollout)
     return SimpleNamespace(resolved=resolved, rollout=rollout)
@@ -215,8 +215,8 @@ def test_the_quality_is_that_of_physics_alone_and_among_others(tmp_path, monkeyp
 def test_an_objection_of_one_model_to_several_garments_hints_at_one_each(scene, tmp_path, monkeypatch):
     baseline = Traits(is_baseline=True)
     fussy = SimpleNamespace(traits=baseline, unsupported_reason=lambda outfit: "it itches")
-    monkeypatch.setattr(animation, "load_method", lambda *_: fussy)
-    monkeypatch.setattr(animation, "in_order", lambda some: some[0] if len(some) == 1 else Ensemble((*some,)))
+    monkeypatch.setattr(ready, "load_method", lambda *_: fussy)
+    monkeypatch.setattr(ready, "in_order", lambda some: some[0] if len(some) == 1 else Ensemble((*some,)))
 
     def refused(models):
         with pytest.raises(InputError, match="it itches") as caught:

@@ -143,6 +143,8 @@ def test_members_of_an_ensemble_share_meshes_and_motions(folder: Path, tmp_path:
     )
     assert files == ["1/01_01_dress.npz", "1/bodies/box.npz"]
     assert unpack_folder(packed, again) == 3
+    assert pack_folder(folder, folder / "kept") == 3
+    assert pack_folder(folder, folder / "kept") == 0
     require_within(member, load_simulated(again / "members" / "1" / "01_01_dress.npz"), 1e-3)
 
 

@@ -23,16 +23,12 @@ from uvcloth.export.writer import close_together, open_writer
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.methods.ensemble import in_order
-from uvcloth.methods.method import Method, require_fabric_read
-from uvcloth.methods.physics.finish import finished
-from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.physics.outfit import PhysicsConfig
-from uvcloth.methods.registry import DEFAULT, load_method
+from uvcloth.methods.method import Method
+from uvcloth.methods.registry import DEFAULT
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.exposure import Exposure
 from uvcloth.physics.hidden_skin import HiddenSkin
-from uvcloth.ready import find_device, ready_rollout
+from uvcloth.ready import find_device, ready_method, ready_rollout
 from uvcloth.rollout import BrokenRolloutError, RolloutFrame
 
 
@@ -155,16 +151,9 @@ def _load_garments(command: Rollout, body: Body, report: Callable[[str], None]) 
 
 
 def _load_method(command: Rollout, outfit: Outfit) -> tuple[Method, bool]:
-    """The method that the models of a rollout make with its finish, and whether contact comes after it.
-
-    The solver has the quality that was asked for.
-    """
-    solver = Physics(PhysicsConfig(command.quality))
-    loaded = [load_method(model, outfit.body) for model in command.model or (DEFAULT,)]
-    method = in_order([solver if isinstance(each, Physics) else each for each in loaded])
-    method, contact = finished(method, outfit, command.finish, solver)
-    require_fabric_read(method, command.fabric)
-    return method, contact
+    """The method of a rollout with its finish, and whether contact comes after it."""
+    models = command.model or (DEFAULT,)
+    return ready_method(models, outfit, command.finish, command.quality, command.fabric)
 
 
 def _progress(console: Console) -> Progress:

@@ -129,6 +129,11 @@ class SimulatedClip:
         """The clip with the folder's name before those of its files."""
         return replace(self, files={f"{name}/{file}": content for file, content in self.files.items()})
 
+    def has_motion_of(self, other: "SimulatedClip") -> bool:
+        """True if the body moves as in another clip, within MOTION_TOLERANCE, with as many warm-up frames."""
+        same = self.transforms.shape == other.transforms.shape and self.warm_up == other.warm_up
+        return same and bool((self.transforms - other.transforms).abs().max() <= MOTION_TOLERANCE)
+
     def labelled(self, **metadata: Any) -> "SimulatedClip":
         """The clip with more metadata."""
         return replace(self, metadata={**self.metadata, **metadata})
@@ -163,8 +168,7 @@ def join_clips(parts: Mapping[Path, SimulatedClip], whole: str) -> SimulatedClip
     """
     (first_path, first), *others = parts.items()
     for path, other in others:
-        same = other.transforms.shape == first.transforms.shape and other.warm_up == first.warm_up
-        if not same or (other.transforms - first.transforms).abs().max() > MOTION_TOLERANCE:
+        if not other.has_motion_of(first):
             raise InputError(f"{path}: has another body motion than {first_path.name} of the same {whole}")
     return replace(
         first,

@@ -124,14 +124,14 @@ def pack_folder(folder: Path, out: Path, error: float = MEAN_ERROR) -> int:
     simulations.
 
     error: largest mean error of the vertices of a sequence, m; the limits for 99 % and for all vertices are
-    those of `formats.spectral`. Refused sequences are left out. Raises InputError for
-    an error out of ERROR_RANGE, for a folder without sequences, for sequences on a body that the folder
-    lacks, or of one garment with two meshes, and where OUT has another index.
+    those of `formats.spectral`. Refused sequences are left out. Raises InputError for an error out of
+    ERROR_RANGE, for a folder without sequences, for sequences on a body that the folder lacks, or of one
+    garment with two meshes, and where OUT has another index.
     """
     if not ERROR_RANGE[0] <= error <= ERROR_RANGE[1]:
         least, most = (1e3 * end for end in ERROR_RANGE)
         raise InputError(f"--error {1e3 * error:g}: expected {least:g} to {most:g} mm")
-    parts = _data_folders(folder, "made by `uvcloth simulate`")
+    parts = _data_folders(folder, out, "made by `uvcloth simulate`")
     return sum(_pack(part, out / part.relative_to(folder), error) for part in parts)
 
 
@@ -164,7 +164,7 @@ def unpack_folder(folder: Path, out: Path) -> int:
     Raises InputError for a folder without sequences, for files that are not packed sequences, for a body that
     the folder lacks, and where OUT has another index.
     """
-    parts = _data_folders(folder, "packed by `uvcloth data --pack`")
+    parts = _data_folders(folder, out, "packed by `uvcloth data --pack`")
     return sum(_unpack(part, out / part.relative_to(folder)) for part in parts)
 
 
@@ -182,8 +182,6 @@ def _unpack(folder: Path, out: Path) -> int:
 
 def _convert(folder: Path, out: Path, convert: Callable[[Path], None], what: str) -> int:
     """Convert the files that are not in OUT yet, and copy the tables; returns the number of files."""
-    if out.resolve() == folder.resolve():
-        raise InputError(f"{out}: is the input folder itself, name another output folder")
     with sole_writer(out):
         if (folder / INDEX).is_file():
             keep_index(folder / INDEX, out / INDEX)
@@ -316,10 +314,13 @@ def _probes(points: np.ndarray) -> np.ndarray:
     return points[len(points) // 2, rows]
 
 
-def _data_folders(folder: Path, made: str) -> list[Path]:
+def _data_folders(folder: Path, out: Path, made: str) -> list[Path]:
+    """Folders of sequences in a folder, except OUT, which may lie in it. Raises InputError without any."""
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder, expected one {made}")
-    parts = data_folders(folder)
+    if out.resolve() == folder.resolve():
+        raise InputError(f"{out}: is the input folder itself, name another output folder")
+    parts = [each for each in data_folders(folder) if not each.resolve().is_relative_to(out.resolve())]
     if not parts:
         raise InputError(f"{folder}: no sequence (*.npz) {made} in this folder")
     return parts

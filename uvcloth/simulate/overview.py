@@ -37,9 +37,7 @@ def overview(folder: Path) -> RenderableType:
     if not folder.is_dir():
         raise InputError(f"{folder}: no such folder, expected one made by `uvcloth simulate`")
     if not (folder / PLAN).is_file():
-        return Group(
-            *(_overview(part, None) for part in {folder: None} | dict.fromkeys(data_folders(folder)))
-        )
+        return Group(*(_overview(part, None) for part in dict.fromkeys([folder, *data_folders(folder)])))
     rows = read_plan(folder / PLAN)
     files = [folder / file for row in rows for file in row.files]
     there = sum(map(is_finished, files))

@@ -131,8 +131,8 @@ def plan(
     """Plan the simulations still to make, all outfits of a clip together, and the reasons of refused clips.
 
     folders: of the ensemble's members, which come one after another. Clips are read only if a sequence of
-    theirs is missing. Raises InputError for unreadable clips, windows
-    that do not fit and sequences that would share a file or have names that no file can have everywhere.
+    theirs is missing. Raises InputError for unreadable clips, windows that do not fit and sequences that
+    would share a file or have names that no file can have everywhere.
     """
     todo: list[Job] = []
     refused: dict[str, str] = {}

@@ -12,15 +12,12 @@ from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.methods.finish_names import FinishName
-from uvcloth.methods.method import Method, require_fabric_read
-from uvcloth.methods.physics.finish import finished
-from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.physics.outfit import PhysicsConfig
-from uvcloth.methods.registry import DEFAULT, METHODS, load_method
+from uvcloth.methods.method import Method
+from uvcloth.methods.registry import DEFAULT, METHODS
 from uvcloth.motion.arrays import clip_of_transforms
 from uvcloth.motion.library import builtin_clips, load_clip
 from uvcloth.physics.fabric import FabricName
-from uvcloth.ready import ReadyRollout, ready_rollout
+from uvcloth.ready import ReadyRollout, ready_method, ready_rollout
 from uvcloth.view.computation import Performance
 
 TEMPLATES = ("bottoms", "tops", "shirt", "dress", "skirt", "jacket")
@@ -123,12 +120,7 @@ class Choices:
 
 def _method(choice: Choice, outfit: Outfit) -> tuple[Method, bool]:
     """The method of a choice with its finish, and whether contact comes after it."""
-    solver = Physics(PhysicsConfig(choice.quality))
-    loaded = load_method(choice.model, outfit.body)
-    method = solver if isinstance(loaded, Physics) else loaded
-    method, contact = finished(method, outfit, choice.finish, solver)
-    require_fabric_read(method, choice.fabric)
-    return method, contact
+    return ready_method([choice.model], outfit, choice.finish, choice.quality, choice.fabric)
 
 
 def _perform(ready: ReadyRollout) -> Performance:
