@@ -66,7 +66,7 @@ def methods(body: Body) -> Iterator[tuple[str, Method]]:
     """Yield what is compared, by name."""
     network = load_method("physxnet", body)
     yield "lbs_smooth", load_method("lbs_smooth", body)
-    yield "physxnet, contact", network
+    yield "physxnet, clear", network
     yield "physxnet, dynamic", Finished.of(network, Physics(PhysicsConfig()))
     for quality in ("fast", "default", "fine"):
         yield f"physics, {quality}", Physics(PhysicsConfig(quality))

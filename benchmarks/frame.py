@@ -36,11 +36,9 @@ from uvcloth.rollout import rollout
 
 SHARED = {
     "body: posing": "uvcloth.rollout:body_frames",
-    "contact: caps, refit": "uvcloth.physics.contact:Obstacle.update",
-    "contact: nearest skin": "uvcloth.physics.contact:Obstacle.skin",
-    "contact: edges": "uvcloth.physics.strain_limiter:StrainLimiter.relax",
-    "contact: moving out": "uvcloth.physics.contact:Obstacle._follow",
-    "contact: layers": "uvcloth.physics.layers:Layer.beside",
+    "clearing: opened collider": "uvcloth.physics.outfit_clearing:OutfitClearing.collider",
+    "clearing: all else": "uvcloth.physics.outfit_clearing:OutfitClearing.clear",
+    "clearing: layers": "uvcloth.physics.layers:Layer.beside",
 }
 """Stages of every rollout."""
 

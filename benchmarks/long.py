@@ -2,7 +2,7 @@
 
 Run from the checkout with PYTHONPATH=. as
 
-    OMP_NUM_THREADS=1 python benchmarks/long.py [--frames 9000] [--models pbns] [--no-contact] [--no-writing]
+    OMP_NUM_THREADS=1 python benchmarks/long.py [--frames 9000] [--models pbns] [--no-clear] [--no-writing]
 
 Each method moves a dress (PBNS its shirt and trousers) over a walk that is played to and fro for as long as
 it takes, while the body drifts off at 1 m/s: 100,000 frames lead 3.3 km away. Every frame goes to a PC2 and
@@ -91,7 +91,7 @@ class Course:
 
 
 def main(
-    frames: int = 100_000, models: tuple[str, ...] = MODELS, contact: bool = True, writing: bool = True
+    frames: int = 100_000, models: tuple[str, ...] = MODELS, clear: bool = True, writing: bool = True
 ) -> None:
     body = load_body()
     table = Table(
@@ -107,11 +107,11 @@ def main(
         "difficult",
     )
     for name in models:
-        table.add_row(name, *measured(name, body, frames, contact, writing))
+        table.add_row(name, *measured(name, body, frames, clear, writing))
     Console().print(table)
 
 
-def measured(name: str, body: Body, frames: int, contact: bool, writing: bool) -> list[str]:
+def measured(name: str, body: Body, frames: int, clear: bool, writing: bool) -> list[str]:
     worn = ("bottoms", "tops") if name == "pbns" else ("dress",)
     outfit = Outfit(body, tuple(fit_template(garment, body) for garment in worn))
     clip = load_clip("walk", body)
@@ -123,7 +123,7 @@ def measured(name: str, body: Body, frames: int, contact: bool, writing: bool) -
     with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
         paths = [Path(folder) / f"long{suffix}" for suffix in (".pc2", ".usdc")] if writing else []
         writers = [stack.enter_context(open_writer(path, meshes, body, clip.fps)) for path in paths]
-        rollout = prepare_rollout(load_method(name, body), outfit, contact).around_root(
+        rollout = prepare_rollout(load_method(name, body), outfit, clear).around_root(
             drifting(motion, frames, clip.fps), clip.fps
         )
         for frame in track(rollout, description=name, total=frames):

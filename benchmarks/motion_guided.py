@@ -7,7 +7,7 @@ Run from the checkout with PYTHONPATH=. as
 The weights are untrained and displace nothing: times do not depend on them. The plain twin builds a channel
 per seed and axis, as published (benchmarks/descriptor.py looks at that convolution alone). The engine
 simulates the same garment over the same clip. Every figure is per frame: milliseconds, and how many times the
-method's whole frame (network, contact and writing) it takes.
+method's whole frame (network, clearing and writing) it takes.
 """
 
 import tempfile
@@ -108,13 +108,13 @@ def garment_of(body: Body, vertices: int | None) -> Garment:
 def stages(made: MotionGuided, garment: Garment, body: Body, clip: Clip) -> dict[str, float]:
     """Median milliseconds of every stage."""
 
-    spent: dict[str, list[float]] = {"network": [], "contact": [], "writing": []}
+    spent: dict[str, list[float]] = {"network": [], "clearing": [], "writing": []}
     with tempfile.TemporaryDirectory() as folder:
         meshes = [(garment.name, garment.mesh)]
         with open_writer(Path(folder) / "dress.glb", meshes, body, clip.fps) as writer:
             for frame in rollout(made, Outfit(body, (garment,)), clip.transforms(), clip.fps):
                 spent["network"].append(frame.milliseconds["network"])
-                spent["contact"].append(frame.milliseconds["contact"])
+                spent["clearing"].append(frame.milliseconds["clearing"])
                 begun = time.perf_counter()
                 writer.add(frame.vertices, frame.transforms)
                 spent["writing"].append(1e3 * (time.perf_counter() - begun))

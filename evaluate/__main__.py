@@ -97,7 +97,7 @@ def machine() -> str:
 
 
 def summary(results: dict) -> str:
-    """Per garment or outfit and method, before and after contact: the mean distance, and its ratio to the
+    """Per garment or outfit and method, before and after the finish: the mean distance, and its ratio to the
     better LBS. Then a warning for each method that has used evaluated windows in training or selection.
     """
     from evaluate.familiar import cautions
@@ -122,7 +122,7 @@ def summary(results: dict) -> str:
         if caution.red
     ]
     return "\n".join(
-        [title, f"{'':{wide + method + 1}} {'before contact':28} after contact", *rows, *warnings]
+        [title, f"{'':{wide + method + 1}} {'before the finish':28} after the finish", *rows, *warnings]
     )
 
 

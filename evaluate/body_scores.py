@@ -9,8 +9,8 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.geometry.mesh import Mesh, join_meshes
-from uvcloth.physics.contact import ContactGarment, Obstacle
 from uvcloth.physics.exposure import CLOTH_POINTS, Exposure, SurfaceSample, spread
+from uvcloth.physics.obstacle import ContactGarment, Obstacle
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ def dressed_body(body: Body, meshes: Sequence[Mesh]) -> DressedBody:
     sample = spread(outfit.vertices, outfit.faces, CLOTH_POINTS)
     return DressedBody(
         obstacle=obstacle,
-        garment=obstacle.contact_garment(outfit.vertices, outfit.faces),
+        garment=obstacle.contact_garment(outfit.vertices),
         sample=sample,
-        loose=obstacle.contact_garment(sample.points(outfit.vertices), outfit.faces[:0]),
+        loose=obstacle.contact_garment(sample.points(outfit.vertices)),
         exposure=Exposure(body, meshes),
     )
 

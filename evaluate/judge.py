@@ -52,7 +52,7 @@ class CaseScores:
     part also has the times of a method, "network_ms" and "contact_ms", and of several garments the vertices
     on the wrong side. A method that uses feedback also has scores of stability, and a method with a
     representation those of it.
-    shown: (S, N, 3) every stride-th frame of the whole outfit after contact, metres, world.
+    shown: (S, N, 3) every stride-th frame of the whole outfit after the finish, metres, world.
     """
 
     parts: Mapping[str, Scores]
@@ -62,8 +62,8 @@ class CaseScores:
 def judge(case: Case, candidate: Candidate) -> CaseScores:
     """Roll a method out from the first warm-up frame and score the scored frames.
 
-    A method that uses feedback, or has parts that only do what contact does, is rolled out again without
-    contact for the scores before contact, which otherwise would depend on contact. One that uses feedback is
+    A method that uses feedback, or has parts that only do what a finish does, is rolled out again without
+    it for the scores before the finish, which otherwise would depend on it. One that uses feedback is
     also rolled out from the truth. Raises InputError if a prediction is not a finite number.
     """
     prepared = prepare_rollout(candidate.method, case.outfit)
@@ -71,9 +71,9 @@ def judge(case: Case, candidate: Candidate) -> CaseScores:
     more = representation(case, prepared)
     feeds_back = uses_feedback(prepared, case)
     if prepared.method is not candidate.method:
-        raw, _, _ = _predicted(case, prepare_rollout(candidate.method, case.outfit, contact=False))
+        raw, _, _ = _predicted(case, prepare_rollout(candidate.method, case.outfit, clear=False))
     elif feeds_back:
-        raw, _, _ = _predicted(case, replace(prepared, contact=None))
+        raw, _, _ = _predicted(case, replace(prepared, clearing=None))
     if feeds_back:
         stable = stability_scores(prepared, case)
         more = {name: {**scores, **more.get(name, {})} for name, scores in stable.items()}
@@ -84,14 +84,14 @@ def judge(case: Case, candidate: Candidate) -> CaseScores:
 
 
 def _predicted(case: Case, prepared: PreparedRollout) -> tuple[Tensor, Tensor, Scores]:
-    """All vertices (F, N, 3) of a rollout in the scored frames, before and after contact, and its times."""
+    """All vertices (F, N, 3) of a rollout in the scored frames, predicted and finished, and its times."""
     raw, resolved, milliseconds = [], [], []
     for frame in islice(prepared.frames(case.motion, case.fps), case.start, None):
         raw.append(torch.cat(frame.raw).cpu())
         resolved.append(torch.cat(frame.vertices).cpu())
-        milliseconds.append([frame.milliseconds["network"], frame.milliseconds["contact"]])
-    network, contact = torch.tensor(milliseconds).unbind(1)
-    return torch.stack(raw), torch.stack(resolved), {"network_ms": network, "contact_ms": contact}
+        milliseconds.append([frame.milliseconds["network"], frame.milliseconds["clearing"]])
+    network, clearing = torch.tensor(milliseconds).unbind(1)
+    return torch.stack(raw), torch.stack(resolved), {"network_ms": network, "contact_ms": clearing}
 
 
 def judge_simulation(case: Case) -> CaseScores:
@@ -100,7 +100,7 @@ def judge_simulation(case: Case) -> CaseScores:
 
 
 def score(case: Case, raw: Tensor, resolved: Tensor) -> CaseScores:
-    """Score predictions of all garments before (F, N, 3) and after contact (F, N, 3) on the scored frames."""
+    """Score all garments as predicted (F, N, 3) and finished (F, N, 3) on the scored frames."""
     before = _frame_scores(case, raw)
     after = before if torch.equal(raw, resolved) else _frame_scores(case, resolved)
     parts = {

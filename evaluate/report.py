@@ -33,13 +33,13 @@ METRICS = "metrics.json"
 REPORT = "report.html"
 
 MEASURES = {
-    "vertex_mean_mm_raw": ("Mean vertex distance before contact", "mm", "mm"),
-    "vertex_rmse_mm_raw": ("Vertex RMSE before contact", "mm", "rmse_mm"),
-    "vertex_mse_mm2_raw": ("Vertex MSE before contact", "mm²", "mse_mm2"),
-    "map_mse_mm2": ("Map MSE before contact", "mm²", ""),
-    "vertex_mean_mm": ("Mean vertex distance after contact", "mm", "mm"),
-    "vertex_rmse_mm": ("Vertex RMSE after contact", "mm", "rmse_mm"),
-    "vertex_mse_mm2": ("Vertex MSE after contact", "mm²", "mse_mm2"),
+    "vertex_mean_mm_raw": ("Mean vertex distance before the finish", "mm", "mm"),
+    "vertex_rmse_mm_raw": ("Vertex RMSE before the finish", "mm", "rmse_mm"),
+    "vertex_mse_mm2_raw": ("Vertex MSE before the finish", "mm²", "mse_mm2"),
+    "map_mse_mm2": ("Map MSE before the finish", "mm²", ""),
+    "vertex_mean_mm": ("Mean vertex distance after the finish", "mm", "mm"),
+    "vertex_rmse_mm": ("Vertex RMSE after the finish", "mm", "rmse_mm"),
+    "vertex_mse_mm2": ("Vertex MSE after the finish", "mm²", "mse_mm2"),
 }
 """Charts after Figure 6 of PhysXNet, by measure: title, unit, and the suffix of the floors in them."""
 
@@ -199,14 +199,14 @@ def _bar_charts(results: Results) -> dict[str, list[Any]]:
 
 
 def _time_charts(results: Results) -> dict[str, list[Any]]:
-    """Before and after contact, a chart per garment."""
+    """Before and after the finish, a chart per garment."""
     methods = results["methods"]
     charts: dict[str, list[Any]] = {when: [] for when in STAGES}
     for when, suffix in STAGES.items():
         for garment in garments_in(results):
             lasting = [methods[name].get(f"over_time_mm{suffix}", {}).get(garment, []) for name in methods]
             if any(lasting):
-                title = f"{garment}, {when} contact"
+                title = f"{garment}, {when} the finish"
                 charts[when].append(lines(title, lasting, list(methods), "mm", results["fps"]))
     return charts
 

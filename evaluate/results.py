@@ -12,7 +12,7 @@ from evaluate.judge import Scores
 from evaluate.metrics import wrong_side_key
 
 STAGE_SUFFIXES = ("_raw", "")
-"""Suffixes of scores before and after contact."""
+"""Suffixes of scores before and after the finish."""
 
 SHORT = ("one_step_mm", "rollout_50_mm")
 """Fields of errors that differ from whole rollouts only for methods that use feedback."""
@@ -29,7 +29,7 @@ MEANS = (
     "skin_percent",
     "crossing_edges_percent",
 )
-"""Scores that are averaged over the frames, before and after contact."""
+"""Scores that are averaged over the frames, before and after the finish."""
 
 LONG = 250
 """Least number of frames of a window in which drift is measured."""
@@ -166,7 +166,7 @@ def _outfit(
 
 
 def _sides(scores: Sequence[Scores], garments: Sequence[str]) -> dict[str, dict[str, dict[str, float]]]:
-    """Vertices on the wrong side, percent, by outer and inner garment, before and after contact."""
+    """Vertices on the wrong side, percent, by outer and inner garment, before and after the finish."""
     return {
         f"wrong_side_percent{stage}": {
             outer: {inner: _mean(scores, wrong_side_key(outer, inner) + stage) for inner in garments[:index]}

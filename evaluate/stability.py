@@ -23,8 +23,8 @@ SHORT_ROLLOUT = 50
 def stability_scores(prepared: PreparedRollout, case: Case) -> dict[str, dict[str, Tensor]]:
     """Mean vertex distances, mm, of a method that uses feedback, in the scored frames, (F,) each, by part.
 
-    one_step_mm_raw, one_step_mm: before and after contact, with the true garments observed after every
-    earlier frame. rollout_50_mm_raw, rollout_50_mm: without contact and after it, in consecutive rollouts of
+    one_step_mm_raw, one_step_mm: before and after the finish, with the true garments observed after every
+    earlier frame. rollout_50_mm_raw, rollout_50_mm: without a finish and after it, in consecutive rollouts of
     SHORT_ROLLOUT frames. Each rollout has a warm-up as long as that of the case, in which it observes the
     true garments; then it observes its own.
     """
@@ -32,7 +32,7 @@ def stability_scores(prepared: PreparedRollout, case: Case) -> dict[str, dict[st
         (first, min(first + case.start + SHORT_ROLLOUT, case.end))
         for first in range(0, case.end - case.start, SHORT_ROLLOUT)
     ]
-    alone = replace(prepared, contact=None)
+    alone = replace(prepared, clearing=None)
     stepped = _errors(prepared, case, (0, case.end), known=case.end)
     short_raw, short = (
         torch.cat([_errors(rollout, case, span, known=case.start)[:, stage] for span in spans])
@@ -61,7 +61,7 @@ def uses_feedback(prepared: PreparedRollout, case: Case) -> bool:
 
 
 def _errors(prepared: PreparedRollout, case: Case, span: tuple[int, int], known: int) -> Tensor:
-    """Errors (F, 2, parts), mm, before and after contact, over a span of frames, its warm-up left out.
+    """Errors (F, 2, parts), mm, before and after the finish, over a span of frames, its warm-up left out.
 
     known: number of frames, from the first on, in which the truth is observed.
     """
@@ -85,7 +85,7 @@ def copied_truth(garment: Garment, simulated: SimulatedClip, end: int) -> dict[s
 
     "held": it stays in place. "carried": it keeps its local offsets from the smoothly skinned garment. Both
     have one_step_mm, rollout_50_mm and vertex_mean_mm; for the last, only the garment before the first scored
-    frame is observed (that frame itself without a warm-up). There is no contact: each is also the error
+    frame is observed (that frame itself without a warm-up). There is no finish: each is also the error
     before it (..._raw).
     """
     warm_up = simulated.warm_up

@@ -10,7 +10,7 @@ Results = Mapping[str, Any]
 """The content of metrics.json, as docs/metrics.md describes it."""
 
 STAGES = {"before": "_raw", "after": ""}
-"""Before and after contact: the suffixes of the fields."""
+"""Before and after the finish: the suffixes of the fields."""
 
 OUTFIT = {
     "vertex_mean_mm": "Mean (mm)",
@@ -26,7 +26,7 @@ class OutfitRow:
     """An outfit of several garments as one, over all actions, by one method or the simulation.
 
     figures: by field of metrics.json. sides: by "OUTER over INNER", vertices on the wrong side, percent,
-    before and after contact.
+    before and after the finish.
     """
 
     outfit: str
@@ -37,7 +37,7 @@ class OutfitRow:
 
 @dataclass(frozen=True)
 class Rank:
-    """The mean distance from the simulation, before or after contact, over all actions.
+    """The mean distance from the simulation, before or after the finish, over all actions.
 
     against: mean distance divided by that of the better baseline (LBS), None for a baseline or without one.
     won, of: actions on which its error is lower than that of the better baseline of that action.
@@ -143,7 +143,7 @@ def outfit_rows(results: Results) -> list[OutfitRow]:
 
 
 def _sides(actions: Sequence[Mapping[str, Any]]) -> dict[str, tuple[float, float]]:
-    """The shares on the wrong side over some actions, weighted by frames, before and after contact."""
+    """The shares on the wrong side over some actions, weighted by frames, before and after the finish."""
 
     def mean(key: str, outer: str, inner: str) -> float:
         total = sum(cell["frames"] * cell[key][outer][inner] for cell in actions)
@@ -160,7 +160,7 @@ def _sides(actions: Sequence[Mapping[str, Any]]) -> dict[str, tuple[float, float
 
 
 def _rank(results: Results, name: str, garment: str, suffix: str) -> Rank:
-    """The rank of a method on a garment or an outfit. suffix: of the fields, "_raw" before contact."""
+    """The rank of a method on a garment or an outfit. suffix: of the fields, "_raw" before the finish."""
     methods = results["methods"]
     baselines = [other for other, method in methods.items() if method["baseline"]]
     mean_key, rmse_key = f"vertex_mean_mm{suffix}", f"vertex_rmse_mm{suffix}"

@@ -303,7 +303,7 @@ def test_what_does_not_go_together_is_refused(body: Body, tmp_path: Path) -> Non
     with pytest.raises(uvcloth.InputError, match="did you mean 'physxnet'"):
         uvcloth.rollout("physxnett", walk, tops)
     with pytest.raises(uvcloth.InputError, match="--fabric silk: model physxnet"):
-        uvcloth.rollout("physxnet", walk, uvcloth.fit("tops", body, fabric="silk"), finish="contact")
+        uvcloth.rollout("physxnet", walk, uvcloth.fit("tops", body, fabric="silk"), finish="clear")
     with pytest.raises(uvcloth.InputError, match="--finish varnish: expected one of dynamic, static"):
         uvcloth.rollout("lbs", walk, tops, finish="varnish")  # type: ignore[arg-type]
     with pytest.raises(uvcloth.InputError, match="--device abacus: is not available on this machine"):

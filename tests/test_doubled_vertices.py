@@ -32,7 +32,7 @@ def test_seams_hold_over_a_rollout(body: Body, tmp_path: Path) -> None:
     transforms = load_clip("walk", body).transforms()[40 : 40 + FRAMES]
     method = load_methods([DEFAULT], body)
     own = torch.from_numpy(source[-doubled:])
-    for contact in (False, True):
-        *_, frame = rollout(method, Outfit(body, (garment,)), transforms, 30.0, contact)
+    for clear in (False, True):
+        *_, frame = rollout(method, Outfit(body, (garment,)), transforms, 30.0, clear)
         (vertices,) = frame.vertices
         assert float((vertices[-doubled:] - vertices[own]).norm(dim=1).max()) < 1e-5

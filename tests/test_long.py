@@ -22,7 +22,7 @@ FRAMES = 360
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="reads memory as Linux tells it")
 def test_memory_does_not_grow_with_the_frames(tmp_path: Path) -> None:
-    """Here by 0.2 MB, with all of its parts: contact, the rollout, and what writes both files."""
+    """Here by 0.2 MB, with all of its parts: clearing, the rollout, and what writes both files."""
     worn = outfit()
     still = torch.eye(3, 4).repeat(7, 2, 1, 1).double()
     method = load_method("lbs_smooth", worn.body)

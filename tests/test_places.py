@@ -45,7 +45,7 @@ def dressed(*garments: str) -> Outfit:
 
 @pytest.mark.parametrize("name", METHODS)
 def test_garments_are_the_same_ten_kilometres_away(name: str) -> None:
-    """To 0.1 mm is asked; every method that ships, over two changes of the origin, also after contact."""
+    """To 0.1 mm is asked; every method that ships, over two changes of the origin, also when cleared."""
     worn = dressed(*METHODS[name])
     clip = load_clip("run", worn.body).window(20, 2 * BATCH + 3)
     prepared = prepare_rollout(load_method(name, worn.body), worn)
@@ -81,7 +81,7 @@ def test_a_motion_file_is_read_as_exactly_ten_kilometres_away(tmp_path: Path) ->
 def test_a_frame_in_the_world_is_where_the_motion_leads() -> None:
     worn, motion = outfit(), falling(BATCH + 3).double()
     motion[..., 3] += FAR
-    for frame in rollout(Recorder(True), worn, motion, FPS, contact=False):
+    for frame in rollout(Recorder(True), worn, motion, FPS, clear=False):
         torch.testing.assert_close(frame.transforms.double(), motion[frame.index], atol=1e-3, rtol=0)
         assert not frame.origin.any()
 
@@ -123,14 +123,14 @@ def test_a_garment_starts_anew_where_the_motion_jumps() -> None:
     totals = Totals()
     for frame in whole:
         totals.add(frame)
-    lines = totals.summary((), 1.0, 1, 1).lines()
+    lines = totals.summary((), 1.0, 1).lines()
     assert f"difficult at frame 6: {JUMPED}" in lines
 
 
 def test_difficult_frames_are_summed_up_as_spans() -> None:
-    frame = next(rollout(Recorder(), outfit(), falling(1), FPS, contact=False))
+    frame = next(rollout(Recorder(), outfit(), falling(1), FPS, clear=False))
     totals = Totals()
     for index in (3, 4, 5, 9, 20, 21, *range(30, 60, 2)):
         totals.add(replace(frame, index=index, difficulties=("the body is upside down",)))
-    line = next(line for line in totals.summary((), 1.0, 1, 1).lines() if line.startswith("difficult"))
+    line = next(line for line in totals.summary((), 1.0, 1).lines() if line.startswith("difficult"))
     assert line == "difficult at frames 3-5, 9, 20-21, 30, 32, ... to 58 (21 in all): the body is upside down"

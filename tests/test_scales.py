@@ -98,7 +98,7 @@ def test_a_model_sees_everybody_as_an_adult(name: str, tall: float, adult: float
         clip = load_clip("run", body).window(20, 6)
         method = load_method(name, body)
         assert isinstance(method, Resized) == (beside_adults(body) != 1.0)
-        prepared = prepare_rollout(method, Outfit(body, (worn,)), contact=False)
+        prepared = prepare_rollout(method, Outfit(body, (worn,)), clear=False)
         return list(prepared.around_root(clip.transforms(torch.float64), clip.fps))
 
     nearest = 1.0001 * adult if adult == ADULTS[0] else 0.9999 * adult
@@ -131,7 +131,7 @@ def test_a_clip_of_one_kilometre_ends_as_it_began() -> None:
     shift = way * torch.tensor([0.8, -0.6, 0.0], dtype=torch.float64)
     far = replace(clip, translation=clip.translation.double() + shift)
     prepared = prepare_rollout(
-        load_method("lbs_smooth", body), Outfit(body, (fit_template("dress", body),)), contact=False
+        load_method("lbs_smooth", body), Outfit(body, (fit_template("dress", body),)), clear=False
     )
     here, there = (
         list(prepared.around_root(each.transforms(torch.float64), each.fps)) for each in (clip, far)

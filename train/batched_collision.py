@@ -12,9 +12,9 @@ from uvcloth.bodies.opened import Opening, make_opening
 from uvcloth.geometry.records import to_device
 from uvcloth.geometry.skinning import skin
 from uvcloth.physics import kernels
-from uvcloth.physics.contact import SQUEEZE_GAP
 from uvcloth.physics.launch import array, launch
 from uvcloth.physics.layers import Layer
+from uvcloth.physics.obstacle import SQUEEZE_GAP
 from uvcloth.physics.posed_batch import ClosestPointCache, Planes, PosedMeshBatch
 from uvcloth.physics.surface import FREE, SEARCH_DISTANCE, MovingMeshes
 

@@ -1,4 +1,4 @@
-"""Validation by rollout: errors of predictions over whole clips, side by side, before contact."""
+"""Validation by rollout: errors of predictions over whole clips, side by side, before the finish."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

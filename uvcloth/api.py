@@ -177,7 +177,7 @@ def rollout(
 
     model, motion, garments: what `load_model`, `load_motion` and `fit` return, or take: that is then loaded
     for the body of the garments. A motion of one frame, a pose, becomes the way into it from rest.
-    finish: "dynamic", "static", "contact" or "none", as `uvcloth rollout --finish`; None for the usual one.
+    finish: "dynamic", "static", "clear" or "none", as `uvcloth rollout --finish`; None for the usual one.
     device: "cpu" or "cuda". keep_going: a garment that is torn is that of linear blend skinning in its frame,
     instead of an error.
 
@@ -322,11 +322,11 @@ def _ready(model: Model, motion: Clip | File, garments: Garments, finish: Finish
     outfit = _outfit(garments)
     clip = _motion(motion, outfit)
     method = load_model(model, outfit.body) if isinstance(model, str | PathLike | Sequence) else model
-    method, contact = finished(method, outfit, finish, Physics())
+    method, clear = finished(method, outfit, finish, Physics())
     for garment in outfit.garments:
         if garment.fabric != JERSEY:
             require_fabric_read(method, _fabric_name(garment.fabric))
-    ready = ready_rollout(method, outfit, clip, contact)
+    ready = ready_rollout(method, outfit, clip, clear)
     for line in ready.proxied.lines:
         LOGGER.info(line)
     return ready

@@ -26,7 +26,7 @@ from uvcloth.rollout import RolloutFrame, rollout_proxied, with_proxies
 class ReadyRollout:
     """A rollout before its first frame.
 
-    proxied: the outfit, its coarse garments carried by proxies where there is contact. motion: of a pose, the
+    proxied: the outfit, its coarse garments carried by proxies where they are cleared. motion: of a pose, the
     way into it from rest. transforms: (F, J, 3, 4) float64, the joints of the motion.
     """
 
@@ -34,7 +34,7 @@ class ReadyRollout:
     proxied: ProxiedOutfit
     motion: Clip
     transforms: Tensor
-    contact: bool
+    clear: bool
 
     def frames(
         self, device: torch.device = CPU, every: int = 1, keep_going: bool = False
@@ -45,7 +45,7 @@ class ReadyRollout:
             self.proxied,
             self.transforms,
             self.motion.fps,
-            self.contact,
+            self.clear,
             device=device,
             every=every,
             keep_going=keep_going,
@@ -55,7 +55,7 @@ class ReadyRollout:
 def ready_method(
     models: Sequence[str], outfit: Outfit, finish: FinishName | None, quality: str, fabric: str | None
 ) -> tuple[Method, bool]:
-    """Load the method that models make in order with its finish, and tell whether contact comes after it.
+    """Load the method that models make in order with its finish, and tell whether clearing comes after it.
 
     finish: as `finished` has it. quality: of the solver, a key of QUALITIES. fabric: by name, where one was
     asked for. Raises InputError as `load_method` and `finished` do, and for a fabric that the method does not
@@ -64,17 +64,17 @@ def ready_method(
     solver = Physics(PhysicsConfig(quality))
     loaded = [load_method(model, outfit.body) for model in models]
     method = in_order([solver if isinstance(each, Physics) else each for each in loaded])
-    method, contact = finished(method, outfit, finish, solver)
+    method, clear = finished(method, outfit, finish, solver)
     require_fabric_read(method, fabric)
-    return method, contact
+    return method, clear
 
 
 def ready_rollout(
-    method: Method, outfit: Outfit, motion: Clip, contact: bool = True, proxies: bool = True
+    method: Method, outfit: Outfit, motion: Clip, clear: bool = True, proxies: bool = True
 ) -> ReadyRollout:
     """Bring a method, an outfit and a motion on its body together.
 
-    proxies: carry coarse garments by finer ones where there is contact. A motion of one frame, a pose,
+    proxies: carry coarse garments by finer ones where there is clearing. A motion of one frame, a pose,
     becomes the way into it from rest. Raises InputError for an outfit that the method cannot dress, and a
     motion on another body than the outfit's.
     """
@@ -84,8 +84,8 @@ def ready_rollout(
         raise InputError(reason + hint)
     require_same_skeleton(motion, outfit)
     motion = pose_from_rest(motion, outfit.body)
-    proxied = with_proxies(outfit, method) if contact and proxies else ProxiedOutfit.as_is(outfit)
-    return ReadyRollout(method, proxied, motion, motion.transforms(torch.float64), contact)
+    proxied = with_proxies(outfit, method) if clear and proxies else ProxiedOutfit.as_is(outfit)
+    return ReadyRollout(method, proxied, motion, motion.transforms(torch.float64), clear)
 
 
 def require_same_skeleton(motion: Clip, outfit: Outfit) -> None:

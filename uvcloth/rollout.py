@@ -15,13 +15,12 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
 from uvcloth.geometry.records import CPU, to_device
 from uvcloth.geometry.skinning import skin
-from uvcloth.methods.capabilities import feed_back, with_contact
+from uvcloth.methods.capabilities import before_finish, feed_back
 from uvcloth.methods.method import Method
 
 if TYPE_CHECKING:
     from uvcloth.garments.proxy import ProxiedOutfit
-    from uvcloth.physics.contact import Contacts
-    from uvcloth.physics.outfit_contact import OutfitContact
+    from uvcloth.physics.outfit_clearing import OutfitClearing
 
 LONGEST, TORN = 4.0, 0.01
 """A garment is torn when more than the share TORN of its edges is longer than LONGEST times its rest length.
@@ -30,27 +29,19 @@ LONGEST, TORN = 4.0, 0.01
 SHORT = 0.001
 """Metres at rest below which an edge counts as that long: stretch of short edges in seams is invisible."""
 
-DEEP = 0.01
-"""Metres inside the body beyond which a vertex is too deep after contact."""
-
-MUCH_SQUEEZED = 0.05
-"""Share of the vertices between parts of the body above which the body counts as intersecting itself."""
-
 JUMPED = "the motion jumps, and the garments start again"
 STRETCHED = f"an edge of a garment has more than {LONGEST:.0f} times its length"
-LEFT_INSIDE = f"cloth remains more than {1000 * DEEP:.0f} mm inside the body"
-SQUEEZED = f"the body intersects itself under more than {100 * MUCH_SQUEEZED:.0f} % of the cloth"
 
 
 @dataclass(frozen=True)
 class RolloutFrame:
     """One frame.
 
-    raw, vertices: per garment (N, 3) m, as predicted and after contact. transforms: (J, 3, 4) and
+    raw, vertices: per garment (N, 3) m, as predicted and after clearing. transforms: (J, 3, 4) and
     body_vertices: (V, 3) of the body. All places are relative to the origin (3,) m, world, float64.
-    milliseconds: "body", "network" and "contact". contacts: what contact did to each garment. replaced:
-    messages on garments without a valid prediction, which linear blend skinning replaced. difficulties:
-    messages on what made the frame difficult, the same words in every frame.
+    milliseconds: "body", "network" and "clearing". replaced: messages on garments without a valid prediction,
+    which linear blend skinning replaced. difficulties: messages on what made the frame difficult, the same
+    words in every frame.
     """
 
     index: int
@@ -59,7 +50,6 @@ class RolloutFrame:
     transforms: Tensor
     body_vertices: Tensor
     milliseconds: Mapping[str, float]
-    contacts: "tuple[Contacts, ...]" = ()
     replaced: tuple[str, ...] = ()
     difficulties: tuple[str, ...] = ()
     origin: Tensor = field(default_factory=lambda: torch.zeros(3, dtype=torch.float64))
@@ -80,15 +70,15 @@ class RolloutFrame:
 class PreparedRollout:
     """A method with an outfit on a device: the data that all their rollouts share.
 
-    prepared: what the method works out for the outfit. contact: what keeps the outfit off the body, None
-    without it.
+    prepared: what the method works out for the outfit. clearing: keeps the outfit off the body, None without
+    it.
     """
 
     method: Method
     outfit: Outfit
     prepared: Any
     limits: "EdgeLimits"
-    contact: "OutfitContact | None"
+    clearing: "OutfitClearing | None"
 
     def frames(
         self,
@@ -112,14 +102,12 @@ class PreparedRollout:
     ) -> Iterator[RolloutFrame]:
         """The same frames as they are computed: around origins that follow the body's root."""
         method, state, start = self.method, None, 0
-        needs_contact = True
-        nothing: tuple[Tensor | None, ...] = (None,) * len(self.outfit.garments)
-        moves = nothing
+        needs_clearing = True
         origin = torch.zeros(3, dtype=torch.float64)
         for batch in posed_batches(self.outfit.body, transforms, fps):
             frames, begins = batch.frames, batch.begins
             if begins:
-                state, moves, needs_contact = method.init(self.prepared, frames[:1]), nothing, True
+                state, needs_clearing = method.init(self.prepared, frames[:1]), True
             else:
                 state = method.displaced(
                     self.prepared, state, (origin - batch.origin)[None].to(frames.vertices)
@@ -138,27 +126,24 @@ class PreparedRollout:
                         transforms=part.transforms[offset, -1],
                         body_vertices=part.vertices[offset, -1],
                         origin=origin,
-                        milliseconds={"body": batch.milliseconds, "network": network_ms, "contact": 0.0},
+                        milliseconds={"body": batch.milliseconds, "network": network_ms, "clearing": 0.0},
                         difficulties=(JUMPED,) if begins and index == start > 0 else (),
                     )
                     frame = self._without(frame, self.limits.not_finite(raw), keep_going)
                     wanted = index % every == 0
-                    if wanted or needs_contact:
-                        resolved, next_moves = self._resolved(frame, moves)
-                        longest, torn = self.limits.stretched(resolved.vertices)
+                    if wanted or needs_clearing:
+                        cleared = self._cleared(frame)
+                        longest, torn = self.limits.stretched(cleared.vertices)
                         if torn:
-                            frame = self._without(frame, torn, keep_going)
-                            fresh = tuple(None if place in torn else move for place, move in enumerate(moves))
-                            resolved, next_moves = self._resolved(frame, fresh)
-                        frame, moves = resolved, next_moves
-                        frame = replace(
-                            frame, difficulties=frame.difficulties + _difficulties(frame, longest)
-                        )
+                            cleared = self._cleared(self._without(frame, torn, keep_going))
+                        frame = cleared
+                        if longest > LONGEST:
+                            frame = replace(frame, difficulties=(*frame.difficulties, STRETCHED))
                     if method.traits.autoregressive and frame.replaced:
                         # What it remembers may be as broken as what it predicted.
                         state = method.init(self.prepared, part)
                     if method.traits.autoregressive and (
-                        index < len(truth) or self.contact or frame.replaced
+                        index < len(truth) or self.clearing or frame.replaced
                     ):
                         feedback = (
                             tuple(_displaced(vertices, -origin) for vertices in truth[index])
@@ -167,7 +152,7 @@ class PreparedRollout:
                         )
                         batched = tuple(vertices[None].to(raw[0].device) for vertices in feedback)
                         following = feed_back(method, self.prepared, state, batched)
-                        needs_contact, state = following is not state, following
+                        needs_clearing, state = following is not state, following
                     if wanted:
                         yield frame
             start += len(frames)
@@ -189,43 +174,35 @@ class PreparedRollout:
             raw[place] = skin(garment.mesh.vertices, garment.smooth_weights, frame.transforms[None])[0]
         return replace(frame, raw=tuple(raw), vertices=tuple(raw), replaced=frame.replaced + reasons)
 
-    def _resolved(
-        self, frame: RolloutFrame, moves: tuple[Tensor | None, ...]
-    ) -> tuple[RolloutFrame, tuple[Tensor | None, ...]]:
-        """The frame with its garments resolved against its body, and what that moved."""
-        if self.contact is None:
-            return frame, moves
+    def _cleared(self, frame: RolloutFrame) -> RolloutFrame:
+        """The frame with its garments moved off its body."""
+        if self.clearing is None:
+            return frame
         begun = time.perf_counter()
-        resolved = self.contact.resolve(frame.raw, frame.body_vertices, moves)
+        vertices = self.clearing.cleared(frame.raw, frame.body_vertices)
         spent = 1000.0 * (time.perf_counter() - begun)
-        return replace(
-            frame,
-            vertices=resolved.vertices,
-            milliseconds={**frame.milliseconds, "contact": spent},
-            contacts=resolved.contacts,
-        ), resolved.moves
+        return replace(frame, vertices=vertices, milliseconds={**frame.milliseconds, "clearing": spent})
 
 
 def prepare_rollout(
-    method: Method, outfit: Outfit, contact: bool = True, device: torch.device = CPU
+    method: Method, outfit: Outfit, clear: bool = True, device: torch.device = CPU
 ) -> PreparedRollout:
     """Compute the data that all rollouts of a method with an outfit share; each rollout then computes only
     frames.
 
     Raises InputError for an outfit that the method does not support.
     """
-    contact = contact and not method.traits.keeps_off_body
-    if contact:
-        method = with_contact(method)
-    prepared = method.prepare(outfit, device)
-    outfit = to_device(outfit, device)
-    if not contact:
-        return PreparedRollout(method, outfit, prepared, EdgeLimits(outfit), None)
-    # Training validates without contact on machines that have nothing to resolve it with.
-    from uvcloth.physics.outfit_contact import OutfitContact
+    clear = clear and not method.traits.keeps_off_body
+    if clear:
+        method = before_finish(method)
+    prepared, clearing = method.prepare(outfit, device), None
+    if clear:
+        # Training validates without clearing on machines that have no compiler for it.
+        from uvcloth.physics.outfit_clearing import OutfitClearing
 
-    resolver = OutfitContact(outfit.body, [garment.mesh for garment in outfit.garments])
-    return PreparedRollout(method, outfit, prepared, EdgeLimits(outfit), resolver)
+        clearing = OutfitClearing.of(outfit.body, [garment.mesh for garment in outfit.garments])
+    outfit = to_device(outfit, device)
+    return PreparedRollout(method, outfit, prepared, EdgeLimits(outfit), clearing)
 
 
 def rollout(
@@ -233,7 +210,7 @@ def rollout(
     outfit: Outfit,
     transforms: Iterable[Tensor],
     fps: float,
-    contact: bool = True,
+    clear: bool = True,
     truth: Sequence[tuple[Tensor, ...]] = (),
     device: torch.device = CPU,
     every: int = 1,
@@ -242,25 +219,23 @@ def rollout(
     """Predict the outfit over a motion, frame after frame.
 
     transforms: (J, 3, 4) of each frame in turn, a tensor or a stream. The body stands still before its first
-    frame. With contact, vertices inside the body (forearms and hands left out, as in the simulations) are
-    moved out of it after each frame, outer garments off the inner ones that they cover, and edges get their
-    rest length back; that is fed back to an autoregressive method. A method leaves out what contact does
-    better (`ContactAware`), so that its predictions may differ from those without contact; a method that
-    keeps garments off the body by itself has no contact.
+    frame. clear: after each frame, vertices in the body are moved out of it, and outer garments off the inner
+    ones that they cover (`OutfitClearing`); that is fed back to an autoregressive method. A method leaves out
+    what clearing does with less error (`FinishAware`), so that its predictions may differ from those without
+    it; a method that keeps garments off the body by itself is not cleared.
 
     truth: the garments, (N, 3) m each, that are fed back to an autoregressive method after each of the first
-    frames instead of its own. Contact continues from its last corrections, as always. Other methods
-    ignore it. device: everything runs on it.
+    frames instead of its own. Other methods ignore it. device: all but clearing runs on it.
 
     every: yield one of this many frames; only these are predicted, unless the method is autoregressive, and
-    only these are corrected by contact, unless the method continues from the corrected garments. keep_going:
+    only these are cleared, unless the method continues from the cleared garments. keep_going:
     in a frame where a garment is torn or not finite, linear blend skinning replaces it, the frame reports
     this, and the replacement is fed back.
 
     Raises InputError naming the frame where a transform is not a finite number, and BrokenRolloutError where
     a prediction is not, or is torn, and the rollout is not to keep going.
     """
-    yield from prepare_rollout(method, outfit, contact, device).frames(
+    yield from prepare_rollout(method, outfit, clear, device).frames(
         transforms, fps, truth, every, keep_going
     )
 
@@ -278,7 +253,7 @@ def rollout_proxied(
     proxied: "ProxiedOutfit",
     transforms: Iterable[Tensor],
     fps: float,
-    contact: bool = True,
+    clear: bool = True,
     *,
     device: torch.device = CPU,
     every: int = 1,
@@ -288,7 +263,7 @@ def rollout_proxied(
 
     Their places are relative to origins that follow the body's root.
     """
-    prepared = prepare_rollout(method, proxied.outfit, contact, device)
+    prepared = prepare_rollout(method, proxied.outfit, clear, device)
     for predicted in prepared.around_root(transforms, fps, every=every, keep_going=keep_going):
         frame = to_device(predicted, CPU)
         if proxied.contact is None:
@@ -296,8 +271,8 @@ def rollout_proxied(
             continue
         begun = time.perf_counter()
         vertices = proxied.shown(frame.vertices, frame.body_vertices)
-        spent = frame.milliseconds["contact"] + 1000.0 * (time.perf_counter() - begun)
-        milliseconds = {**frame.milliseconds, "contact": spent}
+        spent = frame.milliseconds["clearing"] + 1000.0 * (time.perf_counter() - begun)
+        milliseconds = {**frame.milliseconds, "clearing": spent}
         yield replace(
             frame, raw=proxied.mesh_vertices(frame.raw), vertices=vertices, milliseconds=milliseconds
         )
@@ -346,17 +321,6 @@ def _displaced(points: Tensor, shift: Tensor) -> Tensor:
 def _transformed(transforms: Tensor, shift: Tensor) -> Tensor:
     """Transforms (..., 3, 4) followed by a shift (3,) in float64, m."""
     return torch.cat([transforms[..., :3], _displaced(transforms[..., 3], shift)[..., None]], dim=-1)
-
-
-def _difficulties(frame: RolloutFrame, longest: float) -> tuple[str, ...]:
-    """Messages on what made a frame difficult, after contact; longest: its longest edge, in rest lengths."""
-    vertices = sum(len(garment) for garment in frame.vertices)
-    faults = {
-        STRETCHED: longest > LONGEST,
-        LEFT_INSIDE: any(contacts.deepest > DEEP for contacts in frame.contacts),
-        SQUEEZED: sum(contacts.squeezed for contacts in frame.contacts) > MUCH_SQUEEZED * vertices,
-    }
-    return tuple(words for words, true in faults.items() if true)
 
 
 def _single(frames: BodyFrames) -> Iterator[BodyFrames]:

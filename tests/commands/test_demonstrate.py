@@ -80,13 +80,13 @@ def test_all_methods_are_drawn_below_the_simulation_at_the_same_moments(
             # The simulation comes from a file, which keeps vertices to 0.05 mm.
             np.testing.assert_allclose(row.astype(int), drawn[0].astype(int), rtol=0, atol=1)
         network = outfit.network
-        assert f"simulation, {network} with contact, {network} with --finish dynamic, physics" in printed
+        assert f"simulation, {network} cleared, {network} with --finish dynamic, physics" in printed
     ways = [(c.garment, c.model, c.finish) for c in commands if hasattr(c, "finish")]
     for outfit in demo.OUTFITS:
         for model, finish in (
-            (outfit.network, "contact"),
+            (outfit.network, "clear"),
             (outfit.network, "dynamic"),
-            ("physics", "contact"),
+            ("physics", "clear"),
         ):
             assert ways.count((outfit.garments, (model,), finish)) == 1
 

@@ -24,7 +24,6 @@ from uvcloth.geometry.skinning import skin
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.method import Traits
 from uvcloth.motion.library import load_clip
-from uvcloth.physics.contact import Contacts
 from uvcloth.rollout import BrokenRolloutError, RolloutFrame
 
 FRAMES = 4
@@ -47,7 +46,7 @@ def scene(monkeypatch, body):
     faces = torch.tensor([[0, 1, 2]])
     mesh = Mesh(raw, faces, torch.zeros(0, 2), torch.zeros(0, 3, dtype=torch.int64))
 
-    def rollout(method, proxied, transforms, fps, contact, device, every, keep_going):
+    def rollout(method, proxied, transforms, fps, clear, device, every, keep_going):
         for joints in still:
             yield RolloutFrame(
                 raw=(raw,),
@@ -55,7 +54,6 @@ def scene(monkeypatch, body):
                 transforms=joints,
                 body_vertices=body.mesh.vertices,
                 milliseconds={"network": 2.0},
-                contacts=(Contacts(1, 0, 2, 0.0),) if contact else (),
                 index=0,
                 replaced=(),
             )
@@ -97,25 +95,13 @@ def test_one_rollout_writes_every_file_that_is_asked_for(scene, tmp_path):
         assert np.abs(written - scene.resolved[glb.source("tops")].numpy()).max() < 1e-5
 
 
-def test_the_summary_counts_what_is_inside_the_body(scene, tmp_path):
-    summary = animate(skinned(tmp_path / "walk.npz"))
-    assert summary.inside_before == pytest.approx(100 / 3)
-    assert summary.inside_after == 0
-    assert summary.squeezed == pytest.approx(200 / 3)
-    assert summary.milliseconds["network"] == pytest.approx(2.0)
-    assert set(summary.milliseconds) == {"network", "measuring", "writing"}
-    without = animate(skinned(tmp_path / "raw.npz", finish="none"))
-    assert without.inside_before is None
-    assert [line.partition(" ")[0] for line in without.lines()[-2:]] == ["ms", "no"]
-
-
 def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
     """A shirt that hangs two centimetres too far back lets the chest through, one in its place hardly any."""
     clip = load_clip("walk", body).window(0, FRAMES)
     shirt = fit_template("tops", body)
 
-    def rollout(method, proxied, transforms, fps, contact, device, every, keep_going):
-        aside = torch.tensor([0.0, 0.0 if contact else 0.02, 0.0])
+    def rollout(method, proxied, transforms, fps, clear, device, every, keep_going):
+        aside = torch.tensor([0.0, 0.0 if clear else 0.02, 0.0])
         for joints in transforms.float():
             worn = skin(shirt.mesh.vertices, shirt.smooth_weights, joints[None])[0] + aside
             yield RolloutFrame(
@@ -124,14 +110,13 @@ def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
                 transforms=joints,
                 body_vertices=skin(body.mesh.vertices, body.weights, joints[None])[0],
                 milliseconds={},
-                contacts=(),
                 index=0,
                 replaced=(),
             )
 
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
     monkeypatch.setattr(ready, "rollout_proxied", rollout)
-    shown = [animate(skinned(tmp_path / "walk.npz", finish=finish)) for finish in ("contact", "none")]
+    shown = [animate(skinned(tmp_path / "walk.npz", finish=finish)) for finish in ("clear", "none")]
     assert shown[0].skin < 1.0
     assert shown[1].skin > 10.0
     assert shown[1].worst[0] >= shown[1].skin
@@ -147,7 +132,7 @@ def test_the_summary_names_the_frame_to_look_at_and_what_was_replaced():
         totals.frames += 1
         totals.add_skin(percent, index)
     totals.replaced.append("frame 1: garment tops is torn")
-    lines = totals.summary((), 1.0, 1, 1).lines()
+    lines = totals.summary((), 1.0, 1).lines()
     assert "2.5 % at frame 1" in lines[-1]
     assert "frame 1: garment tops is torn" in lines
 

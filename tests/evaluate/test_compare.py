@@ -356,11 +356,13 @@ class Sinking(Method, Feedback):
         )
 
 
-def test_before_contact_a_method_never_sees_contact(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Alone it sinks by a millimetre a frame; what contact leaves is wider, its edges having their length."""
-    monkeypatch.setattr(selecting, "fit_template", lambda name, body: tube_garment(name))
+def test_before_the_finish_a_method_never_sees_what_it_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Alone it sinks by a millimetre a frame, into the body; what clearing leaves stays outside."""
+    garment = tube_garment("tops", radius=0.163)
+    monkeypatch.setattr(selecting, "fit_template", lambda name, body: garment)
     monkeypatch.setattr(selecting, "garment_map", lambda *_: None)
-    garment = tube_garment("tops")
     save_simulated(simulated(garment, "02_04", torch.zeros(3)), tmp_path / "data" / "02_04_tops.npz")
     results, _ = judged(Sinking(), tmp_path / "data", tmp_path / "out")
     own = results["methods"]["sinking"]

@@ -1,4 +1,4 @@
-"""Scores of predictions before and after contact; inside shares agree with the contact room's own count."""
+"""Scores of predictions before and after the finish; inside shares agree with those of the obstacle."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -20,7 +20,7 @@ from uvcloth.dataset.clip import clip_of_garment
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
-from uvcloth.methods.capabilities import ContactAware
+from uvcloth.methods.capabilities import FinishAware
 from uvcloth.methods.method import Method
 
 
@@ -57,13 +57,13 @@ def test_inside_counts_what_lies_within_the_body() -> None:
 
 
 @dataclass(frozen=True)
-class Raised(Method, ContactAware):
-    """Its garment 40 cm above rest, where contact leaves it alone, and 1 cm higher where none follows."""
+class Raised(Method, FinishAware):
+    """Its garment 40 cm above rest, where clearing leaves it alone, and 1 cm higher where none follows."""
 
     name: str = "raised"
     height: float = 0.41
 
-    def with_contact(self) -> "Raised":
+    def before_finish(self) -> "Raised":
         return replace(self, height=0.4)
 
     def prepare(self, outfit: Outfit, device: torch.device) -> torch.Tensor:
@@ -75,7 +75,7 @@ class Raised(Method, ContactAware):
         return state, (prepared.expand(len(frames), -1, -1),)
 
 
-def test_figures_before_contact_are_of_the_method_without_it() -> None:
+def test_figures_before_the_finish_are_of_the_method_without_it() -> None:
     moved, garment = simulated(tube_garment("tops"), "02_04", torch.zeros(3)), tube_garment("tops")
     still = torch.eye(3, 4).expand_as(moved.transforms)
     moved = altered(moved, transforms=still, vertices=garment.mesh.vertices.expand_as(moved.vertices))

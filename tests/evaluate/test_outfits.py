@@ -137,7 +137,7 @@ def test_several_models_in_order_dress_an_outfit(data: Path) -> None:
 
 
 def test_methods_that_use_feedback_see_the_truth_of_all_garments(data: Path) -> None:
-    """Each sinks by a millimetre a frame from wherever it was left; the tops' contact is with the bottoms."""
+    """Each sinks by a millimetre a frame from wherever it was left; the tops are cleared off the bottoms."""
     results, _ = judged(data, [replace(Ensemble.of((Sinking(), Sinking())), name="both")])
     both = results["methods"]["both"]
     whole = both["outfits"][OUTFIT]

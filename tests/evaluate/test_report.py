@@ -33,14 +33,14 @@ PIXEL = bytes.fromhex(
 )
 
 
-CONTACT = 0.8
-"""What contact leaves of an error."""
+CLEARED = 0.8
+"""Share of an error that a finish leaves."""
 
 
 def cell(mean: float) -> dict[str, float]:
-    """Of a method whose mean distance is that before contact."""
+    """Of a method whose mean distance is that before the finish."""
     both: dict[str, float] = {}
-    for stage, error in (("_raw", mean), ("", CONTACT * mean)):
+    for stage, error in (("_raw", mean), ("", CLEARED * mean)):
         both |= {
             f"vertex_mse_mm2{stage}": 1.3 * error**2,
             f"vertex_rmse_mm{stage}": 1.14 * error,
@@ -62,7 +62,7 @@ def cell(mean: float) -> dict[str, float]:
 def steps(mean: float) -> dict[str, float | None]:
     """One of the fields called stability."""
     both: dict[str, float | None] = {}
-    for stage, error in (("_raw", mean), ("", CONTACT * mean)):
+    for stage, error in (("_raw", mean), ("", CLEARED * mean)):
         both |= {
             f"one_step_mm{stage}": 0.1 * error,
             f"rollout_50_mm{stage}": 0.5 * error,
@@ -175,7 +175,7 @@ def write_fake(out: Path) -> Path:
 def test_standings_compare_with_the_better_lbs() -> None:
     rows = {(row.method, row.garment): row for row in standings(fake_results())}
     before, after = rows["net", "tops"].before, rows["net", "tops"].after
-    assert (before.mean_mm, after.mean_mm) == pytest.approx((27.0, CONTACT * 27.0))
+    assert (before.mean_mm, after.mean_mm) == pytest.approx((27.0, CLEARED * 27.0))
     assert before.rmse_mm == pytest.approx(1.14 * (24**2 / 3 + 27**2 / 3 + 30**2 / 3) ** 0.5)
     assert before.against == pytest.approx(27.0 / 33.0)
     assert (before.won, before.of) == (3, 3)
@@ -190,13 +190,13 @@ def test_a_baseline_is_one_by_nature_not_by_name() -> None:
     assert rows["lbs_smooth", "tops"].before.against is None
 
 
-def test_contact_may_turn_a_standing_around() -> None:
+def test_a_finish_may_turn_a_standing_around() -> None:
     results = fake_results()
     for by_garment in results["methods"]["lbs_smooth"]["actions"].values():
         by_garment["tops"]["vertex_mean_mm"] = 10.0
     net = {(row.method, row.garment): row for row in standings(results)}["net", "tops"]
     assert (net.before.won, net.after.won) == (3, 0)
-    assert net.after.against == pytest.approx(CONTACT * 27.0 / 10.0)
+    assert net.after.against == pytest.approx(CLEARED * 27.0 / 10.0)
     said = summary(results).splitlines()
     assert "  -18 %, 3 of 3" in said[4]
     assert "+116 %, 0 of 3" in said[4]
@@ -318,7 +318,7 @@ def test_page_leaves_out_what_a_method_does_not_dress(tmp_path: Path) -> None:
         "Method", "simulation", "lbs", "lbs_smooth", "simulation", "lbs", "lbs_smooth", "net"
     ]  # fmt: skip
     assert [row[:2] for row in rows(page, 'id="cost"')][-1] == ["net", "dress"]
-    charts = re.findall(r'aria-label="tops: mean vertex distance before contact">.*?</svg>', page)
+    charts = re.findall(r'aria-label="tops: mean vertex distance before the finish">.*?</svg>', page)
     assert 'class="m1"' in charts[0]
     assert 'class="m2"' not in charts[0]
     headers = re.search(r'id="viewer-clips">(.*?)</script>', page)
@@ -390,17 +390,17 @@ def test_page_says_what_is_inside_the_body_in_each_action(tmp_path: Path) -> Non
     assert ["all frames", "0", "0.25", *plain, *plain, "2.50", "0", "0.25"] in found
 
 
-def test_page_has_figures_before_contact_first(tmp_path: Path) -> None:
+def test_page_has_figures_before_the_finish_first(tmp_path: Path) -> None:
     page = write_report(tmp_path, fake_results(), [], []).read_text()
     standing = rows(page, 'id="standings"')
-    assert [text for text in standing[0] if "contact" in text] == ["Before contact", "After contact"]
+    assert [text for text in standing[0] if "finish" in text] == ["Before the finish", "After the finish"]
     assert standing[2][2:4] == ["43.0", "49.1"]
     assert standing[2][6:8] == ["34.4", "39.3"]
     keys = re.findall(r'name="measure" value="(\w+)"', page)
     assert keys[:4] == ["vertex_mean_mm_raw", "vertex_rmse_mm_raw", "vertex_mse_mm2_raw", "map_mse_mm2"]
     assert page.index('id="physics-before"') < page.index('id="physics-after"')
-    titles = re.findall(r'aria-label="(tops, \w+ contact)"', page)
-    assert titles == ["tops, before contact", "tops, after contact"]
+    titles = re.findall(r'aria-label="(tops, \w+ the finish)"', page)
+    assert titles == ["tops, before the finish", "tops, after the finish"]
 
 
 def test_page_says_what_shows_and_what_runs_through_what(tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ class Straying(Method, Feedback):
 
 @pytest.fixture
 def window() -> SimulatedClip:
-    """A garment that stays 5 cm above its rest shape: far enough that contact leaves it alone."""
+    """A garment that stays 5 cm above its rest shape: far enough that clearing leaves it alone."""
     return simulated(tube_garment("tops"), "02_04", torch.tensor([0.0, 0.0, 0.05]))
 
 

@@ -12,7 +12,7 @@ from uvcloth.rollout import rollout
 
 def rolled_out(method: Method, outfit: Outfit, clip: Clip) -> list[np.ndarray]:
     """Per garment (F, N, 3): what `uvcloth rollout` makes of the clip."""
-    frames = [frame.vertices for frame in rollout(method, outfit, clip.transforms(), clip.fps, contact=False)]
+    frames = [frame.vertices for frame in rollout(method, outfit, clip.transforms(), clip.fps, clear=False)]
     return [torch.stack(parts).numpy() for parts in zip(*frames, strict=True)]
 
 

@@ -98,7 +98,7 @@ def test_the_rest_pose_is_held_without_a_motion(model: Method, pose_rig: PoseRig
     assert len(rig.transforms) == len(rig.weights) == 0
     still = torch.eye(3, 4).expand(1, len(rig.skeleton.names), 3, 4)
     posed = replace(rig, weights=rig.resting[None], transforms=still.numpy())
-    frame = next(rollout(model, outfit, still, 30.0, contact=False))
+    frame = next(rollout(model, outfit, still, 30.0, clear=False))
     assert farthest(played(posed), [vertices[None].numpy() for vertices in frame.vertices]) < 1e-5
 
 

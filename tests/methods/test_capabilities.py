@@ -16,14 +16,14 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import apply_transforms
 from uvcloth.methods.capabilities import (
     CAPABILITIES,
-    ContactAware,
     Feedback,
+    FinishAware,
     Representation,
     Riggable,
+    before_finish,
     feed_back,
     garment_space,
     round_trip,
-    with_contact,
 )
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.method import Method, Traits
@@ -68,7 +68,7 @@ class Raised:
 
 
 @dataclass(frozen=True)
-class Able(Bare, Feedback, ContactAware, Riggable, Representation):
+class Able(Bare, Feedback, FinishAware, Riggable, Representation):
     """Every capability; its maps show everything at a height that is a multiple of 10 cm."""
 
     name: str = "able"
@@ -77,8 +77,8 @@ class Able(Bare, Feedback, ContactAware, Riggable, Representation):
     def feed_back(self, prepared: Any, state: Any, garments: Any) -> Any:
         return garments
 
-    def with_contact(self) -> Method:
-        return Able("with contact")
+    def before_finish(self) -> Method:
+        return Able("before a finish")
 
     def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> Any:
         return RIG
@@ -107,7 +107,7 @@ def test_wrappers_have_a_capability_only_if_the_method_inside_has_it(kind: type)
     ensemble, twice, finished = (bool(wrapper.capability(kind)) for wrapper in wrapped(Able()))
     assert twice
     assert ensemble == (kind is not Riggable)
-    # What the solver moves needs no contact and is no rig; it feeds the method inside by itself.
+    # What the solver moves needs no clearing and is no rig; it feeds the method inside by itself.
     assert finished == (kind is Representation)
 
 
@@ -137,7 +137,7 @@ def test_a_resized_method_is_asked_in_its_own_size() -> None:
     up = torch.eye(3, 4).repeat(2, 1, 1, 1)
     up[..., 2, 3] = 0.7
     torch.testing.assert_close(space.encode(decoded + torch.tensor([0.0, 0.0, 0.7]), up), codes)
-    assert with_contact(twice) == Resized(Able("with contact"), 2.0, "twice")
+    assert before_finish(twice) == Resized(Able("before a finish"), 2.0, "twice")
 
 
 def test_an_ensemble_asks_each_method_for_its_garment() -> None:
@@ -185,6 +185,6 @@ def test_the_method_of_the_contributing_page_runs() -> None:
     garment = fit_template("tops", body)
     turn = torch.eye(3, 4).repeat(2, len(body.skeleton.names), 1, 1)
     turn[1, :, 2, 3] = 0.1
-    frames = list(rollout(names["HipBound"](), Outfit(body, (garment,)), turn, 30.0, contact=False))
+    frames = list(rollout(names["HipBound"](), Outfit(body, (garment,)), turn, 30.0, clear=False))
     up = torch.tensor([0.0, 0.0, 0.1])
     torch.testing.assert_close(frames[1].vertices[0], garment.mesh.vertices + up, atol=1e-5, rtol=0)

@@ -17,7 +17,7 @@ def test_a_rigid_motion_carries_the_garment_exactly():
     motion = rigid.expand(2, len(body.skeleton.names), 3, 4)
     expected = garment.mesh.vertices @ turn.T + rigid[:, 3]
     for name in ("lbs", "lbs_smooth"):
-        for frame in rollout(load_method(name, body), Outfit(body, (garment,)), motion, 30.0, contact=False):
+        for frame in rollout(load_method(name, body), Outfit(body, (garment,)), motion, 30.0, clear=False):
             torch.testing.assert_close(frame.vertices[0], expected, atol=1e-5, rtol=0.0)
 
 
@@ -29,7 +29,7 @@ def test_lbs_follows_the_closest_body_vertices():
     points = garment.mesh.vertices[some]
     nearest = torch.cdist(points.double(), body.mesh.vertices.double()).argmin(1)
     expected = skin(points, body.weights[nearest], motion)
-    frames = rollout(load_method("lbs", body), Outfit(body, (garment,)), motion, 30.0, contact=False)
+    frames = rollout(load_method("lbs", body), Outfit(body, (garment,)), motion, 30.0, clear=False)
     vertices = torch.stack([frame.vertices[0][some] for frame in frames])
     torch.testing.assert_close(vertices, expected, atol=1e-5, rtol=0.0)
 
@@ -42,7 +42,7 @@ def test_smooth_weights_stretch_edges_less():
     strain = {}
     for name in ("lbs", "lbs_smooth"):
         method = load_method(name, body)
-        frames = list(rollout(method, Outfit(body, (garment,)), motion, 30.0, contact=False))
+        frames = list(rollout(method, Outfit(body, (garment,)), motion, 30.0, clear=False))
         vertices = torch.stack([frame.vertices[0] for frame in frames])
         length = (vertices[:, faces[:, 0]] - vertices[:, faces[:, 1]]).norm(dim=2)
         rest_length = (rest[faces[:, 0]] - rest[faces[:, 1]]).norm(dim=1)

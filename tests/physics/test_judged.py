@@ -6,11 +6,9 @@ import trimesh
 from torch import Tensor
 
 from tests.physics import judge
-from tests.physics.test_contact import dressed, ellipsoid, grid, obstacle, tensors
 from uvcloth.bodies.body import Body
-from uvcloth.bodies.collider import make_collider
 from uvcloth.garments.templates import TEMPLATES, fit_template
-from uvcloth.physics.contact import SKIN_CLEARANCE, Obstacle
+from uvcloth.physics.outfit_clearing import CLEARANCE, OutfitClearing
 from uvcloth.physics.self_intersection import crossing_edges_percent
 
 
@@ -41,29 +39,19 @@ def test_a_garment_that_is_pulled_through_itself(body: Body) -> None:
         assert shares.tolist() == pytest.approx([0.0, judge.crossing_percent(crossed, mesh.faces)], abs=0.02)
 
 
-def test_another_library_finds_cloth_and_body_apart_after_contact() -> None:
-    """A sheet over a sphere that does not meet it is outside of it: no distance is negative."""
-    ball = ellipsoid(0.3, 0.3, 0.3)
-    x, y = torch.meshgrid(*[torch.linspace(-0.3, 0.3, 41)] * 2, indexing="ij")
-    sheet = torch.stack([x.flatten(), y.flatten(), torch.full((41 * 41,), 0.28)], dim=1)
-    faces, worn = grid(41, 41), obstacle(ball)
-    garment = dressed(sheet, faces)
-    resolved, _ = worn.resolve(sheet, garment)
-    assert judge.meet(tensors(ball), (sheet, faces))
-    assert not judge.meet(tensors(ball), (resolved, faces))
-    found = judge.distance(tensors(ball), (resolved, faces), reach=0.02)
-    ours = float(worn.skin(resolved, garment).distance.min())
-    # Between the vertices the sheet is a little nearer than they are.
-    assert 0 < found <= ours + 1e-6
-    assert found > ours - 0.002
+def test_another_library_finds_a_shirt_and_the_body_apart_once_it_is_cleared(body: Body) -> None:
+    mesh, skin = fit_template("tops", body).mesh, (body.mesh.vertices, body.mesh.faces)
+    tight = mesh.vertices * torch.tensor([1.0, 0.9, 1.0])
+    (cleared,) = OutfitClearing.of(body, [mesh]).cleared([tight], body.mesh.vertices)
+    assert judge.meet(skin, (tight, mesh.faces))
+    assert not judge.meet(skin, (cleared, mesh.faces))
 
 
 def test_another_library_finds_templates_and_body_apart_at_rest(body: Body) -> None:
-    worn = Obstacle(make_collider(body), body.mesh.vertices)
+    skin = (body.mesh.vertices, body.mesh.faces)
     for name in TEMPLATES:
         mesh = fit_template(name, body).mesh
-        resolved, _ = worn.resolve(mesh.vertices, worn.contact_garment(mesh.vertices, mesh.faces))
-        skin = (body.mesh.vertices, body.mesh.faces)
-        assert not judge.meet(skin, (resolved, mesh.faces))
-        nearest = 0.015 if name == "jacket" else SKIN_CLEARANCE + 1e-4  # There is room for a shirt beneath.
-        assert 0 < judge.distance(skin, (resolved, mesh.faces), reach=0.02) < nearest
+        (cleared,) = OutfitClearing.of(body, [mesh]).cleared([mesh.vertices], body.mesh.vertices)
+        assert not judge.meet(skin, (cleared, mesh.faces))
+        nearest = 0.015 if name == "jacket" else CLEARANCE + 1e-3  # There is room for a shirt beneath.
+        assert 0 < judge.distance(skin, (cleared, mesh.faces), reach=0.02) < nearest

@@ -10,7 +10,7 @@ from uvcloth.garments.band import hems
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import boundary_edges, weld
-from uvcloth.physics.contact import Obstacle, Skin
+from uvcloth.physics.obstacle import Obstacle, Skin
 from uvcloth.simulate.hems import unsupported_hem
 
 FPS = 30.0
@@ -25,7 +25,7 @@ def dress(body: Body) -> Garment:
 def judge(vertices: Tensor, skinned: Tensor, dress: Garment, body: Body, posed: Tensor) -> tuple | None:
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     rest, faces = dress.mesh.vertices, dress.mesh.faces
-    garment = obstacle.contact_garment(rest, faces)
+    garment = obstacle.contact_garment(rest)
 
     def skin_at(frame: int) -> Skin:
         obstacle.update(posed.expand(len(vertices), -1, -1)[frame])
@@ -79,7 +79,7 @@ def test_a_skirt_that_lies_on_the_thighs_is_supported(dress: Garment, body: Body
     turn = torch.tensor([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
     posed, lying = body.mesh.vertices @ turn.T, dress.mesh.vertices @ turn.T
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
-    worn = obstacle.contact_garment(dress.mesh.vertices, dress.mesh.faces)
+    worn = obstacle.contact_garment(dress.mesh.vertices)
     obstacle.update(posed)
     skin = obstacle.skin(lying.contiguous(), worn, 0.3)
     lying = lying - ((skin.distance - 0.01) * (skin.distance < 0.3))[:, None] * skin.normals

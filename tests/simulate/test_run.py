@@ -11,12 +11,12 @@ from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.joined import join
-from uvcloth.garments.layer_thickness import LAYER_THICKNESS, inner_thickness
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
+from uvcloth.physics.layer_thickness import LAYER_THICKNESS, inner_thickness
 from uvcloth.simulate.engine import Frame, Scene
 from uvcloth.simulate.run import simulate
 
@@ -89,7 +89,10 @@ def test_layers_are_simulated_as_one_and_come_back_apart(body: Body, clip: Clip)
 def test_an_outer_layer_leaves_room_where_it_covers(body: Body) -> None:
     under, over = (join(fit_template(name, body), body) for name in ("bottoms", "tops"))
     points = over.garment.mesh.vertices[over.kept]
-    room, heights = inner_thickness(points, (under.garment.mesh,)), points[:, 2]
+    room, heights = (
+        inner_thickness(points, [(under.garment.mesh.vertices, under.garment.mesh.faces)]),
+        points[:, 2],
+    )
     top = float(under.garment.mesh.vertices[:, 2].max())
     assert not room[heights > top + 0.03].any()
     torch.testing.assert_close(room[heights < top - 0.03].median(), torch.tensor(LAYER_THICKNESS))

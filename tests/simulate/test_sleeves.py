@@ -23,7 +23,7 @@ from uvcloth.geometry.skeleton import joint_transforms, world_rotations
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.motion.library import load_clip
-from uvcloth.physics.contact import Obstacle
+from uvcloth.physics.obstacle import Obstacle
 from uvcloth.simulate.engine import Frame, Scene
 from uvcloth.simulate.quality_check import examine
 from uvcloth.simulate.run import simulate
@@ -132,6 +132,6 @@ def test_contact_opens_forearms_for_sleeves_as_the_simulation_does(body: Body) -
     collider = make_collider(body)
     touched = collider.touches(mesh.vertices, body.mesh.vertices).any(1)
     opened = make_opening(collider.for_cloth(touched), body.mesh.vertices).opened(collider.vertices(posed))
-    obstacle.contact_garment(mesh.vertices, mesh.faces)
+    obstacle.contact_garment(mesh.vertices)
     obstacle.update(posed)
     torch.testing.assert_close(obstacle._parts.points, opened)

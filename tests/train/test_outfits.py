@@ -102,7 +102,7 @@ def test_an_outer_model_sees_the_inner_garment(runs: tuple[Path, Path]) -> None:
     outfit = Outfit(body, tuple(fit_template(name, body) for name in ("bottoms", "tops")))
     (inner, outer), motion = (load_method(run, body) for run in runs), swaying(3, seed=5).transforms()
     shirts = [
-        list(rollout(Ensemble.of((below, outer)), outfit, motion, 30.0, contact=False))[-1].raw[1]
+        list(rollout(Ensemble.of((below, outer)), outfit, motion, 30.0, clear=False))[-1].raw[1]
         for below in (inner, load_method("lbs", body))
     ]
     assert not torch.equal(*shirts)

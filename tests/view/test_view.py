@@ -29,7 +29,7 @@ from uvcloth.motion.library import load_clip, save_clip
 from uvcloth.rollout import RolloutFrame
 from uvcloth.view.choices import Choice, Choices
 from uvcloth.view.computation import Computation, Performance
-from uvcloth.view.heat import COLORS, CONTACT, ERROR, STRETCH, Stretch, bands
+from uvcloth.view.heat import CLEARING, COLORS, ERROR, STRETCH, Stretch, bands
 from uvcloth.view.viewer import Viewer
 
 pytest.importorskip("viser", reason="viser is not installed")
@@ -53,7 +53,7 @@ def shell() -> Mesh:
 
 
 def rising(title: str, speed: float, truth: Tensor | None = None) -> Performance:
-    """A shell around the small body that rises by `speed` metres per frame, a centimetre of it by contact."""
+    """A shell around the small body that rises by `speed` metres per frame, a centimetre by clearing."""
     body, mesh = small_body(), shell()
 
     def frames() -> Iterator[RolloutFrame]:
@@ -147,7 +147,7 @@ def test_heat_maps_color_every_face_once(viewer: Viewer) -> None:
     viewer._playing.value = False
     faces = len(shell().faces)
     # Rigid; 17 mm of 20; 30 mm of 50.
-    for quantity, band in ((STRETCH, 0), (CONTACT, 7), (ERROR, 5)):
+    for quantity, band in ((STRETCH, 0), (CLEARING, 7), (ERROR, 5)):
         viewer._heat.value = quantity.label
         viewer.tick()
         visible = {

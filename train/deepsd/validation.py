@@ -14,8 +14,8 @@ from uvcloth.bodies.collider import Collider, make_collider
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.skinning import skin
 from uvcloth.methods.deepsd.network import Branch
-from uvcloth.physics.contact import ContactGarment, Obstacle
 from uvcloth.physics.measures import edge_change, fold_cosine
+from uvcloth.physics.obstacle import ContactGarment, Obstacle
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 
 Energy = Callable[[OutfitFrames, PosedOutfit, Tensor], Tensor]
@@ -80,7 +80,7 @@ class Validation:
             ),
             frames.vertices[rows] if len(frames.vertices) else frames.vertices,
             obstacle,
-            obstacle.contact_garment(graph.points, torch.cat(graph.faces)),
+            obstacle.contact_garment(graph.points),
         )
 
     @torch.no_grad()

@@ -261,7 +261,7 @@ class DynamicsObjective(ShapeObjective):
         )
 
     def validate(self, net: Any) -> dict[str, float]:
-        """Mean vertex error over rollouts of the held-out clips, side by side, before contact, mm."""
+        """Mean vertex error over rollouts of the held-out clips, side by side, before the finish, mm."""
         dataset = self.dataset
         config, network = dataset.config, for_inference(net, dataset.device)
         method = MotionGuided(config, self.space, network)

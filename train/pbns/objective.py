@@ -29,10 +29,10 @@ from uvcloth.methods.pbns.method import PBNS, new_network, pbns_checkpoint, rest
 from uvcloth.methods.pbns.network import PBNSConfig, PBNSNetwork
 from uvcloth.methods.rig import pose_vectors
 from uvcloth.motion.poses import PoseDatabase
-from uvcloth.physics.contact import Obstacle
 from uvcloth.physics.fabric import Fabric
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.physics.measures import edge_change, fold_angle, fold_cosine
+from uvcloth.physics.obstacle import Obstacle
 from uvcloth.physics.posed_batch import ClosestPointCache, empty_cache
 from uvcloth.physics.surface import BodySurface
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
@@ -202,8 +202,8 @@ class PBNSObjective(Objective):
         bodies = posed_skin(body, transforms.cpu())
         obstacle = Obstacle(make_collider(body), body.mesh.vertices)
         inside = torch.zeros(len(posed))
-        for rows, faces in self._pieces():
-            garment = obstacle.contact_garment(self.points[rows].cpu(), faces.cpu())
+        for rows, _ in self._pieces():
+            garment = obstacle.contact_garment(self.points[rows].cpu())
             share = obstacle.inside_percent(posed[:, rows].cpu().contiguous(), garment, bodies)
             inside += share * len(rows) / len(self.points)
         return inside.mean()

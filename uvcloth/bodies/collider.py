@@ -144,11 +144,17 @@ def touch_bits(touches: Tensor) -> Tensor:
 
 
 def compact(parts: Sequence[Tensor]) -> tuple[Tensor, list[NDArray]]:
-    """Collider vertices (C,) int64 that some parts have, and the faces (F, 3) of each part into these."""
-    if not parts:
-        return torch.zeros(0, dtype=torch.int64), []
-    used, corners = torch.cat(list(parts)).unique(return_inverse=True)
-    return used, [part.numpy() for part in corners.split([len(part) for part in parts])]
+    """Collider vertices (C,) int64 of some parts, and the faces (F, 3) of each part into these.
+
+    A vertex on the rim between two parts is there for each, so that each is a surface of its own.
+    """
+    used, faces, first = [torch.zeros(0, dtype=torch.int64)], [], 0
+    for part in parts:
+        vertices, corners = part.unique(return_inverse=True)
+        used.append(vertices)
+        faces.append((corners + first).numpy())
+        first += len(vertices)
+    return torch.cat(used), faces
 
 
 def collider_near(body: Body, points: Tensor, reach: float) -> tuple[Tensor, Collider]:

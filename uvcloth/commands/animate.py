@@ -57,7 +57,7 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
     command: options of the rollout; its threads and view are left to the caller. audience: receives each
     frame. A motion of one frame, a pose, becomes a motion from the rest pose into it.
 
-    Coarse garments are carried by proxies, unless there is no contact. Raises InputError for bad input or a
+    Coarse garments are carried by proxies, unless there is no clearing. Raises InputError for bad input or a
     full disk; then, as after Ctrl-C, writes nothing. If the rollout breaks, the frames before are kept, and
     the InputError says where they are.
     """
@@ -67,8 +67,8 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
     with console.status("preparing"):
         outfit = Outfit(body, _load_garments(command, body, report))
         place = find_device(command.device)
-        method, contact = _load_method(command, outfit)
-        ready = ready_rollout(method, outfit, load_clip(command.motion, body, command.options), contact)
+        method, clear = _load_method(command, outfit)
+        ready = ready_rollout(method, outfit, load_clip(command.motion, body, command.options), clear)
         clip, transforms, proxied = ready.motion, ready.transforms, ready.proxied
         meshes = proxied.named()
         exposure = Exposure(body, [mesh for _, mesh in meshes])
@@ -122,8 +122,7 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
     written = tuple(path for writer in writers for path in writer.written)
     if broken:
         raise _kept_so_far(broken, totals.frames, written)
-    vertices = sum(len(garment.mesh.vertices) for garment in proxied.outfit.garments)
-    return totals.summary(written, perf_counter() - start, vertices, every)
+    return totals.summary(written, perf_counter() - start, every)
 
 
 def _kept_so_far(broken: BrokenRolloutError, frames: int, written: Sequence[Path]) -> InputError:
@@ -151,7 +150,7 @@ def _load_garments(command: Rollout, body: Body, report: Callable[[str], None]) 
 
 
 def _load_method(command: Rollout, outfit: Outfit) -> tuple[Method, bool]:
-    """The method of a rollout with its finish, and whether contact comes after it."""
+    """The method of a rollout with its finish, and whether clearing comes after it."""
     models = command.model or (DEFAULT,)
     return ready_method(models, outfit, command.finish, command.quality, command.fabric)
 

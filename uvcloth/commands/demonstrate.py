@@ -51,15 +51,15 @@ class DemoOutfit:
     def rollouts(self, motion: Path, out: Path) -> dict[str, Rollout]:
         """The rollouts that are compared with the simulation, by what they are called."""
         network = f"{self.name}_{self.network}"
-        contact = Rollout(
-            str(motion), self.garments, (out / f"{network}.glb",), (self.network,), finish="contact"
+        cleared = Rollout(
+            str(motion), self.garments, (out / f"{network}.glb",), (self.network,), finish="clear"
         )
         return {
-            f"{self.network} with contact": contact,
+            f"{self.network} cleared": cleared,
             f"{self.network} with --finish dynamic": replace(
-                contact, out=(out / f"{network}_dynamic.glb",), finish="dynamic"
+                cleared, out=(out / f"{network}_dynamic.glb",), finish="dynamic"
             ),
-            "physics": replace(contact, out=(out / f"{self.name}_physics.glb",), model=("physics",)),
+            "physics": replace(cleared, out=(out / f"{self.name}_physics.glb",), model=("physics",)),
         }
 
 

@@ -53,12 +53,12 @@ class Rollout:
     finish: Annotated[
         FinishName | None,
         arg(
-            metavar="dynamic|static|contact|none",
+            metavar="dynamic|static|clear|none",
             help="Last step after a model. dynamic: the cloth solver moves the garments and is pulled to the "
-            "prediction. static: they come to rest in each pose. contact: vertices are moved off the body, "
-            "and edges get their length back. none: the plain prediction; a DeePSD model then includes its "
+            "prediction. static: they come to rest in each pose. clear: vertices are moved off the body "
+            "and off the garments below. none: the plain prediction; a DeePSD model then includes its "
             "branch of physics, as in an export.",
-            help_behavior_hint="(default: dynamic for trained models; contact for lbs, lbs_smooth and "
+            help_behavior_hint="(default: dynamic for trained models; clear for lbs, lbs_smooth and "
             "garments that the solver cannot hold up)",
         ),
     ] = None

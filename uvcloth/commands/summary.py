@@ -1,4 +1,4 @@
-"""Summary of a rollout: files, times, contact and visible skin."""
+"""Summary of a rollout: files, times and visible skin."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -27,10 +27,8 @@ class Summary:
     written: the files. frames: number of predicted frames, one of `every` of the clip. seconds: wall time of
     all frames. milliseconds: per frame, by stage. skin: percent of the skin covered at rest that shows
     through the garments, mean over the written frames; worst: its largest value and the frame. replaced:
-    messages on garments that had no valid prediction in a frame. inside_before, inside_after: percent of the
-    garment vertices inside the body before contact (but after the offsets that it carries over) and after it,
-    without those squeezed between parts of the body; squeezed: percent of those. None without contact.
-    difficult: messages on difficulties and their frames.
+    messages on garments that had no valid prediction in a frame. difficult: messages on difficulties and
+    their frames.
     """
 
     written: tuple[Path, ...]
@@ -39,9 +37,6 @@ class Summary:
     milliseconds: dict[str, float]
     skin: float
     worst: tuple[float, int]
-    inside_before: float | None
-    inside_after: float | None
-    squeezed: float | None
     every: int = 1
     replaced: tuple[str, ...] = ()
     difficult: tuple[str, ...] = ()
@@ -64,10 +59,6 @@ class Summary:
         if self.replaced:
             lines.append("these were replaced by linear blend skinning")
         lines.extend(self.difficult)
-        if self.inside_before is not None:
-            inside = f"{self.inside_before:.2f} % before contact, {self.inside_after:.2f} % after"
-            squeezed = f"squeezed between parts of the body {self.squeezed:.2f} %"
-            lines.append(f"cloth vertices inside the body: {inside}; {squeezed}")
         return [*lines, self._visible_skin()]
 
     def _visible_skin(self) -> str:
@@ -84,16 +75,9 @@ class Summary:
 
 @dataclass
 class Totals:
-    """Sums over the frames of a rollout so far; counts are of vertices.
-
-    resolved: True if there was contact.
-    """
+    """Sums over the frames of a rollout so far."""
 
     frames: int = 0
-    inside_before: int = 0
-    inside_after: int = 0
-    squeezed: int = 0
-    resolved: bool = False
     skin: float = 0.0
     worst: tuple[float, int] = (0.0, 0)
     replaced: list[str] = field(default_factory=list)
@@ -105,11 +89,6 @@ class Totals:
         self.frames += 1
         for stage, milliseconds in frame.milliseconds.items():
             self.milliseconds[stage] += milliseconds
-        for contacts in frame.contacts:
-            self.resolved = True
-            self.inside_before += contacts.inside_before
-            self.inside_after += contacts.inside_after
-            self.squeezed += contacts.squeezed
         self.replaced.extend(frame.replaced)
         self.difficulties.add(frame.difficulties, frame.index)
 
@@ -125,12 +104,8 @@ class Totals:
         yield
         self.milliseconds[stage] += 1e3 * (perf_counter() - begun)
 
-    def summary(self, written: tuple[Path, ...], seconds: float, vertices: int, every: int) -> Summary:
-        """Summary of a whole rollout; vertices: of a frame. every: see Summary."""
-
-        def percent(count: int) -> float | None:
-            return 100.0 * count / (self.frames * vertices) if self.resolved else None
-
+    def summary(self, written: tuple[Path, ...], seconds: float, every: int) -> Summary:
+        """Summary of a whole rollout; every: see Summary."""
         return Summary(
             written=written,
             frames=self.frames,
@@ -138,9 +113,6 @@ class Totals:
             milliseconds={stage: total / self.frames for stage, total in self.milliseconds.items()},
             skin=self.skin / self.frames,
             worst=(self.worst[0], -self.worst[1]),
-            inside_before=percent(self.inside_before),
-            inside_after=percent(self.inside_after),
-            squeezed=percent(self.squeezed),
             every=every,
             replaced=tuple(self.replaced),
             difficult=self.difficulties.lines(),

@@ -35,7 +35,7 @@ class Garment:
 
 @dataclass(frozen=True)
 class Outfit:
-    """Garments worn together on one body, the innermost first: contact keeps each over those before it.
+    """Garments worn together on one body, the innermost first: clearing keeps each over those before it.
 
     under: what is worn beneath all of them, for a method that asks; it is not rolled out.
     """

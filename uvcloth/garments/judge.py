@@ -18,7 +18,7 @@ POINTS = 2000
 """Points over the cloth that are tested."""
 
 DEEP = 0.01
-"""Metres inside the body beyond which contact does not easily move cloth out."""
+"""Metres inside the body beyond which clearing does not easily move cloth out."""
 
 MOST_DEEP = 0.05
 """Largest share of the cloth that may be so deep."""

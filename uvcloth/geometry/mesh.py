@@ -150,6 +150,26 @@ def laplacian(faces: Tensor, count: int) -> Tensor:
     return (identity - neighbour_average(faces, count)).coalesce()
 
 
+@dataclass(frozen=True)
+class WeldedMesh:
+    """A mesh with its vertices at one place joined.
+
+    kept: (U,) int64, its vertices at different places; places: (N,) int64, the one of these that each vertex
+    is at. points: (U, 3) m. faces: (M, 3) int64, into the points.
+    """
+
+    kept: Tensor
+    places: Tensor
+    points: Tensor
+    faces: Tensor
+
+
+def welded(mesh: Mesh) -> WeldedMesh:
+    """Join the vertices of a mesh that are at one place."""
+    kept, places = weld(mesh.vertices).unique(return_inverse=True)
+    return WeldedMesh(kept, places, mesh.vertices[kept], places[mesh.faces])
+
+
 def weld(vertices: Tensor) -> Tensor:
     """First vertex (or any row) at the place of each, for meshes cut at UV seams: (V,) int64."""
     _, place = torch.unique(vertices, dim=0, return_inverse=True)

@@ -15,7 +15,7 @@ Capability = TypeVar("Capability")
 
 
 class Feedback(ABC):
-    """Use of garments after contact, or of simulated ones, in the place of those predicted last."""
+    """Use of garments after the finish, or of simulated ones, in the place of those predicted last."""
 
     @abstractmethod
     def feed_back(self, prepared: Any, state: Any, garments: tuple[Tensor, ...]) -> Any:
@@ -25,12 +25,12 @@ class Feedback(ABC):
         """
 
 
-class ContactAware(ABC):
-    """Parts that only do what contact does."""
+class FinishAware(ABC):
+    """Parts that only do what a finish does."""
 
     @abstractmethod
-    def with_contact(self) -> Method:
-        """The method without these parts, for a rollout with contact; the very method if it has none."""
+    def before_finish(self) -> Method:
+        """The method without these parts, for a rollout with a finish; the very method if it has none."""
 
 
 class Riggable(ABC):
@@ -61,7 +61,7 @@ class Representation(ABC):
         return None
 
 
-CAPABILITIES: tuple[type, ...] = (Feedback, ContactAware, Riggable, Representation)
+CAPABILITIES: tuple[type, ...] = (Feedback, FinishAware, Riggable, Representation)
 """Every capability: a wrapper is tested for each."""
 
 
@@ -105,10 +105,10 @@ def feed_back(method: Method, prepared: Any, state: Any, garments: tuple[Tensor,
     return able.feed_back(prepared, state, garments) if able else state
 
 
-def with_contact(method: Method) -> Method:
-    """Any method without the parts that only do what contact does; the very method if it has none."""
-    able = method.capability(ContactAware)
-    return able.with_contact() if able else method
+def before_finish(method: Method) -> Method:
+    """Any method without the parts that only do what a finish does; the very method if it has none."""
+    able = method.capability(FinishAware)
+    return able.before_finish() if able else method
 
 
 def round_trip(

@@ -11,21 +11,21 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.capabilities import (
-    ContactAware,
     Feedback,
+    FinishAware,
     GarmentSpace,
     Representation,
     Wrapper,
+    before_finish,
     feed_back,
     garment_space,
     round_trip,
-    with_contact,
 )
 from uvcloth.methods.method import Method, Traits, require_supported
 
 
 @dataclass(frozen=True)
-class Ensemble(Wrapper, Feedback, ContactAware, Representation):
+class Ensemble(Wrapper, Feedback, FinishAware, Representation):
     """Methods in order: the prediction of each lies beneath the garment of the next (Motion-guided, 6.5)."""
 
     methods: tuple[Method, ...]
@@ -59,9 +59,9 @@ class Ensemble(Wrapper, Feedback, ContactAware, Representation):
         parts = zip(self.methods, _layers(outfit), strict=True)
         return next(filter(None, (method.unsupported_reason(layer) for method, layer in parts)), "")
 
-    def with_contact(self) -> "Ensemble":
-        """Each where contact follows; the very ensemble where that changes none."""
-        methods = tuple(map(with_contact, self.methods))
+    def before_finish(self) -> "Ensemble":
+        """Each where a finish follows; the very ensemble where that changes none."""
+        methods = tuple(map(before_finish, self.methods))
         changed = any(after is not before for after, before in zip(methods, self.methods, strict=True))
         return replace(self, methods=methods) if changed else self
 

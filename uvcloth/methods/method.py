@@ -19,12 +19,12 @@ Capability = TypeVar("Capability")
 
 @dataclass(frozen=True)
 class Traits:
-    """Properties of a method that rollout, contact and evaluation depend on.
+    """Properties of a method that rollout, clearing and evaluation depend on.
 
     autoregressive: the state holds earlier predictions; then the B frames of a step are those of B rollouts
     side by side, otherwise any B frames. quasi_static: a frame depends on its pose alone, however fast the
-    body moves. keeps_off_body: its garments are off the body and off each other as predicted, so that contact
-    is left out. reads_fabric: garments of other fabrics move differently. is_baseline: other methods are
+    body moves. keeps_off_body: its garments are off the body and off each other as predicted, so that nothing
+    is cleared. reads_fabric: garments of other fabrics move differently. is_baseline: other methods are
     measured against it.
     """
 
@@ -48,7 +48,7 @@ class Method(Protocol):
 
     @property
     def traits(self) -> Traits:
-        """Properties that rollout, contact and evaluation depend on."""
+        """Properties that rollout, clearing and evaluation depend on."""
         return Traits()
 
     def unsupported_reason(self, outfit: Outfit) -> str:

@@ -12,22 +12,22 @@ from uvcloth.bodies.stature import ADULTS, beside_adults, stature
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.methods.capabilities import (
-    ContactAware,
     Feedback,
+    FinishAware,
     GarmentSpace,
     Representation,
     Riggable,
     Wrapper,
+    before_finish,
     feed_back,
     garment_space,
     round_trip,
-    with_contact,
 )
 from uvcloth.methods.method import Method, Traits
 
 
 @dataclass(frozen=True)
-class Resized(Wrapper, Feedback, ContactAware, Riggable, Representation):
+class Resized(Wrapper, Feedback, FinishAware, Riggable, Representation):
     """A method whose input, the body, its motion and its garments, is scaled by `factor`."""
 
     method: Method
@@ -48,9 +48,9 @@ class Resized(Wrapper, Feedback, ContactAware, Riggable, Representation):
         """The method's own reason that it cannot dress the outfit at its size."""
         return self.method.unsupported_reason(self._outfit(outfit))
 
-    def with_contact(self) -> "Resized":
-        """The method where contact follows; the very same where that changes nothing."""
-        method = with_contact(self.method)
+    def before_finish(self) -> "Resized":
+        """The method where a finish follows; the very same where that changes nothing."""
+        method = before_finish(self.method)
         return self if method is self.method else replace(self, method=method)
 
     def prepare(self, outfit: Outfit, device: torch.device) -> Any:

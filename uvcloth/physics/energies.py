@@ -18,7 +18,7 @@ from torch import Tensor
 from uvcloth.geometry.mesh import edge_lengths, face_normals, face_pairs, hinges, unique_edges
 from uvcloth.geometry.operators import Operator
 from uvcloth.geometry.units import GRAVITY
-from uvcloth.physics.fabric import AIR_DENSITY, FOLDED, Fabric
+from uvcloth.physics.fabric import AIR_DENSITY, Fabric
 from uvcloth.physics.measures import hinge_angles, normal_differences
 
 SPRING_SHARE = math.sqrt(3.0) / 2.0
@@ -80,7 +80,8 @@ class ClothEnergies:
 
         Those are Green's in tension, (s^2 - 1) / 2 at a stretch s, as in St. Venant and Kirchhoff's material,
         and Biot's in compression, s - 1, so that squeezed cloth does not give way. compression: share of the
-        stiffness that is left for small negative strains; it grows to 1 at -FOLDED.
+        stiffness that is left for small negative strains; it grows to 1 where a
+        face is flat.
         """
         first, second = self._deformation(vertices)
         c00, c11, c01 = (first * first).sum(-1), (second * second).sum(-1), (first * second).sum(-1)
@@ -217,9 +218,7 @@ def _strain(square: Tensor, compression: float) -> Tensor:
     )
     squeezed, reduction = 1.0 - stretch, math.sqrt(compression)
     # The integral of the slope, which rises linearly from the reduction to 1.
-    beyond = (squeezed - FOLDED).clamp(min=0.0)
-    within = squeezed - beyond
-    reduced = beyond + within * (reduction + 0.5 * (1.0 - reduction) / FOLDED * within)
+    reduced = squeezed * (reduction + 0.5 * (1.0 - reduction) * squeezed)
     return torch.where(square > 1.0, 0.5 * (square - 1.0), -reduced)
 
 

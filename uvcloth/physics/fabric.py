@@ -7,10 +7,6 @@ from typing import Literal
 
 from uvcloth.errors import InputError
 
-FOLDED = 0.6
-"""Compressive strain at which the folds of a coarse face lie on each other, and it is as stiff as in tension.
-Without that, shirts ruck up where they catch on the hips, and stay."""
-
 AIR_DENSITY = 1.2
 """Density of air at 20 degrees, kg/m3."""
 

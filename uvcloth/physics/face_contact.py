@@ -15,9 +15,9 @@ from torch import Tensor
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.geometry.mesh import Mesh, face_normals, weld
-from uvcloth.physics.contact import ContactGarment, InnerLayerContact, Obstacle
 from uvcloth.physics.exposure import SurfaceSample, spread
-from uvcloth.physics.layers import Layer
+from uvcloth.physics.layers import InnerLayer, Layer
+from uvcloth.physics.obstacle import ContactGarment, Obstacle
 from uvcloth.physics.surface import FREE
 
 POINT_SPACING = 0.013
@@ -87,8 +87,8 @@ class FaceContact:
     def _garment(self, mesh: Mesh, layers: Sequence[Layer]) -> CoarseGarment:
         area = 0.5 * float(face_normals(mesh.vertices, mesh.faces).norm(dim=1).sum())
         points = spread(mesh.vertices, mesh.faces, math.ceil(area / POINT_SPACING**2))
-        corners = self._obstacle.contact_garment(mesh.vertices, mesh.faces[:0], layers)
-        loose = self._obstacle.contact_garment(points.points(mesh.vertices), mesh.faces[:0], layers)
+        corners = self._obstacle.contact_garment(mesh.vertices, layers)
+        loose = self._obstacle.contact_garment(points.points(mesh.vertices), layers)
         over = tuple(
             _where_corners_are(points, loose.touches, beneath, vertices.rows)
             for beneath, vertices in zip(loose.over, corners.over, strict=True)
@@ -111,8 +111,8 @@ class FaceContact:
 
 
 def _where_corners_are(
-    points: SurfaceSample, touches: Tensor, beneath: InnerLayerContact, vertices: Tensor
-) -> InnerLayerContact:
+    points: SurfaceSample, touches: Tensor, beneath: InnerLayer, vertices: Tensor
+) -> InnerLayer:
     """The contact with a layer of all points whose three corners (rows of vertices) are kept off it.
 
     A point between them may be on its inner side at rest: where the layer comes through a face.

@@ -8,7 +8,7 @@ from torch import Tensor
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.physics import kernels
 from uvcloth.physics.launch import array, launch
-from uvcloth.physics.surface import MovingMeshes
+from uvcloth.physics.surface import SEARCH_DISTANCE, MovingMeshes
 
 LAYER_SEARCH_DISTANCE = 0.03
 """Metres within which an inner garment is looked for."""
@@ -58,6 +58,42 @@ class Layer(MovingMeshes):
         outputs = map(array, (faces, distance, normals))
         launch(kernels.beside_sheet, len(points), self.device, *query, *outputs)
         return Beside(faces.long(), distance, normals)
+
+
+@dataclass(frozen=True)
+class InnerLayer:
+    """Contact of an outer garment with one beneath it.
+
+    rows: (R,) int64, the outer garment's vertices that are kept on its outer side. touches: (R,) int32, a bit
+    per part of the body that may touch them; parts: (F,) int32, the same of the layer's faces. A sleeve
+    touches sleeves, not the trousers that an arm is pressed into.
+    """
+
+    layer: Layer
+    rows: Tensor
+    touches: Tensor
+    parts: Tensor
+
+    def find(self, vertices: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Vertices of the outer garment (N, 3) m that the layer covers, as it lies now.
+
+        Returns their rows (n,), their distance (n,) m and its normals there (n, 3).
+        """
+        closest = self.layer.beside(vertices[self.rows])
+        met = closest.covered & (self.parts[closest.faces] & self.touches != 0)
+        return self.rows[met], closest.distance[met], closest.normals[met]
+
+
+def inner_layer(layer: Layer, vertices: Tensor, touches: Tensor, layer_touches: Tensor) -> InnerLayer:
+    """Contact of vertices (N, 3) m at rest with a layer at rest, all but those on its inner side.
+
+    touches: (N,) int32, a bit per part of the body that may touch a vertex; layer_touches: (M,), the same of
+    the layer's.
+    """
+    closest = layer.beside(vertices, SEARCH_DISTANCE)
+    rows = torch.nonzero(~closest.covered | (closest.distance >= 0)).squeeze(1)
+    first, second, third = layer_touches[layer.faces].unbind(1)
+    return InnerLayer(layer, rows, touches[rows], first | second | third)
 
 
 def wrong_side_percent(outer: Tensor, inner: Tensor, faces: Tensor) -> float:

@@ -7,7 +7,7 @@ from torch import Tensor
 
 from uvcloth.garments.band import hems
 from uvcloth.geometry.mesh import boundary_edges, weld
-from uvcloth.physics.contact import Skin
+from uvcloth.physics.obstacle import Skin
 
 LEAST_RISE = 0.1
 """Mean height over the skinned hem, m, from which a hem needs support."""

@@ -13,7 +13,7 @@ from uvcloth.dataset.clip import SimulatedClip, SimulatedGarment
 from uvcloth.garments.garment import Garment
 from uvcloth.geometry.mesh import unique_edges, weld
 from uvcloth.geometry.skinning import skin
-from uvcloth.physics.contact import Obstacle, Skin
+from uvcloth.physics.obstacle import Obstacle, Skin
 from uvcloth.physics.self_intersection import crossing_edges_percent
 from uvcloth.simulate.hems import unsupported_hem
 from uvcloth.simulate.limbs import limbs_left_percent
@@ -68,7 +68,7 @@ def _examine(
     if float(ratio.max()) > MAX_STRETCH:
         return simulated, f"frame {int(ratio.argmax())}: an edge is {float(ratio.max()):.1f} times its length"
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
-    contact = obstacle.contact_garment(simulated.rest, simulated.faces)
+    contact = obstacle.contact_garment(simulated.rest)
     scored = slice(clip.warm_up, None)
     vertices, transforms = vertices[scored], clip.transforms[scored]
     left = limbs_left_percent(

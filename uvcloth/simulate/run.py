@@ -13,11 +13,11 @@ from uvcloth.bodies.opened import make_opening
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.dataset.clip import SimulatedClip, SimulatedGarment
 from uvcloth.garments.joined import Cloth
-from uvcloth.garments.layer_thickness import inner_thickness
 from uvcloth.geometry.mesh import join_meshes
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import LeadIn, lead_in
+from uvcloth.physics.layer_thickness import inner_thickness
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.simulate.engine import Engine, Scene
 from uvcloth.simulate.unfinished import Place, move
@@ -120,7 +120,8 @@ def _scene(
         inner_thickness=torch.cat(
             [
                 inner_thickness(
-                    cloth.garment.mesh.vertices[cloth.kept], (inner.garment.mesh for inner in cloths[:index])
+                    cloth.garment.mesh.vertices[cloth.kept],
+                    ((inner.garment.mesh.vertices, inner.garment.mesh.faces) for inner in cloths[:index]),
                 )
                 for index, cloth in enumerate(cloths)
             ]

@@ -95,8 +95,8 @@ class Choices:
         if not choice.garments:
             raise InputError("choose a garment")
         outfit = Outfit(body, load_outfit(choice.garments, body, fabric=choice.fabric))
-        method, contact = _method(choice, outfit)
-        return _perform(ready_rollout(method, outfit, load_clip(choice.motion, body), contact))
+        method, clear = _method(choice, outfit)
+        return _perform(ready_rollout(method, outfit, load_clip(choice.motion, body), clear))
 
     def _beside_simulation(self, choice: Choice, body: Body) -> Performance:
         """The rollout over the motion of a sequence, in its garment, to be compared vertex by vertex."""
@@ -105,8 +105,8 @@ class Choices:
         outfit = Outfit(body, load_outfit([garment], body, fabric=choice.fabric))
         _require_same(choice.motion, sequence, outfit)
         motion = clip_of_transforms(sequence.transforms, body, sequence.fps, choice.motion)
-        method, contact = _method(choice, outfit)
-        ready = ready_rollout(method, outfit, motion, contact, proxies=False)
+        method, clear = _method(choice, outfit)
+        ready = ready_rollout(method, outfit, motion, clear, proxies=False)
         return replace(_perform(ready), title=Path(choice.motion).stem, truth=sequence.vertices)
 
     def _simulated_garment(self, path: str, sequence: SimulatedClip) -> str:
@@ -119,7 +119,7 @@ class Choices:
 
 
 def _method(choice: Choice, outfit: Outfit) -> tuple[Method, bool]:
-    """The method of a choice with its finish, and whether contact comes after it."""
+    """The method of a choice with its finish, and whether clearing comes after it."""
     return ready_method([choice.model], outfit, choice.finish, choice.quality, choice.fabric)
 
 

@@ -16,8 +16,8 @@ from uvcloth.rollout import RolloutFrame
 class ShownFrame:
     """One frame to show.
 
-    transforms: (J, 3, 4) of the body. garments: (N, 3) m each, after contact. displacements: (N,) m each,
-    by which contact moved each vertex.
+    transforms: (J, 3, 4) of the body. garments: (N, 3) m each, after clearing. displacements: (N,) m each,
+    by which clearing moved each vertex.
     """
 
     transforms: Tensor

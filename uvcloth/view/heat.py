@@ -33,9 +33,9 @@ class Quantity:
 
 
 STRETCH = Quantity("stretch", 0.2, "%", 100.0)
-CONTACT = Quantity("moved by contact", 0.02, "mm", 1000.0)
+CLEARING = Quantity("moved by clearing", 0.02, "mm", 1000.0)
 ERROR = Quantity("error", 0.05, "mm", 1000.0)
-QUANTITIES = (STRETCH, CONTACT, ERROR)
+QUANTITIES = (STRETCH, CLEARING, ERROR)
 
 
 class Stretch:

@@ -16,7 +16,7 @@ from uvcloth.methods.finish_names import FINISHES
 from uvcloth.physics.fabric import FABRICS
 from uvcloth.view.choices import Choice, Choices
 from uvcloth.view.computation import Computation, Performance, ShownFrame
-from uvcloth.view.heat import CONTACT, ERROR, QUANTITIES, STRETCH, Quantity, Stretch, legend
+from uvcloth.view.heat import CLEARING, ERROR, QUANTITIES, STRETCH, Quantity, Stretch, legend
 from uvcloth.view.stage import Actor
 
 NO_HEAT = "none"
@@ -217,7 +217,7 @@ class Viewer:
         if quantity is STRETCH:
             pairs = zip(self._stretches, frame.garments, strict=True)
             return [measure(vertices) for measure, vertices in pairs]
-        if quantity is CONTACT:
+        if quantity is CLEARING:
             return list(frame.displacements)
         if quantity is ERROR and simulated is not None:
             pairs_of = zip(frame.garments, simulated, strict=True)

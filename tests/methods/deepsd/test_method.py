@@ -17,7 +17,7 @@ from uvcloth.checkpoint import WEIGHTS, TrainingData, load_tensors, save_checkpo
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.methods.capabilities import Riggable, with_contact
+from uvcloth.methods.capabilities import Riggable, before_finish
 from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
 from uvcloth.methods.deepsd.method import DeePSD, deepsd_checkpoint
 from uvcloth.methods.deepsd.network import DeePSDNetwork
@@ -146,28 +146,28 @@ def test_another_fabric_is_another_rig_to_a_model_that_reads_it() -> None:
     torch.testing.assert_close(after[1], before[1], atol=1e-6, rtol=0)
 
 
-def test_the_branch_of_physics_is_left_out_where_contact_follows() -> None:
+def test_the_branch_of_physics_is_left_out_where_a_finish_follows() -> None:
     outfit, method = outfit_of("shirt"), random_deepsd()
     motion = some_motion(outfit.body)
     alone = moved(replace(method, branches=("data",)), outfit)[0]
     (both,) = moved(method, outfit)
     assert float((both - alone).norm(dim=-1).max()) > 0.01
-    for contact, expected in ((True, alone), (False, both)):
-        frames = rollout(method, outfit, motion, 30.0, contact)
+    for clear, expected in ((True, alone), (False, both)):
+        frames = rollout(method, outfit, motion, 30.0, clear)
         torch.testing.assert_close(torch.stack([frame.raw[0] for frame in frames]), expected)
     rig = replace(method, branches=("physics",))
-    assert with_contact(rig) is rig
+    assert before_finish(rig) is rig
 
 
-def test_several_methods_and_resized_ones_leave_to_contact_what_each_does() -> None:
+def test_several_methods_and_resized_ones_leave_to_a_finish_what_each_does() -> None:
     method, skinning = random_deepsd(), create_lbs(LBSConfig())
-    several = with_contact(Ensemble.of((skinning, method)))
+    several = before_finish(Ensemble.of((skinning, method)))
     assert several.methods[0] is skinning
     assert several.methods[1].branches == ("data",)
-    resized = with_contact(Resized(method, 2.0, "twice"))
+    resized = before_finish(Resized(method, 2.0, "twice"))
     assert resized.method.branches == ("data",)
     for same in (Ensemble.of((skinning, skinning)), Resized(skinning, 2.0, "twice")):
-        assert with_contact(same) is same
+        assert before_finish(same) is same
 
 
 def test_offsets_are_no_rig() -> None:

@@ -140,7 +140,7 @@ def test_a_saved_model_rolls_out_as_before(body, dress, tmp_path):
     outfit, motion = Outfit(body, (dress,)), swaying(6, seed=1).transforms()
     loaded = load_method(tmp_path / "run", body)
     before, after = (
-        [frame.raw[0] for frame in rollout(m, outfit, motion, 30.0, contact=False)] for m in (method, loaded)
+        [frame.raw[0] for frame in rollout(m, outfit, motion, 30.0, clear=False)] for m in (method, loaded)
     )
     assert len(before) == 6
     for one, other in zip(before, after, strict=True):
@@ -221,7 +221,7 @@ def test_the_model_that_ships_swings_on_when_the_body_stops(body, dress):
     motion = torch.cat([walk, walk[-1:].expand(8, -1, -1, -1)])
     model = load_method("motion_guided", body)
     frames = torch.stack(
-        [f.raw[0] for f in rollout(model, Outfit(body, (dress,)), motion, 30.0, contact=False)]
+        [f.raw[0] for f in rollout(model, Outfit(body, (dress,)), motion, 30.0, clear=False)]
     )
     carried = skin(dress.mesh.vertices, dress.smooth_weights, motion)
     height = dress.mesh.vertices[:, 2]

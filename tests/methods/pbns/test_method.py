@@ -290,7 +290,7 @@ def test_a_saved_model_dresses_as_before(tmp_path: Path) -> None:
     assert loaded.config == method.config
     assert loaded.garments.names == ("shirt", "coat")
     motion = some_motion(outfit.body)
-    before, after = (list(rollout(m, outfit, motion, 30.0, contact=False)) for m in (method, loaded))
+    before, after = (list(rollout(m, outfit, motion, 30.0, clear=False)) for m in (method, loaded))
     for one, other in zip(before, after, strict=True):
         for vertices, again in zip(one.raw, other.raw, strict=True):
             # Half precision costs 1/2048 of blend shapes that are decimetres here.

@@ -18,8 +18,8 @@ from uvcloth.garments.templates import fit_template
 from uvcloth.methods.pbns.method import PBNS
 from uvcloth.methods.registry import SHIPPED, load_method
 from uvcloth.motion.library import load_clip
-from uvcloth.physics.contact import Obstacle
 from uvcloth.physics.measures import edge_change
+from uvcloth.physics.obstacle import Obstacle
 from uvcloth.rollout import rollout
 
 GARMENTS = ("bottoms", "tops")
@@ -47,13 +47,13 @@ def test_it_dresses_a_shirt_over_trousers_and_each_alone(method: PBNS, body: Bod
 
 def test_at_rest_it_hangs_near_the_pattern_on_the_skin(method: PBNS, body: Body, outfit: Outfit) -> None:
     rest = torch.eye(3, 4).expand(1, len(body.skeleton.names), 3, 4)
-    (frame,) = rollout(method, outfit, rest, 30.0, contact=False)
+    (frame,) = rollout(method, outfit, rest, 30.0, clear=False)
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     for garment, vertices in zip(outfit.garments, frame.raw, strict=True):
         mesh = garment.mesh
         assert float((vertices - mesh.vertices).norm(dim=1).mean()) < 0.015
         assert float(edge_change(vertices[None], mesh.vertices, mesh.faces).mean()) < 0.003
-        worn = obstacle.contact_garment(mesh.vertices, mesh.faces)
+        worn = obstacle.contact_garment(mesh.vertices)
         assert float(obstacle.inside_percent(vertices[None], worn, body.mesh.vertices[None])) < 1.0
 
 
@@ -64,7 +64,7 @@ def test_its_export_plays_its_own_walk(method: PBNS, body: Body, outfit: Outfit,
     glb = GlbReader.load(path)
     np.testing.assert_allclose(glb.times(), np.arange(len(clip)) / 30.0, atol=1e-6)
     middle = len(clip) // 2
-    frames = list(rollout(method, outfit, clip.transforms()[: middle + 1], clip.fps, contact=False))
+    frames = list(rollout(method, outfit, clip.transforms()[: middle + 1], clip.fps, clear=False))
     for garment, vertices in zip(outfit.garments, frames[middle].raw, strict=True):
         written = glb.posed(garment.name, middle)[: len(vertices)]
         assert np.linalg.norm(written - vertices.numpy(), axis=1).max() < 1e-4

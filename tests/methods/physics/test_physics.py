@@ -23,9 +23,9 @@ from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.stop import come_to_rest
-from uvcloth.physics.contact import Obstacle
 from uvcloth.physics.fabric import FABRICS
 from uvcloth.physics.layers import wrong_side_percent
+from uvcloth.physics.obstacle import Obstacle
 from uvcloth.rollout import BrokenRolloutError, rollout
 
 FAST = Physics(PhysicsConfig("fast"))
@@ -72,7 +72,7 @@ def test_garments_are_off_the_body_in_a_dance(body: Body) -> None:
     frames = list(rollout(FAST, outfit, transforms, FPS))
     obstacle = Obstacle(make_collider(body), body.mesh.vertices)
     for place, garment in enumerate(outfit.garments):
-        contact = obstacle.contact_garment(garment.mesh.vertices, garment.mesh.faces)
+        contact = obstacle.contact_garment(garment.mesh.vertices)
         vertices = torch.stack([frame.vertices[place] for frame in frames])
         posed = torch.stack([frame.body_vertices for frame in frames])
         assert float(obstacle.inside_percent(vertices, contact, posed).mean()) < 0.3
@@ -177,10 +177,10 @@ def test_trained_methods_are_finished_by_the_solver_where_it_can_move_the_outfit
     outfit = Outfit(body, (trousers, tops))
     mixed = Outfit(body, (trousers, replace(tops, fabric=FABRICS["silk"])))
     trained, baseline = load_method("physxnet", body), load_method("lbs_smooth", body)
-    usual, contact = finished(trained, outfit, None, FAST)
+    usual, cleared = finished(trained, outfit, None, FAST)
     assert isinstance(usual, Finished)
     assert usual.guide.name == "physxnet"
-    assert contact
+    assert cleared
     for method, worn in (
         (trained, mixed),
         (baseline, outfit),
@@ -188,7 +188,7 @@ def test_trained_methods_are_finished_by_the_solver_where_it_can_move_the_outfit
         (Ensemble((baseline, FAST)), outfit),
     ):
         assert finished(method, worn, None, FAST) == (method, True)
-    assert finished(trained, outfit, "contact", FAST) == (trained, True)
+    assert finished(trained, outfit, "clear", FAST) == (trained, True)
     assert finished(trained, outfit, "none", FAST) == (trained, False)
     assert isinstance(finished(baseline, outfit, "dynamic", FAST)[0], Finished)
     assert isinstance(finished(FAST, outfit, "static", FAST)[0], Settled)

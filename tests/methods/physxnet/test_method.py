@@ -166,7 +166,7 @@ def test_an_untrained_change_of_zero_is_the_carrier(body, outfit):
     transforms = swaying(3, seed=4).transforms()
     still = torch.eye(3, 4).repeat(1, transforms.shape[1], 1, 1)
     for frame, pose in zip(
-        rollout(method, outfit, torch.cat([still, transforms]), 30.0, contact=False),
+        rollout(method, outfit, torch.cat([still, transforms]), 30.0, clear=False),
         torch.cat([still, transforms]),
         strict=True,
     ):
@@ -182,7 +182,7 @@ def test_a_network_that_sees_poses_alone_does_not_see_how_fast_they_came(body, o
         method = PhysXNet.untrained(replace(TINY, history=0, motion=sees_motion))
         method.net.output_scale.fill_(0.01)
         slow, fast = (
-            [*rollout(method, outfit, motion, fps, contact=False)][-1].vertices[0] for fps in (30.0, 60.0)
+            [*rollout(method, outfit, motion, fps, clear=False)][-1].vertices[0] for fps in (30.0, 60.0)
         )
         assert torch.equal(slow, fast) != sees_motion
 
@@ -199,8 +199,8 @@ def test_a_saved_model_predicts_the_same(history, sees_motion, body, outfit, tmp
     assert loaded.name == "walker"
     motion = swaying(3, seed=5).transforms()
     for before, after in zip(
-        rollout(method, outfit, motion, 30.0, contact=False),
-        rollout(loaded, outfit, motion, 30.0, contact=False),
+        rollout(method, outfit, motion, 30.0, clear=False),
+        rollout(loaded, outfit, motion, 30.0, clear=False),
         strict=True,
     ):
         for a, b in zip(before.vertices, after.vertices, strict=True):
@@ -223,7 +223,7 @@ def test_history_changes_the_second_frame_only(body, outfit):
     method = PhysXNet.untrained(replace(TINY, history=1))
     method.net.output_scale.fill_(0.01)
     still = torch.eye(3, 4).repeat(2, len(body.skeleton.names), 1, 1)
-    first, second = rollout(method, outfit, still, 30.0, contact=False)
+    first, second = rollout(method, outfit, still, 30.0, clear=False)
     assert not torch.equal(first.vertices[0], second.vertices[0])
 
 
@@ -240,7 +240,7 @@ def test_a_network_that_knows_no_shirt_dresses_it_from_the_tops(body):
     torch.nn.init.zeros_(method.net.output_scale)
     walk = swaying(2, seed=0).transforms()
     carried = skin(outfit.garments[0].mesh.vertices, outfit.garments[0].smooth_weights, walk)
-    for frame, expected in zip(rollout(method, outfit, walk, 30.0, contact=False), carried, strict=True):
+    for frame, expected in zip(rollout(method, outfit, walk, 30.0, clear=False), carried, strict=True):
         torch.testing.assert_close(frame.vertices[0], expected, atol=1e-5, rtol=0)
     assert replace(TINY, templates=("tops", "shirt")).decoder("shirt") == "shirt"
     skirts = PhysXNet.untrained(replace(TINY, templates=("dress",)))

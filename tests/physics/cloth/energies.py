@@ -5,7 +5,7 @@ from torch import Tensor
 
 from uvcloth.geometry.mesh import hinges
 from uvcloth.physics.cloth.cloth import Damping
-from uvcloth.physics.fabric import FOLDED, Fabric
+from uvcloth.physics.fabric import Fabric
 from uvcloth.physics.measures import hinge_angles
 
 
@@ -32,9 +32,8 @@ def membrane_energy(
     stretches = 0.5 * torch.stack([total + apart, total - apart], -1)
     strains = torch.where(stretches > 1.0, 0.5 * (stretches.square() - 1.0), stretches - 1.0)
     root = compression**0.5
-    folding = root * strains - (1.0 - root) * strains.square() / (2.0 * FOLDED)
-    folded = strains + 0.5 * (1.0 - root) * FOLDED
-    strains = torch.where(strains > 0.0, strains, torch.where(strains > -FOLDED, folding, folded))
+    folding = root * strains - 0.5 * (1.0 - root) * strains.square()
+    strains = torch.where(strains > 0.0, strains, folding)
     density = mu * strains.square().sum(-1) + 0.5 * spread * strains.sum(-1).square()
     return (_areas(rest, faces) * density).sum()
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from uvcloth.physics.cloth.clearing import FineMesh, FineState, clear
 from uvcloth.physics.cloth.moving_body import Body, make_body, no_memory
 
-CLEARANCE = np.float32(0.003)
+CLEARANCE, REACH = np.float32(0.003), np.float32(0.03)
 Floats = NDArray[np.float32]
 
 
@@ -45,7 +45,7 @@ def _cleared(
     moved = (points + np.array([0.0, 0.0, height])).astype(np.float32) + np.float32(shift)
     skin = ball[0] + np.float32(shift)
     before = FineState(moved, skin, no_memory(body), 0)
-    return clear(mesh, body, before, skin, moved, CLEARANCE).positions - np.float32(shift)
+    return clear(mesh, body, before, skin, moved, CLEARANCE, REACH).positions - np.float32(shift)
 
 
 @pytest.mark.parametrize("thickness", [0.0, 0.006])
@@ -88,6 +88,6 @@ def test_what_is_known_of_the_frames_before_changes_nothing_on_a_ball(ball: tupl
     for frame in range(12):
         height = 0.25 - 0.005 * frame
         lowered = (points + np.array([0.0, 0.0, height])).astype(np.float32)
-        state = clear(mesh, body, state, ball[0], lowered, CLEARANCE)
+        state = clear(mesh, body, state, ball[0], lowered, CLEARANCE, REACH)
         np.testing.assert_allclose(state.positions, _cleared(ball, height), atol=2e-5)
     assert (state.near.faces >= 0).sum() > 300

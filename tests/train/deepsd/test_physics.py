@@ -31,7 +31,7 @@ from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
 from uvcloth.methods.deepsd.method import DeePSD, deepsd_checkpoint
 from uvcloth.methods.deepsd.network import DeePSDNetwork
 from uvcloth.methods.deepsd.outfit_graph import pack
-from uvcloth.physics.contact import Obstacle
+from uvcloth.physics.obstacle import Obstacle
 
 pytest.importorskip("lightning")
 
@@ -126,7 +126,7 @@ def test_planes_are_those_of_contact_on_bodies_of_two_shapes(dataset: OutfitData
         parts.move(bodies, opening)
         distance = parts.planes(posed, touches, near=0.01).distance(posed)
         obstacle = Obstacle(make_collider(body), body.mesh.vertices)
-        garment = obstacle.contact_garment(hips.graph.points, torch.cat(hips.graph.faces))
+        garment = obstacle.contact_garment(hips.graph.points)
         for found, vertices, where in zip(distance, posed, bodies, strict=True):
             obstacle.update(where)
             skins = obstacle.skin(vertices, garment)

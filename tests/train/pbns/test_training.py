@@ -424,7 +424,7 @@ def test_one_command_trains_a_model_that_dresses(
     assert clips == {"train": {"swaying": "ann"}, "validation": {"swaying": "ann"}}
     motion = swaying(3, seed=1).transforms()
     outfit = Outfit(body, (fit_template("tops", body),))
-    (first, *_) = list(rollout(method, outfit, motion, 30.0, contact=False))
+    (first, *_) = list(rollout(method, outfit, motion, 30.0, clear=False))
     smooth = skin(outfit.garments[0].mesh.vertices, outfit.garments[0].weights, motion[:1])
     assert (first.raw[0] - smooth[0]).norm(dim=1).median() < 0.03
     with pytest.raises(InputError, match="holds a run already"):

@@ -178,7 +178,7 @@ def test_validation_is_that_of_a_rollout(tmp_path: Path) -> None:
     net: Any = made.networks()["net"].eval()
     truth = load_simulated(tmp_path / "clip1_tops.npz")
     outfit = Outfit(body, (fit_template("tops", body),))
-    frames = rollout(PhysXNet(config, net), outfit, truth.transforms, truth.fps, contact=False)
+    frames = rollout(PhysXNet(config, net), outfit, truth.transforms, truth.fps, clear=False)
     errors = [
         (frame.raw[0] - vertices).norm(dim=1).mean()
         for frame, vertices in zip(frames, truth.vertices, strict=True)

@@ -25,7 +25,7 @@ from uvcloth.checkpoint import (
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.skinning import skin_each
-from uvcloth.methods.capabilities import Capability, ContactAware, Riggable
+from uvcloth.methods.capabilities import Capability, FinishAware, Riggable
 from uvcloth.methods.deepsd.config import PRESETS, DeePSDConfig
 from uvcloth.methods.deepsd.network import Branch, DeePSDNetwork
 from uvcloth.methods.deepsd.outfit_graph import PackedOutfits, outfit_graph, pack
@@ -60,7 +60,7 @@ class DeePSDPrepared:
 
 
 @dataclass(frozen=True)
-class DeePSD(Method, ContactAware, Riggable):
+class DeePSD(Method, FinishAware, Riggable):
     """A quasi-static method for any outfit on any body of the skeleton that it was trained on.
 
     branches: the blend shapes that are added up. poses: (M, 3 J) some of the pose vectors of its training.
@@ -98,11 +98,11 @@ class DeePSD(Method, ContactAware, Riggable):
             return None
         return super().capability(kind)
 
-    def with_contact(self) -> "DeePSD":
+    def before_finish(self) -> "DeePSD":
         """The method without its branch of physics.
 
         That branch moves cloth outwards in many poses to keep it out of the body in all, which costs
-        accuracy; contact moves what is inside in the pose at hand.
+        accuracy; a finish moves what is inside in the pose at hand.
         """
         kept = tuple(branch for branch in self.branches if branch != "physics")
         return replace(self, branches=kept) if kept and kept != self.branches else self

@@ -36,7 +36,7 @@ from uvcloth.methods.motion_guided.garment_maps import GarmentMaps
 from uvcloth.methods.motion_guided.latent import Dynamics, Space
 from uvcloth.methods.motion_guided.residual import Resolver
 from uvcloth.methods.motion_guided.seeds import PosedSeeds, pose_seeds, seeds_on
-from uvcloth.physics.contact import Obstacle
+from uvcloth.physics.obstacle import Obstacle
 
 
 @dataclass(frozen=True)
@@ -256,9 +256,9 @@ def _resolver(garment: Garment, body: Body, device: torch.device) -> Resolver:
     """The residual optimization of a garment, on a device."""
     vertices, mesh = body.mesh.vertices.to(device), garment.mesh
     obstacle = Obstacle(to_device(make_collider(body), device), vertices)
-    points, faces = mesh.vertices.to(device), mesh.faces.to(device)
+    points = mesh.vertices.to(device)
     smooth = laplacian(mesh.faces, len(points)).to(device)
-    return Resolver(obstacle, obstacle.contact_garment(points, faces), smooth)
+    return Resolver(obstacle, obstacle.contact_garment(points), smooth)
 
 
 class Both(nn.Module):

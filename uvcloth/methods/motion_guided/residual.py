@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from uvcloth.physics.contact import ContactGarment, Obstacle
+from uvcloth.physics.obstacle import ContactGarment, Obstacle
 
 ITERATIONS = 50
 """Optimizer steps in a frame, at most."""

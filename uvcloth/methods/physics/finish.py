@@ -16,10 +16,10 @@ from uvcloth.methods.capabilities import (
     GarmentSpace,
     Representation,
     Wrapper,
+    before_finish,
     feed_back,
     garment_space,
     round_trip,
-    with_contact,
 )
 from uvcloth.methods.finish_names import FINISHES, FinishName
 from uvcloth.methods.lbs import LBSConfig, create_lbs
@@ -56,7 +56,7 @@ class Finish(Wrapper, Representation):
     @classmethod
     def of(cls, guide: Method, physics: Physics, pull: float = PULL) -> Self:
         """A method with the finish, under the name of the method."""
-        return cls(with_contact(guide), physics, pull, guide.name)
+        return cls(before_finish(guide), physics, pull, guide.name)
 
     @property
     def parts(self) -> tuple[Method, ...]:
@@ -162,10 +162,10 @@ class Settled(Finish):
 def finished(
     method: Method, outfit: Outfit, finish: FinishName | None, physics: Physics
 ) -> tuple[Method, bool]:
-    """The method with its finish for an outfit, and whether contact comes after it.
+    """The method with its finish for an outfit, and whether clearing comes after it.
 
     finish: None for the usual one, which is dynamic for trained methods if the solver can move the outfit,
-    and contact for other outfits, for baselines and for methods with physics. Raises InputError for an
+    and clear for other outfits, for baselines and for methods with physics. Raises InputError for an
     unknown name.
     """
     if finish is not None and finish not in FINISHES:
@@ -173,7 +173,7 @@ def finished(
     if finish is None:
         parts = method.parts if isinstance(method, Wrapper) else (method,)
         trained = not any(isinstance(part, Physics) or part.traits.is_baseline for part in parts)
-        finish = "dynamic" if trained and not physics.unsupported_reason(outfit) else "contact"
+        finish = "dynamic" if trained and not physics.unsupported_reason(outfit) else "clear"
     return with_finish(method, finish, physics), finish != "none"
 
 
@@ -205,7 +205,7 @@ def _targets(
     """
     guided = torch.cat(
         [
-            each.cage.at_cage(vertices[each.kept])
+            each.cage.at_cage(vertices[each.mesh.kept])
             for each, vertices in zip(cages.garments, predicted, strict=True)
         ]
     ).numpy()

@@ -6,7 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uvcloth.physics.cloth.body_contact import Contacts, find_contacts
-from uvcloth.physics.cloth.moving_body import Body, Memory, Passage, begin_passage, end_passage, find_normals
+from uvcloth.physics.cloth.moving_body import (
+    Body,
+    Memory,
+    Passage,
+    begin_passage,
+    corners,
+    end_passage,
+    find_normals,
+)
 from uvcloth.physics.cloth.triangles import closest_barycentrics, weighted
 from uvcloth.physics.cloth.vectors import (
     ONE,
@@ -25,9 +33,6 @@ from uvcloth.physics.cloth.vectors import (
 )
 from uvcloth.process.compiled import compiled, inlined
 
-REACH = np.float32(0.03)
-"""Metres from the skin within which it is searched; deeper vertices stay."""
-
 RENEWAL = 16
 """Frames from one search of the whole body for a vertex to the next."""
 
@@ -36,6 +41,9 @@ SPREAD = np.float32(0.6)
 
 FREE_MOVE = np.float32(1e-3)
 """Metres of its own move at which a vertex no longer follows its neighbours."""
+
+INWARD = np.float32(-0.7)
+"""Cosine to the normal below which the way from the closest face leads inwards: faces fold at joints."""
 
 PASSES = 3
 """Times that vertices are moved off the skin; after all but the last one their neighbours follow."""
@@ -73,28 +81,35 @@ def clear(
     points: Array,
     positions: Array,
     clearance: Number,
+    reach: Number,
 ) -> FineState:
     """Move vertices (N, 3) m to at least a clearance, m, off the body at points (V, 3) m.
 
-    before: the frame before.
+    before: the frame before. reach: metres within which the skin is searched; deeper vertices stay.
     """
     passage = begin_passage(body, before.body, points, before.positions, before.near, before.frame, RENEWAL)
-    contacts = find_contacts(body, passage, ONE, positions, REACH)
+    contacts = find_contacts(body, passage, ONE, positions, reach)
     for face in contacts.faces:
         find_normals(body, passage, face)
     cleared, moves = positions.copy(), np.empty_like(positions)
     for each in range(PASSES):
         moves[:] = ZERO
-        _push(mesh, body.faces, passage, contacts, cleared, moves, clearance)
+        _push(mesh, body, passage, contacts, cleared, moves, clearance)
         if each < PASSES - 1:
             _spread(mesh, cleared, moves)
     return FineState(cleared, points, end_passage(passage, cleared), before.frame + 1)
 
 
+@compiled
+def follow(mesh: FineMesh, positions: Array, moves: Array) -> None:
+    """Let vertices (N, 3) m that did not move follow their neighbours' moves (N, 3) m, in place."""
+    _spread(mesh, positions, moves)
+
+
 @inlined
 def _push(
     mesh: FineMesh,
-    faces: Array,
+    body: Body,
     passage: Passage,
     contacts: Contacts,
     positions: Array,
@@ -103,7 +118,7 @@ def _push(
 ) -> None:
     for k in range(len(contacts.vertices)):
         vertex, face = contacts.vertices[k], contacts.faces[k]
-        distance, normal = _signed(faces, passage.points, passage.normals, face, load(positions, vertex))
+        distance, normal = _signed(body, passage, face, load(positions, vertex))
         lack = clearance + mesh.thickness[vertex] - distance
         if lack > ZERO:
             store(positions, vertex, combine(ONE, load(positions, vertex), lack, normal))
@@ -124,15 +139,15 @@ def _spread(mesh: FineMesh, positions: Array, moves: Array) -> None:
 
 
 @inlined
-def _signed(faces: Array, points: Array, normals: Array, face: int, point: Vector) -> tuple[Number, Vector]:
+def _signed(body: Body, passage: Passage, face: int, point: Vector) -> tuple[Number, Vector]:
     """Distance of a point from a face, negative inside, and the interpolated normal there.
 
     From the inside, the way to the closest face jumps where another face becomes closest; normals do not.
     """
-    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
-    corners = load(points, a), load(points, b), load(points, c)
-    weights = closest_barycentrics(point, *corners)
-    away = sub(point, weighted(weights, *corners))
-    outwards = weighted(weights, load(normals, a), load(normals, b), load(normals, c))
-    side = ONE if dot(away, outwards) >= ZERO else -ONE
-    return side * length(away), unit(outwards)
+    places = corners(body.faces, passage.points, face)
+    weights = closest_barycentrics(point, *places)
+    away = sub(point, weighted(weights, *places))
+    outwards = weighted(weights, *corners(body.faces, passage.normals, face))
+    normal, distance = unit(outwards), length(away)
+    inside = dot(away, normal) < INWARD * distance
+    return -distance if inside else distance, normal

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rasterize.charts import edge_keys, edge_twins, edges_of, face_components
 from uvcloth.physics.cloth.forces import BLOCK, SQUEEZED, Hinges, Membrane
 from uvcloth.physics.cloth.tree import SHEET_LEAF, Tree, adjacent_nodes, adjacent_walk, build_tree
-from uvcloth.physics.fabric import AIR_DENSITY, FOLDED, Fabric
+from uvcloth.physics.fabric import AIR_DENSITY, Fabric
 
 SPACING = 1.5
 """Distance of vertices two edges apart over the length of a short edge, in cloth that is squeezed."""
@@ -89,10 +89,10 @@ def make_cloth(
     """Make cloth of a mesh at rest, (N, 3) m and (M, 3).
 
     mass_factor: (N,) on the mass of vertices; gravity acts on their mass without it. thickness: (N,) m of
-    other cloth beneath. compression: share of the membrane's stiffness that is left at the
-    beginning of compression, see FOLDED.
-    moved_mass: share of the mass that is moved to the stiffest vertices, so that a few small faces do not
-    decide the step (after selective mass scaling: Olovsson et al. 2005).
+    other cloth beneath. compression: share of the membrane's stiffness that is left at the beginning of
+    compression; it grows to 1 where a face is flat. moved_mass: share of the mass that is moved to the
+    stiffest vertices, so that a few small faces do not decide the step (after selective mass scaling: Olovsson
+    et al. 2005).
     """
     faces = np.ascontiguousarray(faces, np.int32)
     rest = np.ascontiguousarray(rest, np.float64)
@@ -124,8 +124,6 @@ def make_cloth(
             shear=np.float32(shear),
             spread=np.float32(spread),
             reduction=np.float32(reduction),
-            stiffening=np.float32((1.0 - reduction) / FOLDED),
-            slack=np.float32(0.5 * (1.0 - reduction) * FOLDED),
             damping=np.float32(2.0 * damping.stretch * (shear + spread)),
             pressure=np.float32(0.5 * AIR_DENSITY * fabric.drag),
         ),

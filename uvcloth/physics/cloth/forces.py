@@ -50,9 +50,9 @@ class Membrane(NamedTuple):
 
     size: M, without the padding. corners: (3, M+) uint32. inverse: (4, M+) 1/m, entries 00, 01, 10, 11 of
     the inverse of the rest edges' matrix. area: (M+,) m2. shear, spread: Lame parameters mu, lambda, N/m.
-    reduction: root of the share of the stiffness that is left where cloth begins to be compressed.
-    stiffening: by which the root grows per strain. slack: strain that is lost until it is 1. damping:
-    N s/m, of strain rates. pressure: half the density of air times the drag coefficient, kg/m3.
+    reduction: root of the share of the stiffness that is left where cloth begins to be compressed; it grows
+    to 1 where a face is flat, or shirts would ruck up on hips and stay so. damping: N s/m, of strain rates.
+    pressure: half the density of air times the drag coefficient, kg/m3.
     """
 
     size: int
@@ -62,8 +62,6 @@ class Membrane(NamedTuple):
     shear: np.float32
     spread: np.float32
     reduction: np.float32
-    stiffening: np.float32
-    slack: np.float32
     damping: np.float32
     pressure: np.float32
 
@@ -97,12 +95,11 @@ def _strain(squared: Number) -> tuple[Number, Number]:
 def _buckled(membrane: Membrane, strain: Number) -> tuple[Number, Number]:
     """Strain that stresses a face, reduced in compression, and its slope over the strain.
 
-    The slope rises from `reduction` for the first folds to 1 at a strain of -FOLDED.
+    The slope rises from `reduction` for the first folds to 1 at a strain of -1, where the face is flat.
     """
-    slope = membrane.reduction - membrane.stiffening * strain
-    reduced = strain * (membrane.reduction - HALF * membrane.stiffening * strain)
-    if slope >= ONE:
-        slope, reduced = ONE, strain + membrane.slack
+    stiffening = membrane.reduction - ONE
+    slope = membrane.reduction + stiffening * strain
+    reduced = strain * (membrane.reduction + HALF * stiffening * strain)
     if strain > ZERO:
         slope, reduced = ONE, strain
     return reduced, slope

@@ -19,11 +19,13 @@ from uvcloth.physics.cloth.tree import (
 from uvcloth.physics.cloth.triangles import closest_barycentrics, weighted
 from uvcloth.physics.cloth.vectors import (
     ONE,
+    TINY,
     ZERO,
     Array,
     Number,
     Vector,
     add,
+    angle,
     combine,
     cross,
     dot,
@@ -235,9 +237,22 @@ def find_normals(body: Body, passage: Passage, face: int) -> None:
         passage.known[vertex] = passage.searches[0]
         total = ZERO, ZERO, ZERO
         for k in range(body.around_starts[vertex], body.around_starts[vertex + 1]):
-            a, b, c = corners(body.faces, passage.points, body.around[k])
-            total = add(total, cross(sub(b, a), sub(c, a)))
+            total = add(total, _normal_at(body.faces, passage.points, body.around[k], vertex))
         store(passage.normals, vertex, unit(total))
+
+
+@inlined
+def _normal_at(faces: Array, points: Array, face: int, vertex: int) -> Vector:
+    """Normal of a face, as long as its angle at one of its vertices."""
+    a, b, c = corners(faces, points, face)
+    if faces[face, 1] == vertex:
+        a, b, c = b, c, a
+    elif faces[face, 2] == vertex:
+        a, b, c = c, a, b
+    one, other = sub(b, a), sub(c, a)
+    normal = cross(one, other)
+    area = length(normal)
+    return scale(angle(area, dot(one, other)) / (area + TINY), normal)
 
 
 @inlined

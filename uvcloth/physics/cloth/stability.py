@@ -31,7 +31,7 @@ def _largest_eigenvalue(cloth: Cloth, rest: NDArray[np.float32], rates: bool) ->
     """Largest eigenvalue of the mass-weighted stiffness, 1/s2, or of the damping, 1/s."""
     # In tension cloth is as stiff as it gets, however soft compression is.
     zero = np.float32(0.0)
-    still = cloth.membrane._replace(pressure=zero, reduction=np.float32(1.0), stiffening=zero, slack=zero)
+    still = cloth.membrane._replace(pressure=zero, reduction=np.float32(1.0))
     hinges = cloth.hinges
     if not rates:
         still, hinges = still._replace(damping=np.float32(0.0)), hinges._replace(damping=np.float32(0.0))

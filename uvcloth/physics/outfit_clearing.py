@@ -1,0 +1,174 @@
+"""Clearing of a whole outfit: garments are moved off the skin and off the garments beneath them."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from uvcloth.bodies.body import Body
+from uvcloth.bodies.collider import Collider, compact, make_collider, touch_bits
+from uvcloth.bodies.opened import Opening, make_opening
+from uvcloth.bodies.stature import beside_adults
+from uvcloth.geometry.mesh import Mesh, WeldedMesh, join_meshes, unique_edges, welded
+from uvcloth.physics.cloth import moving_body
+from uvcloth.physics.cloth.clearing import FineMesh, FineState, clear, follow
+from uvcloth.physics.cloth.cloth import vertex_rings
+from uvcloth.physics.layer_thickness import inner_thickness
+from uvcloth.physics.layers import InnerLayer, Layer, inner_layer
+
+CLEARANCE = 0.003
+"""Metres that garments keep from the skin, and from each other."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Effort of a clearing.
+
+    reach: metres within which the skin is searched; deeper points stay. lifts: times that outer garments are
+    moved off the inner ones; after all but the last one their neighbours follow.
+    """
+
+    reach: float
+    lifts: int
+
+
+PREDICTED = Effort(reach=0.1, lifts=3)
+"""For predictions, which know nothing of body and layers."""
+
+FOLLOWING = Effort(reach=0.03, lifts=1)
+"""For garments that follow cages, which are off body and layers by themselves."""
+
+
+@dataclass(frozen=True)
+class OutfitClearing:
+    """Garments, the innermost first, and the body that they are kept off.
+
+    Clearances are for adults: size is the height of the body over that of the nearest adult. meshes: the
+    garments, welded. closed: the body as closed parts. opening: moves these apart to give cloth room. met:
+    (parts,) bool, those that cloth may touch; used: (C,) the collider's vertices of these. fine, solid: for
+    the kernel, of an adult's size. layers: of each garment those beneath it, the innermost first.
+    """
+
+    size: float
+    meshes: tuple[WeldedMesh, ...]
+    closed: Collider
+    opening: Opening
+    met: Tensor
+    used: Tensor
+    fine: FineMesh
+    solid: moving_body.Body
+    layers: tuple[tuple[InnerLayer, ...], ...]
+
+    @classmethod
+    def of(cls, body: Body, meshes: Sequence[Mesh], more: Tensor | None = None) -> "OutfitClearing":
+        """Prepare garments at rest, the innermost first.
+
+        more: (N, 3) m at rest, other cloth that meets the same collider.
+        """
+        size, closed = beside_adults(body), make_collider(body)
+        rest = body.mesh.vertices / size
+        garments = tuple(map(welded, meshes))
+        joined = join_meshes((each.points / size, each.faces) for each in garments)
+        touches = closed.touches(joined.vertices, rest)
+        met = touches.any(1)
+        if more is not None:
+            met = met | closed.touches(more / size, rest).any(1)
+        used, faces = compact([part for part, is_met in zip(closed.parts, met, strict=True) if is_met])
+        thickness = [
+            inner_thickness(
+                each.points / size, ((inner.points / size, inner.faces) for inner in garments[:index])
+            )
+            for index, each in enumerate(garments)
+        ]
+        rings = vertex_rings(unique_edges(joined.faces).numpy(), len(joined.vertices))
+        at_rest = closed.vertices(rest)[used].numpy()
+        return cls(
+            size,
+            garments,
+            closed,
+            make_opening(closed.for_cloth(met), rest),
+            met,
+            used,
+            FineMesh(torch.cat(thickness).numpy(), *rings),
+            moving_body.make_body(at_rest, faces, touches[met].numpy()),
+            tuple(_layers(garments, size, touch_bits(touches))),
+        )
+
+    def solid_for(self, points: Tensor, body_vertices: Tensor) -> moving_body.Body:
+        """The same collider for other cloth at (N, 3) m, on the body at (V, 3) m, both at rest."""
+        touches = self.closed.touches(points / self.size, body_vertices / self.size)[self.met]
+        return self.solid._replace(touches=np.ascontiguousarray(touches.numpy()))
+
+    def collider(self, body_vertices: Tensor) -> NDArray[np.float32]:
+        """Opened collider (C, 3) m of a posed body (V, 3) m."""
+        vertices = self.closed.vertices(body_vertices.cpu() / self.size)
+        return (self.size * self.opening.opened(vertices)[self.used]).numpy()
+
+    def start(self) -> FineState:
+        """State before the first frame, from which nothing is known."""
+        count = sum(len(each.points) for each in self.meshes)
+        return FineState(
+            np.zeros((count, 3), np.float32),
+            np.zeros((len(self.used), 3), np.float32),
+            moving_body.no_memory(self.solid),
+            0,
+        )
+
+    def clear(
+        self, points: Sequence[Tensor], collider: NDArray[np.float32], before: FineState, effort: Effort
+    ) -> tuple[FineState, tuple[Tensor, ...]]:
+        """Move the points (U, 3) m of each welded garment off the collider (C, 3) m, and off each other.
+
+        before: of the frame before, which saves time, or of the start. Returns the garments (N, 3) m.
+        """
+        origin = np.asarray(collider, np.float64).mean(0)
+        near = ((torch.cat(list(points)).numpy() - origin) / self.size).astype(np.float32)
+        body = ((collider - origin) / self.size).astype(np.float32)
+        fine = clear(
+            self.fine, self.solid, before, body, near, np.float32(CLEARANCE), np.float32(effort.reach)
+        )
+        sizes = [len(each.points) for each in self.meshes]
+        lifted = torch.from_numpy(fine.positions.copy())
+        for outer, layers in enumerate(self.layers):
+            parts = lifted.split(sizes)
+            for inner, beneath in enumerate(layers):
+                beneath.layer.update(parts[inner])
+            for turn in range(effort.lifts if layers else 0):
+                moves = torch.zeros_like(lifted)
+                _lift(parts[outer], layers, moves.split(sizes)[outer])
+                if turn < effort.lifts - 1:
+                    follow(self.fine, lifted.numpy(), moves.numpy())
+        garments = (self.size * lifted.double() + torch.from_numpy(origin)).float().split(sizes)
+        return fine, tuple(
+            vertices[mesh.places] for vertices, mesh in zip(garments, self.meshes, strict=True)
+        )
+
+    def cleared(self, garments: Sequence[Tensor], body_vertices: Tensor) -> tuple[Tensor, ...]:
+        """Garments (N, 3) m moved off a posed body (V, 3) m and off each other, whatever was before."""
+        points = [
+            vertices.detach().cpu()[mesh.kept] for vertices, mesh in zip(garments, self.meshes, strict=True)
+        ]
+        moved = self.clear(points, self.collider(body_vertices), self.start(), PREDICTED)[1]
+        return tuple(after.to(raw.device) for after, raw in zip(moved, garments, strict=True))
+
+
+def _layers(garments: Sequence[WeldedMesh], size: float, touches: Tensor) -> Iterator[tuple[InnerLayer, ...]]:
+    """Of each garment the contacts with those beneath it. touches: (N,) bits of all points."""
+    bits = touches.split([len(each.points) for each in garments])
+    for outer, each in enumerate(garments):
+        yield tuple(
+            inner_layer(Layer(below.points / size, below.faces), each.points / size, bits[outer], inner)
+            for below, inner in zip(garments[:outer], bits[:outer], strict=True)
+        )
+
+
+def _lift(vertices: Tensor, layers: Sequence[InnerLayer], moves: Tensor) -> None:
+    """Move points (U, 3) m to CLEARANCE off the layers beneath them, and add their moves (U, 3), in place."""
+    for beneath in layers:
+        rows, distance, normals = beneath.find(vertices)
+        way = (CLEARANCE - distance).clamp(min=0.0)[:, None] * normals
+        vertices[rows] += way
+        moves[rows] += way
