@@ -4,7 +4,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/installed
 
-.PHONY: demo test fuzz lint install clean
+.PHONY: demo test engines fuzz lint install clean
 
 demo: install
 	$(BIN)/uvcloth demo --out demo
@@ -12,6 +12,9 @@ demo: install
 
 test: install
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile
+
+engines: install
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests/simulate/physics --all-engines
 
 fuzz: install
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.fuzz --cases 10000

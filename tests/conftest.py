@@ -10,6 +10,11 @@ import torch
 from uvcloth.bodies.body import Body, load_body
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option for tests that take minutes."""
+    parser.addoption("--all-engines", action="store_true", help="test the cloth engines of others too")
+
+
 @pytest.fixture(autouse=True)
 def seeded() -> None:
     """The same random numbers in a test, whichever process it runs in and whatever ran there before."""

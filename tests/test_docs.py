@@ -11,7 +11,7 @@ PAGES = [*MANUAL, ROOT / "CHANGELOG.md", *sorted((ROOT / "docs" / "reports").glo
 TABLES = ("dependencies.md", "glossary.md")
 """Pages that are a table which a test compares with the code; they do not count as text of the manual."""
 
-OPENS_WITH_A_PICTURE = ("simulation", "contact", "physxnet", "motion_guided", "pbns", "deepsd")
+OPENS_WITH_A_PICTURE = ("simulation", "physics", "physxnet", "motion_guided", "pbns", "deepsd")
 FENCED = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 
 

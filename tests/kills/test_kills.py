@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 
-COMMANDS = ("rollout-usdc", "simulate", "outfits", "train-pbns")
+COMMANDS = ("simulate", "train-pbns")
 
 LIMIT = 500
 """Seconds; a machine may be busy."""

@@ -151,8 +151,8 @@ class OutfitClearing:
         points = [
             vertices.detach().cpu()[mesh.kept] for vertices, mesh in zip(garments, self.meshes, strict=True)
         ]
-        moved = self.clear(points, self.collider(body_vertices), self.start(), PREDICTED)[1]
-        return tuple(after.to(raw.device) for after, raw in zip(moved, garments, strict=True))
+        _, finished = self.clear(points, self.collider(body_vertices), self.start(), PREDICTED)
+        return tuple(after.to(raw.device) for after, raw in zip(finished, garments, strict=True))
 
 
 def _layers(garments: Sequence[WeldedMesh], size: float, touches: Tensor) -> Iterator[tuple[InnerLayer, ...]]:

@@ -99,12 +99,15 @@ def _strain(motion: Tensor, rest: Tensor, faces: Tensor) -> tuple[Tensor, Tensor
 
 
 def rope_period(engine: Any, length: float = 0.5) -> tuple[float, float]:
-    """Period (s) of a hanging strip in a rope's first mode, and what share of the swing is left at 2.2 s."""
+    """Period (s) of a hanging strip in a rope's first mode, and what share of the swing is left at 2 s.
+
+    It would pass through the middle again just after that, and tremble there.
+    """
     rest, faces = sheet(length, 0.054, 28, 4)
     below = rest[:, 0]
     mode = j0(2 * ROPE * torch.sqrt((length - below) / length).double().numpy())
     hanging = torch.stack([0.03 * torch.from_numpy(mode).float(), rest[:, 1], -below], dim=1)
-    made = scene(hanging, faces, 2.2, held=below < 1e-6)
+    made = scene(hanging, faces, 2.0, held=below < 1e-6)
     end = play(replace(engine, fabric=LIMP), made)[:, below > length - 1e-6, 0].mean(1)
     crossed = torch.nonzero(end[1:] * end[:-1] < 0).squeeze(1)
     times = (crossed + end[crossed] / (end[crossed] - end[crossed + 1])) / FPS

@@ -91,8 +91,8 @@ def make_cloth(
     mass_factor: (N,) on the mass of vertices; gravity acts on their mass without it. thickness: (N,) m of
     other cloth beneath. compression: share of the membrane's stiffness that is left at the beginning of
     compression; it grows to 1 where a face is flat. moved_mass: share of the mass that is moved to the
-    stiffest vertices, so that a few small faces do not decide the step (after selective mass scaling: Olovsson
-    et al. 2005).
+    stiffest vertices, so that a few small faces do not decide the step (after selective mass scaling:
+    Olovsson et al. 2005).
     """
     faces = np.ascontiguousarray(faces, np.int32)
     rest = np.ascontiguousarray(rest, np.float64)
