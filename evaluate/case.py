@@ -10,6 +10,7 @@ from torch import Tensor
 
 from evaluate.actions import Window
 from evaluate.body_scores import DressedBody, dressed_body
+from evaluate.looks import Looks, prepare_looks
 from evaluate.maps import Texels
 from evaluate.metrics import Reference
 from uvcloth.bodies.body import Body
@@ -22,6 +23,7 @@ from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh, join_meshes
 from uvcloth.geometry.skinning import skin
+from uvcloth.physics.fabric import Fabric, fabric_from
 
 SHOWN = 50
 """Most frames of a case that are kept for the viewer and the pictures."""
@@ -89,6 +91,15 @@ class Case:
     def dressed(self) -> dict[str, DressedBody]:
         """The garments of each part as they lie on the body, by its name; for all methods and settings."""
         return {part.name: dressed_body(self.outfit.body, part.meshes) for part in self.parts}
+
+    @cached_property
+    def looks(self) -> dict[str, Looks]:
+        """The garments of each part prepared for measures of looks, by its name."""
+        fabrics = {garment.name: (_fabric(self.clip, garment),) for garment in self.outfit.garments}
+        whole = tuple(fabric for each in fabrics.values() for fabric in each)
+        return {
+            part.name: prepare_looks(part.reference, fabrics.get(part.name, whole)) for part in self.parts
+        }
 
     @property
     def end(self) -> int:
@@ -207,6 +218,12 @@ def _whole(parts: Sequence[Part], vertices: int) -> Part:
     )
     meshes = tuple(mesh for part in parts for mesh in part.meshes)
     return Part(outfit_name([part.name for part in parts]), slice(0, vertices), meshes, reference)
+
+
+def _fabric(clip: SimulatedClip, garment: Garment) -> Fabric:
+    """The fabric that a garment was simulated with; its own where the clip does not say."""
+    numbers = clip.metadata.get("settings", {}).get("fabric")
+    return fabric_from(numbers, clip.name) if isinstance(numbers, dict) else garment.fabric
 
 
 def _require_same(
