@@ -78,13 +78,13 @@ def _bands(windows: Sequence[Scores], stage: str) -> dict[str, float | None]:
 
 def _wrinkles(windows: Sequence[Scores], simulation: Sequence[Scores], stage: str) -> dict[str, float | None]:
     """Root mean square offset in each band of wavelength over the simulation's."""
-    own, true = (
+    squares, truths = (
         _values(each, key).reshape(-1, len(WAVES)).sum(0)
         for each, key in ((windows, f"wrinkle_mm2{stage}"), (simulation, "wrinkle_mm2"))
     )
     return {
         f"wrinkles_{name}": (float(square) / float(truth)) ** 0.5 if truth > 0 else None
-        for name, square, truth in zip(WAVES, own, true, strict=True)
+        for name, square, truth in zip(WAVES, squares, truths, strict=True)
     }
 
 

@@ -84,6 +84,7 @@ def summarize(
         "methods": {name: summarized(scores) for name, scores in entries.items() if name != SIMULATION},
         SIMULATION: {
             "actions": yardstick["actions"],
+            "stop_energy_mj_kg": yardstick["stop_energy_mj_kg"],
             "outfits": {name: {"actions": each["actions"]} for name, each in yardstick["outfits"].items()},
         },
     }
