@@ -12,7 +12,7 @@ from evaluate.after_stop import stop_scores
 from evaluate.force_balance import MOST_FORCE, balanced_frames, force_balance, force_scores
 from evaluate.hem import find_hem, hem_scores
 from evaluate.look_fields import WAVES, look_fields
-from evaluate.metrics import Reference, peak_accelerations
+from evaluate.metrics import Reference, peak_accelerations, swing_velocities
 from evaluate.surface import make_surface
 from evaluate.swing_bands import BANDS, band_scores
 from evaluate.wrinkles import wave_filters, wrinkle_scores
@@ -86,6 +86,22 @@ def test_a_short_window_measures_no_slow_band_and_skinning_has_no_direction() ->
     assert skinned["swing_ratio_1_3_hz"] == 0.0
     assert skinned["swing_correlation_1_3_hz"] is None
     assert band_scores(waving(3, 2.0).expand(-1, 441, -1), moving(waving(3, 2.0))) == {}
+
+
+def test_the_bands_of_a_long_window_sum_to_its_motion() -> None:
+    """So that a long window counts for more than a short one."""
+    case = moving(waving(150, 0.7) + waving(150, 2.0) + waving(150, 5.5))
+    velocities, _ = swing_velocities(case.vertices, case)
+    total = float(velocities.square().sum())
+    assert float(band_scores(case.vertices, case)["band_square"].sum()) == pytest.approx(total, rel=0.05)
+
+
+def test_a_patch_has_its_width() -> None:
+    """The average of x^2 around x = 0 is the variance."""
+    rest, faces = cloth(41, 41)
+    squares = (rest[:, :1] - 0.4).square().double()[None]
+    averages = make_surface(rest, faces).diffusion(0.08)(squares)
+    assert float(averages[0, 20 * 41 + 20]) == pytest.approx(0.08**2, rel=0.02)
 
 
 @pytest.mark.parametrize(("wavelength", "band"), [(0.4, 0), (0.14, 1), (0.07, 2), (0.035, 3)])
