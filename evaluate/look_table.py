@@ -21,13 +21,13 @@ GROUPS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
         for wave in WAVES
     },
     "Hems ÷ simulation's": {"roughness": ("hem_roughness",), "energy": ("hem_energy",)},
-    "Popping": {"÷ simulation's": ("popping",)},
+    "Popping": {"÷ sim.": ("popping",)},
     "Unbalanced force": {
         "median (m/s²)": ("force_median",),
         "99 % (m/s²)": ("force_99",),
-        "impossible frames (%)": ("impossible_percent",),
+        "impossible (% of frames)": ("impossible_percent",),
     },
-    "After a stop": {"energy ÷ simulation's": ("stop_energy",), "settles in (s)": ("settle_s",)},
+    "After a stop": {"energy ÷ sim.": ("stop_energy",), "settles (s)": ("settle_s",)},
     "Turned scene": {"mean (mm)": ("turned_mm",), "largest (mm)": ("turned_max_mm",)},
 }
 """Columns by group and title: a field of metrics.json, or two of which the second stands in brackets."""
@@ -60,7 +60,7 @@ def look_rows(results: Results) -> list[LookRow]:
 
 
 def impossible_frames(results: Results) -> dict[str, list[str]]:
-    """By method, its frames that no cloth can take, after contact, in words."""
+    """By method, the worst frames that no cloth can take, after contact, in words."""
     named = {
         name: [
             f"{each['clip']}, {garment}: frame {each['frame']} ({number(each['force'])} m/s²)"
@@ -76,8 +76,11 @@ def impossible_frames(results: Results) -> dict[str, list[str]]:
 def _figures(actions: Mapping[str, Any], garment: str, suffix: str) -> list[str]:
     """The figures of a row. suffix: of the fields."""
     columns = [keys for group in GROUPS.values() for keys in group.values()]
-    texts = []
-    for keys in columns:
-        figures = [number(overall(actions, garment, key + suffix)) for key in keys]
-        texts.append(figures[0] + "".join(f" ({each})" for each in figures[1:]))
-    return texts
+    values = [[overall(actions, garment, key + suffix) for key in keys] for keys in columns]
+    return [_pair(*each) if len(each) == 2 else number(*each) for each in values]
+
+
+def _pair(ratio: float | None, correlation: float | None) -> str:
+    """A ratio and in brackets a correlation, which needs the same digits in every row."""
+    first, second = (DASH if each is None else f"{each:.2f}" for each in (ratio, correlation))
+    return f"{first} ({second})"
