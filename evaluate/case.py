@@ -19,11 +19,11 @@ from uvcloth.dataset.bodies import require_joints
 from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip, SimulatedGarment
 from uvcloth.dataset.clip_file import load_simulated, read_metadata
 from uvcloth.dataset.folder import MEMBERS, member_folder
+from uvcloth.dataset.reader import simulated_fabric
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh, join_meshes
 from uvcloth.geometry.skinning import skin
-from uvcloth.physics.fabric import Fabric, fabric_from
 
 SHOWN = 50
 """Most frames of a case that are kept for the viewer and the pictures."""
@@ -95,11 +95,9 @@ class Case:
     @cached_property
     def looks(self) -> dict[str, Looks]:
         """The garments of each part prepared for measures of looks, by its name."""
-        fabrics = {garment.name: (_fabric(self.clip, garment),) for garment in self.outfit.garments}
-        whole = tuple(fabric for each in fabrics.values() for fabric in each)
-        return {
-            part.name: prepare_looks(part.reference, fabrics.get(part.name, whole)) for part in self.parts
-        }
+        known = simulated_fabric(self.clip, self.name)
+        fabrics = {garment.name: known or garment.fabric for garment in self.outfit.garments}
+        return {part.name: prepare_looks(part.reference, fabrics.get(part.name)) for part in self.parts}
 
     @property
     def end(self) -> int:
@@ -218,12 +216,6 @@ def _whole(parts: Sequence[Part], vertices: int) -> Part:
     )
     meshes = tuple(mesh for part in parts for mesh in part.meshes)
     return Part(outfit_name([part.name for part in parts]), slice(0, vertices), meshes, reference)
-
-
-def _fabric(clip: SimulatedClip, garment: Garment) -> Fabric:
-    """The fabric that a garment was simulated with; its own where the clip does not say."""
-    numbers = clip.metadata.get("settings", {}).get("fabric")
-    return fabric_from(numbers, clip.name) if isinstance(numbers, dict) else garment.fabric
 
 
 def _require_same(

@@ -82,5 +82,7 @@ def _figures(actions: Mapping[str, Any], garment: str, suffix: str) -> list[str]
 
 def _pair(ratio: float | None, correlation: float | None) -> str:
     """A ratio and in brackets a correlation, which needs the same digits in every row."""
+    if ratio is None:
+        return DASH
     first, second = (DASH if each is None else f"{each:.2f}" for each in (ratio, correlation))
     return f"{first} ({second})"

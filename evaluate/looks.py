@@ -1,6 +1,5 @@
 """All measures of motion and looks of a garment over a window, each of which is one file beside this one."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -29,11 +28,11 @@ class Looks:
     balance: ForceBalance | None
 
 
-def prepare_looks(reference: Reference, fabrics: Sequence[Fabric]) -> Looks:
-    """Prepare the garments of a part, one of each fabric."""
+def prepare_looks(reference: Reference, fabric: Fabric | None) -> Looks:
+    """Prepare a garment of a fabric, or several as one mesh, for which it is None."""
     rest, faces = reference.rest, reference.faces
     surface = make_surface(rest, faces)
-    balance = force_balance(surface, rest, faces, *fabrics) if len(fabrics) == 1 else None
+    balance = force_balance(surface, rest, faces, fabric) if fabric else None
     return Looks(wave_filters(surface), find_hem(rest, faces), balance)
 
 
