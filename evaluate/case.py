@@ -10,6 +10,7 @@ from torch import Tensor
 
 from evaluate.actions import Window
 from evaluate.body_scores import DressedBody, dressed_body
+from evaluate.looks import Looks, prepare_looks
 from evaluate.maps import Texels
 from evaluate.metrics import Reference
 from uvcloth.bodies.body import Body
@@ -18,6 +19,7 @@ from uvcloth.dataset.bodies import require_joints
 from uvcloth.dataset.clip import REST_TOLERANCE, SimulatedClip, SimulatedGarment
 from uvcloth.dataset.clip_file import load_simulated, read_metadata
 from uvcloth.dataset.folder import MEMBERS, member_folder
+from uvcloth.dataset.reader import simulated_fabric
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh, join_meshes
@@ -89,6 +91,13 @@ class Case:
     def dressed(self) -> dict[str, DressedBody]:
         """The garments of each part as they lie on the body, by its name; for all methods and settings."""
         return {part.name: dressed_body(self.outfit.body, part.meshes) for part in self.parts}
+
+    @cached_property
+    def looks(self) -> dict[str, Looks]:
+        """The garments of each part prepared for measures of looks, by its name."""
+        known = simulated_fabric(self.clip, self.name)
+        fabrics = {garment.name: known or garment.fabric for garment in self.outfit.garments}
+        return {part.name: prepare_looks(part.reference, fabrics.get(part.name)) for part in self.parts}
 
     @property
     def end(self) -> int:

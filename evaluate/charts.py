@@ -94,12 +94,17 @@ def bars(
 
 
 def lines(
-    title: str, series: Sequence[Sequence[float]], names: Sequence[str], unit: str, fps: float
+    title: str,
+    series: Sequence[Sequence[float]],
+    names: Sequence[str],
+    unit: str,
+    fps: float,
+    reference: Sequence[float] = (),
 ) -> Markup:
-    """One line per name over time: series[i][t] at second t / fps, in `unit`."""
-    longest = max([len(line) for line in series] + [2])
+    """One line per name over time: series[i][t] at second t / fps, in `unit`; a dashed one of a reference."""
+    longest = max([len(line) for line in (*series, reference)] + [2])
     across = ticks((longest - 1) / fps)
-    up = ticks(max([value for line in series for value in line] + [0.0]))
+    up = ticks(max([value for line in (*series, reference) for value in line] + [0.0]))
     left, right, top, bottom = 40, WIDTH - 12, 26, 196
 
     def x(seconds: float) -> float:
@@ -119,11 +124,12 @@ def lines(
             f'<text class="tick" x="{x(tick):.1f}" y="{bottom + 14}" text-anchor="middle">'
             f"{_tick(tick)}</text>"
         )
-    for index, line in enumerate(series):
+    styles = [f"l{index}" for index in range(len(series))]
+    for style, name, line in zip(
+        [*styles, "floor"], [*names, "simulation"], [*series, reference], strict=True
+    ):
         points = " ".join(f"{x(t / fps):.1f},{y(value):.1f}" for t, value in enumerate(line))
-        parts.append(
-            f'<polyline class="l{index}" points="{points}"><title>{escape(names[index])}</title></polyline>'
-        )
+        parts.append(f'<polyline class="{style}" points="{points}"><title>{escape(name)}</title></polyline>')
     parts.append(
         f'<text class="unit" x="{right}" y="13" text-anchor="end">{escape(unit)}</text>'
         f'<text class="unit" x="{right}" y="{bottom + 24}" text-anchor="end">seconds</text>'

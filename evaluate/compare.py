@@ -121,7 +121,7 @@ def measured(
     names = (SIMULATION, *(candidate.name for candidate in candidates))
     entries = {
         name: [
-            PartScores(case.shown.action, part, scores)
+            PartScores(case.shown.action, part, scores, case.shown.clip)
             for case in judged
             if name in case.scores
             for part, scores in case.scores[name].parts.items()

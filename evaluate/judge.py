@@ -11,8 +11,17 @@ from torch import Tensor
 
 from evaluate.body_scores import body_scores
 from evaluate.candidates import Candidate
-from evaluate.case import Case
-from evaluate.metrics import distance_scores, layer_scores, map_mse, shape_scores, spread_scores
+from evaluate.case import Case, Part
+from evaluate.continuity import continuity_scores
+from evaluate.looks import look_scores
+from evaluate.metrics import (
+    distance_scores,
+    layer_scores,
+    map_mse,
+    shape_scores,
+    spread_scores,
+    swing_scores,
+)
 from evaluate.stability import stability_scores, uses_feedback
 from uvcloth.bodies.frames import LEAD, body_frames, with_lead
 from uvcloth.dataset.clip import content_hash
@@ -22,7 +31,10 @@ from uvcloth.geometry.kept import keep_arrays, kept_arrays
 from uvcloth.methods.capabilities import round_trip
 from uvcloth.rollout import PreparedRollout, prepare_rollout
 
-SCORES_FORMAT = "uvcloth-judged-7"
+SCORES_FORMAT = "uvcloth-judged-8"
+
+MEMBER_SUFFIX = "_member"
+"""Suffix of the scores of another simulation."""
 
 ENCODED_AT_ONCE = 16
 """Frames that are written in a method's representation at the same time: bounds the memory of large maps."""
@@ -31,6 +43,14 @@ JUDGING = (
     "rasterize",
     "uvcloth",
     "evaluate/metrics.py",
+    "evaluate/surface.py",
+    "evaluate/swing_bands.py",
+    "evaluate/wrinkles.py",
+    "evaluate/hem.py",
+    "evaluate/after_stop.py",
+    "evaluate/force_balance.py",
+    "evaluate/continuity.py",
+    "evaluate/looks.py",
     "evaluate/maps.py",
     "evaluate/body_scores.py",
     "evaluate/stability.py",
@@ -78,7 +98,8 @@ def judge(case: Case, candidate: Candidate) -> CaseScores:
         stable = stability_scores(prepared, case)
         more = {name: {**scores, **more.get(name, {})} for name, scores in stable.items()}
     scored = score(case, raw, resolved)
-    parts = {name: {**scores, **more.get(name, {})} for name, scores in scored.parts.items()}
+    turned = continuity_scores(case, prepared, resolved)
+    parts = {name: {**scores, **more.get(name, {}), **turned[name]} for name, scores in scored.parts.items()}
     whole = case.parts[-1].name
     return CaseScores({**parts, whole: {**parts[whole], **times}}, scored.shown)
 
@@ -95,8 +116,23 @@ def _predicted(case: Case, prepared: PreparedRollout) -> tuple[Tensor, Tensor, S
 
 
 def judge_simulation(case: Case) -> CaseScores:
-    """The simulation scored as if it were a prediction: no error, but its own edges, bends and jitter."""
-    return score(case, case.truth, case.truth)
+    """The simulation scored as if it were a prediction: no error, but its own edges, bends and jitter.
+
+    With an ensemble, its member on the same mesh is scored by its looks (..._member): as good as possible.
+    """
+    scored = score(case, case.truth, case.truth)
+    parts = {part.name: {**scored.parts[part.name], **_member_scores(case, part)} for part in case.parts}
+    return replace(scored, parts=parts)
+
+
+def _member_scores(case: Case, part: Part) -> Scores:
+    """Looks of the first other member of an ensemble; nothing without one."""
+    others = part.reference.members[:1]
+    return {
+        f"{key}{MEMBER_SUFFIX}": values
+        for other in others
+        for key, values in {**swing_scores(other, part.reference), **_look_scores(case, part, other)}.items()
+    }
 
 
 def score(case: Case, raw: Tensor, resolved: Tensor) -> CaseScores:
@@ -123,11 +159,18 @@ def _frame_scores(case: Case, frames: Tensor) -> dict[str, dict[str, Tensor]]:
         parts[part.name] = {
             **shape_scores(vertices, part.reference),
             **body_scores(case.dressed[part.name], vertices, case.body_vertices),
+            **_look_scores(case, part, vertices),
         }
     *garments, whole = case.parts
     layers = {part.name: frames[:, part.rows] for part in garments}
     parts[whole.name] |= layer_scores(layers, {part.name: part.reference.faces for part in garments})
     return parts
+
+
+def _look_scores(case: Case, part: Part, vertices: Tensor) -> Scores:
+    """Measures of motion and looks of a part (F, N, 3)."""
+    dressed = case.dressed[part.name]
+    return look_scores(case.looks[part.name], vertices, part.reference, dressed, case.body_vertices)
 
 
 @torch.no_grad()

@@ -3,6 +3,7 @@
 Shapes: F frames, N vertices, P texels. Positions in metres, results in millimetres (or mm2, radians).
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import combinations
@@ -78,16 +79,24 @@ def spread_scores(reference: Reference) -> dict[str, Tensor]:
     return {f"spread_{key}": torch.stack([each[key] for each in apart]).mean(0) for key in apart[0]}
 
 
-def swing_scores(vertices: Tensor, reference: Reference) -> dict[str, Tensor]:
-    """Sums from which the swing of (F, N, 3) follows, between neighbouring frames, (F - 1,) each.
+def swing_velocities(vertices: Tensor, reference: Reference) -> tuple[Tensor, Tensor]:
+    """Velocities relative to the skinned garment of (F, N, 3) and of the simulation, mm per frame.
 
-    Of the motion relative to the skinned garment, of the tenth of the vertices that moves most in the
-    simulation. swing_speed, true_swing_speed: mean speed of the prediction and of the simulation, mm per
-    frame. swing_product, swing_square, true_swing_square: sums of the products and squares of velocities.
+    (F - 1, n, 3) each, of the tenth of the vertices that moves most in the simulation.
     """
     steps, truth = ((each - reference.skinned).diff(dim=0) * MM for each in (vertices, reference.vertices))
     free = truth.norm(dim=2).sum(0).topk(max(1, truth.shape[1] // SWINGING)).indices
-    steps, truth = steps[:, free], truth[:, free]
+    return steps[:, free], truth[:, free]
+
+
+def swing_scores(vertices: Tensor, reference: Reference) -> dict[str, Tensor]:
+    """Sums from which the swing of (F, N, 3) follows, between neighbouring frames, (F - 1,) each.
+
+    Of the velocities of `swing_velocities`. swing_speed, true_swing_speed: mean speed of the prediction and
+    of the simulation, mm per frame. swing_product, swing_square, true_swing_square: sums of the products and
+    squares of velocities.
+    """
+    steps, truth = swing_velocities(vertices, reference)
     return {
         "swing_speed": steps.norm(dim=2).mean(1),
         "true_swing_speed": truth.norm(dim=2).mean(1),
@@ -95,6 +104,15 @@ def swing_scores(vertices: Tensor, reference: Reference) -> dict[str, Tensor]:
         "swing_square": steps.square().sum(dim=(1, 2)),
         "true_swing_square": truth.square().sum(dim=(1, 2)),
     }
+
+
+def peak_accelerations(vertices: Tensor, reference: Reference) -> Tensor:
+    """Largest acceleration of (F, N, 3) relative to the skinned garment in each frame, m/s2: (F - 2,).
+
+    The 99.9th percentile over the vertices: a single one that jumps is not seen.
+    """
+    sizes = (vertices - reference.skinned).diff(n=2, dim=0).norm(dim=2) * reference.fps**2
+    return sizes.kthvalue(math.ceil(0.999 * sizes.shape[1]), dim=1).values
 
 
 def map_mse(predicted: Tensor, reference: Reference) -> dict[str, Tensor]:

@@ -9,8 +9,12 @@ from typing import Any
 
 from torch import Tensor
 
+from evaluate.candidates import SIMULATION
 from evaluate.charts import DASH, bars, lines, mark, number, scatter
+from evaluate.continuity import TURNED_FRAMES
 from evaluate.familiar import cautions
+from evaluate.force_balance import BALANCED_FRAMES, MOST_FORCE
+from evaluate.look_table import GROUPS, impossible_frames, look_rows
 from evaluate.results import LONG
 from evaluate.stability import SHORT_ROLLOUT
 from evaluate.standings import (
@@ -25,6 +29,7 @@ from evaluate.standings import (
     standings,
 )
 from evaluate.viewer import ViewerClip, pack_body, pack_clip
+from evaluate.wrinkles import WRINKLED_FRAMES
 from uvcloth.bodies.stream import BATCH
 from uvcloth.files.atomic import atomic_write
 
@@ -148,6 +153,15 @@ def write_report(
         measures=MEASURES,
         physics=PHYSICS,
         swing=SWING,
+        look_groups=GROUPS,
+        look_rows=look_rows(results),
+        impossible=impossible_frames(results),
+        look_begins={sum(map(len, list(GROUPS.values())[:index])) for index in range(len(GROUPS))},
+        most_force=MOST_FORCE,
+        turned=TURNED_FRAMES,
+        balanced=BALANCED_FRAMES,
+        wrinkled=WRINKLED_FRAMES,
+        after_stops=_stop_charts(results),
         outfit_titles=OUTFIT,
         stages=STAGES,
         paper_costs=PAPER_COSTS,
@@ -209,6 +223,23 @@ def _time_charts(results: Results) -> dict[str, list[Any]]:
                 title = f"{garment}, {when} the finish"
                 charts[when].append(lines(title, lasting, list(methods), "mm", results["fps"]))
     return charts
+
+
+def _stop_charts(results: Results) -> list[Any]:
+    """Energy after a stop, a chart per garment of the windows that end in one."""
+    methods, true = results["methods"], results[SIMULATION].get("stop_energy_mj_kg", {})
+    return [
+        lines(
+            f"{garment}: energy after a stop",
+            [method.get("stop_energy_mj_kg", {}).get(garment, []) for method in methods.values()],
+            list(methods),
+            "mJ/kg",
+            results["fps"],
+            true[garment],
+        )
+        for garment in garments_in(results)
+        if true.get(garment)
+    ]
 
 
 def _motion_chart(motion: MotionMap) -> Any:

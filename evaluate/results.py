@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from evaluate.candidates import SIMULATION
-from evaluate.judge import Scores
+from evaluate.judge import MEMBER_SUFFIX, Scores
+from evaluate.look_fields import look_fields, turned_fields
 from evaluate.metrics import wrong_side_key
 
 STAGE_SUFFIXES = ("_raw", "")
@@ -50,11 +51,12 @@ REPRESENTED, SPREAD = "representation_", "spread_"
 
 @dataclass(frozen=True)
 class PartScores:
-    """The scores of one method on one part, a garment or a whole outfit, in one case."""
+    """The scores of one method on one part, a garment or a whole outfit, in one case, of a clip."""
 
     action: str
     part: str
     scores: Scores
+    clip: str
 
 
 def summarize(
@@ -82,6 +84,7 @@ def summarize(
         "methods": {name: summarized(scores) for name, scores in entries.items() if name != SIMULATION},
         SIMULATION: {
             "actions": yardstick["actions"],
+            "stop_energy_mj_kg": yardstick["stop_energy_mj_kg"],
             "outfits": {name: {"actions": each["actions"]} for name, each in yardstick["outfits"].items()},
         },
     }
@@ -146,6 +149,13 @@ def _tables(entries: Sequence[PartScores], simulation: Sequence[PartScores]) -> 
             for stage in STAGE_SUFFIXES
         },
         "stability": {part: stability(windows) for part, windows in parts.items()},
+        **{
+            f"stop_energy_mj_kg{stage}": {
+                part: _over_time([each[key] for each in windows if (key := f"stop_energy{stage}") in each])
+                for part, windows in parts.items()
+            }
+            for stage in STAGE_SUFFIXES
+        },
     }
 
 
@@ -194,18 +204,18 @@ def _by_action(entries: Sequence[PartScores], simulation: Sequence[PartScores]) 
     actions: dict[str, dict[str, Any]] = {}
     for action, part in dict.fromkeys((entry.action, entry.part) for entry in entries):
         actions.setdefault(action, {})[part] = _cell(
-            _scores(entries, action, part), _scores(simulation, action, part)
+            *(
+                [each for each in those if (each.action, each.part) == (action, part)]
+                for those in (entries, simulation)
+            )
         )
     return actions
 
 
-def _scores(entries: Sequence[PartScores], action: str, part: str) -> list[Scores]:
-    """The scores of all cases of an action with a part."""
-    return [entry.scores for entry in entries if (entry.action, entry.part) == (action, part)]
-
-
-def _cell(scores: Sequence[Scores], simulation: Sequence[Scores]) -> dict[str, Any]:
-    """Means over all frames of one action and part."""
+def _cell(entries: Sequence[PartScores], true: Sequence[PartScores]) -> dict[str, Any]:
+    """Means over all frames of one action and part. true: the entries of the simulation."""
+    scores, simulation = ([entry.scores for entry in each] for each in (entries, true))
+    clips = [entry.clip for entry in entries]
     calm = _mean(simulation, "jitter")
     cell: dict[str, Any] = {
         "frames": sum(len(each["vertex_mean_mm"]) for each in scores),
@@ -217,6 +227,10 @@ def _cell(scores: Sequence[Scores], simulation: Sequence[Scores]) -> dict[str, A
         # Fewer than three frames have no acceleration.
         cell[f"jitter_ratio{stage}"] = _mean(scores, f"jitter{stage}") / calm if calm > 0 else None
         cell |= swing(scores, stage) | _chance(scores, stage)
+        cell |= look_fields(scores, simulation, clips, stage)
+    cell |= turned_fields(scores)
+    if any(f"swing_speed{MEMBER_SUFFIX}" in each for each in scores):
+        cell |= _member_fields(entries)
     if all("network_ms" in each for each in scores):
         network, contact = _mean(scores, "network_ms"), _mean(scores, "contact_ms")
         cell |= {"network_ms": network, "contact_ms": contact, "ms_per_frame": network + contact}
@@ -237,6 +251,13 @@ def swing(scores: Sequence[Scores], stage: str = "") -> dict[str, float | None]:
         f"swing_ratio{stage}": total("swing_speed") / speed if speed > 0 else None,
         f"swing_correlation{stage}": total("swing_product") / squares**0.5 if squares > 0 else None,
     }
+
+
+def _member_fields(simulation: Sequence[PartScores]) -> dict[str, Any]:
+    """Swing and looks of another simulation, over the windows that have an ensemble."""
+    having = [each for each in simulation if f"swing_speed{MEMBER_SUFFIX}" in each.scores]
+    scores, clips = [each.scores for each in having], [each.clip for each in having]
+    return swing(scores, MEMBER_SUFFIX) | look_fields(scores, scores, clips, MEMBER_SUFFIX)
 
 
 def _chance(scores: Sequence[Scores], stage: str) -> dict[str, float | None]:
@@ -263,7 +284,12 @@ def _mean(scores: Sequence[Scores], key: str) -> float:
 
 
 def _over_time(windows: Sequence[Tensor]) -> list[float]:
-    """The mean of a score (F,) of several windows at each frame, while at least half of them last."""
+    """The mean of a score (F,) of several windows at each frame, while at least half of them last.
+
+    Nothing without a window.
+    """
+    if not windows:
+        return []
     padded = torch.nn.utils.rnn.pad_sequence(list(windows), padding_value=float("nan"))
     enough = padded.isfinite().sum(1) * 2 >= len(windows)
     return [round(float(value), 3) for value in padded.nanmean(1)[enough]]

@@ -520,6 +520,7 @@ def test_an_error_is_compared_with_the_spread_of_the_ensemble(world: Path, tmp_p
     assert jump["tops"]["ensemble_mm_raw"] == pytest.approx((5.0 + 29**0.5) / 2, abs=1e-3)
     assert jump["tops"]["spread_ratio_raw"] == pytest.approx((5.0 + 29**0.5) / 4, abs=1e-3)
     assert jump["dress"]["ensemble_mm"] is jump["dress"]["spread_ratio"] is None
+    assert jump["tops"]["turned_max_mm"] < 0.01
 
 
 def test_an_ensemble_member_of_another_motion_is_refused(world: Path, tmp_path: Path) -> None:

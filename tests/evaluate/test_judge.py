@@ -17,6 +17,7 @@ from tests.evaluate.test_compare import capsule_body, simulated, tube_garment
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.dataset.clip import clip_of_garment
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.skeleton import Skeleton
@@ -103,3 +104,20 @@ def test_a_coarse_garment_is_inside_by_its_faces_while_no_vertex_is(body: Body) 
     assert found["inside_faces_percent"][0] == found["skin_percent"][0] == 0.0
     assert found["inside_faces_percent"][1] > 10.0
     assert found["skin_percent"][1] > 10.0
+
+
+def test_forces_are_those_of_the_simulated_fabric() -> None:
+    """Twice as heavy as the jersey of 0.2 kg/m2; numbers that are none are refused in one sentence."""
+    garment = tube_garment("tops")
+    window = Window("a", "02_04", "", "tops", None)  # type: ignore[arg-type]
+
+    def mass(**settings: Any) -> float:
+        clip = simulated(garment, "02_04", torch.zeros(3)).labelled(settings=settings)
+        case = make_case((window,), clip, Outfit(capsule_body(), (garment,)), {})
+        balance = case.looks["tops"].balance
+        assert balance is not None
+        return float(balance.energies.masses.sum())
+
+    assert mass(fabric={"density": 0.4}) == pytest.approx(2.0 * mass())
+    with pytest.raises(InputError, match=r"02_04_tops: .*fabric"):
+        mass(fabric={"density": "heavy"})

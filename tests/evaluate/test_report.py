@@ -290,6 +290,28 @@ def test_names_are_text_whatever_is_in_them(tmp_path: Path) -> None:
     assert "alert(0)" in page
 
 
+def test_page_has_looks_and_names_impossible_frames(tmp_path: Path) -> None:
+    results = fake_results()
+    true = results["simulation"]["actions"]["jump"]["dress"]
+    true |= {"force_median": 6.5, "swing_ratio_member": 1.0, "force_median_member": 1.25}
+    results["simulation"]["stop_energy_mj_kg"] = {"dress": [60.0, 30.0, 10.0]}
+    named = [{"clip": "02_03", "frame": 17, "force": 44.0}]
+    results["methods"]["net"]["actions"]["jump"]["dress"] |= {
+        "swing_ratio_1_3_hz": 0.75, "swing_correlation_1_3_hz": 0.5, "impossible_frames": named,
+    }  # fmt: skip
+    page = write_report(tmp_path, results, [], []).read_text()
+    looks = rows(page, 'id="looks"')
+    assert [row[1] for row in looks[2:]] == ["simulation", *MEANS, "simulation", "another simulation", *MEANS]
+    titles = ["Garment", "Method", *looks[1]]
+    force, swing = titles.index("median (m/s²)"), titles.index(f"1{DASH}3 Hz")
+    assert [row[force] for row in looks[6:8]] == ["6.50", "1.25"]
+    assert looks[-1][swing] == "0.75 (0.50)"
+    assert all(len(row) == len(titles) for row in looks[2:])
+    assert "02_03, dress: frame 17 (44.0 m/s²)" in page
+    assert 'aria-label="dress: energy after a stop"' in page
+    assert 'aria-label="tops: energy after a stop"' not in page
+
+
 def test_page_says_which_methods_are_quasi_static(tmp_path: Path) -> None:
     page = write_report(tmp_path, fake_results(), [fake_clip()], []).read_text()
     assert "<p>lbs, lbs_smooth are quasi-static:" in page

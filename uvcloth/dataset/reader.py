@@ -21,7 +21,7 @@ from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.index import INDEX, Entry, clip_file, read_index, require_one_split
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.poses import SPLITS
-from uvcloth.physics.fabric import fabric_from
+from uvcloth.physics.fabric import JERSEY, Fabric, fabric_from
 
 BodyClips = tuple[Body, list[SimulatedClip]]
 """A body, and the clips that were simulated on it."""
@@ -176,6 +176,14 @@ def _dress(path: Path, clip: SimulatedClip, body: Body) -> Garment:
     (simulated,) = clip.garments
     mesh = Mesh(simulated.rest, simulated.faces, torch.zeros(1, 2), torch.zeros_like(simulated.faces))
     garment = make_fitted(simulated.name, mesh, body, simulated.metadata.get("template"))[0]
+    return replace(garment, fabric=simulated_fabric(clip, str(path)) or JERSEY)
+
+
+def simulated_fabric(clip: SimulatedClip, where: str) -> Fabric | None:
+    """The fabric in the settings of a clip's engine, None where they name none.
+
+    where: origin of the clip, for the error message. Raises InputError for numbers that no fabric has.
+    """
     settings = clip.metadata.get("settings", {})
-    require_kinds(settings, {"fabric?": {"*": float}}, f"{path}: the settings")
-    return replace(garment, fabric=fabric_from(settings.get("fabric", {}), str(path)))
+    require_kinds(settings, {"fabric?": {"*": float}}, f"{where}: the settings")
+    return fabric_from(settings["fabric"], where) if "fabric" in settings else None
