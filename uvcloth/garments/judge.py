@@ -66,11 +66,14 @@ TURNS = {
 
 
 class UnwearableError(InputError):
-    """A garment that does not lie as clothes do, with its mesh in the best placing."""
+    """A garment that does not lie as clothes do, with its mesh in the best placing.
 
-    def __init__(self, message: str, mesh: Mesh) -> None:
+    anywhere: it would not, however it was placed.
+    """
+
+    def __init__(self, message: str, mesh: Mesh, anywhere: bool = False) -> None:
         super().__init__(message)
-        self.mesh = mesh
+        self.mesh, self.anywhere = mesh, anywhere
 
 
 @dataclass(frozen=True)
@@ -145,36 +148,41 @@ def refuse_unworn(path: Path, mesh: Mesh, welded: Tensor, body: Body, surface: B
     mesh: at rest in metres. welded: (F, 3), its faces after vertices at the same place are joined.
     """
     measures = measure(mesh, body, surface)
-    reason = _no_garment(measures, welded) or _misplaced(measures, mesh, surface)
+    reason, anywhere = _no_garment(measures, welded)
+    reason = reason or _misplaced(measures, mesh, surface)
     if reason:
-        raise UnwearableError(f"{path}: {reason}", mesh)
+        raise UnwearableError(f"{path}: {reason}", mesh, anywhere)
 
 
-def _no_garment(measures: Measures, welded: Tensor) -> str:
-    """Reason why a mesh is not a garment for the body, "" if it is one."""
+def _no_garment(measures: Measures, welded: Tensor) -> tuple[str, bool]:
+    """Reason why a mesh is not a garment for the body, "" if it is one, and if that holds anywhere."""
     over = {region: float(share) for region, share in zip(REGIONS, measures.regions, strict=True)}
     most = max(over, key=lambda region: over[region])
-    for wrong, sentence in (
+    lies = measures.along > LEAST_ALONG and measures.deep < MOST_DEEP
+    for wrong, anywhere, sentence in (
         (
             measures.distance > FARTHEST,
+            False,
             f"the garment is far from the body, {measures.distance:.2f} m on average: expected one "
             "modelled on the body's rest pose",
         ),
         (
             all(float(measures.body_share[REGIONS.index(region)]) > COVERED for region in BARE),
+            True,
             "the mesh covers head, hands and feet: it is a body, not a garment",
         ),
-        (measures.inside > ENGULFED, "the garment is wholly inside the body, not worn over it"),
-        (_is_ball(welded), "the mesh is closed all around, a garment has openings for the body"),
+        (measures.inside > ENGULFED, False, "the garment is wholly inside the body, not worn over it"),
+        (_is_ball(welded), True, "the mesh is closed all around, a garment has openings for the body"),
         (
             sum(over[region] for region in CLOTHED) < LEAST_CLOTHED,
+            lies,
             f"the garment is worn on the {most} ({100 * over[most]:.0f} % of it), expected one of "
             "trunk, upper arms or thighs: shoes, gloves and hats are not supported",
         ),
     ):
         if wrong:
-            return sentence
-    return ""
+            return sentence, anywhere
+    return "", False
 
 
 def _misplaced(measures: Measures, mesh: Mesh, surface: BodySurface) -> str:
