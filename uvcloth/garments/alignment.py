@@ -14,10 +14,19 @@ from torch import Tensor
 
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.garments.boundaries import boundaries
-from uvcloth.garments.placing import AXES, ClothSample, misfit
-from uvcloth.garments.pose import REST, Stance, has_arms, limbs_held, posed_body
+from uvcloth.garments.placing import (
+    ACROSS_COST,
+    AXES,
+    FAR,
+    INSIDE_WEIGHT,
+    SEARCH_DISTANCE,
+    ClothSample,
+    lies_along,
+)
+from uvcloth.garments.pose import LEG, REST, Stance, has_arms, limbs_held, posed_body
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.units import UNITS
+from uvcloth.motion.roles import assign_roles
 from uvcloth.physics.surface import BodySurface
 
 UPS = {
@@ -26,25 +35,30 @@ UPS = {
 }
 """Rotation of a file with the usual front of its up axis to Z up, facing -Y."""
 
+CLOTHED = ("torso", "upper_arm", "thigh")
+"""Regions that most of the cloth is over."""
+
+SIDES = ("left", "right")
+
 ARMS = (0.0, 20.0, 45.0, 65.0)
 """Degrees below the horizontal at which straight arms are tried, besides the rest pose."""
 
 LEGS = (-2.0, 2.0, 8.0, 14.0)
 """Degrees outwards at which legs are tried, besides the rest pose."""
 
-FEW_POINTS, POINTS = 48, 160
-"""Points over the cloth by which starts are ranked, and by which the best are refined."""
+FEW_POINTS, SOME_POINTS, POINTS = 48, 96, 160
+"""Points over the cloth by which starts are ranked, by which they are refined, and by which the best is."""
 
-SIZES = (0.16, 1.25, 12)
+SIZES = (0.2, 1.0, 11)
 """Least and greatest diagonal of a garment, over that of the body, and how many are tried."""
 
 HEIGHTS = (-0.48, 0.24, 13)
 """Heights of a garment's centre over the body's, in body heights, and how many are tried."""
 
-RANKED, REFINED = 400, 8
+RANKED, REFINED = 500, 8
 """Starts whose cloth is compared with the skin, and those that are refined."""
 
-SAMPLES, BEST, ROUNDS = 28, 7, 8
+SAMPLES, BEST, ROUNDS = 24, 6, 7
 """Samples, those of them that move the mean, and rounds of a refinement."""
 
 SPREAD = (0.04, 0.04, 0.07, 0.12, 4.0)
@@ -53,8 +67,28 @@ SPREAD = (0.04, 0.04, 0.07, 0.12, 4.0)
 OPENING_COST = 0.06
 """Metres added to the misfit where no opening goes around a bone."""
 
-UNIT_COST = 0.02
-"""Metres added to the misfit for a scale that is e times that of the nearest unit."""
+EASE = 0.015
+"""Metres from the skin up to which cloth hardly costs: clothes have ease."""
+
+LOOSE, LOOSE_COST = 0.04, 0.05
+"""Metres from the skin from which on cloth hangs, and the cost of each metre beyond."""
+
+BARE_COST, CLOTHED_SHARE = 0.08, 0.6
+"""Metres added where no cloth is over trunk, upper arms and thighs, and the share from which on none is."""
+
+COMMON = ("m", "cm")
+"""Units that files usually have; others are as unusual as a body of another size."""
+
+PERSON, SIZE_COST, MOST_SIZE_COST = 0.3, 0.12, 0.04
+"""Logarithm of the ratio between persons' heights and our body's, metres added for each unit of the logarithm
+beyond, and at most.
+"""
+
+PERSON_COST = 0.04
+"""Metres added for each unit of that logarithm within it."""
+
+HELD = 0.4
+"""Distance of a bone from the middle of an opening, in its radii, up to which it goes through it."""
 
 SIDE_COST = 0.5
 """Metres added to the misfit for each metre that the centre of the cloth is beside the body's."""
@@ -64,7 +98,7 @@ TURN_COST, SKEW_COST = 0.01, 0.0004
 between its heading and an axis, up to 10.
 """
 
-STANCE_COST = 0.0015
+STANCE_COST = 0.003
 """Metres added to the misfit for each pair of limbs that is not as at rest."""
 
 SYMMETRY_STEP = 5.0
@@ -91,7 +125,7 @@ class Alignment:
     """Similarity that takes a file's coordinates to the body's, and the stance of the body that fits there.
 
     up: "Y" or "Z". turn: degrees about the vertical, counter-clockwise from above, from the usual front of
-    the up axis. scale: metres in a unit of the file. shift: (x, y, z) m, added last. cost: m, see `align`.
+    the up axis. scale: metres in a unit of the file. shift: (x, y, z) m, added last. misfit: m, see `align`.
     """
 
     up: str
@@ -99,7 +133,7 @@ class Alignment:
     scale: float
     shift: tuple[float, float, float]
     stance: Stance
-    cost: float
+    misfit: float
 
     def apply(self, points: Tensor) -> Tensor:
         """Points (N, 3) of the file in the body's frame: (N, 3) float32, metres, Z up, facing -Y."""
@@ -135,6 +169,14 @@ class Standing:
         heads, parents = self.body.skeleton.heads, self.body.skeleton.parents
         bones = [(parent, joint) for joint, parent in enumerate(parents) if parent >= 0]
         self.starts, self.ends = heads[torch.tensor(bones)].unbind(1)
+        if has_arms(body):
+            # A skirt goes around both legs.
+            roles = assign_roles(body.skeleton.names, {})
+            thighs, feet = (heads[[roles[f"{side}_{part}"] for side in SIDES]].mean(0) for part in LEG)
+            self.starts = torch.cat([self.starts, thighs[None]])
+            self.ends = torch.cat([self.ends, feet[None]])
+        wanted = torch.tensor([REGIONS.index(region) for region in CLOTHED])
+        self.clothed = torch.isin(body.regions, wanted)
 
     @cached_property
     def surface(self) -> BodySurface:
@@ -149,7 +191,9 @@ class Comparison:
         self.extent = (high - low).float()
         self.centre, self.size = (low + high) / 2, float(self.extent.norm())
         vertices = (mesh.vertices - self.centre).float() / self.size
-        self.cloth = {count: ClothSample.of(vertices, mesh.faces, count) for count in (FEW_POINTS, POINTS)}
+        self.cloth = {
+            count: ClothSample.of(vertices, mesh.faces, count) for count in (FEW_POINTS, SOME_POINTS, POINTS)
+        }
         self.boundaries = boundaries(vertices, mesh.faces)
         trunk = body.mesh.vertices[body.mesh.faces[body.regions == REGIONS.index("torso")]].reshape(-1, 3)
         self.middle = (trunk.amin(0) + trunk.amax(0)) / 2
@@ -157,20 +201,33 @@ class Comparison:
         self.height = float(top - self.floor)
 
     def cost(self, places: Places, standing: Standing, count: int) -> Tensor:
-        """Metres (K,) by which a garment is off: its cloth, openings and symmetry, and what is unusual."""
+        """Metres (K,) by which a garment is off, more where it is unusual."""
+        return self.misfit(places, standing, count) + self._unusual(places)
+
+    def misfit(self, places: Places, standing: Standing, count: int) -> Tensor:
+        """Metres (K,) by which a garment is off: its cloth, its openings, and its middle."""
         frames, cloth = self.frames(places), self.cloth[count]
         points = self.placed(places, cloth.points)
         normals = torch.einsum("kij,pj->kpi", frames, cloth.normals)
         beside = (points[..., 0].mean(1) - self.middle[0]).abs()
         return (
-            misfit(ClothSample(points, normals), standing.surface)
-            + SIDE_COST * beside
-            + self.opening_cost(places, standing)
-            + self._unusual(places)
+            self._lying(points, normals, standing) + SIDE_COST * beside + self.opening_cost(places, standing)
         )
 
-    def opening_cost(self, places: Places, standing: Standing) -> Tensor:
-        """Metres (K,) by which the openings do not go around bones."""
+    def _lying(self, points: Tensor, normals: Tensor, standing: Standing) -> Tensor:
+        """Metres (K,) by which cloth (K, P, 3) does not lie as clothes lie; see `misfit`."""
+        skin = standing.surface.closest(points.reshape(-1, 3), SEARCH_DISTANCE)
+        distance = skin.signed_distance
+        near = distance.clamp(min=0.0, max=LOOSE)
+        hanging = near.square() / (near + EASE) + LOOSE_COST * (distance - LOOSE).clamp(min=0.0)
+        cost = torch.where(distance < 0, -INSIDE_WEIGHT * distance, hanging).clamp(max=FAR)
+        cost = cost + ACROSS_COST * ~lies_along(normals.reshape(-1, 3), skin)
+        clothed = standing.clothed[skin.faces].float().reshape(points.shape[:2]).mean(1)
+        bare = (1.0 - clothed / CLOTHED_SHARE).clamp(min=0.0)
+        return cost.reshape(points.shape[:2]).mean(1) + BARE_COST * bare
+
+    def opening_cost(self, places: Places, standing: Standing, held: float = HELD) -> Tensor:
+        """Metres (K,) by which the openings do not go around bones, which may be off by `held`."""
         found = self.boundaries
         if not len(found.radii):
             return torch.zeros(len(places.up))
@@ -184,13 +241,16 @@ class Comparison:
         share = ((away * along).sum(-1) / length).clamp(0.0, 1.0)
         off = (away - share[..., None] * bone).norm(dim=-1) / radii[..., None]
         across = 1.0 - torch.einsum("kli,bi->klb", axes, along).abs()
-        return OPENING_COST * (off + 0.5 * across).amin(-1).clamp(max=1.0).mean(1)
+        wrong = (off - held).clamp(min=0.0) + (across - held).clamp(min=0.0)
+        return OPENING_COST * wrong.amin(-1).clamp(max=1.0).mean(1)
 
     def _unusual(self, places: Places) -> Tensor:
         """Metres (K,) for an unusual scale or heading."""
-        units = torch.tensor([math.log(metres) for metres in UNITS.values()])
-        off_unit = (places.scale.log()[:, None] - units).abs().amin(1).clamp(max=0.5)
-        return UNIT_COST * off_unit + TURN_COST * (places.turn.abs() > 45.0) + SKEW_COST * self.skew(places)
+        units = torch.tensor([math.log(UNITS[unit]) for unit in COMMON])
+        ratio = (places.scale.log()[:, None] - units).abs().amin(1)
+        size = (SIZE_COST * (ratio - PERSON).clamp(min=0.0)).clamp(max=MOST_SIZE_COST)
+        size = size + PERSON_COST * ratio.clamp(max=PERSON)
+        return size + TURN_COST * (places.turn.abs() > 45.0) + SKEW_COST * self.skew(places)
 
     def skew(self, places: Places) -> Tensor:
         """Degrees (K,) between the heading and an axis, at most 10."""
@@ -246,15 +306,11 @@ class Comparison:
             places = replace(places, shift=torch.tensor(known.shift) + places.scale[:, None] * centre)
         return places
 
-    def alignment(self, places: Places, row: int, stance: Stance, cost: float) -> Alignment:
-        """The place of a row as an alignment of the file's own coordinates."""
-        centre = self.frames(places)[row] @ self.centre.float()
-        shift = places.shift[row] - places.scale[row] * centre
-        x, y, z = shift.tolist()
-        turn = (float(places.turn[row]) + 180.0) % 360.0 - 180.0
-        return Alignment(
-            list(UPS)[int(places.up[row])], turn, float(places.scale[row]), (x, y, z), stance, cost
-        )
+    def alignment(self, place: Places, stance: Stance, misfit: float) -> Alignment:
+        """One place, (1,), as an alignment of the file's own coordinates."""
+        x, y, z = (place.shift[0] - place.scale * (self.frames(place)[0] @ self.centre.float())).tolist()
+        turn = (float(place.turn) + 180.0) % 360.0 - 180.0
+        return Alignment(list(UPS)[int(place.up)], turn, float(place.scale), (x, y, z), stance, misfit)
 
 
 def stances(body: Body) -> list[Stance]:
@@ -267,7 +323,8 @@ def stances(body: Body) -> list[Stance]:
 def align(mesh: Mesh, body: Body, known: Known = UNKNOWN, arms: float | None = None) -> Alignment:
     """Find where a garment of a file, in any unit and axes, lies best on a body.
 
-    The cost is the misfit of the cloth, more where openings do not go around bones and for what is unusual.
+    The misfit is metres by which cloth lies inside, across or off the skin, more where openings do not go
+    around bones and where other regions than CLOTHED are covered. What is unusual in files is searched less.
     known: what is not searched. arms: degrees below the horizontal at which they are held, None to search it.
     """
     return search(Comparison(mesh, body), body, known, arms)
@@ -281,7 +338,7 @@ def search(
     standing = {stance: Standing(body, stance) for stance in tried}
     first = [each for each in standing.values() if each.stance.legs in (None, LEGS[0])]
     starts = comparison.starts(known)
-    around = torch.stack([comparison.opening_cost(starts, each) for each in first])
+    around = torch.stack([comparison.opening_cost(starts, each, 0.0) for each in first])
     kept = around.amin(0).argsort(stable=True)[:RANKED]
     places, suits = starts.at(kept), around[:, kept].argmin(0)
     costs = torch.full((len(first), len(kept)), torch.inf)
@@ -291,7 +348,14 @@ def search(
             costs[index, rows] = comparison.cost(places.at(rows), each, FEW_POINTS)
     best = costs.amin(0).argsort(stable=True)[:REFINED].tolist()
     refined = [
-        _refined(comparison, places.at(torch.tensor([row])), first[int(costs[:, row].argmin())], known)
+        _refined(
+            comparison,
+            places.at(torch.tensor([row])),
+            first[int(costs[:, row].argmin())],
+            known,
+            SOME_POINTS,
+            1.0,
+        )
         for row in best
     ]
     refined.sort(key=lambda each: each.cost)
@@ -299,18 +363,18 @@ def search(
 
 
 def _refined(
-    comparison: Comparison, start: Places, standing: Standing, known: Known, narrow: float = 1.0
+    comparison: Comparison, start: Places, standing: Standing, known: Known, count: int, narrow: float
 ) -> "_Refined":
     """The place near one, (1,), at which the cost is least, by the cross-entropy method."""
     generator = torch.Generator().manual_seed(0)
     mean = torch.cat([start.shift[0], start.scale.log(), start.turn])
     spread = narrow * torch.tensor(SPREAD)
-    best, least = start, float(comparison.cost(start, standing, POINTS))
+    best, least = start, float(comparison.cost(start, standing, count))
     for _ in range(ROUNDS):
         rows = mean + spread * torch.randn(SAMPLES, len(SPREAD), generator=generator)
         places = Places(start.up.expand(SAMPLES), rows[:, 4], rows[:, 3].exp(), rows[:, :3])
         places = comparison.held(places, known)
-        cost = comparison.cost(places, standing, POINTS)
+        cost = comparison.cost(places, standing, count)
         order = cost.argsort(stable=True)
         if float(cost[order[0]]) < least:
             best, least = places.at(order[:1]), float(cost[order[0]])
@@ -346,9 +410,10 @@ def _best_stance(
         ]
         costs = [float(comparison.cost(best.place, each, POINTS)) for each in others]
         order = sorted(range(len(others)), key=costs.__getitem__)[:2]
-        tried = [_refined(comparison, best.place, others[index], known, 0.4) for index in order]
+        tried = [_refined(comparison, best.place, others[index], known, POINTS, 0.4) for index in order]
         best = min([best, *tried], key=lambda each: each.cost)
-    return comparison.alignment(best.place, 0, best.standing.stance, best.cost)
+    misfit = float(comparison.misfit(best.place, best.standing, POINTS))
+    return comparison.alignment(best.place, best.standing.stance, misfit)
 
 
 def _up(up: str) -> Tensor:

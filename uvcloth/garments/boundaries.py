@@ -7,8 +7,11 @@ from torch import Tensor
 
 from uvcloth.geometry.mesh import boundary_edges, weld
 
-LEAST_RADIUS = 0.3
+LEAST_RADIUS = 0.12
 """Least radius of an opening, over that of the largest: buttonholes hold no part of the body."""
+
+MOST_UNEVEN = 0.4
+"""Greatest standard deviation from its plane, over its radius: an open front is no opening for a limb."""
 
 MOST = 8
 """Openings that are kept, the largest first."""
@@ -40,10 +43,12 @@ def boundaries(vertices: Tensor, faces: Tensor) -> Boundaries:
     away = middles - centres[loop]
     radii = _summed(lengths * away.norm(dim=1), loop, len(used)) / total
     spread = _summed(lengths[:, None, None] * away[:, :, None] * away[:, None, :], loop, len(used))
-    axes = torch.linalg.eigh(spread).eigenvectors[..., 0]
+    variances, directions = torch.linalg.eigh(spread / total[:, None, None])
+    uneven = variances[:, 0].clamp(min=0.0).sqrt() / radii.clamp(min=1e-12)
+    radii = torch.where(uneven < MOST_UNEVEN, radii, 0.0)
     kept = radii.argsort(descending=True)[:MOST]
-    kept = kept[radii[kept] > LEAST_RADIUS * radii.max()] if len(kept) else kept
-    return Boundaries(centres[kept], axes[kept], radii[kept])
+    kept = kept[radii[kept] > LEAST_RADIUS * radii[kept[:1]]]
+    return Boundaries(centres[kept], directions[kept, :, 0], radii[kept])
 
 
 def _summed(values: Tensor, group: Tensor, groups: int) -> Tensor:
