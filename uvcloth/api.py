@@ -131,7 +131,7 @@ def fit(
 
     template: whose motion garments take, one for all or one for each, "auto" for the one that each covers
     best. pose: in which files and meshes were modelled, "t" or "a", None to find it. from_body: mesh file of
-    the body on which they were modelled, in their coordinates; they are carried over from it. fabric: what
+    the body on which they were modelled, in their coordinates; they are transferred from it. fabric: what
     they are made of, a name ("jersey", "cotton", "silk", "denim") or a Fabric. name: of meshes, numbered
     where there are several. The findings on each file and mesh are logged.
 

@@ -1,4 +1,4 @@
-"""Garments as the families of bodies have them: on a made-up body of their proportions, unit, axes and origin.
+"""Garments in the conventions of families of bodies: on a made-up body of their shape, unit, axes and origin.
 
 Nothing here is anyone's: the bodies are ours, stretched, and the garments are our templates, fitted to them.
 """
@@ -27,9 +27,9 @@ Z_UP_TURNED = ((-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0))
 class Family:
     """Convention of a family of bodies.
 
-    height: m, before a doll is made of it. unit: metres of that body in one unit. axes: rows of the file's axes in the body's. floor: whether the origin
-    is between the feet, otherwise at the hips. trunk: width, depth and length over ours; arms, legs: length and
-    girth; head: size.
+    height: m, before a doll is made of it. unit: metres of that body in one unit. axes: rows of the file's
+    axes in the body's. floor: whether the origin is between the feet, not at the hips. trunk: width, depth
+    and length over ours; arms, legs: length and girth; head: size.
     """
 
     height: float

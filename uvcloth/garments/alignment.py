@@ -219,8 +219,8 @@ class Comparison:
         skin = standing.surface.closest(points.reshape(-1, 3), SEARCH_DISTANCE)
         distance = skin.signed_distance
         near = distance.clamp(min=0.0, max=LOOSE)
-        hanging = near.square() / (near + EASE) + LOOSE_COST * (distance - LOOSE).clamp(min=0.0)
-        cost = torch.where(distance < 0, -INSIDE_WEIGHT * distance, hanging).clamp(max=FAR)
+        off_skin = near.square() / (near + EASE) + LOOSE_COST * (distance - LOOSE).clamp(min=0.0)
+        cost = torch.where(distance < 0, -INSIDE_WEIGHT * distance, off_skin).clamp(max=FAR)
         cost = cost + ACROSS_COST * ~lies_along(normals.reshape(-1, 3), skin)
         clothed = standing.clothed[skin.faces].float().reshape(points.shape[:2]).mean(1)
         bare = (1.0 - clothed / CLOTHED_SHARE).clamp(min=0.0)
@@ -228,12 +228,12 @@ class Comparison:
 
     def opening_cost(self, places: Places, standing: Standing, held: float = HELD) -> Tensor:
         """Metres (K,) by which the openings do not go around bones, which may be off by `held`."""
-        found = self.boundaries
-        if not len(found.radii):
+        openings = self.boundaries
+        if not len(openings.radii):
             return torch.zeros(len(places.up))
-        centres = self.placed(places, found.centres)
-        axes = torch.einsum("kij,lj->kli", self.frames(places), found.axes)
-        radii = places.scale[:, None] * self.size * found.radii
+        centres = self.placed(places, openings.centres)
+        axes = torch.einsum("kij,lj->kli", self.frames(places), openings.axes)
+        radii = places.scale[:, None] * self.size * openings.radii
         bone = standing.ends - standing.starts
         length = bone.norm(dim=1).clamp(min=1e-6)
         along = bone / length[:, None]

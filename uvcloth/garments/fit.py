@@ -13,13 +13,13 @@ from uvcloth.errors import InputError
 from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.garments.alignment import UNKNOWN, Known, align
 from uvcloth.garments.attach import DIFFUSION, make_garment
-from uvcloth.garments.carrying import carry
 from uvcloth.garments.diagnose import Diagnosis, diagnose
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.mhclo import SUFFIX, fit_clothes
 from uvcloth.garments.pose import POSES, REST, arms_held, limbs_held, other_pose, posed_body, unposed
-from uvcloth.garments.settling import settle
+from uvcloth.garments.relaxation import settle
+from uvcloth.garments.transfer import transfer
 from uvcloth.geometry.authored import AuthoredMesh, follow_triangles
 from uvcloth.geometry.mesh import Mesh, vertex_normals, weld
 
@@ -47,7 +47,7 @@ NOWHERE = "the garment lies nowhere on the body as clothes lie, whatever its shi
 
 @dataclass(frozen=True)
 class Fitting:
-    """What is known of the body that a garment file was modelled on, and of where it lies.
+    """Knowledge of the body that a garment file was modelled on, and of where it lies.
 
     pose: one of POSES, None to find it. known: parts of the alignment. from_body: the mesh of that body, with
     the garment on it.
@@ -124,7 +124,7 @@ def place_on_body(path: Path, mesh: Mesh, body: Body, how: Fitting = PLAIN) -> P
     if how.pose is not None and how.pose not in POSES:
         raise InputError(f"--garment-pose {how.pose}: expected one of {', '.join(POSES)}")
     if how.from_body is not None:
-        placed, diagnosis = _carried(path, mesh, body, how)
+        placed, diagnosis = _transferred(path, mesh, body, how)
     elif how.known:
         placed, diagnosis = _aligned(path, mesh, body, how)
     else:
@@ -194,12 +194,12 @@ def _aligned(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Di
     return placed, replace(diagnosis, fitting=(alignment.text(), settled.text()))
 
 
-def _carried(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Diagnosis]:
-    """A mesh carried over from the body that it was modelled on."""
+def _transferred(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Diagnosis]:
+    """A mesh transferred from the body that it was modelled on."""
     assert how.from_body is not None
-    carried = carry(mesh, how.from_body, body, how.known)
-    placed, diagnosis = diagnose(path, carried.mesh, body, bound=True)
-    lines = (f"carried over from {how.from_body}: {carried.alignment.text()}", carried.settled.text())
+    transferred = transfer(mesh, how.from_body, body, how.known)
+    placed, diagnosis = diagnose(path, transferred.mesh, body, bound=True)
+    lines = (f"transferred from {how.from_body}: {transferred.alignment.text()}", transferred.settled.text())
     return placed, replace(diagnosis, fitting=lines)
 
 

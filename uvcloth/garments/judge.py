@@ -26,8 +26,10 @@ MOST_DEEP = 0.05
 LEAST_ALONG = 0.75
 """Least share of the cloth along the skin."""
 
-FARTHEST = 0.15
-"""Mean distance to the skin, m, above which cloth is not worn."""
+FARTHEST = 0.1
+"""Distance to the skin, m, of the closest quarter of the cloth above which it is not worn: a wide skirt hangs
+from its waistband.
+"""
 
 ENGULFED = 0.95
 """Share of the cloth inside the body above which a garment counts as wholly inside it."""
@@ -80,15 +82,17 @@ class UnwearableError(InputError):
 class Measures:
     """Measures of the cloth at points spread over its area.
 
-    inside, deep: shares inside the body, and deeper than DEEP. distance: metres to the skin on average.
-    along: share that lies along the skin. regions: (8,) share over each of REGIONS. body_share: (8,) cloth
-    over each region, of the region's own area. around, around_head: share of the directions across a bone in
-    which a ray hits the garment: the largest over all places, and that across the middle of the head.
+    inside, deep: shares inside the body, and deeper than DEEP. distance, nearest: metres to the skin, on
+    average, and up to which the closest quarter of the cloth lies. along: share that lies along the skin.
+    regions: (8,) share over each of REGIONS. body_share: (8,) cloth over each region, of the region's own
+    area. around, around_head: share of the directions across a bone in which a ray hits the garment: the
+    largest over all places, and that across the middle of the head.
     """
 
     inside: float
     deep: float
     distance: float
+    nearest: float
     along: float
     regions: Tensor
     body_share: Tensor
@@ -109,6 +113,7 @@ def measure(mesh: Mesh, body: Body, surface: BodySurface) -> Measures:
         inside=float((nearest.signed_distance < 0).float().mean()),
         deep=float((nearest.signed_distance < -DEEP).float().mean()),
         distance=float(nearest.signed_distance.abs().mean()),
+        nearest=float(nearest.signed_distance.abs().quantile(0.25)),
         along=float(lies_along(cloth.normals, nearest).float().mean()),
         regions=regions,
         body_share=regions * area / areas.clamp(min=1e-9),
@@ -161,7 +166,7 @@ def _no_garment(measures: Measures, welded: Tensor) -> tuple[str, bool]:
     lies = measures.along > LEAST_ALONG and measures.deep < MOST_DEEP
     for wrong, anywhere, sentence in (
         (
-            measures.distance > FARTHEST,
+            measures.nearest > FARTHEST,
             False,
             f"the garment is far from the body, {measures.distance:.2f} m on average: expected one "
             "modelled on the body's rest pose",

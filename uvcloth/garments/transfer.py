@@ -1,4 +1,4 @@
-"""Garments carried over from the body that they were modelled on to another, with their ease.
+"""Garments transferred from the body that they were modelled on to another, with their ease.
 
 Our body is aligned with the other one and registered to its surface, as it is to characters. Each vertex of a
 garment moves as the skin near it does, keeps its distance from the skin, and goes to the rest pose with it.
@@ -17,10 +17,10 @@ from uvcloth.characters.registration import limbs_of, register
 from uvcloth.characters.shape import SkinnedSurface
 from uvcloth.errors import InputError
 from uvcloth.formats.mesh_file import read_mesh
-from uvcloth.garments.alignment import Alignment, Comparison, Known, Places, Standing, search
+from uvcloth.garments.alignment import UNKNOWN, Alignment, Comparison, Known, Places, Standing, search
 from uvcloth.garments.placing import ACROSS_COST, SEARCH_DISTANCE, lies_along
 from uvcloth.garments.pose import REST, limbs_held, posed_body, unposed
-from uvcloth.garments.settling import Ease, Settled, settle
+from uvcloth.garments.relaxation import Ease, Settled, settle
 from uvcloth.geometry.mesh import Mesh, edge_lengths, neighbour_average, unique_edges, weld
 from uvcloth.physics.surface import BodySurface
 
@@ -50,7 +50,7 @@ EASE_TURNS = 6
 
 
 @dataclass(frozen=True)
-class Carried:
+class Transferred:
     """A garment on the rest pose of a body, the alignment of its file, and how it settled."""
 
     mesh: Mesh
@@ -81,8 +81,8 @@ class _BodyComparison(Comparison):
         return self.held(Places(up.long(), turn, scale, shift), known)
 
 
-def carry(mesh: Mesh, source: Path, body: Body, known: Known) -> Carried:
-    """Carry a garment, in the coordinates of another body's mesh file, over to a body's rest pose.
+def transfer(mesh: Mesh, source: Path, body: Body, known: Known = UNKNOWN) -> Transferred:
+    """Transfer a garment, in the coordinates of another body's mesh file, over to a body's rest pose.
 
     source: the file of that body, of any topology. Raises InputError naming it if it cannot be read or is no
     body like this one.
@@ -91,16 +91,18 @@ def carry(mesh: Mesh, source: Path, body: Body, known: Known) -> Carried:
     alignment = search(_BodyComparison(other, body), body, known)
     transforms = limbs_held(body, alignment.stance) if alignment.stance != REST else None
     standing = body if transforms is None else posed_body(body, transforms)
-    skin = registered(source, replace(other, vertices=alignment.apply(other.vertices)), standing)
+    other = replace(other, vertices=alignment.apply(other.vertices))
+    skin = registered(source, other, standing)
     natural = alignment.apply(mesh.vertices)
-    moved, ease = moved_with_skin(natural, mesh.faces, skin, standing)
-    at_rest = replace(mesh, vertices=moved)
+    ease = eased(natural, skin, body.mesh.faces, other)
+    placed = moved_with_skin(natural, mesh.faces, ease, skin, standing)
+    at_rest = replace(mesh, vertices=placed)
     if transforms is not None:
         at_rest = unposed(at_rest, standing, transforms)
     edges = unique_edges(weld(natural)[mesh.faces])
     lengths = edge_lengths(at_rest.vertices, edges).sum() / edge_lengths(natural, edges).sum()
     settled = settle(at_rest.vertices, mesh.faces, float(lengths) * natural, body, _kept(ease))
-    return Carried(replace(mesh, vertices=settled.vertices), alignment, settled)
+    return Transferred(replace(mesh, vertices=settled.vertices), alignment, settled)
 
 
 def registered(source: Path, other: Mesh, body: Body) -> Tensor:
@@ -121,14 +123,22 @@ def registered(source: Path, other: Mesh, body: Body) -> Tensor:
     return vertices
 
 
-def moved_with_skin(vertices: Tensor, faces: Tensor, skin: Tensor, body: Body) -> tuple[Tensor, Tensor]:
-    """Vertices (N, 3) m of a garment moved from a skin (V, 3) to a body of its topology, and its ease (N,) m.
+def eased(vertices: Tensor, skin: Tensor, faces: Tensor, other: Mesh) -> Tensor:
+    """Ease (N,) m of a garment on another body; its side is that of the skin (V, 3) registered to that.
+
+    The other's own mesh may have holes and faces that are turned, but its surface is exact.
+    """
+    side = BodySurface(skin, faces).closest(vertices, SEARCH_DISTANCE).signed_distance.sign()
+    return side * closest_points(vertices, other.vertices, other.faces).distance
+
+
+def moved_with_skin(vertices: Tensor, faces: Tensor, ease: Tensor, skin: Tensor, body: Body) -> Tensor:
+    """Vertices (N, 3) m of a garment with an ease (N,) m, moved from a skin (V, 3) to a body of its topology.
 
     Far from the skin, the motion is smoothed over the garment: a skirt does not tear between the legs.
     """
     from scipy.spatial import KDTree
 
-    ease = BodySurface(skin, body.mesh.faces).closest(vertices, SEARCH_DISTANCE).signed_distance
     distance, nearest = KDTree(skin.numpy()).query(vertices.numpy(), k=NEIGHBOURS)
     share = 1.0 / (torch.from_numpy(distance).float() ** 2 + SOFTENING**2)
     share = share / share.sum(1, keepdim=True)
@@ -138,13 +148,13 @@ def moved_with_skin(vertices: Tensor, faces: Tensor, skin: Tensor, body: Body) -
     loose = (ease / LOOSE).clamp(0.1, 1.0)[:, None]
     for _ in range(SMOOTHING_PASSES):
         motion = motion + loose * (average @ motion - motion)
-    surface, moved = BodySurface(body.mesh.vertices, body.mesh.faces), vertices + motion[owner]
+    surface, placed = BodySurface(body.mesh.vertices, body.mesh.faces), vertices + motion[owner]
     held = (ease < EASE_REACH)[:, None]
     for _ in range(EASE_TURNS):
-        there = surface.closest(moved, SEARCH_DISTANCE)
+        there = surface.closest(placed, SEARCH_DISTANCE)
         move = held * (ease.clamp(min=LEAST_EASE) - there.signed_distance)[:, None] * there.normals
-        moved = (moved + 0.5 * (move + average @ move))[owner]
-    return moved, ease
+        placed = (placed + 0.5 * (move + average @ move))[owner]
+    return placed
 
 
 def _kept(ease: Tensor) -> Ease:

@@ -28,10 +28,10 @@ LARGEST_STEP = 0.01
 
 @dataclass(frozen=True)
 class Settled:
-    """Vertices (N, 3) m of a garment, how far each was moved, (N,) m, and edges (E,) over their length."""
+    """Vertices (N, 3) m of a garment, distances (N,) m from the start, and edges (E,) over their length."""
 
     vertices: Tensor
-    moved: Tensor
+    distances: Tensor
     stretch: Tensor
 
     @property
@@ -42,7 +42,7 @@ class Settled:
     def text(self) -> str:
         """Description of how much settling changed; one line."""
         return (
-            f"settled on the skin, moved by up to {1000 * float(self.moved.max()):.0f} mm; 95 % of the edges "
+            f"settled on the skin, moved by up to {1000 * float(self.distances.max()):.0f} mm; 95 % of the edges "
             f"are within {100 * self.off:.0f} % of their length"
         )
 
