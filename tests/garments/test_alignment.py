@@ -8,12 +8,15 @@ import pytest
 import torch
 
 from uvcloth.bodies.body import Body
+from uvcloth.errors import InputError
+from uvcloth.export.obj import save_obj
 from uvcloth.garments.alignment import Known, align
 from uvcloth.garments.boundaries import boundaries
 from uvcloth.garments.fit import Fitting, place_on_body
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.relaxation import CLEARANCE, settle
 from uvcloth.garments.templates import fit_template
+from uvcloth.garments.transfer import transfer
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.physics.surface import BodySurface
@@ -45,6 +48,22 @@ def test_what_is_given_is_not_searched(body: Body) -> None:
     assert "shift -0.550 1.200 -0.300 m, scale 0.29, turn 37 degrees" in placed.diagnosis.lines()[1]
     with pytest.raises(UnwearableError, match=r"it\.obj: the garment lies nowhere on the body"):
         place_on_body(Path("it.obj"), displaced(mesh), body, Fitting(known=Known(shift=(0.0, 0.0, 3.0))))
+
+
+@pytest.mark.parametrize(
+    ("known", "reason"),
+    [(Known(scale=0.0), "--scale 0: expected metres"), (Known(turn=math.nan), "expected finite numbers")],
+)
+def test_what_cannot_be_is_refused(known: Known, reason: str, body: Body) -> None:
+    with pytest.raises(InputError, match=reason):
+        place_on_body(Path("it.obj"), fit_template("tops", body).mesh, body, Fitting(known=known))
+
+
+def test_a_mesh_that_is_no_body_is_named(body: Body, tmp_path: Path) -> None:
+    mesh = fit_template("bottoms", body).mesh
+    save_obj(mesh, tmp_path / "trousers.obj")
+    with pytest.raises(InputError, match=r"trousers\.obj: is no body like ours"):
+        transfer(mesh, tmp_path / "trousers.obj", body)
 
 
 def test_settled_cloth_is_outside_and_as_long_as_it_was(body: Body) -> None:

@@ -38,8 +38,8 @@ FromBody = Annotated[
     Path | None,
     arg(
         metavar="OBJ|GLB",
-        help="Mesh of the body on which garment files were modelled, in their coordinates; they are transferred "
-        "from it with their ease.",
+        help="Mesh of the body on which garment files were modelled, in their coordinates; they are "
+        "transferred from it with their ease.",
         help_behavior_hint="(default: found by where each garment lies best)",
     ),
 ]

@@ -13,6 +13,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import REGIONS, Body
+from uvcloth.errors import InputError
 from uvcloth.garments.boundaries import boundaries
 from uvcloth.garments.placing import (
     ACROSS_COST,
@@ -112,6 +113,14 @@ class Known:
     shift: tuple[float, float, float] | None = None
     scale: float | None = None
     turn: float | None = None
+
+    def check(self) -> None:
+        """Raise InputError for a scale that is not above zero, or a number that is not finite."""
+        given = [*(self.shift or ()), self.scale or 0.0, self.turn or 0.0]
+        if not all(map(math.isfinite, given)):
+            raise InputError("--shift, --scale, --turn: expected finite numbers")
+        if self.scale is not None and self.scale <= 0.0:
+            raise InputError(f"--scale {self.scale:g}: expected metres in one unit of the file, above 0")
 
     def __bool__(self) -> bool:
         return (self.shift, self.scale, self.turn) != (None, None, None)

@@ -42,7 +42,7 @@ LIES_BADLY = 0.075
 MOST_STRETCHED = 0.18
 """Share of its length by which 95 % of the edges may differ once a garment is settled."""
 
-NOWHERE = "the garment lies nowhere on the body as clothes lie, whatever its shift, scale, heading and pose"
+NOWHERE = "the garment lies nowhere on the body as clothes lie"
 
 
 @dataclass(frozen=True)
@@ -123,6 +123,7 @@ def place_on_body(path: Path, mesh: Mesh, body: Body, how: Fitting = PLAIN) -> P
     """
     if how.pose is not None and how.pose not in POSES:
         raise InputError(f"--garment-pose {how.pose}: expected one of {', '.join(POSES)}")
+    how.known.check()
     if how.from_body is not None:
         placed, diagnosis = _transferred(path, mesh, body, how)
     elif how.known:
@@ -238,7 +239,8 @@ def is_skirt(mesh: Mesh, body: Body) -> bool:
     """Test for a skirt: the mesh goes around both legs together, somewhere along the thighs.
 
     At a few heights a line runs through both thighs, from left to right: a skirt meets it on both outer
-    sides and nowhere between the thighs, trousers also there.
+    sides and nowhere between the thighs, trousers also there. The lowest line that meets it counts, since
+    trousers may have a low crotch.
     """
     thigh = body.regions == REGIONS.index("thigh")
     centres = body.mesh.vertices[body.mesh.faces].mean(1)
@@ -251,7 +253,8 @@ def is_skirt(mesh: Mesh, body: Body) -> bool:
     hits = cast_rays(origins, directions, mesh.vertices, mesh.faces, max_distance=1.0, both_ways=False)
     outer_left, outer_right, inner = hits.distance.chunk(3)
     outside = torch.isfinite(outer_left) & torch.isfinite(outer_right)
-    return bool((outside & (inner > between.norm(dim=1))).any())
+    lowest = int(outside.int().argmax())
+    return bool(outside[lowest] & (inner[lowest] > between[lowest].norm()))
 
 
 def _axis(centres: Tensor, levels: Tensor) -> Tensor:

@@ -42,8 +42,8 @@ class Settled:
     def text(self) -> str:
         """Description of how much settling changed; one line."""
         return (
-            f"settled on the skin, moved by up to {1000 * float(self.distances.max()):.0f} mm; 95 % of the edges "
-            f"are within {100 * self.off:.0f} % of their length"
+            f"settled on the skin, moved by up to {1000 * float(self.distances.max()):.0f} mm; 95 % of the "
+            f"edges are within {100 * self.off:.0f} % of their length"
         )
 
 

@@ -118,7 +118,7 @@ def registered(source: Path, other: Mesh, body: Body) -> Tensor:
     apart = float(closest_points(vertices, other.vertices, other.faces).distance.median())
     if apart > FARTHEST:
         raise InputError(
-            f"{source}: is no body like ours, half of its surface stays {1000 * apart:.0f} mm or more away"
+            f"{source}: is no body like ours, half of our surface stays {1000 * apart:.0f} mm or more from it"
         )
     return vertices
 
