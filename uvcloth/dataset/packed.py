@@ -321,9 +321,7 @@ def _data_folders(folder: Path, out: Path, made: str) -> list[Path]:
     if out.resolve() == folder.resolve():
         raise InputError(f"{out}: is the input folder itself, name another output folder")
     inside = out.resolve().is_relative_to(folder.resolve())
-    parts = [
-        each for each in data_folders(folder) if not (inside and each.resolve().is_relative_to(out.resolve()))
-    ]
+    parts = [each for each in data_folders(folder) if not (inside and each.resolve().is_relative_to(out.resolve()))]
     if not parts:
         raise InputError(f"{folder}: no sequence (*.npz) {made} in this folder")
     return parts
