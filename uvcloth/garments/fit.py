@@ -37,7 +37,7 @@ WAIST_HEIGHT = 0.3
 
 
 LIES_BADLY = 0.075
-"""Misfit of an alignment, m, above which it is wrong; skirts of other bodies have up to 0.06, others 0.03."""
+"""Misfit of an alignment, m, above which it is wrong: garments of other bodies have up to 0.068."""
 
 MOST_STRETCHED = 0.18
 """Share of its length by which 95 % of the edges may differ once a garment is settled."""
