@@ -24,6 +24,7 @@ from uvcloth.export.animation import Animation
 from uvcloth.export.size import announce
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.arrays import named_mesh
+from uvcloth.garments.fit import Fitting
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.joined import join
 from uvcloth.garments.loading import load_outfit
@@ -116,6 +117,7 @@ def fit(
     *,
     template: str | Sequence[str] = (),
     pose: Literal["t", "a"] | None = None,
+    from_body: str | PathLike[str] | None = None,
     fabric: FabricName | Fabric | None = None,
     name: str = "garment",
 ) -> Outfit:
@@ -128,8 +130,9 @@ def fit(
     package.
 
     template: whose motion garments take, one for all or one for each, "auto" for the one that each covers
-    best. pose: in which files and meshes were modelled, "t" or "a", None for the body's rest pose. fabric:
-    what they are made of, a name ("jersey", "cotton", "silk", "denim") or a Fabric. name: of meshes, numbered
+    best. pose: in which files and meshes were modelled, "t" or "a", None to find it. from_body: mesh file of
+    the body on which they were modelled, in their coordinates; they are transferred from it. fabric: what
+    they are made of, a name ("jersey", "cotton", "silk", "denim") or a Fabric. name: of meshes, numbered
     where there are several. The findings on each file and mesh are logged.
 
     Raises InputError naming the garment for what cannot be read or worn.
@@ -145,7 +148,8 @@ def fit(
         for source in sources
     ]
     templates = [template] if isinstance(template, str) else template
-    return Outfit(body, load_outfit(loaded, body, LOGGER.info, templates, pose, fabric))
+    how = Fitting(pose, from_body=None if from_body is None else Path(from_body))
+    return Outfit(body, load_outfit(loaded, body, LOGGER.info, templates, how, fabric))
 
 
 def load_model(model: File | Sequence[File] = DEFAULT, body: Body | None = None) -> Method:

@@ -91,11 +91,13 @@ def test_the_share_inside_the_body_is_reported(suit, body, tmp_path):
 
 def test_bad_garments_are_refused_with_file_and_reason(suit, body, tmp_path):
     fan = np.concatenate([suit.faces, [[suit.faces[0, 0], suit.faces[0, 1], 2000]]])
+    flag = trimesh.creation.box((1.0, 0.2, 0.7)).subdivide().subdivide()
+    flag.update_faces(flag.triangles_center[:, 1] > 0)
     cases = {
         "not manifold": (suit.vertices, fan),
         "too large": (suit.vertices * 1e6, suit.faces),
         "too small": (suit.vertices * 1e-6, suit.faces),
-        "far from the body": (suit.vertices + 5.0, suit.faces),
+        "far from the body": (flag.vertices + 5.0, flag.faces),
         "wholly inside": (suit.vertices - 0.025 * suit.vertex_normals, suit.faces),
         "not a finite number": (
             np.where(np.arange(len(suit.vertices))[:, None] == 7, np.nan, suit.vertices),

@@ -20,6 +20,7 @@ from uvcloth.errors import InputError
 from uvcloth.export.pictures import SHEETS, sheet_interval
 from uvcloth.export.size import announce
 from uvcloth.export.writer import close_together, open_writer
+from uvcloth.garments.fit import Fitting
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.geometry.mesh import Mesh
@@ -145,8 +146,8 @@ def _interval(out: Sequence[Path], frames: int) -> int:
 
 def _load_garments(command: Rollout, body: Body, report: Callable[[str], None]) -> tuple[Garment, ...]:
     """The garments of a rollout on a body."""
-    pose, fabric = command.garment_pose, command.fabric
-    return load_outfit(command.garment, body, report, command.template, pose, fabric)
+    how = Fitting(command.garment_pose, from_body=command.from_body)
+    return load_outfit(command.garment, body, report, command.template, how, command.fabric)
 
 
 def _load_method(command: Rollout, outfit: Outfit) -> tuple[Method, bool]:

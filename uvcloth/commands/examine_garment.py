@@ -10,7 +10,8 @@ from uvcloth.commands.fit import Fit
 from uvcloth.errors import InputError
 from uvcloth.export.obj import save_obj
 from uvcloth.files.image import write_png
-from uvcloth.garments.fit import fit
+from uvcloth.garments.alignment import Known
+from uvcloth.garments.fit import Fitting, fit
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.pieces import split
@@ -36,7 +37,8 @@ def examine(command: Fit) -> list[str]:
         raise InputError(f"{file}: is a template, which fits every body; expected a garment file")
     body = load_body(command.body)
     try:
-        fitted = fit(file, body, template, command.garment_pose)
+        known = Known(command.shift, command.scale, command.turn)
+        fitted = fit(file, body, template, Fitting(command.garment_pose, known, command.from_body))
     except UnwearableError as error:
         if picture is None:
             raise

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from uvcloth.commands.options import TRAINED, BodyFile, Fabric, GarmentPose, Garments, MotionFile
+from uvcloth.commands.options import TRAINED, BodyFile, Fabric, FromBody, GarmentPose, Garments, MotionFile
 from uvcloth.methods.registry import list_rigs
 from uvcloth.motion.options import MotionOptions
 
@@ -21,6 +21,7 @@ class Export:
     garment: Garments = ()
     """For DeePSD: templates or garment files, the innermost first. PBNS contains its garments."""
     garment_pose: GarmentPose = None
+    from_body: FromBody = None
     fabric: Fabric = None
     """Fabric of the garments, for DeePSD models."""
     motion: Annotated[

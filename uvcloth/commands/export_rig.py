@@ -17,6 +17,7 @@ from uvcloth.export.shapes import Cost
 from uvcloth.export.usd_rig import write_rig_usd
 from uvcloth.export.writer import require_own_names
 from uvcloth.files.atomic import atomic_files
+from uvcloth.garments.fit import Fitting
 from uvcloth.garments.loading import load_outfit
 from uvcloth.methods.capabilities import Riggable
 from uvcloth.methods.method import Method, require_fabric_read
@@ -73,7 +74,8 @@ def export(command: Export) -> Exported:
     console = Console(stderr=True)
     with console.status("preparing"):
         report = partial(console.print, highlight=False, markup=False, soft_wrap=True)
-        worn = load_outfit(command.garment, body, report, pose=command.garment_pose, fabric=fabric)
+        how = Fitting(command.garment_pose, from_body=command.from_body)
+        worn = load_outfit(command.garment, body, report, how=how, fabric=fabric)
         pose_rig = _riggable(method).as_rig(body, worn)
         require_own_names(out, [name for name, _ in pose_rig.garments])
         clip = None

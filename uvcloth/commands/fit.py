@@ -6,7 +6,7 @@ from typing import Annotated, get_args
 
 from tyro.conf import Positional, arg
 
-from uvcloth.commands.options import BodyFile, GarmentPose, TemplateName
+from uvcloth.commands.options import BodyFile, FromBody, GarmentPose, TemplateName
 
 
 @dataclass(frozen=True)
@@ -14,8 +14,8 @@ class Fit:
     """Explain a garment file, and check that it lies on the body as clothes do."""
 
     file: Positional[Path]
-    """A garment mesh on the body's rest pose (OBJ, PLY, GLB or STL), in any unit, Y or Z up, around the
-    body's origin or standing on the floor; or MakeHuman clothes (MHCLO with its OBJ)."""
+    """A garment mesh (OBJ, PLY, GLB or STL), in any unit, Y or Z up, modelled on this body or another; or
+    MakeHuman clothes (MHCLO with its OBJ)."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     template: Annotated[
@@ -27,6 +27,15 @@ class Fit:
     ] = None
     """Template that a PhysXNet predicts it as."""
     garment_pose: GarmentPose = None
+    from_body: FromBody = None
+    shift: Annotated[
+        tuple[float, float, float] | None, arg(metavar="X Y Z", help_behavior_hint="(default: found)")
+    ] = None
+    """Metres by which the garment is moved, X to its left, Y backwards, Z up, after scale and turn."""
+    scale: Annotated[float | None, arg(metavar="S", help_behavior_hint="(default: found)")] = None
+    """Metres in one unit of the file."""
+    turn: Annotated[float | None, arg(metavar="DEGREES", help_behavior_hint="(default: found)")] = None
+    """Turn about the vertical, counter-clockwise from above; 0 if the file faces +Z (Y up) or -Y (Z up)."""
     out: Annotated[Path | None, arg(metavar="OBJ", help_behavior_hint="")] = None
     """Also write the placed garment as OBJ (metres, Z up); several garments go into separate files."""
     picture: Annotated[Path | None, arg(metavar="PNG")] = Path("fit.png")

@@ -31,7 +31,16 @@ GarmentPose = Annotated[
         metavar="t|a",
         help="Pose of the body on which garment files were modelled: arms straight and level (t), or 45 "
         "degrees down (a).",
-        help_behavior_hint="(default: rest pose)",
+        help_behavior_hint="(default: found by where each garment lies best)",
+    ),
+]
+FromBody = Annotated[
+    Path | None,
+    arg(
+        metavar="OBJ|GLB",
+        help="Mesh of the body on which garment files were modelled, in their coordinates; they are "
+        "transferred from it with their ease.",
+        help_behavior_hint="(default: found by where each garment lies best)",
     ),
 ]
 Fabric = Annotated[FabricName | None, arg(metavar=FABRIC_NAMES, help_behavior_hint="(default: jersey)")]

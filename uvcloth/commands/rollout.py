@@ -11,6 +11,7 @@ from uvcloth.commands.options import (
     TEMPLATE_NAMES,
     BodyFile,
     Fabric,
+    FromBody,
     GarmentPose,
     Host,
     Models,
@@ -70,6 +71,7 @@ class Rollout:
     ] = ()
     """Template that a PhysXNet predicts a garment as: one for all, or one for each in order."""
     garment_pose: GarmentPose = None
+    from_body: FromBody = None
     fabric: Fabric = None
     """Fabric of the garments, for the cloth solver and DeePSD models."""
     body: BodyFile = None

@@ -18,7 +18,8 @@ from uvcloth.physics.surface import BodySurface, SurfacePoints
 class Diagnosis:
     """Findings about a garment file; counts of faces that were dropped or turned are of the file's triangles.
 
-    placing: of the file's frame in the body's, None where it is bound to the body. components: pieces, UV
+    placing: of the file's frame in the body's, None where it is bound to the body or `fitting` says how it
+    came there, line by line. components: pieces, UV
     seams taken as joined. inside_share: fraction of vertices inside the body. mean_distance, max_distance:
     metres to the skin. ray_misses: vertices whose ray misses the body, which count as covering their closest
     point. unwrapped: whether texture coordinates were made. depth: layer that the file names, larger is
@@ -44,13 +45,14 @@ class Diagnosis:
     depth: int = 0
     missing: tuple[str, ...] = ()
     pose: str = ""
+    fitting: tuple[str, ...] = ()
 
     def lines(self) -> list[str]:
         """Text of the diagnosis, one line per finding; expected properties are left out."""
         pieces = "1 piece" if self.components == 1 else f"{self.components} separate pieces"
         faults = [
             f"{self.path}: {self.vertices} vertices, {self.faces} triangles, {pieces}",
-            f"  {self.placing.text() if self.placing else 'bound to the body, whatever its shape'}",
+            *(f"  {line}" for line in self._way()),
             f"  {1000 * self.mean_distance:.1f} mm from the skin on average, at most "
             f"{1000 * self.max_distance:.0f} mm; {100 * self.inside_share:.1f} % of the vertices inside it",
         ]
@@ -74,6 +76,12 @@ class Diagnosis:
         if self.template:
             faults.append(f"  worn as {self.template}")
         return faults
+
+    def _way(self) -> tuple[str, ...]:
+        """Lines that say how the garment came to lie on the body."""
+        if self.fitting:
+            return self.fitting
+        return (self.placing.text() if self.placing else "bound to the body, whatever its shape",)
 
 
 def diagnose(path: Path, mesh: Mesh, body: Body, bound: bool = False) -> tuple[Mesh, Diagnosis]:

@@ -11,12 +11,15 @@ from rasterize.raycast import cast_rays, closest_points, garment_to_body
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.errors import InputError
 from uvcloth.formats.mesh_file import read_mesh
+from uvcloth.garments.alignment import UNKNOWN, Known, align
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.diagnose import Diagnosis, diagnose
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.mhclo import SUFFIX, fit_clothes
-from uvcloth.garments.pose import POSES, arms_held, other_pose, posed_body, unposed
+from uvcloth.garments.pose import POSES, REST, arms_held, limbs_held, other_pose, posed_body, unposed
+from uvcloth.garments.relaxation import settle
+from uvcloth.garments.transfer import transfer
 from uvcloth.geometry.authored import AuthoredMesh, follow_triangles
 from uvcloth.geometry.mesh import Mesh, vertex_normals, weld
 
@@ -31,6 +34,31 @@ LEAST_FOREARM_SHARE = 0.05
 
 WAIST_HEIGHT = 0.3
 """Height of the waist, as a fraction of the trunk from crotch to neck."""
+
+
+LIES_BADLY = 0.075
+"""Misfit of an alignment, m, above which it is wrong: garments of other bodies have up to 0.068."""
+
+MOST_STRETCHED = 0.18
+"""Share of its length by which 95 % of the edges may differ once a garment is settled."""
+
+NOWHERE = "the garment lies nowhere on the body as clothes lie"
+
+
+@dataclass(frozen=True)
+class Fitting:
+    """Knowledge of the body that a garment file was modelled on, and of where it lies.
+
+    pose: one of POSES, None to find it. known: parts of the alignment. from_body: the mesh of that body, with
+    the garment on it.
+    """
+
+    pose: str | None = None
+    known: Known = UNKNOWN
+    from_body: Path | None = None
+
+
+PLAIN = Fitting()
 
 
 @dataclass(frozen=True)
@@ -50,28 +78,28 @@ class Fitted:
     diagnosis: Diagnosis
 
 
-def fit(path: Path, body: Body, template: str | None = None, pose: str | None = None) -> Fitted:
+def fit(path: Path, body: Body, template: str | None = None, how: Fitting = PLAIN) -> Fitted:
     """Fit a file (OBJ, PLY, GLB, STL, MHCLO, ...) to a body, on whose rest pose it was modelled.
 
     The file's vertex order and texture coordinates stay; unit, axes and origin are found by where it lies
     best (`find_placing`). template: the one of TEMPLATES whose motion it takes;
     None chooses by the part of the body it covers, found by ray casting (PhysXNet section 4.3). The closest
-    body vertices give it its blend weights. pose: as `read_on_body` takes it. Raises InputError naming the
+    body vertices give it its blend weights. how: as `read_on_body` takes it. Raises InputError naming the
     file and the reason if it cannot be read or cannot be worn, an UnwearableError if it does not lie as
     clothes lie.
     """
-    placed = read_on_body(path, body, pose)
+    placed = read_on_body(path, body, how)
     garment, missed = make_fitted(Path(path).stem, placed.mesh, body, template)
     garment = replace(garment, hides=placed.hides)
     return Fitted(garment, replace(placed.diagnosis, ray_misses=missed, template=garment.template or ""))
 
 
-def read_on_body(path: Path, body: Body, pose: str | None = None) -> PlacedFile:
+def read_on_body(path: Path, body: Body, how: Fitting = PLAIN) -> PlacedFile:
     """Read a garment file and place it on a body's rest pose; unwrap it where it has no texture coordinates.
 
     A mesh file is placed where it lies best, MakeHuman's clothes (.mhclo) where they are bound to; these say
-    what skin they hide. pose: one of POSES that a mesh file was modelled in, None for the rest pose. Raises
-    InputError as `fit` does, and for a garment that was modelled in another pose.
+    what skin they hide. how: what is known of the body that a mesh file was modelled on. Raises InputError as
+    `fit` does.
     """
     path = Path(path)
     if path.suffix.lower() == SUFFIX:
@@ -79,7 +107,7 @@ def read_on_body(path: Path, body: Body, pose: str | None = None) -> PlacedFile:
         mesh, diagnosis = diagnose(path, mesh, body, bound=True)
         return _unwrapped(path, mesh, replace(diagnosis, depth=binding.depth), binding.hides(body))
     try:
-        return place_on_body(path, read_mesh(path), body, pose)
+        return place_on_body(path, read_mesh(path), body, how)
     except UnwearableError as error:
         clothes = path.with_suffix(SUFFIX)
         if not clothes.is_file():
@@ -87,17 +115,21 @@ def read_on_body(path: Path, body: Body, pose: str | None = None) -> PlacedFile:
         raise UnwearableError(f"{error}; use {clothes}, which fits it to any body", error.mesh) from error
 
 
-def place_on_body(path: Path, mesh: Mesh, body: Body, pose: str | None = None) -> PlacedFile:
+def place_on_body(path: Path, mesh: Mesh, body: Body, how: Fitting = PLAIN) -> PlacedFile:
     """Place a mesh on a body's rest pose where it lies best, unwrapped if it has no texture coordinates.
 
-    path: its file, or its name in error messages. pose: as `read_on_body` takes it. Raises InputError as that
+    path: its file, or its name in error messages. how: as `read_on_body` takes it. Raises InputError as that
     does.
     """
-    if pose is not None and pose not in POSES:
-        raise InputError(f"--garment-pose {pose}: expected one of {', '.join(POSES)}")
-    placed, diagnosis = (
-        _on_rest_pose(path, mesh, body) if pose is None else _from_pose(path, mesh, body, pose)
-    )
+    if how.pose is not None and how.pose not in POSES:
+        raise InputError(f"--garment-pose {how.pose}: expected one of {', '.join(POSES)}")
+    how.known.check()
+    if how.from_body is not None:
+        placed, diagnosis = _transferred(path, mesh, body, how)
+    elif how.known:
+        placed, diagnosis = _aligned(path, mesh, body, how)
+    else:
+        placed, diagnosis = _usual(path, mesh, body, how)
     return _unwrapped(path, placed, diagnosis, torch.zeros(0, dtype=torch.int64))
 
 
@@ -111,33 +143,65 @@ def _unwrapped(path: Path, mesh: Mesh, diagnosis: Diagnosis, hides: Tensor) -> P
     return PlacedFile(replace(mesh, uvs=uvs, face_uvs=face_uvs), replace(diagnosis, unwrapped=True), hides)
 
 
-def _on_rest_pose(path: Path, mesh: Mesh, body: Body) -> tuple[Mesh, Diagnosis]:
-    """A mesh on the rest pose; an UnwearableError says so if it was modelled in another."""
+def _usual(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Diagnosis]:
+    """A mesh on the rest pose: in a usual frame of reference if it lies well there, otherwise aligned."""
     try:
-        mesh, diagnosis = diagnose(path, mesh, body)
+        return _in_pose(path, mesh, body, how.pose) if how.pose else _in_any_pose(path, mesh, body)
     except UnwearableError as error:
-        raise _modelled_in_another(path, error.mesh, body) or error from error
-    if otherwise := _modelled_in_another(path, mesh, body):
-        raise otherwise
-    return mesh, diagnosis
+        if error.anywhere:
+            raise
+        try:
+            return _aligned(path, mesh, body, how)
+        except UnwearableError:
+            raise error from None
 
 
-def _modelled_in_another(path: Path, mesh: Mesh, body: Body) -> UnwearableError | None:
-    if not (pose := other_pose(mesh, body)):
-        return None
-    return UnwearableError(
-        f"{path}: the garment fits the body in {pose.upper()} pose, not in its rest pose; give "
-        f"--garment-pose {pose} to fit, rollout and export",
-        mesh,
-    )
+def _in_any_pose(path: Path, mesh: Mesh, body: Body) -> tuple[Mesh, Diagnosis]:
+    """A mesh that was modelled on the rest pose, or on one of POSES that fits it far better."""
+    refusal: UnwearableError | None = None
+    try:
+        placed, diagnosis = diagnose(path, mesh, body)
+    except UnwearableError as error:
+        placed, refusal = error.mesh, error
+    if pose := other_pose(placed, body):
+        return _in_pose(path, mesh, body, pose)
+    if refusal:
+        raise refusal
+    return placed, diagnosis
 
 
-def _from_pose(path: Path, mesh: Mesh, body: Body, pose: str) -> tuple[Mesh, Diagnosis]:
+def _in_pose(path: Path, mesh: Mesh, body: Body, pose: str) -> tuple[Mesh, Diagnosis]:
     """The mesh of a garment modelled on the body in one of POSES, transferred to the rest pose."""
     transforms = arms_held(body, pose)
     posed = posed_body(body, transforms)
     placed, diagnosis = diagnose(path, mesh, posed)
     return unposed(placed, posed, transforms), replace(diagnosis, pose=pose)
+
+
+def _aligned(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Diagnosis]:
+    """A mesh that was modelled on another body, aligned with this one and settled on its rest pose."""
+    alignment = align(mesh, body, how.known, None if how.pose is None else POSES[how.pose])
+    natural = replace(mesh, vertices=alignment.apply(mesh.vertices))
+    if alignment.misfit > LIES_BADLY:
+        raise UnwearableError(f"{path}: {NOWHERE}", natural)
+    at_rest = natural
+    if alignment.stance != REST:
+        transforms = limbs_held(body, alignment.stance)
+        at_rest = unposed(natural, posed_body(body, transforms), transforms)
+    settled = settle(at_rest.vertices, mesh.faces, natural.vertices, body)
+    placed, diagnosis = diagnose(path, replace(mesh, vertices=settled.vertices), body, bound=True)
+    if settled.off > MOST_STRETCHED:
+        raise UnwearableError(f"{path}: {NOWHERE}", placed)
+    return placed, replace(diagnosis, fitting=(alignment.text(), settled.text()))
+
+
+def _transferred(path: Path, mesh: Mesh, body: Body, how: Fitting) -> tuple[Mesh, Diagnosis]:
+    """A mesh transferred from the body that it was modelled on."""
+    assert how.from_body is not None
+    transferred = transfer(mesh, how.from_body, body, how.known)
+    placed, diagnosis = diagnose(path, transferred.mesh, body, bound=True)
+    lines = (f"transferred from {how.from_body}: {transferred.alignment.text()}", transferred.settled.text())
+    return placed, replace(diagnosis, fitting=lines)
 
 
 def make_fitted(name: str, mesh: Mesh, body: Body, template: str | None) -> tuple[Garment, int]:
@@ -175,7 +239,8 @@ def is_skirt(mesh: Mesh, body: Body) -> bool:
     """Test for a skirt: the mesh goes around both legs together, somewhere along the thighs.
 
     At a few heights a line runs through both thighs, from left to right: a skirt meets it on both outer
-    sides and nowhere between the thighs, trousers also there.
+    sides and nowhere between the thighs, trousers also there. The lowest line that meets it counts, since
+    trousers may have a low crotch.
     """
     thigh = body.regions == REGIONS.index("thigh")
     centres = body.mesh.vertices[body.mesh.faces].mean(1)
@@ -188,7 +253,8 @@ def is_skirt(mesh: Mesh, body: Body) -> bool:
     hits = cast_rays(origins, directions, mesh.vertices, mesh.faces, max_distance=1.0, both_ways=False)
     outer_left, outer_right, inner = hits.distance.chunk(3)
     outside = torch.isfinite(outer_left) & torch.isfinite(outer_right)
-    return bool((outside & (inner > between.norm(dim=1))).any())
+    lowest = int(outside.int().argmax())
+    return bool(outside[lowest] & (inner[lowest] > between[lowest].norm()))
 
 
 def _axis(centres: Tensor, levels: Tensor) -> Tensor:

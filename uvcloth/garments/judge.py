@@ -26,8 +26,10 @@ MOST_DEEP = 0.05
 LEAST_ALONG = 0.75
 """Least share of the cloth along the skin."""
 
-FARTHEST = 0.15
-"""Mean distance to the skin, m, above which cloth is not worn."""
+FARTHEST = 0.1
+"""Distance to the skin, m, of the closest quarter of the cloth above which it is not worn: a wide skirt hangs
+from its waistband.
+"""
 
 ENGULFED = 0.95
 """Share of the cloth inside the body above which a garment counts as wholly inside it."""
@@ -66,26 +68,31 @@ TURNS = {
 
 
 class UnwearableError(InputError):
-    """A garment that does not lie as clothes do, with its mesh in the best placing."""
+    """A garment that does not lie as clothes do, with its mesh in the best placing.
 
-    def __init__(self, message: str, mesh: Mesh) -> None:
+    anywhere: it would not, however it was placed.
+    """
+
+    def __init__(self, message: str, mesh: Mesh, anywhere: bool = False) -> None:
         super().__init__(message)
-        self.mesh = mesh
+        self.mesh, self.anywhere = mesh, anywhere
 
 
 @dataclass(frozen=True)
 class Measures:
     """Measures of the cloth at points spread over its area.
 
-    inside, deep: shares inside the body, and deeper than DEEP. distance: metres to the skin on average.
-    along: share that lies along the skin. regions: (8,) share over each of REGIONS. body_share: (8,) cloth
-    over each region, of the region's own area. around, around_head: share of the directions across a bone in
-    which a ray hits the garment: the largest over all places, and that across the middle of the head.
+    inside, deep: shares inside the body, and deeper than DEEP. distance, nearest: metres to the skin, on
+    average, and up to which the closest quarter of the cloth lies. along: share that lies along the skin.
+    regions: (8,) share over each of REGIONS. body_share: (8,) cloth over each region, of the region's own
+    area. around, around_head: share of the directions across a bone in which a ray hits the garment: the
+    largest over all places, and that across the middle of the head.
     """
 
     inside: float
     deep: float
     distance: float
+    nearest: float
     along: float
     regions: Tensor
     body_share: Tensor
@@ -106,6 +113,7 @@ def measure(mesh: Mesh, body: Body, surface: BodySurface) -> Measures:
         inside=float((nearest.signed_distance < 0).float().mean()),
         deep=float((nearest.signed_distance < -DEEP).float().mean()),
         distance=float(nearest.signed_distance.abs().mean()),
+        nearest=float(nearest.signed_distance.abs().quantile(0.25)),
         along=float(lies_along(cloth.normals, nearest).float().mean()),
         regions=regions,
         body_share=regions * area / areas.clamp(min=1e-9),
@@ -145,36 +153,41 @@ def refuse_unworn(path: Path, mesh: Mesh, welded: Tensor, body: Body, surface: B
     mesh: at rest in metres. welded: (F, 3), its faces after vertices at the same place are joined.
     """
     measures = measure(mesh, body, surface)
-    reason = _no_garment(measures, welded) or _misplaced(measures, mesh, surface)
+    reason, anywhere = _no_garment(measures, welded)
+    reason = reason or _misplaced(measures, mesh, surface)
     if reason:
-        raise UnwearableError(f"{path}: {reason}", mesh)
+        raise UnwearableError(f"{path}: {reason}", mesh, anywhere)
 
 
-def _no_garment(measures: Measures, welded: Tensor) -> str:
-    """Reason why a mesh is not a garment for the body, "" if it is one."""
+def _no_garment(measures: Measures, welded: Tensor) -> tuple[str, bool]:
+    """Reason why a mesh is not a garment for the body, "" if it is one, and if that holds anywhere."""
     over = {region: float(share) for region, share in zip(REGIONS, measures.regions, strict=True)}
     most = max(over, key=lambda region: over[region])
-    for wrong, sentence in (
+    lies = measures.along > LEAST_ALONG and measures.deep < MOST_DEEP
+    for wrong, anywhere, sentence in (
         (
-            measures.distance > FARTHEST,
+            measures.nearest > FARTHEST,
+            False,
             f"the garment is far from the body, {measures.distance:.2f} m on average: expected one "
             "modelled on the body's rest pose",
         ),
         (
             all(float(measures.body_share[REGIONS.index(region)]) > COVERED for region in BARE),
+            True,
             "the mesh covers head, hands and feet: it is a body, not a garment",
         ),
-        (measures.inside > ENGULFED, "the garment is wholly inside the body, not worn over it"),
-        (_is_ball(welded), "the mesh is closed all around, a garment has openings for the body"),
+        (measures.inside > ENGULFED, False, "the garment is wholly inside the body, not worn over it"),
+        (_is_ball(welded), True, "the mesh is closed all around, a garment has openings for the body"),
         (
             sum(over[region] for region in CLOTHED) < LEAST_CLOTHED,
+            lies,
             f"the garment is worn on the {most} ({100 * over[most]:.0f} % of it), expected one of "
             "trunk, upper arms or thighs: shoes, gloves and hats are not supported",
         ),
     ):
         if wrong:
-            return sentence
-    return ""
+            return sentence, anywhere
+    return "", False
 
 
 def _misplaced(measures: Measures, mesh: Mesh, surface: BodySurface) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.garments.arrays import NamedMesh
-from uvcloth.garments.fit import PlacedFile, fit, place_on_body, read_on_body
+from uvcloth.garments.fit import PLAIN, Fitting, PlacedFile, fit, place_on_body, read_on_body
 from uvcloth.garments.garment import Garment
 from uvcloth.garments.mhclo import SUFFIX
 from uvcloth.garments.pieces import pieces, split
@@ -37,17 +37,17 @@ def load_outfit(
     body: Body,
     report: Callable[[str], None] = lambda line: None,
     templates: Sequence[str] = (),
-    pose: str | None = None,
+    how: Fitting = PLAIN,
     fabric: str | Fabric | None = None,
 ) -> tuple[Garment, ...]:
     """Load garments worn together, the innermost first; a file or mesh that holds several gives all of them.
 
     names: templates, garment files and meshes. Where all are MakeHuman's clothes, the layers that they name
     decide the order. templates: those whose motion the garments take, one for all names or one for each; none
-    or "auto" for the one that each covers best. report: as `load_garment` has it. pose: the one that mesh
-    files and meshes were modelled in, see `read_on_body`. fabric: that of all garments, see `find_fabric`.
-    Raises InputError as `fit_template` and `fit` do, for unknown templates, and for a number of templates
-    that is neither one nor that of the names.
+    or "auto" for the one that each covers best. report: as `load_garment` has it. how: what is known of
+    the body that mesh files and meshes were modelled on, see `read_on_body`. fabric: that of all garments,
+    see `find_fabric`. Raises InputError as `fit_template` and `fit` do, for unknown templates, and for a
+    number of templates that is neither one nor that of the names.
     """
     made_of = find_fabric(fabric)
     if len(templates) not in (0, 1, len(names)):
@@ -65,7 +65,7 @@ def load_outfit(
             garment = fit_template(name, body)
             loaded.append((0, (garment if template == AUTO else replace(garment, template=template),)))
             continue
-        called, placed = _placed(name, body, pose)
+        called, placed = _placed(name, body, how)
         parts = split(called, placed.mesh, body, None if template == AUTO else template)
         for line in placed.diagnosis.lines():
             report(line)
@@ -79,12 +79,12 @@ def load_outfit(
     return tuple(replace(garment, fabric=made_of) for _, parts in loaded for garment in parts)
 
 
-def _placed(source: str | NamedMesh, body: Body, pose: str | None) -> tuple[str, PlacedFile]:
+def _placed(source: str | NamedMesh, body: Body, how: Fitting) -> tuple[str, PlacedFile]:
     """Name and mesh of a garment from a file or a mesh."""
     if isinstance(source, NamedMesh):
-        return source.name, place_on_body(Path(source.name), source.mesh, body, pose)
+        return source.name, place_on_body(Path(source.name), source.mesh, body, how)
     path = _file(source)
-    return path.stem, read_on_body(path, body, pose)
+    return path.stem, read_on_body(path, body, how)
 
 
 def _file(name: str) -> Path:

@@ -28,6 +28,9 @@ ORIGINS = ("body", "feet")
 SMALLEST, LARGEST = 0.12, 1.2
 """Limits of a garment's diagonal, in body diagonals: a factor of ten, so that few units fit."""
 
+DOLL = 10.0
+"""Factor by which a doll's garment may be smaller."""
+
 UNUSUAL = 1.25
 """Factor on the misfit for an unusual facing or origin: skirts fit equally well in several."""
 
@@ -120,6 +123,8 @@ def find_placing(path: Path, vertices: Tensor, faces: Tensor, body: Body, surfac
     tallest = float((body.mesh.vertices.amax(0) - body.mesh.vertices.amin(0)).norm())
     sizes = {unit: extent * metres / tallest for unit, metres in UNITS.items()}
     units = [unit for unit, size in sizes.items() if SMALLEST <= size < LARGEST]
+    if not units and SMALLEST / DOLL <= sizes["m"] < SMALLEST:
+        units = ["m"]
     if not units:
         wrong = "large" if sizes["mm"] >= LARGEST else "small"
         raise InputError(

@@ -1,7 +1,7 @@
 """Garments that were modelled on a body in another pose than its rest pose."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import torch
@@ -13,7 +13,7 @@ from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.placing import POINTS, ClothSample, misfit
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import smallest_rotation
-from uvcloth.geometry.skeleton import joint_transforms
+from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 from uvcloth.geometry.skinning import blend_transforms, skin
 from uvcloth.motion.roles import assign_roles
 from uvcloth.physics.surface import BodySurface
@@ -23,6 +23,9 @@ POSES = {"t": 0.0, "a": 45.0}
 
 ARM = ("upper_arm", "forearm", "hand")
 """Roles of the joints along an arm."""
+
+LEG = ("thigh", "foot")
+"""Roles of the joints at the ends of a leg."""
 
 LIES_WELL = 0.02
 """Misfit, m, up to which cloth lies well enough on the rest pose."""
@@ -37,7 +40,7 @@ def other_pose(mesh: Mesh, body: Body) -> str:
     """The one of POSES in which a body fits a mesh, placed on its rest pose, far better; "" for none."""
     cloth = ClothSample.of(mesh.vertices, mesh.faces, POINTS)
     misfits = {"": FAR_BETTER * float(misfit(cloth, BodySurface(body.mesh.vertices, body.mesh.faces)))}
-    if misfits[""] < FAR_BETTER * LIES_WELL or not _has_arms(body):
+    if misfits[""] < FAR_BETTER * LIES_WELL or not has_arms(body):
         return ""
     for pose in POSES:
         posed = posed_body(body, arms_held(body, pose)).mesh
@@ -45,9 +48,30 @@ def other_pose(mesh: Mesh, body: Body) -> str:
     return min(misfits, key=lambda pose: misfits[pose])
 
 
-def _has_arms(body: Body) -> bool:
+def has_arms(body: Body) -> bool:
+    """Test for arms and legs that are recognized by the names of their joints."""
     roles = assign_roles(body.skeleton.names, {})
-    return all(f"{side}_{part}" in roles for side in ("left", "right") for part in ARM)
+    return all(f"{side}_{part}" in roles for side in ("left", "right") for part in (*ARM, *LEG))
+
+
+@dataclass(frozen=True)
+class Stance:
+    """Pose of the limbs: straight arms, degrees below the horizontal, and legs, degrees that each leans out.
+
+    None leaves them as they are in the rest pose.
+    """
+
+    arms: float | None = None
+    legs: float | None = None
+
+    def text(self) -> str:
+        """Description of the pose, "" for the rest pose."""
+        arms = f"arms {self.arms:.0f} degrees below the horizontal" if self.arms is not None else ""
+        legs = f"legs {self.legs:.0f} degrees outwards" if self.legs is not None else ""
+        return ", ".join(filter(None, (arms, legs)))
+
+
+REST = Stance()
 
 
 def arms_held(body: Body, pose: str) -> Tensor:
@@ -55,23 +79,36 @@ def arms_held(body: Body, pose: str) -> Tensor:
 
     Raises InputError naming the body if it has no arms.
     """
-    skeleton = body.skeleton
-    if not _has_arms(body):
+    if not has_arms(body):
         raise InputError(f"--garment-pose {pose}: body {body.name!r} has no arms that are recognized by name")
+    return limbs_held(body, Stance(POSES[pose]))
+
+
+def limbs_held(body: Body, stance: Stance) -> Tensor:
+    """Joint transforms (J, 3, 4) from a body's rest pose to a stance. The body `has_arms`, and legs."""
+    skeleton = body.skeleton
     roles = assign_roles(skeleton.names, {})
-    angle = math.radians(POSES[pose])
     turn_of: dict[int, Tensor] = {}
     for side, sign in (("left", 1.0), ("right", -1.0)):
-        target = torch.tensor([sign * math.cos(angle), 0.0, -math.sin(angle)])
-        joints = [roles[f"{side}_{part}"] for part in ARM]
-        for start, end in pairwise(joints):
-            bone = skeleton.heads[end] - skeleton.heads[start]
-            turn_of[start] = smallest_rotation(bone / bone.norm(), target)
+        arm = [roles[f"{side}_{part}"] for part in ARM] if stance.arms is not None else []
+        for start, end in pairwise(arm):
+            turn_of[start] = _turn(skeleton, start, end, sign, 90.0 - (stance.arms or 0.0))
+        if stance.legs is not None:
+            start, end = (roles[f"{side}_{part}"] for part in LEG)
+            turn_of[start] = _turn(skeleton, start, end, sign, stance.legs)
     turns: list[Tensor] = []
     for joint, parent in enumerate(skeleton.parents):
         above = turns[parent] if parent >= 0 else torch.eye(3)
         turns.append(turn_of.get(joint, above))
     return joint_transforms(skeleton, torch.stack(turns)[None], skeleton.heads[:1])[0]
+
+
+def _turn(skeleton: Skeleton, start: int, end: int, sign: float, outwards: float) -> Tensor:
+    """Rotation (3, 3) of the line between two joints to an angle, degrees from straight down to its side."""
+    line, angle = skeleton.heads[end] - skeleton.heads[start], math.radians(outwards)
+    return smallest_rotation(
+        line / line.norm(), torch.tensor([sign * math.sin(angle), 0.0, -math.cos(angle)])
+    )
 
 
 def posed_body(body: Body, transforms: Tensor) -> Body:
