@@ -220,6 +220,47 @@ def first_hit(
 
 
 @wp.kernel
+def project_edges(
+    share: int,
+    now: wp.array(dtype=wp.vec3),
+    before: wp.array(dtype=wp.vec3),
+    first: wp.array(dtype=int),
+    neighbours: wp.array(dtype=int),
+    lengths: wp.array(dtype=float),
+    curvatures: wp.array(dtype=float),
+    normals: wp.array(dtype=wp.vec3),
+    offsets: wp.array(dtype=float),
+    step: float,
+    bend: float,
+    momentum: float,
+):
+    """Move the ends of each edge by half of its error in length, averaged; the result replaces `before`.
+
+    The share `bend` of the curvature beyond that at rest is removed. A vertex stays on the outer side of its
+    plane, which is given by a normal and the least product with it.
+    """
+    i = share + wp.tid()
+    place = now[i]
+    pull = wp.vec3(0.0)
+    curve = wp.vec3(0.0)
+    begin = first[i]
+    end = first[i + 1]
+    for k in range(begin, end):
+        edge = now[neighbours[k]] - place
+        curve += edge
+        pull += edge * (1.0 - lengths[k] / wp.max(wp.length(edge), 1.0e-9))
+    each = 1.0 / wp.max(float(end - begin), 1.0)
+    curve *= each
+    excess = wp.max(1.0 - curvatures[i] / wp.max(wp.length(curve), 1.0e-9), 0.0)
+    target = place + 0.5 * step * each * pull + bend * excess * curve
+    target = before[i] + momentum * (target - before[i])
+    depth = offsets[i] - wp.dot(normals[i], target)
+    if depth > 0.0:
+        target += depth * normals[i]
+    before[i] = target
+
+
+@wp.kernel
 def closest_in_batch(
     share: int,
     meshes: wp.array(dtype=wp.uint64),
