@@ -124,7 +124,8 @@ class OutfitClearing:
 
         before: of the frame before, which saves time, or of the start. Returns the garments (N, 3) m.
         """
-        origin = np.asarray(collider, np.float64).mean(0)
+        # Rounding is that of the innermost garment alone, whatever is worn over it.
+        origin = points[0].double().numpy().mean(0)
         near = ((torch.cat(list(points)).numpy() - origin) / self.size).astype(np.float32)
         body = ((collider - origin) / self.size).astype(np.float32)
         fine = clear(

@@ -62,7 +62,7 @@ class FineMesh(NamedTuple):
 
 
 class FineState(NamedTuple):
-    """A fine mesh at (N, 3) m, a body at (V, 3) m, relative to its mean, and the search results.
+    """A fine mesh at (N, 3) m and a body at (V, 3) m, around one origin, and the search results.
 
     frame: number of earlier frames.
     """
