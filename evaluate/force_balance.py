@@ -32,7 +32,6 @@ MOST_FORCE = 3.0 * GRAVITY
 BALANCED_FRAMES = 20
 """Most frames of a window that are measured, evenly spaced: forces are slow to compute."""
 
-
 LEAST_MASS = 1e-9
 """Kilograms by which the force at a vertex without faces is divided."""
 
@@ -60,9 +59,9 @@ class ForceBalance:
         return self.average(gradient / cloth.masses.clamp(min=LEAST_MASS)[:, None] + acceleration)
 
 
-def force_balance(surface: Surface, rest: Tensor, faces: Tensor, fabric: Fabric) -> ForceBalance:
-    """The balance of a garment of a fabric, at rest (N, 3) m, with faces (M, 3)."""
-    energies = cloth_energies(rest[surface.kept], surface.owner[faces], fabric)
+def force_balance(surface: Surface, fabric: Fabric) -> ForceBalance:
+    """The balance of a garment of a fabric."""
+    energies = cloth_energies(surface.mesh.points, surface.mesh.faces, fabric)
     return ForceBalance(surface, energies, surface.diffusion(PATCH))
 
 
@@ -80,7 +79,7 @@ def force_scores(
     distances: (S, N) m of the vertices from the skin. force_median, force_99: (S,) median and 99th percentile
     over patches, not a number where no patch is free. force_frame: (S,) the frames.
     """
-    kept = balance.surface.kept
+    kept = balance.surface.mesh.kept
     before, now, after = (vertices[frames + step][:, kept] for step in (-1, 0, 1))
     force = balance.unbalanced(before, now, after, 1.0 / fps).norm(dim=2)
     touching = (distances[:, kept] < TOUCHING_DISTANCE).double()[..., None]

@@ -32,7 +32,7 @@ def prepare_looks(reference: Reference, fabric: Fabric | None) -> Looks:
     """Prepare a garment of a fabric, or several as one mesh, for which it is None."""
     rest, faces = reference.rest, reference.faces
     surface = make_surface(rest, faces)
-    balance = force_balance(surface, rest, faces, fabric) if fabric else None
+    balance = force_balance(surface, fabric) if fabric else None
     return Looks(wave_filters(surface), find_hem(rest, faces), balance)
 
 

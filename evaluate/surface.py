@@ -16,7 +16,7 @@ from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import splu
 from torch import Tensor
 
-from uvcloth.geometry.mesh import face_normals, weld
+from uvcloth.geometry.mesh import WeldedMesh, face_normals, welded
 
 Solve = Callable[[NDArray[Any]], NDArray[Any]]
 """Solution (n, C) of a sparse system with right-hand sides (n, C)."""
@@ -35,11 +35,10 @@ THINNEST = 1e-12
 class Surface:
     """A garment at rest.
 
-    owner: (N,) rows of the n welded vertices. kept: (n,) a vertex of each. areas: (n,) m2. laplacian: (n, n).
+    mesh: welded, of n points. areas: (n,) m2. laplacian: (n, n).
     """
 
-    owner: Tensor
-    kept: Tensor
+    mesh: WeldedMesh
     areas: NDArray[np.float64]
     laplacian: csc_array
 
@@ -75,9 +74,8 @@ class Surface:
 
 def make_surface(rest: Tensor, faces: Tensor) -> Surface:
     """The surface of a mesh at rest (N, 3) m with faces (M, 3)."""
-    kept, owner = weld(rest).unique(return_inverse=True)
-    corners = owner[faces]
-    vertices, count = rest[kept].double(), len(kept)
+    mesh = welded(rest, faces)
+    corners, vertices, count = mesh.faces, mesh.points.double(), len(mesh.points)
     doubled = face_normals(vertices, corners).norm(dim=1).clamp(min=THINNEST)
     rows, columns, weights = [], [], []
     for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
@@ -90,7 +88,7 @@ def make_surface(rest: Tensor, faces: Tensor) -> Surface:
     adjacency = coo_array((torch.cat(weights).numpy(), places), shape=(count, count)).tocsc()
     areas = vertices.new_zeros(count).index_add(0, corners.flatten(), (doubled / 6.0).repeat_interleave(3))
     return Surface(
-        owner, kept, areas.clamp(min=THINNEST).numpy(), (diags_array(adjacency.sum(1)) - adjacency).tocsc()
+        mesh, areas.clamp(min=THINNEST).numpy(), (diags_array(adjacency.sum(1)) - adjacency).tocsc()
     )
 
 

@@ -40,7 +40,7 @@ def wrinkle_scores(filters: WaveFilters, vertices: Tensor, reference: Reference)
     """
     shown = torch.linspace(0, len(vertices) - 1, min(WRINKLED_FRAMES, len(vertices))).round().long()
     areas = torch.from_numpy(filters.surface.areas)
-    offsets = ((vertices[shown] - reference.skinned[shown]) * MM)[:, filters.surface.kept].double()
+    offsets = ((vertices[shown] - reference.skinned[shown]) * MM)[:, filters.surface.mesh.kept].double()
     longer = [
         torch.zeros(len(shown)).double(),
         *((offsets * each(offsets)).sum(2) @ areas for each in filters.passes),

@@ -164,9 +164,7 @@ def forces(offsets: Tensor, distance: float = 1.0) -> dict[str, Tensor]:
     """Unbalanced forces of a sheet that moves by offsets (F, 1 or N, 3), m, so far from the skin."""
     case = moving(offsets)
     frames = balanced_frames(len(offsets))
-    balance = force_balance(
-        make_surface(case.rest, case.faces), case.rest, case.faces, replace(JERSEY, drag=0.0)
-    )
+    balance = force_balance(make_surface(case.rest, case.faces), replace(JERSEY, drag=0.0))
     distances = torch.full((len(frames), len(case.rest)), distance)
     return force_scores(balance, case.vertices, frames, distances, FPS)
 

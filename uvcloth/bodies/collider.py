@@ -11,18 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-import numpy as np
 import torch
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 from torch import Tensor
 
 from uvcloth.bodies.body import REGIONS, Body
 from uvcloth.bodies.once import once_per_body
 from uvcloth.errors import InputError
-from uvcloth.geometry.mesh import boundary_edges
+from uvcloth.geometry.mesh import boundary_edges, edge_groups
 
 Parts = Sequence[tuple[tuple[str, ...], tuple[int, ...]]]
 """Regions that move together, and their sides."""
@@ -202,6 +199,5 @@ def _indices(regions: tuple[str, ...]) -> Tensor:
 def _rims(faces: Tensor, count: int) -> list[Tensor]:
     """The boundary edges of a surface, one (E, 2) per opening."""
     edges = boundary_edges(faces)
-    graph = coo_array((np.ones(len(edges)), (edges[:, 0].numpy(), edges[:, 1].numpy())), shape=(count, count))
-    labels = torch.from_numpy(connected_components(graph, directed=False)[1])[edges[:, 0]]
+    labels = edge_groups(edges, count)
     return [edges[labels == label] for label in labels.unique()]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from uvcloth.geometry.mesh import boundary_edges, weld
+from uvcloth.geometry.mesh import boundary_edges, edge_groups, weld
 
 LEAST_RADIUS = 0.12
 """Least radius of an opening, over that of the largest: buttonholes hold no part of the body."""
@@ -28,14 +28,8 @@ class Boundaries:
 
 def boundaries(vertices: Tensor, faces: Tensor) -> Boundaries:
     """Openings of a mesh (N, 3), (F, 3); vertices at one place are one."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    count, edges = len(vertices), boundary_edges(weld(vertices)[faces])
-    rows, columns = edges.T.numpy()
-    graph = coo_array((rows >= 0, (rows, columns)), shape=(count, count))
-    label = torch.from_numpy(connected_components(graph, directed=False)[1]).long()
-    used, loop = torch.unique(label[edges[:, 0]], return_inverse=True)
+    edges = boundary_edges(weld(vertices)[faces])
+    used, loop = torch.unique(edge_groups(edges, len(vertices)), return_inverse=True)
     middles = (vertices[edges[:, 0]] + vertices[edges[:, 1]]) / 2
     lengths = (vertices[edges[:, 0]] - vertices[edges[:, 1]]).norm(dim=1)
     total = _summed(lengths, loop, len(used)).clamp(min=1e-12)

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import accumulate
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -106,6 +107,15 @@ def boundary_edges(faces: Tensor) -> Tensor:
     return directed[count[edge] == 1]
 
 
+def edge_groups(edges: Tensor, count: int) -> Tensor:
+    """Group of each edge (E, 2) among `count` vertices, the same for connected ones: (E,) int64."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(len(edges)), (edges[:, 0].numpy(), edges[:, 1].numpy())), shape=(count, count))
+    return torch.from_numpy(connected_components(graph, directed=False)[1])[edges[:, 0]].long()
+
+
 def _directed_edges(faces: Tensor) -> Tensor:
     """Every face's edges (3F, 2), corners 0-1 of all faces first."""
     return torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
@@ -164,10 +174,10 @@ class WeldedMesh:
     faces: Tensor
 
 
-def welded(mesh: Mesh) -> WeldedMesh:
-    """Join the vertices of a mesh that are at one place."""
-    kept, places = weld(mesh.vertices).unique(return_inverse=True)
-    return WeldedMesh(kept, places, mesh.vertices[kept], places[mesh.faces])
+def welded(vertices: Tensor, faces: Tensor) -> WeldedMesh:
+    """Join the vertices of a mesh (N, 3) m with faces (M, 3) that are at one place."""
+    kept, places = weld(vertices).unique(return_inverse=True)
+    return WeldedMesh(kept, places, vertices[kept], places[faces])
 
 
 def weld(vertices: Tensor) -> Tensor:

@@ -80,8 +80,7 @@ class ClothEnergies:
 
         Those are Green's in tension, (s^2 - 1) / 2 at a stretch s, as in St. Venant and Kirchhoff's material,
         and Biot's in compression, s - 1, so that squeezed cloth does not give way. compression: share of the
-        stiffness that is left for small negative strains; it grows to 1 where a
-        face is flat.
+        stiffness that is left for small negative strains; it grows to 1 where a face is flat.
         """
         first, second = self._deformation(vertices)
         c00, c11, c01 = (first * first).sum(-1), (second * second).sum(-1), (first * second).sum(-1)

@@ -101,7 +101,13 @@ class Obstacle:
 
         exact: metres outside the body beyond which a distance is a lower bound, not below these.
         """
-        return self._search(vertices, garment.touches, vertices.new_full((len(vertices),), reach), exact)
+        reaches = vertices.new_full((len(vertices),), reach)
+        distance, offsets, gap = (torch.empty_like(reaches) for _ in range(3))
+        normals = torch.empty_like(vertices)
+        query = (*map(array, (garment.touches, vertices, reaches)), exact, SQUEEZE_GAP)
+        results = map(array, (distance, normals, offsets, gap))
+        launch(kernels.closest_touched, len(vertices), vertices.device, self._parts.ids, *query, *results)
+        return Skin(distance, normals, offsets, gap)
 
     def skins(self, frames: Tensor, garment: ContactGarment, body_frames: Tensor) -> Iterator[Skin]:
         """Yield the nearest skin of a garment's vertices (F, N, 3) m on the body (F, V, 3) m, by frame.
@@ -120,12 +126,3 @@ class Obstacle:
     def _touches(self, vertices: Tensor) -> Tensor:
         """Bits of the parts that may touch each of a garment's vertices (N, 3) m at rest: (N,) int32."""
         return touch_bits(self.collider.touches(vertices, self._rest))
-
-    def _search(self, vertices: Tensor, touches: Tensor, reach: Tensor, exact: float = math.inf) -> Skin:
-        """The nearest skin of N vertices within their reach (N,), m; exact as in `skin`."""
-        distance, offsets, gap = (torch.empty_like(reach) for _ in range(3))
-        normals = torch.empty_like(vertices)
-        query = (*map(array, (touches, vertices, reach)), exact, SQUEEZE_GAP)
-        results = map(array, (distance, normals, offsets, gap))
-        launch(kernels.closest_touched, len(vertices), vertices.device, self._parts.ids, *query, *results)
-        return Skin(distance, normals, offsets, gap)

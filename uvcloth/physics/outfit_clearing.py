@@ -16,7 +16,7 @@ from uvcloth.geometry.mesh import Mesh, WeldedMesh, join_meshes, unique_edges, w
 from uvcloth.physics.cloth import moving_body
 from uvcloth.physics.cloth.clearing import FineMesh, FineState, clear, follow
 from uvcloth.physics.cloth.cloth import vertex_rings
-from uvcloth.physics.layer_thickness import inner_thickness
+from uvcloth.physics.layer_thickness import outfit_thickness
 from uvcloth.physics.layers import InnerLayer, Layer, inner_layer
 
 CLEARANCE = 0.003
@@ -47,60 +47,55 @@ class OutfitClearing:
     """Garments, the innermost first, and the body that they are kept off.
 
     Clearances are for adults: size is the height of the body over that of the nearest adult. meshes: the
-    garments, welded. closed: the body as closed parts. opening: moves these apart to give cloth room. met:
-    (parts,) bool, those that cloth may touch; used: (C,) the collider's vertices of these. fine, solid: for
-    the kernel, of an adult's size. layers: of each garment those beneath it, the innermost first.
+    garments, welded. closed: the body as closed parts. opening: moves these apart to give cloth room. used:
+    (C,) the collider's vertices of the parts that cloth may touch. fine, solid: for the kernel, of an adult's
+    size; cages_solid: the same collider for the cages. layers: of each garment those beneath it, the
+    innermost first.
     """
 
     size: float
     meshes: tuple[WeldedMesh, ...]
     closed: Collider
     opening: Opening
-    met: Tensor
     used: Tensor
     fine: FineMesh
     solid: moving_body.Body
+    cages_solid: moving_body.Body
     layers: tuple[tuple[InnerLayer, ...], ...]
 
     @classmethod
-    def of(cls, body: Body, meshes: Sequence[Mesh], more: Tensor | None = None) -> "OutfitClearing":
+    def of(cls, body: Body, meshes: Sequence[Mesh], cages: Tensor | None = None) -> "OutfitClearing":
         """Prepare garments at rest, the innermost first.
 
-        more: (N, 3) m at rest, other cloth that meets the same collider.
+        cages: (n, 3) m at rest, other cloth that meets the same collider.
         """
         size, closed = beside_adults(body), make_collider(body)
         rest = body.mesh.vertices / size
-        garments = tuple(map(welded, meshes))
+        garments = tuple(welded(mesh.vertices, mesh.faces) for mesh in meshes)
         joined = join_meshes((each.points / size, each.faces) for each in garments)
-        touches = closed.touches(joined.vertices, rest)
-        met = touches.any(1)
-        if more is not None:
-            met = met | closed.touches(more / size, rest).any(1)
+        others = torch.zeros(0, 3) if cages is None else cages / size
+        parts = (len(joined.vertices), len(others))
+        every = closed.touches(torch.cat([joined.vertices, others]), rest)
+        met = every.any(1)
+        touches, cages_touch = every.split(parts, dim=1)
         used, faces = compact([part for part, is_met in zip(closed.parts, met, strict=True) if is_met])
-        thickness = [
-            inner_thickness(
-                each.points / size, ((inner.points / size, inner.faces) for inner in garments[:index])
-            )
-            for index, each in enumerate(garments)
-        ]
+        thickness = outfit_thickness(
+            [each.points / size for each in garments], [(each.points / size, each.faces) for each in garments]
+        )
         rings = vertex_rings(unique_edges(joined.faces).numpy(), len(joined.vertices))
         at_rest = closed.vertices(rest)[used].numpy()
+        solid = moving_body.make_body(at_rest, faces, touches[met].numpy())
         return cls(
             size,
             garments,
             closed,
             make_opening(closed.for_cloth(met), rest),
-            met,
             used,
-            FineMesh(torch.cat(thickness).numpy(), *rings),
-            moving_body.make_body(at_rest, faces, touches[met].numpy()),
+            FineMesh(thickness.numpy(), *rings),
+            solid,
+            solid._replace(touches=np.ascontiguousarray(cages_touch[met].numpy())),
             tuple(_layers(garments, size, touch_bits(touches))),
         )
-
-    def solid_for(self, points: Tensor, body_vertices: Tensor) -> moving_body.Body:
-        """The same collider for other cloth at (N, 3) m, on the body at (V, 3) m, both at rest."""
-        touches = self.closed.touches(points / self.size, body_vertices / self.size)[self.met]
-        return self.solid._replace(touches=np.ascontiguousarray(touches.numpy()))
 
     def collider(self, body_vertices: Tensor) -> NDArray[np.float32]:
         """Opened collider (C, 3) m of a posed body (V, 3) m."""

@@ -17,8 +17,7 @@ BENDING_CORRECTION = 0.04
 """Share of the curvature beyond that at rest which a pass undoes: without it folds are as small as edges."""
 
 STRETCH = 1.03
-"""Longest edges that are kept, over their length at rest: jersey stretches this much under its own weight.
-Cloth hardly gets shorter, but a network's mean of many folds does."""
+"""Longest edges that are kept, over their length at rest: jersey stretches this much under its own weight."""
 
 PLAIN_PASSES = 2
 """First passes, without momentum, which remove the largest errors."""

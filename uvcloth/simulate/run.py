@@ -17,7 +17,7 @@ from uvcloth.geometry.mesh import join_meshes
 from uvcloth.geometry.skinning import skin
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.lead_in import LeadIn, lead_in
-from uvcloth.physics.layer_thickness import inner_thickness
+from uvcloth.physics.layer_thickness import outfit_thickness
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.simulate.engine import Engine, Scene
 from uvcloth.simulate.unfinished import Place, move
@@ -117,14 +117,9 @@ def _scene(
         mass_factor=torch.cat(
             [torch.where(band, cloth.band.mass, 1.0) for band, cloth in zip(bands, cloths, strict=True)]
         ),
-        inner_thickness=torch.cat(
-            [
-                inner_thickness(
-                    cloth.garment.mesh.vertices[cloth.kept],
-                    ((inner.garment.mesh.vertices, inner.garment.mesh.faces) for inner in cloths[:index]),
-                )
-                for index, cloth in enumerate(cloths)
-            ]
+        inner_thickness=outfit_thickness(
+            [cloth.garment.mesh.vertices[cloth.kept] for cloth in cloths],
+            [(cloth.garment.mesh.vertices, cloth.garment.mesh.faces) for cloth in cloths],
         ),
         skinned=skinned,
         collider=opening.opened(collider.vertices(posed_skin(body, transforms))),

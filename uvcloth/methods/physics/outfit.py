@@ -30,7 +30,7 @@ from uvcloth.physics.cloth.solver import (
     start,
     step,
 )
-from uvcloth.physics.layer_thickness import inner_thickness
+from uvcloth.physics.layer_thickness import outfit_thickness
 from uvcloth.physics.outfit_clearing import FOLLOWING, OutfitClearing
 
 LOGGER = logging.getLogger(__name__)
@@ -153,13 +153,9 @@ def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
         joined.faces.numpy(),
         outfit.garments[0].fabric,
         mass_factor=torch.where(held, mass, 1.0).numpy(),
-        thickness=torch.cat(
-            [
-                inner_thickness(
-                    each.cage.vertices, ((inner.mesh.points, inner.mesh.faces) for inner in garments[:index])
-                )
-                for index, each in enumerate(garments)
-            ]
+        thickness=outfit_thickness(
+            [each.cage.vertices for each in garments],
+            [(each.mesh.points, each.mesh.faces) for each in garments],
         ).numpy(),
         compression=config.compression,
         damping=config.damping,
@@ -168,11 +164,7 @@ def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
     return CagedOutfit(
         garments,
         make_solver(
-            cloth,
-            joined.vertices.numpy(),
-            clearing.solid_for(joined.vertices, body.mesh.vertices),
-            config.settings,
-            f"garment {names}",
+            cloth, joined.vertices.numpy(), clearing.cages_solid, config.settings, f"garment {names}"
         ),
         clearing,
         np.where(held.numpy(), HOLD, 0.0).astype(np.float32),
@@ -240,7 +232,7 @@ def carry(
 def _caged(garments: Sequence[Garment], edge: float) -> Iterator[CagedGarment]:
     first = 0
     for garment in garments:
-        mesh = welded(garment.mesh)
+        mesh = welded(garment.mesh.vertices, garment.mesh.faces)
         cage = make_cage(mesh.points, mesh.faces, edge)
         weights = garment.smooth_weights[mesh.kept]
         yield CagedGarment(
