@@ -19,7 +19,7 @@ from uvcloth.methods.physxnet.config import PRESETS
 from uvcloth.methods.physxnet.method import PhysXNet
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.physics.outfit_clearing import OutfitClearing
-from uvcloth.rollout import BrokenRolloutError, prepare_rollout, roll_out_together, rollout
+from uvcloth.rollout import STRETCHED, BrokenRolloutError, prepare_rollout, roll_out_together, rollout
 
 FPS = 30.0
 
@@ -198,6 +198,25 @@ class Tearing(Recorder):
 def test_a_method_that_tears_its_garment_is_stopped():
     with pytest.raises(BrokenRolloutError, match=r"frame 3: garment shell is torn"):
         list(rollout(Tearing(True), outfit(), falling(9), FPS, clear=False))
+
+
+@dataclass
+class Ninefold(Recorder):
+    """A baseline whose garment has nine times its size."""
+
+    @property
+    def traits(self):
+        return Traits(is_baseline=True)
+
+    def step(self, garments, state, frames):
+        state, (vertices,) = super().step(garments, state, frames)
+        return state, (9.0 * vertices,)
+
+
+def test_a_baseline_that_tears_its_garment_goes_on_and_says_so():
+    frames = list(rollout(Ninefold(), outfit(), falling(3), FPS, clear=False))
+    assert [frame.replaced for frame in frames] == [(), (), ()]
+    assert all(frame.difficulties == (STRETCHED,) for frame in frames)
 
 
 def test_a_torn_frame_is_skinned_instead_where_the_rollout_keeps_going():

@@ -134,7 +134,8 @@ class PreparedRollout:
                     if wanted or needs_clearing:
                         cleared = self._cleared(frame)
                         longest, torn = self.limits.stretched(cleared.vertices)
-                        if torn:
+                        # Skinning tears where its weights do: it goes on, and is what replaces others.
+                        if torn and not method.traits.is_baseline:
                             cleared = self._cleared(self._without(frame, torn, keep_going))
                         frame = cleared
                         if longest > LONGEST:
@@ -233,7 +234,7 @@ def rollout(
     this, and the replacement is fed back.
 
     Raises InputError naming the frame where a transform is not a finite number, and BrokenRolloutError where
-    a prediction is not, or is torn, and the rollout is not to keep going.
+    a prediction is not, or is torn by a method that is no baseline, and the rollout is not to keep going.
     """
     yield from prepare_rollout(method, outfit, clear, device).frames(
         transforms, fps, truth, every, keep_going
