@@ -174,6 +174,7 @@ def rollout(
     garments: Garments,
     *,
     finish: FinishName | None = None,
+    loop: bool = False,
     device: str = "cpu",
     keep_going: bool = False,
 ) -> Animation:
@@ -182,15 +183,16 @@ def rollout(
     model, motion, garments: what `load_model`, `load_motion` and `fit` return, or take: that is then loaded
     for the body of the garments. A motion of one frame, a pose, becomes the way into it from rest.
     finish: "dynamic", "static", "clear" or "none", as `uvcloth rollout --finish`; None for the usual one.
-    device: "cpu" or "cuda". keep_going: a garment that is torn is that of linear blend skinning in its frame,
-    instead of an error.
+    loop: the motion is closed into a cycle, and the garments end as they start; the last frame is the first
+    one again. device: "cpu" or "cuda". keep_going: a garment that is torn is that of linear blend skinning in
+    its frame, instead of an error.
 
     Returns all frames of garments and body; `rollout_frames` gives them one by one. Frames that were
     difficult, and garments that were replaced, are logged as warnings.
     Raises InputError for what does not go together, BrokenRolloutError, which is one, naming the first frame
     and garment that is torn or not finite.
     """
-    ready = _ready(model, motion, garments, finish)
+    ready = _ready(model, motion, garments, finish, loop)
     difficulties, count = Difficulties(), len(ready.transforms)
     meshes = ready.proxied.meshes
     vertices = tuple(np.empty((count, len(mesh.vertices), 3), np.float32) for mesh in meshes)
@@ -215,6 +217,7 @@ def rollout_frames(
     garments: Garments,
     *,
     finish: FinishName | None = None,
+    loop: bool = False,
     device: str = "cpu",
     keep_going: bool = False,
 ) -> Iterator[RolloutFrame]:
@@ -223,7 +226,7 @@ def rollout_frames(
     Memory does not grow with their number. Raises InputError at the call for what does not go together, and
     BrokenRolloutError in between.
     """
-    ready, place = _ready(model, motion, garments, finish), find_device(device)
+    ready, place = _ready(model, motion, garments, finish, loop), find_device(device)
     return (frame.in_world() for frame in ready.frames(place, keep_going=keep_going))
 
 
@@ -321,7 +324,9 @@ def _motion(motion: Clip | File, outfit: Outfit) -> Clip:
     return motion if isinstance(motion, Clip) else load_motion(motion, outfit.body)
 
 
-def _ready(model: Model, motion: Clip | File, garments: Garments, finish: FinishName | None) -> ReadyRollout:
+def _ready(
+    model: Model, motion: Clip | File, garments: Garments, finish: FinishName | None, loop: bool
+) -> ReadyRollout:
     """Bring together what a rollout is asked for. Raises InputError for what does not go together."""
     outfit = _outfit(garments)
     clip = _motion(motion, outfit)
@@ -330,8 +335,8 @@ def _ready(model: Model, motion: Clip | File, garments: Garments, finish: Finish
     for garment in outfit.garments:
         if garment.fabric != JERSEY:
             require_fabric_read(method, _fabric_name(garment.fabric))
-    ready = ready_rollout(method, outfit, clip, clear)
-    for line in ready.proxied.lines:
+    ready = ready_rollout(method, outfit, clip, clear, loop=loop)
+    for line in filter(None, (ready.cycle and ready.cycle.line(), *ready.proxied.lines)):
         LOGGER.info(line)
     return ready
 

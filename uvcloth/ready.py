@@ -1,6 +1,6 @@
 """Rollouts that are ready to begin: a method, an outfit and a motion that go together."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -10,6 +10,7 @@ from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.proxy import ProxiedOutfit
 from uvcloth.geometry.records import CPU
+from uvcloth.looped import looped
 from uvcloth.methods.ensemble import Ensemble, in_order
 from uvcloth.methods.finish_names import FinishName
 from uvcloth.methods.method import Method, require_fabric_read
@@ -18,6 +19,7 @@ from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.clip import Clip
+from uvcloth.motion.cycle import Cycle, make_cycle
 from uvcloth.motion.lead_in import pose_from_rest
 from uvcloth.rollout import RolloutFrame, rollout_proxied, with_proxies
 
@@ -27,7 +29,8 @@ class ReadyRollout:
     """A rollout before its first frame.
 
     proxied: the outfit, its coarse garments carried by proxies where they are cleared. motion: of a pose, the
-    way into it from rest. transforms: (F, J, 3, 4) float64, the joints of the motion.
+    way into it from rest; of a loop, the cycle, whose last frame is the first one again. transforms:
+    (F, J, 3, 4) float64, the joints of the motion. cycle: of a loop.
     """
 
     method: Method
@@ -35,21 +38,30 @@ class ReadyRollout:
     motion: Clip
     transforms: Tensor
     clear: bool
+    cycle: Cycle | None = None
 
     def frames(
         self, device: torch.device = CPU, every: int = 1, keep_going: bool = False
     ) -> Iterator[RolloutFrame]:
-        """Predict the frames, as `rollout_proxied` does; they are relative to origins of their own."""
-        return rollout_proxied(
-            self.method,
-            self.proxied,
-            self.transforms,
-            self.motion.fps,
-            self.clear,
-            device=device,
-            every=every,
-            keep_going=keep_going,
-        )
+        """Predict the frames, as `rollout_proxied` does; they are relative to origins of their own.
+
+        A loop has all of them, whatever `every` is.
+        """
+
+        def roll_out(transforms: Iterable[Tensor], first: int = 0) -> Iterator[RolloutFrame]:
+            return rollout_proxied(
+                self.method,
+                self.proxied,
+                transforms,
+                self.motion.fps,
+                self.clear,
+                device=device,
+                every=every if self.cycle is None else 1,
+                keep_going=keep_going,
+                first=first,
+            )
+
+        return roll_out(self.transforms) if self.cycle is None else looped(roll_out, self.cycle)
 
 
 def ready_method(
@@ -70,22 +82,29 @@ def ready_method(
 
 
 def ready_rollout(
-    method: Method, outfit: Outfit, motion: Clip, clear: bool = True, proxies: bool = True
+    method: Method,
+    outfit: Outfit,
+    motion: Clip,
+    clear: bool = True,
+    proxies: bool = True,
+    loop: bool = False,
 ) -> ReadyRollout:
     """Bring a method, an outfit and a motion on its body together.
 
-    proxies: carry coarse garments by finer ones where there is clearing. A motion of one frame, a pose,
-    becomes the way into it from rest. Raises InputError for an outfit that the method cannot dress, and a
-    motion on another body than the outfit's.
+    proxies: carry coarse garments by finer ones where there is clearing. loop: close the motion into a cycle,
+    over which the garments come back to where they start. A motion of one frame, a pose, becomes the way into
+    it from rest. Raises InputError for an outfit that the method cannot dress, a motion on another body than
+    the outfit's, and as `make_cycle` does.
     """
     if reason := method.unsupported_reason(outfit):
         several = not isinstance(method, Ensemble) and len(outfit.garments) > 1
         hint = "; each garment may have a model of its own, as in --model A B" if several else ""
         raise InputError(reason + hint)
     require_same_skeleton(motion, outfit)
-    motion = pose_from_rest(motion, outfit.body)
+    cycle = make_cycle(motion) if loop else None
+    motion = pose_from_rest(motion, outfit.body) if cycle is None else cycle.motion
     proxied = with_proxies(outfit, method) if clear and proxies else ProxiedOutfit.as_is(outfit)
-    return ReadyRollout(method, proxied, motion, motion.transforms(torch.float64), clear)
+    return ReadyRollout(method, proxied, motion, motion.transforms(torch.float64), clear, cycle)
 
 
 def require_same_skeleton(motion: Clip, outfit: Outfit) -> None:

@@ -99,9 +99,13 @@ class PreparedRollout:
         truth: Sequence[tuple[Tensor, ...]] = (),
         every: int = 1,
         keep_going: bool = False,
+        first: int = 0,
     ) -> Iterator[RolloutFrame]:
-        """The same frames as they are computed: around origins that follow the body's root."""
-        method, state, start = self.method, None, 0
+        """The same frames as they are computed: around origins that follow the body's root.
+
+        first: index of the first frame.
+        """
+        method, state, start = self.method, None, first
         needs_clearing = True
         origin = torch.zeros(3, dtype=torch.float64)
         for batch in posed_batches(self.outfit.body, transforms, fps):
@@ -127,7 +131,7 @@ class PreparedRollout:
                         body_vertices=part.vertices[offset, -1],
                         origin=origin,
                         milliseconds={"body": batch.milliseconds, "network": network_ms, "clearing": 0.0},
-                        difficulties=(JUMPED,) if begins and index == start > 0 else (),
+                        difficulties=(JUMPED,) if begins and index == start > first else (),
                     )
                     frame = self._without(frame, self.limits.not_finite(raw), keep_going)
                     wanted = index % every == 0
@@ -144,11 +148,11 @@ class PreparedRollout:
                         # What it remembers may be as broken as what it predicted.
                         state = method.init(self.prepared, part)
                     if method.traits.autoregressive and (
-                        index < len(truth) or self.clearing or frame.replaced
+                        0 <= index < len(truth) or self.clearing or frame.replaced
                     ):
                         feedback = (
                             tuple(_displaced(vertices, -origin) for vertices in truth[index])
-                            if index < len(truth)
+                            if 0 <= index < len(truth)
                             else frame.vertices
                         )
                         batched = tuple(vertices[None].to(raw[0].device) for vertices in feedback)
@@ -259,13 +263,14 @@ def rollout_proxied(
     device: torch.device = CPU,
     every: int = 1,
     keep_going: bool = False,
+    first: int = 0,
 ) -> Iterator[RolloutFrame]:
     """Predict an outfit as `rollout` does, and yield frames of the meshes that are shown, on the CPU.
 
-    Their places are relative to origins that follow the body's root.
+    Their places are relative to origins that follow the body's root. first: index of the first frame.
     """
     prepared = prepare_rollout(method, proxied.outfit, clear, device)
-    for predicted in prepared.around_root(transforms, fps, every=every, keep_going=keep_going):
+    for predicted in prepared.around_root(transforms, fps, every=every, keep_going=keep_going, first=first):
         frame = to_device(predicted, CPU)
         if proxied.contact is None:
             yield frame

@@ -46,7 +46,7 @@ def scene(monkeypatch, body):
     faces = torch.tensor([[0, 1, 2]])
     mesh = Mesh(raw, faces, torch.zeros(0, 2), torch.zeros(0, 3, dtype=torch.int64))
 
-    def rollout(method, proxied, transforms, fps, clear, device, every, keep_going):
+    def rollout(method, proxied, transforms, fps, clear, device, every, keep_going, first):
         for joints in still:
             yield RolloutFrame(
                 raw=(raw,),
@@ -100,7 +100,7 @@ def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
     clip = load_clip("walk", body).window(0, FRAMES)
     shirt = fit_template("tops", body)
 
-    def rollout(method, proxied, transforms, fps, clear, device, every, keep_going):
+    def rollout(method, proxied, transforms, fps, clear, device, every, keep_going, first):
         aside = torch.tensor([0.0, 0.0 if clear else 0.02, 0.0])
         for joints in transforms.float():
             worn = skin(shirt.mesh.vertices, shirt.smooth_weights, joints[None])[0] + aside
@@ -186,7 +186,7 @@ def test_a_broken_rollout_leaves_nothing(scene, tmp_path, monkeypatch, error):
 def test_the_quality_is_that_of_physics_alone_and_among_others(tmp_path, monkeypatch, models, place):
     asked = []
 
-    def stop(method, *_):
+    def stop(method, *_, **__):
         asked.append(method if place is None else method.methods[place])
         raise KeyboardInterrupt
 

@@ -1,5 +1,6 @@
 """Videos and contact sheets, read back by PyAV and OpenImageIO."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +64,19 @@ def test_a_video_shows_the_garments_in_every_frame(animation: Animation, tmp_pat
     for picture in pictures:
         assert picture.shape == (height, width, 3)
         assert 0.005 < colored(picture) < 0.3
+
+
+def test_a_video_of_a_loop_leaves_out_the_first_frame_at_its_end(
+    animation: Animation, tmp_path: Path
+) -> None:
+    """A player begins anew after the last frame: the same picture twice would be a stop."""
+    order = [0, 1, 0]
+    loop = replace(
+        animation,
+        vertices=tuple(values[order] for values in animation.vertices),
+        transforms=animation.transforms[order],
+    )
+    assert len(draw(loop, tmp_path / "loop.mp4", 3)) == 2
 
 
 def test_a_contact_sheet_shows_frames_of_the_whole_clip(animation: Animation, tmp_path: Path) -> None:

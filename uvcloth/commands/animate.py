@@ -69,7 +69,8 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
         outfit = Outfit(body, _load_garments(command, body, report))
         place = find_device(command.device)
         method, clear = _load_method(command, outfit)
-        ready = ready_rollout(method, outfit, load_clip(command.motion, body, command.options), clear)
+        motion = load_clip(command.motion, body, command.options)
+        ready = ready_rollout(method, outfit, motion, clear, loop=command.loop)
         clip, transforms, proxied = ready.motion, ready.transforms, ready.proxied
         meshes = proxied.named()
         exposure = Exposure(body, [mesh for _, mesh in meshes])
@@ -78,7 +79,7 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
     every = _interval(out, len(clip)) if command.preview else 1
     fps = clip.fps / every
     sizes = [announce(path, len(transforms[::every]), proxied.meshes, shown) for path in out]
-    for line in filter(None, (*proxied.lines, *sizes)):
+    for line in filter(None, (ready.cycle and ready.cycle.line(), *proxied.lines, *sizes)):
         report(line)
     if audience:
         audience.begin(clip.name, body, [mesh for _, mesh in meshes], len(transforms[::every]), fps)

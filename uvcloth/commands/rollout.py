@@ -76,6 +76,9 @@ class Rollout:
     """Fabric of the garments, for the cloth solver and DeePSD models."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
+    loop: bool = False
+    """Close a cyclic motion, such as two steps of a walk: garments end as they start. The last frame is the
+    first one again, as players expect it; videos leave it out."""
     preview: bool = False
     """Quick look: every third frame, in small pictures; fastest with a single .png."""
     keep_going: bool = False
@@ -103,6 +106,8 @@ class Rollout:
         """Write the files and print a summary. Raises InputError for bad input."""
         if not self.garment or not (self.out or self.view):
             raise InputError("rollout: name at least one garment and one file to write, or --view")
+        if self.loop and self.preview:
+            raise InputError("--loop: --preview leaves out frames that a loop needs, choose one of the two")
         from uvcloth.commands.animate import animate
         from uvcloth.commands.threads import limited_threads
 

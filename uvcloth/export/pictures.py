@@ -92,8 +92,9 @@ def sheet_interval(frames: int, coarse: bool) -> int:
 class Pictures:
     """Drawing of frames one by one: all of them into a video, or some onto a contact sheet.
 
-    motion: (F, J, 3, 4), the joint transforms of all frames, from which the camera's path is made. Raises
-    InputError for a video if PyAV is not installed.
+    motion: (F, J, 3, 4), the joint transforms of all frames, from which the camera's path is made. A video
+    leaves out a last frame that is the first one again, since players begin anew after it. Raises InputError
+    for a video if PyAV is not installed.
     """
 
     def __init__(
@@ -112,13 +113,14 @@ class Pictures:
         self._cameras = camera_path(body, motion.cpu(), fps, width / height)
         self._moments = None if suffix in VIDEOS else set(sheet_moments(len(motion), self._settings.on_sheet))
         self._video = open_video(partial, self._settings.size, fps) if suffix in VIDEOS else None
-        self._partial, self._frame = partial, 0
+        repeats = self._video is not None and len(motion) > 2 and torch.equal(motion[-1], motion[0])
+        self._partial, self._frame, self._end = partial, 0, len(motion) - repeats
         self._sheet: list[np.ndarray] = []
 
     def add(self, vertices: Sequence[np.ndarray], transforms: np.ndarray) -> None:
         """Draw B frames: per garment (B, N, 3) m, and (B, J, 3, 4)."""
         for offset, joints in enumerate(torch.from_numpy(transforms)):
-            if self._moments is None or self._frame in self._moments:
+            if self._frame < self._end if self._moments is None else self._frame in self._moments:
                 picture = self._draw([values[offset] for values in vertices], joints)
                 if self._video is not None:
                     self._video.add(picture)

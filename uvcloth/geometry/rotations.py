@@ -54,6 +54,14 @@ def from_axis_angles(axis_angles: Tensor) -> Tensor:
     return axis_angle_to_rotation_matrix(axis_angles.reshape(-1, 3)).view(*axis_angles.shape[:-1], 3, 3)
 
 
+def heading(rotations: Tensor) -> Tensor:
+    """Rotations about the vertical (..., 3, 3) that are nearest to rotations (..., 3, 3)."""
+    angles = torch.atan2(
+        rotations[..., 1, 0] - rotations[..., 0, 1], rotations[..., 0, 0] + rotations[..., 1, 1]
+    )
+    return from_euler("z", angles[..., None])
+
+
 def from_euler(axes: str, angles: Tensor) -> Tensor:
     """Product of turns about axes ("zyx": about z, then about the turned y and x), in the listed order.
 

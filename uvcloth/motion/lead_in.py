@@ -1,13 +1,12 @@
 """Lead-in: motion of the body from its rest pose into the clip, in front of the scored frames."""
 
-import math
 from dataclasses import dataclass, replace
 
 import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
-from uvcloth.geometry.rotations import from_axis_angles, to_axis_angles
+from uvcloth.geometry.rotations import from_axis_angles, heading, to_axis_angles
 from uvcloth.motion.arms import arm_depth
 from uvcloth.motion.clip import Clip
 
@@ -70,10 +69,10 @@ def _rotations(clip: Clip, parts: LeadIn, turning: int) -> Tensor:
     first, second = clip.rotations[0], clip.rotations[min(1, len(clip) - 1)]
     spin = to_axis_angles(second @ first.transpose(-1, -2))
     ramp = from_axis_angles(-_back(parts, turning)[:, None, None] * spin) @ first
-    heading = _heading(clip.rotations[0, 0])
-    turn = to_axis_angles(heading.transpose(-1, -2) @ ramp[0])
-    blend = heading @ from_axis_angles(_share(parts)[:, None, None] * turn)
-    return torch.cat([heading.expand(parts.rest, len(clip.skeleton.names), 3, 3), blend, ramp])
+    facing = heading(clip.rotations[0, 0])
+    turn = to_axis_angles(facing.transpose(-1, -2) @ ramp[0])
+    blend = facing @ from_axis_angles(_share(parts)[:, None, None] * turn)
+    return torch.cat([facing.expand(parts.rest, len(clip.skeleton.names), 3, 3), blend, ramp])
 
 
 def _translation(clip: Clip, body: Body, parts: LeadIn) -> Tensor:
@@ -111,10 +110,3 @@ def _depth(motion: Clip, body: Body) -> Tensor:
     """Arm depth (F, A) m as of `arm_depth`, computed near the origin for precision."""
     near = replace(motion, translation=motion.translation - motion.translation[:1])
     return arm_depth(body, near.transforms())
-
-
-def _heading(rotation: Tensor) -> Tensor:
-    """Rotation about the vertical (3, 3) that is nearest to a rotation (3, 3)."""
-    angle = math.atan2(float(rotation[1, 0] - rotation[0, 1]), float(rotation[0, 0] + rotation[1, 1]))
-    c, s = math.cos(angle), math.sin(angle)
-    return torch.tensor([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
