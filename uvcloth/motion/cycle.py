@@ -13,7 +13,7 @@ from uvcloth.motion.clip import Clip
 SHORTEST = 8
 """Least number of frames of a cycle."""
 
-WIDEST = 0.1
+WIDEST = 0.08
 """Greatest gap of a cycle, metres, mean of the joints: a wider one is not closed."""
 
 IN_PLACE, STRAIGHT = 0.1, math.radians(10.0)
