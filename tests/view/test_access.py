@@ -3,6 +3,7 @@
 import http.client
 import re
 import socket
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -11,8 +12,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
-from tests.view.test_view import rising, shell, tick_until
+from tests.view.test_view import moving, rising, shell, tick_until
 from uvcloth.errors import InputError
 from uvcloth.view.access import Access, listen
 from uvcloth.view.computation import Computation
@@ -116,6 +118,38 @@ def test_the_page_and_its_websocket_open_with_the_token(viewer: Viewer) -> None:
                     vertices = message["props"]["vertices"]
     assert vertices is not None
     np.testing.assert_allclose(np.reshape(vertices, (-1, 3)), shell().vertices, atol=1e-6)
+
+
+def test_body_and_cloth_of_a_frame_are_in_one_message(viewer: Viewer) -> None:
+    """However the thread that sends and the one that plays take turns, and however late the browser reads."""
+    count, heights = 90, []
+    up = torch.tensor([0.0, 0.0, 0.01])
+    running = Viewer(port=free_port())
+    running.show(Computation(lambda: moving("walk", up, count=count)).start())
+    running._speed.value = 2.0
+    tick_until(running, lambda: running.shown == 0)
+    playing = threading.Thread(target=running.run, daemon=True)
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with upgraded(running, f"/{token_of(running)}") as page:
+            playing.start()
+            while not heights or heights[-1] < 0.01 * (count - 1) - 1e-4:
+                lowest = {
+                    message["name"]: float(np.reshape(changed["vertices"], (-1, 3))[:, 2].min())
+                    for message in messages(page.recv(timeout=10))
+                    if "vertices" in (changed := message.get("updates", {}))
+                }
+                if lowest:
+                    body, cloth = lowest["/predicted/body"], lowest["/predicted/garment_0/0"]
+                    assert body - cloth == pytest.approx(0.02, abs=1e-5)
+                    heights.append(body + 0.1)
+                time.sleep(0.001)
+    finally:
+        sys.setswitchinterval(usual)
+        running.close()
+        playing.join()
+    assert len(heights) > 10
 
 
 def test_without_the_token_nothing_is_answered(viewer: Viewer) -> None:

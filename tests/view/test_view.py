@@ -54,11 +54,16 @@ def shell() -> Mesh:
 
 def rising(title: str, speed: float, truth: Tensor | None = None) -> Performance:
     """A shell around the small body that rises by `speed` metres per frame, a centimetre by clearing."""
+    return moving(title, torch.tensor([0.0, 0.0, speed]), truth)
+
+
+def moving(title: str, way: Tensor, truth: Tensor | None = None, count: int = COUNT) -> Performance:
+    """A shell around the small body that moves by a way (3,) m per frame, a centimetre by clearing."""
     body, mesh = small_body(), shell()
 
     def frames() -> Iterator[RolloutFrame]:
-        for index in range(COUNT):
-            up = torch.tensor([0.0, 0.0, speed * index])
+        for index in range(count):
+            up = index * way
             transforms = torch.eye(3, 4).repeat(len(body.skeleton.names), 1, 1)
             transforms[:, :, 3] = up
             vertices = mesh.vertices + up
@@ -66,7 +71,7 @@ def rising(title: str, speed: float, truth: Tensor | None = None) -> Performance
                 index, (vertices - 0.01,), (vertices,), transforms, body.mesh.vertices + up, {}
             )
 
-    return Performance(title, body, [mesh], COUNT, 30.0, frames(), truth)
+    return Performance(title, body, [mesh], count, 30.0, frames(), truth)
 
 
 def tick_until(viewer: Viewer, reached: Callable[[], bool]) -> None:
@@ -95,9 +100,47 @@ def test_the_page_is_served_and_the_scene_has_the_meshes(viewer: Viewer) -> None
     shown = node(viewer, "/predicted/garment_0/0")
     expected = shell().vertices.numpy() + np.array([0.0, 0.0, 0.1 * (COUNT - 1)])
     np.testing.assert_allclose(shown.vertices, expected, atol=1e-6)
-    heads = small_body().skeleton.heads.numpy() + np.array([0.0, 0.0, 0.1 * (COUNT - 1)])
-    bones = node(viewer, "/predicted/body").bones
-    np.testing.assert_allclose([bone.position for bone in bones], heads, atol=1e-6)
+    risen = small_body().mesh.vertices.numpy() + np.array([0.0, 0.0, 0.1 * (COUNT - 1)])
+    np.testing.assert_allclose(node(viewer, "/predicted/body").vertices, risen, atol=1e-6)
+
+
+def test_the_camera_follows_a_figure_over_the_floor(viewer: Viewer) -> None:
+    """The figure stays where the camera looks, and the floor moves beneath it."""
+    away = torch.tensor([0.3, -2.25, 0.0])
+    truth = torch.stack([shell().vertices + k * away for k in range(COUNT)])
+    viewer.show(Computation(lambda: moving("walk", away, truth)).start())
+    tick_until(viewer, lambda: viewer.shown == COUNT - 1)
+    for name in ("predicted", "simulated"):
+        shown = node(viewer, f"/{name}/garment_0/0").vertices
+        np.testing.assert_allclose(shown, shell().vertices.numpy(), atol=1e-5)
+    np.testing.assert_allclose(
+        node(viewer, "/predicted/body").vertices, small_body().mesh.vertices.numpy(), atol=1e-5
+    )
+    # A point that is fixed on the floor; its pattern repeats every metre.
+    floor = np.array(node(viewer, "/floor").position) + (COUNT - 1) * away.numpy()
+    np.testing.assert_allclose(floor, floor.round(), atol=1e-5)
+
+
+def test_a_new_choice_is_prepared_while_the_one_before_plays(viewer: Viewer) -> None:
+    go_on = threading.Event()
+
+    def later() -> Performance:
+        go_on.wait(10)
+        return rising("run", 0.1)
+
+    before = Computation(lambda: rising("walk", 0.1)).start()
+    viewer.show(before)
+    before.wait(10)
+    tick_until(viewer, lambda: viewer.shown == COUNT - 1)
+    viewer.show(Computation(later).start())
+    order = []
+    for _ in range(3):
+        viewer.tick()
+        order.append(viewer.shown)
+    assert order == [0, 1, 2]
+    assert viewer._state.content == "preparing ..."
+    go_on.set()
+    tick_until(viewer, lambda: viewer._state.content == f"run: {COUNT} frames")
 
 
 def test_it_plays_in_a_circle_and_goes_where_the_slider_is_moved(viewer: Viewer) -> None:

@@ -4,45 +4,37 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.bodies.visible import visible_body
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.geometry.rotations import to_quaternions
-from uvcloth.geometry.skinning import strongest
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Color
 from uvcloth.view.heat import COLORS, bands
 
-INFLUENCES = 4
-"""Joints of a vertex that a browser skins by."""
+CELL = 1.0
+"""Metres between two thick lines of the floor."""
+
+FADING = 15.0
+"""Metres from the camera to where the floor is not drawn."""
 
 
 class BodyNode:
-    """A body that the browser skins: only its joints are sent for a frame."""
+    """A body whose vertices are sent for every frame, as those of its garments are.
+
+    A browser would move joints at once and cloth later, so that a figure would leave its clothes.
+    """
 
     def __init__(self, scene: Any, name: str, body: Body) -> None:
-        self._heads = body.skeleton.heads
-        joints, weights = strongest(body.weights, INFLUENCES)
-        dense = np.zeros(tuple(body.weights.shape), np.float32)
-        np.add.at(dense, (np.arange(len(dense))[:, None], joints), weights)
-        self._node = scene.add_mesh_skinned(
-            name,
-            body.mesh.vertices.numpy(),
-            body.mesh.faces.numpy(),
-            bone_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (len(self._heads), 1)),
-            bone_positions=self._heads.numpy(),
-            skin_weights=dense,
-            color=BODY_COLOR,
+        self._body = body
+        self._node = scene.add_mesh_simple(
+            name, body.mesh.vertices.numpy(), body.mesh.faces.numpy(), color=BODY_COLOR
         )
 
     def move(self, transforms: Tensor) -> None:
         """Pose the body by joint transforms (J, 3, 4)."""
-        turns = to_quaternions(transforms[..., :3]).roll(1, dims=-1).numpy()
-        places = torch.einsum("jab,jb->ja", transforms[..., :3], self._heads) + transforms[..., 3]
-        for bone, turn, place in zip(self._node.bones, turns, places.numpy(), strict=True):
-            bone.wxyz, bone.position = turn, place
+        self._node.vertices = posed_skin(self._body, transforms[None])[0].numpy()
 
 
 class GarmentNode:
@@ -86,6 +78,23 @@ class GarmentNode:
         if index:
             node.faces = faces.numpy().astype(np.uint32)
         node.visible = True
+
+
+class Floor:
+    """A grid without end, which stands still in the world while the camera follows a figure over it."""
+
+    def __init__(self, scene: Any) -> None:
+        self._node = scene.add_grid(
+            "/floor",
+            infinite_grid=True,
+            cell_size=CELL / 4,
+            section_size=CELL,
+            fade_distance=FADING,
+        )
+
+    def move(self, place: Tensor) -> None:
+        """Have the figure at a place (3,) m of the floor."""
+        self._node.position = tuple((-place.remainder(CELL)).tolist())
 
 
 class Actor:

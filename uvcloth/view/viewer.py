@@ -1,5 +1,10 @@
-"""The live view: a page in the browser, its controls, and the clock that plays what is computed."""
+"""The live view: a page in the browser, its controls, and the clock that plays what is computed.
 
+All meshes of a frame leave in one message of the WebSocket, and around the figure's root: so body and cloth
+never part, and the camera follows the figure.
+"""
+
+import asyncio
 import threading
 from collections.abc import Callable
 from contextlib import redirect_stdout
@@ -17,7 +22,7 @@ from uvcloth.physics.fabric import FABRICS
 from uvcloth.view.choices import Choice, Choices
 from uvcloth.view.computation import Computation, Performance, ShownFrame
 from uvcloth.view.heat import CLEARING, ERROR, QUANTITIES, STRETCH, Quantity, Stretch, legend
-from uvcloth.view.stage import Actor
+from uvcloth.view.stage import Actor, Floor
 
 NO_HEAT = "none"
 
@@ -50,18 +55,20 @@ class Viewer:
         with redirect_stdout(StringIO()):
             self.server: Any = PrivateServer(host, port)
         self.server.scene.set_up_direction("+z")
-        self.server.scene.add_grid("/floor", width=6.0, height=6.0, cell_size=0.25, section_size=1.0)
+        self._floor = Floor(self.server.scene)
         self.server.initial_camera.position = (1.9, -4.6, 1.7)
         self.server.initial_camera.look_at = (0.2, 0.0, 0.9)
         self.server.initial_camera.fov = 0.7
         self.shown = -1
         """Index of the frame that is shown, -1 before the first."""
         self._computation: Computation | None = None
+        self._staged: Computation | None = None
         self._performance: Performance | None = None
         self._actors: list[Actor] = []
         self._stretches: list[Stretch] = []
         self._drawn: tuple[int, str] = (-1, NO_HEAT)
         self._closed = threading.Event()
+        self._sending = threading.Lock()
         gui: Any = self.server.gui
         self._state = gui.add_html("")
         self._playing = gui.add_checkbox("Play", True)
@@ -106,10 +113,10 @@ class Viewer:
         )
 
     def show(self, computation: Computation) -> None:
-        """Show a computation; the one that is shown now is stopped."""
+        """Show a computation from its first frame on; the one before is stopped, and is played until then."""
         if self._computation is not None:
             self._computation.stop()
-        self._computation, self._performance = computation, None
+        self._computation = computation
 
     def run(self) -> None:
         """Tick until `close` is called or Ctrl-C is pressed."""
@@ -121,7 +128,7 @@ class Viewer:
         self._closed.set()
         if self._computation is not None:
             self._computation.stop()
-        with redirect_stdout(StringIO()):
+        with self._sending, redirect_stdout(StringIO()):
             self.server.stop()
 
     def tick(self) -> None:
@@ -134,12 +141,23 @@ class Viewer:
         computation = self._computation
         if computation is None:
             return
-        performance = computation.performance
-        if performance is not None and performance is not self._performance and computation.frames:
-            self._stage(performance)
+        with self._sending:
+            if not self._closed.is_set() and (computation.frames or self._staged):
+                sent = asyncio.run_coroutine_threadsafe(self._advance(), self.server.get_event_loop())
+                sent.result()
         self._tell(computation)
-        if performance is not None and performance is self._performance:
-            self._play(computation)
+
+    async def _advance(self) -> None:
+        """Stage the computation once it has a frame, and play.
+
+        This runs in the thread that sends, which puts all that is waiting into one message.
+        """
+        if self._computation is not self._staged and self._computation and self._computation.frames:
+            self._staged = self._computation
+            assert self._staged.performance is not None
+            self._stage(self._staged.performance)
+        if self._staged is not None:
+            self._play(self._staged)
 
     def _pause(self) -> float:
         """Seconds until the next tick."""
@@ -198,17 +216,24 @@ class Viewer:
             self._legend.content = "<small>an error needs a simulated sequence (--data)</small>"
         elif self._drawn[1] != label:
             self._legend.content = "" if quantity is None else legend(quantity)
-        with self.server.atomic():
-            largest = 1.0 if quantity is None else quantity.largest
-            simulated = None if truth is None else (truth[index],)
-            self._actors[0].move(
-                frame.transforms, frame.garments, self._values(quantity, frame, simulated), largest
-            )
-            if simulated is not None:
-                stretched = [measure(simulated[0]) for measure in self._stretches]
-                values = stretched if quantity is STRETCH else None
-                self._actors[1].move(frame.transforms, simulated, values, largest)
+        largest = 1.0 if quantity is None else quantity.largest
+        simulated = None if truth is None else (truth[index],)
+        place = self._place(frame)
+        self._floor.move(place)
+        transforms = torch.cat([frame.transforms[..., :3], frame.transforms[..., 3:] - place[:, None]], -1)
+        values = self._values(quantity, frame, simulated)
+        self._actors[0].move(transforms, [each - place for each in frame.garments], values, largest)
+        if simulated is not None:
+            stretched = [measure(simulated[0]) for measure in self._stretches]
+            values = stretched if quantity is STRETCH else None
+            self._actors[1].move(transforms, [each - place for each in simulated], values, largest)
         self._drawn = (index, label)
+
+    def _place(self, frame: ShownFrame) -> Tensor:
+        """Place (3,) m on the floor below the root of the figure."""
+        assert self._performance is not None
+        root, heads = frame.transforms[0], self._performance.body.skeleton.heads
+        return (root[:, :3] @ heads[0] + root[:, 3]) * torch.tensor([1.0, 1.0, 0.0])
 
     def _values(
         self, quantity: Quantity | None, frame: ShownFrame, simulated: tuple[Tensor, ...] | None
