@@ -1,10 +1,15 @@
 """Description of a garment file and of how it lies on the body, as text and as a picture."""
 
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import torch
+from torch import Tensor
 
 from uvcloth.bodies.body import Body, load_body
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.bodies.visible import visible_body
 from uvcloth.commands.fit import Fit
 from uvcloth.errors import InputError
@@ -12,15 +17,21 @@ from uvcloth.export.obj import save_obj
 from uvcloth.files.image import write_png
 from uvcloth.garments.alignment import Known
 from uvcloth.garments.fit import Fitting, fit
-from uvcloth.garments.garment import Garment
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.judge import UnwearableError
 from uvcloth.garments.pieces import split
 from uvcloth.garments.templates import TEMPLATES
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.methods.registry import DEFAULT
+from uvcloth.motion.library import load_clip
+from uvcloth.ready import ready_method, ready_rollout
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
 
 TURNS = (20.0, 110.0, 200.0)
 """Degrees around the body of the three views: front, side and back."""
+
+MOTION, MOMENTS = "dance", (7, 14, 28)
+"""Built-in clip in which the cloth solver moves garments, and its frames that are shown, at 30 a second."""
 
 SIZE = (300, 440)
 """Width and height of a view in pixels."""
@@ -29,8 +40,9 @@ SIZE = (300, 440)
 def examine(command: Fit) -> list[str]:
     """Fit a garment file to a body and describe it, line by line.
 
-    Writes the OBJ of the garment as it is worn, one for each of several, and the PNG of it on the body, also
-    where it is refused for how it lies. Raises InputError as `fit` does.
+    Writes the OBJ of the garment as it is worn, one for each of several, and the PNG of it on the body: at
+    rest, also where it is refused for how it lies, and as the cloth solver moves it in MOTION.
+    Raises InputError as `fit` does.
     """
     file, template, picture = command.file, command.template, command.picture
     if str(file) in TEMPLATES:
@@ -42,7 +54,7 @@ def examine(command: Fit) -> list[str]:
     except UnwearableError as error:
         if picture is None:
             raise
-        draw_worn([error.mesh], body, picture)
+        _write_picture(picture, [_worn([error.mesh], body)])
         raise InputError(f"{error} ({picture} shows it)") from error
     lines = fitted.diagnosis.lines()
     garments: tuple[Garment, ...] = (fitted.garment,)
@@ -54,7 +66,12 @@ def examine(command: Fit) -> list[str]:
     if command.out is not None:
         lines += [str(path) for path in _write(garments, fitted.garment.name, command.out)]
     if picture is not None:
-        draw_worn([garment.mesh for garment in garments], body, picture)
+        rows = [_worn([garment.mesh for garment in garments], body)]
+        try:
+            rows.append(list(_moving(garments, body)))
+        except InputError as error:
+            lines.append(f"  not shown as cloth: {error}")
+        _write_picture(picture, rows)
         lines.append(str(picture))
     return lines
 
@@ -72,26 +89,42 @@ def _write(garments: tuple[Garment, ...], name: str, out: Path) -> list[Path]:
     return paths
 
 
-def draw_worn(garments: list[Mesh], body: Body, path: Path) -> None:
-    """Write a PNG of garments on a body at rest from the front, the side and the back.
+def _worn(garments: Sequence[Mesh], body: Body) -> list[np.ndarray]:
+    """Pictures of garments on a body at rest, from the front, the side and the back."""
+    shown = visible_body(body).mesh
+    return [_view(shown, [(mesh, mesh.vertices) for mesh in garments], turn) for turn in TURNS]
+
+
+def _moving(garments: Sequence[Garment], body: Body) -> Iterator[np.ndarray]:
+    """Pictures of garments as cloth at MOMENTS. Raises InputError if the solver cannot move them."""
+    outfit, shown = Outfit(body, tuple(garments)), visible_body(body)
+    method, clear = ready_method([DEFAULT], outfit, None, "fast", None)
+    ready = ready_rollout(method, outfit, load_clip(MOTION, body).window(0, MOMENTS[-1] + 1), clear)
+    for frame in ready.frames():
+        if frame.index in MOMENTS:
+            skin = replace(shown.mesh, vertices=posed_skin(shown, frame.transforms[None])[0])
+            yield _view(skin, list(zip(ready.proxied.meshes, frame.vertices, strict=True)), TURNS[0])
+
+
+def _view(skin: Mesh, garments: Sequence[tuple[Mesh, Tensor]], turn: float) -> np.ndarray:
+    """Picture of a posed body in garments at (N, 3) m each, from degrees around it."""
+    surfaces = [
+        Surface(skin.vertices, skin.faces, BODY_COLOR),
+        *(
+            Surface(vertices, mesh.faces, GARMENT_COLORS[index % len(GARMENT_COLORS)])
+            for index, (mesh, vertices) in enumerate(garments)
+        ),
+    ]
+    everything = torch.cat([surface.vertices for surface in surfaces])
+    camera = three_quarter(everything, turn, aspect=SIZE[0] / SIZE[1])
+    return render(surfaces, camera, SIZE, float(everything[:, 2].min()))
+
+
+def _write_picture(path: Path, rows: Sequence[Sequence[np.ndarray]]) -> None:
+    """Write a PNG of rows of pictures.
 
     Raises InputError for another suffix than .png, or if the file cannot be written.
     """
     if path.suffix.lower() != ".png":
         raise InputError(f"{path}: a picture is written as .png, not {path.suffix or 'without a suffix'}")
-    shown = visible_body(body).mesh
-    skin = Surface(shown.vertices, shown.faces, BODY_COLOR)
-    surfaces = [
-        skin,
-        *(
-            Surface(mesh.vertices, mesh.faces, GARMENT_COLORS[index % len(GARMENT_COLORS)])
-            for index, mesh in enumerate(garments)
-        ),
-    ]
-    everything = torch.cat([surface.vertices for surface in surfaces])
-    floor = float(everything[:, 2].min())
-    views = [
-        render(surfaces, three_quarter(everything, turn, aspect=SIZE[0] / SIZE[1]), SIZE, floor)
-        for turn in TURNS
-    ]
-    write_png(path, contact_sheet(views, len(views)))
+    write_png(path, contact_sheet([picture for row in rows for picture in row], len(rows[0])))

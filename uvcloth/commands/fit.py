@@ -39,7 +39,8 @@ class Fit:
     out: Annotated[Path | None, arg(metavar="OBJ", help_behavior_hint="")] = None
     """Also write the placed garment as OBJ (metres, Z up); several garments go into separate files."""
     picture: Annotated[Path | None, arg(metavar="PNG")] = Path("fit.png")
-    """Picture of the garment on the body, also if it is refused; None for no picture."""
+    """Picture of the garment on the body at rest, also if it is refused, and as cloth in a dance; None for no
+    picture."""
 
     def run(self) -> None:
         """Print the description and write the files. Raises InputError for bad input."""
