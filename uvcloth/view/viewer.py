@@ -56,8 +56,8 @@ class Viewer:
             self.server: Any = PrivateServer(host, port)
         self.server.scene.set_up_direction("+z")
         self._floor = Floor(self.server.scene)
-        self.server.initial_camera.position = (1.9, -4.6, 1.7)
-        self.server.initial_camera.look_at = (0.2, 0.0, 0.9)
+        self.server.initial_camera.position = (2.2, -4.6, 1.7)
+        self.server.initial_camera.look_at = (0.5, 0.0, 0.9)
         self.server.initial_camera.fov = 0.7
         self.shown = -1
         """Index of the frame that is shown, -1 before the first."""
