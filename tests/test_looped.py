@@ -72,6 +72,12 @@ def test_files_of_a_loop_end_as_they_start(tmp_path: Path) -> None:
     start, end = (glb.morphed(name, glb.weights(name, frame)) for frame in (0, PERIOD))
     np.testing.assert_allclose(end, start, atol=1e-5)
     np.testing.assert_allclose(glb.posed("body", PERIOD), glb.posed("body", 0), atol=1e-5)
+    usd = pytest.importorskip("pxr.Usd", reason="USD is not installed")
+    export(loop, tmp_path / "loop.usdc")
+    stage = usd.Stage.Open(str(tmp_path / "loop.usdc"))
+    points = stage.GetPrimAtPath(f"/Outfit/{name}").GetAttribute("points")
+    assert stage.GetEndTimeCode() == PERIOD
+    np.testing.assert_allclose(np.array(points.Get(PERIOD)), np.array(points.Get(0)), atol=1e-5)
 
 
 @dataclass
