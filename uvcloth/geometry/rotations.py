@@ -56,10 +56,9 @@ def from_axis_angles(axis_angles: Tensor) -> Tensor:
 
 def heading(rotations: Tensor) -> Tensor:
     """Rotations about the vertical (..., 3, 3) that are nearest to rotations (..., 3, 3)."""
-    angles = torch.atan2(
-        rotations[..., 1, 0] - rotations[..., 0, 1], rotations[..., 0, 0] + rotations[..., 1, 1]
-    )
-    return from_euler("z", angles[..., None])
+    sine = rotations[..., 1, 0] - rotations[..., 0, 1]
+    cosine = rotations[..., 0, 0] + rotations[..., 1, 1]
+    return from_euler("z", torch.atan2(sine.double(), cosine.double())[..., None]).to(rotations)
 
 
 def from_euler(axes: str, angles: Tensor) -> Tensor:

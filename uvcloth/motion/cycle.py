@@ -53,7 +53,7 @@ class Cycle:
 
     def line(self) -> str:
         """A sentence on the cycle."""
-        way = float(self.travel[:, 3].norm())
+        way = float((self.motion.translation[-1] - self.motion.translation[0]).norm())
         travels = f", which travels {way:.2f} m and closes around the root" if way else ""
         closed = (
             f"; its end was {1000 * self.gap:.0f} mm from its start, which is spread over the cycle"
