@@ -29,6 +29,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.joined import join
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.order import check_order
+from uvcloth.garments.tucks import Tuck
 from uvcloth.geometry.arrays import Array
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.finish_names import FinishName
@@ -119,9 +120,13 @@ def fit(
     pose: Literal["t", "a"] | None = None,
     from_body: str | PathLike[str] | None = None,
     fabric: FabricName | Fabric | None = None,
+    tucks: Sequence[Tuck] = (),
     name: str = "garment",
 ) -> Outfit:
-    """Fit garments to a body, the innermost first: an outfit.
+    """Fit garments to a body, in the order in which they are worn, the innermost first: an outfit.
+
+    Where they cross at rest, outer ones are moved out and inner ones in, until each lies over those before
+    it.
 
     garments: one or several, each the name of a template ("tops", "bottoms", "dress", "shirt", "skirt",
     "jacket"), a garment file (OBJ, PLY, GLB, STL, MHCLO), a Mesh, or a tuple of vertices (N, 3) and triangles
@@ -132,10 +137,12 @@ def fit(
     template: whose motion garments take, one for all or one for each, "auto" for the one that each covers
     best. pose: in which files and meshes were modelled, "t" or "a", None to find it. from_body: mesh file of
     the body on which they were modelled, in their coordinates; they are transferred from it. fabric: what
-    they are made of, a name ("jersey", "cotton", "silk", "denim") or a Fabric. name: of meshes, numbered
-    where there are several. The findings on each file and mesh are logged.
+    they are made of, a name ("jersey", "cotton", "silk", "denim") or a Fabric. tucks: garments that are worn
+    beneath others, whatever the order, as in Tuck("shirt", into="bottoms"). name: of meshes, numbered where
+    there are several. The findings on each file and mesh are logged.
 
-    Raises InputError naming the garment for what cannot be read or worn.
+    Raises InputError naming the garment for what cannot be read or worn, and for tucks of garments that are
+    not worn, or that contradict each other.
     """
     body = body or load_body()
     sources = _sources(garments)
@@ -149,7 +156,7 @@ def fit(
     ]
     templates = [template] if isinstance(template, str) else template
     how = Fitting(pose, from_body=None if from_body is None else Path(from_body))
-    return Outfit(body, load_outfit(loaded, body, LOGGER.info, templates, how, fabric))
+    return Outfit(body, load_outfit(loaded, body, LOGGER.info, templates, how, fabric, tucks))
 
 
 def load_model(model: File | Sequence[File] = DEFAULT, body: Body | None = None) -> Method:

@@ -43,6 +43,15 @@ FromBody = Annotated[
         help_behavior_hint="(default: found by where each garment lies best)",
     ),
 ]
+Tucks = Annotated[
+    tuple[str, ...],
+    arg(
+        metavar="GARMENT:INTO ...",
+        help="Garments that are tucked into others, by name: shirt:bottoms wears the shirt beneath the "
+        "trousers, whatever the order.",
+        help_behavior_hint="",
+    ),
+]
 Fabric = Annotated[FabricName | None, arg(metavar=FABRIC_NAMES, help_behavior_hint="(default: jersey)")]
 BodyFile = Annotated[Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the one in the package)")]
 Jobs = Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: one per core)")]
