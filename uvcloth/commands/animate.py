@@ -23,10 +23,12 @@ from uvcloth.export.writer import close_together, open_writer
 from uvcloth.garments.fit import Fitting
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.loading import load_outfit
+from uvcloth.garments.tucks import Tuck
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.methods.method import Method
 from uvcloth.methods.registry import DEFAULT
 from uvcloth.motion.library import load_clip
+from uvcloth.physics.cloth_exposure import ClothExposure
 from uvcloth.physics.exposure import Exposure
 from uvcloth.physics.hidden_skin import HiddenSkin
 from uvcloth.ready import find_device, ready_method, ready_rollout
@@ -72,7 +74,7 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
         ready = ready_rollout(method, outfit, load_clip(command.motion, body, command.options), clear)
         clip, transforms, proxied = ready.motion, ready.transforms, ready.proxied
         meshes = proxied.named()
-        exposure = Exposure(body, [mesh for _, mesh in meshes])
+        exposures = Exposure(body, proxied.meshes), ClothExposure(body, proxied.meshes)
         shown = visible_body(body)
         hidden = HiddenSkin(shown, proxied.meshes, proxied.hides(shown)) if command.hide_skin else None
     every = _interval(out, len(clip)) if command.preview else 1
@@ -82,7 +84,7 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
         report(line)
     if audience:
         audience.begin(clip.name, body, [mesh for _, mesh in meshes], len(transforms[::every]), fps)
-    totals, start = Totals(), perf_counter()
+    totals, start = Totals(several=len(meshes) > 1), perf_counter()
     with ExitStack() as stack:
         writers = [
             stack.enter_context(
@@ -100,7 +102,8 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
                     audience.add(placed)
                 totals.add(frame)
                 with totals.timed("measuring"):
-                    totals.add_skin(exposure.percent(frame.vertices, frame.body_vertices), frame.index)
+                    skin, cloth = (each.percent(frame.vertices, frame.body_vertices) for each in exposures)
+                    totals.add_shares(skin, cloth, frame.index)
                     if hidden:
                         hidden.add(frame.vertices, _posed(shown, frame))
                 with totals.timed("writing"):
@@ -147,7 +150,8 @@ def _interval(out: Sequence[Path], frames: int) -> int:
 def _load_garments(command: Rollout, body: Body, report: Callable[[str], None]) -> tuple[Garment, ...]:
     """The garments of a rollout on a body."""
     how = Fitting(command.garment_pose, from_body=command.from_body)
-    return load_outfit(command.garment, body, report, command.template, how, command.fabric)
+    tucks = [Tuck.parse(text) for text in command.tuck]
+    return load_outfit(command.garment, body, report, command.template, how, command.fabric, tucks)
 
 
 def _load_method(command: Rollout, outfit: Outfit) -> tuple[Method, bool]:
