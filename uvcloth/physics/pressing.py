@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from uvcloth.geometry.mesh import Mesh, WeldedMesh, welded
-from uvcloth.physics.layers import Layer
+from uvcloth.geometry.mesh import Mesh, WeldedMesh, vertex_normals, welded
+from uvcloth.physics.exposure import COVER_DISTANCE, Shell
 
 BENEATH = 0.001
 """Metres beneath the faces of an outer garment at which points that come through it are left."""
@@ -18,45 +18,44 @@ BENEATH = 0.001
 DEEPEST = 0.015
 """Metres outside an outer garment beyond which a point is left there: it would tear the inner one."""
 
-COVER_DISTANCE = 0.3
-"""Metres within which an outer garment covers an inner one at rest: a skirt drapes away from trousers."""
-
 
 @dataclass(frozen=True)
 class Pressing:
     """Garments, the innermost first, kept beneath those over them where these cover them at rest.
 
-    meshes, layers: the garments. covered: by inner and outer garment, the inner one's points (n,) that it
-    covers.
+    meshes, shells: the garments. covered: by inner and outer garment, the inner one's points (n,) that it
+    covers: the ray outwards first meets its inner side.
     """
 
     meshes: tuple[WeldedMesh, ...]
-    layers: tuple[Layer, ...]
+    shells: tuple[Shell, ...]
     covered: dict[tuple[int, int], Tensor]
 
     @classmethod
     def of(cls, garments: Sequence[Mesh]) -> "Pressing":
         """Prepare garments at rest."""
         meshes = tuple(welded(mesh.vertices, mesh.faces) for mesh in garments)
-        layers = tuple(Layer(mesh.points, mesh.faces) for mesh in meshes)
+        shells = tuple(Shell(mesh.points, mesh.faces) for mesh in meshes)
         covered = {}
-        for inner in range(len(meshes)):
+        for inner, mesh in enumerate(meshes):
+            normals = vertex_normals(mesh.points, mesh.faces)
             for outer in range(inner + 1, len(meshes)):
-                closest = layers[outer].beside(layers[inner].points, COVER_DISTANCE)
-                covered[inner, outer] = torch.nonzero(closest.covered & (closest.distance < 0)).squeeze(1)
-        return cls(meshes, layers, covered)
+                distance, facing = shells[outer].first_hit(mesh.points, normals, COVER_DISTANCE)
+                covered[inner, outer] = torch.nonzero((distance < COVER_DISTANCE) & (facing > 0)).squeeze(1)
+        return cls(meshes, shells, covered)
 
     def pressed(self, garments: Sequence[Tensor]) -> tuple[Tensor, ...]:
-        """Garments (N, 3) m with the points moved that come through a garment over theirs."""
+        """Garments (N, 3) m with the points moved inwards that come through a garment over theirs."""
         finished = list(garments)
         for inner in reversed(range(len(garments))):
-            points = garments[inner][self.meshes[inner].kept]
+            mesh = self.meshes[inner]
+            points = garments[inner][mesh.kept]
+            normals = vertex_normals(points, mesh.faces)
             for outer in range(inner + 1, len(garments)):
                 rows = self.covered[inner, outer]
-                closest = self.layers[outer].beside(points[rows])
-                met = closest.covered & (closest.distance < DEEPEST)
-                lack = torch.where(met, closest.distance + BENEATH, 0.0).clamp(min=0.0)
-                points[rows] -= lack[:, None] * closest.normals
-            self.layers[inner].update(points)
-            finished[inner] = points[self.meshes[inner].places]
+                distance, facing = self.shells[outer].first_hit(points[rows], -normals[rows], DEEPEST)
+                through = (distance < DEEPEST) & (facing < 0)
+                points[rows] -= torch.where(through, distance + BENEATH, 0.0)[:, None] * normals[rows]
+            self.shells[inner].update(points)
+            finished[inner] = points[mesh.places]
         return tuple(finished)
