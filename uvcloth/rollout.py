@@ -391,8 +391,8 @@ class EdgeLimits:
         for vertices, edges, lengths in zip(garments, self.edges, self.lengths, strict=True):
             longer = edge_lengths(vertices, edges) - lengths
             longer = torch.where(longer > (LONGEST - 1.0) * lengths, longer, 0.0)
-            found = longer.topk(min(MOST_LOOKED_AT, len(longer)))
-            worst = edges[found.indices[found.values > NOTICEABLE]]
+            longest = longer.topk(min(MOST_LOOKED_AT, len(longer)))
+            worst = edges[longest.indices[longest.values > NOTICEABLE]]
             middles.append(vertices[worst].mean(1))
         points = torch.cat(middles)
         if not len(points):

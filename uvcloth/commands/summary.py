@@ -81,16 +81,16 @@ class Summary:
 
     def _through(self) -> list[str]:
         """Sentences on what shows through the cloth; only if nothing does, one says so."""
-        found = []
+        sentences = []
         if self.skin.worst >= INVISIBLE:
             text = self.skin.text("what it covers", INVISIBLE)
-            found.append(f"skin will show through the cloth: {text}")
+            sentences.append(f"skin will show through the cloth: {text}")
         if self.cloth and self.cloth.worst >= INVISIBLE_CLOTH:
             text = self.cloth.text("the visible cloth", INVISIBLE_CLOTH)
-            found.append(f"inner garments will show through outer ones: {text}")
-        if self.cloth and not found:
+            sentences.append(f"inner garments will show through outer ones: {text}")
+        if self.cloth and not sentences:
             return ["no skin and no inner garment shows through the cloth"]
-        return found or ["no skin shows through the cloth"]
+        return sentences or ["no skin shows through the cloth"]
 
 
 @dataclass

@@ -109,12 +109,12 @@ def untangle(garments: Sequence[Garment], body: Body) -> Untangled:
             _move_out(pieces[:place], piece, surface, evened=turn < ROUNDS)
         for place in reversed(range(len(pieces) - 1) if turn >= OUTWARDS else ()):
             _press_in(pieces[:place], pieces[place], pieces[place + 1 :], surface)
-    moved = tuple(
+    finished = tuple(
         replace(garment, mesh=replace(garment.mesh, vertices=piece.points[piece.mesh.places]))
         for garment, piece in zip(garments, pieces, strict=True)
     )
     texts = (piece.text(garment.name) for piece, garment in zip(pieces, garments, strict=True))
-    return Untangled(moved, tuple(text for text in texts if text))
+    return Untangled(finished, tuple(text for text in texts if text))
 
 
 def _crosses(beneath: Sequence[_Piece], piece: _Piece, surface: BodySurface) -> bool:

@@ -61,7 +61,7 @@ class ClothExposure:
         self._covered, self._visible = [], 0
         for place, (mesh, area) in enumerate(zip(garments, areas, strict=True)):
             sample = spread(mesh.vertices, mesh.faces, math.ceil(OUTFIT_POINTS * area / sum(areas)))
-            self._visible += int(self._seen(*sample.oriented(mesh.vertices)).sum())
+            self._visible += int(self._is_visible(*sample.oriented(mesh.vertices)).sum())
             if over := garments[place + 1 :]:
                 self._covered.append(_covered(sample, mesh, place, over))
 
@@ -70,15 +70,15 @@ class ClothExposure:
 
         garments: (N, 3) m of each. body_vertices: (V, 3) m of the posed body.
         """
-        found = [covered.beneath(garments) for covered in self._covered]
-        if not any(len(points) for points, _ in found):
+        through = [covered.beneath(garments) for covered in self._covered]
+        if not any(len(points) for points, _ in through):
             return 0.0
-        points, normals = (torch.cat(each) for each in zip(*found, strict=True))
+        points, normals = (torch.cat(each) for each in zip(*through, strict=True))
         self._cloth.update(torch.cat(list(garments)))
         self._body.update(body_vertices)
-        return 100.0 * int(self._seen(points, normals).sum()) / max(self._visible, 1)
+        return 100.0 * int(self._is_visible(points, normals).sum()) / max(self._visible, 1)
 
-    def _seen(self, points: Tensor, normals: Tensor) -> Tensor:
+    def _is_visible(self, points: Tensor, normals: Tensor) -> Tensor:
         """Mask (n,) of points on cloth in front of which nothing is."""
         starts = points + RAY_START_HEIGHT * normals
         cloth, _ = self._cloth.first_hit(starts, normals, HIDING_DISTANCE)
