@@ -32,6 +32,7 @@ from uvcloth.garments.order import check_order
 from uvcloth.garments.tucks import Tuck
 from uvcloth.geometry.arrays import Array
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.methods.automatic import named_models
 from uvcloth.methods.finish_names import FinishName
 from uvcloth.methods.method import Method, require_fabric_read
 from uvcloth.methods.physics.finish import finished
@@ -187,7 +188,8 @@ def rollout(
     """Move garments over a motion.
 
     model, motion, garments: what `load_model`, `load_motion` and `fit` return, or take: that is then loaded
-    for the body of the garments. A motion of one frame, a pose, becomes the way into it from rest.
+    for the body of the garments. model may be "auto" as well, which chooses one for the outfit and logs why.
+    A motion of one frame, a pose, becomes the way into it from rest.
     finish: "dynamic", "static", "clear" or "none", as `uvcloth rollout --finish`; None for the usual one.
     device: "cpu" or "cuda". keep_going: a garment that is torn is that of linear blend skinning in its frame,
     instead of an error.
@@ -332,7 +334,7 @@ def _ready(model: Model, motion: Clip | File, garments: Garments, finish: Finish
     """Bring together what a rollout is asked for. Raises InputError for what does not go together."""
     outfit = _outfit(garments)
     clip = _motion(motion, outfit)
-    method = load_model(model, outfit.body) if isinstance(model, str | PathLike | Sequence) else model
+    method = _load_model(model, outfit) if isinstance(model, str | PathLike | Sequence) else model
     method, clear = finished(method, outfit, finish, Physics())
     for garment in outfit.garments:
         if garment.fabric != JERSEY:
@@ -341,6 +343,15 @@ def _ready(model: Model, motion: Clip | File, garments: Garments, finish: Finish
     for line in ready.proxied.lines:
         LOGGER.info(line)
     return ready
+
+
+def _load_model(model: File | Sequence[File], outfit: Outfit) -> Method:
+    """Load the models that are named for an outfit, or the one that suits it."""
+    names = [model] if isinstance(model, str | PathLike) else model
+    models, line = named_models([str(name) for name in names], outfit)
+    if line:
+        LOGGER.info(line)
+    return load_model(models, outfit.body)
 
 
 def _one_fabric(outfit: Outfit) -> Fabric:

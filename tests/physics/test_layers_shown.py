@@ -45,7 +45,9 @@ def test_the_share_is_that_of_the_visible_cloth_that_comes_through(body: Body) -
 
 def test_layers_that_cross_at_rest_are_not_taken_as_right(body: Body) -> None:
     inner, outer = ball(LARGE), ball(SMALL)
-    percent = ClothExposure(body, [inner, outer]).percent([inner.vertices, outer.vertices], body.mesh.vertices)
+    percent = ClothExposure(body, [inner, outer]).percent(
+        [inner.vertices, outer.vertices], body.mesh.vertices
+    )
     assert percent == pytest.approx(100.0, abs=1.0)
 
 

@@ -25,8 +25,8 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.tucks import Tuck
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.methods.automatic import AUTO, named_models
 from uvcloth.methods.method import Method
-from uvcloth.methods.registry import DEFAULT
 from uvcloth.motion.library import load_clip
 from uvcloth.physics.cloth_exposure import ClothExposure
 from uvcloth.physics.exposure import Exposure
@@ -70,7 +70,7 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
     with console.status("preparing"):
         outfit = Outfit(body, _load_garments(command, body, report))
         place = find_device(command.device)
-        method, clear = _load_method(command, outfit)
+        method, clear = _load_method(command, outfit, report)
         ready = ready_rollout(method, outfit, load_clip(command.motion, body, command.options), clear)
         clip, transforms, proxied = ready.motion, ready.transforms, ready.proxied
         meshes = proxied.named()
@@ -154,9 +154,11 @@ def _load_garments(command: Rollout, body: Body, report: Callable[[str], None]) 
     return load_outfit(command.garment, body, report, command.template, how, command.fabric, tucks)
 
 
-def _load_method(command: Rollout, outfit: Outfit) -> tuple[Method, bool]:
+def _load_method(command: Rollout, outfit: Outfit, report: Callable[[str], None]) -> tuple[Method, bool]:
     """The method of a rollout with its finish, and whether clearing comes after it."""
-    models = command.model or (DEFAULT,)
+    models, line = named_models(command.model or (AUTO,), outfit)
+    if line:
+        report(line)
     return ready_method(models, outfit, command.finish, command.quality, command.fabric)
 
 

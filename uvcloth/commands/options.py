@@ -21,8 +21,9 @@ Models = Annotated[
     tuple[str, ...],
     arg(
         metavar="NAME|RUN ...",
-        help=f"Methods: {list_methods()}; or {TRAINED}. One for all garments, or one for each in order.",
-        help_behavior_hint=f"(default: {DEFAULT})",
+        help=f"Methods: {list_methods()}; or {TRAINED}. One for all garments, or one for each in order. "
+        f"auto: {DEFAULT} where every garment has a hem that holds it, otherwise a model of any garment.",
+        help_behavior_hint="(default: auto)",
     ),
 ]
 GarmentPose = Annotated[
