@@ -70,7 +70,7 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
     with console.status("preparing"):
         outfit = Outfit(body, _load_garments(command, body, report))
         place = find_device(command.device)
-        method, clear = _load_method(command, outfit, report)
+        method, clear, choice = _load_method(command, outfit)
         ready = ready_rollout(method, outfit, load_clip(command.motion, body, command.options), clear)
         clip, transforms, proxied = ready.motion, ready.transforms, ready.proxied
         meshes = proxied.named()
@@ -80,7 +80,7 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
     every = _interval(out, len(clip)) if command.preview else 1
     fps = clip.fps / every
     sizes = [announce(path, len(transforms[::every]), proxied.meshes, shown) for path in out]
-    for line in filter(None, (*proxied.lines, *sizes)):
+    for line in filter(None, (choice, *proxied.lines, *sizes)):
         report(line)
     if audience:
         audience.begin(clip.name, body, [mesh for _, mesh in meshes], len(transforms[::every]), fps)
@@ -154,12 +154,10 @@ def _load_garments(command: Rollout, body: Body, report: Callable[[str], None]) 
     return load_outfit(command.garment, body, report, command.template, how, command.fabric, tucks)
 
 
-def _load_method(command: Rollout, outfit: Outfit, report: Callable[[str], None]) -> tuple[Method, bool]:
-    """The method of a rollout with its finish, and whether clearing comes after it."""
+def _load_method(command: Rollout, outfit: Outfit) -> tuple[Method, bool, str | None]:
+    """The method of a rollout with its finish, whether clearing comes after it, and a line on its choice."""
     models, line = named_models(command.model or (AUTO,), outfit)
-    if line:
-        report(line)
-    return ready_method(models, outfit, command.finish, command.quality, command.fabric)
+    return *ready_method(models, outfit, command.finish, command.quality, command.fabric), line
 
 
 def _progress(console: Console) -> Progress:
