@@ -17,6 +17,7 @@ from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.templates import TEMPLATES, fit_template
+from uvcloth.garments.untangling import untangle
 
 
 @dataclass(frozen=True)
@@ -95,8 +96,11 @@ def cases_on(body: Body, selection: Selection) -> Cases:
     openers = []
     for case in simulated_together(windows):
         name = outfit_name([window.garment for window in case])
-        outfit = outfits.setdefault(name, Outfit(body, tuple(garments[window.garment] for window in case)))
-        openers.append((name, partial(open_case, case, outfit, texels, selection.frames)))
+        if name not in outfits:
+            # As simulations of layers begin: garments that cross are untangled.
+            worn = untangle([garments[window.garment] for window in case], body)
+            outfits[name] = Outfit(body, worn.garments)
+        openers.append((name, partial(open_case, case, outfits[name], texels, selection.frames)))
     return Cases(
         data, split, outfits, openers, people_in(data), find_missing(*query), selection.map_size, True
     )

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from uvcloth.errors import InputError
     from uvcloth.export.animation import Animation
     from uvcloth.garments.garment import Garment, Outfit
+    from uvcloth.garments.tucks import Tuck
     from uvcloth.geometry.mesh import Mesh
     from uvcloth.geometry.skeleton import Skeleton
     from uvcloth.methods.method import Method
@@ -46,6 +47,7 @@ __all__ = [
     "Outfit",
     "RolloutFrame",
     "Skeleton",
+    "Tuck",
     "__version__",
     "export",
     "fit",
@@ -72,6 +74,7 @@ _HOMES = {
     "Outfit": "uvcloth.garments.garment",
     "RolloutFrame": "uvcloth.rollout",
     "Skeleton": "uvcloth.geometry.skeleton",
+    "Tuck": "uvcloth.garments.tucks",
     "__version__": "uvcloth.version",
 }
 """Module of each public name."""

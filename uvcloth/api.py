@@ -29,8 +29,10 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.joined import join
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.order import check_order
+from uvcloth.garments.tucks import Tuck
 from uvcloth.geometry.arrays import Array
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.methods.automatic import named_models
 from uvcloth.methods.finish_names import FinishName
 from uvcloth.methods.method import Method, require_fabric_read
 from uvcloth.methods.physics.finish import finished
@@ -119,9 +121,13 @@ def fit(
     pose: Literal["t", "a"] | None = None,
     from_body: str | PathLike[str] | None = None,
     fabric: FabricName | Fabric | None = None,
+    tucks: Sequence[Tuck] = (),
     name: str = "garment",
 ) -> Outfit:
-    """Fit garments to a body, the innermost first: an outfit.
+    """Fit garments to a body, in the order in which they are worn, the innermost first: an outfit.
+
+    Where they cross at rest, outer ones are moved out and inner ones in, until each lies over those before
+    it.
 
     garments: one or several, each the name of a template ("tops", "bottoms", "dress", "shirt", "skirt",
     "jacket"), a garment file (OBJ, PLY, GLB, STL, MHCLO), a Mesh, or a tuple of vertices (N, 3) and triangles
@@ -132,10 +138,12 @@ def fit(
     template: whose motion garments take, one for all or one for each, "auto" for the one that each covers
     best. pose: in which files and meshes were modelled, "t" or "a", None to find it. from_body: mesh file of
     the body on which they were modelled, in their coordinates; they are transferred from it. fabric: what
-    they are made of, a name ("jersey", "cotton", "silk", "denim") or a Fabric. name: of meshes, numbered
-    where there are several. The findings on each file and mesh are logged.
+    they are made of, a name ("jersey", "cotton", "silk", "denim") or a Fabric. tucks: garments that are worn
+    beneath others, whatever the order, as in Tuck("shirt", into="bottoms"). name: of meshes, numbered where
+    there are several. The findings on each file and mesh are logged.
 
-    Raises InputError naming the garment for what cannot be read or worn.
+    Raises InputError naming the garment for what cannot be read or worn, and for tucks of garments that are
+    not worn, or that contradict each other.
     """
     body = body or load_body()
     sources = _sources(garments)
@@ -149,7 +157,7 @@ def fit(
     ]
     templates = [template] if isinstance(template, str) else template
     how = Fitting(pose, from_body=None if from_body is None else Path(from_body))
-    return Outfit(body, load_outfit(loaded, body, LOGGER.info, templates, how, fabric))
+    return Outfit(body, load_outfit(loaded, body, LOGGER.info, templates, how, fabric, tucks))
 
 
 def load_model(model: File | Sequence[File] = DEFAULT, body: Body | None = None) -> Method:
@@ -181,7 +189,8 @@ def rollout(
     """Move garments over a motion.
 
     model, motion, garments: what `load_model`, `load_motion` and `fit` return, or take: that is then loaded
-    for the body of the garments. A motion of one frame, a pose, becomes the way into it from rest.
+    for the body of the garments. model may be "auto" as well, which chooses one for the outfit and logs why.
+    A motion of one frame, a pose, becomes the way into it from rest.
     finish: "dynamic", "static", "clear" or "none", as `uvcloth rollout --finish`; None for the usual one.
     loop: the motion is closed into a cycle, and the garments end as they start; the last frame is the first
     one again. device: "cpu" or "cuda". keep_going: a garment that is torn is that of linear blend skinning in
@@ -330,7 +339,7 @@ def _ready(
     """Bring together what a rollout is asked for. Raises InputError for what does not go together."""
     outfit = _outfit(garments)
     clip = _motion(motion, outfit)
-    method = load_model(model, outfit.body) if isinstance(model, str | PathLike | Sequence) else model
+    method = _load_model(model, outfit) if isinstance(model, str | PathLike | Sequence) else model
     method, clear = finished(method, outfit, finish, Physics())
     for garment in outfit.garments:
         if garment.fabric != JERSEY:
@@ -339,6 +348,15 @@ def _ready(
     for line in filter(None, (ready.cycle and ready.cycle.line(), *ready.proxied.lines)):
         LOGGER.info(line)
     return ready
+
+
+def _load_model(model: File | Sequence[File], outfit: Outfit) -> Method:
+    """Load the models that are named for an outfit, or the one that suits it."""
+    names = [model] if isinstance(model, str | PathLike) else model
+    models, line = named_models([str(name) for name in names], outfit)
+    if line:
+        LOGGER.info(line)
+    return load_model(models, outfit.body)
 
 
 def _one_fabric(outfit: Outfit) -> Fabric:

@@ -26,11 +26,14 @@ LONGEST, TORN = 4.0, 0.01
 """A garment is torn when more than the share TORN of its edges is longer than LONGEST times its rest length.
 """
 
-SHORT = 0.001
-"""Metres at rest below which an edge counts as that long: stretch of short edges in seams is invisible."""
+NOTICEABLE = 0.02
+"""Metres by which such an edge has to be longer than at rest for a person to notice it."""
+
+MOST_LOOKED_AT = 64
+"""Longest edges of a frame of which it is found whether they are seen."""
 
 JUMPED = "the motion jumps, and the garments start again"
-STRETCHED = f"an edge of a garment has more than {LONGEST:.0f} times its length"
+STRETCHED = f"an edge of a garment that is seen has more than {LONGEST:.0f} times its length"
 
 
 @dataclass(frozen=True)
@@ -137,12 +140,12 @@ class PreparedRollout:
                     wanted = index % every == 0
                     if wanted or needs_clearing:
                         cleared = self._cleared(frame)
-                        longest, torn = self.limits.stretched(cleared.vertices)
+                        torn = self.limits.torn(cleared.vertices)
                         # Skinning tears where its weights do: it goes on, and is what replaces others.
                         if torn and not method.traits.is_baseline:
                             cleared = self._cleared(self._without(frame, torn, keep_going))
                         frame = cleared
-                        if longest > LONGEST:
+                        if self.limits.stretched(frame.vertices, frame.body_vertices):
                             frame = replace(frame, difficulties=(*frame.difficulties, STRETCHED))
                     if method.traits.autoregressive and frame.replaced:
                         # What it remembers may be as broken as what it predicted.
@@ -267,16 +270,21 @@ def rollout_proxied(
 ) -> Iterator[RolloutFrame]:
     """Predict an outfit as `rollout` does, and yield frames of the meshes that are shown, on the CPU.
 
-    Their places are relative to origins that follow the body's root. first: index of the first frame.
+    With clearing, inner garments are pressed beneath the faces of those over them (`Pressing`). Their places
+    are relative to origins that follow the body's root. first: index of the first frame.
     """
+    from uvcloth.physics.pressing import Pressing
+
     prepared = prepare_rollout(method, proxied.outfit, clear, device)
+    pressing = Pressing.of(proxied.meshes) if clear and len(proxied.meshes) > 1 else None
     for predicted in prepared.around_root(transforms, fps, every=every, keep_going=keep_going, first=first):
         frame = to_device(predicted, CPU)
-        if proxied.contact is None:
+        if proxied.contact is None and pressing is None:
             yield frame
             continue
         begun = time.perf_counter()
         vertices = proxied.shown(frame.vertices, frame.body_vertices)
+        vertices = pressing.pressed(vertices) if pressing else vertices
         spent = frame.milliseconds["clearing"] + 1000.0 * (time.perf_counter() - begun)
         milliseconds = {**frame.milliseconds, "clearing": spent}
         yield replace(
@@ -358,6 +366,7 @@ class EdgeLimits:
         meshes = [garment.mesh for garment in outfit.garments]
         self.edges = [unique_edges(mesh.faces) for mesh in meshes]
         self.lengths = [edge_lengths(m.vertices, edges) for m, edges in zip(meshes, self.edges, strict=True)]
+        self._faces = [outfit.body.mesh.faces, *(mesh.faces for mesh in meshes)]
 
     def not_finite(self, garments: tuple[Tensor, ...]) -> dict[int, str]:
         """A message on each garment that is not finite, by its place in the outfit."""
@@ -367,16 +376,31 @@ class EdgeLimits:
             if not torch.isfinite(vertices).all()
         }
 
-    def stretched(self, garments: tuple[Tensor, ...]) -> tuple[float, dict[int, str]]:
-        """The largest ratio of an edge to its rest length, and a message on each torn garment, by place."""
-        longest, reasons = 0.0, {}
+    def torn(self, garments: tuple[Tensor, ...]) -> dict[int, str]:
+        """A message on each torn garment, by place."""
+        reasons = {}
         for place, (vertices, edges, lengths) in enumerate(
             zip(garments, self.edges, self.lengths, strict=True)
         ):
-            now = edge_lengths(vertices, edges)
-            share = float((now > LONGEST * lengths).float().mean())
-            longest = max(longest, float((now / lengths.clamp(min=SHORT)).max()))
+            share = float((edge_lengths(vertices, edges) > LONGEST * lengths).float().mean())
             if share > TORN:
                 portion = f"{100 * share:.0f} % of its edges have"
                 reasons[place] = f"is torn, {portion} more than {LONGEST:.0f} times their length"
-        return longest, reasons
+        return reasons
+
+    def stretched(self, garments: tuple[Tensor, ...], body_vertices: Tensor) -> bool:
+        """True if a person sees an edge that is far longer than at rest, on the posed body (V, 3) m."""
+        from uvcloth.physics.visibility import Onlooker
+
+        middles = []
+        for vertices, edges, lengths in zip(garments, self.edges, self.lengths, strict=True):
+            longer = edge_lengths(vertices, edges) - lengths
+            longer = torch.where(longer > (LONGEST - 1.0) * lengths, longer, 0.0)
+            longest = longer.topk(min(MOST_LOOKED_AT, len(longer)))
+            worst = edges[longest.indices[longest.values > NOTICEABLE]]
+            middles.append(vertices[worst].mean(1))
+        points = torch.cat(middles)
+        if not len(points):
+            return False
+        meshes = zip([body_vertices, *garments], self._faces, strict=True)
+        return bool(Onlooker(list(meshes)).sees(points).any())

@@ -1,5 +1,6 @@
 """What the rollout command writes and counts, and that Ctrl-C leaves nothing."""
 
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -117,11 +118,11 @@ def test_the_summary_says_what_a_person_sees(monkeypatch, body, tmp_path):
     monkeypatch.setattr(animation, "load_clip", lambda *_: clip)
     monkeypatch.setattr(ready, "rollout_proxied", rollout)
     shown = [animate(skinned(tmp_path / "walk.npz", finish=finish)) for finish in ("clear", "none")]
-    assert shown[0].skin < 1.0
-    assert shown[1].skin > 10.0
-    assert shown[1].worst[0] >= shown[1].skin
+    assert shown[0].skin.mean < 1.0
+    assert shown[1].skin.mean > 10.0
+    assert shown[1].skin.worst >= shown[1].skin.mean
     assert (
-        f"skin will show through the cloth: on {shown[1].skin:.2f} % of what it covers"
+        f"skin will show through the cloth: on {shown[1].skin.mean:.2f} % of what it covers"
         in shown[1].lines()[-1]
     )
 
@@ -130,11 +131,32 @@ def test_the_summary_names_the_frame_to_look_at_and_what_was_replaced():
     totals = Totals()
     for index, percent in enumerate((0.0, 2.5, 1.0)):
         totals.frames += 1
-        totals.add_skin(percent, index)
+        totals.add_shares(percent, 0.0, index)
     totals.replaced.append("frame 1: garment tops is torn")
     lines = totals.summary((), 1.0, 1).lines()
     assert "2.5 % at frame 1" in lines[-1]
     assert "frame 1: garment tops is torn" in lines
+
+
+@pytest.mark.parametrize(
+    ("skin", "cloth", "said"),
+    [
+        (0.0, 0.0, ("no skin and no inner garment shows",)),
+        (1.0, 0.0, ("skin will show",)),
+        (
+            0.0,
+            0.3,
+            ("inner garments will show through outer ones: on 0.30 % .* at most on 0.3 % at frame 0",),
+        ),
+        (1.0, 0.03, ("skin will show", "inner garments .* at most on 0.03 % at frame 0")),
+    ],
+)
+def test_the_summary_says_that_nothing_shows_only_where_nothing_does(skin, cloth, said):
+    totals = Totals(several=True, frames=1)
+    totals.add_shares(skin, cloth, 0)
+    lines = totals.summary((), 1.0, 1).lines()[2:]
+    assert len(lines) == len(said)
+    assert all(re.match(expected, line) for expected, line in zip(said, lines, strict=True))
 
 
 def test_a_preview_shows_every_third_frame_and_a_sheet_needs_fewer():

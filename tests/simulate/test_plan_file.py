@@ -226,7 +226,6 @@ def test_a_table_that_is_no_plan_is_refused(tmp_path: Path) -> None:
         (lambda row: row.replace("40,30", "40,300"), "walk: has .* frames, the window ends at 340"),
         (lambda row: row.replace("tops", "kilt"), "garment kilt: no such template, expected one of tops, "),
         (lambda row: row.replace("tops", "kilt.obj"), r"kilt\.obj: no such file"),
-        (lambda row: row.replace("tops", "tops+bottoms"), "garment bottoms: cannot be worn over the garment"),
         (lambda row: row.replace("tops,,", "tops,gone.npz,"), r"gone\.npz: no such file"),
         (lambda row: row.replace("tops,,", "tops,../gone.npz,"), "lies outside"),
     ],

@@ -23,10 +23,12 @@ from uvcloth.export.writer import close_together, open_writer
 from uvcloth.garments.fit import Fitting
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.loading import load_outfit
+from uvcloth.garments.tucks import Tuck
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.methods.automatic import AUTO, named_models
 from uvcloth.methods.method import Method
-from uvcloth.methods.registry import DEFAULT
 from uvcloth.motion.library import load_clip
+from uvcloth.physics.cloth_exposure import ClothExposure
 from uvcloth.physics.exposure import Exposure
 from uvcloth.physics.hidden_skin import HiddenSkin
 from uvcloth.ready import find_device, ready_method, ready_rollout
@@ -68,22 +70,22 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
     with console.status("preparing"):
         outfit = Outfit(body, _load_garments(command, body, report))
         place = find_device(command.device)
-        method, clear = _load_method(command, outfit)
+        method, clear, choice = _load_method(command, outfit)
         motion = load_clip(command.motion, body, command.options)
         ready = ready_rollout(method, outfit, motion, clear, loop=command.loop)
         clip, transforms, proxied = ready.motion, ready.transforms, ready.proxied
         meshes = proxied.named()
-        exposure = Exposure(body, [mesh for _, mesh in meshes])
+        exposures = Exposure(body, proxied.meshes), ClothExposure(body, proxied.meshes)
         shown = visible_body(body)
         hidden = HiddenSkin(shown, proxied.meshes, proxied.hides(shown)) if command.hide_skin else None
     every = _interval(out, len(clip)) if command.preview else 1
     fps = clip.fps / every
     sizes = [announce(path, len(transforms[::every]), proxied.meshes, shown) for path in out]
-    for line in filter(None, (ready.cycle and ready.cycle.line(), *proxied.lines, *sizes)):
+    for line in filter(None, (choice, ready.cycle and ready.cycle.line(), *proxied.lines, *sizes)):
         report(line)
     if audience:
         audience.begin(clip.name, body, [mesh for _, mesh in meshes], len(transforms[::every]), fps)
-    totals, start = Totals(), perf_counter()
+    totals, start = Totals(several=len(meshes) > 1), perf_counter()
     with ExitStack() as stack:
         writers = [
             stack.enter_context(
@@ -101,7 +103,8 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
                     audience.add(placed)
                 totals.add(frame)
                 with totals.timed("measuring"):
-                    totals.add_skin(exposure.percent(frame.vertices, frame.body_vertices), frame.index)
+                    skin, cloth = (each.percent(frame.vertices, frame.body_vertices) for each in exposures)
+                    totals.add_shares(skin, cloth, frame.index)
                     if hidden:
                         hidden.add(frame.vertices, _posed(shown, frame))
                 with totals.timed("writing"):
@@ -148,13 +151,14 @@ def _interval(out: Sequence[Path], frames: int) -> int:
 def _load_garments(command: Rollout, body: Body, report: Callable[[str], None]) -> tuple[Garment, ...]:
     """The garments of a rollout on a body."""
     how = Fitting(command.garment_pose, from_body=command.from_body)
-    return load_outfit(command.garment, body, report, command.template, how, command.fabric)
+    tucks = [Tuck.parse(text) for text in command.tuck]
+    return load_outfit(command.garment, body, report, command.template, how, command.fabric, tucks)
 
 
-def _load_method(command: Rollout, outfit: Outfit) -> tuple[Method, bool]:
-    """The method of a rollout with its finish, and whether clearing comes after it."""
-    models = command.model or (DEFAULT,)
-    return ready_method(models, outfit, command.finish, command.quality, command.fabric)
+def _load_method(command: Rollout, outfit: Outfit) -> tuple[Method, bool, str | None]:
+    """The method of a rollout with its finish, whether clearing comes after it, and a line on its choice."""
+    models, line = named_models(command.model or (AUTO,), outfit)
+    return *ready_method(models, outfit, command.finish, command.quality, command.fabric), line
 
 
 def _progress(console: Console) -> Progress:

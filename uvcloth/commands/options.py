@@ -21,8 +21,9 @@ Models = Annotated[
     tuple[str, ...],
     arg(
         metavar="NAME|RUN ...",
-        help=f"Methods: {list_methods()}; or {TRAINED}. One for all garments, or one for each in order.",
-        help_behavior_hint=f"(default: {DEFAULT})",
+        help=f"Methods: {list_methods()}; or {TRAINED}. One for all garments, or one for each in order. "
+        f"auto: {DEFAULT} where every garment has a hem that holds it, otherwise a model of any garment.",
+        help_behavior_hint="(default: auto)",
     ),
 ]
 GarmentPose = Annotated[
@@ -41,6 +42,15 @@ FromBody = Annotated[
         help="Mesh of the body on which garment files were modelled, in their coordinates; they are "
         "transferred from it with their ease.",
         help_behavior_hint="(default: found by where each garment lies best)",
+    ),
+]
+Tucks = Annotated[
+    tuple[str, ...],
+    arg(
+        metavar="GARMENT:INTO ...",
+        help="Garments that are tucked into others, by name: shirt:bottoms wears the shirt beneath the "
+        "trousers, whatever the order.",
+        help_behavior_hint="",
     ),
 ]
 Fabric = Annotated[FabricName | None, arg(metavar=FABRIC_NAMES, help_behavior_hint="(default: jersey)")]

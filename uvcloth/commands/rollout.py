@@ -19,6 +19,7 @@ from uvcloth.commands.options import (
     Port,
     TemplateName,
     Threads,
+    Tucks,
 )
 from uvcloth.errors import InputError
 from uvcloth.methods.finish_names import FinishName
@@ -38,7 +39,8 @@ class Rollout:
         tuple[str, ...],
         arg(
             metavar="NAME|FILE ...",
-            help=f"Templates ({TEMPLATE_NAMES}) or garment files, the innermost first.",
+            help=f"Templates ({TEMPLATE_NAMES}) or garment files, in the order in which they are worn, the "
+            "innermost first.",
         ),
     ]
     out: Annotated[
@@ -70,6 +72,7 @@ class Rollout:
         arg(metavar="NAME|auto ...", help_behavior_hint="(default: the one each covers best)"),
     ] = ()
     """Template that a PhysXNet predicts a garment as: one for all, or one for each in order."""
+    tuck: Tucks = ()
     garment_pose: GarmentPose = None
     from_body: FromBody = None
     fabric: Fabric = None

@@ -1,4 +1,4 @@
-"""Summary of a rollout: files, times and visible skin."""
+"""Summary of a rollout: files, times, and what shows through the cloth."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -13,6 +13,9 @@ from uvcloth.rollout import RolloutFrame
 INVISIBLE = 0.05
 """Percent of the covered skin below which showing skin is invisible."""
 
+INVISIBLE_CLOTH = 0.02
+"""Percent of the visible cloth below which cloth that comes through is invisible: some square centimetres."""
+
 MOST_FILES = 12
 """Files that a summary lists one by one: an OBJ sequence is one for each frame."""
 
@@ -21,22 +24,37 @@ MOST_LISTED = 5
 
 
 @dataclass(frozen=True)
+class Share:
+    """Percent of a surface that shows: its mean over the frames, its largest value, and the frame of that."""
+
+    mean: float = 0.0
+    worst: float = 0.0
+    frame: int = 0
+
+    def text(self, surface: str, least: float) -> str:
+        """Mean and largest value in words; least: percent below which a mean is not told."""
+        mean = f"below {least} %" if self.mean < least else f"{self.mean:.2f} %"
+        worst = f"{self.worst:.2f} %" if self.worst < 0.1 else f"{self.worst:.1f} %"
+        return f"on {mean} of {surface} on average, at most on {worst} at frame {self.frame}"
+
+
+@dataclass(frozen=True)
 class Summary:
     """Summary of a rollout.
 
     written: the files. frames: number of predicted frames, one of `every` of the clip. seconds: wall time of
     all frames. milliseconds: per frame, by stage. skin: percent of the skin covered at rest that shows
-    through the garments, mean over the written frames; worst: its largest value and the frame. replaced:
-    messages on garments that had no valid prediction in a frame. difficult: messages on difficulties and
-    their frames.
+    through the garments; cloth: percent of the visible cloth that comes through a garment over it, None for a
+    garment alone. replaced: messages on garments that had no valid prediction in a frame. difficult: messages
+    on difficulties and their frames.
     """
 
     written: tuple[Path, ...]
     frames: int
     seconds: float
     milliseconds: dict[str, float]
-    skin: float
-    worst: tuple[float, int]
+    skin: Share
+    cloth: Share | None = None
     every: int = 1
     replaced: tuple[str, ...] = ()
     difficult: tuple[str, ...] = ()
@@ -59,27 +77,49 @@ class Summary:
         if self.replaced:
             lines.append("these were replaced by linear blend skinning")
         lines.extend(self.difficult)
-        return [*lines, self._visible_skin()]
+        return [*lines, *self._through()]
 
-    def _visible_skin(self) -> str:
-        """Sentence on the skin that shows through the cloth."""
-        worst, frame = self.worst
-        if worst < INVISIBLE:
-            return "no skin shows through the cloth"
-        least = f"below {INVISIBLE} %" if self.skin < INVISIBLE else f"{self.skin:.2f} %"
-        return (
-            f"skin will show through the cloth: on {least} of what it covers on average, at most on "
-            f"{worst:.1f} % at frame {frame}"
-        )
+    def _through(self) -> list[str]:
+        """Sentences on what shows through the cloth; only if nothing does, one says so."""
+        sentences = []
+        if self.skin.worst >= INVISIBLE:
+            text = self.skin.text("what it covers", INVISIBLE)
+            sentences.append(f"skin will show through the cloth: {text}")
+        if self.cloth and self.cloth.worst >= INVISIBLE_CLOTH:
+            text = self.cloth.text("the visible cloth", INVISIBLE_CLOTH)
+            sentences.append(f"inner garments will show through outer ones: {text}")
+        if self.cloth and not sentences:
+            return ["no skin and no inner garment shows through the cloth"]
+        return sentences or ["no skin shows through the cloth"]
+
+
+@dataclass
+class ShareTotal:
+    """Sum of a percentage over the frames so far, and its largest value with the frame."""
+
+    total: float = 0.0
+    worst: float = 0.0
+    frame: int = 0
+
+    def add(self, percent: float, frame: int) -> None:
+        """Add the percentage of a frame."""
+        self.total += percent
+        if percent > self.worst:
+            self.worst, self.frame = percent, frame
+
+    def share(self, frames: int) -> Share:
+        """The share over so many frames."""
+        return Share(self.total / frames, self.worst, self.frame)
 
 
 @dataclass
 class Totals:
-    """Sums over the frames of a rollout so far."""
+    """Sums over the frames of a rollout so far, of several garments or of one alone."""
 
+    several: bool = False
     frames: int = 0
-    skin: float = 0.0
-    worst: tuple[float, int] = (0.0, 0)
+    skin: ShareTotal = field(default_factory=ShareTotal)
+    cloth: ShareTotal = field(default_factory=ShareTotal)
     replaced: list[str] = field(default_factory=list)
     difficulties: Difficulties = field(default_factory=Difficulties)
     milliseconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
@@ -92,10 +132,10 @@ class Totals:
         self.replaced.extend(frame.replaced)
         self.difficulties.add(frame.difficulties, frame.index)
 
-    def add_skin(self, percent: float, frame: int) -> None:
-        """Add the share of the skin that shows in a frame."""
-        self.skin += percent
-        self.worst = max(self.worst, (percent, -frame))
+    def add_shares(self, skin: float, cloth: float, frame: int) -> None:
+        """Add the percent of the skin, and of inner cloth, that shows in a frame."""
+        self.skin.add(skin, frame)
+        self.cloth.add(cloth, frame)
 
     @contextmanager
     def timed(self, stage: str) -> Iterator[None]:
@@ -111,8 +151,8 @@ class Totals:
             frames=self.frames,
             seconds=seconds,
             milliseconds={stage: total / self.frames for stage, total in self.milliseconds.items()},
-            skin=self.skin / self.frames,
-            worst=(self.worst[0], -self.worst[1]),
+            skin=self.skin.share(self.frames),
+            cloth=self.cloth.share(self.frames) if self.several else None,
             every=every,
             replaced=tuple(self.replaced),
             difficult=self.difficulties.lines(),

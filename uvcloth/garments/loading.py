@@ -9,9 +9,10 @@ from uvcloth.errors import InputError
 from uvcloth.garments.arrays import NamedMesh
 from uvcloth.garments.fit import PLAIN, Fitting, PlacedFile, fit, place_on_body, read_on_body
 from uvcloth.garments.garment import Garment
-from uvcloth.garments.mhclo import SUFFIX
 from uvcloth.garments.pieces import pieces, split
 from uvcloth.garments.templates import TEMPLATES, fit_template
+from uvcloth.garments.tucks import Tuck, worn_order
+from uvcloth.garments.untangling import untangle
 from uvcloth.physics.fabric import Fabric, find_fabric
 
 AUTO = "auto"
@@ -39,15 +40,16 @@ def load_outfit(
     templates: Sequence[str] = (),
     how: Fitting = PLAIN,
     fabric: str | Fabric | None = None,
+    tucks: Sequence[Tuck] = (),
 ) -> tuple[Garment, ...]:
     """Load garments worn together, the innermost first; a file or mesh that holds several gives all of them.
 
-    names: templates, garment files and meshes. Where all are MakeHuman's clothes, the layers that they name
-    decide the order. templates: those whose motion the garments take, one for all names or one for each; none
+    They come to lie over one another, see `untangle`. names: templates, garment files and meshes. tucks: see
+    `worn_order`. templates: those whose motion the garments take, one for all names or one for each; none
     or "auto" for the one that each covers best. report: as `load_garment` has it. how: what is known of
     the body that mesh files and meshes were modelled on, see `read_on_body`. fabric: that of all garments,
-    see `find_fabric`. Raises InputError as `fit_template` and `fit` do, for unknown templates, and for a
-    number of templates that is neither one nor that of the names.
+    see `find_fabric`. Raises InputError as `fit_template`, `fit` and `worn_order` do, for unknown templates,
+    and for a number of templates that is neither one nor that of the names.
     """
     made_of = find_fabric(fabric)
     if len(templates) not in (0, 1, len(names)):
@@ -59,11 +61,11 @@ def load_outfit(
     ]
     if unknown := [template for template in template_of if template not in (*TEMPLATES, AUTO)]:
         raise InputError(f"--template {unknown[0]}: expected one of {', '.join((*TEMPLATES, AUTO))}")
-    loaded: list[tuple[int, tuple[Garment, ...]]] = []
+    loaded: list[Garment] = []
     for name, template in zip(names, template_of, strict=True):
         if isinstance(name, str) and name in TEMPLATES:
             garment = fit_template(name, body)
-            loaded.append((0, (garment if template == AUTO else replace(garment, template=template),)))
+            loaded.append(garment if template == AUTO else replace(garment, template=template))
             continue
         called, placed = _placed(name, body, how)
         parts = split(called, placed.mesh, body, None if template == AUTO else template)
@@ -72,11 +74,11 @@ def load_outfit(
         for piece in parts:
             report(f"  {piece.name}: {len(piece.mesh.vertices)} vertices, worn as {piece.template}")
         # What a file hides, all of its pieces hide together.
-        parts = (replace(parts[0], hides=placed.hides), *parts[1:])
-        loaded.append((placed.diagnosis.depth, parts))
-    if all(isinstance(name, str) and name.lower().endswith(SUFFIX) for name in names):
-        loaded.sort(key=lambda layer: layer[0])
-    return tuple(replace(garment, fabric=made_of) for _, parts in loaded for garment in parts)
+        loaded += (replace(parts[0], hides=placed.hides), *parts[1:])
+    worn = untangle(worn_order(loaded, tucks), body)
+    for line in worn.lines:
+        report(line)
+    return tuple(replace(garment, fabric=made_of) for garment in worn.garments)
 
 
 def _placed(source: str | NamedMesh, body: Body, how: Fitting) -> tuple[str, PlacedFile]:

@@ -50,6 +50,11 @@ class SurfaceSample:
         """Positions on posed vertices (..., V, 3) m: (..., P, 3) m."""
         return gather(vertices, self.corners, self.barycentrics)
 
+    def oriented(self, vertices: Tensor) -> tuple[Tensor, Tensor]:
+        """Points and the unit normals of their faces, (P, 3) each, on posed vertices (V, 3) m."""
+        normals = torch.nn.functional.normalize(face_normals(vertices, self.corners), dim=1)
+        return self.points(vertices).float(), normals.float()
+
     def subset(self, rows: Tensor) -> "SurfaceSample":
         """Subset of the points, by mask or index (K,)."""
         return SurfaceSample(self.corners[rows], self.barycentrics[rows])
@@ -105,7 +110,7 @@ class Exposure:
         self._cloth = Shell(outfit.vertices, outfit.faces)
         self._body = Shell(body.mesh.vertices, body.mesh.faces)
         everywhere = spread(body.mesh.vertices, body.mesh.faces, SKIN_POINTS)
-        points, normals = _skin(everywhere, body.mesh.vertices)
+        points, normals = everywhere.oriented(body.mesh.vertices)
         cloth, facing = self._cloth.first_hit(points, normals, COVER_DISTANCE)
         limb, _ = self._body.first_hit(points + RAY_START_HEIGHT * normals, normals, COVER_DISTANCE)
         self.covered = everywhere.subset((cloth < COVER_DISTANCE) & (facing > 0) & (cloth < limb))
@@ -113,7 +118,7 @@ class Exposure:
     def shows(self, garments: Sequence[Tensor], body_vertices: Tensor) -> Tensor:
         """Mask of the covered points of a posed body (V, 3) m that show through garments (N, 3) m: (P,)."""
         self._cloth.update(torch.cat(list(garments)))
-        points, normals = _skin(self.covered, body_vertices)
+        points, normals = self.covered.oriented(body_vertices)
         cloth, facing = self._cloth.first_hit(points, -normals, UNDER_SKIN_DISTANCE)
         shows = (cloth < UNDER_SKIN_DISTANCE) & (facing < 0)
         rows = torch.nonzero(shows).squeeze(1)
@@ -129,9 +134,3 @@ class Exposure:
         """Percent of the covered points that show, 0 if nothing is covered. Arguments as of `shows`."""
         shows = self.shows(garments, body_vertices)
         return 100.0 * float(shows.float().mean()) if len(shows) else 0.0
-
-
-def _skin(sample: SurfaceSample, vertices: Tensor) -> tuple[Tensor, Tensor]:
-    """Points and the unit normals of their faces, (P, 3) each, on a posed body (V, 3)."""
-    normals = torch.nn.functional.normalize(face_normals(vertices, sample.corners), dim=1)
-    return sample.points(vertices).float(), normals.float()

@@ -7,7 +7,7 @@ moves the three corners of its face.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -16,7 +16,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.geometry.mesh import Mesh, face_normals, weld
 from uvcloth.physics.exposure import SurfaceSample, spread
-from uvcloth.physics.layers import InnerLayer, Layer
+from uvcloth.physics.layers import Layer
 from uvcloth.physics.obstacle import ContactGarment, Obstacle
 from uvcloth.physics.surface import FREE
 
@@ -87,13 +87,8 @@ class FaceContact:
     def _garment(self, mesh: Mesh, layers: Sequence[Layer]) -> CoarseGarment:
         area = 0.5 * float(face_normals(mesh.vertices, mesh.faces).norm(dim=1).sum())
         points = spread(mesh.vertices, mesh.faces, math.ceil(area / POINT_SPACING**2))
-        corners = self._obstacle.contact_garment(mesh.vertices, layers)
-        loose = self._obstacle.contact_garment(points.points(mesh.vertices), layers)
-        over = tuple(
-            _where_corners_are(points, loose.touches, beneath, vertices.rows)
-            for beneath, vertices in zip(loose.over, corners.over, strict=True)
-        )
-        return CoarseGarment(points, replace(loose, over=over), weld(mesh.vertices))
+        contact = self._obstacle.contact_garment(points.points(mesh.vertices), layers)
+        return CoarseGarment(points, contact, weld(mesh.vertices))
 
     def _cleared(self, vertices: Tensor, garment: CoarseGarment) -> Tensor:
         for _ in range(SEARCHES):
@@ -108,14 +103,3 @@ class FaceContact:
                 offsets[rows] = (directions * points[rows]).sum(1) - distance + FACE_CLEARANCE
             vertices = garment.push(vertices, normals, offsets)
         return vertices
-
-
-def _where_corners_are(
-    points: SurfaceSample, touches: Tensor, beneath: InnerLayer, vertices: Tensor
-) -> InnerLayer:
-    """The contact with a layer of all points whose three corners (rows of vertices) are kept off it.
-
-    A point between them may be on its inner side at rest: where the layer comes through a face.
-    """
-    rows = torch.nonzero(torch.isin(points.corners, vertices).all(1)).squeeze(1)
-    return replace(beneath, rows=rows, touches=touches[rows])

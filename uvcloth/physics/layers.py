@@ -8,7 +8,7 @@ from torch import Tensor
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.physics import kernels
 from uvcloth.physics.launch import array, launch
-from uvcloth.physics.surface import SEARCH_DISTANCE, MovingMeshes
+from uvcloth.physics.surface import MovingMeshes
 
 LAYER_SEARCH_DISTANCE = 0.03
 """Metres within which an inner garment is looked for."""
@@ -64,13 +64,12 @@ class Layer(MovingMeshes):
 class InnerLayer:
     """Contact of an outer garment with one beneath it.
 
-    rows: (R,) int64, the outer garment's vertices that are kept on its outer side. touches: (R,) int32, a bit
-    per part of the body that may touch them; parts: (F,) int32, the same of the layer's faces. A sleeve
-    touches sleeves, not the trousers that an arm is pressed into.
+    touches: (N,) int32, a bit per part of the body that may touch a vertex of the outer garment; parts: (F,)
+    int32, the same of the layer's faces. A sleeve touches sleeves, not the trousers that an arm is pressed
+    into.
     """
 
     layer: Layer
-    rows: Tensor
     touches: Tensor
     parts: Tensor
 
@@ -79,21 +78,19 @@ class InnerLayer:
 
         Returns their rows (n,), their distance (n,) m and its normals there (n, 3).
         """
-        closest = self.layer.beside(vertices[self.rows])
-        met = closest.covered & (self.parts[closest.faces] & self.touches != 0)
-        return self.rows[met], closest.distance[met], closest.normals[met]
+        closest = self.layer.beside(vertices)
+        rows = torch.nonzero(closest.covered & (self.parts[closest.faces] & self.touches != 0)).squeeze(1)
+        return rows, closest.distance[rows], closest.normals[rows]
 
 
-def inner_layer(layer: Layer, vertices: Tensor, touches: Tensor, layer_touches: Tensor) -> InnerLayer:
-    """Contact of vertices (N, 3) m at rest with a layer at rest, all but those on its inner side.
+def inner_layer(layer: Layer, touches: Tensor, layer_touches: Tensor) -> InnerLayer:
+    """Contact of the vertices of an outer garment with a layer.
 
     touches: (N,) int32, a bit per part of the body that may touch a vertex; layer_touches: (M,), the same of
     the layer's.
     """
-    closest = layer.beside(vertices, SEARCH_DISTANCE)
-    rows = torch.nonzero(~closest.covered | (closest.distance >= 0)).squeeze(1)
     first, second, third = layer_touches[layer.faces].unbind(1)
-    return InnerLayer(layer, rows, touches[rows], first | second | third)
+    return InnerLayer(layer, touches, first | second | third)
 
 
 def wrong_side_percent(outer: Tensor, inner: Tensor, faces: Tensor) -> float:

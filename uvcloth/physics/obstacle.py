@@ -83,7 +83,7 @@ class Obstacle:
         opened = self._opened.for_cloth(touched)
         if opened.pressed != self._opened.pressed:
             self._opened, self._opening = opened, make_opening(opened, self._rest)
-        beneath = tuple(inner_layer(layer, vertices, touches, self._touches(layer.points)) for layer in over)
+        beneath = tuple(inner_layer(layer, touches, self._touches(layer.points)) for layer in over)
         return ContactGarment(touches, beneath)
 
     def update(self, body_vertices: Tensor) -> None:

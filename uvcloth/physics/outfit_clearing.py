@@ -154,9 +154,9 @@ class OutfitClearing:
 def _layers(garments: Sequence[WeldedMesh], size: float, touches: Tensor) -> Iterator[tuple[InnerLayer, ...]]:
     """Of each garment the contacts with those beneath it. touches: (N,) bits of all points."""
     bits = touches.split([len(each.points) for each in garments])
-    for outer, each in enumerate(garments):
+    for outer in range(len(garments)):
         yield tuple(
-            inner_layer(Layer(below.points / size, below.faces), each.points / size, bits[outer], inner)
+            inner_layer(Layer(below.points / size, below.faces), bits[outer], inner)
             for below, inner in zip(garments[:outer], bits[:outer], strict=True)
         )
 

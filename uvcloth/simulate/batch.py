@@ -4,6 +4,7 @@ import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 from uvcloth.bodies.body import Body
@@ -21,9 +22,11 @@ from uvcloth.dataset.folder import (
 )
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import require_there, sole_writer
+from uvcloth.garments.garment import Garment
 from uvcloth.garments.joined import Cloth, join
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.order import check_order
+from uvcloth.garments.untangling import untangle
 from uvcloth.motion.index import INDEX
 from uvcloth.motion.lead_in import LeadIn
 from uvcloth.physics.fabric import find_fabric
@@ -163,21 +166,24 @@ def simulate_all(todo: Iterable[Job], frames: int, engine: Engine, workers: Work
 
 
 def _cloths(outfits: Sequence[Sequence[str]], body: Body) -> list[tuple[Cloth, ...]]:
-    """Load the garments, ready to simulate. Raises InputError also if two of them have one name.
+    """Load the garments, untangled and ready to simulate. Raises InputError also if two have one name.
 
     Names that differ only in capitals count as the same: on Windows and macOS their files are the same.
     """
     taken: dict[str, str] = {}
 
-    def load(name: str) -> Cloth:
-        cloth = join(load_garment_for_data(name, body, LOGGER.info), body)
-        same = cloth.garment.name.casefold()
+    def load(name: str) -> Garment:
+        garment = load_garment_for_data(name, body, LOGGER.info)
+        same = garment.name.casefold()
         if same in taken:
             raise InputError(f"garment {name}: another one is also named {taken[same]}")
-        taken[same] = cloth.garment.name
-        return cloth
+        taken[same] = garment.name
+        return garment
 
-    return [tuple(load(name) for name in outfit) for outfit in outfits]
+    worn = [untangle([load(name) for name in outfit], body) for outfit in outfits]
+    for line in chain.from_iterable(outfit.lines for outfit in worn):
+        LOGGER.info(line)
+    return [tuple(join(garment, body) for garment in outfit.garments) for outfit in worn]
 
 
 def _simulate_job(

@@ -24,6 +24,7 @@ from uvcloth.garments.joined import Cloth, join
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.order import check_order
 from uvcloth.garments.templates import TEMPLATES
+from uvcloth.garments.untangling import untangle
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.index import INDEX, clip_file
 from uvcloth.motion.library import builtin_clips
@@ -125,13 +126,14 @@ class _Stock:
         return self.bodies[row.body]
 
     def cloths(self, row: PlanRow) -> tuple[Cloth, ...]:
-        """Garments of a row on its body, ready to simulate; layers are checked to lie over one another."""
+        """Garments of a row on its body, ready to simulate, untangled and checked to lie over one another."""
         key = (row.body, *row.garments)
         if key not in self.worn:
             body = self.body(row)
             with self._named(row):
                 sources = [name if name in TEMPLATES else self._garment(name) for name in row.garments]
-                self.worn[key] = tuple(join(load_garment_for_data(name, body), body) for name in sources)
+                worn = untangle([load_garment_for_data(name, body) for name in sources], body)
+                self.worn[key] = tuple(join(garment, body) for garment in worn.garments)
                 check_order([cloth.garment for cloth in self.worn[key]])
         return self.worn[key]
 

@@ -1,0 +1,64 @@
+"""Automatic choice of a model: the cloth solver where it can hold the garments up, otherwise a network.
+
+No network as a guide of the solver has clearly less error than the solver alone (docs/physics.md).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from uvcloth.errors import InputError
+from uvcloth.garments.band import holding_band
+from uvcloth.garments.garment import Outfit
+from uvcloth.methods.registry import DEFAULT, load_method
+
+AUTO = "auto"
+"""Word for the model that suits an outfit, instead of a model's name."""
+
+INSTEAD = ("physxnet", "lbs_smooth")
+"""Models of any garment for those that the solver cannot hold up, the best first."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """Name of a model, and a line on what was taken and why."""
+
+    model: str
+    line: str
+
+
+def choose_model(outfit: Outfit) -> Choice:
+    """Choose the model that moves all garments of an outfit."""
+    fault = _fault(outfit)
+    if not fault:
+        return Choice(DEFAULT, f"model {DEFAULT}: every garment has a hem that holds it")
+    for name in INSTEAD[:-1]:
+        try:
+            if not load_method(name, outfit.body).unsupported_reason(outfit):
+                return Choice(name, f"model {name}: not {DEFAULT}, {fault}")
+        except InputError:
+            # A shipped model may be of another skeleton than this body's.
+            continue
+    return Choice(INSTEAD[-1], f"model {INSTEAD[-1]}: not {DEFAULT}, {fault}; no trained model has this body")
+
+
+def named_models(models: Sequence[str], outfit: Outfit) -> tuple[tuple[str, ...], str | None]:
+    """The models that are asked for, AUTO replaced by the one that suits, and the line on that, if any.
+
+    Raises InputError for AUTO beside others.
+    """
+    if AUTO not in models:
+        return tuple(models), None
+    if len(models) > 1:
+        raise InputError(f"--model {AUTO}: is chosen for all garments together, name no model beside it")
+    choice = choose_model(outfit)
+    return (choice.model,), choice.line
+
+
+def _fault(outfit: Outfit) -> str:
+    """The reason that the solver cannot hold a garment up, "" where it can."""
+    for garment in outfit.garments:
+        try:
+            holding_band(garment, outfit.body)
+        except InputError as error:
+            return str(error)
+    return ""

@@ -1,0 +1,44 @@
+"""Visibility of points on a dressed body to a person who walks around it."""
+
+import math
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+
+from uvcloth.geometry.mesh import join_meshes
+from uvcloth.physics.exposure import Shell
+
+RISES = (-10.0, 10.0, 40.0, 75.0)
+"""Degrees above the horizon from which a person looks."""
+
+TURNS = 12
+"""Directions around the body."""
+
+START = 0.001
+"""Metres in front of a point from where its rays start."""
+
+FAR_ENOUGH = 3.0
+"""Metres that rays are followed."""
+
+
+class Onlooker:
+    """A person who walks around a body and its garments: vertices (V, 3), (N, 3) m and faces of each."""
+
+    def __init__(self, meshes: Sequence[tuple[Tensor, Tensor]]) -> None:
+        everything = join_meshes(meshes)
+        self._shell = Shell(everything.vertices, everything.faces)
+        turns = torch.arange(TURNS) * (2.0 * math.pi / TURNS)
+        rises = torch.tensor(RISES).deg2rad()[:, None]
+        level = torch.stack([turns.cos(), turns.sin()], 1)
+        flat = (rises.cos()[:, None] * level).reshape(-1, 2)
+        up = rises.sin().expand(-1, TURNS).reshape(-1, 1)
+        self._directions = torch.cat([flat, up], 1).to(everything.vertices)
+
+    def sees(self, points: Tensor) -> Tensor:
+        """Mask (P,) of the points (P, 3) m that are seen from any side."""
+        count = len(self._directions)
+        starts = points.repeat_interleave(count, 0)
+        directions = self._directions.repeat(len(points), 1)
+        distance, _ = self._shell.first_hit(starts + START * directions, directions, FAR_ENOUGH)
+        return (distance >= FAR_ENOUGH).view(-1, count).any(1)
