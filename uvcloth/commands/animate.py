@@ -71,8 +71,9 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
         outfit = Outfit(body, _load_garments(command, body, report))
         place = find_device(command.device)
         method, clear, choice = _load_method(command, outfit)
-        motion = load_clip(command.motion, body, command.options)
-        ready = ready_rollout(method, outfit, motion, clear, loop=command.loop)
+        ready = ready_rollout(
+            method, outfit, load_clip(command.motion, body, command.options), clear, loop=command.loop
+        )
         clip, transforms, proxied = ready.motion, ready.transforms, ready.proxied
         meshes = proxied.named()
         exposures = Exposure(body, proxied.meshes), ClothExposure(body, proxied.meshes)
