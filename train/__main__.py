@@ -16,6 +16,7 @@ from train.registry import TRAINERS
 from train.trainer import TrainingRun
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import sole_writer
+from uvcloth.files.options import check_options
 from uvcloth.process.command import run_command
 
 
@@ -30,6 +31,7 @@ def main() -> None:
     entry = TRAINERS[method]
     default = starting_from(entry.run, entry.presets, _preset_of(arguments))
     run = tyro.cli(entry.run, args=arguments, default=default, prog=f"python -m train {method}")
+    check_options(run)
     if find_spec("lightning") is None:
         raise InputError("training needs Lightning: install uvcloth[train]")
     # Of several processes that Lightning starts for one run, the first claims its folder.

@@ -22,6 +22,7 @@ from uvcloth.commands.poses import Poses
 from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.simulate import Simulate
 from uvcloth.commands.view import View
+from uvcloth.files.options import check_options
 from uvcloth.process.command import run_command
 from uvcloth.version import package_version
 
@@ -73,5 +74,6 @@ def _run() -> None:
         print(f"uvcloth {package_version()}")
         return
     command: Command = subcommand_cli_from_dict(COMMANDS, prog="uvcloth", description=DESCRIPTION)
+    check_options(command)
     with printed_log():
         command.run()

@@ -2,13 +2,16 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+from uvcloth.files.options import NewFolder
 
 
 @dataclass(frozen=True)
 class Demo:
     """Compare simulation, networks, networks over physics, and physics over a motion that stops suddenly."""
 
-    out: Path = Path("demo")
+    out: Annotated[Path, NewFolder()] = Path("demo")
     """Folder for all results."""
 
     def run(self) -> None:

@@ -6,8 +6,9 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from uvcloth.commands.options import Jobs
+from uvcloth.commands.options import PNG, SEED, Jobs
 from uvcloth.errors import InputError
+from uvcloth.files.options import Between, NewFolder, Several, Source
 
 FEWEST_VERTICES, MOST_VERTICES = 1000, 16000
 
@@ -16,9 +17,9 @@ FEWEST_VERTICES, MOST_VERTICES = 1000, 16000
 class Outfits:
     """Make random outfits on bodies as training data: a JSON and OBJ files for each."""
 
-    count: int
+    count: Annotated[int, Between(1, 100_000)]
     """Number of outfits; run it again to continue."""
-    out: Path
+    out: Annotated[Path, NewFolder()]
     """Folder for o0001.json, its pieces o0001_tshirt.obj, ..., and bodies/."""
     body: Annotated[
         tuple[str, ...],
@@ -28,12 +29,16 @@ class Outfits:
             "three, so that no body is in two splits. Without this option, bodies are drawn from phenotypes.",
             help_behavior_hint="",
         ),
+        Source((".npz",), names=lambda: ("builtin",)),
+        Several(most=1000, distinct=True),
     ] = ()
-    bodies: Annotated[int, arg(metavar="K")] = 12
+    bodies: Annotated[int, arg(metavar="K"), Between(1, 1000)] = 12
     """Number of bodies to draw."""
-    seed: int = 0
+    seed: Annotated[int, SEED] = 0
     """Random seed: the same seed gives the same outfits."""
-    vertices: Annotated[tuple[int, int], arg(metavar="LEAST MOST")] = (1000, 2500)
+    vertices: Annotated[
+        tuple[int, int], arg(metavar="LEAST MOST"), Between(FEWEST_VERTICES, MOST_VERTICES)
+    ] = (1000, 2500)
     """Range of the number of vertices of an outfit, within 1000 to 16000."""
     type: Annotated[
         tuple[str, ...],
@@ -43,10 +48,11 @@ class Outfits:
             "jumpsuit, or an upper piece over a lower one, such as tshirt+skirt.",
             help_behavior_hint="(default: all)",
         ),
+        Several(distinct=True),
     ] = ()
     jobs: Jobs = None
     """Number of processes."""
-    picture: Annotated[Path | None, arg(metavar="PNG", help_behavior_hint="")] = None
+    picture: Annotated[Path | None, arg(metavar="PNG", help_behavior_hint=""), PNG] = None
     """Also draw a contact sheet of the first 48 outfits."""
 
     def run(self) -> None:

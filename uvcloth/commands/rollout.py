@@ -8,6 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import arg
 
 from uvcloth.commands.options import (
+    DEVICE,
+    EXTRAS,
+    GARMENT,
+    MOTION,
     TEMPLATE_NAMES,
     BodyFile,
     Fabric,
@@ -21,8 +25,12 @@ from uvcloth.commands.options import (
     Threads,
 )
 from uvcloth.errors import InputError
+from uvcloth.files.options import NewFile, Several
 from uvcloth.methods.finish_names import FinishName
 from uvcloth.motion.options import MotionOptions
+
+ANIMATIONS = (".glb", ".usdc", ".usd", ".pc2", ".abc", ".obj", ".npz", ".mp4", ".gif", ".png")
+"""Suffixes of the files that are written."""
 
 if TYPE_CHECKING:
     from uvcloth.commands.live_view import LiveAudience
@@ -32,7 +40,7 @@ if TYPE_CHECKING:
 class Rollout:
     """Move garments over a motion, and write files for engines, DCCs and players."""
 
-    motion: str
+    motion: Annotated[str, MOTION]
     """A motion file (BVH, glTF, AMASS) or the name of a built-in clip."""
     garment: Annotated[
         tuple[str, ...],
@@ -40,6 +48,8 @@ class Rollout:
             metavar="NAME|FILE ...",
             help=f"Templates ({TEMPLATE_NAMES}) or garment files, the innermost first.",
         ),
+        GARMENT,
+        Several(least=1),
     ]
     out: Annotated[
         tuple[Path, ...],
@@ -49,6 +59,8 @@ class Rollout:
             "other programs, .mp4 or .gif for a video, .png for a contact sheet.",
             help_behavior_hint="",
         ),
+        NewFile(ANIMATIONS, EXTRAS),
+        Several(distinct=True),
     ] = ()
     model: Models = ()
     finish: Annotated[
@@ -93,7 +105,7 @@ class Rollout:
             "clothes hide (delete_verts)."
         ),
     ] = False
-    device: Annotated[str, arg(metavar="cpu|cuda")] = "cpu"
+    device: Annotated[str, arg(metavar="cpu|cuda"), DEVICE] = "cpu"
     """Device of the computation."""
     threads: Threads = 1
     """Number of CPU threads; on a loaded machine several are slower than one."""
