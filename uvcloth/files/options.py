@@ -52,8 +52,8 @@ class Between:
         """See Rule. NaN is nowhere."""
         if (value > self.least or (value == self.least and not self.above)) and value <= self.most:
             return ""
-        start = f"more than {self.least:.9g}, at most" if self.above else f"{self.least:.9g} to"
-        return f"expected {start} {self.most:.9g}"
+        start = f"more than {self.least:.12g}, at most" if self.above else f"{self.least:.12g} to"
+        return f"expected {start} {self.most:.12g}"
 
 
 @dataclass(frozen=True)
