@@ -14,7 +14,7 @@ import tyro
 from uvcloth.commands.options import FOLDER, GARMENT, Threads
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import sole_writer
-from uvcloth.files.options import AtLeast, Between, NewFolder, Several, check_options
+from uvcloth.files.options import AtLeast, Between, NewFolder, Several, parsed
 from uvcloth.methods.registry import list_methods
 from uvcloth.process.command import run_command
 
@@ -127,15 +127,14 @@ def summary(results: dict) -> str:
     )
 
 
+def parse(arguments: Sequence[str]) -> Evaluate:
+    """Parse a command line. Raises as `uvcloth.cli.parse`."""
+    return parsed(lambda: tyro.cli(Evaluate, args=arguments, prog="python -m evaluate"), arguments)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Parse the command line and judge; returns the exit code: 0, 2 for bad input, 130 after Ctrl-C."""
-
-    def command() -> None:
-        evaluate = tyro.cli(Evaluate, args=arguments, prog="python -m evaluate")
-        check_options(evaluate)
-        evaluate.run()
-
-    return run_command("evaluate", command)
+    return run_command("evaluate", lambda: parse(sys.argv[1:] if arguments is None else arguments).run())
 
 
 if __name__ == "__main__":

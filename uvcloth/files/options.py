@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, ClassVar, Literal, Protocol, get_args
+from typing import Any, ClassVar, Literal, Protocol, TypeVar, get_args
 
 from tyro.conf import OmitArgPrefixes, Positional
 
@@ -27,6 +27,9 @@ SHOWN = 200
 
 POSITIONAL, WITHOUT_PREFIX = get_args(Positional[int])[1], get_args(OmitArgPrefixes[int])[1]
 """Tyro's marks of a field without an option's name, and of one whose name begins no option's."""
+
+
+Command = TypeVar("Command")
 
 
 class Rule(Protocol):
@@ -173,6 +176,20 @@ class NewFolder:
         return _folder_refusal(value)
 
 
+def parsed(parse: Callable[[], Command], arguments: Sequence[str]) -> Command:
+    """The command that arguments are parsed into, its options checked.
+
+    parse: of tyro, which takes minutes to compare very long words with its options' names. Raises InputError
+    for words that are too long, and as `check_options` does.
+    """
+    for word in arguments:
+        if len(os.fsencode(word)) > LONGEST_PATH:
+            raise InputError(f"{shortened(word)}: too long, expected at most {LONGEST_PATH} bytes")
+    command = parse()
+    check_options(command)
+    return command
+
+
 def check_options(command: Any) -> None:
     """Raise InputError for the first option of a command whose value is out of its range.
 
@@ -213,8 +230,6 @@ class _Possible:
                 return (
                     f"too long, expected at most {LONGEST_NAME} bytes between slashes, {LONGEST_PATH} in all"
                 )
-            if value == "":
-                return "expected a text that is not empty"
         return ""
 
 

@@ -75,8 +75,11 @@ def _report(program: str, sentence: str, code: int) -> int:
     return code
 
 
-def _line(program: str, sentence: str) -> str:
+def one_line(sentence: str) -> str:
+    """A sentence on one line, cut to LONGEST characters, without paths of unfinished files."""
     text = PARTIAL.sub(r"\1", " ".join(sentence.split()))
-    if len(text) > LONGEST:
-        text = f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
-    return f"{program}: {text}"
+    return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
+
+
+def _line(program: str, sentence: str) -> str:
+    return f"{program}: {one_line(sentence)}"
