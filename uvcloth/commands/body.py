@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, arg
 
-from uvcloth.commands.options import JSON, BodyFile
+from uvcloth.commands.options import ANNY, JSON, BodyFile
 from uvcloth.errors import InputError
 from uvcloth.files.options import Between, NewFile, Several, Source
 
@@ -82,8 +82,10 @@ class MakeBody:
         print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
 
     def check(self) -> None:
-        """Raise InputError for two sources of the body, or for options without their source."""
+        """Raise InputError for two sources of the body, options without their source, or Anny that is missing."""
         phenotype = self.phenotype.given()
+        if phenotype:
+            ANNY.require()
         if phenotype and self.body:
             raise InputError(f"{self.body}: --body cannot be combined with phenotypes, give one of them")
         if self.character and (phenotype or self.body):

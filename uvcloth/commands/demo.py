@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+from uvcloth.commands.options import DASK
 from uvcloth.files.options import NewFolder
 
 
@@ -15,7 +16,8 @@ class Demo:
     """Folder for all results."""
 
     def run(self) -> None:
-        """Write all results. Raises InputError if the folder cannot be written."""
+        """Write all results. Raises InputError without dask, or if the folder cannot be written."""
+        DASK.require()
         from uvcloth.commands.demonstrate import demonstrate
 
         demonstrate(self.out)

@@ -8,6 +8,7 @@ from tyro.conf import arg
 
 from uvcloth.commands.options import (
     MOTION,
+    ONNX,
     TRAINED,
     BodyFile,
     Fabric,
@@ -56,6 +57,8 @@ class Export:
 
     def run(self) -> None:
         """Write the rig and print what it costs. Raises InputError for bad input."""
+        if self.motion is None:
+            ONNX.require()
         from uvcloth.commands.export_rig import export
 
         print("\n".join(export(self).lines()))

@@ -22,10 +22,16 @@ MOTIONS = (".bvh", ".glb", ".gltf", ".vrm", ".npz")
 """Suffixes of motion files."""
 
 EXTRAS = (
-    Package((".abc",), "alembic3d", "writing Alembic needs alembic3d: install uvcloth[alembic]"),
-    Package((".mp4", ".gif"), "av", "videos need PyAV: install uvcloth[video]"),
+    Package("alembic3d", "writing Alembic needs alembic3d: install uvcloth[alembic]", (".abc",)),
+    Package("av", "videos need PyAV: install uvcloth[video]", (".mp4", ".gif")),
 )
 """Packages that formats of animations need."""
+
+DASK = Package("dask", "simulating needs dask: install uvcloth[simulate]")
+NEWTON = Package("newton", "--engine newton needs Newton: install uvcloth[simulate]")
+ANNY = Package("anny", "making a body needs Anny: install uvcloth[body]")
+REMESHER = Package("pyacvd", "tailoring needs the remesher: install uvcloth[body]")
+ONNX = Package("onnx", "an export without --motion needs the package onnx: install uvcloth[export]")
 
 
 def clip_names() -> list[str]:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from uvcloth.commands.options import PNG, SEED, Jobs
+from uvcloth.commands.options import ANNY, PNG, REMESHER, SEED, Jobs
 from uvcloth.errors import InputError
 from uvcloth.files.options import Between, NewFolder, Several, Source
 
@@ -66,9 +66,12 @@ class Outfits:
             draw_sheet(outfit_files(self.out), self.picture)
 
     def check(self) -> None:
-        """Raise InputError for an unknown type, and for numbers that do not go together."""
+        """Raise InputError for an unknown type, numbers that do not go together, or a missing package."""
         from uvcloth.wardrobe.draw import OUTFITS
 
+        REMESHER.require()
+        if not self.body:
+            ANNY.require()
         low, high = self.vertices
         if low > high:
             raise InputError(f"--vertices {low} {high}: expected the smaller number first")

@@ -8,8 +8,10 @@ from tyro.conf import Positional, arg
 
 from uvcloth.commands.options import (
     CSV,
+    DASK,
     FABRIC_NAMES,
     FOLDER,
+    NEWTON,
     BodyFile,
     Garments,
     Jobs,
@@ -140,6 +142,9 @@ class Simulate:
 
     def _simulate(self) -> None:
         """Simulate a plan, outfits, or garments over clips."""
+        DASK.require()
+        if self.engine == "newton":
+            NEWTON.require()
         from uvcloth.bodies.body import load_body
         from uvcloth.simulate.batch import simulate_batch
         from uvcloth.simulate.outfits import simulate_outfits

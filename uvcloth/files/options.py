@@ -136,11 +136,16 @@ class Source:
 
 @dataclass(frozen=True)
 class Package:
-    """A package of an extra. suffixes: formats that need it. module: that it installs. need: a sentence."""
+    """A package of an extra. module: that it installs. need: a sentence. suffixes: formats that need it."""
 
-    suffixes: tuple[str, ...]
     module: str
     need: str
+    suffixes: tuple[str, ...] = ()
+
+    def require(self) -> None:
+        """Raise InputError if the package is not installed."""
+        if find_spec(self.module) is None:
+            raise InputError(self.need)
 
 
 @dataclass(frozen=True)
