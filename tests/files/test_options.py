@@ -12,6 +12,7 @@ import pytest
 
 from tests.fuzz.line_targets import CLIP, LINES, of
 from tests.test_cli import HEAVY
+from train.__main__ import main as train
 from uvcloth import cli
 from uvcloth.errors import InputError
 from uvcloth.files.options import SHOWN, check_options
@@ -165,7 +166,7 @@ def test_without_an_extra_a_command_names_it_before_it_begins(
     words: tuple[str, ...],
     sentence: str,
 ) -> None:
-    """Those of training and of the report: tests/train/test_settings.py, tests/evaluate/test_compare.py."""
+    """That of the report: tests/evaluate/test_compare.py."""
     monkeypatch.chdir(tmp_path)
     for name in [name for name in sys.modules if name.partition(".")[0] in (missing, "uvcloth.view.server")]:
         monkeypatch.delitem(sys.modules, name)
@@ -174,4 +175,13 @@ def test_without_an_extra_a_command_names_it_before_it_begins(
     monkeypatch.setattr(sys, "argv", ["uvcloth", *words])
     assert cli.main() == 2
     assert sentence in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_training_without_lightning_names_its_extra(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setitem(sys.modules, "lightning", None)
+    words = ["train", "pbns", "--garment", "tops", "--out", str(tmp_path / "x")]
+    monkeypatch.setattr(sys, "argv", words)
+    with pytest.raises(InputError, match=r"training needs Lightning: install uvcloth\[train\]"):
+        train()
     assert list(tmp_path.iterdir()) == []

@@ -82,7 +82,7 @@ class MakeBody:
         print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
 
     def check(self) -> None:
-        """Raise InputError for two sources of the body, options without their source, or Anny that is missing."""
+        """Raise InputError for two sources of the body, options without their source, or without Anny."""
         phenotype = self.phenotype.given()
         if phenotype:
             ANNY.require()
