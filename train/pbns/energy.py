@@ -15,7 +15,7 @@ from uvcloth.files.options import Between
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.records import to_device
 from uvcloth.physics.energies import attachment_energy, cloth_energies, collision_energy
-from uvcloth.physics.fabric import Fabric, FabricName, fabric_from, find_fabric
+from uvcloth.physics.fabric import RANGES, Fabric, FabricName, fabric_from, find_fabric
 from uvcloth.physics.posed_batch import ClosestPointCache
 
 PROGRAM_FABRIC = Fabric(density=0.3, stretch=34.641016, bend=8.660254e-5)
@@ -28,11 +28,11 @@ class FabricOptions:
 
     fabric: FabricName | None = None
     """Fabric (default: that of the paper's program: 34.6 N/m, 8.7e-5 N m, 0.3 kg/m2)."""
-    stretch: Annotated[float | None, Between(0, 1e9)] = None
+    stretch: Annotated[float | None, Between(*RANGES["stretch"])] = None
     """N/m, membrane stiffness, instead of the fabric's (PBNS, Figure 5: 12 to 58)."""
-    bend: Annotated[float | None, Between(0, 1e9)] = None
+    bend: Annotated[float | None, Between(*RANGES["bend"])] = None
     """N m, bending rigidity, instead of the fabric's (PBNS, Figure 5: 1.7e-6 to 1.7e-4)."""
-    density: Annotated[float | None, Between(0, 1e9)] = None
+    density: Annotated[float | None, Between(*RANGES["density"])] = None
     """kg/m2, instead of the fabric's."""
 
     def resolved(self) -> Fabric:
