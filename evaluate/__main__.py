@@ -11,8 +11,10 @@ from typing import Annotated, Literal
 
 import tyro
 
+from uvcloth.commands.options import FOLDER, GARMENT, Threads
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import sole_writer
+from uvcloth.files.options import AtLeast, Between, NewFolder, Several, parsed
 from uvcloth.methods.registry import list_methods
 from uvcloth.process.command import run_command
 
@@ -29,33 +31,32 @@ class Evaluate:
             "also one method per garment, the innermost first: RUN_A+RUN_B. NAME@dynamic and NAME@static add "
             "a finish of the cloth solver.",
         ),
+        Several(least=1),
     ]
-    data: Path
+    data: Annotated[Path, FOLDER]
     """A folder made by `uvcloth simulate`; its index.csv gives splits and actions. Each random
     outfit is evaluated on its own body, and figures are by type of garment."""
-    out: Path
+    out: Annotated[Path, NewFolder()]
     """Folder for metrics.json and report.html."""
-    garment: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE ...")] = ()
+    garment: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE ..."), GARMENT, Several()] = ()
     """Garment files to evaluate as well; the data folder has to contain their sequences."""
     split: Literal["test", "validation"] = "test"
     """Windows to evaluate: test, or validation while settings are chosen."""
-    actions: tuple[str, ...] = ()
+    actions: Annotated[tuple[str, ...], Several()] = ()
     """Evaluate only these actions."""
-    frames: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
+    frames: Annotated[int | None, tyro.conf.arg(metavar="N"), AtLeast(1)] = None
     """Evaluate only the first N frames of every window, after the warm-up."""
-    map_size: int = 256
+    map_size: Annotated[int, Between(1, 8192)] = 256
     """Size of the maps for the map MSE."""
     pictures: bool = True
     """Draw pictures of every action, of latent spaces of garments, and of training and test motion."""
-    threads: Annotated[int, tyro.conf.arg(metavar="N")] = 1
+    threads: Threads = 1
     """Number of CPU threads; on a loaded machine several are slower than one."""
 
     def run(self) -> None:
         """Judge, and write metrics.json and the report. Raises InputError for input that cannot be judged."""
         if not all(find_spec(module) for module in ("jinja2", "markupsafe", "PIL", "sklearn")):
             raise InputError("the report needs Jinja, Pillow and scikit-learn: install uvcloth[report]")
-        if self.frames is not None and self.frames < 1:
-            raise InputError(f"--frames {self.frames}: expected at least 1")
         with sole_writer(self.out):
             self._judge()
 
@@ -126,11 +127,14 @@ def summary(results: dict) -> str:
     )
 
 
+def parse(arguments: Sequence[str]) -> Evaluate:
+    """Parse a command line. Raises as `uvcloth.cli.parse`."""
+    return parsed(lambda: tyro.cli(Evaluate, args=arguments, prog="python -m evaluate"), arguments)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Parse the command line and judge; returns the exit code: 0, 2 for bad input, 130 after Ctrl-C."""
-    return run_command(
-        "evaluate", lambda: tyro.cli(Evaluate, args=arguments, prog="python -m evaluate").run()
-    )
+    return run_command("evaluate", lambda: parse(sys.argv[1:] if arguments is None else arguments).run())
 
 
 if __name__ == "__main__":

@@ -7,6 +7,8 @@ from tempfile import TemporaryFile
 
 import warp as wp
 
+from rasterize.cache_folder import temporary_cache
+
 NO_DRIVER = b"Could not find or load the NVIDIA CUDA driver"
 
 
@@ -24,7 +26,7 @@ def start_warp() -> None:
         with TemporaryFile() as heard:
             os.dup2(heard.fileno(), 2)
             try:
-                wp.init()
+                _init()
             finally:
                 os.dup2(kept, 2)
             heard.seek(0)
@@ -33,3 +35,12 @@ def start_warp() -> None:
                     os.write(2, line)
     finally:
         os.close(kept)
+
+
+def _init() -> None:
+    """Initialize Warp, with a temporary cache of its kernels where the user's cannot be written."""
+    try:
+        wp.init()
+    except OSError:
+        wp.config.kernel_cache_dir = str(temporary_cache("warp-cache"))
+        wp.init()

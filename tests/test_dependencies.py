@@ -35,7 +35,7 @@ def requirements(groups: Iterable[str] | None = None) -> dict[str, str]:
     return {
         Requirement(line).name.lower(): extra
         for extra, lines in declared.items()
-        if groups is None or extra in groups
+        if extra != "all" and (groups is None or extra in groups)
         for line in lines
     }
 
@@ -61,6 +61,13 @@ def test_every_dependency_is_in_the_table() -> None:
     rows = re.findall(r"^\| ([\w-]+) \| (\w*) ?\|", text, flags=re.MULTILINE)
     table = {name.lower(): extra for name, extra in rows if name != "package" and set(name) != {"-"}}
     assert table == requirements()
+
+
+def test_the_extra_all_has_every_extra_but_that_of_development() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    (itself,) = map(Requirement, extras["all"])
+    assert (itself.name, itself.extras) == (project["name"], extras.keys() - {"all", "dev"})
 
 
 def test_what_the_code_imports_is_declared() -> None:

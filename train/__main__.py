@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import MISSING, fields, replace
 from importlib.util import find_spec
@@ -16,20 +16,34 @@ from train.registry import TRAINERS
 from train.trainer import TrainingRun
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import sole_writer
+from uvcloth.files.options import parsed
 from uvcloth.process.command import run_command
+
+
+def parse(method: str, arguments: Sequence[str]) -> TrainingRun:
+    """Parse the command line after the name of a method.
+
+    Raises InputError for an unknown method or an option out of its range, and SystemExit as
+    `uvcloth.cli.parse`.
+    """
+    if method not in TRAINERS:
+        raise InputError(f"{method}: cannot be trained, expected one of {', '.join(TRAINERS)}")
+    entry = TRAINERS[method]
+    default = starting_from(entry.run, entry.presets, _preset_of(arguments))
+
+    def run() -> TrainingRun:
+        return tyro.cli(entry.run, args=arguments, default=default, prog=f"python -m train {method}")
+
+    return parsed(run, arguments)
 
 
 def main() -> None:
     """Parse the command line and train."""
     method, *arguments = sys.argv[1:] or ["--help"]
-    if method not in TRAINERS:
-        if method in ("-h", "--help"):
-            print(f"usage: python -m train {{{','.join(TRAINERS)}}} --out RUN [--help]")
-            return
-        raise InputError(f"{method}: cannot be trained, expected one of {', '.join(TRAINERS)}")
-    entry = TRAINERS[method]
-    default = starting_from(entry.run, entry.presets, _preset_of(arguments))
-    run = tyro.cli(entry.run, args=arguments, default=default, prog=f"python -m train {method}")
+    if method in ("-h", "--help"):
+        print(f"usage: python -m train {{{','.join(TRAINERS)}}} --out RUN [--help]")
+        return
+    run = parse(method, arguments)
     if find_spec("lightning") is None:
         raise InputError("training needs Lightning: install uvcloth[train]")
     # Of several processes that Lightning starts for one run, the first claims its folder.
@@ -58,7 +72,7 @@ def starting_from(
     return replace(kind(**missing), preset=preset, **presets[preset])  # type: ignore[type-var]
 
 
-def _preset_of(arguments: list[str]) -> str | None:
+def _preset_of(arguments: Sequence[str]) -> str | None:
     """The preset named on the command line, None for none."""
     for index, argument in enumerate(arguments):
         if argument == "--preset" and index + 1 < len(arguments):

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
 import torch
 from rich.console import Console
@@ -18,6 +18,7 @@ from torch import Tensor, nn
 from train.state import STATE, Progressed, State, load_state, save_state
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import make_folder, require_there
+from uvcloth.files.options import AtLeast, Between
 from uvcloth.process.interruption import uninterrupted
 
 PROGRESS_KEYS = ("step", "minutes")
@@ -31,31 +32,31 @@ LOG_EVERY = 10
 class LoopConfig:
     """Settings of the training loop: length, learning rate, averaging, validation."""
 
-    steps: int = 3000
+    steps: Annotated[int, AtLeast(1)] = 3000
     """Number of optimizer steps."""
-    minutes: float | None = None
+    minutes: Annotated[float | None, Between(0, 1e6, above=True)] = None
     """Stop after so many minutes of training and validation; the learning rate schedule ends there too."""
-    batch: int = 8
+    batch: Annotated[int, Between(1, 100_000)] = 8
     """Frames, or poses, in a step, over all devices."""
-    double_every: float = 0.0
+    double_every: Annotated[float, Between(0, 1)] = 0.0
     """Share of the training after which the batch size doubles, again and again (DeePSD: 0.2); 0: never."""
-    learning_rate: float = 1e-3
+    learning_rate: Annotated[float, Between(0, 10, above=True)] = 1e-3
     """Highest learning rate of Adam (PhysXNet: 2e-4, PBNS: 1e-3)."""
     schedule: Literal["constant", "cosine"] = "cosine"
     """Constant (paper), or rising for the first percent and falling to zero along a cosine."""
-    weight_decay: float = 0.05
+    weight_decay: Annotated[float, Between(0, 100)] = 0.05
     """Decoupled weight decay."""
-    average: float = 0.998
+    average: Annotated[float, Between(0, 1)] = 0.998
     """Decay of the running mean of the weights, which is validated and saved; 0: no mean."""
-    validate_every: int = 250
+    validate_every: Annotated[int, AtLeast(1)] = 250
     """Steps between validations."""
     keep: Literal["best", "last"] = "best"
     """Network to keep: the best in validation, or the last."""
-    save_seconds: float = 120.0
+    save_seconds: Annotated[float, Between(0, 1e6)] = 120.0
     """Seconds between saved training states."""
-    seed: int = 0
+    seed: Annotated[int, Between(0, 2**32 - 1)] = 0
     """Random seed of weights, order of samples and steps."""
-    devices: int = 1
+    devices: Annotated[int, Between(1, 64)] = 1
     """Number of GPUs, if there are any."""
 
     def __post_init__(self) -> None:

@@ -4,7 +4,7 @@ Their modules import heavy ones when they run, so that `uvcloth --help` answers 
 """
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from tyro.extras import subcommand_cli_from_dict
@@ -22,6 +22,7 @@ from uvcloth.commands.poses import Poses
 from uvcloth.commands.rollout import Rollout
 from uvcloth.commands.simulate import Simulate
 from uvcloth.commands.view import View
+from uvcloth.files.options import parsed
 from uvcloth.process.command import run_command
 from uvcloth.version import package_version
 
@@ -68,10 +69,23 @@ def main() -> int:
     return run_command("uvcloth", _run)
 
 
+def parse(arguments: Sequence[str]) -> Command:
+    """Parse a command line.
+
+    Raises InputError for an option out of its range, and SystemExit after a help text and for other mistakes,
+    which are printed.
+    """
+
+    def tyro() -> Command:
+        return subcommand_cli_from_dict(COMMANDS, prog="uvcloth", description=DESCRIPTION, args=arguments)
+
+    return parsed(tyro, arguments)
+
+
 def _run() -> None:
     if sys.argv[1:] == ["--version"]:
         print(f"uvcloth {package_version()}")
         return
-    command: Command = subcommand_cli_from_dict(COMMANDS, prog="uvcloth", description=DESCRIPTION)
+    command = parse(sys.argv[1:])
     with printed_log():
         command.run()

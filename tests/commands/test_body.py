@@ -11,6 +11,7 @@ from uvcloth.bodies.body import Body, load_body
 from uvcloth.commands.body import MakeBody, Phenotype
 from uvcloth.commands.make_body import make
 from uvcloth.errors import InputError
+from uvcloth.files.options import check_options
 from uvcloth.formats.mesh_file import read_mesh
 
 
@@ -28,7 +29,9 @@ def test_the_body_comes_as_obj_glb_and_npz(body: Body, tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_written_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"model\.fbx: a body is written as \.npz, \.obj, \.glb"):
-        make(MakeBody(tmp_path / "model.fbx"))
+    with pytest.raises(
+        InputError, match=r"model\.fbx: the format \.fbx is not supported, use one of \.npz, \.obj"
+    ):
+        check_options(MakeBody(tmp_path / "model.fbx"))
     with pytest.raises(InputError, match="cannot be combined with phenotypes"):
         make(MakeBody(tmp_path / "model.npz", tmp_path / "other.npz", phenotype=Phenotype(height=0.9)))

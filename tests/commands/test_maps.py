@@ -67,7 +67,7 @@ def test_maps_hold_the_motion_and_the_offset(sequence: Path, tmp_path: Path) -> 
         (["{file}", "--out", "{out}", "--frames", "90:99"], "selects none of the 6 frames"),
         (["{file}", "--out", "{out}", "--frames", "x"], "expected FIRST:END:STEP"),
         (["{folder}/none.npz", "--out", "{out}"], "none.npz: no such file"),
-        (["{file}", "--out", "{out}", "--size", "0"], "expected at least one texel"),
+        (["{file}", "--out", "{out}", "--size", "0"], "--size 0: expected 1 to 8192"),
         (["{file}", "--out", "{out}", "--body", "{folder}/box.npz"], "was not simulated on the body box"),
         (
             ["{file}", "--out", "{out}", "--body", "{file}"],

@@ -73,6 +73,7 @@ def test_the_unchanged_file_is_what_was_written(tmp_path: Path) -> None:
         (put("nodes", 2, "children", [1]), "child of two nodes"),
         (put("nodes", 0, "scale", [1, 1]), r"nodes\[0\]\.scale is \[1, 1\], expected 3 numbers"),
         (put("nodes", 0, "translation", [1e39, 0, 0]), r"expected 3 numbers"),
+        (put("nodes", 2, "rotation", [0, 0, 0, 0]), r"nodes\[2\]\.rotation: is 0, 0, 0, 0, expected a unit"),
         (put("scene", 3), "scene is 3, expected one of the 1 scenes"),
         (put("asset", "version", "1.0"), r"is glTF 1\.0, expected 2\.0"),
         (put("extensionsRequired", ["KHR_draco_mesh_compression"]), r"is compressed \(KHR_draco_mesh"),
@@ -85,6 +86,15 @@ def test_what_a_file_claims_is_checked(change: Callable[[Document], None], said:
     change(written)
     with pytest.raises(InputError, match=rf"lie\.glb: .*{said}"):
         read_all(write_glb(tmp_path / "lie.glb", written, content))
+
+
+def test_a_key_that_is_no_rotation_is_refused(tmp_path: Path) -> None:
+    written, content = document()
+    keys = written["animations"][0]["samplers"][0]["output"]
+    start = written["bufferViews"][written["accessors"][keys]["bufferView"]]["byteOffset"] + 16
+    zeroed = content[:start] + bytes(16) + content[start + 16 :]
+    with pytest.raises(InputError, match=r"lie\.glb: a rotation of the animation is 0, 0, 0, 0"):
+        read_gltf_motion(write_glb(tmp_path / "lie.glb", written, zeroed))
 
 
 @pytest.mark.parametrize("zeros", [False, True])

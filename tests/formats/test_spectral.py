@@ -1,11 +1,13 @@
 """The lossy transform: how near points stay, and that every machine finds the same spectrum."""
 
+import threading
+import time
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
 
 from tests.formats.test_moving import FACES, GRID, waving
-from uvcloth.formats import spectral
 from uvcloth.formats.spectral import (
     MOST_OF_99,
     MOST_OF_ALL,
@@ -97,13 +99,31 @@ def test_points_without_faces_are_coded_too(count: int) -> None:
     assert np.linalg.norm(again - points, axis=-1).mean() <= 1e-3
 
 
-@pytest.mark.parametrize("driver", ["ev", "evd", "evx"])
+@pytest.mark.parametrize("driver", ["ev", "evr", "evx"])
 def test_another_solver_finds_the_same_spectrum(driver: str, monkeypatch) -> None:
     """On a symmetric sheet, of which an even Laplacian has pairs of equal eigenvalues."""
     faces = sheet(12)
     expected = spectrum_of(faces, 146)
-    monkeypatch.setattr(spectral, "eigh", lambda matrix, **_: eigh(matrix, driver=driver))
+    monkeypatch.setattr("numpy.linalg.eigh", lambda matrix: eigh(matrix, driver=driver))
     np.testing.assert_allclose(spectrum_of(faces, 146), expected, atol=1e-9)
+
+
+def test_other_threads_go_on_while_a_spectrum_is_computed() -> None:
+    """One of them ends the process soon after Ctrl-C, see `uvcloth.process.interruption`."""
+    ticks, done = [time.perf_counter()], threading.Event()
+
+    def tick() -> None:
+        while not done.wait(0.01):
+            ticks.append(time.perf_counter())
+
+    thread = threading.Thread(target=tick)
+    thread.start()
+    start = time.perf_counter()
+    spectrum_of(sheet(30), 900)
+    spent = time.perf_counter() - start
+    done.set()
+    thread.join()
+    assert max(np.diff([*ticks, start + spent])) < 0.5 * spent
 
 
 def test_what_does_not_fit_is_refused() -> None:

@@ -34,6 +34,12 @@ def test_success_is_silent(capsys):
             "uvcloth: out.glb: cannot be written or read (No space left on device)\n",
         ),
         (
+            OSError(errno.ENOSPC, "No space left on device", "a b/.out.glb.partial/finished/out.glb"),
+            2,
+            "uvcloth: a b/out.glb: cannot be written or read (No space left on device)\n",
+        ),
+        (InputError("x" * 10_000), 2, f"uvcloth: {'x' * 300} ... {'x' * 300}\n"),
+        (
             OSError(errno.ENOSPC, "No space left on device"),
             2,
             "uvcloth: cannot be written or read (No space left on device)\n",

@@ -30,6 +30,8 @@ def write():
             except KeyboardInterrupt:
                 if sys.argv[2] == "ends":
                     raise
+                if sys.argv[2] == "returns":
+                    return
 
 # What is started in the background is deaf to Ctrl-C.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -72,6 +74,22 @@ def test_a_signal_ends_a_command_with_one_sentence(
             process.kill()
     assert (process.returncode, errors) == (code, f"uvcloth: {said}; finished work is in place\n")
     assert [path.name for path in tmp_path.iterdir()] == ([".a.txt.partial"] if stubborn else [])
+
+
+@pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 0), (signal.SIGTERM, 143)])
+def test_a_command_that_ctrl_c_ends_well_is_terminated_by_sigterm(
+    sent: signal.Signals, code: int, tmp_path: Path
+) -> None:
+    """As the live view is, which serves its page until Ctrl-C."""
+    with start("-c", COMMAND, str(tmp_path), "returns") as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            process.send_signal(sent)
+            process.communicate(timeout=LIMIT)
+        finally:
+            process.kill()
+    assert process.returncode == code
 
 
 def test_children_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:

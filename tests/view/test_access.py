@@ -215,6 +215,12 @@ def test_other_machines_come_by_address_once_they_are_let_in() -> None:
     assert Access("::1", 8080, TOKEN).address == f"http://[::1]:8080/{TOKEN}"
 
 
+def test_who_else_reaches_the_page_is_said() -> None:
+    assert [Access(host, 8080).caution for host in ("127.0.0.1", "::1", "localhost")] == ["", "", ""]
+    for host in ("0.0.0.0", "192.168.1.5", "mybox.example"):
+        assert re.match(f"--host {host}: other machines reach the page, .* token", Access(host, 8080).caution)
+
+
 def wait(reached: Callable[[], bool]) -> None:
     deadline = time.monotonic() + 10
     while not reached():
@@ -286,7 +292,14 @@ def test_a_port_that_is_taken_is_refused_at_once(viewer: Viewer) -> None:
             Viewer(port=taken)
 
 
-@pytest.mark.parametrize("host", ["nowhere.invalid", "", "a" * 300, "1.2.3.4.5"])
+@pytest.mark.parametrize("host", ["999.1.1.1", "1.2.3.4.5", "1.2.3.256"])
+def test_no_resolver_is_asked_for_numbers(host: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("socket.getaddrinfo", None)
+    with pytest.raises(InputError, match=f"--host {host}: unknown address"):
+        listen(host, free_port())
+
+
+@pytest.mark.parametrize("host", ["nowhere.invalid", "", "a" * 300])
 def test_a_host_that_there_is_not_is_refused_at_once(host: str) -> None:
     with pytest.raises(InputError, match=f"--host {host}: unknown address"):
         Viewer(host, free_port())

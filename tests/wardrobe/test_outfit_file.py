@@ -11,6 +11,7 @@ from uvcloth.bodies.body import load_body, save_body
 from uvcloth.commands.make_outfits import make_outfits, split_of, wearer
 from uvcloth.commands.outfits import Outfits
 from uvcloth.errors import InputError
+from uvcloth.files.options import check_options
 from uvcloth.wardrobe.outfit_file import load_outfit_file, load_pieces, on_body, outfit_files
 
 SHORTS = {"drop": 0.02, "length": 0.6, "ease": 0.01, "flare": 0.0}
@@ -155,20 +156,27 @@ def test_splits_follow_the_number_and_share_no_body() -> None:
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        ({"count": 0}, "--count 0: expected at least 1"),
-        ({"seed": -1}, "--seed -1: expected 0 or more"),
+        ({"count": 0}, "--count 0: expected 1 to 100000"),
+        ({"seed": -1}, "--seed -1: expected 0 to 4294967295"),
         ({"jobs": 0}, "--jobs 0: expected at least 1"),
-        ({"vertices": (10, 2000)}, "--vertices 10 2000: expected two numbers from 1000 to 16000"),
-        ({"vertices": (2000, 1000)}, "--vertices 2000 1000: expected two numbers"),
+        ({"vertices": (10, 2000)}, "--vertices 10: expected 1000 to 16000"),
+        ({"vertices": (2000, 1000)}, "--vertices 2000 1000: expected the smaller number first"),
         ({"type": ("cape",)}, "--type cape: unknown, expected one of tshirt"),
         ({"bodies": 2}, "--bodies: 2 bodies, expected one for all, or at least three"),
         ({"body": ("gone.npz",)}, "gone.npz: no such file"),
         ({"body": ("builtin", "a.npz", "b/a.npz")}, "--body: two bodies are named a"),
     ],
 )
-def test_settings_out_of_range_are_refused(tmp_path: Path, settings: dict[str, Any], sentence: str) -> None:
+def test_settings_out_of_range_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, settings: dict[str, Any], sentence: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("b").mkdir()
+    for name in ("a.npz", "b/a.npz"):
+        Path(name).touch()
     chosen = Outfits(**{"out": tmp_path / "out", "count": 1, **settings})
-    with pytest.raises(InputError, match=re.escape(sentence)):
+    with pytest.raises(InputError, match=re.escape(sentence)):  # noqa: PT012
+        check_options(chosen)
         make_outfits(chosen)
     assert not list(tmp_path.rglob("*.json"))
 

@@ -3,13 +3,14 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import torch
 from torch import Tensor
 
 from train.deepsd.prediction import PosedOutfit
 from uvcloth.errors import InputError
+from uvcloth.files.options import Between
 from uvcloth.methods.deepsd.outfit_graph import OutfitGraph
 from uvcloth.physics.measures import length_change
 
@@ -24,24 +25,24 @@ CENTI = 100.0
 class DataLosses:
     """Losses against the outfits' data, and the priors of the start (paper sections 4.3 and 9)."""
 
-    poses_per_outfit: int = 32
+    poses_per_outfit: Annotated[int, Between(1, 100_000)] = 32
     """Poses per outfit in a step: the drawn frame and random others (paper: 1)."""
-    points: float = 0.33
+    points: Annotated[float, Between(0, 1, above=True)] = 0.33
     """Share of an outfit's points that a step compares, drawn each time (paper: 1)."""
     error: Literal["distance", "squared"] = "distance"
     """Compare points by their distance (the paper's program) or its square (paper, eq. 3)."""
-    pose_dropout: float = 0.2
+    pose_dropout: Annotated[float, Between(0, 1)] = 0.2
     """Probability that a joint is hidden from the keys of a pose (paper: 0)."""
-    edges: float = 2.0
+    edges: Annotated[float, Between(0, 1e9)] = 2.0
     """Weight of the mean change of edge lengths between the compared points (paper: none)."""
-    closest_weights: float = 0.0
+    closest_weights: Annotated[float, Between(0, 1e9)] = 0.0
     """Weight of the prior that blend weights are those of the closest skin (paper); useless where they start
     from the smooth ones."""
-    small_shapes: float = 0.0
+    small_shapes: Annotated[float, Between(0, 1e9)] = 0.0
     """Weight of the prior that deformations are small (paper), on their mean square in square centimetres."""
     mirror: bool = True
     """Also train on mirror images, as separate outfits (paper: no)."""
-    rest_frames: int = 15
+    rest_frames: Annotated[int, Between(0, 10**6)] = 15
     """Warm-up frames to leave out of training, in which cloth comes down from the rest shape. Validation
     leaves out the whole warm-up."""
 
@@ -119,23 +120,23 @@ class PhysicsLosses:
     Stretch, collision and size of the deformation are springs, of the energy k d^2 / 2.
     """
 
-    stretch: float = 34.641016
+    stretch: Annotated[float, Between(0, 1e9)] = 34.641016
     """N/m, membrane stiffness (paper: 2.3; its program: 34.6)."""
-    bend: float = 0.0
+    bend: Annotated[float, Between(0, 1e9)] = 0.0
     """N m, bending rigidity, by the normals of faces (paper: 0; its program: 1.7e-4)."""
-    roughness: float = 1e-4
+    roughness: Annotated[float, Between(0, 1e9)] = 1e-4
     """J, resistance of vertex normals to differ from their neighbours' mean (paper: 5e-4; its program: 0)."""
-    collision: float = 50.0
+    collision: Annotated[float, Between(0, 1e9)] = 50.0
     """N/m, against cloth too close to the skin or to an inner garment (paper: 4 to 20; its program: 50)."""
-    thickness: float = 0.005
+    thickness: Annotated[float, Between(0, 1e9)] = 0.005
     """Distance to keep, in metres."""
-    small: float = 0.02
+    small: Annotated[float, Between(0, 1e9)] = 0.02
     """N/m, on the deformation by chi (paper: 0.02)."""
     layers: bool = True
     """Also resolve collisions between the pieces of an outfit (paper: no)."""
     pose_source: Literal["any", "own"] = "any"
     """Draw poses from all training frames (paper), or from the outfit's frames alone."""
-    poses_drawn: int = 8
+    poses_drawn: Annotated[int, Between(1, 100_000)] = 8
     """Poses per outfit in a step (paper: 1)."""
 
     def __post_init__(self) -> None:

@@ -18,7 +18,9 @@ from train.loop import LoopConfig, check_run, fit, training_device
 from train.pbns.poses import poses_for
 from train.trainer import TrainerEntry
 from uvcloth.bodies.body import load_body
+from uvcloth.commands.options import FOLDER, GARMENT, BodyFile
 from uvcloth.errors import InputError
+from uvcloth.files.options import NewFolder, Several
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_outfit
 from uvcloth.garments.order import check_order
@@ -67,15 +69,15 @@ LOOPS: dict[str, LoopConfig] = {
 class DeePSDRun:
     """Train DeePSD on outfits in motion, then on physics; an outfit without data on physics alone."""
 
-    out: Path
+    out: Annotated[Path, NewFolder()]
     """Folder of the run: checkpoint, training state, TensorBoard."""
-    data: tuple[Path, ...] = ()
+    data: Annotated[tuple[Path, ...], FOLDER, Several()] = ()
     """Folders made by `uvcloth simulate --outfits`, or in CLOTH3D's layout; in folders of other sequences
     each garment is an outfit."""
     physics_only: Annotated[str | None, tyro.conf.arg(metavar="RUN|shipped")] = None
     """Continue from the network of this run: train only the branch of physics, all other weights stay fixed.
     """
-    outfit: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")] = ()
+    outfit: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ..."), GARMENT, Several()] = ()
     """With --physics-only: train on these garments, the innermost first, instead of data."""
     poses: Annotated[
         tuple[str, ...],
@@ -90,8 +92,8 @@ class DeePSDRun:
     """Draw all outfits equally often; else all frames (paper)."""
     fabric: FabricName | None = None
     """Fabric of --outfit (default: jersey), for a model that reads fabrics."""
-    body: Path | None = None
-    """Body of --outfit, made by `uvcloth body`; default: the one in the package."""
+    body: BodyFile = None
+    """Body of --outfit, made by `uvcloth body`."""
     network: OmitArgPrefixes[DeePSDConfig] = field(default_factory=DeePSDConfig)
     """The network; with --physics-only that of the run is used."""
     losses: OmitArgPrefixes[DataLosses] = field(default_factory=DataLosses)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import torch
 from rich.progress import track
@@ -16,6 +16,7 @@ from train.validation import mean_errors, rollout_distances
 from uvcloth.checkpoint import load_checkpoint, save_checkpoint
 from uvcloth.dataset.splits import Holdout
 from uvcloth.errors import InputError
+from uvcloth.files.options import Between
 from uvcloth.methods.method import for_inference
 from uvcloth.methods.motion_guided.config import MotionGuidedConfig
 from uvcloth.methods.motion_guided.dynamics_input import (
@@ -41,19 +42,19 @@ from uvcloth.methods.motion_guided.method import (
 class MotionGuidedLosses(Holdout):
     """Weights of the losses of both stages (sections 4.2 and 5), and how they are trained."""
 
-    laplacian: float = 1.0
+    laplacian: Annotated[float, Between(0, 1e9)] = 1.0
     """Error of the mesh Laplacian, in addition to that of the vertices."""
-    random: float = 0.1
+    random: Annotated[float, Between(0, 1e9)] = 0.1
     """Edge lengths of shapes decoded from random codes."""
-    inside: float = 100.0
+    inside: Annotated[float, Between(0, 1e9)] = 100.0
     """Depth in the body at rest, of training shapes and random shapes."""
-    settled: float = 0.02
+    settled: Annotated[float, Between(0, 1e9)] = 0.02
     """Error in metres below which `random` and `inside` are used, with full weight at zero."""
-    regular: float = 0.001
+    regular: Annotated[float, Between(0, 1e9)] = 0.001
     """Distance of the mean square of codes from 1."""
-    code: float = 0.01
+    code: Annotated[float, Between(0, 1e9)] = 0.01
     """Error of the predicted codes (paper: 1, with errors of vertices summed)."""
-    steady: float = 1.0
+    steady: Annotated[float, Between(0, 1e9)] = 1.0
     """Error of the change since the last frame, against jitter (paper: 0)."""
     mirror: bool = True
     """Also train on mirror images of the clips, if the garment is symmetric (paper: no)."""
@@ -61,7 +62,7 @@ class MotionGuidedLosses(Holdout):
     """Also train on the virtual sample in which nothing changes: E_t = 0."""
     past: Literal["own", "true"] = "own"
     """Past garments in training: the network's latest predictions, or simulated ones (paper)."""
-    unroll: int = 4
+    unroll: Annotated[int, Between(1, 1000)] = 4
     """Consecutive frames that a step predicts, each from the last, with gradients through all (paper: 1)."""
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 from tyro.conf import OmitArgPrefixes
 
@@ -15,7 +16,9 @@ from train.motion_guided.objective import (
     load_shape_space,
 )
 from train.trainer import TrainerEntry
+from uvcloth.commands.options import FOLDER
 from uvcloth.errors import InputError
+from uvcloth.files.options import AtLeast, NewFolder
 from uvcloth.methods.motion_guided.config import MotionGuidedConfig
 from uvcloth.methods.motion_guided.method import ENTRY as METHOD
 
@@ -44,16 +47,16 @@ LOSSES: dict[str, MotionGuidedLosses] = {
 class MotionGuidedRun:
     """Train Motion-guided on one garment: a space of its shapes, then the dynamics in it."""
 
-    data: Path
+    data: Annotated[Path, FOLDER]
     """Folder of sequences made by `uvcloth simulate`, all on one body."""
-    out: Path
+    out: Annotated[Path, NewFolder()]
     """Folder of the run: checkpoint, training state, TensorBoard; the first stage is in its subfolder
     shape."""
     preset: str = "fast"
     """Preset of all settings below: fast, paper or tiny."""
     resume: bool = False
     """Continue the run in `out`, in either stage."""
-    frames: int | None = None
+    frames: Annotated[int | None, AtLeast(1)] = None
     """Train on the first N frames only, clip after clip."""
     network: OmitArgPrefixes[MotionGuidedConfig] = field(default_factory=MotionGuidedConfig)
     losses: OmitArgPrefixes[MotionGuidedLosses] = field(default_factory=MotionGuidedLosses)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Literal
+from typing import Annotated, Literal
 
 import torch
 from torch import Tensor
@@ -11,10 +11,11 @@ from torch import Tensor
 from train.batched_collision import NearbyBody, inner_layers
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
+from uvcloth.files.options import Between
 from uvcloth.geometry.mesh import vertex_normals
 from uvcloth.geometry.records import to_device
 from uvcloth.physics.energies import attachment_energy, cloth_energies, collision_energy
-from uvcloth.physics.fabric import Fabric, FabricName, fabric_from, find_fabric
+from uvcloth.physics.fabric import RANGES, Fabric, FabricName, fabric_from, find_fabric
 from uvcloth.physics.posed_batch import ClosestPointCache
 
 PROGRAM_FABRIC = Fabric(density=0.3, stretch=34.641016, bend=8.660254e-5)
@@ -27,11 +28,11 @@ class FabricOptions:
 
     fabric: FabricName | None = None
     """Fabric (default: that of the paper's program: 34.6 N/m, 8.7e-5 N m, 0.3 kg/m2)."""
-    stretch: float | None = None
+    stretch: Annotated[float | None, Between(*RANGES["stretch"])] = None
     """N/m, membrane stiffness, instead of the fabric's (PBNS, Figure 5: 12 to 58)."""
-    bend: float | None = None
+    bend: Annotated[float | None, Between(*RANGES["bend"])] = None
     """N m, bending rigidity, instead of the fabric's (PBNS, Figure 5: 1.7e-6 to 1.7e-4)."""
-    density: float | None = None
+    density: Annotated[float | None, Between(*RANGES["density"])] = None
     """kg/m2, instead of the fabric's."""
 
     def resolved(self) -> Fabric:
@@ -48,11 +49,11 @@ class FabricOptions:
 class EnergyConfig:
     """Contact and pins of PBNS: each is a spring, of the energy k d^2 / 2."""
 
-    collision: float = 100.0
+    collision: Annotated[float, Between(0, 1e9)] = 100.0
     """N/m, against cloth too close to the skin or to an inner garment (PBNS: 50)."""
-    thickness: float = 0.005
+    thickness: Annotated[float, Between(0, 1e9)] = 0.005
     """Distance to keep, in metres (PBNS: 0.004)."""
-    pin: float = 20.0
+    pin: Annotated[float, Between(0, 1e9)] = 20.0
     """N/m, on the deformation of pinned vertices (PBNS: 2000; its program: 20)."""
     plane: Literal["surface", "vertex"] = "surface"
     """Collision with the plane at the closest point of the skin, or at the closest vertex (PBNS)."""

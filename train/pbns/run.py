@@ -15,7 +15,8 @@ from train.pbns.objective import SMOOTHING, AttachmentConfig, PBNSObjective, hel
 from train.pbns.poses import poses_for
 from train.trainer import TrainerEntry
 from uvcloth.bodies.body import load_body
-from uvcloth.errors import InputError
+from uvcloth.commands.options import GARMENT, BodyFile
+from uvcloth.files.options import Between, NewFolder, Several
 from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.methods.pbns.method import ENTRY as METHOD
@@ -40,9 +41,9 @@ LOOPS: dict[str, LoopConfig] = {
 class PBNSRun:
     """Train PBNS on a garment or an outfit, on physics alone, without sequences."""
 
-    garment: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ...")]
+    garment: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME|FILE ..."), GARMENT, Several(least=1)]
     """Templates (tops, bottoms, dress) or garment files, the innermost first."""
-    out: Path
+    out: Annotated[Path, NewFolder()]
     """Folder of the run: checkpoint, training state, TensorBoard, and the poses if they are drawn here."""
     poses: Annotated[
         tuple[str, ...],
@@ -53,12 +54,12 @@ class PBNSRun:
     """Preset of all settings below: default, paper or tiny."""
     resume: bool = False
     """Continue the run in `out`."""
-    body: Path | None = None
-    """A body made by `uvcloth body`; default: the one in the package."""
+    body: BodyFile = None
+    """A body made by `uvcloth body`."""
     network: OmitArgPrefixes[PBNSConfig] = field(default_factory=PBNSConfig)
     fabric: OmitArgPrefixes[FabricOptions] = field(default_factory=FabricOptions)
     energy: OmitArgPrefixes[EnergyConfig] = field(default_factory=EnergyConfig)
-    smoothing: float = SMOOTHING
+    smoothing: Annotated[float, Between(0, 1)] = SMOOTHING
     """Share of the blend shapes' gradient that is smoothed over the garment (paper: 0)."""
     attachment: OmitArgPrefixes[AttachmentConfig] = field(default_factory=AttachmentConfig)
     loop: OmitArgPrefixes[LoopConfig] = field(default_factory=lambda: LOOPS["default"])
@@ -66,8 +67,6 @@ class PBNSRun:
     def train(self) -> dict[str, float]:
         """Train; returns the validation scores of the network kept."""
         check_run(self.out, resume=self.resume)
-        if not self.garment:
-            raise InputError("--garment: name at least one garment")
         fabric, body = self.fabric.resolved(), load_body(self.body)
         say = partial(Console(stderr=True).print, highlight=False, markup=False)
         outfit = Outfit(body, tuple(load_garment(name, body, say) for name in self.garment))

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import torch
 from rich.console import Console
@@ -23,6 +23,7 @@ from uvcloth.dataset.clip import SimulatedClip, count_frames
 from uvcloth.dataset.reader import read_clips, require_rests
 from uvcloth.dataset.splits import Holdout, hold_out, of_split, training_data
 from uvcloth.errors import InputError
+from uvcloth.files.options import Between
 from uvcloth.geometry.mesh import edge_lengths
 from uvcloth.geometry.operators import Operator, differences, sampling
 from uvcloth.geometry.records import CPU, to_device
@@ -44,11 +45,11 @@ GEOMETRY_STRIDE = 4
 class Losses(Holdout):
     """Weights of the losses, and how they are trained."""
 
-    l1: float = 1.0
+    l1: Annotated[float, Between(0, 1e9)] = 1.0
     """Weight of the L1 error over each template's valid texels (paper: 100, against the discriminator)."""
-    edge: float = 4.0
+    edge: Annotated[float, Between(0, 1e9)] = 4.0
     """Weight of the edge length error of the decoded garment, as a share of the rest length."""
-    bend: float = 1.0
+    bend: Annotated[float, Between(0, 1e9)] = 1.0
     """Weight of the error of the offsets' differences along edges, as a share of the rest length."""
     adversarial: bool = False
     """Train against a PatchGAN discriminator (paper)."""

@@ -2,13 +2,16 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
 from tyro.conf import OmitArgPrefixes
 
 from train.loop import LoopConfig, check_run, fit, training_device
 from train.physxnet.objective import Losses, PhysXNetObjective
 from train.trainer import TrainerEntry
+from uvcloth.commands.options import FOLDER
 from uvcloth.errors import InputError
+from uvcloth.files.options import NewFolder, Several
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.method import ENTRY as METHOD
 
@@ -29,9 +32,9 @@ LOOPS: dict[str, LoopConfig] = {
 class PhysXNetRun:
     """Train PhysXNet: body motion maps in, garment offset maps out."""
 
-    data: tuple[Path, ...]
+    data: Annotated[tuple[Path, ...], FOLDER, Several()]
     """Folders of sequences made by `uvcloth simulate`, each on one body."""
-    out: Path
+    out: Annotated[Path, NewFolder()]
     """Folder of the run: checkpoint, training state, TensorBoard."""
     preset: str = "default"
     """Preset of all settings below: default, paper or tiny."""

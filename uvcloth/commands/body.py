@@ -6,12 +6,13 @@ from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, arg
 
-from uvcloth.commands.options import BodyFile
+from uvcloth.commands.options import ANNY, JSON, BodyFile
 from uvcloth.errors import InputError
+from uvcloth.files.options import Between, NewFile, Several, Source
 
 SUFFIXES = (".npz", ".obj", ".glb")
 
-Share = Annotated[float | None, arg(metavar="0..1", help_behavior_hint="")]
+Share = Annotated[float | None, arg(metavar="0..1", help_behavior_hint=""), Between(0, 1)]
 
 
 @dataclass(frozen=True)
@@ -41,26 +42,35 @@ class MakeBody:
     """Make a body from phenotypes, a character or an SMPL model, or write the body of the package as a mesh
     to model on."""
 
-    out: Path
+    out: Annotated[Path, NewFile(SUFFIXES)]
     """File to write: .npz for --body of other commands, .obj or .glb to model on (rest pose, UVs)."""
     body: BodyFile = None
     """An existing body to write in another format; not together with phenotypes."""
-    character: Annotated[Path | None, arg(metavar="GLB", help_behavior_hint="")] = None
+    character: Annotated[
+        Path | None, arg(metavar="GLB", help_behavior_hint=""), Source((".glb", ".gltf", ".vrm"))
+    ] = None
     """A rigged character (.glb, .gltf, .vrm) to make the body from; see docs/characters.md."""
-    joints: Annotated[Path | None, arg(metavar="JSON", help_behavior_hint="(default: by their names)")] = None
+    joints: Annotated[
+        Path | None, arg(metavar="JSON", help_behavior_hint="(default: by their names)"), JSON
+    ] = None
     """Roles of the character's joints, as for motions: {"hips": "Pelvis_02", ...}."""
-    keep: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint="")] = ()
+    keep: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint=""), Several()] = ()
     """Meshes or materials of the character that cloth collides with, in spite of their names."""
-    drop: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint="")] = ()
+    drop: Annotated[tuple[str, ...], arg(metavar="MESH ...", help_behavior_hint=""), Several()] = ()
     """Meshes or materials of the character to leave out."""
     unit: Annotated[
         Literal["m", "dm", "cm", "mm", "inches", "feet"] | None,
         arg(metavar="m|dm|cm|mm|inches|feet", help_behavior_hint="(default: by its height)"),
     ] = None
     """Unit of the character's file. Needed for a character of unusual height in another unit than metres."""
-    smpl: Annotated[Path | None, arg(metavar="NPZ|PKL", help_behavior_hint="")] = None
+    smpl: Annotated[Path | None, arg(metavar="NPZ|PKL", help_behavior_hint=""), Source()] = None
     """A model file of SMPL, SMPL-H or SMPL-X of one gender; see docs/field_data.md."""
-    betas: Annotated[tuple[float, ...], arg(metavar="N ...", help_behavior_hint="(default: all 0)")] = ()
+    betas: Annotated[
+        tuple[float, ...],
+        arg(metavar="N ...", help_behavior_hint="(default: all 0)"),
+        Between(-20, 20),
+        Several(most=1000),
+    ] = ()
     """First shape parameters of the SMPL model."""
     phenotype: OmitArgPrefixes[Phenotype] = field(default_factory=Phenotype)
 
@@ -72,14 +82,10 @@ class MakeBody:
         print(f"{self.out}: {len(body.mesh.vertices)} vertices, {len(body.skeleton.names)} joints")
 
     def check(self) -> None:
-        """Raise InputError for an unknown suffix, for two sources of the body, or for options without their
-        source.
-        """
-        if self.out.suffix.lower() not in SUFFIXES:
-            raise InputError(
-                f"{self.out}: a body is written as {', '.join(SUFFIXES)}, not '{self.out.suffix}'"
-            )
+        """Raise InputError for two sources of the body, options without their source, or without Anny."""
         phenotype = self.phenotype.given()
+        if phenotype:
+            ANNY.require()
         if phenotype and self.body:
             raise InputError(f"{self.body}: --body cannot be combined with phenotypes, give one of them")
         if self.character and (phenotype or self.body):

@@ -6,7 +6,9 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from uvcloth.commands.options import FOLDER
 from uvcloth.errors import InputError
+from uvcloth.files.options import Between, NewFolder
 
 
 @dataclass(frozen=True)
@@ -15,15 +17,15 @@ class Data:
     missing.
     """
 
-    folder: Positional[Annotated[Path, arg(metavar="DIR")]]
+    folder: Positional[Annotated[Path, arg(metavar="DIR"), FOLDER]]
     """A folder made by `uvcloth simulate`; with --unpack, a packed folder."""
-    pack: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
+    pack: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint=""), NewFolder()] = None
     """Pack the sequences into another folder instead, at about a twentieth of their size. Run it again to
     continue."""
-    error: Annotated[float, arg(metavar="MM")] = 1.0
+    error: Annotated[float, arg(metavar="MM"), Between(0.01, 100)] = 1.0
     """Mean error of the vertices of a packed sequence; 99 % are within three times as much, all within six
     times. Half the error doubles the size."""
-    unpack: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
+    unpack: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint=""), NewFolder()] = None
     """Unpack a packed folder into another one instead, for training and evaluation."""
 
     def run(self) -> None:

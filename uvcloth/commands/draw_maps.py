@@ -21,8 +21,6 @@ def draw_maps(command: Maps) -> int:
     Raises InputError for bad input, and for another body or layout than the sequence's.
     """
     path, out, size = command.sequence, command.out, command.size
-    if size < 1:
-        raise InputError(f"--size {size}: expected at least one texel")
     clip = load_simulated(path)
     (garment,) = clip.garments
     body = load_body(command.body)

@@ -6,7 +6,18 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from uvcloth.commands.options import TRAINED, BodyFile, Fabric, FromBody, GarmentPose, Garments, MotionFile
+from uvcloth.commands.options import (
+    MOTION,
+    ONNX,
+    TRAINED,
+    BodyFile,
+    Fabric,
+    FromBody,
+    GarmentPose,
+    Garments,
+    MotionFile,
+)
+from uvcloth.files.options import Between, NewFile
 from uvcloth.methods.registry import list_rigs
 from uvcloth.motion.options import MotionOptions
 
@@ -16,7 +27,7 @@ class Export:
     """Write a rig (PBNS, DeePSD) for engines: skeleton, skin, blend shapes and motion."""
 
     model: Annotated[str, arg(metavar="NAME|RUN", help=f"A shipped model, {list_rigs()}, or {TRAINED}.")]
-    out: Path
+    out: Annotated[Path, NewFile((".glb", ".usdc", ".usd"))]
     """File to write: .glb, .usdc or .usd."""
     garment: Garments = ()
     """For DeePSD: templates or garment files, the innermost first. PBNS contains its garments."""
@@ -32,8 +43,11 @@ class Export:
             "written, as .onnx, for engines that compute the blend shape weights.",
             help_behavior_hint="(default: the rig alone)",
         ),
+        MOTION,
     ] = None
-    shapes: Annotated[int | None, arg(metavar="K", help_behavior_hint="(default: all)")] = None
+    shapes: Annotated[
+        int | None, arg(metavar="K", help_behavior_hint="(default: all)"), Between(1, 10000)
+    ] = None
     """Number of blend shapes to keep: principal components of the deformations in the training poses."""
     body: BodyFile = None
     """The body that the model was trained on."""
@@ -43,6 +57,8 @@ class Export:
 
     def run(self) -> None:
         """Write the rig and print what it costs. Raises InputError for bad input."""
+        if self.motion is None:
+            ONNX.require()
         from uvcloth.commands.export_rig import export
 
         print("\n".join(export(self).lines()))

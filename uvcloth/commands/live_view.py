@@ -35,8 +35,7 @@ def view(command: View) -> None:
         model=choices.models[0],
         body=choices.bodies[0],
     )
-    viewer = Viewer(command.host, command.port)
-    Console(stderr=True).print(f"{viewer.address} shows it; Ctrl-C ends", highlight=False, soft_wrap=True)
+    viewer = _opened(command.host, command.port, "; Ctrl-C ends")
     viewer.offer(choices, first)
     try:
         with suppress(KeyboardInterrupt):
@@ -73,9 +72,7 @@ def live_audience(host: str, port: int) -> Iterator[LiveAudience]:
 
     Raises InputError as `view` does.
     """
-    viewer = Viewer(host, port)
-    console = Console(stderr=True)
-    console.print(f"{viewer.address} shows it", highlight=False, soft_wrap=True)
+    viewer, console = _opened(host, port), Console(stderr=True)
     audience = LiveAudience(viewer)
     ticking = threading.Thread(target=viewer.run, name="page", daemon=True)
     ticking.start()
@@ -88,3 +85,11 @@ def live_audience(host: str, port: int) -> Iterator[LiveAudience]:
     finally:
         audience.end()
         viewer.close()
+
+
+def _opened(host: str, port: int, end: str = "") -> Viewer:
+    """A view whose address is printed, with a caution if others reach it. Raises InputError as `view`."""
+    viewer = Viewer(host, port)
+    for line in filter(None, (viewer.server.access.caution, f"{viewer.address} shows it{end}")):
+        Console(stderr=True).print(line, highlight=False, soft_wrap=True, markup=False)
+    return viewer

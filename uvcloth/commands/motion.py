@@ -6,7 +6,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from uvcloth.commands.options import BodyFile, MotionFile
+from uvcloth.commands.options import MOTION, PNG, BodyFile, MotionFile
 from uvcloth.motion.options import MotionOptions
 
 
@@ -14,9 +14,9 @@ from uvcloth.motion.options import MotionOptions
 class Motion:
     """Explain how a motion file is understood, and draw it as stick figures."""
 
-    file: Positional[Annotated[str, arg(metavar="FILE|NAME")]]
+    file: Positional[Annotated[str, arg(metavar="FILE|NAME"), MOTION]]
     """A motion file (BVH, glTF, AMASS) or the name of a built-in clip."""
-    out: Path = Path("motion.png")
+    out: Annotated[Path, PNG] = Path("motion.png")
     """The picture to write."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""

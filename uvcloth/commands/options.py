@@ -1,10 +1,12 @@
-"""Types of options that several commands have, with their names and defaults in help texts."""
+"""Types of options that several commands have: ranges, and names and defaults in help texts."""
 
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
 from tyro.conf import OmitArgPrefixes, arg
 
+from uvcloth.files.options import AtLeast, Between, NewFile, Package, Several, Source, Text
 from uvcloth.methods.registry import DEFAULT, list_methods
 from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.fabric import FabricName
@@ -16,7 +18,38 @@ TEMPLATE_NAMES = ", ".join(get_args(TemplateName))
 FABRIC_NAMES = "|".join(get_args(FabricName))
 TRAINED = "a folder written by `python -m train`"
 
-Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ...")]
+MOTIONS = (".bvh", ".glb", ".gltf", ".vrm", ".npz")
+"""Suffixes of motion files."""
+
+EXTRAS = (
+    Package("alembic3d", "writing Alembic needs alembic3d: install uvcloth[alembic]", (".abc",)),
+    Package("av", "videos need PyAV: install uvcloth[video]", (".mp4", ".gif")),
+)
+"""Packages that formats of animations need."""
+
+DASK = Package("dask", "simulating needs dask: install uvcloth[simulate]")
+NEWTON = Package("newton", "--engine newton needs Newton: install uvcloth[simulate]")
+ANNY = Package("anny", "making a body needs Anny: install uvcloth[body]")
+REMESHER = Package("pyacvd", "tailoring needs the remesher: install uvcloth[body]")
+ONNX = Package("onnx", "an export without --motion needs the package onnx: install uvcloth[export]")
+
+
+def clip_names() -> list[str]:
+    """Names of the built-in clips."""
+    folder = Path(str(files("uvcloth"))) / "data" / "clips"
+    return sorted(path.stem for path in folder.glob("*.npz"))
+
+
+GARMENT = Source(names=lambda: get_args(TemplateName))
+MOTION = Source(MOTIONS, names=clip_names)
+MOTIONS_OR_FOLDERS = Source(MOTIONS, "file or folder", clip_names)
+CSV, JSON, NPZ = (Source((suffix,)) for suffix in (".csv", ".json", ".npz"))
+FOLDER = Source(kind="folder")
+PNG = NewFile((".png",))
+DEVICE = Text(r"cpu|cuda(:\d{1,2})?", "cpu, cuda or cuda:N")
+SEED = Between(0, 2**32 - 1)
+
+Garments = Annotated[tuple[str, ...], arg(metavar="NAME|FILE ..."), GARMENT, Several()]
 Models = Annotated[
     tuple[str, ...],
     arg(
@@ -25,6 +58,7 @@ Models = Annotated[
         f"auto: {DEFAULT} where every garment has a hem that holds it, otherwise a model of any garment.",
         help_behavior_hint="(default: auto)",
     ),
+    Several(),
 ]
 GarmentPose = Annotated[
     Literal["t", "a"] | None,
@@ -43,6 +77,7 @@ FromBody = Annotated[
         "transferred from it with their ease.",
         help_behavior_hint="(default: found by where each garment lies best)",
     ),
+    Source(),
 ]
 Tucks = Annotated[
     tuple[str, ...],
@@ -54,9 +89,11 @@ Tucks = Annotated[
     ),
 ]
 Fabric = Annotated[FabricName | None, arg(metavar=FABRIC_NAMES, help_behavior_hint="(default: jersey)")]
-BodyFile = Annotated[Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the one in the package)")]
-Jobs = Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: one per core)")]
-Port = Annotated[int, arg(metavar="N")]
-Host = Annotated[str, arg(metavar="ADDRESS")]
-Threads = Annotated[int, arg(metavar="N")]
+BodyFile = Annotated[
+    Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the one in the package)"), NPZ
+]
+Jobs = Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: one per core)"), AtLeast(1)]
+Port = Annotated[int, arg(metavar="N"), Between(1, 65535)]
+Host = Annotated[str, arg(metavar="ADDRESS"), Text(r"[\w.:%-]+", "an address or the name of a machine")]
+Threads = Annotated[int, arg(metavar="N"), Between(1, 1024)]
 MotionFile = Annotated[OmitArgPrefixes[MotionOptions], arg(name="motion file")]

@@ -6,8 +6,9 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from uvcloth.commands.options import Jobs
+from uvcloth.commands.options import ANNY, PNG, REMESHER, SEED, Jobs
 from uvcloth.errors import InputError
+from uvcloth.files.options import Between, NewFolder, Several, Source
 
 FEWEST_VERTICES, MOST_VERTICES = 1000, 16000
 
@@ -16,9 +17,9 @@ FEWEST_VERTICES, MOST_VERTICES = 1000, 16000
 class Outfits:
     """Make random outfits on bodies as training data: a JSON and OBJ files for each."""
 
-    count: int
+    count: Annotated[int, Between(1, 100_000)]
     """Number of outfits; run it again to continue."""
-    out: Path
+    out: Annotated[Path, NewFolder()]
     """Folder for o0001.json, its pieces o0001_tshirt.obj, ..., and bodies/."""
     body: Annotated[
         tuple[str, ...],
@@ -28,12 +29,16 @@ class Outfits:
             "three, so that no body is in two splits. Without this option, bodies are drawn from phenotypes.",
             help_behavior_hint="",
         ),
+        Source((".npz",), names=lambda: ("builtin",)),
+        Several(most=1000, distinct=True),
     ] = ()
-    bodies: Annotated[int, arg(metavar="K")] = 12
+    bodies: Annotated[int, arg(metavar="K"), Between(1, 1000)] = 12
     """Number of bodies to draw."""
-    seed: int = 0
+    seed: Annotated[int, SEED] = 0
     """Random seed: the same seed gives the same outfits."""
-    vertices: Annotated[tuple[int, int], arg(metavar="LEAST MOST")] = (1000, 2500)
+    vertices: Annotated[
+        tuple[int, int], arg(metavar="LEAST MOST"), Between(FEWEST_VERTICES, MOST_VERTICES)
+    ] = (1000, 2500)
     """Range of the number of vertices of an outfit, within 1000 to 16000."""
     type: Annotated[
         tuple[str, ...],
@@ -43,10 +48,11 @@ class Outfits:
             "jumpsuit, or an upper piece over a lower one, such as tshirt+skirt.",
             help_behavior_hint="(default: all)",
         ),
+        Several(distinct=True),
     ] = ()
     jobs: Jobs = None
     """Number of processes."""
-    picture: Annotated[Path | None, arg(metavar="PNG", help_behavior_hint="")] = None
+    picture: Annotated[Path | None, arg(metavar="PNG", help_behavior_hint=""), PNG] = None
     """Also draw a contact sheet of the first 48 outfits."""
 
     def run(self) -> None:
@@ -60,23 +66,15 @@ class Outfits:
             draw_sheet(outfit_files(self.out), self.picture)
 
     def check(self) -> None:
-        """Raise InputError for a number outside its range, an unknown type, or a picture that is no PNG."""
+        """Raise InputError for an unknown type, numbers that do not go together, or a missing package."""
         from uvcloth.wardrobe.draw import OUTFITS
 
-        if self.picture is not None and self.picture.suffix.lower() != ".png":
-            raise InputError(f"--picture {self.picture}: a picture is written as .png")
-        if self.count < 1:
-            raise InputError(f"--count {self.count}: expected at least 1")
-        if self.seed < 0:
-            raise InputError(f"--seed {self.seed}: expected 0 or more")
-        if self.jobs is not None and self.jobs < 1:
-            raise InputError(f"--jobs {self.jobs}: expected at least 1")
+        REMESHER.require()
+        if not self.body:
+            ANNY.require()
         low, high = self.vertices
-        if not FEWEST_VERTICES <= low <= high <= MOST_VERTICES:
-            raise InputError(
-                f"--vertices {low} {high}: expected two numbers from {FEWEST_VERTICES} to {MOST_VERTICES}, "
-                "the smaller first"
-            )
+        if low > high:
+            raise InputError(f"--vertices {low} {high}: expected the smaller number first")
         for name in self.type:
             if name not in OUTFITS:
                 raise InputError(f"--type {name}: unknown, expected one of {', '.join(OUTFITS)}")

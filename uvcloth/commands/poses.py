@@ -6,35 +6,37 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from uvcloth.commands.options import BodyFile
-from uvcloth.errors import InputError
+from uvcloth.commands.options import CSV, FOLDER, MOTIONS_OR_FOLDERS, SEED, BodyFile
 from uvcloth.files.atomic import make_folder
+from uvcloth.files.options import AtLeast, Between, NewFile
 
 
 @dataclass(frozen=True)
 class Poses:
     """Draw distinct poses without self-intersection of the body from motion capture."""
 
-    out: Path
+    out: Annotated[Path, NewFile((".npz",))]
     """The npz to write."""
-    clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP|DIR ...", help_behavior_hint="")]] = ()
+    clips: Positional[
+        Annotated[tuple[str, ...], arg(metavar="CLIP|DIR ...", help_behavior_hint=""), MOTIONS_OR_FOLDERS]
+    ] = ()
     """Motion files (BVH, AMASS), folders of them, or names of built-in clips; by default, and without
     --windows, the built-in ones. An index.csv in a folder gives the splits."""
-    windows: Annotated[Path | None, arg(metavar="CSV", help_behavior_hint="")] = None
+    windows: Annotated[Path | None, arg(metavar="CSV", help_behavior_hint=""), CSV] = None
     """Index of clips under any file name: poses are drawn from its clips."""
-    clips_from: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="")] = None
+    clips_from: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint=""), FOLDER] = None
     """Folder of those clips."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
-    apart: float = 0.5
+    apart: Annotated[float, Between(0.01, 3.2)] = 0.5
     """Least distance of two poses: at least one joint differs by this angle, radians."""
-    every: int = 1
+    every: Annotated[int, AtLeast(1)] = 1
     """Use one frame of N."""
     mirror: bool = True
     """Also draw training poses mirrored left to right."""
-    recombine: int = 2000
+    recombine: Annotated[int, Between(0, 10**6)] = 2000
     """Additional training poses that combine legs, trunk and arms of several drawn poses."""
-    seed: int = 0
+    seed: Annotated[int, SEED] = 0
     """Random seed."""
 
     def run(self) -> None:
@@ -46,8 +48,6 @@ class Poses:
         from uvcloth.motion.recombine import recombine
         from uvcloth.physics.self_contact import SelfContact
 
-        if self.recombine < 0:
-            raise InputError(f"--recombine {self.recombine}: expected a number of poses, 0 or more")
         sources = find_sources(self.clips, self.windows, self.clips_from)
         make_folder(self.out.parent)
         body = load_body(self.body)

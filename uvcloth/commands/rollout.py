@@ -8,6 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from tyro.conf import arg
 
 from uvcloth.commands.options import (
+    DEVICE,
+    EXTRAS,
+    GARMENT,
+    MOTION,
     TEMPLATE_NAMES,
     BodyFile,
     Fabric,
@@ -22,8 +26,12 @@ from uvcloth.commands.options import (
     Tucks,
 )
 from uvcloth.errors import InputError
+from uvcloth.files.options import NewFile, Several
 from uvcloth.methods.finish_names import FinishName
 from uvcloth.motion.options import MotionOptions
+
+ANIMATIONS = (".glb", ".usdc", ".usd", ".pc2", ".abc", ".obj", ".npz", ".mp4", ".gif", ".png")
+"""Suffixes of the files that are written."""
 
 if TYPE_CHECKING:
     from uvcloth.commands.live_view import LiveAudience
@@ -33,7 +41,7 @@ if TYPE_CHECKING:
 class Rollout:
     """Move garments over a motion, and write files for engines, DCCs and players."""
 
-    motion: str
+    motion: Annotated[str, MOTION]
     """A motion file (BVH, glTF, AMASS) or the name of a built-in clip."""
     garment: Annotated[
         tuple[str, ...],
@@ -42,6 +50,8 @@ class Rollout:
             help=f"Templates ({TEMPLATE_NAMES}) or garment files, in the order in which they are worn, the "
             "innermost first.",
         ),
+        GARMENT,
+        Several(least=1),
     ]
     out: Annotated[
         tuple[Path, ...],
@@ -51,6 +61,8 @@ class Rollout:
             "other programs, .mp4 or .gif for a video, .png for a contact sheet.",
             help_behavior_hint="",
         ),
+        NewFile(ANIMATIONS, EXTRAS),
+        Several(distinct=True),
     ] = ()
     model: Models = ()
     finish: Annotated[
@@ -99,7 +111,7 @@ class Rollout:
             "clothes hide (delete_verts)."
         ),
     ] = False
-    device: Annotated[str, arg(metavar="cpu|cuda")] = "cpu"
+    device: Annotated[str, arg(metavar="cpu|cuda"), DEVICE] = "cpu"
     """Device of the computation."""
     threads: Threads = 1
     """Number of CPU threads; on a loaded machine several are slower than one."""

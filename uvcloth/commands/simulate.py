@@ -6,8 +6,19 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional, arg
 
-from uvcloth.commands.options import FABRIC_NAMES, BodyFile, Garments, Jobs, MotionFile
+from uvcloth.commands.options import (
+    CSV,
+    DASK,
+    FABRIC_NAMES,
+    FOLDER,
+    NEWTON,
+    BodyFile,
+    Garments,
+    Jobs,
+    MotionFile,
+)
 from uvcloth.errors import InputError
+from uvcloth.files.options import AtLeast, NewFolder, Text
 from uvcloth.motion.options import MotionOptions
 from uvcloth.physics.fabric import FabricName
 
@@ -23,7 +34,7 @@ class Simulate:
 
     clips: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]]
     """Motion files (BVH, glTF, AMASS) or names of built-in clips."""
-    out: Path
+    out: Annotated[Path, NewFolder()]
     """Folder for the sequences, one npz per clip and garment."""
     garment: Garments = ("tops", "bottoms", "dress")
     """Templates or garment files to simulate; sequences of a file take the name of the file."""
@@ -39,6 +50,7 @@ class Simulate:
             "(of an ensemble, 1 to 3). Other bodies, layers and members get separate folders in OUT.",
             help_behavior_hint="",
         ),
+        CSV,
     ] = None
     outfits: Annotated[
         Path | None,
@@ -48,8 +60,11 @@ class Simulate:
             "over one window of its split in the table.",
             help_behavior_hint="",
         ),
+        FOLDER,
     ] = None
-    most_frames: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: whole windows)")] = None
+    most_frames: Annotated[
+        int | None, arg(metavar="N", help_behavior_hint="(default: whole windows)"), AtLeast(1)
+    ] = None
     """With --outfits: at most the first N frames of each window."""
     layered: Annotated[
         bool,
@@ -82,8 +97,11 @@ class Simulate:
             "clips of the table.",
             help_behavior_hint="(default: whole clips)",
         ),
+        CSV,
     ] = None
-    clips_from: Annotated[Path | None, arg(metavar="DIR", help_behavior_hint="(default: the table's)")] = None
+    clips_from: Annotated[
+        Path | None, arg(metavar="DIR", help_behavior_hint="(default: the table's)"), FOLDER
+    ] = None
     """Folder of the clips of the table."""
     split: Annotated[
         tuple[Literal["train", "validation", "test"], ...] | None,
@@ -92,7 +110,11 @@ class Simulate:
     """Splits to simulate: validation comes first, then test, then training in a mixed order."""
     jobs: Jobs = None
     """Number of sequences to simulate at the same time."""
-    scheduler: Annotated[str | None, arg(metavar="ADDRESS", help_behavior_hint="")] = None
+    scheduler: Annotated[
+        str | None,
+        arg(metavar="ADDRESS", help_behavior_hint=""),
+        Text(r"(\w+://)?[\w.:%\[\]-]+:\d{1,5}", "an address such as tcp://127.0.0.1:8786"),
+    ] = None
     """Address of a dask scheduler that runs the simulations instead of this machine."""
     ensemble: Annotated[
         bool,
@@ -120,6 +142,9 @@ class Simulate:
 
     def _simulate(self) -> None:
         """Simulate a plan, outfits, or garments over clips."""
+        DASK.require()
+        if self.engine == "newton":
+            NEWTON.require()
         from uvcloth.bodies.body import load_body
         from uvcloth.simulate.batch import simulate_batch
         from uvcloth.simulate.outfits import simulate_outfits

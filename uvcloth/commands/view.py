@@ -6,7 +6,8 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
-from uvcloth.commands.options import BodyFile, Garments, Host, Port, Threads
+from uvcloth.commands.options import MOTION, NPZ, BodyFile, Garments, Host, Port, Threads
+from uvcloth.files.options import Several, Source
 from uvcloth.methods.registry import DEFAULT, METHODS
 
 
@@ -14,7 +15,9 @@ from uvcloth.methods.registry import DEFAULT, METHODS
 class View:
     """Choose and play rollouts in the browser, computed while they play."""
 
-    motion: Positional[Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint="")]] = ()
+    motion: Positional[
+        Annotated[tuple[str, ...], arg(metavar="CLIP ...", help_behavior_hint=""), MOTION]
+    ] = ()
     """Motion files to choose from, in addition to the built-in clips."""
     garment: Garments = ("tops",)
     """Templates or garment files to start with, the innermost first."""
@@ -26,10 +29,12 @@ class View:
             f"{', '.join(METHODS)}; or one of these names. The first is shown first.",
             help_behavior_hint=f"(default: {DEFAULT})",
         ),
+        Source(kind="folder", names=lambda: tuple(METHODS)),
+        Several(),
     ] = ()
     body: BodyFile = None
     """A body made by `uvcloth body`."""
-    data: Annotated[tuple[Path, ...], arg(metavar="SEQUENCE ...", help_behavior_hint="")] = ()
+    data: Annotated[tuple[Path, ...], arg(metavar="SEQUENCE ...", help_behavior_hint=""), NPZ] = ()
     """Sequences made by `uvcloth simulate`, shown next to the prediction, with its error as a heat map."""
     port: Port = 8080
     """Port of the page, 1 to 65535. Its address has a token, without which requests are refused."""

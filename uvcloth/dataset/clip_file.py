@@ -14,7 +14,7 @@ from uvcloth.files.archive import load_arrays, save_arrays
 from uvcloth.files.fields import check_fields, indices, is_file_name, numbers, text
 from uvcloth.files.json_file import parse_json, require_kinds
 from uvcloth.formats.moving import load_moving, pack, unpack
-from uvcloth.motion.clip import FPS_RANGE
+from uvcloth.motion.options import FPS_RANGE
 
 SEQUENCE_FORMAT = "uvcloth-sequence-3"
 EXPECTED_FILE = (

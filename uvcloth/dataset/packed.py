@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import torch
 from rich.console import Console
-from rich.progress import track
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 from torch import Tensor
 
 from uvcloth.bodies.body import Body
@@ -188,8 +189,14 @@ def _convert(folder: Path, out: Path, convert: Callable[[Path], None], what: str
         if (folder / REFUSED).is_file():
             keep_refused(refused_captures(folder), out)
         todo = [path for path in sorted(folder.glob("*.npz")) if not (out / path.name).exists()]
-        for path in track(todo, what, console=Console(stderr=True), transient=True):
-            convert(path)
+        # The first sequence of a garment takes half a minute: its name is shown, and the spinner turns.
+        columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()
+        with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+            task = progress.add_task(what, total=len(todo))
+            for path in todo:
+                progress.update(task, description=f"{what} {escape(path.stem)}")
+                convert(path)
+                progress.advance(task)
     return len(todo)
 
 

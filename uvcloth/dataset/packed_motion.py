@@ -23,7 +23,7 @@ from uvcloth.geometry.skeleton import (
     local_rotations,
     world_rotations,
 )
-from uvcloth.motion.clip import FPS_RANGE
+from uvcloth.motion.options import FPS_RANGE
 
 MOTION_FORMAT = "uvcloth-packed-motion-2"
 EXPECTED_MOTION = "the motion of packed sequences"

@@ -2,10 +2,12 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 from uvcloth.checkpoint import TrainingData
 from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.errors import InputError
+from uvcloth.files.options import Between
 from uvcloth.motion.index import INDEX
 
 TRAINING_SPLITS = ("train", "validation")
@@ -16,9 +18,9 @@ TRAINING_SPLITS = ("train", "validation")
 class Holdout:
     """The choice of validation clips where the data has no index, and of the training frames."""
 
-    holdout: int = 8
+    holdout: Annotated[int, Between(2, 10**6)] = 8
     """Without an index.csv, every N-th clip is for validation, not for training."""
-    rest_frames: int = 15
+    rest_frames: Annotated[int, Between(0, 10**6)] = 15
     """Warm-up frames to leave out of training, in which cloth comes down from the rest shape. Validation
     leaves out the whole warm-up."""
 

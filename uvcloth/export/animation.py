@@ -15,7 +15,7 @@ from uvcloth.files.fields import check_fields, indices, names, numbers
 from uvcloth.geometry.mesh import Mesh
 from uvcloth.geometry.rotations import to_quaternions
 from uvcloth.geometry.skeleton import Skeleton
-from uvcloth.motion.clip import FPS_RANGE
+from uvcloth.motion.options import FPS_RANGE
 
 ANIMATION_FORMAT = "uvcloth-animation-1"
 FIELDS = {

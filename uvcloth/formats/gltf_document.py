@@ -115,6 +115,9 @@ def check_document(document: Any) -> None:
     if not document["asset"]["version"].startswith("2."):
         raise InputError(f"is glTF {document['asset']['version']:.8}, expected 2.0")
     _check(document, RULES, "", document)
+    for place, node in enumerate(document.get("nodes", [])):
+        if not any(node.get("rotation", (1.0,))):
+            raise InputError(f"nodes[{place}].rotation: is 0, 0, 0, 0, expected a unit quaternion")
     for place, animation in enumerate(document.get("animations", [])):
         for number, channel in enumerate(animation["channels"]):
             if channel["sampler"] >= len(animation["samplers"]):

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.fft import dct, idct
-from scipy.linalg import eigh
 from scipy.sparse import coo_array, diags_array
 from scipy.sparse.linalg import eigsh
 
@@ -155,7 +154,8 @@ def _spectrum(edges: np.ndarray, count: int) -> np.ndarray:
     laplacian[edges[:, 0], edges[:, 1]] = laplacian[edges[:, 1], edges[:, 0]] = -weights
     # The diagonal also separates the eigenvalues of points without edges.
     laplacian[np.diag_indices(count)] = 1e-3 * _series(count) - laplacian.sum(axis=1)
-    vectors = eigh(laplacian, overwrite_a=True, check_finite=False)[1]
+    # Of numpy: scipy's holds the interpreter for seconds, in which Ctrl-C is not heard.
+    vectors = np.linalg.eigh(laplacian)[1]
     return np.copysign(1.0, (_series(count) - 0.5) @ vectors) * vectors
 
 

@@ -19,7 +19,8 @@ from uvcloth.files.archive import list_arrays, read_arrays
 from uvcloth.files.fields import MOST
 from uvcloth.geometry.rotations import from_axis_angles
 from uvcloth.geometry.skeleton import Skeleton, world_rotations
-from uvcloth.motion.clip import FPS_RANGE, Clip
+from uvcloth.motion.clip import Clip
+from uvcloth.motion.options import FPS_RANGE
 from uvcloth.motion.retarget import on_floor, resample
 
 EXPECTED = (

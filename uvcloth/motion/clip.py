@@ -7,9 +7,7 @@ from torch import Tensor
 
 from uvcloth.errors import InputError
 from uvcloth.geometry.skeleton import Skeleton, joint_transforms
-
-FPS_RANGE = (1.0, 1000.0)
-"""Least and greatest frame rate of a motion, frames per second."""
+from uvcloth.motion.options import FPS_RANGE
 
 
 def require_fps(fps: float) -> None:

@@ -164,6 +164,10 @@ def _sampled(file: Gltf, sampler: dict[str, Any], kind: str, times: np.ndarray) 
     if mode == "CUBICSPLINE":
         values = values.reshape(len(keys), 3, -1)
         tangents, values = values[:, [0, 2]], values[:, 1]
+    if kind == "VEC4" and not np.linalg.norm(values, axis=1).all():
+        raise InputError(
+            f"{file.path}: a rotation of the animation is 0, 0, 0, 0, expected a unit quaternion"
+        )
     before = (np.searchsorted(keys, times, side="right") - 1).clip(0, len(keys) - 1)
     after = (before + 1).clip(max=len(keys) - 1)
     step = keys[after] - keys[before]

@@ -16,9 +16,9 @@ from uvcloth.geometry.rotations import are_unit, from_quaternions, to_quaternion
 from uvcloth.geometry.skeleton import Skeleton, in_order
 from uvcloth.motion.amass import carried_over, fits_unchanged, is_amass, read_amass
 from uvcloth.motion.bvh import read_bvh
-from uvcloth.motion.clip import FPS_RANGE, Clip
+from uvcloth.motion.clip import Clip
 from uvcloth.motion.gltf import read_gltf_motion
-from uvcloth.motion.options import MotionOptions
+from uvcloth.motion.options import FPS_RANGE, MotionOptions
 from uvcloth.motion.posture import check_posture
 from uvcloth.motion.rest import Rest, find_rest
 from uvcloth.motion.retarget import require_limbs, required_roles, retarget

@@ -7,6 +7,13 @@ from typing import Annotated, Literal
 from tyro.conf import arg
 
 from uvcloth.errors import InputError
+from uvcloth.files.options import Between, Source, Text
+
+FPS_RANGE = (1.0, 1000.0)
+"""Least and greatest frame rate of a motion, frames per second."""
+
+SPAN = r"-?\d{0,9}:-?\d{0,9}"
+"""Pattern of frames A:B."""
 
 
 @dataclass(frozen=True)
@@ -17,13 +24,19 @@ class MotionOptions:
         Literal["y", "z"] | None, arg(metavar="y|z", help_behavior_hint="(default: as the person stands)")
     ] = None
     """Axis of the file that points up. With it, the check that the person stands is left out."""
-    joints: Annotated[Path | None, arg(metavar="JSON", help_behavior_hint="(default: by their names)")] = None
+    joints: Annotated[
+        Path | None, arg(metavar="JSON", help_behavior_hint="(default: by their names)"), Source((".json",))
+    ] = None
     """Roles of joints, {"hips": "Pelvis", ...}; `uvcloth motion FILE` lists the roles."""
-    rest_frame: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: found)")] = None
+    rest_frame: Annotated[
+        int | None, arg(metavar="N", help_behavior_hint="(default: found)"), Between(0, 10**8)
+    ] = None
     """Frame of the file, from 0, in which the person stands straight, arms anywhere to the sides."""
-    fps: Annotated[float, arg(metavar="N")] = 30.0
+    fps: Annotated[float, arg(metavar="N"), Between(*FPS_RANGE)] = 30.0
     """Frames per second to resample the motion to, 1 to 1000."""
-    frames: Annotated[str | None, arg(metavar="A:B", help_behavior_hint="(default: all)")] = None
+    frames: Annotated[
+        str | None, arg(metavar="A:B", help_behavior_hint="(default: all)"), Text(SPAN, "A:B, frames or none")
+    ] = None
     """Frames A to B - 1 of the motion at that rate."""
     in_place: bool = False
     """Keep the hips over one point of the floor."""

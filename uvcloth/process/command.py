@@ -3,6 +3,7 @@
 import errno
 import io
 import os
+import re
 import sys
 from collections.abc import Callable
 
@@ -17,8 +18,16 @@ ENDED = {
     TERMINATED: "terminated; finished work is in place",
 }
 
-REFUSED_BY_THE_SYSTEM = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM}
-"""Errors of the system, not of the program: full disk, quota, read-only folder, no permission."""
+REFUSED_BY_THE_SYSTEM = {
+    *(errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENAMETOOLONG)
+}
+"""Errors of the system, not of the program: full disk, quota, read-only folder, no permission, long name."""
+
+LONGEST = 600
+"""Characters of a sentence; of a longer one the middle is left out."""
+
+PARTIAL = re.compile(r"\.([^/\\]+)\.partial([/\\][^\s:]*)?")
+"""Path of an unfinished file, hidden beside the one to be."""
 
 
 def run_command(program: str, command: Callable[[], None]) -> int:
@@ -66,5 +75,11 @@ def _report(program: str, sentence: str, code: int) -> int:
     return code
 
 
+def one_line(sentence: str) -> str:
+    """A sentence on one line, cut to LONGEST characters, without paths of unfinished files."""
+    text = PARTIAL.sub(r"\1", " ".join(sentence.split()))
+    return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"
+
+
 def _line(program: str, sentence: str) -> str:
-    return f"{program}: {' '.join(sentence.split())}"
+    return f"{program}: {one_line(sentence)}"

@@ -11,7 +11,6 @@ import os
 import pickle
 import subprocess
 import sys
-import tempfile
 import threading
 from collections.abc import Callable
 from contextlib import suppress
@@ -21,6 +20,8 @@ from typing import Any, TypeVar
 
 import numba
 from numba.core.caching import FunctionCache
+
+from rasterize.cache_folder import temporary_cache
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -172,9 +173,9 @@ def _cache_folder(sources: Path) -> Path | None:
     for path in sorted(sources.glob("*.py")):
         digest.update(path.read_bytes())
     name = f"{sources.name}-{digest.hexdigest()[:16]}"
-    for root in _cache_roots():
-        folder = root / name
+    for root in (*_cache_roots(), None):
         try:
+            folder = (root or temporary_cache("uvcloth-cache")) / name
             folder.mkdir(parents=True, exist_ok=True)
         except OSError:
             continue
@@ -186,5 +187,5 @@ def _cache_folder(sources: Path) -> Path | None:
 def _cache_roots() -> list[Path]:
     named = os.environ.get(CACHE_VARIABLE)
     usual = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    roots = [Path(usual) / "uvcloth", Path(tempfile.gettempdir()) / "uvcloth-cache"]
+    roots = [Path(usual) / "uvcloth"]
     return [Path(named), *roots] if named else roots

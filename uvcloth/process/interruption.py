@@ -50,6 +50,11 @@ def interruptible(last_words: Callable[[int], bytes]) -> Iterator[None]:
             sys.stdout.flush()
             _end(received[0], last_words)
         raise
+    else:
+        # Ctrl-C may be how a command ends well, and is caught; SIGTERM never is.
+        if signal.SIGTERM in received:
+            sys.stdout.flush()
+            _end(signal.SIGTERM, last_words)
     finally:
         if not received:
             signal.set_wakeup_fd(wakeup)

@@ -36,6 +36,16 @@ class Access:
         """Address of the page for a browser on this machine, token included."""
         return f"http://{WILDCARDS.get(self.host, _bracketed(self.host))}:{self.port}/{self.token}"
 
+    @property
+    def caution(self) -> str:
+        """Sentence on who else reaches the page, "" if nobody does."""
+        if _is_loopback(self.host):
+            return ""
+        return (
+            f"--host {self.host}: other machines reach the page, and whoever has its address with the token "
+            "sees it and has this machine compute"
+        )
+
     def refusal(self, path: str, hosts: Sequence[str], origins: Sequence[str]) -> str:
         """Reason why a request is refused, as text, "" if it is answered.
 
@@ -76,6 +86,9 @@ def listen(host: str, port: int) -> socket.socket:
     """
     if not 0 < port < 65536:
         raise InputError(f"--port {port}: expected 1 to 65535")
+    if set(host) <= set("0123456789.") and not _is_address(host):
+        # A resolver may take a minute to find no machine of that name.
+        raise InputError(f"--host {host}: unknown address")
     try:
         family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     except (OSError, UnicodeError) as error:
