@@ -90,4 +90,4 @@ def test_what_is_known_of_the_frames_before_changes_nothing_on_a_ball(ball: tupl
         lowered = (points + np.array([0.0, 0.0, height])).astype(np.float32)
         state = clear(mesh, body, state, ball[0], lowered, CLEARANCE, REACH)
         np.testing.assert_allclose(state.positions, _cleared(ball, height), atol=2e-5)
-    assert (state.near.faces >= 0).sum() > 300
+    assert (state.near.faces >= 0).sum() > 100

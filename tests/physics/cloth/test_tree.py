@@ -13,9 +13,9 @@ from torch import Tensor
 from tests.physics.cloth.stepping import solver, still_frames
 from tests.simulate.physics.scenes import disc, sheet
 from uvcloth.geometry.mesh import join_meshes
-from uvcloth.physics.cloth.body_contact import find_contacts
+from uvcloth.physics.cloth.body_contact import CLOSE, Contacts, find_contacts
 from uvcloth.physics.cloth.cloth import Sheet, make_cloth
-from uvcloth.physics.cloth.moving_body import begin_passage, end_passage, make_body, no_memory
+from uvcloth.physics.cloth.moving_body import Body, Passage, begin_passage, end_passage, make_body, no_memory
 from uvcloth.physics.cloth.self_contact import Pairs, find_pairs, no_pairs
 from uvcloth.physics.cloth.solver import start
 from uvcloth.physics.cloth.tree import APART, DONE, Tree, adjacent_nodes
@@ -34,7 +34,7 @@ def test_the_closest_face_is_that_of_a_search_of_all_faces(reach: float, guessed
     hints = np.stack([draw.integers(0, len(parts[0]), 500), np.full(500, -1)]).astype(np.int32)
     known = no_memory(body)
     passage = begin_passage(body, surface, surface, points, known._replace(faces=hints) if guessed else known)
-    found = find_contacts(body, passage, np.float32(0.0), points, np.float32(reach))
+    found = contacts_of(body, passage, np.float32(0.0), points, np.float32(reach))
     for part, faces in enumerate(parts):
         mesh = trimesh.Trimesh(surface, faces, process=False)
         _, expected, _ = trimesh.proximity.closest_point_naive(mesh, points)
@@ -45,6 +45,15 @@ def test_the_closest_face_is_that_of_a_search_of_all_faces(reach: float, guessed
         np.testing.assert_allclose(
             distances_from(corners, points[vertices]), expected[vertices], atol=ROUNDING
         )
+
+
+def contacts_of(
+    body: Body, passage: Passage, share: np.float32, points: NDArray[np.float32], reach: np.float32
+) -> Contacts:
+    """Contacts of points (N, 3) that touch a body from its reach on."""
+    near, still = np.full(len(points), reach), np.zeros_like(points)
+    none = np.float32(0.0)
+    return find_contacts(body, passage, share, points, still, near, none, np.float32(1.0), reach, CLOSE)
 
 
 def bumps_and_box(
@@ -77,9 +86,9 @@ def test_searches_that_know_of_those_before_find_what_the_first_would() -> None:
             now = points + 0.01 * share * speeds
             skipped += int((together.clear > 0.1).sum())
             followed += int((together.hints >= 0).sum())
-            found = find_contacts(body, together, share, now, reach)
+            found = contacts_of(body, together, share, now, reach)
             alone = begin_passage(body, surface, end, now, none)
-            again = find_contacts(body, alone, share, now, reach)
+            again = contacts_of(body, alone, share, now, reach)
             shape = (1.0 - share) * surface + share * end
             for part in range(2):
                 rows, expected = (

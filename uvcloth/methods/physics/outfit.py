@@ -38,6 +38,9 @@ LOGGER = logging.getLogger(__name__)
 CAGE_INTERVAL = 1.0 / 60.0
 """Seconds between two searches for contact; fine cloth is searched twice as often."""
 
+CAGE_RENEWAL = 4
+"""Frames from one search of all faces of the body for a vertex to the next."""
+
 SETTLING_FRAMES, SETTLING_FPS = 45, 30.0
 """Frames, and how many there are in a second, in which cloth comes to rest."""
 
@@ -53,7 +56,7 @@ class PhysicsConfig:
     quality: str = "default"
     compression: float = 0.3
     damping: Damping = field(default_factory=Damping)
-    settings: Settings = field(default_factory=lambda: Settings(interval=CAGE_INTERVAL))
+    settings: Settings = field(default_factory=lambda: Settings(renewal=CAGE_RENEWAL, interval=CAGE_INTERVAL))
 
 
 @dataclass(frozen=True)

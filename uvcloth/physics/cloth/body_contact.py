@@ -11,13 +11,14 @@ from uvcloth.physics.cloth.moving_body import (
     Body,
     Passage,
     approach,
+    closing,
     corners,
     find_normals,
     fit_patches,
     walk,
 )
 from uvcloth.physics.cloth.tree import DEPTH, closest_face
-from uvcloth.physics.cloth.triangles import weighted
+from uvcloth.physics.cloth.triangles import closest_barycentrics, weighted
 from uvcloth.physics.cloth.vectors import (
     ONE,
     TWO,
@@ -27,6 +28,7 @@ from uvcloth.physics.cloth.vectors import (
     Vector,
     add,
     combine,
+    cross,
     dot,
     length,
     load,
@@ -54,6 +56,12 @@ ALERT_SPEED = np.float32(0.5)
 
 CLOSE = np.float32(0.01)
 """Metres from the body up to which a vertex is followed: farther off, a face elsewhere may be closer."""
+
+SPARE = np.float32(1.5)
+"""Factor on the speed of a vertex, which may grow, for its way until the next search."""
+
+LONGEST = np.float32(1.0 / 60.0)
+"""Seconds after a search of all faces in which a vertex is followed within the whole reach."""
 
 SLIDE = np.float32(1e-3)
 """Metres that a vertex moves past the body before its closest point is found again."""
@@ -84,17 +92,47 @@ def no_contacts() -> Contacts:
 
 
 @compiled
-def find_contacts(body: Body, passage: Passage, share: Number, positions: Array, reach: Number) -> Contacts:
-    """Find the closest face of every part that a vertex may touch, within reach, m.
+def find_contacts(
+    body: Body,
+    passage: Passage,
+    share: Number,
+    positions: Array,
+    velocities: Array,
+    near: Array,
+    interval: Number,
+    seconds: Number,
+    reach: Number,
+    followed: Number,
+) -> Contacts:
+    """Find the closest face of every part that a vertex touches, or may touch until the next search.
 
-    The body is at a share of its way. A part is not searched for a vertex to which it cannot have come near
-    since the last search; and a vertex that was near is followed over neighbouring faces.
+    The body is at a share of its way through the frame of `seconds`. velocities: (N, 3) m/s. near: (N,) m,
+    distance from which a vertex touches. interval: share of the frame until the next search. reach: m, how
+    far outside and how deep in the body a face is found. followed: m outside the body up to which a vertex
+    that had a face is followed over neighbouring faces, longer than LONGEST after a search of all of them.
+
+    A part is not searched for a vertex that cannot come near it until the next search.
     """
     passage.points[:] = (ONE - share) * passage.start + share * passage.end
     fit_patches(body, passage.points, passage.boxes)
     vertices, faces = np.empty(body.touches.size, np.int32), np.empty(body.touches.size, np.int32)
     stack, distances = np.empty(DEPTH, np.int32), np.empty(DEPTH, np.float32)
-    count = _search(body, passage, share, positions, reach, stack, distances, vertices, faces)
+    count = _search(
+        body,
+        passage,
+        share,
+        positions,
+        velocities,
+        near,
+        interval,
+        seconds,
+        reach,
+        followed,
+        stack,
+        distances,
+        vertices,
+        faces,
+    )
     return _contacts(vertices[:count].copy(), faces[:count].copy())
 
 
@@ -119,7 +157,12 @@ def _search(
     passage: Passage,
     share: Number,
     positions: Array,
+    velocities: Array,
+    near: Array,
+    interval: Number,
+    seconds: Number,
     reach: Number,
+    followed: Number,
     stack: Array,
     distances: Array,
     vertices: Array,
@@ -131,25 +174,32 @@ def _search(
     since = share - passage.share[0]
     passage.share[0] = share
     parts, count = body.touches.shape
-    contacts = 0
+    contacts, rate = 0, ONE / seconds
     for vertex in range(count):
-        point = load(positions, vertex)
+        point, velocity = load(positions, vertex), load(velocities, vertex)
         way = sub(point, load(passage.cloth, vertex))
         for part in range(parts):
             if not body.touches[part, vertex]:
                 continue
+            clear = passage.clear[part, vertex] - approach(passage, part, way, since)
+            passage.clear[part, vertex] = clear
+            fastest = SPARE * closing(passage, part, velocity, seconds) + seconds * ALERT_SPEED
+            if clear > min(reach, near[vertex] + interval * fastest) + ROUNDED:
+                continue
             guess = passage.hints[part, vertex]
+            known = passage.before.faces[part, vertex] if first else -1
             if first and (vertex + passage.turn) % passage.renewal > 0:
-                guess = passage.before.faces[part, vertex]
+                guess = known
+            face, distance, slip = -1, ZERO, ZERO
+            is_followed = False
             if guess >= 0:
                 face, _, away = walk(body, passage.start, passage.end, share, guess, point, FOLLOWED)
-                if dot(away, away) < min(reach, CLOSE) ** 2:
-                    passage.hints[part, vertex], passage.clear[part, vertex] = face, ZERO
-                    vertices[contacts], faces[contacts] = vertex, face
-                    contacts += 1
-                    continue
-            clear = passage.clear[part, vertex] - approach(passage, part, way, since)
-            if clear <= reach + ROUNDED:
+                distance, slip = _past(body, passage, face, point, velocity, rate)
+                is_recent = not first and share - passage.searched[part, vertex] < LONGEST * rate
+                limit = reach if is_recent else min(reach, followed if distance > ZERO else CLOSE)
+                is_followed = dot(away, away) < limit * limit
+            passage.clear[part, vertex] = ZERO
+            if not is_followed:
                 face, beyond = closest_face(
                     body.tree,
                     body.patches,
@@ -161,19 +211,39 @@ def _search(
                     passage.points,
                     point,
                     reach,
-                    passage.hints[part, vertex],
-                    passage.before.faces[part, vertex] if first else -1,
+                    face,
+                    known,
                     stack,
                     distances,
                 )
-                passage.hints[part, vertex] = face
+                passage.searched[part, vertex] = share
                 if face >= 0:
-                    vertices[contacts], faces[contacts] = vertex, face
-                    contacts += 1
-                clear = math.sqrt(beyond) if face < 0 else ZERO
-            passage.clear[part, vertex] = clear
+                    distance, slip = _past(body, passage, face, point, velocity, rate)
+                passage.clear[part, vertex] = max(distance, ZERO) if face >= 0 else math.sqrt(beyond)
+            passage.hints[part, vertex] = face
+            if face >= 0 and distance <= near[vertex] + interval * seconds * (SPARE * slip + ALERT_SPEED):
+                vertices[contacts], faces[contacts] = vertex, face
+                contacts += 1
         store(passage.cloth, vertex, point)
     return contacts
+
+
+@inlined
+def _past(
+    body: Body, passage: Passage, face: int, point: Vector, velocity: Vector, rate: Number
+) -> tuple[Number, Number]:
+    """Distance of a point from a face, negative inside, and the speed, m/s, at which it moves past it.
+
+    rate: frames a second.
+    """
+    a, b, c = corners(body.faces, passage.points, face)
+    weights = closest_barycentrics(point, a, b, c)
+    away = sub(point, weighted(weights, a, b, c))
+    outside = dot(away, cross(sub(b, a), sub(c, a))) > ZERO
+    began = weighted(weights, *corners(body.faces, passage.start, face))
+    ends = weighted(weights, *corners(body.faces, passage.end, face))
+    distance = length(away)
+    return distance if outside else -distance, length(sub(velocity, scale(rate, sub(ends, began))))
 
 
 @borrowing

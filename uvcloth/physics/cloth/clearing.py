@@ -33,7 +33,7 @@ from uvcloth.physics.cloth.vectors import (
 )
 from uvcloth.process.compiled import compiled, inlined
 
-RENEWAL = 16
+RENEWAL = 8
 """Frames from one search of the whole body for a vertex to the next."""
 
 SPREAD = np.float32(0.6)
@@ -44,6 +44,9 @@ FREE_MOVE = np.float32(1e-3)
 
 INWARD = np.float32(-0.7)
 """Cosine to the normal below which the way from the closest face leads inwards: faces fold at joints."""
+
+WATCHED = np.float32(0.004)
+"""Metres more than the clearance within which vertices are watched: their neighbours may move them."""
 
 PASSES = 3
 """Times that vertices are moved off the skin; after all but the last one their neighbours follow."""
@@ -88,7 +91,8 @@ def clear(
     before: the frame before. reach: metres within which the skin is searched; deeper vertices stay.
     """
     passage = begin_passage(body, before.body, points, before.positions, before.near, before.frame, RENEWAL)
-    contacts = find_contacts(body, passage, ONE, positions, reach)
+    still, near = np.zeros_like(positions), clearance + WATCHED + mesh.thickness
+    contacts = find_contacts(body, passage, ONE, positions, still, near, ZERO, ONE, reach, reach)
     for face in contacts.faces:
         find_normals(body, passage, face)
     cleared, moves = positions.copy(), np.empty_like(positions)

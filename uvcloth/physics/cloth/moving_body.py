@@ -110,7 +110,8 @@ class Passage(NamedTuple):
     there, of the vertices for which `known`, (V,) int32, is the number of that search. boxes: (T, 6) of the
     tree, in patches for which `fitted`, (P,) int32, is that number too. hints: (K, N) int32, the face of each
     part at the last search for each vertex of the cloth, -1 for none. before: results of the frame before.
-    clear: (K, N) m, distance without any face. drifts: (K, 3) m that a part moves in the frame on average;
+    clear: (K, N) m, distance without any face. searched: (K, N) share of the way at the last search of all
+    faces. drifts: (K, 3) m that a part moves in the frame on average;
     ways: (K,) m by which a vertex of it differs from that at most. cloth: (N, 3) m at the last search. share:
     (1,) of the way at which it was. searches: (1,) int32, their number so far. turn, renewal: as
     `begin_passage` says.
@@ -126,6 +127,7 @@ class Passage(NamedTuple):
     hints: NDArray[np.int32]
     before: Memory
     clear: NDArray[np.float32]
+    searched: NDArray[np.float32]
     drifts: NDArray[np.float32]
     ways: NDArray[np.float32]
     cloth: NDArray[np.float32]
@@ -156,6 +158,7 @@ def begin_passage(
         np.full(body.touches.shape, -1, np.int32),
         before,
         before.clear.copy(),
+        np.zeros(body.touches.shape, np.float32),
         drifts,
         ways,
         positions.copy(),
@@ -207,6 +210,12 @@ def approach(passage: Passage, part: int, way: Vector, share: Number) -> Number:
     """Metres by which cloth and a part of the body approach in a share of the frame at most."""
     along = combine(ONE, way, -share, load(passage.drifts, part))
     return length(along) + share * passage.ways[part] + ROUNDED
+
+
+@inlined
+def closing(passage: Passage, part: int, velocity: Vector, seconds: Number) -> Number:
+    """Metres a frame by which cloth with a velocity, m/s, and a part of the body approach at most."""
+    return length(sub(scale(seconds, velocity), load(passage.drifts, part))) + passage.ways[part]
 
 
 @borrowing

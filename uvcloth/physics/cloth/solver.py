@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uvcloth.errors import InputError
 from uvcloth.geometry.units import GRAVITY
-from uvcloth.physics.cloth.body_contact import find_contacts, no_contacts, resolve_contacts
+from uvcloth.physics.cloth.body_contact import CLOSE, find_contacts, no_contacts, resolve_contacts
 from uvcloth.physics.cloth.cloth import Cloth, Particles, Sheet
 from uvcloth.physics.cloth.forces import Hinges, Membrane, add_elastic_forces
 from uvcloth.physics.cloth.moving_body import Body, Memory, begin_passage, end_passage, no_memory
@@ -38,6 +38,9 @@ FASTEST = 200.0
 FASTEST_BODY = 40.0
 """Greatest speed of a body, m/s, relative to the mean of the cloth, that can be followed."""
 
+WATCHED = np.float32(0.004)
+"""Metres more than where cloth touches the body within which it is watched."""
+
 RETRIES = 2
 """Times that a frame is repeated, each with twice the substeps."""
 
@@ -49,7 +52,8 @@ class Settings:
     safety: share of the longest stable step that is taken. substeps: per second at least. radius: m, kept
     between cloth and body. self_radius: m, kept between cloth and cloth; self_margin: m more within which
     cloth is watched, plus its motion at the relative speed until the next search. self_contact: False
-    leaves it out. reach: m, how near the body, and how deep in it, cloth is looked for. interval: s between
+    leaves it out. reach: m, how near the body, and how deep in it, cloth is looked for.
+    renewal: frames from one search of all faces of the body for a vertex to the next. interval: s between
     two searches for the closest faces of the body and for cloth near cloth.
     """
 
@@ -60,6 +64,7 @@ class Settings:
     self_margin: float = 0.003
     self_contact: bool = True
     reach: float = 0.03
+    renewal: int = 1
     interval: float = 1.0 / 120.0
 
 
@@ -79,7 +84,7 @@ class State:
 
     positions: (N, 3) m, velocities: (N, 3) m/s, relative to a frame of reference at `origin`, (3,) m, that
     moves at `drift`, (3,) m/s. pairs: of cloth near cloth, and their sides. substeps: of the last frame.
-    near: search results for the body.
+    near: search results for the body. frame: number of earlier frames.
     """
 
     positions: Floats
@@ -89,6 +94,7 @@ class State:
     pairs: Pairs
     near: Memory
     substeps: int = 0
+    frame: int = 0
 
     def vertices(self) -> NDArray[np.float64]:
         """Positions (N, 3) m in the world."""
@@ -194,6 +200,8 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
             velocities,
             state.pairs,
             state.near,
+            state.frame,
+            settings.renewal,
             substeps,
             max(1, round(substeps * settings.interval / motion.seconds)),
             max(1, int(substeps * body_interval / motion.seconds)),
@@ -207,7 +215,7 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
         )
         if np.isfinite(positions).all() and np.abs(velocities).max(initial=0.0) < FASTEST:
             break
-    return State(positions, velocities, end, drift, pairs, near, substeps)
+    return State(positions, velocities, end, drift, pairs, near, substeps, state.frame + 1)
 
 
 def _fastest(ways: NDArray) -> float:
@@ -254,6 +262,8 @@ def _advance(
     velocities: Array,
     pairs: Pairs,
     near: Memory,
+    frame: int,
+    renewal: int,
     substeps: int,
     interval: int,
     body_interval: int,
@@ -272,8 +282,9 @@ def _advance(
     sheet_boxes, speeds = np.empty((nodes, 6), np.float32), np.empty((nodes, 6), np.float32)
     cones = np.empty((nodes, 5), np.float32)
     point_wait, edge_wait = np.zeros(0, np.int32), np.zeros(0, np.int32)
-    passage = begin_passage(body, drive.body_start, drive.body_end, positions, near)
+    passage = begin_passage(body, drive.body_start, drive.body_end, positions, near, frame, renewal)
     contacts = no_contacts()
+    near_body = radius + WATCHED + particles.thickness
     pulled = np.nonzero(drive.pull)[0]
     for substep in range(substeps):
         share = np.float32(substep + 1) / np.float32(substeps)
@@ -310,7 +321,18 @@ def _advance(
             )
         if len(body.faces) > 0:
             if substep % body_interval == 0:
-                contacts = find_contacts(body, passage, share, positions, reach)
+                contacts = find_contacts(
+                    body,
+                    passage,
+                    share,
+                    positions,
+                    velocities,
+                    near_body,
+                    np.float32(body_interval) / np.float32(substeps),
+                    seconds,
+                    reach,
+                    CLOSE,
+                )
             resolve_contacts(
                 contacts,
                 body,
