@@ -120,7 +120,7 @@ def fit(
     template: str | Sequence[str] = (),
     pose: Literal["t", "a"] | None = None,
     from_body: str | PathLike[str] | None = None,
-    fabric: FabricName | Fabric | None = None,
+    fabric: FabricName | Fabric | Sequence[FabricName | Fabric] | None = None,
     tucks: Sequence[Tuck] = (),
     name: str = "garment",
 ) -> Outfit:
@@ -138,9 +138,9 @@ def fit(
     template: whose motion garments take, one for all or one for each, "auto" for the one that each covers
     best. pose: in which files and meshes were modelled, "t" or "a", None to find it. from_body: mesh file of
     the body on which they were modelled, in their coordinates; they are transferred from it. fabric: what
-    they are made of, a name ("jersey", "cotton", "silk", "denim") or a Fabric. tucks: garments that are worn
-    beneath others, whatever the order, as in Tuck("shirt", into="bottoms"). name: of meshes, numbered where
-    there are several. The findings on each file and mesh are logged.
+    they are made of, a name ("jersey", "cotton", "silk", "denim") or a Fabric, one for all or one for each.
+    tucks: garments that are worn beneath others, whatever the order, as in Tuck("shirt", into="bottoms").
+    name: of meshes, numbered where there are several. The findings on each file and mesh are logged.
 
     Raises InputError naming the garment for what cannot be read or worn, and for tucks of garments that are
     not worn, or that contradict each other.

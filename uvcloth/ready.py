@@ -65,19 +65,20 @@ class ReadyRollout:
 
 
 def ready_method(
-    models: Sequence[str], outfit: Outfit, finish: FinishName | None, quality: str, fabric: str | None
+    models: Sequence[str], outfit: Outfit, finish: FinishName | None, quality: str, fabrics: Sequence[str]
 ) -> tuple[Method, bool]:
     """Load the method that models make in order with its finish, and tell whether clearing comes after it.
 
-    finish: as `finished` has it. quality: of the solver, a key of QUALITIES. fabric: by name, where one was
-    asked for. Raises InputError as `load_method` and `finished` do, and for a fabric that the method does not
-    read.
+    finish: as `finished` has it. quality: of the solver, a key of QUALITIES. fabrics: by name, those that
+    were asked for. Raises InputError as `load_method` and `finished` do, and for a fabric that the method
+    does not read.
     """
     solver = Physics(PhysicsConfig(quality))
     loaded = [load_method(model, outfit.body) for model in models]
     method = in_order([solver if isinstance(each, Physics) else each for each in loaded])
     method, clear = finished(method, outfit, finish, solver)
-    require_fabric_read(method, fabric)
+    for fabric in fabrics:
+        require_fabric_read(method, fabric)
     return method, clear
 
 

@@ -122,7 +122,7 @@ def test_a_fabric_that_the_model_does_not_read_is_refused(tmp_path: Path) -> Non
     with pytest.raises(InputError, match="--fabric silk: model pbns knows only the fabric of its training"):
         export(Export("pbns", tmp_path / "rig.glb", fabric="silk"))
     with pytest.raises(InputError, match="--fabric silk: model lbs knows only the fabric"):
-        animate(Rollout("walk", ("tops",), (tmp_path / "walk.npz",), ("lbs",), fabric="silk"))
+        animate(Rollout("walk", ("tops",), (tmp_path / "walk.npz",), ("lbs",), fabric=("silk",)))
     assert not list(tmp_path.iterdir())
 
 

@@ -16,6 +16,7 @@ from uvcloth.garments.loading import load_garment_for_data, load_outfit
 from uvcloth.garments.pieces import pieces
 from uvcloth.garments.templates import fit_template
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.physics.fabric import FABRICS
 
 
 def joined(*meshes: Mesh) -> Mesh:
@@ -75,6 +76,16 @@ def test_templates_are_chosen_for_all_or_for_each(body: Body) -> None:
     assert [garment.template for garment in garments] == ["bottoms", "tops"]
     with pytest.raises(InputError, match="--template: 2 for 1 garments"):
         load_outfit(["shirt"], body, templates=("tops", "tops"))
+
+
+def test_fabrics_are_of_all_garments_or_of_each(body: Body) -> None:
+    garments = load_outfit(["bottoms", "tops"], body, fabric=["denim", "silk"])
+    assert [garment.fabric for garment in garments] == [FABRICS["denim"], FABRICS["silk"]]
+    assert {garment.fabric for garment in load_outfit(["bottoms", "tops"], body, fabric=["silk"])} == {
+        FABRICS["silk"]
+    }
+    with pytest.raises(InputError, match="--fabric: 2 for 1 garments, expected one, or one for each"):
+        load_outfit(["tops"], body, fabric=["denim", "silk"])
 
 
 def test_a_name_that_is_neither_template_nor_file_names_the_templates(body: Body) -> None:

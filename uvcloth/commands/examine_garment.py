@@ -98,7 +98,7 @@ def _worn(garments: Sequence[Mesh], body: Body) -> list[np.ndarray]:
 def _moving(garments: Sequence[Garment], body: Body) -> Iterator[np.ndarray]:
     """Pictures of garments as cloth at MOMENTS. Raises InputError if the solver cannot move them."""
     outfit, shown = Outfit(body, tuple(garments)), visible_body(body)
-    method, clear = ready_method([DEFAULT], outfit, None, "fast", None)
+    method, clear = ready_method([DEFAULT], outfit, None, "fast", ())
     ready = ready_rollout(method, outfit, load_clip(MOTION, body).window(0, MOMENTS[-1] + 1), clear)
     for frame in ready.frames():
         if frame.index in MOMENTS:

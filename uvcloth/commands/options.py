@@ -89,6 +89,9 @@ Tucks = Annotated[
     ),
 ]
 Fabric = Annotated[FabricName | None, arg(metavar=FABRIC_NAMES, help_behavior_hint="(default: jersey)")]
+Fabrics = Annotated[
+    tuple[FabricName, ...], arg(metavar=f"{FABRIC_NAMES} ...", help_behavior_hint="(default: jersey)")
+]
 BodyFile = Annotated[
     Path | None, arg(metavar="NPZ", help_behavior_hint="(default: the one in the package)"), NPZ
 ]

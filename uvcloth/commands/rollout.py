@@ -14,7 +14,7 @@ from uvcloth.commands.options import (
     MOTION,
     TEMPLATE_NAMES,
     BodyFile,
-    Fabric,
+    Fabrics,
     FromBody,
     GarmentPose,
     Host,
@@ -87,8 +87,8 @@ class Rollout:
     tuck: Tucks = ()
     garment_pose: GarmentPose = None
     from_body: FromBody = None
-    fabric: Fabric = None
-    """Fabric of the garments, for the cloth solver and DeePSD models."""
+    fabric: Fabrics = ()
+    """Fabric of the garments, for the cloth solver and DeePSD models: one for all, or one for each."""
     body: BodyFile = None
     """A body made by `uvcloth body`."""
     loop: bool = False

@@ -13,7 +13,7 @@ from uvcloth.garments.pieces import pieces, split
 from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.garments.tucks import Tuck, worn_order
 from uvcloth.garments.untangling import untangle
-from uvcloth.physics.fabric import Fabric, find_fabric
+from uvcloth.physics.fabric import FabricChoice, find_fabrics
 
 AUTO = "auto"
 """Word for the template that a garment covers best, instead of a template's name."""
@@ -39,7 +39,7 @@ def load_outfit(
     report: Callable[[str], None] = lambda line: None,
     templates: Sequence[str] = (),
     how: Fitting = PLAIN,
-    fabric: str | Fabric | None = None,
+    fabric: FabricChoice = None,
     tucks: Sequence[Tuck] = (),
 ) -> tuple[Garment, ...]:
     """Load garments worn together, the innermost first; a file or mesh that holds several gives all of them.
@@ -47,11 +47,11 @@ def load_outfit(
     They come to lie over one another, see `untangle`. names: templates, garment files and meshes. tucks: see
     `worn_order`. templates: those whose motion the garments take, one for all names or one for each; none
     or "auto" for the one that each covers best. report: as `load_garment` has it. how: what is known of
-    the body that mesh files and meshes were modelled on, see `read_on_body`. fabric: that of all garments,
-    see `find_fabric`. Raises InputError as `fit_template`, `fit` and `worn_order` do, for unknown templates,
-    and for a number of templates that is neither one nor that of the names.
+    the body that mesh files and meshes were modelled on, see `read_on_body`. fabric: of all names or
+    of each, see `find_fabrics`. Raises InputError as `fit_template`, `fit`, `find_fabrics` and `worn_order`
+    do, for unknown templates, and for a number of templates that is neither one nor that of the names.
     """
-    made_of = find_fabric(fabric)
+    fabrics = find_fabrics(fabric, len(names))
     if len(templates) not in (0, 1, len(names)):
         raise InputError(
             f"--template: {len(templates)} for {len(names)} garments, expected one, or one for each"
@@ -62,9 +62,9 @@ def load_outfit(
     if unknown := [template for template in template_of if template not in (*TEMPLATES, AUTO)]:
         raise InputError(f"--template {unknown[0]}: expected one of {', '.join((*TEMPLATES, AUTO))}")
     loaded: list[Garment] = []
-    for name, template in zip(names, template_of, strict=True):
+    for name, template, made_of in zip(names, template_of, fabrics, strict=True):
         if isinstance(name, str) and name in TEMPLATES:
-            garment = fit_template(name, body)
+            garment = replace(fit_template(name, body), fabric=made_of)
             loaded.append(garment if template == AUTO else replace(garment, template=template))
             continue
         called, placed = _placed(name, body, how)
@@ -74,11 +74,12 @@ def load_outfit(
         for piece in parts:
             report(f"  {piece.name}: {len(piece.mesh.vertices)} vertices, worn as {piece.template}")
         # What a file hides, all of its pieces hide together.
-        loaded += (replace(parts[0], hides=placed.hides), *parts[1:])
+        pieces = replace(parts[0], hides=placed.hides), *parts[1:]
+        loaded += (replace(piece, fabric=made_of) for piece in pieces)
     worn = untangle(worn_order(loaded, tucks), body)
     for line in worn.lines:
         report(line)
-    return tuple(replace(garment, fabric=made_of) for garment in worn.garments)
+    return worn.garments
 
 
 def _placed(source: str | NamedMesh, body: Body, how: Fitting) -> tuple[str, PlacedFile]:

@@ -1,7 +1,7 @@
 """Fabrics: the material of cloth in SI units, for every engine."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -76,6 +76,25 @@ def find_fabric(fabric: str | Fabric | None) -> Fabric:
     if fabric is not None and fabric not in FABRICS:
         raise InputError(f"--fabric {fabric}: expected one of {', '.join(FABRICS)}")
     return JERSEY if fabric is None else FABRICS[fabric]
+
+
+def find_fabrics(fabric: "FabricChoice", count: int) -> list[Fabric]:
+    """The fabric of each of `count` garments: of one for all, of one for each, or the jersey for None.
+
+    Raises InputError as `find_fabric` does, and for another number of fabrics.
+    """
+    if fabric is None or isinstance(fabric, str | Fabric):
+        return [find_fabric(fabric)] * count
+    if not fabric:
+        return [JERSEY] * count
+    if len(fabric) not in (1, count):
+        raise InputError(f"--fabric: {len(fabric)} for {count} garments, expected one, or one for each")
+    made_of = [find_fabric(each) for each in fabric]
+    return made_of if len(made_of) == count else made_of * count
+
+
+FabricChoice = str | Fabric | Sequence[str | Fabric] | None
+"""One fabric for all garments, or one for each; None for the jersey."""
 
 
 def fabric_from(numbers: Mapping[str, float], where: str) -> Fabric:

@@ -120,7 +120,9 @@ class Choices:
 
 def _method(choice: Choice, outfit: Outfit) -> tuple[Method, bool]:
     """The method of a choice with its finish, and whether clearing comes after it."""
-    return ready_method([choice.model], outfit, choice.finish, choice.quality, choice.fabric)
+    return ready_method(
+        [choice.model], outfit, choice.finish, choice.quality, [choice.fabric] if choice.fabric else []
+    )
 
 
 def _perform(ready: ReadyRollout) -> Performance:

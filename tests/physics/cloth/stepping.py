@@ -24,17 +24,24 @@ HOLD = 100.0
 def solver(
     rest: Tensor,
     faces: Tensor,
-    fabric: Fabric = VACUUM,
+    fabric: Fabric | Sequence[Fabric] = VACUUM,
     held: Tensor | None = None,
     things: Sequence[trimesh.Trimesh] = (),
     damping: Damping = DAMPING,
     moved_mass: float = 0.01,
+    fabric_of: NDArray[np.integer] | None = None,
     **settings: Any,
 ) -> Solver:
     """Cloth (N, 3), held at some vertices (N,) bool, among things."""
     factor = None if held is None else torch.where(held, RIGID, 1.0).numpy()
     cloth = make_cloth(
-        rest.numpy(), faces.numpy(), fabric, mass_factor=factor, damping=damping, moved_mass=moved_mass
+        rest.numpy(),
+        faces.numpy(),
+        fabric,
+        mass_factor=factor,
+        fabric_of=fabric_of,
+        damping=damping,
+        moved_mass=moved_mass,
     )
     starts = np.cumsum([0] + [len(thing.vertices) for thing in things])
     parts = [thing.faces + first for thing, first in zip(things, starts, strict=False)]

@@ -19,7 +19,7 @@ from uvcloth.physics.cloth.cloth import Damping, make_cloth
 from uvcloth.physics.cloth.moving_body import make_body
 from uvcloth.physics.cloth.solver import Motion, Settings, Solver, State, make_solver, start, step
 from uvcloth.physics.cloth.stability import largest_step
-from uvcloth.physics.fabric import Fabric
+from uvcloth.physics.fabric import FABRICS, Fabric
 
 UNDAMPED = Damping(stretch=0.0, bend=0.0)
 NO_BODY = make_body(np.zeros((0, 3)), [], np.zeros((0, 0), bool))
@@ -166,6 +166,26 @@ def test_the_stable_step_is_that_of_tension_however_soft_compression_is() -> Non
     )
     points = rest.numpy().astype(np.float32)
     assert largest_step(soft, points) == pytest.approx(largest_step(stiff, points), rel=1e-6)
+
+
+def test_garments_of_two_fabrics_move_as_each_does_alone() -> None:
+    """Two sheets that hang by one side, a metre apart, in one cloth; each falls otherwise than the other."""
+    rest, faces = sheet(0.2, 0.2, 7, 7)
+    count, fabrics = len(rest), (FABRICS["silk"], FABRICS["denim"])
+    cloth = {"substeps": 6000, "self_contact": False, "moved_mass": 0.0}
+    held = rest[:, 0] < rest[:, 0].min() + 1e-3
+    both, every = torch.cat([rest, rest + torch.tensor([0.0, 1.0, 0.0])]), torch.cat([faces, faces + count])
+    of = np.repeat([0, 1], len(faces))
+    made = solver(both, every, fabrics, held.repeat(2), fabric_of=of, **cloth)
+    together = _fallen(made, both, held.repeat(2))
+    silk, denim = (_fallen(solver(rest, faces, each, held, **cloth), rest, held) for each in fabrics)
+    np.testing.assert_allclose(together, np.concatenate([silk, denim]), rtol=0.0, atol=2e-5)
+    assert np.abs(silk - denim).max() > 0.005
+
+
+def _fallen(made: Solver, rest: Tensor, held: Tensor) -> NDArray[np.float64]:
+    """Displacements (N, 3) m after a quarter of a second."""
+    return still_frames(made, start(made, rest.numpy()), rest, 0.25, held=held)[-1].vertices() - rest.numpy()
 
 
 def test_moved_mass_is_taken_from_none_and_cloth_falls_as_before() -> None:

@@ -32,14 +32,12 @@ class Physics(Method):
     traits = Traits(autoregressive=True, keeps_off_body=True, reads_fabric=True)
 
     def unsupported_reason(self, outfit: Outfit) -> str:
-        """The reason that a garment cannot be solved, or that garments are of different fabrics."""
+        """The reason that a garment cannot be solved."""
         try:
             for garment in outfit.garments:
                 holding_band(garment, outfit.body)
         except InputError as error:
             return f"{error}; use --model physxnet or lbs_smooth"
-        if len({garment.fabric for garment in outfit.garments}) > 1:
-            return "model physics: all garments of an outfit have to be of one fabric, name one with --fabric"
         return ""
 
     def prepare(self, outfit: Outfit, device: torch.device) -> CagedOutfit:

@@ -154,12 +154,13 @@ def make_caged_outfit(outfit: Outfit, config: PhysicsConfig) -> CagedOutfit:
     cloth = make_cloth(
         joined.vertices.numpy(),
         joined.faces.numpy(),
-        outfit.garments[0].fabric,
+        [garment.fabric for garment in outfit.garments],
         mass_factor=torch.where(held, mass, 1.0).numpy(),
         thickness=outfit_thickness(
             [each.cage.vertices for each in garments],
             [(each.mesh.points, each.mesh.faces) for each in garments],
         ).numpy(),
+        fabric_of=np.repeat(np.arange(len(garments)), [len(each.cage.faces) for each in garments]),
         compression=config.compression,
         damping=config.damping,
     )

@@ -256,7 +256,7 @@ def resolve_contacts(
     velocities: Array,
     thickness: Array,
     radius: Number,
-    friction: Number,
+    frictions: Array,
     step: Number,
     seconds: Number,
 ) -> None:
@@ -291,7 +291,7 @@ def resolve_contacts(
         depth = -gap
         pushed = depth if depth < SHALLOW else min(depth, (PUSH_SPEED + length(surface)) * step)
         store(positions, vertex, combine(ONE, point, pushed, normal))
-        speed = length(along)
+        speed, friction = length(along), frictions[vertex]
         kept = ONE - friction * stopped / speed if speed > friction * stopped else ZERO
         slip = combine(kept, along, approach + stopped, normal)
         store(velocities, vertex, add(surface, slip))

@@ -1,7 +1,8 @@
 """Cloth for the solver: masses, faces and hinges at rest, and neighbourhoods."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -26,13 +27,14 @@ class Particles(NamedTuple):
     """Vertices of cloth.
 
     mass: (N,) kg. inverse_mass: (N,) 1/kg. weight: (N,) share of the mass on which gravity acts. thickness:
-    (N,) m of other cloth between a vertex and the body.
+    (N,) m of other cloth between a vertex and the body. friction: (N,) coefficient on the body and on cloth.
     """
 
     mass: Floats
     inverse_mass: Floats
     weight: Floats
     thickness: Floats
+    friction: Floats
 
 
 class Sheet(NamedTuple):
@@ -73,38 +75,45 @@ class Cloth:
     membrane: Membrane
     hinges: Hinges
     sheet: Sheet
-    friction: float
 
 
 def make_cloth(
     rest: NDArray,
     faces: Integers,
-    fabric: Fabric,
+    fabric: Fabric | Sequence[Fabric],
     mass_factor: Floats | None = None,
     thickness: Floats | None = None,
+    fabric_of: Integers | None = None,
     compression: float = 1.0,
     damping: Damping = Damping(),
     moved_mass: float = 0.01,
 ) -> Cloth:
     """Make cloth of a mesh at rest, (N, 3) m and (M, 3).
 
-    mass_factor: (N,) on the mass of vertices; gravity acts on their mass without it. thickness: (N,) m of
-    other cloth beneath. compression: share of the membrane's stiffness that is left at the beginning of
-    compression; it grows to 1 where a face is flat. moved_mass: share of the mass that is moved to the
-    stiffest vertices, so that a few small faces do not decide the step (after selective mass scaling:
-    Olovsson et al. 2005).
+    fabric: of the cloth; or several, and fabric_of: (M,) which of them each face is of. mass_factor: (N,) on
+    the mass of vertices; gravity acts on their mass without it. thickness: (N,) m of other cloth beneath.
+    compression: share of the membrane's stiffness that is left at the beginning of compression; it grows to 1
+    where a face is flat. moved_mass: share of the mass that is moved to the stiffest vertices, so that a few
+    small faces do not decide the step (after selective mass scaling: Olovsson et al. 2005).
     """
     faces = np.ascontiguousarray(faces, np.int32)
     rest = np.ascontiguousarray(rest, np.float64)
     factor = np.ones(len(rest)) if mass_factor is None else np.asarray(mass_factor, np.float64)
     area, inverse = _flattened(rest, faces)
+    fabrics, of_face = (
+        ([fabric], np.zeros(len(faces), int)) if isinstance(fabric, Fabric) else (fabric, fabric_of)
+    )
+    materials = np.array([astuple(each) for each in fabrics])[of_face]
+    density, stretch, poisson, bend, friction_of, drag = materials.T
     mass = np.zeros(len(rest))
-    np.add.at(mass, faces.ravel(), np.repeat(fabric.density * area / 3.0, 3))
-    mass[mass == 0.0] = fabric.density * area.mean() / 3.0
+    np.add.at(mass, faces.ravel(), np.repeat(density * area / 3.0, 3))
+    mass[mass == 0.0] = (density * area).mean() / 3.0
+    friction = np.zeros(len(rest))
+    friction[faces] = friction_of[:, None]
     reduction = math.sqrt(compression)
-    shear = fabric.stretch / (2.0 * (1.0 + fabric.poisson))
-    spread = fabric.stretch * fabric.poisson / (1.0 - fabric.poisson**2)
-    stiffness = (2.0 * shear + spread) * _corner_stiffness(faces, area, inverse, len(rest))
+    shear = stretch / (2.0 * (1.0 + poisson))
+    spread = stretch * poisson / (1.0 - poisson**2)
+    stiffness = _corner_stiffness(faces, (2.0 * shear + spread) * area, inverse, len(rest))
     true_mass = _redistributed(mass, factor, stiffness, moved_mass)
     heavy = true_mass + (factor - 1.0) * mass
     return Cloth(
@@ -115,21 +124,21 @@ def make_cloth(
             thickness=np.zeros(len(rest), np.float32)
             if thickness is None
             else np.ascontiguousarray(thickness, np.float32),
+            friction=friction.astype(np.float32),
         ),
         Membrane(
             size=len(faces),
             corners=_padded(faces.T, np.uint32),
             inverse=_padded(inverse.reshape(-1, 4).T, np.float32),
             area=_padded(area, np.float32),
-            shear=np.float32(shear),
-            spread=np.float32(spread),
+            shear=_padded(shear, np.float32),
+            spread=_padded(spread, np.float32),
             reduction=np.float32(reduction),
-            damping=np.float32(2.0 * damping.stretch * (shear + spread)),
-            pressure=np.float32(0.5 * AIR_DENSITY * fabric.drag),
+            damping=_padded(2.0 * damping.stretch * (shear + spread), np.float32),
+            pressure=_padded(0.5 * AIR_DENSITY * drag, np.float32),
         ),
-        _hinges(rest, faces, fabric.bend, damping.bend),
+        _hinges(rest, faces, bend, damping.bend),
         _sheet(rest, faces),
-        fabric.friction,
     )
 
 
@@ -144,11 +153,14 @@ def _flattened(rest: NDArray[np.float64], faces: Integers) -> tuple[NDArray, NDA
     return 0.5 * size * height, np.linalg.inv(edges)
 
 
-def _corner_stiffness(faces: Integers, area: NDArray, inverse: NDArray, count: int) -> NDArray:
-    """Stiffness (N,) of the faces around each vertex that is moved alone, over their modulus."""
+def _corner_stiffness(faces: Integers, moduli: NDArray, inverse: NDArray, count: int) -> NDArray:
+    """Stiffness (N,) of the faces around each vertex that is moved alone.
+
+    moduli: (M,) N m, of the faces, times their areas.
+    """
     slopes = np.concatenate([-inverse.sum(1, keepdims=True), inverse], 1)
     stiffness = np.zeros(count)
-    np.add.at(stiffness, faces, area[:, None] * (slopes**2).sum(2))
+    np.add.at(stiffness, faces, moduli[:, None] * (slopes**2).sum(2))
     return stiffness
 
 
@@ -163,11 +175,11 @@ def _redistributed(mass: NDArray, factor: NDArray, stiffness: NDArray, share: fl
     return true_mass * (mass.sum() / true_mass.sum())
 
 
-def _hinges(rest: NDArray[np.float64], faces: Integers, bend: float, damping: float) -> Hinges:
+def _hinges(rest: NDArray[np.float64], faces: Integers, bend: NDArray, damping: float) -> Hinges:
     """Hinges whose stiffness makes a mesh of any resolution bend like a plate.
 
     An edge of length l between faces of areas a and b stores B l^2 / (a + b) / 2 times its angle squared
-    (exact for cylinders on the equilateral lattice: Seung and Nelson 1988).
+    (exact for cylinders on the equilateral lattice: Seung and Nelson 1988). bend: (M,) N m, B of the faces.
     """
     twins = edge_twins(faces, np.zeros(0, np.int64))
     edge, face = np.divmod(twins, len(faces))
@@ -183,7 +195,9 @@ def _hinges(rest: NDArray[np.float64], faces: Integers, bend: float, damping: fl
     return Hinges(
         size=len(pairs),
         corners=_padded(np.concatenate([opposite, pairs], 1).T, np.uint32),
-        stiffness=_padded(2.0 * bend * lengths**2 / np.maximum(areas.sum(0), NARROWEST**2), np.float32),
+        stiffness=_padded(
+            2.0 * bend[face].mean(1) * lengths**2 / np.maximum(areas.sum(0), NARROWEST**2), np.float32
+        ),
         rest=_padded(np.arctan2(sine, (n0 * n1).sum(1)), np.float32),
         floors=_padded((SQUEEZED * areas) ** 2, np.float32),
         damping=np.float32(damping),

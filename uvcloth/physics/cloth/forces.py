@@ -49,21 +49,21 @@ class Membrane(NamedTuple):
     """Faces of cloth, padded to whole blocks.
 
     size: M, without the padding. corners: (3, M+) uint32. inverse: (4, M+) 1/m, entries 00, 01, 10, 11 of
-    the inverse of the rest edges' matrix. area: (M+,) m2. shear, spread: Lame parameters mu, lambda, N/m.
-    reduction: root of the share of the stiffness that is left where cloth begins to be compressed; it grows
-    to 1 where a face is flat, or shirts would ruck up on hips and stay so. damping: N s/m, of strain rates.
-    pressure: half the density of air times the drag coefficient, kg/m3.
+    the inverse of the rest edges' matrix. area: (M+,) m2. shear, spread: (M+,) N/m, Lame parameters mu,
+    lambda. reduction: root of the share of the stiffness that is left where cloth begins to be compressed;
+    it grows to 1 where a face is flat, or shirts would ruck up on hips and stay so. damping: (M+,) N s/m, of
+    strain rates. pressure: (M+,) kg/m3, half the density of air times the drag coefficient.
     """
 
     size: int
     corners: np.ndarray
     inverse: np.ndarray
     area: np.ndarray
-    shear: np.float32
-    spread: np.float32
+    shear: np.ndarray
+    spread: np.ndarray
     reduction: np.float32
-    damping: np.float32
-    pressure: np.float32
+    damping: np.ndarray
+    pressure: np.ndarray
 
 
 class Hinges(NamedTuple):
@@ -132,7 +132,7 @@ def face_forces(
         membrane.inverse[2, k],
         membrane.inverse[3, k],
     )
-    area, shear, damping = membrane.area[k], membrane.shear, membrane.damping
+    area, shear, damping = membrane.area[k], membrane.shear[k], membrane.damping[k]
     p, q, p_rate, q_rate = sub(xb, xa), sub(xc, xa), sub(vb, va), sub(vc, va)
     f, g = combine(d00, p, d10, q), combine(d01, p, d11, q)
     f_rate, g_rate = combine(d00, p_rate, d10, q_rate), combine(d01, p_rate, d11, q_rate)
@@ -142,7 +142,7 @@ def face_forces(
     (high, over_long), (low, over_short) = _strain(mean + apart), _strain(max(mean - apart, FLATTENED))
     # Both stresses have to come from one energy: each is multiplied by the slope of its reduced strain.
     (long, upper), (short, lower) = _buckled(membrane, high), _buckled(membrane, low)
-    trace = membrane.spread * (long + short)
+    trace = membrane.spread[k] * (long + short)
     pull = upper * (TWO * shear * long + trace) * over_long
     push = lower * (TWO * shear * short + trace) * over_short
     middle, turned = HALF * (pull + push), HALF * (pull - push) / apart
@@ -156,7 +156,7 @@ def face_forces(
     speed = dot(add(add(va, wind), scale(THIRD, add(p_rate, q_rate))), normal) / math.sqrt(
         dot(normal, normal) + TINY
     )
-    drag = scale(-THIRD * membrane.pressure * area * speed * abs(speed), normal)
+    drag = scale(-THIRD * membrane.pressure[k] * area * speed * abs(speed), normal)
     force_a = sub(sub(drag, force_b), force_c)
     return force_a, add(drag, force_b), add(drag, force_c)
 

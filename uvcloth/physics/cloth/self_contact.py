@@ -10,6 +10,7 @@ from uvcloth.physics.cloth.cloth import Sheet
 from uvcloth.physics.cloth.tree import APART, DEPTH, DONE, Tree, first_is_halved, refit
 from uvcloth.physics.cloth.triangles import closest_barycentrics, closest_on_segments, weighted
 from uvcloth.physics.cloth.vectors import (
+    HALF,
     ONE,
     TINY,
     TWO,
@@ -426,7 +427,7 @@ def resolve_pairs(
     velocities: Array,
     inverse_mass: Array,
     radius: Number,
-    friction: Number,
+    frictions: Array,
     step: Number,
 ) -> None:
     """Keep pairs `radius`, m, apart on their sides, without a bounce, with friction.
@@ -438,14 +439,14 @@ def resolve_pairs(
             point_wait[k] -= 1
         else:
             point_wait[k] = _resolve_point(
-                pairs, k, sheet, positions, velocities, inverse_mass, radius, friction, step
+                pairs, k, sheet, positions, velocities, inverse_mass, radius, frictions, step
             )
     for k in range(len(pairs.edges)):
         if edge_wait[k] > 0:
             edge_wait[k] -= 1
         else:
             edge_wait[k] = _resolve_edges(
-                pairs, k, sheet, positions, velocities, inverse_mass, radius, friction, step
+                pairs, k, sheet, positions, velocities, inverse_mass, radius, frictions, step
             )
 
 
@@ -458,7 +459,7 @@ def _resolve_point(
     velocities: Array,
     inverse_mass: Array,
     radius: Number,
-    friction: Number,
+    frictions: Array,
     step: Number,
 ) -> int:
     vertex, face = pairs.points[k, 0], pairs.points[k, 1]
@@ -484,7 +485,7 @@ def _resolve_point(
         if height < ZERO or distance < TOUCHING:
             return 0
         normal = scale(ONE / distance, away)
-    _separate(corners, shares, normal, gap, positions, velocities, inverse_mass, friction, step)
+    _separate(corners, shares, normal, gap, positions, velocities, inverse_mass, frictions, step)
     return 0
 
 
@@ -497,7 +498,7 @@ def _resolve_edges(
     velocities: Array,
     inverse_mass: Array,
     radius: Number,
-    friction: Number,
+    frictions: Array,
     step: Number,
 ) -> int:
     first, second = pairs.edges[k, 0], pairs.edges[k, 1]
@@ -518,7 +519,9 @@ def _resolve_edges(
         if distance > TOUCHING:
             normal = scale(-ONE / distance, between)
         distance = -distance
-    _separate(corners, shares, normal, distance - radius, positions, velocities, inverse_mass, friction, step)
+    _separate(
+        corners, shares, normal, distance - radius, positions, velocities, inverse_mass, frictions, step
+    )
     return 0
 
 
@@ -545,7 +548,7 @@ def _separate(
     positions: Array,
     velocities: Array,
     inverse_mass: Array,
-    friction: Number,
+    frictions: Array,
     step: Number,
 ) -> None:
     """Move four vertices apart along a normal by a negative gap, and stop their approach."""
@@ -558,6 +561,7 @@ def _separate(
     impulse = max(-approach, ZERO) / light
     along = sub(relative, scale(approach, normal))
     speed = length(along)
+    friction = HALF * (frictions[corners[0]] + frictions[corners[3]])
     slowed = min(friction * impulse, speed / light) / (speed + TINY)
     for j in range(4):
         share = shares[j] * inverse_mass[corners[j]]

@@ -211,7 +211,6 @@ def step(solver: Solver, state: State, motion: Motion) -> State:
             np.float32(settings.self_radius),
             np.float32(settings.self_margin),
             np.float32(settings.reach),
-            np.float32(cloth.friction),
         )
         if np.isfinite(positions).all() and np.abs(velocities).max(initial=0.0) < FASTEST:
             break
@@ -273,7 +272,6 @@ def _advance(
     self_radius: Number,
     self_margin: Number,
     reach: Number,
-    friction: Number,
 ) -> tuple[Pairs, Memory]:
     """Move positions and velocities through the substeps of a frame; returns the pairs and search results."""
     step = seconds / np.float32(substeps)
@@ -316,7 +314,7 @@ def _advance(
                 velocities,
                 particles.inverse_mass,
                 self_radius,
-                friction,
+                particles.friction,
                 step,
             )
         if len(body.faces) > 0:
@@ -342,7 +340,7 @@ def _advance(
                 velocities,
                 particles.thickness,
                 radius,
-                friction,
+                particles.friction,
                 step,
                 seconds,
             )

@@ -30,11 +30,11 @@ def largest_step(cloth: Cloth, rest: NDArray[np.float32]) -> float:
 def _largest_eigenvalue(cloth: Cloth, rest: NDArray[np.float32], rates: bool) -> float:
     """Largest eigenvalue of the mass-weighted stiffness, 1/s2, or of the damping, 1/s."""
     # In tension cloth is as stiff as it gets, however soft compression is.
-    zero = np.float32(0.0)
-    still = cloth.membrane._replace(pressure=zero, reduction=np.float32(1.0))
+    nothing = np.zeros_like(cloth.membrane.area)
+    still = cloth.membrane._replace(pressure=nothing, reduction=np.float32(1.0))
     hinges = cloth.hinges
     if not rates:
-        still, hinges = still._replace(damping=np.float32(0.0)), hinges._replace(damping=np.float32(0.0))
+        still, hinges = still._replace(damping=nothing), hinges._replace(damping=np.float32(0.0))
     root = np.sqrt(cloth.particles.mass.astype(np.float64))[:, None]
     direction = np.random.default_rng(0).normal(size=rest.shape)
     centred = rest - rest.mean(0)
