@@ -162,6 +162,17 @@ def test_a_finish_lies_between_the_prediction_and_physics(skirt: Outfit) -> None
     assert float(free[:, 2].mean()) < float(heights[0]) < float(heights[1]) < float(predicted) + 0.002
 
 
+def test_a_finish_lets_cloth_swing_on_where_the_prediction_freezes(skirt: Outfit) -> None:
+    """Energy after the body has stopped; a critically damped pull leaves half of it."""
+    transforms = _sliding(skirt.body, 34, stop=20)
+    guide = create_lbs(LBSConfig(smooth=True))
+    free, pulled = (
+        float(_garment(method, skirt, transforms)[21:].diff(dim=0).square().sum(2).mean())
+        for method in (FAST, Finished.of(guide, FAST))
+    )
+    assert 0.7 < pulled / free < 1.2
+
+
 def test_a_finish_keeps_the_name_and_the_reasons_of_its_method(body: Body) -> None:
     finished = Finished.of(create_lbs(LBSConfig(smooth=True)), FAST)
     assert finished.name == "lbs_smooth"

@@ -43,9 +43,9 @@ class FinishState:
 class Finish(Wrapper, Representation):
     """A method whose garments the solver moves, on cages that are pulled to its prediction.
 
-    pull: 1/s, frequency of the critically damped spring that pulls; 0 is physics alone, and the higher it
-    is, the closer the result is to the prediction. A garment whose prediction is not finite is not moved, so
-    that the rollout's error names it.
+    pull: 1/s, frequency of the spring that pulls; 0 is physics alone, and the higher it is, the closer the
+    result is to the prediction. A garment whose prediction is not finite is not moved, so that the rollout's
+    error names it.
     """
 
     guide: Method

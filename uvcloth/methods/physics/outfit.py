@@ -41,6 +41,9 @@ CAGE_INTERVAL = 1.0 / 60.0
 CAGE_RENEWAL = 4
 """Frames from one search of all faces of the body for a vertex to the next."""
 
+PULL_DAMPING = 0.3
+"""Damping ratio of the spring that pulls cages to targets: at 1 a skirt swings out with half its energy."""
+
 SETTLING_FRAMES, SETTLING_FPS = 45, 30.0
 """Frames, and how many there are in a second, in which cloth comes to rest."""
 
@@ -192,7 +195,7 @@ def next_frame(
         state.targets,
         targets,
         np.where(held, prepared.hold, pull).astype(np.float32),
-        np.where(held, HOLD_DAMPING, 1.0).astype(np.float32),
+        np.where(held, HOLD_DAMPING, PULL_DAMPING).astype(np.float32),
     )
     return replace(state, cloth=step(prepared.solver, state.cloth, motion), body=body, targets=targets)
 
