@@ -13,7 +13,7 @@ from torch import Tensor
 from tests.physics.cloth.stepping import solver, still_frames
 from tests.simulate.physics.scenes import disc, sheet
 from uvcloth.geometry.mesh import join_meshes
-from uvcloth.physics.cloth.body_contact import CLOSE, Contacts, find_contacts
+from uvcloth.physics.cloth.body_contact import CLOSE, Contacts, Watch, find_contacts
 from uvcloth.physics.cloth.cloth import Sheet, make_cloth
 from uvcloth.physics.cloth.moving_body import Body, Passage, begin_passage, end_passage, make_body, no_memory
 from uvcloth.physics.cloth.self_contact import Pairs, find_pairs, no_pairs
@@ -52,8 +52,8 @@ def contacts_of(
 ) -> Contacts:
     """Contacts of points (N, 3) that touch a body from its reach on."""
     near, still = np.full(len(points), reach), np.zeros_like(points)
-    none = np.float32(0.0)
-    return find_contacts(body, passage, share, points, still, near, none, np.float32(1.0), reach, CLOSE)
+    watch = Watch(still, near, np.float32(0.0), np.float32(1.0), reach, CLOSE)
+    return find_contacts(body, passage, share, points, watch)
 
 
 def bumps_and_box(

@@ -84,6 +84,23 @@ class Contacts(NamedTuple):
     slide: NDArray[np.float32]
 
 
+class Watch(NamedTuple):
+    """Motion and distances of cloth by which a search decides what may touch until the next one.
+
+    velocities: (N, 3) m/s. near: (N,) m, distance from which a vertex touches. interval: share of the frame
+    until the next search. seconds: of the frame. reach: m, how far outside and how deep in the body a face is
+    found. followed: m outside the body up to which a vertex that had a face is followed over neighbouring
+    faces, longer than LONGEST after a search of all of them.
+    """
+
+    velocities: NDArray[np.float32]
+    near: NDArray[np.float32]
+    interval: np.float32
+    seconds: np.float32
+    reach: np.float32
+    followed: np.float32
+
+
 @inlined
 def no_contacts() -> Contacts:
     """No vertices near a body."""
@@ -92,47 +109,17 @@ def no_contacts() -> Contacts:
 
 
 @compiled
-def find_contacts(
-    body: Body,
-    passage: Passage,
-    share: Number,
-    positions: Array,
-    velocities: Array,
-    near: Array,
-    interval: Number,
-    seconds: Number,
-    reach: Number,
-    followed: Number,
-) -> Contacts:
+def find_contacts(body: Body, passage: Passage, share: Number, positions: Array, watch: Watch) -> Contacts:
     """Find the closest face of every part that a vertex touches, or may touch until the next search.
 
-    The body is at a share of its way through the frame of `seconds`. velocities: (N, 3) m/s. near: (N,) m,
-    distance from which a vertex touches. interval: share of the frame until the next search. reach: m, how
-    far outside and how deep in the body a face is found. followed: m outside the body up to which a vertex
-    that had a face is followed over neighbouring faces, longer than LONGEST after a search of all of them.
-
-    A part is not searched for a vertex that cannot come near it until the next search.
+    The body is at a share of its way. A part is not searched for a vertex that cannot come near it until the
+    next search.
     """
     passage.points[:] = (ONE - share) * passage.start + share * passage.end
     fit_patches(body, passage.points, passage.boxes)
     vertices, faces = np.empty(body.touches.size, np.int32), np.empty(body.touches.size, np.int32)
     stack, distances = np.empty(DEPTH, np.int32), np.empty(DEPTH, np.float32)
-    count = _search(
-        body,
-        passage,
-        share,
-        positions,
-        velocities,
-        near,
-        interval,
-        seconds,
-        reach,
-        followed,
-        stack,
-        distances,
-        vertices,
-        faces,
-    )
+    count = _search(body, passage, share, positions, watch, stack, distances, vertices, faces)
     return _contacts(vertices[:count].copy(), faces[:count].copy())
 
 
@@ -157,12 +144,7 @@ def _search(
     passage: Passage,
     share: Number,
     positions: Array,
-    velocities: Array,
-    near: Array,
-    interval: Number,
-    seconds: Number,
-    reach: Number,
-    followed: Number,
+    watch: Watch,
     stack: Array,
     distances: Array,
     vertices: Array,
@@ -174,9 +156,10 @@ def _search(
     since = share - passage.share[0]
     passage.share[0] = share
     parts, count = body.touches.shape
+    near, interval, seconds, reach = watch.near, watch.interval, watch.seconds, watch.reach
     contacts, rate = 0, ONE / seconds
     for vertex in range(count):
-        point, velocity = load(positions, vertex), load(velocities, vertex)
+        point, velocity = load(positions, vertex), load(watch.velocities, vertex)
         way = sub(point, load(passage.cloth, vertex))
         for part in range(parts):
             if not body.touches[part, vertex]:
@@ -196,7 +179,7 @@ def _search(
                 face, _, away = walk(body, passage.start, passage.end, share, guess, point, FOLLOWED)
                 distance, slip = _past(body, passage, face, point, velocity, rate)
                 is_recent = not first and share - passage.searched[part, vertex] < LONGEST * rate
-                limit = reach if is_recent else min(reach, followed if distance > ZERO else CLOSE)
+                limit = reach if is_recent else min(reach, watch.followed if distance > ZERO else CLOSE)
                 is_followed = dot(away, away) < limit * limit
             passage.clear[part, vertex] = ZERO
             if not is_followed:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from uvcloth.physics.cloth.body_contact import Contacts, find_contacts
+from uvcloth.physics.cloth.body_contact import Contacts, Watch, find_contacts
 from uvcloth.physics.cloth.moving_body import (
     Body,
     Memory,
@@ -92,7 +92,8 @@ def clear(
     """
     passage = begin_passage(body, before.body, points, before.positions, before.near, before.frame, RENEWAL)
     still, near = np.zeros_like(positions), clearance + WATCHED + mesh.thickness
-    contacts = find_contacts(body, passage, ONE, positions, still, near, ZERO, ONE, reach, reach)
+    watch = Watch(still, near, ZERO, ONE, reach, reach)
+    contacts = find_contacts(body, passage, ONE, positions, watch)
     for face in contacts.faces:
         find_normals(body, passage, face)
     cleared, moves = positions.copy(), np.empty_like(positions)

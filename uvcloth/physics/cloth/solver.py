@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from uvcloth.errors import InputError
 from uvcloth.geometry.units import GRAVITY
-from uvcloth.physics.cloth.body_contact import CLOSE, find_contacts, no_contacts, resolve_contacts
+from uvcloth.physics.cloth.body_contact import CLOSE, Watch, find_contacts, no_contacts, resolve_contacts
 from uvcloth.physics.cloth.cloth import Cloth, Particles, Sheet
 from uvcloth.physics.cloth.forces import Hinges, Membrane, add_elastic_forces
 from uvcloth.physics.cloth.moving_body import Body, Memory, begin_passage, end_passage, no_memory
@@ -282,7 +282,9 @@ def _advance(
     point_wait, edge_wait = np.zeros(0, np.int32), np.zeros(0, np.int32)
     passage = begin_passage(body, drive.body_start, drive.body_end, positions, near, frame, renewal)
     contacts = no_contacts()
-    near_body = radius + WATCHED + particles.thickness
+    watched = radius + WATCHED + particles.thickness
+    until_next = np.float32(body_interval) / np.float32(substeps)
+    watch = Watch(velocities, watched, until_next, seconds, reach, CLOSE)
     pulled = np.nonzero(drive.pull)[0]
     for substep in range(substeps):
         share = np.float32(substep + 1) / np.float32(substeps)
@@ -319,18 +321,7 @@ def _advance(
             )
         if len(body.faces) > 0:
             if substep % body_interval == 0:
-                contacts = find_contacts(
-                    body,
-                    passage,
-                    share,
-                    positions,
-                    velocities,
-                    near_body,
-                    np.float32(body_interval) / np.float32(substeps),
-                    seconds,
-                    reach,
-                    CLOSE,
-                )
+                contacts = find_contacts(body, passage, share, positions, watch)
             resolve_contacts(
                 contacts,
                 body,
