@@ -81,9 +81,8 @@ def require_files(predictions: Sequence[Prediction], outfits: Iterable[tuple[str
     """
     cases = list(outfits)
     for prediction in predictions:
-        found = {name for name, windows in cases if any(map(prediction.find, windows))}
-        wanted = [window for name, windows in cases for window in windows if name in found or not found]
-        for window in wanted:
+        names = {name for name, windows in cases if any(map(prediction.find, windows))}
+        for window in (window for name, windows in cases if name in names or not names for window in windows):
             if prediction.find(window) is None:
                 raise InputError(
                     f"{prediction.folder}: lacks the sequence {window.path.stem} ({', '.join(READERS)})"

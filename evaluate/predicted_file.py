@@ -16,7 +16,7 @@ from uvcloth.formats.alembic_points import read_alembic
 from uvcloth.formats.mesh_file import read_mesh
 from uvcloth.formats.point_cache import read_mdd, read_pc2
 from uvcloth.formats.point_npz import read_npz
-from uvcloth.formats.point_sequence import FROM_Y_UP, PointSequence, Wanted
+from uvcloth.formats.point_sequence import FROM_Y_UP, MeshQuery, PointSequence
 from uvcloth.formats.usd_points import read_usd
 from uvcloth.geometry.mesh import edge_lengths, unique_edges
 
@@ -41,11 +41,11 @@ OTHER_AXES = {
 """Matrices for rows of points, from axes that programs write to Z up."""
 
 
-def _read_npz(path: Path, wanted: Wanted) -> PointSequence:
+def _read_npz(path: Path, query: MeshQuery) -> PointSequence:
     """Read an npz of any program, or a sequence of this one."""
     stored = read_arrays(path, "an npz of vertices over time", ("format",)).get("format")
     if str(stored) != SEQUENCE_FORMAT:
-        return read_npz(path, wanted)
+        return read_npz(path, query)
     clip = load_simulated(path)
     (garment,) = clip.garments
     return PointSequence(
@@ -53,7 +53,7 @@ def _read_npz(path: Path, wanted: Wanted) -> PointSequence:
     )
 
 
-READERS: Mapping[str, Callable[[Path, Wanted], PointSequence]] = {
+READERS: Mapping[str, Callable[[Path, MeshQuery], PointSequence]] = {
     ".npz": _read_npz,
     ".pc2": lambda path, _: read_pc2(path),
     ".mdd": lambda path, _: read_mdd(path),
@@ -73,7 +73,7 @@ def read_prediction(path: Path, simulated: SimulatedGarment, fps: float) -> Tens
     holds a number that is not finite.
     """
     frames, vertices, _ = simulated.vertices.shape
-    sequence = READERS[path.suffix](path, Wanted(simulated.name, vertices))
+    sequence = READERS[path.suffix](path, MeshQuery(simulated.name, vertices))
     points = torch.from_numpy(sequence.points)
     if not len(points):
         raise InputError(f"{path}: holds no frame, expected {frames}")
@@ -109,8 +109,8 @@ def _require_edges(path: Path, edges: NDArray[np.int64], simulated: SimulatedGar
 
     Triangles may have been joined to larger polygons: these have fewer edges.
     """
-    own = unique_edges(simulated.faces).numpy()
-    keys, known = ((each[:, 0] << 32) + each[:, 1] for each in (edges, own))
+    garment = unique_edges(simulated.faces).numpy()
+    keys, known = ((each[:, 0] << 32) + each[:, 1] for each in (edges, garment))
     other = edges[~np.isin(keys, known)]
     if len(other):
         first, second = other[0].tolist()

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from uvcloth.errors import InputError, cause
 from uvcloth.files.reading import require_file
-from uvcloth.formats.point_sequence import FROM_Y_UP, PointSequence, Wanted, polygon_edges, steady_rate
+from uvcloth.formats.point_sequence import FROM_Y_UP, MeshQuery, PointSequence, polygon_edges, steady_rate
 
 
-def read_alembic(path: Path, wanted: Wanted) -> PointSequence:
+def read_alembic(path: Path, query: MeshQuery) -> PointSequence:
     """Read one mesh of an archive, in the world: metres with Y up, which the format does not say but all
     programs write.
 
@@ -24,21 +24,21 @@ def read_alembic(path: Path, wanted: Wanted) -> PointSequence:
     except ModuleNotFoundError as error:
         raise InputError(f"{path}: reading Alembic needs alembic3d: install uvcloth[alembic]") from error
     try:
-        return _read(path, Abc.IArchive(str(path)), wanted)
+        return _read(path, Abc.IArchive(str(path)), query)
     except InputError:
         raise
     except Exception as error:  # The library raises exceptions of many types for a broken file.
         raise InputError(f"{path}: not a readable Alembic file ({cause(error)})") from error
 
 
-def _read(path: Path, archive: Any, wanted: Wanted) -> PointSequence:
+def _read(path: Path, archive: Any, query: MeshQuery) -> PointSequence:
     from alembic3d import Abc
 
-    found = list(_meshes(archive.getTop(), "", ()))
+    meshes = list(_meshes(archive.getTop(), "", ()))
     # A whole number is taken for a time, too: samples are chosen by their times.
     first = Abc.ISampleSelector(0.0)
-    named = [(name, len(schema.getValue(first).getPositions())) for name, schema, _ in found]
-    name, schema, above = found[wanted.choose(path, named)]
+    named = [(name, len(schema.getValue(first).getPositions())) for name, schema, _ in meshes]
+    name, schema, above = meshes[query.choose(path, named)]
     sampling = schema.getTimeSampling()
     times = [sampling.getSampleTime(index) for index in range(schema.getNumSamples())]
     frames: list[NDArray[np.float32]] = []

@@ -27,7 +27,7 @@ class PointSequence:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class MeshQuery:
     """The mesh to read of a file that may hold several: the one of this name, or the only one of so many
     vertices.
     """

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from uvcloth.errors import InputError, cause
 from uvcloth.files.reading import require_file
-from uvcloth.formats.point_sequence import FROM_Y_UP, PointSequence, Wanted, polygon_edges, steady_rate
+from uvcloth.formats.point_sequence import FROM_Y_UP, MeshQuery, PointSequence, polygon_edges, steady_rate
 
 
-def read_usd(path: Path, wanted: Wanted) -> PointSequence:
+def read_usd(path: Path, query: MeshQuery) -> PointSequence:
     """Read one mesh of a stage, whose unit and upward axis are applied, in the world.
 
     Its frames are the time samples of its points. Rest points are its primvar `rest`, as Houdini names it.
@@ -21,17 +21,17 @@ def read_usd(path: Path, wanted: Wanted) -> PointSequence:
 
     require_file(path)
     try:
-        return _read(path, Usd.Stage.Open(str(path)), wanted)
+        return _read(path, Usd.Stage.Open(str(path)), query)
     except Tf.ErrorException as error:
         raise InputError(f"{path}: not a readable USD file ({cause(error)})") from error
 
 
-def _read(path: Path, stage: Any, wanted: Wanted) -> PointSequence:
+def _read(path: Path, stage: Any, query: MeshQuery) -> PointSequence:
     from pxr import Usd, UsdGeom
 
     meshes = [UsdGeom.Mesh(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
     named = [(mesh.GetPrim().GetName(), _count(mesh)) for mesh in meshes]
-    mesh = meshes[wanted.choose(path, named)]
+    mesh = meshes[query.choose(path, named)]
     attribute = mesh.GetPointsAttr()
     codes = attribute.GetTimeSamples()
     metres = float(UsdGeom.GetStageMetersPerUnit(stage))
