@@ -21,6 +21,9 @@ LINE = 12.0
 ROOM = 1.05
 """Least factor between the outermost points and the ends of an axis."""
 
+LEAST = 1.0
+"""Error in mm below which a method is at the end of the axis: a simulation brought back has none."""
+
 MINOR, MOST_TICKS = (1, 2, 5), 8
 """Ticks in each power of ten, and the most of an axis that has them."""
 
@@ -97,7 +100,7 @@ def cost_chart(title: str, points: Sequence[CostPoint], floor: float | None) -> 
 
     floor: mean distance between two simulations, mm, a dashed line.
     """
-    errors = [error for point in points for error in (point.error, point.raw) if error > 0]
+    errors = [max(error, LEAST) for point in points for error in (point.error, point.raw)]
     times = [time for point in points for time in (point.ms, point.raw_ms) if time]
     untimed = any(point.ms is None for point in points)
     up = _axis([*errors, *([floor] if floor else [])], BOTTOM, TOP)

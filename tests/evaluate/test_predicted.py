@@ -23,6 +23,7 @@ from uvcloth.dataset.clip import SimulatedGarment
 from uvcloth.dataset.clip_file import load_simulated, save_simulated
 from uvcloth.errors import InputError
 from uvcloth.export.animation import Animation
+from uvcloth.export.benchmark import export_benchmark
 from uvcloth.export.pointcache import write_pc2
 from uvcloth.export.usd import write_usd
 from uvcloth.files.json_file import read_json
@@ -124,6 +125,24 @@ def test_the_benchmark_holds_the_body_as_it_moves(data: Path, tmp_path: Path) ->
     expected = capsule_body().mesh.vertices @ transforms[:, :3].T + transforms[:, 3]
     np.testing.assert_allclose(points, expected, atol=1e-5)
     assert (tmp_path / "rest" / "02_04_tops.obj").is_file()
+
+
+def test_garments_that_are_worn_together_are_judged_together(
+    tmp_path: Path, data: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layered, radius = tmp_path / "layered", {"dress": 0.18, "tops": 0.21}
+    monkeypatch.setattr(selecting, "fit_template", lambda name, _: tube_garment(name, radius[name]))
+    for name, wide in radius.items():
+        clip = simulated(tube_garment(name, wide), "02_04", torch.tensor([0.0, 0.0, 0.005]))
+        save_simulated(clip.labelled(layers=list(radius)), layered / f"02_04_{name}.npz")
+    keep_body(capsule_body(), layered)
+    export_benchmark(layered, tmp_path / "benchmark")
+    predictions = load_predictions([f"usd={tmp_path / 'benchmark' / 'usd'}"], [])
+    cases = cases_on(capsule_body(), Selection(layered, map_size=16))
+    results, _ = compare((), cases, tmp_path / "out", machine="a test", predictions=predictions)
+    cell = results["methods"]["usd"]["outfits"]["tops over dress"]["actions"]["02_04"]
+    assert cell["vertex_mean_mm_raw"] == pytest.approx(0.0, abs=1e-3)
+    assert cell["wrong_side_percent"]["tops"]["dress"] == 0.0
 
 
 @pytest.mark.parametrize("suffix", [".npz", ".pc2", ".mdd", ".usda"])

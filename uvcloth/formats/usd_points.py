@@ -17,12 +17,14 @@ def read_usd(path: Path, query: MeshQuery) -> PointSequence:
     Its frames are the time samples of its points. Rest points are its primvar `rest`, as Houdini names it.
     Raises InputError naming the file if it cannot be read or holds no such mesh.
     """
-    from pxr import Tf, Usd
+    from pxr import Usd
 
     require_file(path)
     try:
         return _read(path, Usd.Stage.Open(str(path)), query)
-    except Tf.ErrorException as error:
+    except InputError:
+        raise
+    except Exception as error:  # The library raises its own, and values that do not fit others.
         raise InputError(f"{path}: not a readable USD file ({cause(error)})") from error
 
 
