@@ -32,7 +32,7 @@ class Data:
     def run(self) -> None:
         """List, pack, unpack or export. Raises InputError for bad input."""
         if sum(target is not None for target in (self.pack, self.unpack, self.export)) > 1:
-            raise InputError("data: give one of --pack, --unpack and --export")
+            raise InputError("data: give --pack, --unpack or --export, not several")
         if self.pack:
             from uvcloth.dataset.packed import pack_folder
 
