@@ -247,3 +247,22 @@ def test_folders_are_checked_before_anything_is_judged(data: Path, tmp_path: Pat
     ):
         with pytest.raises(InputError, match=says):
             load_predictions([option], ["lbs"])
+
+
+def test_a_bad_file_stops_the_run_in_one_sentence_and_nothing_is_lost(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["--data", str(data), "--out", str(tmp_path / "report"), "--no-pictures"]
+    assert main(arguments) == 2
+    assert "--model or --predicted" in capsys.readouterr().err
+    theirs, garment = tmp_path / "theirs", garment_of(data)
+    theirs.mkdir()
+    points = garment.vertices.numpy()
+    np.savez(theirs / "02_04_tops.npz", vertices=points, fps=FPS)
+    np.savez(theirs / "02_04_dress.npz", vertices=points[:5], fps=FPS)
+    assert main([*arguments, "--predicted", f"theirs={theirs}"]) == 2
+    error = capsys.readouterr().err
+    assert "02_04_dress.npz: has 5 frames, expected all 20" in error
+    assert error.count("\n") == 1
+    kept = {path.name.rpartition("_")[0] for path in (tmp_path / "report" / "partial").iterdir()}
+    assert kept == {"02_04_tops_simulation", "02_04_tops_theirs", "02_04_dress_simulation"}
