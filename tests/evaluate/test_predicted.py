@@ -1,6 +1,8 @@
 """Sequences of other programs: an exported simulation brought back has no error, a shifted one the shift."""
 
+import os
 import struct
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -100,6 +102,23 @@ def test_an_exported_simulation_brought_back_has_no_error_and_a_shifted_one_the_
                 assert cell[f"spread_ratio{stage}"] is None
             assert "ms_per_frame" not in cell
             assert cell["swing_ratio"] is not None
+
+
+def test_what_blender_makes_of_the_benchmark_is_brought_back(data: Path, tmp_path: Path) -> None:
+    python = os.environ.get("UVCLOTH_BLENDER_PYTHON")
+    if not python:
+        pytest.skip("needs UVCLOTH_BLENDER_PYTHON, a Python that has the package bpy")
+    pytest.importorskip("alembic3d", reason="alembic3d is not installed")
+    export_benchmark(data, tmp_path)
+    garment = garment_of(data)
+    script, file = Path(__file__).with_name("export_from_blender.py"), tmp_path / "alembic" / "02_04_tops.abc"
+    command = [python, script, file, "tops", str(len(garment.vertices)), tmp_path / "02_04_tops"]
+    # Its Python must not find our packages.
+    clean = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    subprocess.run(command, check=True, capture_output=True, env=clean, timeout=100)
+    for suffix in (".abc", ".usdc"):
+        brought = read_prediction(tmp_path / f"02_04_tops{suffix}", garment, FPS)
+        torch.testing.assert_close(brought, garment.vertices, atol=1e-6, rtol=0)
 
 
 def test_the_benchmark_holds_the_body_as_it_moves(data: Path, tmp_path: Path) -> None:
