@@ -23,6 +23,11 @@ from uvcloth.process.command import run_command
 class Evaluate:
     """Compare methods with simulated test windows; run it again to continue."""
 
+    data: Annotated[Path, FOLDER]
+    """A folder made by `uvcloth simulate`; its index.csv gives splits and actions. Each random
+    outfit is evaluated on its own body, and figures are by type of garment."""
+    out: Annotated[Path, NewFolder()]
+    """Folder for metrics.json and report.html."""
     model: Annotated[
         tuple[str, ...],
         tyro.conf.arg(
@@ -31,13 +36,17 @@ class Evaluate:
             "also one method per garment, the innermost first: RUN_A+RUN_B. NAME@dynamic and NAME@static add "
             "a finish of the cloth solver.",
         ),
-        Several(least=1),
-    ]
-    data: Annotated[Path, FOLDER]
-    """A folder made by `uvcloth simulate`; its index.csv gives splits and actions. Each random
-    outfit is evaluated on its own body, and figures are by type of garment."""
-    out: Annotated[Path, NewFolder()]
-    """Folder for metrics.json and report.html."""
+        Several(),
+    ] = ()
+    predicted: Annotated[
+        tuple[str, ...],
+        tyro.conf.arg(
+            metavar="NAME=DIR ...",
+            help="Folders with the sequences of other programs: for DATA/CLIP_GARMENT.npz a file "
+            "CLIP_GARMENT with the suffix .npz, .pc2, .mdd, .abc, .usd, .usda or .usdc.",
+        ),
+        Several(),
+    ] = ()
     garment: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE ..."), GARMENT, Several()] = ()
     """Garment files to evaluate as well; the data folder has to contain their sequences."""
     split: Literal["test", "validation"] = "test"
@@ -57,6 +66,8 @@ class Evaluate:
         """Judge, and write metrics.json and the report. Raises InputError for input that cannot be judged."""
         if not all(find_spec(module) for module in ("jinja2", "markupsafe", "PIL", "sklearn")):
             raise InputError("the report needs Jinja, Pillow and scikit-learn: install uvcloth[report]")
+        if not self.model and not self.predicted:
+            raise InputError("evaluate: name something to judge with --model or --predicted")
         with sole_writer(self.out):
             self._judge()
 
@@ -65,6 +76,7 @@ class Evaluate:
         from evaluate.compare import compare
         from evaluate.garment_space import interpolations
         from evaluate.motion_map import motion_maps
+        from evaluate.predicted import load_predictions
         from evaluate.progress import progress
         from evaluate.report import write_metrics, write_report
         from evaluate.selection import Selection, find_cases
@@ -76,7 +88,8 @@ class Evaluate:
         with limited_threads(self.threads):
             cases = find_cases(selection)
             candidates = load_candidates(self.model, cases.body)
-            results, shown = compare(candidates, cases, self.out, machine=used)
+            predictions = load_predictions(self.predicted, [candidate.name for candidate in candidates])
+            results, shown = compare(candidates, cases, self.out, machine=used, predictions=predictions)
         metrics = write_metrics(self.out, results)
         images, spaces, motion = [], [], []
         if self.pictures:

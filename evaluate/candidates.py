@@ -11,7 +11,7 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.finish_names import FinishName
-from uvcloth.methods.method import Method
+from uvcloth.methods.method import Method, Traits
 from uvcloth.methods.physics.finish import with_finish
 from uvcloth.methods.physics.method import Physics
 from uvcloth.methods.registry import load_method, model_folder
@@ -51,6 +51,11 @@ class Candidate:
     training_frames: int | None = None
     clips: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     training: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def traits(self) -> Traits:
+        """Those of the method."""
+        return self.method.traits
 
 
 def load_candidates(models: Sequence[str], body: Body) -> tuple[Candidate, ...]:

@@ -59,11 +59,12 @@ def bars(
     def x(value: float) -> float:
         return left + (right - left) * value / axis[-1]
 
-    parts = [_open(WIDTH, height, title, left=0)]
+    parts = [open_chart(WIDTH, height, title, left=0)]
     for tick in axis:
         parts.append(
             f'<line class="grid" x1="{x(tick):.1f}" x2="{x(tick):.1f}" y1="{top - 4}" y2="{height - 20}"/>'
-            f'<text class="tick" x="{x(tick):.1f}" y="{height - 7}" text-anchor="middle">{_tick(tick)}</text>'
+            f'<text class="tick" x="{x(tick):.1f}" y="{height - 7}" text-anchor="middle">'
+            f"{tick_label(tick)}</text>"
         )
     for index, (label, row) in enumerate(rows.items()):
         y = top + index * group
@@ -113,16 +114,17 @@ def lines(
     def y(value: float) -> float:
         return bottom - (bottom - top) * value / up[-1]
 
-    parts = [_open(WIDTH, bottom + 26, title, left)]
+    parts = [open_chart(WIDTH, bottom + 26, title, left)]
     for tick in up:
         parts.append(
             f'<line class="grid" x1="{left}" x2="{right}" y1="{y(tick):.1f}" y2="{y(tick):.1f}"/>'
-            f'<text class="tick" x="{left - 6}" y="{y(tick) + 3:.1f}" text-anchor="end">{_tick(tick)}</text>'
+            f'<text class="tick" x="{left - 6}" y="{y(tick) + 3:.1f}" text-anchor="end">'
+            f"{tick_label(tick)}</text>"
         )
     for tick in across:
         parts.append(
             f'<text class="tick" x="{x(tick):.1f}" y="{bottom + 14}" text-anchor="middle">'
-            f"{_tick(tick)}</text>"
+            f"{tick_label(tick)}</text>"
         )
     styles = [f"l{index}" for index in range(len(series))]
     for style, name, line in zip(
@@ -143,7 +145,7 @@ def scatter(title: str, groups: Mapping[str, Sequence[Sequence[float]]]) -> Mark
     side = WIDTH - 2 * margin
     bottom = top + side + 2 * margin
     parts = [
-        _open(WIDTH, bottom + 1, title, left=0),
+        open_chart(WIDTH, bottom + 1, title, left=0),
         f'<rect class="frame" x="0.5" y="{top}" width="{WIDTH - 1}" height="{bottom - top}"/>',
     ]
     for index, (name, group) in enumerate(groups.items()):
@@ -160,7 +162,7 @@ def mark(index: int) -> str:
     return f"p{color + 1}" + (" square" if lap % 2 else "")
 
 
-def _open(width: float, height: float, title: str, left: float) -> str:
+def open_chart(width: float, height: float, title: str, left: float) -> str:
     """The beginning of an SVG chart with its title."""
     return (
         f'<svg class="chart" viewBox="0 0 {width} {height}" role="img" aria-label="{escape(title)}">'
@@ -168,6 +170,6 @@ def _open(width: float, height: float, title: str, left: float) -> str:
     )
 
 
-def _tick(value: float) -> str:
+def tick_label(value: float) -> str:
     """The label of a tick."""
     return f"{value:,.10g}"

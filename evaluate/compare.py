@@ -12,7 +12,7 @@ from typing import Any
 from evaluate.actions import Window
 from evaluate.candidates import SIMULATION, Candidate, assigned
 from evaluate.case import Case, outfit_name
-from evaluate.familiar import training_overlap
+from evaluate.familiar import Entrant, training_overlap
 from evaluate.judge import (
     CaseScores,
     Scores,
@@ -21,9 +21,10 @@ from evaluate.judge import (
     judge,
     judge_simulation,
 )
+from evaluate.predicted import Prediction, judge_prediction, require_files
 from evaluate.progress import progress
 from evaluate.results import PartScores, repeatability_floor, representation_floor, stability, summarize
-from evaluate.selection import Cases
+from evaluate.selection import Cases, Opener
 from evaluate.show import Shown
 from evaluate.stability import copied_truth
 from uvcloth.garments.garment import Outfit
@@ -45,25 +46,35 @@ class JudgedCase:
 
 
 def compare(
-    candidates: Sequence[Candidate], cases: Cases, out: Path, *, machine: str
+    candidates: Sequence[Candidate],
+    cases: Cases,
+    out: Path,
+    *,
+    machine: str,
+    predictions: Sequence[Prediction] = (),
 ) -> tuple[dict[str, Any], list[Shown]]:
     """Judge methods on the outfits, most of them of one garment, that were simulated over unseen clips.
 
-    machine: for the record. Returns the content of metrics.json and the meshes to show. Finished cases are
-    kept under OUT/partial and reused by a rerun. A method is judged on the outfits that it supports.
-    Raises InputError for a model or data that does not fit, and for a method that supports none of the
-    outfits.
+    machine: for the record. predictions: sequences of other programs, judged beside the methods. Returns the
+    content of metrics.json and the meshes to show. Finished cases are kept under OUT/partial and reused by a
+    rerun. A method is judged on the outfits that it supports. Raises InputError for a model, data or a
+    prediction that does not fit, and for a method that supports none of the outfits.
     """
     dressing = assigned(candidates, cases.outfits, cases.data)
+    require_files(predictions, [(opener.outfit, opener.windows) for opener in cases.openers])
+    entrants: list[tuple[Opener, list[Entrant]]] = [
+        (opener, [*dressing[opener.outfit], *(each for each in predictions if each.covers(opener.windows))])
+        for opener in cases.openers
+    ]
     code = code_fingerprint()
     judged = []
-    with progress("Cases", sum(1 + len(dressing[name]) for name, _ in cases.openers)) as tick:
-        for name, open_one in cases.openers:
-            case = open_one()
+    with progress("Cases", sum(1 + len(each) for _, each in entrants)) as tick:
+        for opener, judged_on_it in entrants:
+            case = opener.open()
             setting = f"{code}/{case.outfit.body.identity.whole}/{cases.map_size}/{machine}"
-            judged.append(judged_case(case, dressing[name], partial(cached, out, case), setting, tick))
+            judged.append(judged_case(case, judged_on_it, partial(cached, out, case), setting, tick))
     return {
-        **measured(judged, candidates, cases.people),
+        **measured(judged, [*candidates, *predictions], cases.people),
         "garments": garment_sizes(cases.outfits.values()),
         "missing": cases.missing,
         "split": cases.split,
@@ -77,7 +88,7 @@ def compare(
 
 def judged_case(
     case: Case,
-    candidates: Sequence[Candidate],
+    entrants: Sequence[Entrant],
     keep: Callable[[str, str, Callable[[], CaseScores]], CaseScores],
     setting: str,
     tick: Callable[..., None],
@@ -90,10 +101,14 @@ def judged_case(
     alone = {name: case.clip.alone(name) for name in garments}
     copied = {name: copied_truth(garment, alone[name], case.end) for name, garment in garments.items()}
     tick()
-    for candidate in candidates:
-        tick(0, note=f"{note}: {candidate.name}")
-        fingerprint = f"{setting}/{candidate.fingerprint}"
-        scores[candidate.name] = keep(candidate.name, fingerprint, partial(judge, case, candidate))
+    for each in entrants:
+        tick(0, note=f"{note}: {each.name}")
+        work = (
+            partial(judge_prediction, case, each)
+            if isinstance(each, Prediction)
+            else partial(judge, case, each)
+        )
+        scores[each.name] = keep(each.name, f"{setting}/{each.fingerprint}", work)
         tick()
     return JudgedCase(
         scores=scores,
@@ -115,10 +130,10 @@ def judged_case(
 
 
 def measured(
-    judged: Sequence[JudgedCase], candidates: Sequence[Candidate], people: Mapping[str, str]
+    judged: Sequence[JudgedCase], entrants: Sequence[Entrant], people: Mapping[str, str]
 ) -> dict[str, Any]:
     """The fields of metrics.json on the methods and the simulation. people: subjects by clip."""
-    names = (SIMULATION, *(candidate.name for candidate in candidates))
+    names = (SIMULATION, *(each.name for each in entrants))
     entries = {
         name: [
             PartScores(case.shown.action, part, scores, case.shown.clip)
@@ -139,7 +154,7 @@ def measured(
         | facts(
             c, {w: h for case in judged if c.name in case.scores for w, h in case.contents.items()}, people
         )
-        for c in candidates
+        for c in entrants
     }
     copies = {kind: by_garment([case.copied[kind] for case in judged]) for kind in ("held", "carried")}
     windows = [window for case in judged for window in case.contents]
@@ -165,15 +180,15 @@ def frame_rate(judged: Sequence[JudgedCase]) -> float:
     return Counter(case.fps for case in judged).most_common(1)[0][0]
 
 
-def facts(candidate: Candidate, judged_on: Mapping[Window, str], people: Mapping[str, str]) -> dict[str, Any]:
+def facts(entrant: Entrant, judged_on: Mapping[Window, str], people: Mapping[str, str]) -> dict[str, Any]:
     """The fields of metrics.json on a method besides its scores. judged_on: windows and their hashes."""
     return {
-        "weights_mb": candidate.weights_mb,
-        **training_overlap(candidate, judged_on, people),
-        "static": candidate.method.traits.quasi_static,
-        "baseline": candidate.method.traits.is_baseline,
-        "training_frames": candidate.training_frames,
-        "training": dict(candidate.training),
+        "weights_mb": entrant.weights_mb,
+        **training_overlap(entrant, judged_on, people),
+        "static": entrant.traits.quasi_static,
+        "baseline": entrant.traits.is_baseline,
+        "training_frames": entrant.training_frames,
+        "training": dict(entrant.training),
     }
 
 

@@ -6,6 +6,10 @@ from typing import Any
 
 from evaluate.actions import Window
 from evaluate.candidates import Candidate
+from evaluate.predicted import Prediction
+
+Entrant = Candidate | Prediction
+"""A method in the comparison, or the sequences of another program."""
 
 MADE_BY = {"train": "was trained on", "validation": "was selected on"}
 """The use of each split of a model's own data, in words; the more serious one first."""
@@ -42,7 +46,7 @@ class Caution:
 
 
 def familiarity(
-    window: Window, content: str, candidate: Candidate, people: Mapping[str, str]
+    window: Window, content: str, candidate: Entrant, people: Mapping[str, str]
 ) -> Familiar | None:
     """The most serious overlap of a window with a method's own data; None if none is known.
 
@@ -62,7 +66,7 @@ def familiarity(
 
 
 def training_overlap(
-    candidate: Candidate, windows: Mapping[Window, str], people: Mapping[str, str]
+    candidate: Entrant, windows: Mapping[Window, str], people: Mapping[str, str]
 ) -> dict[str, Any]:
     """The fields of metrics.json on the overlap of a method's data with the judged windows.
 

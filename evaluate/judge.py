@@ -57,6 +57,8 @@ JUDGING = (
     "evaluate/case.py",
     "evaluate/selection.py",
     "evaluate/judge.py",
+    "evaluate/predicted.py",
+    "evaluate/predicted_file.py",
 )
 """The sources and data that decide a score."""
 

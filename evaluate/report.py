@@ -12,6 +12,7 @@ from torch import Tensor
 from evaluate.candidates import SIMULATION
 from evaluate.charts import DASH, bars, lines, mark, number, scatter
 from evaluate.continuity import TURNED_FRAMES
+from evaluate.cost_chart import cost_charts
 from evaluate.familiar import cautions
 from evaluate.force_balance import BALANCED_FRAMES, MOST_FORCE
 from evaluate.look_table import GROUPS, impossible_frames, look_rows
@@ -170,6 +171,7 @@ def write_report(
         ranked=[*garments_in(results), *results["outfits"]],
         outfit_rows=outfit_rows(results),
         charts=_bar_charts(results),
+        costs=cost_charts(results),
         over_time=_time_charts(results),
         overall=overall,
         batch=BATCH,

@@ -37,18 +37,27 @@ class Selection:
 
 
 @dataclass(frozen=True)
+class Opener:
+    """A case that is not in memory: the name of its outfit, its windows, and the function that loads it."""
+
+    outfit: str
+    windows: tuple[Window, ...]
+    open: Callable[[], Case]
+
+
+@dataclass(frozen=True)
 class Cases:
     """The cases of a selection.
 
-    outfits: by name, all on bodies of one skeleton. openers: for each case the name of its outfit and the
-    function that loads it. people: subjects by clip. missing: windows without a sequence, see `find_missing`.
-    map_size: of the maps that are measured, 0 for none. one_body: whether all are on the same body.
+    outfits: by name, all on bodies of one skeleton. openers: of each case. people: subjects by clip.
+    missing: windows without a sequence, see `find_missing`. map_size: of the maps that are measured, 0 for
+    none. one_body: whether all are on the same body.
     """
 
     data: Path
     split: str
     outfits: Mapping[str, Outfit]
-    openers: Sequence[tuple[str, Callable[[], Case]]]
+    openers: Sequence[Opener]
     people: Mapping[str, str]
     missing: Mapping[str, Mapping[str, str]]
     map_size: int
@@ -100,7 +109,8 @@ def cases_on(body: Body, selection: Selection) -> Cases:
             # As simulations of layers begin: garments that cross are untangled.
             worn = untangle([garments[window.garment] for window in case], body)
             outfits[name] = Outfit(body, worn.garments)
-        openers.append((name, partial(open_case, case, outfits[name], texels, selection.frames)))
+        load = partial(open_case, case, outfits[name], texels, selection.frames)
+        openers.append(Opener(name, case, load))
     return Cases(
         data, split, outfits, openers, people_in(data), find_missing(*query), selection.map_size, True
     )
@@ -122,7 +132,8 @@ def _cases_of_outfits(selection: Selection) -> Cases:
             windows, typed, renamed = _by_type(data, outfit, clip)
             name = "+".join(window.path.stem for window in windows)
             outfits[name] = typed
-            openers.append((name, partial(make_case, windows, renamed, typed, {}, selection.frames)))
+            load = partial(make_case, windows, renamed, typed, {}, selection.frames)
+            openers.append(Opener(name, windows, load))
     if not openers:
         known = ", ".join(dict.fromkeys(clip.action for _, clip in pairs))
         raise InputError(f"{data}: no {split} action is called {selection.actions[0]!r}, expected {known}")

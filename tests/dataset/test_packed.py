@@ -129,7 +129,7 @@ def test_the_command_packs_and_unpacks(folder: Path, tmp_path: Path, monkeypatch
     assert run(monkeypatch, packed, "--unpack", again) == 0
     assert f"{packed}: 2 sequences packed\n{again}: 2 sequences unpacked\n" in capsys.readouterr().out
     assert run(monkeypatch, folder, "--pack", packed, "--unpack", again) == 2
-    assert "give --pack or --unpack" in capsys.readouterr().err
+    assert "give --pack, --unpack or --export" in capsys.readouterr().err
 
 
 def test_members_of_an_ensemble_share_meshes_and_motions(folder: Path, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""`uvcloth data`: its options, and the listing, packing and unpacking of a folder of sequences."""
+"""`uvcloth data`: its options, and the listing, packing, unpacking and export of a folder of sequences."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,11 +27,14 @@ class Data:
     times. Half the error doubles the size."""
     unpack: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint=""), NewFolder()] = None
     """Unpack a packed folder into another one instead, for training and evaluation."""
+    export: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
+    """Write body, motion, garments and simulation of the validation and test sequences as USD and Alembic
+    instead, for other programs; `python -m evaluate --predicted` judges what they make of them."""
 
     def run(self) -> None:
-        """List, pack or unpack. Raises InputError for bad input."""
-        if self.pack and self.unpack:
-            raise InputError("data: give --pack or --unpack, not both")
+        """List, pack, unpack or export. Raises InputError for bad input."""
+        if sum(target is not None for target in (self.pack, self.unpack, self.export)) > 1:
+            raise InputError("data: give --pack, --unpack or --export, not several")
         if self.pack:
             from uvcloth.dataset.packed import pack_folder
 
@@ -41,6 +44,11 @@ class Data:
             from uvcloth.dataset.packed import unpack_folder
 
             print(f"{self.unpack}: {unpack_folder(self.folder, self.unpack)} sequences unpacked")
+            return
+        if self.export:
+            from uvcloth.export.benchmark import export_benchmark
+
+            print(f"{self.export}: {export_benchmark(self.folder, self.export)} sequences written")
             return
         from rich.console import Console
 

@@ -121,6 +121,14 @@ def read_outfit_clips(folder: Path, splits: Sequence[str] = SPLITS) -> list[tupl
     return dressed
 
 
+def labelled(clip: SimulatedClip, index: Mapping[str, Entry]) -> SimulatedClip:
+    """The clip with the labels of the index; random outfits have their own."""
+    entry = index.get(clip.name)
+    if entry is None or "outfit" in clip.metadata:
+        return clip
+    return clip.labelled(**_labels(entry))
+
+
 def _clips_of(folder: Path, garments: Sequence[str]) -> list[tuple[Body, SimulatedClip]]:
     """The clips of one folder, see `read_clips`."""
     by_clip: dict[str, dict[Path, SimulatedClip]] = {}
@@ -146,15 +154,7 @@ def _files_of(folder: Path) -> Iterator[tuple[Path, SimulatedClip]]:
         raise InputError(f"{folder}: no sequence (*.npz) made by `uvcloth simulate` in this folder")
     index = read_index(folder / INDEX) if (folder / INDEX).is_file() else {}
     for path in track(paths, "reading sequences", transient=True):
-        yield path, _labelled(load_simulated(path), index)
-
-
-def _labelled(clip: SimulatedClip, index: Mapping[str, Entry]) -> SimulatedClip:
-    """The clip with the labels of the index; random outfits have their own."""
-    entry = index.get(clip.name)
-    if entry is None or "outfit" in clip.metadata:
-        return clip
-    return clip.labelled(**_labels(entry))
+        yield path, labelled(load_simulated(path), index)
 
 
 def _labels(entry: Entry) -> dict[str, str]:
