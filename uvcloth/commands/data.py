@@ -27,7 +27,7 @@ class Data:
     times. Half the error doubles the size."""
     unpack: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint=""), NewFolder()] = None
     """Unpack a packed folder into another one instead, for training and evaluation."""
-    export: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint="")] = None
+    export: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint=""), NewFolder()] = None
     """Write body, motion, garments and simulation of the validation and test sequences as USD and Alembic
     instead, for other programs; `python -m evaluate --predicted` judges what they make of them."""
 
