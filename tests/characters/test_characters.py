@@ -1,13 +1,14 @@
 """Characters as bodies: what is read is what was written, and our surface and garments fit them."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 
-from tests.characters.made_up import MIXAMO, Piece, t_posed, write_character
+from tests.characters.made_up import MIXAMO, Piece, rewritten, t_posed, vrm_table, write_character
 from tests.export.glb_reader import GlbReader
 from tests.motion.test_gltf import CESIUM_MAN, CESIUM_ROLES
 from uvcloth.bodies.body import REGIONS, Body, load_body, save_body
@@ -74,6 +75,20 @@ def test_names_axes_unit_and_pose_of_a_file_do_not_matter(body: Body, tmp_path: 
     legs = body.weights[trunk][:, body.skeleton.names.index("LeftLeg")]
     own = rigged.parts[1].weights[:, body.skeleton.names.index("LeftLeg")]
     torch.testing.assert_close(own, legs, atol=0.03, rtol=0)
+
+
+@pytest.mark.parametrize("version", ["VRM", "VRMC_vrm"])
+def test_the_table_of_a_vrm_file_goes_before_names(body: Body, tmp_path: Path, version: str) -> None:
+    path = tmp_path / "hero.vrm"
+    sides = {"Left": "Right", "Right": "Left"}
+    swapped = {name: re.sub("Left|Right", lambda side: sides[side[0]], name) for name in body.skeleton.names}
+    write_character(path, body, pieces(body)[:2], names=swapped)
+    rewritten(path, vrm_table(version, swapped))
+    rigged = rig_character(read_character(path), {}, body)
+    assert rigged.roles["left_shin"] == "RightLeg"
+    joints = joint_roles(body.skeleton.names)
+    off = (rigged.skeleton.heads - body.skeleton.heads)[[joints[role] for role in rigged.roles]]
+    assert float(off.norm(dim=1).max()) < 2e-3
 
 
 def test_a_neck_without_joints_is_where_ours_is(body: Body, tmp_path: Path) -> None:

@@ -113,7 +113,7 @@ def _likeliest_unit(tall: float) -> str:
 
 
 def _needed_roles(character: Character, overrides: Mapping[str, str]) -> dict[str, int]:
-    roles = assign_roles(character.joints, overrides)
+    roles = assign_roles(character.joints, overrides, character.table)
     missing = [role for role in REQUIRED_ROLES if role not in roles]
     if not any(role in roles for role in HEADS):
         missing.append("head")

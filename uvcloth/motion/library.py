@@ -45,11 +45,12 @@ def builtin_clips() -> dict[str, Path]:
 
 DEFAULTS = MotionOptions()
 
+GLTF = (".glb", ".gltf", ".vrm")
+"""Suffixes of glTF files, which may hold several animations."""
+
 READERS: dict[str, Callable[[Path], Clip]] = {
     ".bvh": read_bvh,
-    ".glb": read_gltf_motion,
-    ".gltf": read_gltf_motion,
-    ".vrm": read_gltf_motion,
+    **dict.fromkeys(GLTF, read_gltf_motion),
 }
 """Readers of motion files by suffix, besides that of clip archives."""
 
@@ -88,7 +89,7 @@ def wanted_part(clip: Clip, options: MotionOptions) -> Clip:
 
 def load_source(path_or_name: str | Path, body: Body, options: MotionOptions = DEFAULTS) -> MotionSource:
     """Load a motion and find the roles of its joints and its rest pose; raises InputError as `load_clip`."""
-    clip = read_motion(path_or_name)
+    clip = read_motion(path_or_name, options.animation)
     try:
         roles = required_roles(clip.skeleton, f"clip {clip.name}", clip_roles(clip, options))
         require_limbs(clip.skeleton, roles)
@@ -107,13 +108,14 @@ def motion_on_body(source: MotionSource, body: Body, fps: float) -> Clip:
 def clip_roles(clip: Clip, options: MotionOptions = DEFAULTS) -> dict[str, int]:
     """Joint of each role that a clip's joints play, by name or as the options say."""
     overrides = {} if options.joints is None else read_role_map(options.joints)
-    return assign_roles(clip.skeleton.names, overrides)
+    return assign_roles(clip.skeleton.names, overrides, clip.table)
 
 
-def read_motion(path_or_name: str | Path) -> Clip:
+def read_motion(path_or_name: str | Path, animation: str | None = None) -> Clip:
     """Read a motion file or a built-in clip on its own skeleton, in its own units and axes.
 
-    Raises InputError for another suffix or an unknown name, and as the reader of the file does.
+    animation: of a glTF file, by name or number. Raises InputError for another suffix, an unknown name, an
+    animation of another file, and as the reader of the file does.
     """
     path = builtin_clips().get(str(path_or_name), Path(path_or_name))
     reader = (READERS | {".npz": read_archive}).get(path.suffix.lower())
@@ -122,7 +124,11 @@ def read_motion(path_or_name: str | Path) -> Clip:
             f"{path_or_name}: expected a {', '.join(READERS)} or .npz file or one of the built-in clips "
             f"({', '.join(builtin_clips())})"
         )
-    return reader(path)
+    if animation is None:
+        return reader(path)
+    if path.suffix.lower() not in GLTF:
+        raise InputError(f"{path_or_name}: --animation is for {', '.join(GLTF)}, this file holds one motion")
+    return read_gltf_motion(path, animation)
 
 
 def read_archive(path: Path) -> Clip:

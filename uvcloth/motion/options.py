@@ -19,6 +19,8 @@ class MotionOptions:
     """Axis of the file that points up. With it, the check that the person stands is left out."""
     joints: Annotated[Path | None, arg(metavar="JSON", help_behavior_hint="(default: by their names)")] = None
     """Roles of joints, {"hips": "Pelvis", ...}; `uvcloth motion FILE` lists the roles."""
+    animation: Annotated[str | None, arg(metavar="NAME|N", help_behavior_hint="(default: the first)")] = None
+    """Animation of a glTF file, by its name or number; `uvcloth motion FILE` lists them."""
     rest_frame: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: found)")] = None
     """Frame of the file, from 0, in which the person stands straight, arms anywhere to the sides."""
     fps: Annotated[float, arg(metavar="N")] = 30.0

@@ -131,18 +131,25 @@ def read_role_map(path: Path) -> dict[str, str]:
     return content
 
 
-def assign_roles(names: Sequence[str], overrides: Mapping[str, str]) -> dict[str, int]:
-    """Assign roles to joints by their names; `overrides` (role -> joint name) come first.
+def table_roles(bones: Sequence[str]) -> dict[str, int]:
+    """Joint of each role, given the human bone that a VRM file says each joint is, "" for the others."""
+    return {role: joint for role, joint in joint_roles(bones).items() if bones[joint]}
 
-    Raises InputError naming a joint that the skeleton lacks.
+
+def assign_roles(
+    names: Sequence[str], overrides: Mapping[str, str], table: Mapping[str, int] | None = None
+) -> dict[str, int]:
+    """Assign roles to joints: `overrides` (role -> joint name) first, then the file's own table.
+
+    Without a table the names of the joints decide. Raises InputError naming a joint that the skeleton lacks.
     """
     for name in overrides.values():
         if name not in names:
             near = get_close_matches(name, names, n=3, cutoff=0.4) or names[:6]
             raise InputError(f"--joints: no joint is named {name}; there are {', '.join(near)}, ...")
     given = {role: names.index(name) for role, name in overrides.items()}
-    by_name = joint_roles(names)
-    kept = {role: joint for role, joint in by_name.items() if joint not in given.values()} | given
+    usual = table or joint_roles(names)
+    kept = {role: joint for role, joint in usual.items() if joint not in given.values()} | given
     return {role: kept[role] for role in ROLES if role in kept}
 
 
