@@ -91,6 +91,16 @@ def test_the_table_of_a_vrm_file_goes_before_names(body: Body, tmp_path: Path, v
     assert float(off.norm(dim=1).max()) < 2e-3
 
 
+def test_joints_without_names_are_told_by_their_places(body: Body, tmp_path: Path) -> None:
+    path = tmp_path / "nameless.glb"
+    names = {name: f"bone {joint}" for joint, name in enumerate(body.skeleton.names)}
+    write_character(path, body, pieces(body)[:2], names=names)
+    rigged = rig_character(read_character(path), {}, body)
+    assert rigged.guessed
+    hands = [body.skeleton.names.index(f"{side}Hand") for side in ("Left", "Right")]
+    torch.testing.assert_close(rigged.skeleton.heads[hands], body.skeleton.heads[hands], atol=2e-3, rtol=0)
+
+
 def test_a_neck_without_joints_is_where_ours_is(body: Body, tmp_path: Path) -> None:
     path = tmp_path / "neckless.glb"
     write_character(path, body, pieces(body)[:2], names=MIXAMO | {"Neck": "mixamorig:Plate"})
@@ -169,7 +179,10 @@ def test_characters_that_cannot_be_dressed_are_refused(body: Body, tmp_path: Pat
     with pytest.raises(InputError, match=r"odd\.glb: has no skin"):
         body_from_character(path, body)
     names = MIXAMO | {"LeftHand": "claw", "RightLeg": "stilt"}
-    write_character(path, body, pieces(body)[:2], names=names)
+    bent = body.skeleton.heads.clone()
+    bent[body.skeleton.names.index("RightLeg") :] += torch.tensor([0.0, -0.4, 0.3])
+    lame = replace(body, skeleton=replace(body.skeleton, heads=bent))
+    write_character(path, lame, pieces(body)[:2], names=names)
     with pytest.raises(
         InputError,
         match=r"odd\.glb: no joint of the character is the .*right shin.*left hand|left hand.*right shin",

@@ -50,7 +50,7 @@ def test_the_animations_of_a_file_are_listed(tmp_path: Path, capsys, body: Body)
 
     def add_second(written: dict[str, Any]) -> None:
         walk = written["animations"][0]
-        written["animations"] = [walk | {"name": "Walk"}, walk]
+        written["animations"] = [walk | {"name": "Walk"}, walk | {"name": ""}]
 
     rewritten(path, add_second)
     describe(Motion(str(path), tmp_path / "sheet.png", options=MotionOptions(animation="Walk")))
@@ -59,7 +59,7 @@ def test_the_animations_of_a_file_are_listed(tmp_path: Path, capsys, body: Body)
 
 def test_what_is_known_is_printed_before_a_refusal(tmp_path: Path, capsys, body: Body) -> None:
     layout = FAMILIES["MotionBuilder"]
-    odd = replace(layout, sides=layout.sides.replace("{S}Leg", "{S}Wheel"))
+    odd = replace(layout, sides=layout.sides.replace("{S}Leg", "{S}Wheel"), zero="along_x")
     path = tmp_path / "walk.bvh"
     write_layout(load_clip("walk", body).window(20, 10), odd, path)
     with pytest.raises(InputError, match=r"no joint is the left shin, right shin; name them with --joints"):

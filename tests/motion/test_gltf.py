@@ -106,6 +106,8 @@ def test_the_table_of_a_vrm_file_says_who_moves(tmp_path: Path, body: Body, vers
 def test_a_character_in_other_axes_with_odd_names_walks(tmp_path: Path, body: Body) -> None:
     (tmp_path / "map.json").write_text(json.dumps(CESIUM_ROLES))
     clip = load_clip(CESIUM_MAN, body, MotionOptions(joints=tmp_path / "map.json"))
+    guess = load_clip(CESIUM_MAN, body)
+    assert float((guess.positions() - clip.positions()).norm(dim=-1).max()) < 0.05
     raw = read_gltf_motion(CESIUM_MAN)
     feet = [raw.skeleton.names.index(CESIUM_ROLES[f"{side}_foot"]) for side in ("left", "right")]
     own = [clip.skeleton.names.index(f"{side}Foot") for side in ("Left", "Right")]
@@ -115,8 +117,6 @@ def test_a_character_in_other_axes_with_odd_names_walks(tmp_path: Path, body: Bo
     swing_on_body = (apart_on_body[:, 0] - apart_on_body[:, 1]).norm(dim=-1)
     correlation = torch.corrcoef(torch.stack([swing, swing_on_body]))[0, 1]
     assert correlation > 0.99
-    with pytest.raises(InputError, match=r"no joint is the hips, left thigh.*--joints"):
-        load_clip(CESIUM_MAN, body)
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ def describe(command: Motion) -> None:
     if Path(motion).suffix.lower() in GLTF:
         _print(console, [f"animations: {numbered(animation_names(Path(motion)))}"])
     clip = read_motion(motion, options.animation)
-    roles = clip_roles(clip, options)
+    roles, _ = clip_roles(clip, options)
     _print(
         console, [f"{clip.name}: {len(clip)} frames at {clip.fps:g} per second, {len(clip) / clip.fps:.2f} s"]
     )

@@ -1,5 +1,6 @@
 """Loading of clips by path or name: BVH, glTF and AMASS files, clip archives, clips of the package."""
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
@@ -18,11 +19,14 @@ from uvcloth.motion.amass import carried_over, fits_unchanged, is_amass, read_am
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import FPS_RANGE, Clip
 from uvcloth.motion.gltf import read_gltf_motion
+from uvcloth.motion.guess import find_roles
 from uvcloth.motion.options import MotionOptions
 from uvcloth.motion.posture import check_posture
 from uvcloth.motion.rest import Rest, find_rest
 from uvcloth.motion.retarget import require_limbs, required_roles, retarget
-from uvcloth.motion.roles import assign_roles, read_role_map
+from uvcloth.motion.roles import read_role_map
+
+LOGGER = logging.getLogger(__name__)
 
 CLIP_FORMAT = "uvcloth-clip-1"
 FIELDS = {
@@ -91,8 +95,15 @@ def load_source(path_or_name: str | Path, body: Body, options: MotionOptions = D
     """Load a motion and find the roles of its joints and its rest pose; raises InputError as `load_clip`."""
     clip = read_motion(path_or_name, options.animation)
     try:
-        roles = required_roles(clip.skeleton, f"clip {clip.name}", clip_roles(clip, options))
+        named, guessed = clip_roles(clip, options)
+        roles = required_roles(clip.skeleton, f"clip {clip.name}", named)
         require_limbs(clip.skeleton, roles)
+        if guessed:
+            LOGGER.warning(
+                "%s: the names of its joints do not tell all roles, which are guessed from where the joints "
+                "are at rest; `uvcloth motion` draws the guess, --joints corrects it",
+                path_or_name,
+            )
         return MotionSource(clip, roles, find_rest(clip, roles, body, options.up, options.rest_frame))
     except InputError as error:
         raise InputError(f"{path_or_name}: {error}") from error
@@ -105,10 +116,10 @@ def motion_on_body(source: MotionSource, body: Body, fps: float) -> Clip:
     return retarget(source.rest.clip, body, fps, source.roles)
 
 
-def clip_roles(clip: Clip, options: MotionOptions = DEFAULTS) -> dict[str, int]:
-    """Joint of each role that a clip's joints play, by name or as the options say."""
+def clip_roles(clip: Clip, options: MotionOptions = DEFAULTS) -> tuple[dict[str, int], bool]:
+    """Joint of each role in a clip, as the options, its file or its names say; and if it is guessed."""
     overrides = {} if options.joints is None else read_role_map(options.joints)
-    return assign_roles(clip.skeleton.names, overrides, clip.table)
+    return find_roles(clip.skeleton.names, clip.skeleton.parents, clip.skeleton.heads, overrides, clip.table)
 
 
 def read_motion(path_or_name: str | Path, animation: str | None = None) -> Clip:

@@ -20,17 +20,17 @@ MIDDLE_NAMES = {
     "head": ("head",),
 }
 SIDE_NAMES = {
-    "thigh": ("upleg", "upperleg", "hip", "thigh", "thighbend"),
-    "shin": ("leg", "knee", "shin", "lowleg", "lowerleg", "calf"),
+    "thigh": ("upleg", "upperleg", "hip", "thigh", "thighbend", "upperleg01"),
+    "shin": ("leg", "knee", "shin", "lowleg", "lowerleg", "calf", "lowerleg01"),
     "foot": ("ankle", "foot"),
-    "toes": ("toebase", "toe", "toes", "toe0", "ball", "foot"),
-    "upper_arm": ("arm", "upperarm", "uparm", "shldr", "shldrbend", "shoulder"),
+    "toes": ("toebase", "toe", "toes", "toe0", "ball", "toe31", "toe11", "foot"),
+    "upper_arm": ("arm", "upperarm", "uparm", "shldr", "shldrbend", "shoulder", "upperarm01"),
     "clavicle": ("collar", "clavicle", "shoulder"),
-    "forearm": ("forearm", "elbow", "lowarm", "lowerarm", "forearmbend"),
+    "forearm": ("forearm", "elbow", "lowarm", "lowerarm", "forearmbend", "lowerarm01"),
     "hand": ("wrist", "hand"),
     "fingers": (
         *("handindex1", "handmiddle1", "handfinger1", "fingers", "mid1", "middle1", "middleproximal"),
-        *("middle01", "fmiddle01", "index1", "indexproximal", "index01", "findex01", "finger1"),
+        *("middle01", "fmiddle01", "index1", "indexproximal", "index01", "findex01", "finger1", "finger31"),
     ),
 }
 """Canonical role -> names of its joint, without side, separators and prefix, in lower case. The first name
@@ -39,14 +39,15 @@ that the skeleton has, and that no role above claimed, is taken; a side in full 
 ROLES = (*MIDDLE_NAMES, *(f"{side}_{part}" for side in ("left", "right") for part in SIDE_NAMES))
 """Every role that a joint can play."""
 
-NUMBERED_SPINE = dict(
-    zip(
+NUMBERED_SPINES = tuple(
+    dict(zip(names, MIDDLE_NAMES, strict=True))
+    for names in (
         ("spine", *(f"spine00{number}" for number in range(1, 7))),
-        ("hips", "lower_spine", "middle_spine", "upper_spine", "lower_neck", "upper_neck", "head"),
-        strict=True,
+        ("root", "spine05", "spine03", "spine01", "neck01", "neck02", "head"),
     )
 )
-"""Middle joints of Blender's Rigify, which numbers them from the hips to the head."""
+"""Middle joints of Blender's Rigify, numbered from the hips to the head, and of MakeHuman's own rig,
+whose spine is numbered from the neck down."""
 
 SPINE_NAME = re.compile(
     r"(lowerback|(abdomen|waist|torso|spine|chest|upperchest)\d*(lower|upper)?\d*|[lt]\d+)"
@@ -65,6 +66,7 @@ FAMILIES = {
     "Character Creator": r"cc_base_.*",
     "3ds Max Biped": r"bip\d+.*",
     "VRoid": r"j_bip_.*",
+    "MakeHuman": r"upperleg01l",
     "Blender Rigify": r"(def-)?spine\.?00\d",
     "Bandai-Namco": r"lowerleg_l",
     "Xsens MVN": r"chest4|t12",
@@ -170,8 +172,9 @@ def _plain_words(names: Iterable[str]) -> list[list[str]]:
 
 
 def _middle_roles(whole: Mapping[str, int]) -> dict[str, int]:
-    if "spine006" in whole and "hips" not in whole:
-        return {role: whole[name] for name, role in NUMBERED_SPINE.items() if name in whole}
+    for spine_names in NUMBERED_SPINES:
+        if all(name in whole for name in spine_names) and not {"hips", "pelvis"} & whole.keys():
+            return {role: whole[name] for name, role in spine_names.items()}
     roles: dict[str, int] = {}
     for role, aliases in MIDDLE_NAMES.items():
         joint = next((whole[a] for a in aliases if a in whole and whole[a] not in roles.values()), None)
