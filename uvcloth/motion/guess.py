@@ -234,7 +234,8 @@ def _trunk(tree: _Tree, hips: int, chest: int, arms: set[int]) -> dict[str, int]
     spine = [joint for joint in tree.above(chest) if joint not in below]
     if len(spine) > 3:
         spine = [spine[0], spine[len(spine) // 2], spine[-1]]
-    roles = dict(zip(("lower_spine", "middle_spine", "upper_spine"), spine, strict=False))
+    # The joint that the arms leave from is the upper spine, whatever is below it.
+    roles = dict(zip(("upper_spine", "middle_spine", "lower_spine"), reversed(spine), strict=False))
     neck = _neck(tree, chest, arms | below)
     roles |= dict(zip(("lower_neck", "upper_neck"), neck[:-1], strict=False))
     return roles | ({"head": neck[-1]} if neck else {})
