@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
+import trimesh
 from torch import Tensor
 
 from tests.motion.families import FAMILIES
@@ -39,6 +40,18 @@ class Piece:
     material: str
     faces: Tensor
     off: float = 0.0
+
+
+def with_box(body: Body, joint: str, centre: Sequence[float], size: Sequence[float]) -> Body:
+    """The body with a box in its mesh, of 768 faces that a joint moves; sizes in metres."""
+    box = trimesh.creation.box(extents=size).subdivide().subdivide().subdivide()
+    vertices = torch.tensor(box.vertices, dtype=torch.float32) + torch.tensor(centre)
+    weights = torch.zeros(len(vertices), len(body.skeleton.names))
+    weights[:, body.skeleton.names.index(joint)] = 1.0
+    faces = torch.tensor(box.faces.copy()) + len(body.mesh.vertices)
+    faces = torch.cat([body.mesh.faces, faces])
+    mesh = Mesh(torch.cat([body.mesh.vertices, vertices]), faces, torch.zeros(0, 2), faces)
+    return replace(body, mesh=mesh, weights=torch.cat([body.weights, weights]))
 
 
 def t_posed(body: Body, degrees: float = 40.0) -> Body:

@@ -1,9 +1,9 @@
 """Props of a character: bags, armour plates and the like in the meshes that cloth lies on.
 
-Skin wraps the bones, whatever is worn over it: rays in all directions leave from points on them. The connected
-pieces of the meshes are taken in the order in which most rays meet them first, and a piece is skin if it meets
-rays that no piece before it meets. Any other piece stays visible and moves by its blend weights, but the body's
-surface is not fitted to it.
+Skin wraps the bones, whatever is worn over it: rays in all directions leave from points on them. The
+connected pieces of the meshes are taken in the order in which most rays meet them first, and a piece is skin
+if it meets rays that no piece before it meets. Any other piece stays visible and moves by its blend weights,
+but the body's surface is not fitted to it.
 """
 
 from collections.abc import Iterable
