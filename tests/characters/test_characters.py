@@ -25,6 +25,7 @@ from uvcloth.commands.make_body import make
 from uvcloth.errors import InputError
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.templates import load_template, tailored
+from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.roles import joint_roles
 from uvcloth.physics.surface import BodySurface
@@ -146,6 +147,11 @@ def test_what_no_bone_sees_first_is_a_prop(body: Body) -> None:
     assert faces(skin) == faces((part,))
     assert faces(props) == [768]
     assert float(props[0].weights[:, body.skeleton.names.index("Spine1")].min()) == 1.0
+    # What wraps a bone is something that cloth lies on, like the skin below.
+    on_trunk = body.mesh.faces[body.regions == REGIONS.index("torso")]
+    wider = body.mesh.vertices * torch.tensor([1.1, 1.15, 1.0])
+    vest = Part("vest", "", Mesh(wider, on_trunk, torch.zeros(0, 2), on_trunk), body.weights)
+    assert split_props([part, vest], body.skeleton)[0][-1].name == "vest"
     # A back and a front that are not joined are skin, both; so is a coat where there is no skin beneath it.
     back = replace(part, name="back", mesh=replace(part.mesh, faces=half, face_uvs=half))
     rest = body.mesh.faces[body.mesh.vertices[body.mesh.faces].mean(1)[:, 1] <= 0.0]

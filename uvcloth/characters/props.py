@@ -2,8 +2,9 @@
 
 Skin wraps the bones, whatever is worn over it: rays in all directions leave from points on them. The
 connected pieces of the meshes are taken in the order in which most rays meet them first, and a piece is skin
-if it meets rays that no piece before it meets. Any other piece stays visible and moves by its blend weights,
-but the body's surface is not fitted to it.
+if it meets rays that no piece before it meets. A piece that wraps a bone by itself, such as a vest over the
+skin, is kept as skin, for cloth lies on it. Any other piece stays visible and moves by its blend weights, but
+the body's surface is not fitted to it.
 """
 
 from collections.abc import Iterable
@@ -14,7 +15,7 @@ from torch import Tensor
 
 from rasterize.raycast import cast_rays
 from uvcloth.characters.reader import Part
-from uvcloth.geometry.mesh import Mesh, edge_groups, join_meshes, weld
+from uvcloth.geometry.mesh import Mesh, edge_groups, face_normals, join_meshes, weld
 from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.lighting import sphere
 
@@ -26,6 +27,12 @@ DIRECTIONS = 96
 
 LEAST_SEEN = 0.1
 """Least share of a point's rays that meet a piece of skin, and none before it."""
+
+WRAPS = 0.6
+"""Least share of the rays that meet a piece that wraps a bone by itself, at as many points as a bone has."""
+
+SMALL = 0.01
+"""Share of the area below which a piece that hardly any ray meets first is a prop."""
 
 
 def split_props(parts: Iterable[Part], skeleton: Skeleton) -> tuple[tuple[Part, ...], tuple[Part, ...]]:
@@ -69,12 +76,15 @@ def _wrapping(vertices: Tensor, faces: Tensor, piece: Tensor, pieces: int, point
     counts = torch.zeros(pieces, len(points))
     point = torch.arange(len(points)).repeat_interleave(DIRECTIONS)[first >= 0]
     counts.index_put_((piece[first[first >= 0]], point), torch.ones(len(point)), accumulate=True)
-    near = torch.nonzero(counts.amax(1) >= LEAST_SEEN * DIRECTIONS).squeeze(1)
+    area = torch.zeros(pieces).index_add(0, piece, face_normals(vertices, faces).norm(dim=1))
+    likely = (counts.amax(1) >= LEAST_SEEN * DIRECTIONS) | (area >= SMALL * area.sum())
+    near = torch.nonzero(likely).squeeze(1)
     covered = torch.zeros(len(points), DIRECTIONS, dtype=torch.bool)
     skin = torch.zeros(pieces, dtype=torch.bool)
     for each in near[counts[near].sum(1).argsort(descending=True)].tolist():
         meets = (met(piece == each) >= 0).unflatten(0, (len(points), DIRECTIONS))
-        skin[each] = float((meets & ~covered).float().mean(1).max()) >= LEAST_SEEN
+        added, whole = (rays.float().mean(1) for rays in (meets & ~covered, meets))
+        skin[each] = float(added.max()) >= LEAST_SEEN or int((whole >= WRAPS).sum()) >= len(ALONG)
         covered |= meets & skin[each]
     return skin
 
