@@ -316,7 +316,9 @@ def test_what_does_not_go_together_is_refused(body: Body, tmp_path: Path) -> Non
         uvcloth.load_body(str(tmp_path / "nobody.npz"))
     with pytest.raises(uvcloth.InputError, match="--up x: expected y or z"):
         uvcloth.load_motion("walk", body, up="x")  # type: ignore[arg-type]
-    with pytest.raises(uvcloth.InputError, match="up, joints and rest_frame apply to motion files"):
+    with pytest.raises(
+        uvcloth.InputError, match="up, joints, animation and rest_frame apply to motion files"
+    ):
         uvcloth.load_motion(matrices(body), body, up="y")
     save_body(small, tmp_path / "small.npz")
     assert torch.equal(uvcloth.load_body(str(tmp_path / "small.npz")).mesh.vertices, small.mesh.vertices)

@@ -81,6 +81,7 @@ def load_motion(
     fps: float = 30.0,
     up: Literal["y", "z"] | None = None,
     joints: File | None = None,
+    animation: str | None = None,
     rest_frame: int | None = None,
     frames: str | None = None,
     in_place: bool = False,
@@ -94,8 +95,9 @@ def load_motion(
 
     fps: frames per second, 1 to 1000: those of an array, or those that a file is brought to. frames: "A:B",
     the frames A to B - 1 at that rate, None for all. in_place: the hips stay over one spot. Of a file only:
-    up, the axis that points up; joints, a JSON file that says which joint plays which role; rest_frame, the
-    frame in which the person stands straight. name: of an array's motion, for messages.
+    up, the axis that points up; joints, a JSON file that says which joint plays which role; animation, the
+    name or number of one in a glTF file; rest_frame, the frame in which the person stands straight. name: of
+    an array's motion, for messages.
 
     Raises InputError naming the file for one that cannot be read or understood and a motion that no person
     can have made; naming joint and frame for matrices that do not fit the body.
@@ -103,12 +105,14 @@ def load_motion(
     body = body or load_body()
     if up not in (None, "y", "z"):
         raise InputError(f"--up {up}: expected y or z")
-    options = MotionOptions(up, None if joints is None else Path(joints), rest_frame, fps, frames, in_place)
+    roles = None if joints is None else Path(joints)
+    options = MotionOptions(up, roles, animation, rest_frame, fps, frames, in_place)
     if isinstance(motion, str | PathLike):
         return load_clip(str(motion), body, options)
-    if up or joints or rest_frame is not None:
+    if up or joints or animation or rest_frame is not None:
         raise InputError(
-            f"{name}: up, joints and rest_frame apply to motion files, not to transforms of the body"
+            f"{name}: up, joints, animation and rest_frame apply to motion files, not to transforms of the "
+            "body"
         )
     return wanted_part(clip_of_transforms(motion, body, fps, name), options)
 

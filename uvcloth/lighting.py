@@ -83,8 +83,8 @@ def _received(
     """Shares (P,) of the dome's light (cosine-weighted, dimmer from below) and of the key light."""
     domes, keys = quality.dome_rays, quality.key_rays
     # A normal plus points on the unit sphere is a cosine-weighted hemisphere.
-    domewards = normalize(normals[:, None] + 0.999 * _sphere(domes))
-    keywards = normalize(to_key + KEY_SPREAD * _sphere(keys))
+    domewards = normalize(normals[:, None] + 0.999 * sphere(domes))
+    keywards = normalize(to_key + KEY_SPREAD * sphere(keys))
     directions = np.concatenate(
         [domewards, np.broadcast_to(keywards, (len(points), keys, 3))], axis=1, dtype=np.float32
     )
@@ -102,7 +102,7 @@ def normalize(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.maximum(length, 1e-12)[..., None]
 
 
-def _sphere(count: int) -> np.ndarray:
+def sphere(count: int) -> np.ndarray:
     """Points spread evenly over the unit sphere (a Fibonacci lattice): (count, 3)."""
     index = np.arange(count) + 0.5
     z = 1 - 2 * index / count

@@ -134,6 +134,26 @@ def render_frames(
         yield render(surfaces, camera, size, floor)
 
 
+def project(points: np.ndarray, camera: Camera, size: tuple[int, int]) -> np.ndarray:
+    """Pixel positions x and y of points (V, 3) in a picture (width, height), and their depth, m: (3, V)."""
+    eye, axes = _axes(camera)
+    right, up, forward = ((points - eye) @ axes.T).T
+    scale = np.where(forward > 0, forward, np.nan) * _pixel_width(camera, size[1])
+    return np.stack([size[0] / 2 + right / scale, size[1] / 2 - up / scale, forward])
+
+
+def draw_line(
+    picture: np.ndarray, start: Sequence[int], end: Sequence[int], color: tuple[int, int, int]
+) -> None:
+    """Draw a line between two pixels, row and column, into a picture (h, w, 3) uint8; the rest is cut off."""
+    from skimage.draw import line_aa
+
+    rows, columns, opacity = line_aa(*start, *end)  # type: ignore[no-untyped-call]
+    inside = (rows >= 0) & (rows < picture.shape[0]) & (columns >= 0) & (columns < picture.shape[1])
+    rows, columns, share = rows[inside], columns[inside], opacity[inside, None]
+    picture[rows, columns] = (1 - share) * picture[rows, columns] + share * np.array(color)
+
+
 def contact_sheet(images: Sequence[np.ndarray], columns: int, gap: int = 6) -> np.ndarray:
     """Arrange equal-sized pictures (h, w, 3) uint8 row by row on one white sheet, `gap` pixels apart."""
     height, width = images[0].shape[:2]
@@ -290,12 +310,9 @@ def _rays(
 
 def _extent(points: np.ndarray, camera: Camera, size: tuple[int, int]) -> tuple[float, float, float, float]:
     """Pixel positions left, right, top, bottom between which points (V, 3) are seen."""
-    eye, axes = _axes(camera)
-    right, up, forward = ((points - eye) @ axes.T).T
+    x, y, forward = project(points, camera, size)
     if forward.min() <= 1e-3:
         return (-np.inf, np.inf, -np.inf, np.inf)
-    scale = forward * _pixel_width(camera, size[1])
-    x, y = size[0] / 2 + right / scale, size[1] / 2 - up / scale
     return (x.min() - 1, x.max() + 1, y.min() - 1, y.max() + 1)
 
 

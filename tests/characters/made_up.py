@@ -1,13 +1,20 @@
 """Characters made up of our own body: foreign names, axes, unit and bind pose, in any number of meshes."""
 
-from collections.abc import Mapping, Sequence
+import json
+import struct
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
+import trimesh
 from torch import Tensor
 
+from tests.motion.families import FAMILIES
+from tests.motion.layouts import ROLES
+from tests.small_gltf import write_glb
 from uvcloth.bodies.body import Body
 from uvcloth.export.glb import Document
 from uvcloth.export.gltf_scene import TO_Y_UP, add_geometry, add_influences, add_skeleton
@@ -33,6 +40,18 @@ class Piece:
     material: str
     faces: Tensor
     off: float = 0.0
+
+
+def with_box(body: Body, joint: str, centre: Sequence[float], size: Sequence[float]) -> Body:
+    """The body with a box in its mesh, of 768 faces that a joint moves; sizes in metres."""
+    box = trimesh.creation.box(extents=size).subdivide().subdivide().subdivide()
+    vertices = torch.tensor(box.vertices, dtype=torch.float32) + torch.tensor(centre)
+    weights = torch.zeros(len(vertices), len(body.skeleton.names))
+    weights[:, body.skeleton.names.index(joint)] = 1.0
+    faces = torch.tensor(box.faces.copy()) + len(body.mesh.vertices)
+    faces = torch.cat([body.mesh.faces, faces])
+    mesh = Mesh(torch.cat([body.mesh.vertices, vertices]), faces, torch.zeros(0, 2), faces)
+    return replace(body, mesh=mesh, weights=torch.cat([body.weights, weights]))
 
 
 def t_posed(body: Body, degrees: float = 40.0) -> Body:
@@ -85,3 +104,31 @@ def write_character(
     if not skinned:
         document.skins.clear()
     document.write(path)
+
+
+def rewritten(path: Path, change: Callable[[dict[str, Any]], None]) -> Path:
+    """Change the JSON of a .glb in place."""
+    content = path.read_bytes()
+    (length,) = struct.unpack_from("<I", content, 12)
+    written, binary = json.loads(content[20 : 20 + length]), content[28 + length :]
+    change(written)
+    return write_glb(path, written, binary)
+
+
+def vrm_table(version: str, names: Mapping[str, str]) -> Callable[[dict[str, Any]], None]:
+    """A change that says which node is which human bone, as VRM 0.x or 1.0 files do.
+
+    names: of the nodes, by joint of our body.
+    """
+    bones = FAMILIES["VRM"].names()
+    human = {names[joint]: bones[role] for joint, role in ROLES.items() if role in bones}
+
+    def change(written: dict[str, Any]) -> None:
+        named = {node.get("name", ""): index for index, node in enumerate(written["nodes"])}
+        nodes = {bone: named[name] for name, bone in human.items()}
+        table: Any = {bone: {"node": node} for bone, node in nodes.items()}
+        if version == "VRM":
+            table = [{"bone": bone, "node": node} for bone, node in reversed(nodes.items())]
+        written["extensions"] = {version: {"humanoid": {"humanBones": table}}}
+
+    return change

@@ -1,26 +1,31 @@
 """Characters as bodies: what is read is what was written, and our surface and garments fit them."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import OpenImageIO
 import pytest
 import torch
 
-from tests.characters.made_up import MIXAMO, Piece, t_posed, write_character
+from tests.characters.made_up import MIXAMO, Piece, rewritten, t_posed, vrm_table, with_box, write_character
 from tests.export.glb_reader import GlbReader
 from tests.motion.test_gltf import CESIUM_MAN, CESIUM_ROLES
 from uvcloth.bodies.body import REGIONS, Body, load_body, save_body
 from uvcloth.bodies.visible import visible_body
 from uvcloth.characters.body import CharacterBody, body_from_character, region_vertices
 from uvcloth.characters.parts import label, sort_parts
-from uvcloth.characters.reader import read_character
+from uvcloth.characters.props import split_props
+from uvcloth.characters.reader import Part, read_character
 from uvcloth.characters.rig import rig_character
 from uvcloth.commands.body import MakeBody, Phenotype
 from uvcloth.commands.make_body import make
 from uvcloth.errors import InputError
 from uvcloth.export.writer import open_writer
 from uvcloth.garments.templates import load_template, tailored
+from uvcloth.geometry.mesh import Mesh
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.roles import joint_roles
 from uvcloth.physics.surface import BodySurface
@@ -47,9 +52,12 @@ def stretched(body: Body) -> Body:
 
 @pytest.fixture(scope="module")
 def character(body: Body, tmp_path_factory: pytest.TempPathFactory) -> CharacterBody:
-    """A longer, narrower body than ours, with Mixamo's names, in centimetres, Z up, in two meshes."""
+    """A longer, narrower body than ours with a pack, Mixamo's names, in centimetres, Z up, in two meshes."""
     path = tmp_path_factory.mktemp("character") / "longer.glb"
-    write_character(path, stretched(body), pieces(body))
+    packed = with_box(stretched(body), "Spine1", centre=(0.0, 0.18, 0.5), size=(0.32, 0.2, 0.45))
+    face, skin, *others = pieces(body)
+    pack = packed.mesh.faces[len(body.mesh.faces) :]
+    write_character(path, packed, [face, replace(skin, faces=torch.cat([skin.faces, pack])), *others])
     return body_from_character(path, body)
 
 
@@ -74,6 +82,30 @@ def test_names_axes_unit_and_pose_of_a_file_do_not_matter(body: Body, tmp_path: 
     legs = body.weights[trunk][:, body.skeleton.names.index("LeftLeg")]
     own = rigged.parts[1].weights[:, body.skeleton.names.index("LeftLeg")]
     torch.testing.assert_close(own, legs, atol=0.03, rtol=0)
+
+
+@pytest.mark.parametrize("version", ["VRM", "VRMC_vrm"])
+def test_the_table_of_a_vrm_file_goes_before_names(body: Body, tmp_path: Path, version: str) -> None:
+    path = tmp_path / "hero.vrm"
+    sides = {"Left": "Right", "Right": "Left"}
+    swapped = {name: re.sub("Left|Right", lambda side: sides[side[0]], name) for name in body.skeleton.names}
+    write_character(path, body, pieces(body)[:2], names=swapped)
+    rewritten(path, vrm_table(version, swapped))
+    rigged = rig_character(read_character(path), {}, body)
+    assert rigged.roles["left_shin"] == "RightLeg"
+    joints = joint_roles(body.skeleton.names)
+    off = (rigged.skeleton.heads - body.skeleton.heads)[[joints[role] for role in rigged.roles]]
+    assert float(off.norm(dim=1).max()) < 2e-3
+
+
+def test_joints_without_names_are_told_by_their_places(body: Body, tmp_path: Path) -> None:
+    path = tmp_path / "nameless.glb"
+    names = {name: f"bone {joint}" for joint, name in enumerate(body.skeleton.names)}
+    write_character(path, body, pieces(body)[:2], names=names)
+    rigged = rig_character(read_character(path), {}, body)
+    assert rigged.guessed
+    hands = [body.skeleton.names.index(f"{side}Hand") for side in ("Left", "Right")]
+    torch.testing.assert_close(rigged.skeleton.heads[hands], body.skeleton.heads[hands], atol=2e-3, rtol=0)
 
 
 def test_a_neck_without_joints_is_where_ours_is(body: Body, tmp_path: Path) -> None:
@@ -101,6 +133,35 @@ def test_hair_is_only_seen_and_clothes_over_skin_go(body: Body, tmp_path: Path) 
     assert fates(drop=("N00_Body_SKIN",)) == [[face, shirt], [hair], [skin]]
     with pytest.raises(InputError, match=r"--keep Hare: .* no mesh .* did you mean Hair"):
         fates(keep=("Hare",))
+
+
+def test_what_no_bone_sees_first_is_a_prop(body: Body) -> None:
+    part = Part("hero", "", replace(body.mesh, uvs=torch.zeros(0, 2)), body.weights)
+    half = body.mesh.faces[body.mesh.vertices[body.mesh.faces].mean(1)[:, 1] > 0.0]
+
+    def faces(parts: tuple[Part, ...]) -> list[int]:
+        return [len(each.mesh.faces) for each in parts]
+
+    pack = with_box(body, "Spine1", centre=(0.0, 0.18, 0.5), size=(0.32, 0.2, 0.45))
+    skin, props = split_props([Part("hero", "", pack.mesh, pack.weights)], body.skeleton)
+    assert faces(skin) == faces((part,))
+    assert faces(props) == [768]
+    assert float(props[0].weights[:, body.skeleton.names.index("Spine1")].min()) == 1.0
+    # What wraps a bone is something that cloth lies on, like the skin below.
+    on_trunk = body.mesh.faces[body.regions == REGIONS.index("torso")]
+    wider = body.mesh.vertices * torch.tensor([1.1, 1.15, 1.0])
+    vest = Part("vest", "", Mesh(wider, on_trunk, torch.zeros(0, 2), on_trunk), body.weights)
+    assert split_props([part, vest], body.skeleton)[0][-1].name == "vest"
+    # A back and a front that are not joined are skin, both; so is a coat where there is no skin beneath it.
+    back = replace(part, name="back", mesh=replace(part.mesh, faces=half, face_uvs=half))
+    rest = body.mesh.faces[body.mesh.vertices[body.mesh.faces].mean(1)[:, 1] <= 0.0]
+    front = replace(part, name="front", mesh=replace(part.mesh, faces=rest, face_uvs=rest))
+    moved = replace(
+        back, mesh=replace(back.mesh, vertices=back.mesh.vertices + torch.tensor([0.0, 0.01, 0.0]))
+    )
+    skin, props = split_props([front, moved], body.skeleton)
+    assert {part.name for part in skin} == {"front", "back"}
+    assert sum(faces(props)) < 0.02 * len(body.mesh.faces)
 
 
 def test_our_surface_takes_the_shape_of_a_character(body: Body, character: CharacterBody) -> None:
@@ -136,7 +197,9 @@ def test_a_character_is_kept_and_seen(character: CharacterBody, tmp_path: Path) 
     save_body(character.body, tmp_path / "c.npz")
     body = load_body(tmp_path / "c.npz")
     shown = visible_body(body)
-    faces = sum(len(part.mesh.faces) for part in (*character.parts.surface, *character.parts.visible))
+    parts = character.parts
+    faces = sum(len(part.mesh.faces) for part in (*parts.surface, *parts.props, *parts.visible))
+    assert [len(part.mesh.faces) for part in parts.props if label(part) == "Body (N00_Body_SKIN)"] == [768]
     assert len(shown.mesh.faces) == len(shown.regions) == faces
     assert len(shown.mesh.uvs)
     clip = load_clip("walk", body).window(0, 1)
@@ -154,7 +217,10 @@ def test_characters_that_cannot_be_dressed_are_refused(body: Body, tmp_path: Pat
     with pytest.raises(InputError, match=r"odd\.glb: has no skin"):
         body_from_character(path, body)
     names = MIXAMO | {"LeftHand": "claw", "RightLeg": "stilt"}
-    write_character(path, body, pieces(body)[:2], names=names)
+    bent = body.skeleton.heads.clone()
+    bent[body.skeleton.names.index("RightLeg") :] += torch.tensor([0.0, -0.4, 0.3])
+    lame = replace(body, skeleton=replace(body.skeleton, heads=bent))
+    write_character(path, lame, pieces(body)[:2], names=names)
     with pytest.raises(
         InputError,
         match=r"odd\.glb: no joint of the character is the .*right shin.*left hand|left hand.*right shin",
@@ -164,9 +230,12 @@ def test_characters_that_cannot_be_dressed_are_refused(body: Body, tmp_path: Pat
     legless = [Piece("Body", "skin", body.mesh.faces[~on_leg])]
     write_character(path, body, legless)
     with pytest.raises(
-        InputError, match=r"odd\.glb: .* of the thigh has no counterpart on the character's surface"
+        InputError,
+        match=r"odd\.glb: .* of the thigh has no counterpart .*; .*character\.png shows what was taken",
     ):
-        body_from_character(path, body)
+        make(MakeBody(tmp_path / "b.npz", character=path))
+    picture = OpenImageIO.ImageInput.open(str(tmp_path / "character.png")).read_image(format="uint8")
+    assert len(np.unique(picture.reshape(-1, picture.shape[-1]), axis=0)) > 1000
     with pytest.raises(InputError, match=r"odd\.fbx: expected a character as \.glb"):
         body_from_character(tmp_path / "odd.fbx", body)
     with pytest.raises(InputError, match=r"odd\.glb: has its own shape"):

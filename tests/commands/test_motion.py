@@ -3,12 +3,15 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import OpenImageIO
 import pytest
 
+from tests.characters.made_up import rewritten
 from tests.motion.families import FAMILIES
 from tests.motion.layouts import write_layout
+from tests.motion.test_gltf import write_motion
 from uvcloth.bodies.body import Body
 from uvcloth.commands.describe_motion import describe
 from uvcloth.commands.motion import Motion
@@ -41,9 +44,22 @@ def test_a_motion_file_is_described_and_drawn(tmp_path: Path, capsys, body: Body
     assert spread[1] > spread[0]
 
 
+def test_the_animations_of_a_file_are_listed(tmp_path: Path, capsys, body: Body) -> None:
+    path = tmp_path / "two.glb"
+    write_motion(load_clip("walk", body).window(20, 10), path)
+
+    def add_second(written: dict[str, Any]) -> None:
+        walk = written["animations"][0]
+        written["animations"] = [walk | {"name": "Walk"}, walk | {"name": ""}]
+
+    rewritten(path, add_second)
+    describe(Motion(str(path), tmp_path / "sheet.png", options=MotionOptions(animation="Walk")))
+    assert "animations: 1 Walk, 2 (no name)\n" in capsys.readouterr().out
+
+
 def test_what_is_known_is_printed_before_a_refusal(tmp_path: Path, capsys, body: Body) -> None:
     layout = FAMILIES["MotionBuilder"]
-    odd = replace(layout, sides=layout.sides.replace("{S}Leg", "{S}Wheel"))
+    odd = replace(layout, sides=layout.sides.replace("{S}Leg", "{S}Wheel"), zero="along_x")
     path = tmp_path / "walk.bvh"
     write_layout(load_clip("walk", body).window(20, 10), odd, path)
     with pytest.raises(InputError, match=r"no joint is the left shin, right shin; name them with --joints"):

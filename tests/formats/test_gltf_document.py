@@ -78,6 +78,22 @@ def test_the_unchanged_file_is_what_was_written(tmp_path: Path) -> None:
         (put("asset", "version", "1.0"), r"is glTF 1\.0, expected 2\.0"),
         (put("extensionsRequired", ["KHR_draco_mesh_compression"]), r"is compressed \(KHR_draco_mesh"),
         (put("extensionsRequired", ["EXT_meshopt_compression"]), r"is compressed \(EXT_meshopt_comp"),
+        (put("extensions", {"VRMC_vrm": {"humanoid": {"humanBones": 3}}}), "neither a list nor an object"),
+        (put("extensions", {"VRM": {"humanoid": {"humanBones": [3]}}}), "damaged, 3 is no bone"),
+        (
+            put("extensions", {"VRMC_vrm": {"humanoid": {"humanBones": {"hips": {"node": 9}}}}}),
+            "damaged, hips is node 9, which does not exist",
+        ),
+        (
+            put(
+                "extensions", {"VRMC_vrm": {"humanoid": {"humanBones": {bone: {"node": 0} for bone in "ab"}}}}
+            ),
+            "damaged, node 0 is both a and b",
+        ),
+        (
+            put("textures", 0, {"extensions": {"KHR_texture_basisu": {"source": 0}}}),
+            "its textures are KTX2 .* `gltf-transform ktxdecompress",
+        ),
         (put("materials", 0, "pbrMetallicRoughness", []), "pbrMetallicRoughness is .*, expected an object"),
     ],
 )
@@ -154,8 +170,38 @@ def test_zeros_without_data_are_few(tmp_path: Path) -> None:
         read_character(path)
     written["accessors"][0]["count"] = 8
     written["extensionsUsed"] = ["KHR_draco_mesh_compression"]
-    with pytest.raises(InputError, match=r"accessor 0 is compressed \(KHR_draco_mesh_compression\)"):
+    with pytest.raises(InputError, match=r"accessor 10 is compressed \(KHR_draco_mesh_compression\)"):
         read_mesh(write_glb(path, written, content))
+
+
+def test_views_that_only_meshopt_would_fill_are_named(tmp_path: Path) -> None:
+    written, content = document()
+    written["buffers"].append({"byteLength": 10_000})
+    written["bufferViews"][0] |= {"buffer": 1, "extensions": {"EXT_meshopt_compression": {"buffer": 0}}}
+    path = write_glb(tmp_path / "packed.glb", written, content)
+    with pytest.raises(InputError, match=r"bufferViews\[0\] is compressed \(EXT_mesh.* `gltf-transform copy"):
+        read_character(path)
+
+
+def test_a_skinned_mesh_is_where_its_joints_put_it(tmp_path: Path) -> None:
+    written, content = document()
+    expected = read_mesh(write_glb(tmp_path / "box.glb", written, content)).vertices
+    # The armature is scaled and moved; the matrices of the skin take the mesh into its units.
+    written["nodes"].append({"name": "Armature", "children": [0], "scale": [0.01] * 3})
+    written["nodes"][0]["translation"] = [100 * each for each in written["nodes"][0]["translation"]]
+    written["nodes"][1]["translation"] = [100 * each for each in written["nodes"][1]["translation"]]
+    written["nodes"][2] |= {"scale": [7.0] * 3, "translation": [1.0, 2.0, 3.0]}
+    written["nodes"][3]["translation"] = [0.0, 5.0, 0.0]
+    written["scenes"][0]["nodes"] = [3, 2]
+    matrices = written["skins"][0]["inverseBindMatrices"]
+    start = written["bufferViews"][matrices]["byteOffset"]
+    inverse = np.frombuffer(content, "<f4", 32, start).reshape(2, 4, 4).copy()
+    inverse[:, :, :3] *= 100
+    content = content[:start] + inverse.tobytes() + content[start + inverse.nbytes :]
+    path = write_glb(tmp_path / "scaled.glb", written, content)
+    torch.testing.assert_close(read_mesh(path).vertices, expected + torch.tensor([0.0, 5.0, 0.0]).double())
+    height = read_character(path).parts[0].mesh.vertices[:, 1]
+    assert float(height.max() - height.min()) == pytest.approx(float(np.ptp(expected[:, 1].numpy())))
 
 
 def test_quantized_positions_are_placed_by_their_node(tmp_path: Path) -> None:
@@ -169,6 +215,7 @@ def test_quantized_positions_are_placed_by_their_node(tmp_path: Path) -> None:
     content = content[:start] + padded.tobytes() + content[start + padded.nbytes :]
     view |= {"byteLength": padded.nbytes, "byteStride": 8}
     written["accessors"][attributes["POSITION"]]["componentType"] = 5122
+    del written["nodes"][2]["skin"]
     written["nodes"][2]["scale"] = [1e-4, 1e-4, 1e-4]
     written["extensionsRequired"] = ["KHR_mesh_quantization"]
     found = read_mesh(write_glb(tmp_path / "quantized.glb", written, content)).vertices

@@ -86,6 +86,12 @@ FAMILIES: dict[str, Layout] = {
         "pelvis,spine_01,spine_02,spine_03,neck_01,-,head", UNREAL_SIDES, zero="body", up="z",
         above=("root",),
     ),
+    "MakeHuman": Layout(
+        "root,spine05,spine03,spine01,neck01,neck02,head",
+        "upperleg01.{L},lowerleg01.{L},foot.{L},toe1-1.{L},clavicle.{L},upperarm01.{L},lowerarm01.{L},wrist.{L},"
+        "finger3-1.{L}",
+        zero="body", up="z", unit=10.0,
+    ),
     "SMPL": Layout(
         "Pelvis,Spine1,Spine2,Spine3,Neck,-,Head",
         "{L}_Hip,{L}_Knee,{L}_Ankle,{L}_Foot,{L}_Collar,{L}_Shoulder,{L}_Elbow,{L}_Wrist,-", unit=1.0,

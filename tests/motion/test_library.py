@@ -94,7 +94,10 @@ def test_a_bvh_file_loads_by_path_and_its_faults_name_it(tmp_path: Path, body: B
     path = tmp_path / "mine.bvh"
     path.write_text(bvh_text(joints, still(joints)))
     assert len(load_clip(str(path), body)) == 3
-    wheels = [(f"Wheel {index}", *joint[1:]) for index, joint in enumerate(joints)]
+    wheels = [
+        (f"Wheel {index}", parent, (0.0, 1.0, 0.0), channels)
+        for index, (_, parent, _, channels) in enumerate(joints)
+    ]
     path.write_text(bvh_text(wheels, still(joints)))
     with pytest.raises(InputError, match=r"mine\.bvh: clip mine: .*Wheel"):
         load_clip(path, body)

@@ -47,6 +47,7 @@ def test_twist_and_helper_joints_play_none() -> None:
         ("Bandai-Namco", "Bandai-Namco"),
         ("Blender Rigify", "Blender Rigify"),
         ("VRM", "VRM"),
+        ("MakeHuman", "MakeHuman"),
     ],
 )
 def test_families_are_told_by_name(family: str, named: str) -> None:

@@ -17,6 +17,7 @@ from rasterize.raycast import closest_points
 from uvcloth.bodies.body import REGIONS, Appearance, Body, Proxy
 from uvcloth.bodies.stature import stature
 from uvcloth.characters.parts import Sorted, sort_parts
+from uvcloth.characters.props import split_props
 from uvcloth.characters.reader import Part, read_character
 from uvcloth.characters.registration import lifted, limbs_of, match, register
 from uvcloth.characters.rig import RiggedCharacter, rig_character
@@ -93,15 +94,17 @@ def body_from_character(
     try:
         rigged = rig_character(character, joints or {}, pattern, unit)
         parts = sort_parts(rigged.parts, rigged.skeleton.names, keep, drop)
+        surface, props = split_props(parts.surface, rigged.skeleton)
+        parts = replace(parts, surface=surface, props=props)
         target = _joined(parts.surface)
         rough = rough_fit(pattern, rigged.skeleton, target)
-        surface, off = _fitted(pattern, rough, target, rigged)
+        fitted, off = _fitted(pattern, rough, target, rigged)
         body = replace(
             pattern,
             name=character.name,
-            mesh=replace(pattern.mesh, vertices=surface.vertices),
+            mesh=replace(pattern.mesh, vertices=fitted.vertices),
             skeleton=rigged.skeleton,
-            weights=surface.weights,
+            weights=fitted.weights,
         )
         _refuse_unfit(body, off)
     except InputError as error:
@@ -111,7 +114,7 @@ def body_from_character(
         name: replace(proxy, vertices=deformation.shell(proxy)) for name, proxy in pattern.proxies.items()
     }
     base = None if pattern.base is None else deformation.points(pattern.base, _nearest_weights(pattern))
-    appearance = _appearance(path, (*parts.surface, *parts.visible))
+    appearance = _appearance(path, (*parts.surface, *parts.props, *parts.visible))
     return CharacterBody(replace(body, proxies=proxies, base=base, appearance=appearance), rigged, parts, off)
 
 

@@ -41,11 +41,13 @@ LEAST_SHARE = 0.35
 @dataclass(frozen=True)
 class Sorted:
     """Parts of a character: the surface that cloth collides with, parts that are visible only, and parts left
-    out."""
+    out. props: pieces of the surface's meshes that are visible only.
+    """
 
     surface: tuple[Part, ...]
     visible: tuple[Part, ...]
     left_out: tuple[Part, ...]
+    props: tuple[Part, ...] = ()
 
     def lines(self) -> list[str]:
         """Report of the use of each part, a line each."""
@@ -54,6 +56,7 @@ class Sorted:
             for parts, fate in (
                 (self.surface, "cloth lies on it"),
                 (self.visible, "visible only"),
+                (self.props, "worn over the body, visible only"),
                 (self.left_out, "left out"),
             )
             for part in parts

@@ -1,7 +1,7 @@
 """Rigged characters in glTF 2.0 files (.glb, .gltf, .vrm): meshes bound to a skeleton, in its bind pose."""
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from uvcloth.formats.gltf import Gltf, one_line, read_gltf, require_few
 from uvcloth.formats.gltf_document import LARGEST
 from uvcloth.formats.gltf_rig import SkinJoints, chain, inverse_bind, read_rig, resting_worlds
 from uvcloth.geometry.mesh import Mesh
+from uvcloth.motion.roles import table_roles
 
 SUFFIXES = (".glb", ".gltf", ".vrm")
 TRIANGLES = 4
@@ -41,7 +42,8 @@ class Part:
 class Character:
     """A rigged character in its bind pose, in the axes and the unit of its file's scene.
 
-    joints: J names. parents: J indices, -1 for a root. heads: (J, 3).
+    joints: J names. parents: J indices, -1 for a root. heads: (J, 3). table: joint of each role, where the
+    file has a table of them.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Character:
     parents: tuple[int, ...]
     heads: Tensor
     parts: tuple[Part, ...]
+    table: Mapping[str, int] = field(default_factory=dict)
 
 
 def read_character(path: Path) -> Character:
@@ -78,7 +81,7 @@ def read_character(path: Path) -> Character:
     if not parts:
         raise InputError(f"{file.path}: no mesh is bound to its skeleton")
     heads = torch.from_numpy(rig.bind[:, :3, 3].astype(np.float32))
-    return Character(file.path.stem, rig.names, rig.parents, heads, tuple(parts))
+    return Character(file.path.stem, rig.names, rig.parents, heads, tuple(parts), table_roles(rig.bones))
 
 
 def _require_room(file: Gltf, vertices: int, joints: int) -> None:

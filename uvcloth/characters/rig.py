@@ -19,9 +19,10 @@ from uvcloth.geometry.skeleton import Skeleton, joint_transforms
 from uvcloth.geometry.skinning import skin
 from uvcloth.geometry.units import UNITS
 from uvcloth.motion.anatomy import unit
+from uvcloth.motion.guess import find_roles
 from uvcloth.motion.rest import standing_axis
 from uvcloth.motion.retarget import LIMB_BONES, REQUIRED_ROLES, body_axes, bone_directions
-from uvcloth.motion.roles import assign_roles, joint_roles
+from uvcloth.motion.roles import joint_roles
 
 TRUNK = ("Hips", "LowerBack", "Spine", "Spine1", "Neck", "Neck1", "Head")
 """Our joints from the hips up; missing ones are placed between the others."""
@@ -43,14 +44,16 @@ LEAST_BONE = 0.01
 class RiggedCharacter:
     """A character on our skeleton at our rest pose, metres, Z up, facing -Y.
 
-    parts: with weights (V, J) of the skeleton's joints. roles: joint of the file by role. unit: the file's.
-    turned: largest angle, degrees, by which a limb was turned to our rest pose.
+    parts: with weights (V, J) of the skeleton's joints. roles: joint of the file by role. guessed: True where
+    the names of the joints do not tell all roles, and their places decided. unit: the file's. turned: largest
+    angle, degrees, by which a limb was turned to our rest pose.
     """
 
     name: str
     skeleton: Skeleton
     parts: tuple[Part, ...]
     roles: dict[str, str]
+    guessed: bool
     unit: str
     turned: float
 
@@ -64,7 +67,7 @@ def rig_character(
     SIZES, None for the one that makes the likeliest height. Raises InputError naming the roles that no joint
     has, and for a character that does not stand, has no human height or has limbs without length.
     """
-    roles = _needed_roles(character, overrides)
+    roles, guessed = _needed_roles(character, overrides)
     if standing_axis(character.heads, roles) is None:
         raise InputError("the character does not stand in its bind pose (legs down, hands not crossed)")
     turn = body_axes(character.heads, roles).float()
@@ -99,6 +102,7 @@ def rig_character(
         skeleton=replace(bind, heads=rest + shift),
         parts=parts,
         roles={role: character.joints[joint] for role, joint in roles.items()},
+        guessed=guessed,
         unit=unit_name,
         turned=turned,
     )
@@ -112,8 +116,10 @@ def _likeliest_unit(tall: float) -> str:
     return likeliest_unit({name: max(height, LEAST_BONE) for name, height in heights.items()})
 
 
-def _needed_roles(character: Character, overrides: Mapping[str, str]) -> dict[str, int]:
-    roles = assign_roles(character.joints, overrides)
+def _needed_roles(character: Character, overrides: Mapping[str, str]) -> tuple[dict[str, int], bool]:
+    roles, guessed = find_roles(
+        character.joints, character.parents, character.heads, overrides, character.table
+    )
     missing = [role for role in REQUIRED_ROLES if role not in roles]
     if not any(role in roles for role in HEADS):
         missing.append("head")
@@ -123,7 +129,7 @@ def _needed_roles(character: Character, overrides: Mapping[str, str]) -> dict[st
             f"no joint of the character is the {wanted}; name them with --joints "
             f"(its joints are {', '.join(character.joints)})"
         )
-    return roles
+    return roles, guessed
 
 
 def _check_limbs(heads: Tensor, roles: Mapping[str, int], character: Character) -> None:

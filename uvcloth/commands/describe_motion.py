@@ -1,6 +1,7 @@
 """Description of how a motion file is understood, and a picture of it."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
@@ -11,7 +12,8 @@ from uvcloth.errors import InputError
 from uvcloth.files.image import write_png
 from uvcloth.geometry.units import UNITS
 from uvcloth.motion.clip import Clip
-from uvcloth.motion.library import MotionSource, clip_roles, load_source, motion_on_body, read_motion
+from uvcloth.motion.gltf import animation_names, numbered
+from uvcloth.motion.library import GLTF, MotionSource, clip_roles, load_source, motion_on_body, read_motion
 from uvcloth.motion.posture import check_posture
 from uvcloth.motion.retarget import leg_length
 from uvcloth.motion.roles import ROLES, joint_roles, naming_family
@@ -30,8 +32,10 @@ def describe(command: Motion) -> None:
     motion, out, options = command.file, command.out, command.options
     body = load_body(command.body)
     console = Console()
-    clip = read_motion(motion)
-    roles = clip_roles(clip, options)
+    if Path(motion).suffix.lower() in GLTF:
+        _print(console, [f"animations: {numbered(animation_names(Path(motion)))}"])
+    clip = read_motion(motion, options.animation)
+    roles, _ = clip_roles(clip, options)
     _print(
         console, [f"{clip.name}: {len(clip)} frames at {clip.fps:g} per second, {len(clip) / clip.fps:.2f} s"]
     )

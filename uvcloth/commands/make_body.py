@@ -1,6 +1,6 @@
 """Bodies of phenotypes, characters and SMPL, as an npz for other commands or as a mesh."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,11 +13,14 @@ from uvcloth.bodies.smpl import read_smpl
 from uvcloth.bodies.stature import stature
 from uvcloth.bodies.visible import visible_body
 from uvcloth.characters.body import body_from_character
+from uvcloth.characters.sheet import LEGEND, character_sheet
 from uvcloth.commands.body import MakeBody
+from uvcloth.errors import InputError
 from uvcloth.export.glb import Document
 from uvcloth.export.gltf_scene import add_body, add_skeleton
 from uvcloth.export.obj import save_obj
 from uvcloth.files.atomic import atomic_write
+from uvcloth.files.image import write_png
 from uvcloth.motion.roles import read_role_map
 
 
@@ -68,9 +71,25 @@ def anny_progress() -> Progress:
 def _of_character(path: Path, command: MakeBody) -> Body:
     roles = {} if command.joints is None else read_role_map(command.joints)
     with Console(stderr=True).status(f"fitting our surface to {path.name}"):
-        made = body_from_character(path, load_body(), roles, command.keep, command.drop, command.unit)
+        try:
+            made = body_from_character(path, load_body(), roles, command.keep, command.drop, command.unit)
+        except InputError as error:
+            picture = _draw(path, roles, command)
+            raise InputError(f"{error}; {picture} shows what was taken for what ({LEGEND})") from error
     print("\n".join(made.lines()))
+    if made.rigged.guessed:
+        print(
+            f"the names of the joints do not tell all roles; {_draw(path, roles, command)} shows a guess "
+            f"({LEGEND}), --joints corrects it"
+        )
     return made.body
+
+
+def _draw(path: Path, roles: Mapping[str, str], command: MakeBody) -> Path:
+    """Write a picture of a character, as far as it is understood, beside the body; returns its path."""
+    picture = command.out.with_name("character.png")
+    write_png(picture, character_sheet(path, load_body(), roles, command.keep, command.drop, command.unit))
+    return picture
 
 
 def _of_smpl(path: Path, betas: Sequence[float]) -> Body:

@@ -29,7 +29,7 @@ MOST_ZEROS = 1_000_000
 """Limit for the elements of an accessor without a buffer view: the file has no bytes for most of them."""
 
 COMPRESSIONS = {"KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression"}
-"""Extensions that compress arrays, which are not supported."""
+"""Extensions that compress arrays, which are not read."""
 
 
 @dataclass(frozen=True)
@@ -140,10 +140,17 @@ class Gltf:
     def view(self, index: int) -> memoryview:
         """Bytes of a buffer view, such as an image. Raises InputError if they are not in the file."""
         view = self.entries("bufferViews")[index]
+        compressed = sorted(COMPRESSIONS.intersection(view.get("extensions", ())))
+        if compressed and not self._is_here(view["buffer"]):
+            raise self._error(f"bufferViews[{index}] is {_compressed_by(compressed[0])}")
         buffer, start = self._buffer(view["buffer"]), view.get("byteOffset", 0)
         if start + view["byteLength"] > len(buffer):
             raise self._error(f"bufferViews[{index}] reaches beyond the end of its buffer")
         return memoryview(buffer)[start : start + view["byteLength"]]
+
+    def _is_here(self, buffer: int) -> bool:
+        """True for a buffer that has bytes; one that compressed views alone would fill has none."""
+        return "uri" in self.entries("buffers")[buffer] or (buffer == 0 and bool(self.binary))
 
     def _buffer(self, index: int) -> bytes:
         if index not in self._buffers:
@@ -166,7 +173,10 @@ class Gltf:
 
 
 def _compressed_by(extension: str) -> str:
-    return f"compressed ({extension}), which is not supported: export it without compression"
+    return (
+        f"compressed ({extension}), which is not read: decompress it first, as in "
+        "`gltf-transform copy hero.glb plain.glb`, or export it without compression"
+    )
 
 
 def one_line(name: Any) -> str:

@@ -92,7 +92,7 @@ RULES = {
     "skins": [{"joints": Needed([Index("nodes")]), "inverseBindMatrices": Index("accessors")}],
     "animations": [{"channels": Needed([CHANNEL]), "samplers": Needed([SAMPLER])}],
     "materials": [{"pbrMetallicRoughness": SURFACE}],
-    "textures": [{"source": Index("images")}],
+    "textures": [{"source": Index("images"), "extensions": Each(object)}],
     "images": [{"uri": str, "mimeType": str, "bufferView": Index("bufferViews")}],
     "accessors": [ACCESSOR],
     "bufferViews": [
@@ -101,6 +101,7 @@ RULES = {
             "byteOffset": COUNT,
             "byteLength": Needed(COUNT),
             "byteStride": COUNT,
+            "extensions": Each(object),
         }
     ],
     "buffers": [{"uri": str, "byteLength": Needed(COUNT)}],

@@ -11,12 +11,15 @@ import torch
 
 from uvcloth.errors import InputError
 from uvcloth.formats.gltf import Gltf, decode_data, one_line, read_gltf, require_few
-from uvcloth.formats.gltf_rig import local_transform
+from uvcloth.formats.gltf_rig import local_transform, read_rig
 from uvcloth.formats.materials import Pictures
 from uvcloth.formats.size import refuse_too_many
 from uvcloth.geometry.authored import AuthoredMesh, Labels, Polygons, SurfaceMaterial, Texture, UvSet
 
 SUFFIXES = {"image/png": ".png", "image/jpeg": ".jpg"}
+
+KTX2 = "KHR_texture_basisu"
+"""Extension of textures that are KTX2 files."""
 
 TRIANGLES = 4
 """The mode of primitives that are triangles."""
@@ -78,7 +81,7 @@ def read_gltf_mesh(path: Path) -> AuthoredMesh:
 
 
 def _placed(gltf: Gltf) -> list[tuple[dict[str, Any], np.ndarray]]:
-    """Nodes of the scene with their transforms (4, 4), parents first."""
+    """Nodes of the scene with the transforms (4, 4) of their meshes, parents first."""
     nodes, scenes = gltf.entries("nodes"), gltf.entries("scenes")
     roots = [index for index in range(len(nodes)) if index not in gltf.above]
     if scenes:
@@ -90,7 +93,10 @@ def _placed(gltf: Gltf) -> list[tuple[dict[str, Any], np.ndarray]]:
         place = above @ local_transform(nodes[index])
         order.append((nodes[index], place))
         waiting.extend((child, place) for child in reversed(nodes[index].get("children", [])))
-    return order
+    # Joints place a skinned mesh, wherever its own node is.
+    skins = {node["skin"] for node, _ in order if "mesh" in node and "skin" in node}
+    placing = {skin: read_rig(gltf, gltf.entries("skins")[skin]).placing for skin in skins}
+    return [(node, placing.get(node.get("skin"), place)) for node, place in order]
 
 
 def _parts(gltf: Gltf, node: dict[str, Any], place: np.ndarray) -> Iterator[_Part]:
@@ -164,7 +170,13 @@ def _materials(gltf: Gltf, sets: int) -> tuple[tuple[SurfaceMaterial, ...], tupl
         texture, uv_set = None, 0
         if "baseColorTexture" in rough:
             uv_set = rough["baseColorTexture"].get("texCoord", 0)
-            source = gltf.entries("textures")[rough["baseColorTexture"]["index"]].get("source")
+            picture = gltf.entries("textures")[rough["baseColorTexture"]["index"]]
+            source = picture.get("source")
+            if source is None and KTX2 in picture.get("extensions", {}):
+                raise InputError(
+                    f"{gltf.path}: its textures are KTX2 ({KTX2}), which is not read: convert them to PNG "
+                    "first, as in `gltf-transform ktxdecompress coat.glb plain.glb`"
+                )
             if source is not None and source not in textures:
                 textures[source] = _texture(gltf, pictures, source)
             texture = textures[source] if source is not None and uv_set < sets else None

@@ -10,6 +10,7 @@ import numpy as np
 from uvcloth.errors import InputError
 from uvcloth.formats.gltf import Gltf, one_line
 from uvcloth.formats.gltf_document import LARGEST
+from uvcloth.formats.vrm import human_bones
 from uvcloth.geometry.skeleton import check_joints
 
 FLAT = 1e-6
@@ -28,7 +29,8 @@ class SkinJoints:
 
     names: J, each once. parents: J indices, -1 for a root. nodes: the file's index of each joint. bind:
     (J, 4, 4) joints to the world in the bind pose, in which the mesh was modelled. placing: (4, 4) from the
-    mesh's own axes and units to the scene's.
+    mesh's own axes, units and origin to the scene's, in which the first joint is where it rests. bones: J
+    human bones of a VRM file, "" for other joints.
     """
 
     names: tuple[str, ...]
@@ -36,40 +38,53 @@ class SkinJoints:
     nodes: list[int]
     bind: np.ndarray
     placing: np.ndarray
+    bones: tuple[str, ...]
 
 
 def read_rig(file: Gltf, skin: dict[str, Any]) -> SkinJoints:
-    """Read the joints of a skin and their bind pose.
+    """Read the joints of a skin and their bind pose; human bones of a VRM file that it lacks are joints too.
 
     Raises InputError naming the file for too many joints, and for a joint whose bind pose is flat.
     """
-    above = file.above
-    names = [one_line(file.entries("nodes")[node].get("name", f"node {node}")) for node in skin["joints"]]
+    above, bones = file.above, human_bones(file)
+    members = list(dict.fromkeys((*skin["joints"], *bones)))
+    names = [one_line(file.entries("nodes")[node].get("name", f"node {node}")) for node in members]
     check_joints(file.path, names)
-    joints = parents_first(skin["joints"], above)
+    joints = parents_first(members, above)
     number = {node: index for index, node in enumerate(joints)}
     parents = [
         next((number[other] for other in chain(node, above) if other in number), -1) for node in joints
     ]
-    place = {node: index for index, node in enumerate(skin["joints"])}
-    names = [names[place[node]] for node in joints]
-    unique = _distinct_names(names)
+    place = {node: index for index, node in enumerate(members)}
+    unique = _distinct_names([names[place[node]] for node in joints])
+    human = tuple(bones.get(node, "") for node in joints)
     resting = resting_worlds(file, joints)
+    rest = np.stack([resting[node] for node in joints])
     if "inverseBindMatrices" not in skin:
-        bind = np.stack([resting[node] for node in joints])
-        _require_solid(file, unique, bind)
-        return SkinJoints(unique, tuple(parents), joints, bind, np.eye(4))
-    inverse = inverse_bind(file, skin)[[place[node] for node in joints]]
-    _require_solid(file, unique, inverse)
+        _require_solid(file, unique, rest)
+        return SkinJoints(unique, tuple(parents), joints, rest, np.eye(4), human)
+    skinned = [index for index, node in enumerate(joints) if place[node] < len(skin["joints"])]
+    inverse = inverse_bind(file, skin)[[place[joints[index]] for index in skinned]]
+    _require_solid(file, [unique[index] for index in skinned], inverse)
     poses = np.linalg.inv(inverse)
-    _require_solid(file, unique[:1], resting[joints[0]][None])
+    first = skinned[0]
+    _require_solid(file, unique[first : first + 1], rest[first][None])
     # The mesh may be modelled in other axes and units than the scene's: those of the root joint tell.
-    placing = resting[joints[0]] @ np.linalg.inv(poses[0])
-    size = np.cbrt(np.linalg.det(placing[:3, :3]))
+    placing = rest[first] @ np.linalg.inv(poses[0])
+    size = np.linalg.norm(placing[:3, :3], axis=0) * np.sign(np.linalg.det(placing[:3, :3]))
     axes = np.eye(4)
-    axes[:3, :3] = size * _nearest_axes(placing[:3, :3] / size)
-    _require_solid(file, unique, axes @ poses)
-    return SkinJoints(unique, tuple(parents), joints, axes @ poses, axes)
+    axes[:3, :3] = _nearest_axes(placing[:3, :3] / size) * size
+    bind = np.zeros_like(rest)
+    bind[skinned] = axes @ poses
+    for index in sorted(set(range(len(joints))) - set(skinned)):
+        # A joint that moves no vertex has no bind pose: it keeps its place at rest on its nearest ancestor.
+        beside = next((number[node] for node in chain(joints[index], above) if node in number), first)
+        _require_solid(file, [unique[beside]], rest[[beside]])
+        bind[index] = bind[beside] @ np.linalg.inv(rest[beside]) @ rest[index]
+    _require_solid(file, unique, bind)
+    placing = axes.copy()
+    placing[:3, 3] = rest[first][:3, 3] - bind[first][:3, 3]
+    return SkinJoints(unique, tuple(parents), joints, bind, placing, human)
 
 
 def _distinct_names(names: Sequence[str]) -> tuple[str, ...]:

@@ -1,6 +1,7 @@
 """A motion clip: world joint rotations relative to a skeleton's rest pose, and the root's path."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import torch
 from torch import Tensor
@@ -23,7 +24,7 @@ class Clip:
 
     rotations: (T, J, 3, 3) world rotations relative to the skeleton's rest pose. translation: (T, 3) world
     position of the root joint, float32 or float64, in the skeleton's unit: metres on a body, that of its file
-    as read. fps: frames per second.
+    as read. fps: frames per second. table: joint of each role, where the file has a table of them.
     """
 
     name: str
@@ -31,6 +32,7 @@ class Clip:
     rotations: Tensor
     translation: Tensor
     fps: float
+    table: Mapping[str, int] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.rotations)

@@ -1,12 +1,14 @@
 """Animation of a skeleton in glTF 2.0 files (.glb, .gltf, .vrm)."""
 
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from uvcloth.errors import InputError
-from uvcloth.formats.gltf import Gltf, read_gltf
+from uvcloth.formats.gltf import Gltf, one_line, read_gltf
 from uvcloth.formats.gltf_document import LARGEST
 from uvcloth.formats.gltf_rig import (
     REST,
@@ -20,6 +22,7 @@ from uvcloth.formats.gltf_rig import (
 )
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.hierarchy import Hierarchy, to_clip
+from uvcloth.motion.roles import table_roles
 
 FPS_RANGE = (30.0, 120.0)
 """Least and greatest rate at which keys are sampled, frames per second."""
@@ -34,37 +37,81 @@ SPARSEST, MOST_OF_FEW = 100, 1_000_000
 """Limit for the sampled transforms of nodes: so many for each value in the file, and so many more."""
 
 
-def read_gltf_motion(path: Path) -> Clip:
-    """Read the first animation of a glTF file that moves a skin, as a clip in metres, Y up.
+def read_gltf_motion(path: Path, wanted: str | None = None) -> Clip:
+    """Read an animation of the largest skin of a glTF file, as a clip in metres, Y up.
 
-    The rest pose is the bind pose of the skin, in which its mesh was modelled; keys are sampled at their own
-    rate, 30 to 120 per second. Raises InputError naming the file if it has no skin or no animation, and if
-    the animation cannot be read.
+    wanted: name of the animation or its number, from 1, in `animation_names`; None for the first. The rest
+    pose is the bind pose of the skin, in which its mesh was modelled; keys are sampled at their own rate, 30
+    to 120 per second. Raises InputError naming the file if it has no skin or no such animation, and if the
+    animation cannot be read.
     """
     file = read_gltf(path)
-    above = file.above
-    skin = max(file.entries("skins"), key=lambda entry: len(entry["joints"]), default=None)
-    if skin is None:
-        raise InputError(f"{file.path}: has no skin, and therefore no skeleton to move")
+    above, skin = file.above, _largest_skin(file)
     rig = read_rig(file, skin)
-    nodes = set(skin["joints"])
-    for joint in skin["joints"]:
-        nodes |= set(chain(joint, above))
-    animation = next(
-        (
-            entry
-            for entry in file.entries("animations")
-            if any(channel["target"].get("node") in nodes for channel in entry["channels"])
-        ),
-        None,
-    )
-    if animation is None:
-        raise InputError(f"{file.path}: has no animation of its skeleton")
+    nodes = _moving_nodes(file, rig.nodes)
+    animation = _choose(file, _animations(file, nodes), wanted)
     order = parents_first(nodes, above)
     times, fps = _times(file, animation, len(order))
     with np.errstate(all="ignore"):  # Results of broken keys are refused below.
         world = worlds(order, above, {node: _local(file, animation, node, times) for node in order})
-        return to_clip(file.path.stem, _hierarchy(file, rig, world, fps))
+        clip = to_clip(file.path.stem, _hierarchy(file, rig, world, fps))
+    bones = dict(zip(rig.names, rig.bones, strict=True))
+    return replace(clip, table=table_roles([bones[name] for name in clip.skeleton.names]))
+
+
+def animation_names(path: Path) -> list[str]:
+    """Names of the animations of the largest skin of a glTF file, "" for one without a name.
+
+    Raises InputError naming the file if it is not valid or has no skin.
+    """
+    file = read_gltf(path)
+    nodes = _moving_nodes(file, _largest_skin(file)["joints"])
+    return [_name(animation) for animation in _animations(file, nodes)]
+
+
+def numbered(names: Sequence[str]) -> str:
+    """The names of animations with their numbers from 1, in one line."""
+    return ", ".join(f"{number} {name or '(no name)'}" for number, name in enumerate(names, start=1))
+
+
+def _largest_skin(file: Gltf) -> dict[str, Any]:
+    skin = max(file.entries("skins"), key=lambda entry: len(entry["joints"]), default=None)
+    if skin is None:
+        raise InputError(f"{file.path}: has no skin, and therefore no skeleton to move")
+    return skin
+
+
+def _moving_nodes(file: Gltf, joints: Iterable[int]) -> set[int]:
+    """The joints and all their ancestors."""
+    return {node for joint in joints for node in (joint, *chain(joint, file.above))}
+
+
+def _animations(file: Gltf, nodes: set[int]) -> list[dict[str, Any]]:
+    """Animations that move one of the nodes. Raises InputError if there are none."""
+    animations = [
+        entry
+        for entry in file.entries("animations")
+        if any(channel["target"].get("node") in nodes for channel in entry["channels"])
+    ]
+    if not animations:
+        raise InputError(f"{file.path}: has no animation of its skeleton")
+    return animations
+
+
+def _choose(file: Gltf, animations: Sequence[dict[str, Any]], wanted: str | None) -> dict[str, Any]:
+    if wanted is None:
+        return animations[0]
+    names = [_name(animation) for animation in animations]
+    if names.count(wanted) == 1:
+        return animations[names.index(wanted)]
+    numbers = [str(number) for number in range(1, len(names) + 1)]
+    if wanted not in numbers:
+        raise InputError(f"{file.path}: --animation {wanted}: expected one of {numbered(names)}")
+    return animations[numbers.index(wanted)]
+
+
+def _name(animation: dict[str, Any]) -> str:
+    return one_line(animation.get("name", ""))
 
 
 def _hierarchy(file: Gltf, rig: SkinJoints, world: dict[int, np.ndarray], fps: float) -> Hierarchy:

@@ -1,5 +1,6 @@
 """Loading of clips by path or name: BVH, glTF and AMASS files, clip archives, clips of the package."""
 
+import logging
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib.resources import files
@@ -18,11 +19,14 @@ from uvcloth.motion.amass import carried_over, fits_unchanged, is_amass, read_am
 from uvcloth.motion.bvh import read_bvh
 from uvcloth.motion.clip import Clip
 from uvcloth.motion.gltf import read_gltf_motion
+from uvcloth.motion.guess import find_roles
 from uvcloth.motion.options import FPS_RANGE, MotionOptions
 from uvcloth.motion.posture import check_posture
 from uvcloth.motion.rest import Rest, find_rest
 from uvcloth.motion.retarget import require_limbs, required_roles, retarget
-from uvcloth.motion.roles import assign_roles, read_role_map
+from uvcloth.motion.roles import read_role_map
+
+LOGGER = logging.getLogger(__name__)
 
 CLIP_FORMAT = "uvcloth-clip-1"
 FIELDS = {
@@ -45,11 +49,12 @@ def builtin_clips() -> dict[str, Path]:
 
 DEFAULTS = MotionOptions()
 
+GLTF = (".glb", ".gltf", ".vrm")
+"""Suffixes of glTF files, which may hold several animations."""
+
 READERS: dict[str, Callable[[Path], Clip]] = {
     ".bvh": read_bvh,
-    ".glb": read_gltf_motion,
-    ".gltf": read_gltf_motion,
-    ".vrm": read_gltf_motion,
+    **dict.fromkeys(GLTF, read_gltf_motion),
 }
 """Readers of motion files by suffix, besides that of clip archives."""
 
@@ -88,10 +93,17 @@ def wanted_part(clip: Clip, options: MotionOptions) -> Clip:
 
 def load_source(path_or_name: str | Path, body: Body, options: MotionOptions = DEFAULTS) -> MotionSource:
     """Load a motion and find the roles of its joints and its rest pose; raises InputError as `load_clip`."""
-    clip = read_motion(path_or_name)
+    clip = read_motion(path_or_name, options.animation)
     try:
-        roles = required_roles(clip.skeleton, f"clip {clip.name}", clip_roles(clip, options))
+        named, guessed = clip_roles(clip, options)
+        roles = required_roles(clip.skeleton, f"clip {clip.name}", named)
         require_limbs(clip.skeleton, roles)
+        if guessed:
+            LOGGER.warning(
+                "%s: the names of its joints do not tell all roles, which are guessed from where the joints "
+                "are at rest; `uvcloth motion` draws the guess, --joints corrects it",
+                path_or_name,
+            )
         return MotionSource(clip, roles, find_rest(clip, roles, body, options.up, options.rest_frame))
     except InputError as error:
         raise InputError(f"{path_or_name}: {error}") from error
@@ -104,16 +116,17 @@ def motion_on_body(source: MotionSource, body: Body, fps: float) -> Clip:
     return retarget(source.rest.clip, body, fps, source.roles)
 
 
-def clip_roles(clip: Clip, options: MotionOptions = DEFAULTS) -> dict[str, int]:
-    """Joint of each role that a clip's joints play, by name or as the options say."""
+def clip_roles(clip: Clip, options: MotionOptions = DEFAULTS) -> tuple[dict[str, int], bool]:
+    """Joint of each role in a clip, as the options, its file or its names say; and if it is guessed."""
     overrides = {} if options.joints is None else read_role_map(options.joints)
-    return assign_roles(clip.skeleton.names, overrides)
+    return find_roles(clip.skeleton.names, clip.skeleton.parents, clip.skeleton.heads, overrides, clip.table)
 
 
-def read_motion(path_or_name: str | Path) -> Clip:
+def read_motion(path_or_name: str | Path, animation: str | None = None) -> Clip:
     """Read a motion file or a built-in clip on its own skeleton, in its own units and axes.
 
-    Raises InputError for another suffix or an unknown name, and as the reader of the file does.
+    animation: of a glTF file, by name or number. Raises InputError for another suffix, an unknown name, an
+    animation of another file, and as the reader of the file does.
     """
     path = builtin_clips().get(str(path_or_name), Path(path_or_name))
     reader = (READERS | {".npz": read_archive}).get(path.suffix.lower())
@@ -122,7 +135,11 @@ def read_motion(path_or_name: str | Path) -> Clip:
             f"{path_or_name}: expected a {', '.join(READERS)} or .npz file or one of the built-in clips "
             f"({', '.join(builtin_clips())})"
         )
-    return reader(path)
+    if animation is None:
+        return reader(path)
+    if path.suffix.lower() not in GLTF:
+        raise InputError(f"{path_or_name}: --animation is for {', '.join(GLTF)}, this file holds one motion")
+    return read_gltf_motion(path, animation)
 
 
 def read_archive(path: Path) -> Clip:

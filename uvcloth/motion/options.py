@@ -28,6 +28,8 @@ class MotionOptions:
         Path | None, arg(metavar="JSON", help_behavior_hint="(default: by their names)"), Source((".json",))
     ] = None
     """Roles of joints, {"hips": "Pelvis", ...}; `uvcloth motion FILE` lists the roles."""
+    animation: Annotated[str | None, arg(metavar="NAME|N", help_behavior_hint="(default: the first)")] = None
+    """Animation of a glTF file, by its name or number; `uvcloth motion FILE` lists them."""
     rest_frame: Annotated[
         int | None, arg(metavar="N", help_behavior_hint="(default: found)"), Between(0, 10**8)
     ] = None

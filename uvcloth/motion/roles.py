@@ -20,17 +20,17 @@ MIDDLE_NAMES = {
     "head": ("head",),
 }
 SIDE_NAMES = {
-    "thigh": ("upleg", "upperleg", "hip", "thigh", "thighbend"),
-    "shin": ("leg", "knee", "shin", "lowleg", "lowerleg", "calf"),
+    "thigh": ("upleg", "upperleg", "hip", "thigh", "thighbend", "upperleg01"),
+    "shin": ("leg", "knee", "shin", "lowleg", "lowerleg", "calf", "lowerleg01"),
     "foot": ("ankle", "foot"),
-    "toes": ("toebase", "toe", "toes", "toe0", "ball", "foot"),
-    "upper_arm": ("arm", "upperarm", "uparm", "shldr", "shldrbend", "shoulder"),
+    "toes": ("toebase", "toe", "toes", "toe0", "ball", "toe31", "toe11", "foot"),
+    "upper_arm": ("arm", "upperarm", "uparm", "shldr", "shldrbend", "shoulder", "upperarm01"),
     "clavicle": ("collar", "clavicle", "shoulder"),
-    "forearm": ("forearm", "elbow", "lowarm", "lowerarm", "forearmbend"),
+    "forearm": ("forearm", "elbow", "lowarm", "lowerarm", "forearmbend", "lowerarm01"),
     "hand": ("wrist", "hand"),
     "fingers": (
         *("handindex1", "handmiddle1", "handfinger1", "fingers", "mid1", "middle1", "middleproximal"),
-        *("middle01", "fmiddle01", "index1", "indexproximal", "index01", "findex01", "finger1"),
+        *("middle01", "fmiddle01", "index1", "indexproximal", "index01", "findex01", "finger1", "finger31"),
     ),
 }
 """Canonical role -> names of its joint, without side, separators and prefix, in lower case. The first name
@@ -39,14 +39,15 @@ that the skeleton has, and that no role above claimed, is taken; a side in full 
 ROLES = (*MIDDLE_NAMES, *(f"{side}_{part}" for side in ("left", "right") for part in SIDE_NAMES))
 """Every role that a joint can play."""
 
-NUMBERED_SPINE = dict(
-    zip(
+NUMBERED_SPINES = tuple(
+    dict(zip(names, MIDDLE_NAMES, strict=True))
+    for names in (
         ("spine", *(f"spine00{number}" for number in range(1, 7))),
-        ("hips", "lower_spine", "middle_spine", "upper_spine", "lower_neck", "upper_neck", "head"),
-        strict=True,
+        ("root", "spine05", "spine03", "spine01", "neck01", "neck02", "head"),
     )
 )
-"""Middle joints of Blender's Rigify, which numbers them from the hips to the head."""
+"""Middle joints of Blender's Rigify, numbered from the hips to the head, and of MakeHuman's own rig,
+whose spine is numbered from the neck down."""
 
 SPINE_NAME = re.compile(
     r"(lowerback|(abdomen|waist|torso|spine|chest|upperchest)\d*(lower|upper)?\d*|[lt]\d+)"
@@ -65,6 +66,7 @@ FAMILIES = {
     "Character Creator": r"cc_base_.*",
     "3ds Max Biped": r"bip\d+.*",
     "VRoid": r"j_bip_.*",
+    "MakeHuman": r"upperleg01l",
     "Blender Rigify": r"(def-)?spine\.?00\d",
     "Bandai-Namco": r"lowerleg_l",
     "Xsens MVN": r"chest4|t12",
@@ -131,18 +133,25 @@ def read_role_map(path: Path) -> dict[str, str]:
     return content
 
 
-def assign_roles(names: Sequence[str], overrides: Mapping[str, str]) -> dict[str, int]:
-    """Assign roles to joints by their names; `overrides` (role -> joint name) come first.
+def table_roles(bones: Sequence[str]) -> dict[str, int]:
+    """Joint of each role, given the human bone that a VRM file says each joint is, "" for the others."""
+    return {role: joint for role, joint in joint_roles(bones).items() if bones[joint]}
 
-    Raises InputError naming a joint that the skeleton lacks.
+
+def assign_roles(
+    names: Sequence[str], overrides: Mapping[str, str], table: Mapping[str, int] | None = None
+) -> dict[str, int]:
+    """Assign roles to joints: `overrides` (role -> joint name) first, then the file's own table.
+
+    Without a table the names of the joints decide. Raises InputError naming a joint that the skeleton lacks.
     """
     for name in overrides.values():
         if name not in names:
             near = get_close_matches(name, names, n=3, cutoff=0.4) or names[:6]
             raise InputError(f"--joints: no joint is named {name}; there are {', '.join(near)}, ...")
     given = {role: names.index(name) for role, name in overrides.items()}
-    by_name = joint_roles(names)
-    kept = {role: joint for role, joint in by_name.items() if joint not in given.values()} | given
+    usual = table or joint_roles(names)
+    kept = {role: joint for role, joint in usual.items() if joint not in given.values()} | given
     return {role: kept[role] for role in ROLES if role in kept}
 
 
@@ -163,8 +172,9 @@ def _plain_words(names: Iterable[str]) -> list[list[str]]:
 
 
 def _middle_roles(whole: Mapping[str, int]) -> dict[str, int]:
-    if "spine006" in whole and "hips" not in whole:
-        return {role: whole[name] for name, role in NUMBERED_SPINE.items() if name in whole}
+    for spine_names in NUMBERED_SPINES:
+        if all(name in whole for name in spine_names) and not {"hips", "pelvis"} & whole.keys():
+            return {role: whole[name] for name, role in spine_names.items()}
     roles: dict[str, int] = {}
     for role, aliases in MIDDLE_NAMES.items():
         joint = next((whole[a] for a in aliases if a in whole and whole[a] not in roles.values()), None)

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 
 import numpy as np
 import torch
-from skimage.draw import line_aa
 from torch import Tensor
 
 from uvcloth.geometry.skeleton import Skeleton
@@ -12,7 +11,7 @@ from uvcloth.motion.clip import Clip
 from uvcloth.motion.library import MotionSource
 from uvcloth.motion.retarget import in_body_axes, leg_length, resample
 from uvcloth.motion.roles import joint_roles
-from uvcloth.render import contact_sheet
+from uvcloth.render import contact_sheet, draw_line
 
 COLUMNS = 8
 """Frames on a sheet, spread evenly over the motion."""
@@ -67,8 +66,4 @@ def _draw(picture: np.ndarray, points: Tensor, skeleton: Skeleton, roles: Mappin
     for joint, parent in enumerate(skeleton.parents):
         if parent >= 0:
             color = {"left": LEFT, "right": RIGHT}.get(side_of.get(joint, ""), MIDDLE) if roles else GREY
-            ends = down[parent], across[parent], down[joint], across[joint]
-            rows, columns, opacity = line_aa(*ends)  # type: ignore[no-untyped-call]
-            inside = (rows >= 0) & (rows < HEIGHT) & (columns >= 0) & (columns < WIDTH)
-            rows, columns, share = rows[inside], columns[inside], opacity[inside, None]
-            picture[rows, columns] = (1 - share) * picture[rows, columns] + share * np.array(color)
+            draw_line(picture, (down[parent], across[parent]), (down[joint], across[joint]), color)

@@ -1,0 +1,57 @@
+"""Tables of human bones in VRM files: which node of the skeleton is which bone of a person.
+
+VRM 0.x keeps a list in the extension VRM, VRM 1.0 an object in VRMC_vrm, both under humanoid.humanBones.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+from uvcloth.errors import InputError
+from uvcloth.formats.gltf import Gltf
+
+
+def human_bones(file: Gltf) -> dict[int, str]:
+    """Human bone ("leftUpperLeg") of each node in the table of a VRM file, none in another glTF file.
+
+    Raises InputError naming the file and the bone if the table is damaged or gives a node two bones.
+    """
+    bones: dict[int, str] = {}
+    for bone, node in _table(file):
+        if node == -1:  # VRM 0.x has entries for bones that the model lacks.
+            continue
+        if not isinstance(node, int) or isinstance(node, bool) or not 0 <= node < len(file.entries("nodes")):
+            raise _damaged(file, f"{bone:.40} is node {node!s:.40}, which does not exist")
+        if node in bones:
+            raise _damaged(file, f"node {node} is both {bones[node]:.40} and {bone:.40}")
+        bones[node] = bone
+    return bones
+
+
+def _table(file: Gltf) -> Iterator[tuple[str, Any]]:
+    """Bones of the table, and what it says is the node of each."""
+    extensions = file.document.get("extensions", {})
+    for name in ("VRMC_vrm", "VRM"):
+        table: Any = extensions
+        for key in (name, "humanoid", "humanBones"):
+            table = table.get(key) if isinstance(table, dict) else None
+        match table:
+            case dict():
+                yield from ((bone, _entry(file, entry).get("node")) for bone, entry in table.items())
+            case list():
+                for entry in table:
+                    yield str(_entry(file, entry).get("bone")), entry.get("node")
+            case None:
+                continue
+            case _:
+                raise _damaged(file, "it is neither a list nor an object")
+        return
+
+
+def _entry(file: Gltf, entry: Any) -> dict[str, Any]:
+    if not isinstance(entry, dict):
+        raise _damaged(file, f"{entry!s:.40} is no bone")
+    return entry
+
+
+def _damaged(file: Gltf, fault: str) -> InputError:
+    return InputError(f"{file.path}: its table of human bones (humanBones) is damaged, {fault}")
