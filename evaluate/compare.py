@@ -70,7 +70,7 @@ def compare(
     judged = []
     with progress("Cases", sum(1 + len(each) for _, each in entrants)) as tick:
         for opener, judged_on_it in entrants:
-            case = opener.open()
+            case = opener.load()
             setting = f"{code}/{case.outfit.body.identity.whole}/{cases.map_size}/{machine}"
             judged.append(judged_case(case, judged_on_it, partial(cached, out, case), setting, tick))
     return {

@@ -42,7 +42,7 @@ class Opener:
 
     outfit: str
     windows: tuple[Window, ...]
-    open: Callable[[], Case]
+    load: Callable[[], Case]
 
 
 @dataclass(frozen=True)

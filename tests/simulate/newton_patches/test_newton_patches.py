@@ -1,8 +1,4 @@
-"""Patches of Newton: each is still needed, and they are for the version that is installed."""
-
-import time
-from collections.abc import Callable
-from typing import Any
+"""Patches of Newton: they give the same, and they are for the version that is installed."""
 
 import pytest
 import torch
@@ -91,23 +87,13 @@ def touch(  # type: ignore[no-untyped-def]
     contacts[row] = contact
 
 
-def seconds(launch: Callable[[], None]) -> float:
-    """Least time of a launch, after a first one that compiles: the machine may be busy."""
-    times = []
-    for _ in range(12):
-        start = time.perf_counter()
-        launch()
-        times.append(time.perf_counter() - start)
-    return min(times[1:])
-
-
 def test_newton_takes_four_threads_for_a_contact_on_a_cpu_too() -> None:
     threads = [patch for patch in patches() if patch.name == "NUM_THREADS_PER_COLLISION_PRIMITIVE"]
     assert [patch.original for patch in threads] == [4, 4]
     assert {patch.replacement for patch in threads} == {1}
 
 
-def test_bending_of_newton_gives_the_same_at_a_higher_cost() -> None:
+def test_bending_of_newton_gives_the_same() -> None:
     start_warp()
     points = torch.rand(4 * COUNT, 3)
     inputs = [
@@ -116,25 +102,20 @@ def test_bending_of_newton_gives_the_same_at_a_higher_cost() -> None:
         wp.from_torch(torch.linspace(-0.5, 0.5, COUNT)),
         wp.from_torch(torch.ones(COUNT)),
     ]
-    results, times = [], []
+    results = []
     for ours in (True, False):
         forces, hessians = torch.zeros(COUNT, 3), torch.zeros(COUNT, 3, 3)
         outputs = [wp.from_torch(forces, dtype=wp.vec3), wp.from_torch(hessians, dtype=wp.mat33)]
-
-        def launch(ours: bool = ours, outputs: list[Any] = outputs) -> None:
-            wp.launch(bend, dim=COUNT, inputs=[ours, *inputs, *outputs], device="cpu")
-
-        times.append(seconds(launch))
+        wp.launch(bend, dim=COUNT, inputs=[ours, *inputs, *outputs], device="cpu")
         results.append((forces, hessians))
     # Thin faces have large derivatives and lose digits in them.
     for mine, newtons in zip(*results, strict=True):
         off = (mine - newtons).flatten(1).norm(dim=1) / newtons.flatten(1).norm(dim=1).clamp(min=1e-3)
         assert float(off.quantile(0.99)) < 1e-3
-    assert times[1] > 1.3 * times[0]
 
 
 @pytest.mark.parametrize("of_edges", [True, False])
-def test_newton_works_out_contacts_of_pairs_that_are_far_apart(of_edges: bool) -> None:
+def test_pairs_that_are_far_apart_touch_neither_for_newton_nor_for_us(of_edges: bool) -> None:
     start_warp()
     points = 0.01 * torch.rand(COUNT, 4, 3)
     points[:, : 2 if of_edges else 1, 2] += 0.02
@@ -147,17 +128,11 @@ def test_newton_works_out_contacts_of_pairs_that_are_far_apart(of_edges: bool) -
         wp.from_torch(edges),
         wp.from_torch(triangles),
     ]
-    times = []
     for ours in (True, False):
         contacts = torch.ones(COUNT, dtype=torch.bool)
         output = wp.from_torch(contacts)
-
-        def launch(ours: bool = ours, output: Any = output) -> None:
-            wp.launch(touch, dim=COUNT, inputs=[ours, of_edges, *inputs, output], device="cpu")
-
-        times.append(seconds(launch))
+        wp.launch(touch, dim=COUNT, inputs=[ours, of_edges, *inputs, output], device="cpu")
         assert not contacts.any()
-    assert times[1] > 1.3 * times[0]
 
 
 def hanging_sheet(frames: int) -> Scene:
