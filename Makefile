@@ -11,7 +11,7 @@ demo: install
 	$(BIN)/python -m evaluate --model lbs lbs_smooth physxnet motion_guided deepsd physics --data demo/sequences --out demo/report
 
 test: install
-	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
 
 engines: install
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest tests/simulate/physics --all-engines

@@ -9,6 +9,14 @@ import torch
 
 from uvcloth.bodies.body import Body, load_body
 
+LONG = ("tests/kills/", "tests/test_first_hour.py", "tests/test_api.py", "tests/methods/", "tests/evaluate/")
+"""Files that take longest: they come first, or one process would run the last of them while others wait."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the tests of LONG first."""
+    items.sort(key=lambda item: not item.nodeid.startswith(LONG))
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the option for tests that take minutes."""

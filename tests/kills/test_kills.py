@@ -1,4 +1,4 @@
-"""A few kills of a few commands, as `benchmarks/kills.py` makes a hundred of each."""
+"""A few kills of a command, as `benchmarks/kills.py` makes a hundred of each command."""
 
 import os
 import subprocess
@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 
-COMMANDS = ("simulate", "train-pbns")
+COMMANDS = ("simulate",)
 
 LIMIT = 500
 """Seconds; a machine may be busy."""
