@@ -349,7 +349,7 @@ def _ready(
         if garment.fabric != JERSEY:
             require_fabric_read(method, _fabric_name(garment.fabric))
     ready = ready_rollout(method, outfit, clip, clear, loop=loop)
-    for line in filter(None, (ready.cycle and ready.cycle.line(), *ready.proxied.lines)):
+    for line in ready.lines:
         LOGGER.info(line)
     return ready
 

@@ -40,6 +40,11 @@ class ReadyRollout:
     clear: bool
     cycle: Cycle | None = None
 
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """A sentence on the cycle of a loop, and on each garment that is carried by a proxy."""
+        return *((self.cycle.line(),) if self.cycle else ()), *self.proxied.lines
+
     def frames(
         self, device: torch.device = CPU, every: int = 1, keep_going: bool = False
     ) -> Iterator[RolloutFrame]:

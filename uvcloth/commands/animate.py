@@ -76,17 +76,18 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
         )
         clip, transforms, proxied = ready.motion, ready.transforms, ready.proxied
         meshes = proxied.named()
-        exposures = Exposure(body, proxied.meshes), ClothExposure(body, proxied.meshes)
+        exposure = Exposure(body, proxied.meshes)
+        through = ClothExposure(body, proxied.meshes) if len(meshes) > 1 else None
         shown = visible_body(body)
         hidden = HiddenSkin(shown, proxied.meshes, proxied.hides(shown)) if command.hide_skin else None
     every = _interval(out, len(clip)) if command.preview else 1
     fps = clip.fps / every
     sizes = [announce(path, len(transforms[::every]), proxied.meshes, shown) for path in out]
-    for line in filter(None, (choice, ready.cycle and ready.cycle.line(), *proxied.lines, *sizes)):
+    for line in filter(None, (choice, *ready.lines, *sizes)):
         report(line)
     if audience:
         audience.begin(clip.name, body, [mesh for _, mesh in meshes], len(transforms[::every]), fps)
-    totals, start = Totals(several=len(meshes) > 1), perf_counter()
+    totals, start = Totals(several=through is not None), perf_counter()
     with ExitStack() as stack:
         writers = [
             stack.enter_context(
@@ -104,8 +105,11 @@ def animate(command: Rollout, audience: Audience | None = None) -> Summary:
                     audience.add(placed)
                 totals.add(frame)
                 with totals.timed("measuring"):
-                    skin, cloth = (each.percent(frame.vertices, frame.body_vertices) for each in exposures)
-                    totals.add_shares(skin, cloth, frame.index)
+                    totals.add_shares(
+                        exposure.percent(frame.vertices, frame.body_vertices),
+                        through.percent(frame.vertices, frame.body_vertices) if through else 0.0,
+                        frame.index,
+                    )
                     if hidden:
                         hidden.add(frame.vertices, _posed(shown, frame))
                 with totals.timed("writing"):

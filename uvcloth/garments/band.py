@@ -10,7 +10,7 @@ from torch import Tensor
 from rasterize.charts import face_components
 from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
-from uvcloth.garments.garment import Garment
+from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.shells import joint_of
 from uvcloth.garments.templates import load_template
 from uvcloth.geometry.mesh import boundary_edges, face_normals, weld
@@ -48,6 +48,16 @@ class Band:
 
     vertices: Tensor
     mass: float
+
+
+def unheld_reason(outfit: Outfit) -> str:
+    """The reason that nothing holds a garment of an outfit up, "" where a band holds each."""
+    try:
+        for garment in outfit.garments:
+            holding_band(garment, outfit.body)
+    except InputError as error:
+        return str(error)
+    return ""
 
 
 def holding_band(garment: Garment, body: Body) -> Band:

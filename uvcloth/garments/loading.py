@@ -74,8 +74,8 @@ def load_outfit(
         for piece in parts:
             report(f"  {piece.name}: {len(piece.mesh.vertices)} vertices, worn as {piece.template}")
         # What a file hides, all of its pieces hide together.
-        pieces = replace(parts[0], hides=placed.hides), *parts[1:]
-        loaded += (replace(piece, fabric=made_of) for piece in pieces)
+        parts = replace(parts[0], hides=placed.hides), *parts[1:]
+        loaded += (replace(piece, fabric=made_of) for piece in parts)
     worn = untangle(worn_order(loaded, tucks), body)
     for line in worn.lines:
         report(line)

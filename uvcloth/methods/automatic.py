@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from uvcloth.errors import InputError
-from uvcloth.garments.band import holding_band
+from uvcloth.garments.band import unheld_reason
 from uvcloth.garments.garment import Outfit
 from uvcloth.methods.registry import DEFAULT, load_method
 
@@ -28,7 +28,7 @@ class Choice:
 
 def choose_model(outfit: Outfit) -> Choice:
     """Choose the model that moves all garments of an outfit."""
-    fault = _fault(outfit)
+    fault = unheld_reason(outfit)
     if not fault:
         return Choice(DEFAULT, f"model {DEFAULT}: every garment has a hem that holds it")
     for name in INSTEAD[:-1]:
@@ -52,13 +52,3 @@ def named_models(models: Sequence[str], outfit: Outfit) -> tuple[tuple[str, ...]
         raise InputError(f"--model {AUTO}: is chosen for all garments together, name no model beside it")
     choice = choose_model(outfit)
     return (choice.model,), choice.line
-
-
-def _fault(outfit: Outfit) -> str:
-    """The reason that the solver cannot hold a garment up, "" where it can."""
-    for garment in outfit.garments:
-        try:
-            holding_band(garment, outfit.body)
-        except InputError as error:
-            return str(error)
-    return ""

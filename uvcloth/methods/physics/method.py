@@ -6,8 +6,7 @@ import torch
 from torch import Tensor
 
 from uvcloth.bodies.frames import BodyFrames
-from uvcloth.errors import InputError
-from uvcloth.garments.band import holding_band
+from uvcloth.garments.band import unheld_reason
 from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Outfit
 from uvcloth.methods.method import Method, MethodEntry, Traits
@@ -33,12 +32,8 @@ class Physics(Method):
 
     def unsupported_reason(self, outfit: Outfit) -> str:
         """The reason that a garment cannot be solved."""
-        try:
-            for garment in outfit.garments:
-                holding_band(garment, outfit.body)
-        except InputError as error:
-            return f"{error}; use --model physxnet or lbs_smooth"
-        return ""
+        fault = unheld_reason(outfit)
+        return f"{fault}; use --model physxnet or lbs_smooth" if fault else ""
 
     def prepare(self, outfit: Outfit, device: torch.device) -> CagedOutfit:
         """Make the cages and their solver, on the CPU. Raises InputError as `make_caged_outfit` does."""
