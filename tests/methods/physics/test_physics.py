@@ -23,6 +23,7 @@ from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import load_method
 from uvcloth.motion.library import load_clip
 from uvcloth.motion.stop import come_to_rest
+from uvcloth.physics.exposure import Exposure
 from uvcloth.physics.fabric import FABRICS
 from uvcloth.physics.layers import wrong_side_percent
 from uvcloth.physics.obstacle import Obstacle
@@ -64,6 +65,18 @@ def test_cloth_swings_on_after_the_body_has_stopped(skirt: Outfit) -> None:
 def test_cloth_starts_settled_and_stays_so_while_the_body_stands(skirt: Outfit) -> None:
     moved = _garment(FAST, skirt, _sliding(skirt.body, 6, stop=0))
     assert float((moved[-1] - moved[0]).norm(dim=1).mean()) < 0.006
+
+
+def test_a_clip_that_starts_in_a_run_starts_dressed_and_moving(skirt: Outfit) -> None:
+    """No knee is through the skirt in the first frame, and the skirt is not left behind in the next ones."""
+    transforms = load_clip("run", skirt.body).window(6, 4).transforms()
+    frames = list(rollout(FAST, skirt, transforms, FPS))
+    garment = skirt.garments[0]
+    exposure = Exposure(skirt.body, [garment.mesh])
+    assert exposure.percent(frames[0].vertices, frames[0].body_vertices) < 0.05
+    moved = torch.stack([frame.vertices[0] for frame in frames])
+    off = moved - skin(garment.mesh.vertices, garment.smooth_weights, transforms)
+    assert float((off[3] - off[0]).norm(dim=1).mean()) < 0.13
 
 
 def test_garments_are_off_the_body_in_a_dance(body: Body) -> None:

@@ -25,7 +25,7 @@ from uvcloth.methods.finish_names import FINISHES, FinishName
 from uvcloth.methods.lbs import LBSConfig, create_lbs
 from uvcloth.methods.method import Method, Traits
 from uvcloth.methods.physics.method import Physics
-from uvcloth.methods.physics.outfit import CagedOutfit, CagedState, at_rest, carry, next_frame, posed
+from uvcloth.methods.physics.outfit import CagedOutfit, CagedState, at_rest, carry, dressed, next_frame, posed
 
 PULL = 2.0
 """Frequency, 1/s, of the spring that pulls cages to a prediction: a higher one freezes skirts."""
@@ -126,7 +126,7 @@ class Finished(Finish):
 class Settled(Finish):
     """The static finish: garments come to rest in each pose, whatever was before, for poses and previews.
 
-    The solver starts at the prediction and lets the cloth come to rest.
+    Cloth starts at the prediction. Without a pull it is of physics alone, and starts as `dressed` does.
     """
 
     @property
@@ -149,7 +149,10 @@ class Settled(Finish):
             skinned = cages.skinned_cages(transforms)
             predicted = [garment[place].cpu() for garment in raw]
             targets = _targets(cages, skinned, predicted)
-            cloth = at_rest(cages, cages.collider(vertices), targets, self.pull)
+            if self.pull > 0.0:
+                cloth = at_rest(cages, cages.collider(vertices), targets, self.pull)
+            else:
+                cloth = dressed(cages, frames.body, transforms)
             garments = carry(cages, cloth, skinned, cages.skinned(transforms))[1]
             rows.append(_where_finite(predicted, garments))
         return state, tuple(torch.stack(garments).to(raw[0].device) for garments in zip(*rows, strict=True))

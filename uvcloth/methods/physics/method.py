@@ -14,8 +14,8 @@ from uvcloth.methods.physics.outfit import (
     CagedOutfit,
     CagedState,
     PhysicsConfig,
-    at_rest,
     carry,
+    dressed,
     make_caged_outfit,
     next_frame,
     posed,
@@ -42,8 +42,7 @@ class Physics(Method):
     def init(self, prepared: CagedOutfit, frames: BodyFrames) -> tuple[CagedState, ...]:
         """Let cloth settle on the bodies as they stand in the frames."""
         return tuple(
-            at_rest(prepared, prepared.collider(vertices), prepared.skinned_cages(transforms), 0.0)
-            for transforms, vertices in posed(frames)
+            dressed(prepared, frames.body, transforms) for transforms in frames.transforms[:, -1].cpu()
         )
 
     def step(

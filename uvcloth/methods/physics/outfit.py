@@ -9,11 +9,15 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
+from uvcloth.bodies.posing import posed_skin
 from uvcloth.garments.band import holding_band
 from uvcloth.garments.cage import QUALITIES, Cage, make_cage
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import WeldedMesh, join_meshes, welded
+from uvcloth.geometry.rotations import from_axis_angles, heading, to_axis_angles
+from uvcloth.geometry.skeleton import joint_positions, joint_transforms, local_rotations, world_rotations
 from uvcloth.geometry.skinning import skin
 from uvcloth.physics.cloth.clearing import FineState
 from uvcloth.physics.cloth.cloth import Damping, make_cloth
@@ -46,6 +50,9 @@ PULL_DAMPING = 0.3
 
 SETTLING_FRAMES, SETTLING_FPS = 45, 30.0
 """Frames, and how many there are in a second, in which cloth comes to rest."""
+
+POSING_FRAMES = 20
+"""Frames, of the same length, in which a body goes from its rest pose to its first pose."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +193,14 @@ def next_frame(
     pull: float,
     fps: float,
 ) -> CagedState:
-    """Cloth one frame later: the collider at (C, 3) m, cages pulled to targets (n, 3) m with `pull`, 1/s."""
+    """Cloth one frame later: the collider at (C, 3) m, cages pulled to targets (n, 3) m with `pull`, 1/s.
+
+    After the first frame that was shown, cloth moves along with the targets, so that a clip that starts in a
+    run does not pull a resting skirt away.
+    """
+    if state.fine.frame == 1:
+        along = (targets - state.targets) * fps - state.cloth.drift
+        state = replace(state, cloth=replace(state.cloth, velocities=along.astype(np.float32)))
     held = prepared.hold > 0
     motion = Motion(
         1.0 / fps,
@@ -200,17 +214,53 @@ def next_frame(
     return replace(state, cloth=step(prepared.solver, state.cloth, motion), body=body, targets=targets)
 
 
+def dressed(prepared: CagedOutfit, body: Body, transforms: Tensor) -> CagedState:
+    """Cloth at rest on a body that went from its rest pose to the pose of transforms (J, 3, 4).
+
+    The root keeps its place, and turns from its heading. Skinned from its rest pose to a wide step at once, a
+    garment would start between the legs, or with an arm through it.
+    """
+    way = _way_to(body, transforms)
+    places = zip(map(prepared.collider, posed_skin(body, way)), map(prepared.skinned_cages, way), strict=True)
+    return _settled(prepared, list(places), 0.0)
+
+
+def _way_to(body: Body, transforms: Tensor) -> Tensor:
+    """Joint transforms (POSING_FRAMES + 1, J, 3, 4) from the rest pose to those of a pose, (J, 3, 4)."""
+    skeleton = body.skeleton
+    turned = local_rotations(skeleton.parents, transforms[None, :, :, :3].double())
+    facing = heading(turned[0, 0])
+    turned[0, 0] = facing.mT @ turned[0, 0]
+    shares = torch.linspace(0.0, 1.0, POSING_FRAMES + 1, dtype=torch.float64)
+    shares = shares * shares * (3.0 - 2.0 * shares)
+    way = from_axis_angles(shares[:, None, None] * to_axis_angles(turned))
+    way[:, 0] = facing @ way[:, 0]
+    root = joint_positions(skeleton, transforms[None])[0, 0].double()
+    world = world_rotations(skeleton.parents, way)
+    return joint_transforms(skeleton, world, root.expand(len(way), 3)).to(transforms)
+
+
 def at_rest(
     prepared: CagedOutfit, body: NDArray[np.float32], targets: NDArray[np.float32], pull: float
 ) -> CagedState:
-    """Cloth that comes to rest from the targets (n, 3) m, pulled to them, on a still collider (C, 3) m.
+    """Cloth that comes to rest from the targets (n, 3) m, pulled to them, on a still collider (C, 3) m."""
+    return _settled(prepared, [(body, targets)], pull)
 
-    Whenever it slows down it is stopped, so that a skirt does not swing for seconds (kinetic damping:
-    Barnes, 1999).
+
+def _settled(
+    prepared: CagedOutfit,
+    places: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]],
+    pull: float,
+) -> CagedState:
+    """Cloth that starts at the first targets (n, 3) m, and comes to rest where collider and targets end.
+
+    places: collider (C, 3) m and targets of each frame; the last are kept for SETTLING_FRAMES. Whenever cloth
+    slows down it is stopped, so that a skirt does not swing for seconds (kinetic damping: Barnes, 1999).
     """
+    body, targets = places[0]
     state = CagedState(start(prepared.solver, targets), body, targets, prepared.clearing.start())
     energy = 0.0
-    for _ in range(SETTLING_FRAMES):
+    for body, targets in (*places[1:], *[places[-1]] * SETTLING_FRAMES):
         state = next_frame(prepared, state, body, targets, pull, SETTLING_FPS)
         before, energy = energy, float(np.square(state.cloth.velocities).sum())
         if energy < before:
