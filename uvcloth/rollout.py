@@ -140,12 +140,14 @@ class PreparedRollout:
                     wanted = index % every == 0
                     if wanted or needs_clearing:
                         cleared = self._cleared(frame)
-                        torn = self.limits.torn(cleared.vertices)
+                        now = self.limits.measured(cleared.vertices)
+                        torn = self.limits.torn(now)
                         # Skinning tears where its weights do: it goes on, and is what replaces others.
                         if torn and not method.traits.is_baseline:
                             cleared = self._cleared(self._without(frame, torn, keep_going))
+                            now = self.limits.measured(cleared.vertices)
                         frame = cleared
-                        if self.limits.stretched(frame.vertices, frame.body_vertices):
+                        if self.limits.stretched(now, frame.vertices, frame.body_vertices):
                             frame = replace(frame, difficulties=(*frame.difficulties, STRETCHED))
                     if method.traits.autoregressive and frame.replaced:
                         # What it remembers may be as broken as what it predicted.
@@ -376,25 +378,30 @@ class EdgeLimits:
             if not torch.isfinite(vertices).all()
         }
 
-    def torn(self, garments: tuple[Tensor, ...]) -> dict[int, str]:
-        """A message on each torn garment, by place."""
+    def measured(self, garments: tuple[Tensor, ...]) -> list[Tensor]:
+        """Lengths (E,) m of the edges of each garment (N, 3) m."""
+        return [edge_lengths(vertices, edges) for vertices, edges in zip(garments, self.edges, strict=True)]
+
+    def torn(self, now: Sequence[Tensor]) -> dict[int, str]:
+        """A message on each torn garment, by place. now: (E,) m of each, as `measured` gives them."""
         reasons = {}
-        for place, (vertices, edges, lengths) in enumerate(
-            zip(garments, self.edges, self.lengths, strict=True)
-        ):
-            share = float((edge_lengths(vertices, edges) > LONGEST * lengths).float().mean())
+        for place, (measured, lengths) in enumerate(zip(now, self.lengths, strict=True)):
+            share = float((measured > LONGEST * lengths).float().mean())
             if share > TORN:
                 portion = f"{100 * share:.0f} % of its edges have"
                 reasons[place] = f"is torn, {portion} more than {LONGEST:.0f} times their length"
         return reasons
 
-    def stretched(self, garments: tuple[Tensor, ...], body_vertices: Tensor) -> bool:
-        """True if a person sees an edge that is far longer than at rest, on the posed body (V, 3) m."""
+    def stretched(self, now: Sequence[Tensor], garments: tuple[Tensor, ...], body_vertices: Tensor) -> bool:
+        """True if a person sees an edge that is far longer than at rest, on the posed body (V, 3) m.
+
+        now: (E,) m of each garment (N, 3) m, as `measured` gives them.
+        """
         from uvcloth.physics.visibility import Onlooker
 
         middles = []
-        for vertices, edges, lengths in zip(garments, self.edges, self.lengths, strict=True):
-            longer = edge_lengths(vertices, edges) - lengths
+        for measured, vertices, edges, lengths in zip(now, garments, self.edges, self.lengths, strict=True):
+            longer = measured - lengths
             longer = torch.where(longer > (LONGEST - 1.0) * lengths, longer, 0.0)
             longest = longer.topk(min(MOST_LOOKED_AT, len(longer)))
             worst = edges[longest.indices[longest.values > NOTICEABLE]]

@@ -22,9 +22,9 @@ class Diagnosis:
     came there, line by line. components: pieces, UV
     seams taken as joined. inside_share: fraction of vertices inside the body. mean_distance, max_distance:
     metres to the skin. ray_misses: vertices whose ray misses the body, which count as covering their closest
-    point. unwrapped: whether texture coordinates were made. depth: layer that the file names, larger is
-    farther out. missing: material and picture files that it names but that do not exist. pose: the one that
-    the garment was modelled in, "" for the rest pose; distances are from the body in that pose.
+    point. unwrapped: whether texture coordinates were made. missing: material and picture files that it names
+    but that do not exist. pose: the one that the garment was modelled in, "" for the rest pose; distances are
+    from the body in that pose.
     """
 
     path: Path
@@ -42,7 +42,6 @@ class Diagnosis:
     ray_misses: int = 0
     unwrapped: bool = False
     template: str = ""
-    depth: int = 0
     missing: tuple[str, ...] = ()
     pose: str = ""
     fitting: tuple[str, ...] = ()

@@ -105,7 +105,7 @@ def read_on_body(path: Path, body: Body, how: Fitting = PLAIN) -> PlacedFile:
     if path.suffix.lower() == SUFFIX:
         mesh, binding = fit_clothes(path, body)
         mesh, diagnosis = diagnose(path, mesh, body, bound=True)
-        return _unwrapped(path, mesh, replace(diagnosis, depth=binding.depth), binding.hides(body))
+        return _unwrapped(path, mesh, diagnosis, binding.hides(body))
     try:
         return place_on_body(path, read_mesh(path), body, how)
     except UnwearableError as error:

@@ -42,8 +42,7 @@ class Binding:
 
     obj: file of the faces. corners: (N, 3) base-mesh vertices. weights: (N, 3). offsets: (N, 3) decimetres, Y
     up, facing +Z. scales: by axis "x", "y", "z" two base-mesh vertices and their distance there, decimetres.
-    depth: layer, larger is farther out. deleted: (K,) base-mesh vertices that the clothes hide. material:
-    name of its file, "" where none is named.
+    deleted: (K,) base-mesh vertices that the clothes hide. material: name of its file, "" for none.
     """
 
     obj: Path
@@ -51,7 +50,6 @@ class Binding:
     weights: Tensor
     offsets: Tensor
     scales: dict[str, tuple[int, int, float]]
-    depth: int
     deleted: Tensor
     material: str
 
@@ -121,7 +119,7 @@ def read_binding(path: Path) -> Binding:
     bound: list[list[float]] = []
     scales: dict[str, tuple[int, int, float]] = {}
     files = {"obj_file": "", "material": ""}
-    depth, section = 0, ""
+    section = ""
     deleted = np.zeros(MOST_OF_BASE, dtype=np.bool_)
     for number, line in enumerate(read_text(path), start=1):
         try:
@@ -136,8 +134,6 @@ def read_binding(path: Path) -> Binding:
                     files[key] = " ".join(words)
                 case ["x_scale" | "y_scale" | "z_scale" as key, one, other, distance]:
                     scales[key[0]] = (_index(one), _index(other), _positive(distance))
-                case ["z_depth", layer]:
-                    depth = int(layer)
                 case [_, *_] as words if section == "verts" and words[0].isdigit():
                     bound.append(_vertex(words))
                 case [_, *_] as words if section == "delete_verts":
@@ -155,7 +151,6 @@ def read_binding(path: Path) -> Binding:
         weights=rows[:, 3:6].float(),
         offsets=rows[:, 6:].float(),
         scales=scales,
-        depth=depth,
         deleted=torch.from_numpy(np.flatnonzero(deleted)),
         material=files["material"],
     )
