@@ -2,10 +2,10 @@
 
 python benchmarks/mutants.py --out ../mutants --room export --count 30
 
-Plants one fault at a time into a copy of the checkout: another operator, a lost sign, another index or axis, a
-changed number, a turned condition, a dropped statement. --seed draws the places. Results are lines of
-OUT/results.jsonl; a run with the same OUT goes on where the last one ended. A mutant is tested by the tests of
-its room alone, in a fork of this process, in which the libraries are loaded once. For a file with compiled
+Plants one fault at a time into a copy of the checkout: another operator, a lost sign, another index or axis,
+a changed number, a turned condition, a dropped statement. --seed draws the places. Results are lines of
+OUT/results.jsonl; a run with the same OUT goes on where the last one ended. A mutant is tested by the tests
+of its room alone, in a fork of this process, in which the libraries are loaded once. For a file with compiled
 loops the cache is new: loops that were compiled before contain the old code of others.
 
 mutmut's trampolines cannot be compiled by Numba. cosmic-ray neither samples nor drops statements, and starts
