@@ -34,8 +34,8 @@ def refuse_too_many(path: Path, vertices: int, faces: int = 0) -> None:
 def refuse_large_file(path: Path) -> None:
     """Raise InputError if a mesh file states more than MOST_VERTICES or MOST_FACES, in constant memory.
 
-    PLY, OFF and binary STL state their counts; the vertices of an OBJ and of an STL in text are counted. Files
-    that state nothing pass, and glTF, whose reader checks the counts of its document.
+    PLY, OFF and binary STL state their counts; the vertices of an OBJ and of an STL in text are counted.
+    Files that state nothing pass, and glTF, whose reader checks the counts of its document.
     """
     with suppress(OSError):  # The reader says why it cannot be read.
         if path.is_file():
