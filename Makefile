@@ -4,11 +4,11 @@ PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/installed
 
-.PHONY: demo test engines fuzz lint install clean
+.PHONY: demo test engines fuzz wheel-test lint install clean
 
 demo: install
 	$(BIN)/uvcloth demo --out demo
-	$(BIN)/python -m evaluate --model lbs lbs_smooth physxnet motion_guided deepsd physics --data demo/sequences --out demo/report
+	$(BIN)/uvcloth evaluate --model lbs lbs_smooth physxnet motion_guided deepsd physics --data demo/sequences --out demo/report
 
 test: install
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
@@ -19,6 +19,9 @@ engines: install
 fuzz: install
 	OMP_NUM_THREADS=1 $(BIN)/python -m tests.fuzz --cases 10000
 
+wheel-test: install
+	OMP_NUM_THREADS=1 $(BIN)/python -m tests.wheel
+
 lint: install
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
@@ -27,7 +30,7 @@ lint: install
 
 install: $(INSTALLED)
 
-$(INSTALLED): pyproject.toml constraints.txt
+$(INSTALLED): pyproject.toml setup.py constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "uvcloth needs Python 3.11 or newer: make PYTHON=python3.11 $(MAKECMDGOALS)" >&2; exit 2; }
 	$(PYTHON) -m venv .venv

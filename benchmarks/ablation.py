@@ -79,7 +79,7 @@ DEEPSD: dict[str, tuple[str, ...]] = {
 """The rows of the paper's Tables 1 and 6, and what ours has of its own."""
 
 VARIANTS: dict[str, dict[str, tuple[str, ...]]] = {"physxnet": PHYSXNET, "deepsd": DEEPSD}
-"""The changes by method, as arguments of `python -m train`."""
+"""The changes by method, as arguments of `uvcloth train`."""
 
 
 def main(

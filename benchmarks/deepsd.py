@@ -99,7 +99,7 @@ class Options:
     """Measure DeePSD."""
 
     run: Path | None = None
-    """A folder written by `python -m train deepsd`."""
+    """A folder written by `uvcloth train deepsd`."""
     garment: str = "tops"
     """A template or a garment file; one of about 1,000 vertices gives three levels of resolution."""
     body: Path | None = None
@@ -111,7 +111,7 @@ class Options:
     picture: Path | None = None
     """A PNG of the blend weights to draw."""
     reports: tuple[Path, ...] = ()
-    """Folders written by `python -m evaluate`, whose methods go into the tables."""
+    """Folders written by `uvcloth evaluate`, whose methods go into the tables."""
 
 
 def levels_of(mesh: Mesh) -> list[Mesh]:

@@ -1,4 +1,7 @@
-"""`python -m evaluate`: judge methods on simulated windows of unseen motion, and write the report."""
+"""`uvcloth evaluate`: judge methods on simulated windows of unseen motion, and write the report.
+
+In a checkout `python -m evaluate` is the same.
+"""
 
 import os
 import platform
@@ -32,7 +35,7 @@ class Evaluate:
         tuple[str, ...],
         tyro.conf.arg(
             metavar="NAME|RUN ...",
-            help=f"Methods: {list_methods()}; or folders written by `python -m train`. For layered outfits "
+            help=f"Methods: {list_methods()}; or folders written by `uvcloth train`. For layered outfits "
             "also one method per garment, the innermost first: RUN_A+RUN_B. NAME@dynamic and NAME@static add "
             "a finish of the cloth solver.",
         ),
@@ -72,16 +75,17 @@ class Evaluate:
             self._judge()
 
     def _judge(self) -> None:
-        from evaluate.candidates import load_candidates
-        from evaluate.compare import compare
-        from evaluate.garment_space import interpolations
-        from evaluate.motion_map import motion_maps
-        from evaluate.predicted import load_predictions
-        from evaluate.progress import progress
-        from evaluate.report import write_metrics, write_report
-        from evaluate.selection import Selection, find_cases
-        from evaluate.show import pictured, pictures, viewer_clips
         from uvcloth.commands.threads import limited_threads
+
+        from .candidates import load_candidates
+        from .compare import compare
+        from .garment_space import interpolations
+        from .motion_map import motion_maps
+        from .predicted import load_predictions
+        from .progress import progress
+        from .report import write_metrics, write_report
+        from .selection import Selection, find_cases
+        from .show import pictured, pictures, viewer_clips
 
         selection = Selection(self.data, self.actions, self.garment, self.frames, self.split, self.map_size)
         used = f"{machine()}, threads used: {self.threads}"
@@ -114,8 +118,8 @@ def summary(results: dict) -> str:
     """Per garment or outfit and method, before and after the finish: the mean distance, and its ratio to the
     better LBS. Then a warning for each method that has used evaluated windows in training or selection.
     """
-    from evaluate.familiar import cautions
-    from evaluate.standings import Rank, standings
+    from .familiar import cautions
+    from .standings import Rank, standings
 
     def format_rank(rank: Rank) -> str:
         beside = f"{100 * (rank.against - 1):+4.0f} %, {rank.won} of {rank.of}" if rank.against else ""
@@ -142,12 +146,17 @@ def summary(results: dict) -> str:
 
 def parse(arguments: Sequence[str]) -> Evaluate:
     """Parse a command line. Raises as `uvcloth.cli.parse`."""
-    return parsed(lambda: tyro.cli(Evaluate, args=arguments, prog="python -m evaluate"), arguments)
+    return parsed(lambda: tyro.cli(Evaluate, args=arguments, prog="uvcloth evaluate"), arguments)
+
+
+def run(words: Sequence[str]) -> None:
+    """Parse a command line and judge. Raises as `parse` and `Evaluate.run`."""
+    parse(words).run()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Parse the command line and judge; returns the exit code: 0, 2 for bad input, 130 after Ctrl-C."""
-    return run_command("evaluate", lambda: parse(sys.argv[1:] if arguments is None else arguments).run())
+    return run_command("evaluate", lambda: run(sys.argv[1:] if arguments is None else arguments))
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ Cloth swings for a second after a walk has stopped; cloth that follows the skele
 import torch
 from torch import Tensor
 
-from evaluate.metrics import Reference
+from .metrics import Reference
 
 STANDING_SPEED = 0.02
 """Speed of the skinned garment, m/s, below which the body stands."""

@@ -8,11 +8,6 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from evaluate.actions import Window
-from evaluate.body_scores import DressedBody, dressed_body
-from evaluate.looks import Looks, prepare_looks
-from evaluate.maps import Texels
-from evaluate.metrics import Reference
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.dataset.bodies import require_joints
@@ -24,6 +19,12 @@ from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.mesh import Mesh, join_meshes
 from uvcloth.geometry.skinning import skin
+
+from .actions import Window
+from .body_scores import DressedBody, dressed_body
+from .looks import Looks, prepare_looks
+from .maps import Texels
+from .metrics import Reference
 
 SHOWN = 50
 """Most frames of a case that are kept for the viewer and the pictures."""

@@ -9,11 +9,13 @@ from pathlib import Path
 from statistics import mean
 from typing import Any
 
-from evaluate.actions import Window
-from evaluate.candidates import SIMULATION, Candidate, assigned
-from evaluate.case import Case, outfit_name
-from evaluate.familiar import Entrant, training_overlap
-from evaluate.judge import (
+from uvcloth.garments.garment import Outfit
+
+from .actions import Window
+from .candidates import SIMULATION, Candidate, assigned
+from .case import Case, outfit_name
+from .familiar import Entrant, training_overlap
+from .judge import (
     CaseScores,
     Scores,
     cached,
@@ -21,13 +23,12 @@ from evaluate.judge import (
     judge,
     judge_simulation,
 )
-from evaluate.predicted import Prediction, judge_prediction, require_files
-from evaluate.progress import progress
-from evaluate.results import PartScores, repeatability_floor, representation_floor, stability, summarize
-from evaluate.selection import Cases, Opener
-from evaluate.show import Shown
-from evaluate.stability import copied_truth
-from uvcloth.garments.garment import Outfit
+from .predicted import Prediction, judge_prediction, require_files
+from .progress import progress
+from .results import PartScores, repeatability_floor, representation_floor, stability, summarize
+from .selection import Cases, Opener
+from .show import Shown
+from .stability import copied_truth
 
 
 @dataclass(frozen=True)

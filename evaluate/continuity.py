@@ -5,9 +5,10 @@ from itertools import islice
 import torch
 from torch import Tensor
 
-from evaluate.case import Case
-from evaluate.metrics import MM
 from uvcloth.rollout import PreparedRollout
+
+from .case import Case
+from .metrics import MM
 
 TURNED_FRAMES = 10
 """Most scored frames of a window that are compared: all the warm-up before them is rolled out again."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from markupsafe import Markup, escape
 
-from evaluate.charts import number, open_chart, tick_label
-from evaluate.standings import Results, cells, garments_in, mean_of, methods_on
+from .charts import number, open_chart, tick_label
+from .standings import Results, cells, garments_in, mean_of, methods_on
 
 WIDTH, BOTTOM, LEFT, RIGHT, TOP = 560, 270, 36, 340, 30
 """Size of the chart and of its plot; names of methods are on its right."""

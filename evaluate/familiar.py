@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from evaluate.actions import Window
-from evaluate.candidates import Candidate
-from evaluate.predicted import Prediction
+from .actions import Window
+from .candidates import Candidate
+from .predicted import Prediction
 
 Entrant = Candidate | Prediction
 """A method in the comparison, or the sequences of another program."""

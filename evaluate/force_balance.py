@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from evaluate.surface import Surface
 from uvcloth.geometry.units import GRAVITY
 from uvcloth.physics.energies import ClothEnergies, cloth_energies
 from uvcloth.physics.fabric import Fabric
+
+from .surface import Surface
 
 PATCH = 0.08
 """Standard deviation of a patch, metres: forces of waves shorter than twice that are averaged out."""

@@ -6,14 +6,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from evaluate.candidates import SIMULATION, Candidate
-from evaluate.progress import progress
-from evaluate.report import Picture
-from evaluate.show import Shown, method_color, png
 from uvcloth.bodies.body import Body
 from uvcloth.garments.garment import Garment
 from uvcloth.methods.capabilities import GarmentSpace, garment_space
 from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
+
+from .candidates import SIMULATION, Candidate
+from .progress import progress
+from .report import Picture
+from .show import Shown, method_color, png
 
 BLEND_SHARES = (1.0, 0.8, 0.6, 0.5, 0.4, 0.2, 0.0)
 """Shares a of the first code, the second having 1 - a, as in the figure."""

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from evaluate.metrics import MM, Reference
 from uvcloth.geometry.mesh import boundary_edges, weld
+
+from .metrics import MM, Reference
 
 
 @dataclass(frozen=True)

@@ -9,20 +9,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from evaluate.body_scores import body_scores
-from evaluate.candidates import Candidate
-from evaluate.case import Case, Part
-from evaluate.continuity import continuity_scores
-from evaluate.looks import look_scores
-from evaluate.metrics import (
-    distance_scores,
-    layer_scores,
-    map_mse,
-    shape_scores,
-    spread_scores,
-    swing_scores,
-)
-from evaluate.stability import stability_scores, uses_feedback
 from uvcloth.bodies.frames import LEAD, body_frames, with_lead
 from uvcloth.dataset.clip import content_hash
 from uvcloth.garments.garment import Garment
@@ -30,6 +16,21 @@ from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.geometry.kept import keep_arrays, kept_arrays
 from uvcloth.methods.capabilities import round_trip
 from uvcloth.rollout import PreparedRollout, prepare_rollout
+
+from .body_scores import body_scores
+from .candidates import Candidate
+from .case import Case, Part
+from .continuity import continuity_scores
+from .looks import look_scores
+from .metrics import (
+    distance_scores,
+    layer_scores,
+    map_mse,
+    shape_scores,
+    spread_scores,
+    swing_scores,
+)
+from .stability import stability_scores, uses_feedback
 
 SCORES_FORMAT = "uvcloth-judged-8"
 

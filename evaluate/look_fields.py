@@ -8,10 +8,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from evaluate.force_balance import MOST_FORCE
-from evaluate.judge import Scores
-from evaluate.swing_bands import BANDS
-from evaluate.wrinkles import WAVELENGTHS
+from .force_balance import MOST_FORCE
+from .judge import Scores
+from .swing_bands import BANDS
+from .wrinkles import WAVELENGTHS
 
 _MM = [round(1000 * wavelength) for wavelength in WAVELENGTHS]
 

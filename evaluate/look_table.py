@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from evaluate.candidates import SIMULATION
-from evaluate.charts import DASH, number
-from evaluate.judge import MEMBER_SUFFIX
-from evaluate.look_fields import WAVES
-from evaluate.standings import Results, garments_in, methods_on, overall
-from evaluate.swing_bands import BANDS
+from .candidates import SIMULATION
+from .charts import DASH, number
+from .judge import MEMBER_SUFFIX
+from .look_fields import WAVES
+from .standings import Results, garments_in, methods_on, overall
+from .swing_bands import BANDS
 
 GROUPS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     "Swing ÷ simulation's (correlation)": {

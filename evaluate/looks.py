@@ -5,15 +5,16 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
-from evaluate.after_stop import stop_scores
-from evaluate.body_scores import DressedBody
-from evaluate.force_balance import ForceBalance, balanced_frames, force_balance, force_scores
-from evaluate.hem import Hem, find_hem, hem_scores
-from evaluate.metrics import Reference, peak_accelerations
-from evaluate.surface import make_surface
-from evaluate.swing_bands import band_scores
-from evaluate.wrinkles import WaveFilters, wave_filters, wrinkle_scores
 from uvcloth.physics.fabric import Fabric
+
+from .after_stop import stop_scores
+from .body_scores import DressedBody
+from .force_balance import ForceBalance, balanced_frames, force_balance, force_scores
+from .hem import Hem, find_hem, hem_scores
+from .metrics import Reference, peak_accelerations
+from .surface import make_surface
+from .swing_bands import band_scores
+from .wrinkles import WaveFilters, wave_filters, wrinkle_scores
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,14 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from evaluate.candidates import Candidate
-from evaluate.case import SHOWN
-from evaluate.report import MotionMap
-from evaluate.show import Shown
 from uvcloth.bodies.body import Body
 from uvcloth.dataset.clip_file import load_simulated
 from uvcloth.methods.motion_guided.seeds import pose_seeds, sample_seeds
+
+from .candidates import Candidate
+from .case import SHOWN
+from .report import MotionMap
+from .show import Shown
 
 SEEDS = 581
 """Number of points on the body that describe a pose."""

@@ -6,15 +6,16 @@ from pathlib import Path
 
 import torch
 
-from evaluate.actions import Window
-from evaluate.candidates import SIMULATION
-from evaluate.case import Case
-from evaluate.judge import CaseScores, score
-from evaluate.predicted_file import READERS, read_prediction
 from uvcloth.errors import InputError
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.methods.method import Traits
 from uvcloth.physics.outfit_clearing import OutfitClearing
+
+from .actions import Window
+from .candidates import SIMULATION
+from .case import Case
+from .judge import CaseScores, score
+from .predicted_file import READERS, read_prediction
 
 NAMED = "="
 """Separator between the name and the folder of a prediction."""

@@ -9,16 +9,19 @@ from typing import Any
 
 from torch import Tensor
 
-from evaluate.candidates import SIMULATION
-from evaluate.charts import DASH, bars, lines, mark, number, scatter
-from evaluate.continuity import TURNED_FRAMES
-from evaluate.cost_chart import cost_charts
-from evaluate.familiar import cautions
-from evaluate.force_balance import BALANCED_FRAMES, MOST_FORCE
-from evaluate.look_table import GROUPS, impossible_frames, look_rows
-from evaluate.results import LONG
-from evaluate.stability import SHORT_ROLLOUT
-from evaluate.standings import (
+from uvcloth.bodies.stream import BATCH
+from uvcloth.files.atomic import atomic_write
+
+from .candidates import SIMULATION
+from .charts import DASH, bars, lines, mark, number, scatter
+from .continuity import TURNED_FRAMES
+from .cost_chart import cost_charts
+from .familiar import cautions
+from .force_balance import BALANCED_FRAMES, MOST_FORCE
+from .look_table import GROUPS, impossible_frames, look_rows
+from .results import LONG
+from .stability import SHORT_ROLLOUT
+from .standings import (
     OUTFIT,
     STAGES,
     Results,
@@ -29,10 +32,8 @@ from evaluate.standings import (
     overall,
     standings,
 )
-from evaluate.viewer import ViewerClip, pack_body, pack_clip
-from evaluate.wrinkles import WRINKLED_FRAMES
-from uvcloth.bodies.stream import BATCH
-from uvcloth.files.atomic import atomic_write
+from .viewer import ViewerClip, pack_body, pack_clip
+from .wrinkles import WRINKLED_FRAMES
 
 TEMPLATES = Path(__file__).with_name("templates")
 METRICS = "metrics.json"

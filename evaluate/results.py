@@ -7,10 +7,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from evaluate.candidates import SIMULATION
-from evaluate.judge import MEMBER_SUFFIX, Scores
-from evaluate.look_fields import look_fields, turned_fields
-from evaluate.metrics import wrong_side_key
+from .candidates import SIMULATION
+from .judge import MEMBER_SUFFIX, Scores
+from .look_fields import look_fields, turned_fields
+from .metrics import wrong_side_key
 
 STAGE_SUFFIXES = ("_raw", "")
 """Suffixes of scores before and after the finish."""

@@ -5,9 +5,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from evaluate.actions import Window, find_missing, find_windows, people_in
-from evaluate.case import Case, make_case, open_case, outfit_name, simulated_together
-from evaluate.maps import garment_map
 from uvcloth.bodies.body import Body
 from uvcloth.dataset.bodies import folder_body
 from uvcloth.dataset.clip import SimulatedClip
@@ -18,6 +15,10 @@ from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.garments.loading import load_garment_for_data
 from uvcloth.garments.templates import TEMPLATES, fit_template
 from uvcloth.garments.untangling import untangle
+
+from .actions import Window, find_missing, find_windows, people_in
+from .case import Case, make_case, open_case, outfit_name, simulated_together
+from .maps import garment_map
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from evaluate.case import outfit_name
-from evaluate.report import Picture
-from evaluate.viewer import ViewerClip
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.mesh import join_meshes
 from uvcloth.render import BODY_COLOR, Color, Surface, contact_sheet, render, three_quarter
+
+from .case import outfit_name
+from .report import Picture
+from .viewer import ViewerClip
 
 MOMENTS = (0.3, 0.6, 0.9)
 """Shares of a window at which it is pictured."""

@@ -6,8 +6,6 @@ from itertools import islice
 import torch
 from torch import Tensor
 
-from evaluate.case import Case
-from evaluate.metrics import distance_scores
 from uvcloth.bodies.frames import body_frames, with_lead
 from uvcloth.dataset.clip import SimulatedClip
 from uvcloth.garments.garment import Garment
@@ -15,6 +13,9 @@ from uvcloth.geometry.rotations import rotate, rotate_back
 from uvcloth.geometry.skinning import skin_frames
 from uvcloth.methods.capabilities import feed_back
 from uvcloth.rollout import PreparedRollout
+
+from .case import Case
+from .metrics import distance_scores
 
 SHORT_ROLLOUT = 50
 """Frames of a short rollout (Motion-guided, Table 3)."""

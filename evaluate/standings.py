@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from evaluate.candidates import SIMULATION
+from .candidates import SIMULATION
 
 Results = Mapping[str, Any]
 """The content of metrics.json, as docs/metrics.md describes it."""

@@ -8,7 +8,7 @@ import torch
 from scipy.signal import csd
 from torch import Tensor
 
-from evaluate.metrics import Reference, swing_velocities
+from .metrics import Reference, swing_velocities
 
 BANDS = ((0, 1), (1, 3), (3, 8), (8, 15))
 """Lowest and highest frequency of each band, Hz."""

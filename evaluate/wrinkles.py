@@ -10,8 +10,8 @@ from itertools import pairwise
 import torch
 from torch import Tensor
 
-from evaluate.metrics import MM, Reference
-from evaluate.surface import Surface
+from .metrics import MM, Reference
+from .surface import Surface
 
 WAVELENGTHS = (0.2, 0.1, 0.05)
 """Limits between the bands, metres, from the longest waves to the shortest."""

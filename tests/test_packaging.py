@@ -1,8 +1,10 @@
-"""What gets installed: uvcloth and rasterize with their data, and never `train` or `evaluate`."""
+"""What gets installed: uvcloth and rasterize with their data; `train` and `evaluate` inside uvcloth alone."""
 
+import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tomllib
 import zipfile
 from itertools import chain
@@ -11,24 +13,27 @@ from pathlib import Path
 import pytest
 from packaging.requirements import Requirement
 
+from tests.wheel import ROLLOUT, SCRIPTS, build
+
 ROOT = Path(__file__).parents[1]
 FLOORS = ("rasterize", "uvcloth")
+INSIDE = ("train", "evaluate")
 
 
 @pytest.fixture(scope="module")
-def wheel_names(tmp_path_factory) -> set[str]:
-    """Names in a wheel built from a copy of the sources, since building leaves files beside them."""
+def wheel(tmp_path_factory) -> Path:
+    """A wheel built from a copy of the sources, since building leaves files beside them."""
     pytest.importorskip("setuptools", minversion="80")
     source = tmp_path_factory.mktemp("source")
-    for name in ("uvcloth", "rasterize", "train", "evaluate"):
+    for name in (*FLOORS, *INSIDE):
         shutil.copytree(ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", "README.md", "LICENSE", "NOTICE"):
+    for name in ("pyproject.toml", "setup.py", "README.md", "LICENSE", "NOTICE"):
         shutil.copy(ROOT / name, source / name)
-    build = "import sys; from setuptools import build_meta; build_meta.build_wheel(sys.argv[1])"
-    target = source / "wheel"
-    target.mkdir()
-    subprocess.run([sys.executable, "-c", build, target], cwd=source, check=True, capture_output=True)
-    (wheel,) = target.glob("*.whl")
+    return build("wheel", source, source / "wheel")
+
+
+@pytest.fixture(scope="module")
+def wheel_names(wheel) -> set[str]:
     with zipfile.ZipFile(wheel) as archive:
         return set(archive.namelist())
 
@@ -39,9 +44,44 @@ def test_the_wheel_holds_the_two_floors_only(wheel_names):
 
 
 def test_the_wheel_holds_every_module_and_all_data(wheel_names):
-    sources = {path for floor in FLOORS for path in (ROOT / floor).rglob("*") if path.is_file()}
-    missing = {str(path.relative_to(ROOT)) for path in sources if path.suffix != ".pyc"} - wheel_names
-    assert not missing
+    sources = {path for top in (*FLOORS, *INSIDE) for path in (ROOT / top).rglob("*") if path.is_file()}
+    names = {path.relative_to(ROOT).as_posix() for path in sources if path.suffix != ".pyc"}
+    installed = {f"uvcloth/{name}" if name.startswith(INSIDE) else name for name in names}
+    assert not installed - wheel_names
+
+
+def test_the_installed_wheel_works_from_another_folder(wheel, tmp_path):
+    """With the packages of this environment; `python -m tests.wheel` installs those of the wheel."""
+    venv, away = tmp_path / "venv", tmp_path / "away"
+    away.mkdir()
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", venv], check=True)
+    library = Path(sysconfig.get_path("purelib", vars={"base": str(venv), "platbase": str(venv)}))
+    (library / "others.pth").write_text(sysconfig.get_path("purelib"))
+    pip = [
+        sys.executable,
+        "-m",
+        "pip",
+        "--python",
+        venv,
+        "install",
+        "--no-deps",
+        "--no-index",
+        "--no-compile",
+    ]
+    subprocess.run([*pip, wheel], check=True, capture_output=True)
+    (version,) = wheel.name.split("-")[1:2]
+    variables = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+
+    def printed(command: str) -> str:
+        words = [venv / SCRIPTS / "uvcloth", *command.split()[1:]]
+        done = subprocess.run(words, cwd=away, env=variables, check=True, capture_output=True, text=True)
+        return done.stdout
+
+    assert printed("uvcloth --version") == f"uvcloth {version}\n"
+    assert "physxnet" in printed("uvcloth train --help")
+    assert "--predicted" in printed("uvcloth evaluate --help")
+    assert "4 frames" in printed(f"{ROLLOUT} walk.glb")
+    assert (away / "walk.glb").stat().st_size > 10_000
 
 
 def test_the_wheel_says_that_it_is_typed(wheel_names):

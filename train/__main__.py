@@ -1,4 +1,7 @@
-"""`python -m train METHOD --out RUN`: fit a method to simulated sequences, or PBNS to physics alone."""
+"""`uvcloth train METHOD --out RUN`: fit a method to simulated sequences, or PBNS to physics alone.
+
+In a checkout `python -m train` is the same.
+"""
 
 import os
 import sys
@@ -11,13 +14,14 @@ from typing import Any
 import tyro
 from rich.console import Console
 
-from train.loop import format_scores
-from train.registry import TRAINERS
-from train.trainer import TrainingRun
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import sole_writer
 from uvcloth.files.options import parsed
 from uvcloth.process.command import run_command
+
+from .loop import format_scores
+from .registry import TRAINERS
+from .trainer import TrainingRun
 
 
 def parse(method: str, arguments: Sequence[str]) -> TrainingRun:
@@ -32,26 +36,32 @@ def parse(method: str, arguments: Sequence[str]) -> TrainingRun:
     default = starting_from(entry.run, entry.presets, _preset_of(arguments))
 
     def run() -> TrainingRun:
-        return tyro.cli(entry.run, args=arguments, default=default, prog=f"python -m train {method}")
+        return tyro.cli(entry.run, args=arguments, default=default, prog=f"uvcloth train {method}")
 
     return parsed(run, arguments)
 
 
 def main() -> None:
-    """Parse the command line and train."""
-    method, *arguments = sys.argv[1:] or ["--help"]
+    """Parse the command line of the process and train."""
+    run(sys.argv[1:])
+
+
+def run(words: Sequence[str]) -> None:
+    """Parse a command line and train. Raises as `parse`, and InputError for data that do not serve."""
+    method, *arguments = words or ["--help"]
     if method in ("-h", "--help"):
-        print(f"usage: python -m train {{{','.join(TRAINERS)}}} --out RUN [--help]")
+        print(f"usage: uvcloth train {{{','.join(TRAINERS)}}} --out RUN [--help]")
         return
-    run = parse(method, arguments)
+    training = parse(method, arguments)
     if find_spec("lightning") is None:
         raise InputError("training needs Lightning: install uvcloth[train]")
     # Of several processes that Lightning starts for one run, the first claims its folder.
     ranks = ("LOCAL_RANK", "NODE_RANK", "GROUP_RANK")
     first = all(os.environ.get(rank, "0") == "0" for rank in ranks)
-    with sole_writer(run.out) if first else nullcontext():
-        scores = run.train()
-    Console().print(f"{run.out}: kept that of step {scores['step']:.0f}, validation: {format_scores(scores)}")
+    with sole_writer(training.out) if first else nullcontext():
+        scores = training.train()
+    kept = f"kept that of step {scores['step']:.0f}, validation: {format_scores(scores)}"
+    Console().print(f"{training.out}: {kept}")
 
 
 def starting_from(

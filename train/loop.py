@@ -15,11 +15,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from torch import Tensor, nn
 
-from train.state import STATE, Progressed, State, load_state, save_state
 from uvcloth.errors import InputError
 from uvcloth.files.atomic import make_folder, require_there
 from uvcloth.files.options import AtLeast, Between
 from uvcloth.process.interruption import uninterrupted
+
+from .state import STATE, Progressed, State, load_state, save_state
 
 PROGRESS_KEYS = ("step", "minutes")
 """Keys in addition to the scores of a validation."""

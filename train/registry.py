@@ -1,10 +1,10 @@
 """The methods that can be trained, by name."""
 
-from train.deepsd import run as deepsd
-from train.motion_guided import run as motion_guided
-from train.pbns import run as pbns
-from train.physxnet import run as physxnet
-from train.trainer import TrainerEntry
+from .deepsd import run as deepsd
+from .motion_guided import run as motion_guided
+from .pbns import run as pbns
+from .physxnet import run as physxnet
+from .trainer import TrainerEntry
 
 TRAINERS: dict[str, TrainerEntry] = {
     "physxnet": physxnet.ENTRY,

@@ -5,6 +5,8 @@ Their modules import heavy ones when they run, so that `uvcloth --help` answers 
 
 import sys
 from collections.abc import Callable, Sequence
+from importlib import import_module
+from pathlib import Path
 from typing import Protocol
 
 from tyro.extras import subcommand_cli_from_dict
@@ -36,6 +38,12 @@ uvcloth fit shirt.obj
 
 uvcloth rollout --motion walk.bvh --garment shirt.obj --out walk.mp4 walk.glb
 
+Train a method, judge methods:
+
+uvcloth train physxnet --data data --out runs/first
+
+uvcloth evaluate --model lbs_smooth runs/first --data data --out report
+
 uvcloth --version"""
 
 
@@ -63,6 +71,9 @@ COMMANDS: dict[str, Callable[..., Command]] = {
 }
 """The subcommands by name, in the order of the help text."""
 
+PROGRAMS = ("train", "evaluate")
+"""Commands that are packages: inside this one when installed from a wheel, beside it in a checkout."""
+
 
 def main() -> int:
     """Run `uvcloth` and return the exit code (0, 2 for bad input, 130 after Ctrl-C)."""
@@ -86,6 +97,18 @@ def _run() -> None:
     if sys.argv[1:] == ["--version"]:
         print(f"uvcloth {package_version()}")
         return
+    if sys.argv[1:2] and sys.argv[1] in PROGRAMS:
+        _program(sys.argv[1])(sys.argv[2:])
+        return
     command = parse(sys.argv[1:])
     with printed_log():
         command.run()
+
+
+def _program(name: str) -> Callable[[Sequence[str]], None]:
+    """The function that runs the arguments of one of PROGRAMS."""
+    package = Path(__file__).parent
+    if (package / name / "__main__.py").is_file():
+        return import_module(f"uvcloth.{name}.__main__").run
+    sys.path.insert(0, str(package.parent))
+    return import_module(f"{name}.__main__").run

@@ -42,16 +42,6 @@ def test_garment_frames_are_the_vertices(glb: GlbReader, animation: Animation) -
             assert np.median(agreement) > 0.98
 
 
-def test_texture_coordinates_and_faces_survive(glb: GlbReader, animation: Animation) -> None:
-    for name, mesh in zip(animation.names, animation.meshes, strict=True):
-        primitive = glb.mesh(name).primitives[0]
-        corners = glb.read(primitive.indices).astype(int).reshape(-1, 3)
-        np.testing.assert_array_equal(glb.source(name)[corners], mesh.faces.numpy())
-        uvs = glb.read(primitive.attributes.TEXCOORD_0)[corners]
-        uvs[..., 1] = 1 - uvs[..., 1]
-        np.testing.assert_allclose(uvs, mesh.uvs[mesh.face_uvs].numpy(), atol=1e-6)
-
-
 def test_seam_vertices_follow_the_mesh_s_own(animation: Animation) -> None:
     mesh = animation.meshes[0]
     source, _, uvs = split_seams(mesh)

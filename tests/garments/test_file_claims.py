@@ -1,6 +1,8 @@
 """Mesh files and clothes that claim what they do not have, and that name files of other folders."""
 
+import os
 import struct
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -165,3 +167,29 @@ def test_what_is_no_file_is_refused_at_once(tmp_path: Path) -> None:
     for name in ("folder", "endless", "loop", "pipe"):
         with pytest.raises(InputError, match=rf"{name}\.obj: (no such file|cannot be read)"):
             read_mesh(tmp_path / f"{name}.obj")
+
+
+@pytest.mark.parametrize(
+    ("name", "head", "size", "count"),
+    [
+        ("million.ply", PLY.format(vertices=10**6, last=2).encode(), 2**33, "1,000,000 vertices"),
+        ("faces.ply", b"ply\nelement vertex 4\r\nelement face 3000000\n", 2**33, "3,000,000 faces"),
+        ("million.stl", bytes(80) + struct.pack("<I", 10**8), 84 + 50 * 10**8, "300,000,000 vertices"),
+        ("million.off", b"OFF # of a scanner\n1000000 4 0\n", 2**33, "1,000,000 vertices"),
+        ("million.obj", b"v 0 0 0\n" * 10**6, 8 * 10**6, "1,000,000 vertices"),
+        ("text.stl", b"vertex 0 0 0\n" * 10**6, 13 * 10**6, "1,000,000 vertices"),
+    ],
+)  # fmt: skip
+def test_a_large_mesh_is_refused_before_it_is_read(
+    name: str, head: bytes, size: int, count: str, tmp_path: Path
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(head)
+    os.truncate(path, size)
+    tracemalloc.start()
+    try:
+        with pytest.raises(InputError, match=rf"{name}: the garment has {count}, at most"):
+            read_mesh(path)
+        assert tracemalloc.get_traced_memory()[1] < 5e6
+    finally:
+        tracemalloc.stop()

@@ -9,7 +9,6 @@ import torch
 from rich.progress import track
 from torch import Tensor
 
-from train.pbns.poses import Poses
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import TrainingData
 from uvcloth.dataset.clip import SimulatedClip
@@ -23,6 +22,8 @@ from uvcloth.geometry.mesh import first_of
 from uvcloth.methods.deepsd.outfit_graph import OutfitGraph, outfit_graph
 from uvcloth.methods.rig import pose_vectors
 from uvcloth.motion.index import require_one_split
+
+from ..pbns.poses import Poses
 
 
 @dataclass(frozen=True)

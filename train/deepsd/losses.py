@@ -8,11 +8,12 @@ from typing import Annotated, Literal
 import torch
 from torch import Tensor
 
-from train.deepsd.prediction import PosedOutfit
 from uvcloth.errors import InputError
 from uvcloth.files.options import Between
 from uvcloth.methods.deepsd.outfit_graph import OutfitGraph
 from uvcloth.physics.measures import length_change
+
+from .prediction import PosedOutfit
 
 MILLI = 1000.0
 """Lengths are logged in millimetres, energies in millijoules."""

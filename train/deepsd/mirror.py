@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import torch
 
-from train.deepsd.dataset import OutfitFrames
 from uvcloth.geometry.mirror import counterparts, mirror_transforms
 from uvcloth.methods.rig import pose_vectors
+
+from .dataset import OutfitFrames
 
 
 def mirror_outfit(frames: OutfitFrames) -> OutfitFrames:

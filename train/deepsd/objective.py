@@ -8,17 +8,18 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from train.deepsd.dataset import OutfitDataset, OutfitFrames
-from train.deepsd.losses import DataLosses, data_losses
-from train.deepsd.prediction import DrawnPoses, describe, pose_outfits
-from train.deepsd.validation import Validation
-from train.loop import Objective
 from uvcloth.checkpoint import save_checkpoint
 from uvcloth.geometry.records import CPU
 from uvcloth.methods.deepsd.config import DeePSDConfig
 from uvcloth.methods.deepsd.method import DeePSD, deepsd_checkpoint
 from uvcloth.methods.deepsd.network import Branch, DeePSDNetwork
 from uvcloth.methods.deepsd.outfit_graph import pack
+
+from ..loop import Objective
+from .dataset import OutfitDataset, OutfitFrames
+from .losses import DataLosses, data_losses
+from .prediction import DrawnPoses, describe, pose_outfits
+from .validation import Validation
 
 MEASURED_OUTFITS = 32
 """Outfits over which the layers of a new network are standardized, at most."""

@@ -6,10 +6,6 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from train.batched_collision import InnerLayer, PosedParts, inner_layers
-from train.deepsd.dataset import OutfitFrames
-from train.deepsd.losses import PhysicsLosses
-from train.deepsd.prediction import PosedOutfit
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.opened import Opening
 from uvcloth.bodies.posing import posed_skin
@@ -24,6 +20,11 @@ from uvcloth.physics.energies import (
     join_energies,
 )
 from uvcloth.physics.fabric import JERSEY
+
+from ..batched_collision import InnerLayer, PosedParts, inner_layers
+from .dataset import OutfitFrames
+from .losses import PhysicsLosses
+from .prediction import PosedOutfit
 
 
 @dataclass(frozen=True)

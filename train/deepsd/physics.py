@@ -9,12 +9,6 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
-from train.deepsd.dataset import OutfitDataset, OutfitFrames
-from train.deepsd.losses import MILLI, PhysicsLosses
-from train.deepsd.objective import DeePSDObjective
-from train.deepsd.outfit_energy import OutfitEnergy
-from train.deepsd.prediction import Described, DrawnPoses, PosedOutfit, describe, pose_outfits
-from train.deepsd.validation import POSES
 from uvcloth.checkpoint import TrainingData, load_checkpoint
 from uvcloth.errors import InputError
 from uvcloth.geometry.fingerprint import fingerprint
@@ -24,6 +18,13 @@ from uvcloth.methods.deepsd.method import BRANCHES, DeePSD, load_deepsd
 from uvcloth.methods.deepsd.outfit_graph import pack
 from uvcloth.methods.method import require_supported
 from uvcloth.methods.registry import SHIPPED
+
+from .dataset import OutfitDataset, OutfitFrames
+from .losses import MILLI, PhysicsLosses
+from .objective import DeePSDObjective
+from .outfit_energy import OutfitEnergy
+from .prediction import Described, DrawnPoses, PosedOutfit, describe, pose_outfits
+from .validation import POSES
 
 SHIPPED_MODEL = "shipped"
 """The name of the DeePSD in the package, instead of a run."""

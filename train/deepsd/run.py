@@ -1,4 +1,4 @@
-"""`python -m train deepsd`: its settings and presets."""
+"""`uvcloth train deepsd`: its settings and presets."""
 
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -9,14 +9,6 @@ import tyro
 from rich.console import Console
 from tyro.conf import OmitArgPrefixes
 
-from train.deepsd.dataset import OutfitDataset, posed_outfit, read_outfits
-from train.deepsd.losses import DataLosses, PhysicsLosses
-from train.deepsd.mirror import mirror_outfit
-from train.deepsd.objective import DataObjective, DeePSDObjective
-from train.deepsd.physics import PhysicsObjective, load_start
-from train.loop import LoopConfig, check_run, fit, training_device
-from train.pbns.poses import poses_for
-from train.trainer import TrainerEntry
 from uvcloth.bodies.body import load_body
 from uvcloth.commands.options import FOLDER, GARMENT, BodyFile
 from uvcloth.errors import InputError
@@ -28,6 +20,15 @@ from uvcloth.methods.deepsd.config import DeePSDConfig
 from uvcloth.methods.deepsd.method import ENTRY as METHOD
 from uvcloth.methods.method import require_fabric_read
 from uvcloth.physics.fabric import FabricName
+
+from ..loop import LoopConfig, check_run, fit, training_device
+from ..pbns.poses import poses_for
+from ..trainer import TrainerEntry
+from .dataset import OutfitDataset, posed_outfit, read_outfits
+from .losses import DataLosses, PhysicsLosses
+from .mirror import mirror_outfit
+from .objective import DataObjective, DeePSDObjective
+from .physics import PhysicsObjective, load_start
 
 LOSSES: dict[str, DataLosses] = {
     "default": DataLosses(),

@@ -7,9 +7,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from train.deepsd.dataset import OutfitFrames
-from train.deepsd.losses import MILLI
-from train.deepsd.prediction import DrawnPoses, PosedOutfit, describe, pose_outfits
 from uvcloth.bodies.collider import Collider, make_collider
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.geometry.skinning import skin
@@ -17,6 +14,10 @@ from uvcloth.methods.deepsd.network import Branch
 from uvcloth.physics.measures import edge_change, fold_cosine
 from uvcloth.physics.obstacle import ContactGarment, Obstacle
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+
+from .dataset import OutfitFrames
+from .losses import MILLI
+from .prediction import DrawnPoses, PosedOutfit, describe, pose_outfits
 
 Energy = Callable[[OutfitFrames, PosedOutfit, Tensor], Tensor]
 """The energy () of an outfit in Q poses, joint transforms (Q, J, 3, 4)."""

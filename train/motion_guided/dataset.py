@@ -7,7 +7,6 @@ import torch
 from rich.console import Console
 from torch import Tensor
 
-from train.mirror import mirror_clips
 from uvcloth.dataset.bodies import folder_body
 from uvcloth.dataset.clip import SimulatedClip, count_frames
 from uvcloth.dataset.reader import read_clips, require_rests
@@ -24,6 +23,8 @@ from uvcloth.methods.motion_guided.garment_maps import GarmentMaps
 from uvcloth.methods.motion_guided.latent import Space
 from uvcloth.methods.motion_guided.seeds import PosedSeeds, pose_seeds, seeds_on
 from uvcloth.physics.surface import BodySurface
+
+from ..mirror import mirror_clips
 
 CLEARANCE = 0.002
 """Metres that the rest shape should keep off the body at rest (epsilon of L_SDF)."""

@@ -4,10 +4,11 @@ import torch
 from rich.progress import track
 from torch import Tensor
 
-from train.motion_guided.dataset import FRAMES_AT_ONCE, GarmentDataset
 from uvcloth.geometry.rotations import rotate, rotate_back
 from uvcloth.methods.motion_guided.dynamics_input import pose_transforms
 from uvcloth.methods.motion_guided.latent import DISPLACEMENT_SCALE, LinearSpace, Space
+
+from .dataset import FRAMES_AT_ONCE, GarmentDataset
 
 ROUNDS = 4
 """Iterations that take a garment back to the rest space."""

@@ -9,10 +9,6 @@ import torch
 from rich.progress import track
 from torch import Tensor, nn
 
-from train.loop import Objective
-from train.motion_guided.dataset import FRAMES_AT_ONCE, GarmentDataset, GarmentFrames, offsets_of
-from train.motion_guided.linear_space import fit_linear
-from train.validation import mean_errors, rollout_distances
 from uvcloth.checkpoint import load_checkpoint, save_checkpoint
 from uvcloth.dataset.splits import Holdout
 from uvcloth.errors import InputError
@@ -36,6 +32,11 @@ from uvcloth.methods.motion_guided.method import (
     faces_hash,
     motion_guided_checkpoint,
 )
+
+from ..loop import Objective
+from ..validation import mean_errors, rollout_distances
+from .dataset import FRAMES_AT_ONCE, GarmentDataset, GarmentFrames, offsets_of
+from .linear_space import fit_linear
 
 
 @dataclass(frozen=True)

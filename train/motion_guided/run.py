@@ -1,4 +1,4 @@
-"""`python -m train motion_guided`: its settings, presets and losses."""
+"""`uvcloth train motion_guided`: its settings, presets and losses."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -6,21 +6,22 @@ from typing import Annotated
 
 from tyro.conf import OmitArgPrefixes
 
-from train.loop import LoopConfig, check_run, fit, has_begun, training_device
-from train.motion_guided.dataset import GarmentDataset
-from train.motion_guided.objective import (
+from uvcloth.commands.options import FOLDER
+from uvcloth.errors import InputError
+from uvcloth.files.options import AtLeast, NewFolder
+from uvcloth.methods.motion_guided.config import MotionGuidedConfig
+from uvcloth.methods.motion_guided.method import ENTRY as METHOD
+
+from ..loop import LoopConfig, check_run, fit, has_begun, training_device
+from ..trainer import TrainerEntry
+from .dataset import GarmentDataset
+from .objective import (
     SHAPE,
     DynamicsObjective,
     MotionGuidedLosses,
     ShapeObjective,
     load_shape_space,
 )
-from train.trainer import TrainerEntry
-from uvcloth.commands.options import FOLDER
-from uvcloth.errors import InputError
-from uvcloth.files.options import AtLeast, NewFolder
-from uvcloth.methods.motion_guided.config import MotionGuidedConfig
-from uvcloth.methods.motion_guided.method import ENTRY as METHOD
 
 LOOPS: dict[str, LoopConfig] = {
     "fast": LoopConfig(steps=1200, validate_every=100, keep="last"),

@@ -9,10 +9,6 @@ from typing import Any, Literal
 import torch
 from torch import Tensor, nn
 
-from train.loop import Objective
-from train.pbns.energy import EnergyConfig, PBNSEnergy
-from train.pbns.poses import Poses
-from train.pbns.smoothing import GradientSmoothing
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.collider import make_collider
 from uvcloth.bodies.posing import posed_skin
@@ -36,6 +32,11 @@ from uvcloth.physics.obstacle import Obstacle
 from uvcloth.physics.posed_batch import ClosestPointCache, empty_cache
 from uvcloth.physics.surface import BodySurface
 from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Surface, contact_sheet, render, three_quarter
+
+from ..loop import Objective
+from .energy import EnergyConfig, PBNSEnergy
+from .poses import Poses
+from .smoothing import GradientSmoothing
 
 SMOOTHING = 0.5
 """Share of the blend shapes' gradient that is smoothed over the garment."""

@@ -1,4 +1,4 @@
-"""`python -m train pbns`: its settings and presets."""
+"""`uvcloth train pbns`: its settings and presets."""
 
 from dataclasses import dataclass, field
 from functools import partial
@@ -9,11 +9,6 @@ import tyro
 from rich.console import Console
 from tyro.conf import OmitArgPrefixes
 
-from train.loop import LoopConfig, check_run, fit, training_device
-from train.pbns.energy import EnergyConfig, FabricOptions
-from train.pbns.objective import SMOOTHING, AttachmentConfig, PBNSObjective, held_vertices
-from train.pbns.poses import poses_for
-from train.trainer import TrainerEntry
 from uvcloth.bodies.body import load_body
 from uvcloth.commands.options import GARMENT, BodyFile
 from uvcloth.files.options import Between, NewFolder, Several
@@ -21,6 +16,12 @@ from uvcloth.garments.garment import Outfit
 from uvcloth.garments.loading import load_garment
 from uvcloth.methods.pbns.method import ENTRY as METHOD
 from uvcloth.methods.pbns.network import PBNSConfig
+
+from ..loop import LoopConfig, check_run, fit, training_device
+from ..trainer import TrainerEntry
+from .energy import EnergyConfig, FabricOptions
+from .objective import SMOOTHING, AttachmentConfig, PBNSObjective, held_vertices
+from .poses import poses_for
 
 LOOPS: dict[str, LoopConfig] = {
     "default": LoopConfig(steps=2500, batch=16, weight_decay=0.0, validate_every=500, keep="last"),

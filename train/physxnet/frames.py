@@ -8,12 +8,13 @@ from rich.progress import track
 from torch import Tensor
 
 from rasterize.bake import scatter_map
-from train.physxnet.prepare import Prepared, SharedTexels
 from uvcloth.bodies.frames import HISTORY, body_frames, with_lead
 from uvcloth.dataset.reader import BodyClips
 from uvcloth.dataset.rows import Rows, joined_rows, led_in
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.maps import motion_values, pose_values, template_offsets
+
+from .prepare import Prepared, SharedTexels
 
 BAKED_AT_ONCE = 16
 """Frames that are posed at once."""

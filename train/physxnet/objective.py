@@ -11,11 +11,6 @@ import torch
 from rich.console import Console
 from torch import Tensor, nn
 
-from train.loop import Objective
-from train.physxnet.frames import Frames, load_frames
-from train.physxnet.patchgan import PatchGAN, discriminator_loss, generator_loss
-from train.physxnet.prepare import Prepared, SharedTexels, prepare, share_texels
-from train.validation import mean_errors, rollout_distances
 from uvcloth.bodies.body import Body
 from uvcloth.bodies.posing import posed_skin
 from uvcloth.checkpoint import save_checkpoint
@@ -33,6 +28,12 @@ from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.maps import garment_vertices
 from uvcloth.methods.physxnet.method import PhysXNet, PhysXNetPrepared, offsets_of, physxnet_checkpoint
 from uvcloth.methods.physxnet.network import GarmentNet, mirror
+
+from ..loop import Objective
+from ..validation import mean_errors, rollout_distances
+from .frames import Frames, load_frames
+from .patchgan import PatchGAN, discriminator_loss, generator_loss
+from .prepare import Prepared, SharedTexels, prepare, share_texels
 
 STATISTICS_STRIDE = 4
 """Every n-th training frame enters the statistics."""

@@ -1,4 +1,4 @@
-"""`python -m train physxnet`: its settings, presets and losses."""
+"""`uvcloth train physxnet`: its settings, presets and losses."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -6,14 +6,15 @@ from typing import Annotated
 
 from tyro.conf import OmitArgPrefixes
 
-from train.loop import LoopConfig, check_run, fit, training_device
-from train.physxnet.objective import Losses, PhysXNetObjective
-from train.trainer import TrainerEntry
 from uvcloth.commands.options import FOLDER
 from uvcloth.errors import InputError
 from uvcloth.files.options import NewFolder, Several
 from uvcloth.methods.physxnet.config import PhysXNetConfig
 from uvcloth.methods.physxnet.method import ENTRY as METHOD
+
+from ..loop import LoopConfig, check_run, fit, training_device
+from ..trainer import TrainerEntry
+from .objective import Losses, PhysXNetObjective
 
 LOSSES: dict[str, Losses] = {
     "default": Losses(),

@@ -29,7 +29,7 @@ class Data:
     """Unpack a packed folder into another one instead, for training and evaluation."""
     export: Annotated[Path | None, arg(metavar="OUT", help_behavior_hint=""), NewFolder()] = None
     """Write body, motion, garments and simulation of the validation and test sequences as USD and Alembic
-    instead, for other programs; `python -m evaluate --predicted` judges what they make of them."""
+    instead, for other programs; `uvcloth evaluate --predicted` judges what they make of them."""
 
     def run(self) -> None:
         """List, pack, unpack or export. Raises InputError for bad input."""

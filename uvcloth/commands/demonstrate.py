@@ -91,7 +91,7 @@ class Snapshots:
 def demonstrate(out: Path) -> None:
     """Simulate outfits over a motion that stops suddenly, roll methods out on it, write files and pictures.
 
-    `make demo` then lets `python -m evaluate` compare the methods in a report. Raises InputError if the
+    `make demo` then lets `uvcloth evaluate` compare the methods in a report. Raises InputError if the
     folder cannot be written.
     """
     console, body = Console(), load_body()

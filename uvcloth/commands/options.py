@@ -16,7 +16,7 @@ TemplateName = Literal["tops", "bottoms", "dress", "shirt", "skirt", "jacket"]
 
 TEMPLATE_NAMES = ", ".join(get_args(TemplateName))
 FABRIC_NAMES = "|".join(get_args(FabricName))
-TRAINED = "a folder written by `python -m train`"
+TRAINED = "a folder written by `uvcloth train`"
 
 MOTIONS = (".bvh", ".glb", ".gltf", ".vrm", ".npz")
 """Suffixes of motion files."""

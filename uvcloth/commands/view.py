@@ -25,7 +25,7 @@ class View:
         tuple[str, ...],
         arg(
             metavar="NAME|RUN ...",
-            help="Folders written by `python -m train` to choose from, in addition to "
+            help="Folders written by `uvcloth train` to choose from, in addition to "
             f"{', '.join(METHODS)}; or one of these names. The first is shown first.",
             help_behavior_hint=f"(default: {DEFAULT})",
         ),

@@ -25,6 +25,7 @@ from uvcloth.errors import InputError
 from uvcloth.files.fields import LONGEST
 from uvcloth.formats.matlab import read_matlab
 from uvcloth.formats.obj import read_obj
+from uvcloth.formats.size import refuse_large_file
 from uvcloth.garments.attach import DIFFUSION, make_garment
 from uvcloth.garments.garment import Garment, Outfit
 from uvcloth.geometry.fingerprint import fingerprint
@@ -284,6 +285,7 @@ def _garment(folder: Path, name: str, body: Body, upright: Tensor) -> Garment:
     path = folder / f"{name}.obj"
     if not path.is_file():
         raise InputError(f"{folder}: lacks {path.name}, the {name} at rest")
+    refuse_large_file(path)
     read = read_obj(path)
     if not len(read.vertices) or not len(read.faces):
         raise InputError(f"{path}: has no faces")

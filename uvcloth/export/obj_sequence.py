@@ -8,7 +8,8 @@ import numpy as np
 
 from uvcloth.export.animation import Animation, posed_body
 from uvcloth.export.obj import faces_text, save_materials
-from uvcloth.geometry.authored import Polygons, SurfaceMaterial, polygons_of
+from uvcloth.geometry.authored import Labels, Polygons, SurfaceMaterial, polygons_of
+from uvcloth.render import BODY_COLOR, GARMENT_COLORS, Color
 
 
 def write_obj_sequence(animation: Animation, path: Path) -> None:
@@ -19,6 +20,9 @@ def write_obj_sequence(animation: Animation, path: Path) -> None:
     meshes = [*animation.meshes, *([animation.body.mesh] if animation.body else [])]
     names = [*animation.names, *(["body"] if animation.body else [])]
     parts = [_named(polygons_of(mesh), name) for mesh, name in zip(meshes, names, strict=True)]
+    if any(part.materials or part.groups.names for part in parts):
+        shades = [GARMENT_COLORS[index % len(GARMENT_COLORS)] for index in range(len(animation.meshes))]
+        parts = [_labelled(*each) for each in zip(parts, names, [*shades, BODY_COLOR], strict=False)]
     materials = tuple(material for part in parts for material in part.materials)
     head = "# metres, Z up\n"
     if materials:
@@ -50,6 +54,17 @@ def _named(polygons: Polygons, name: str) -> Polygons:
         return replace(material, name=f"{name}_{material.name}", texture=texture)
 
     return replace(polygons, materials=tuple(map(prefixed, polygons.materials)))
+
+
+def _labelled(polygons: Polygons, name: str, color: Color) -> Polygons:
+    """The polygons, with a material and a group where they have none: they would take those before them."""
+    groups, materials, material = polygons.groups, polygons.materials, polygons.material
+    if (groups.of < 0).any():
+        groups = Labels((*groups.names, name), np.where(groups.of < 0, len(groups.names), groups.of))
+    if (material < 0).any():
+        material = np.where(material < 0, len(materials), material)
+        materials = (*materials, SurfaceMaterial(name, (*color, 1.0)))
+    return replace(polygons, groups=groups, materials=materials, material=material)
 
 
 def _frames(animation: Animation) -> Iterator[list[np.ndarray]]:

@@ -12,7 +12,7 @@ from uvcloth.files.reading import read_content
 from uvcloth.formats.gltf_document import LARGEST
 from uvcloth.formats.gltf_mesh import read_gltf_mesh
 from uvcloth.formats.obj import read_obj
-from uvcloth.formats.size import refuse_too_many
+from uvcloth.formats.size import refuse_large_file, refuse_too_many
 from uvcloth.geometry.mesh import Mesh
 
 EXTENSIONS = (".obj", ".ply", ".glb", ".gltf", ".stl", ".off")
@@ -30,6 +30,7 @@ def read_mesh(path: Path) -> Mesh:
     if path.suffix.lower() not in EXTENSIONS:
         ending = f"not in '{path.suffix}'" if path.suffix else "this name has no ending"
         raise InputError(f"{path}: a garment file ends in {', '.join(EXTENSIONS)} or .mhclo, {ending}")
+    refuse_large_file(path)
     mesh = _read(path)
     check_mesh(path, mesh)
     return mesh

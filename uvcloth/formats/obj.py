@@ -11,7 +11,6 @@ import torch
 
 from uvcloth.errors import InputError, cause
 from uvcloth.formats.materials import Pictures, read_libraries, read_text
-from uvcloth.formats.size import refuse_too_many
 from uvcloth.geometry.authored import AuthoredMesh, Labels, Polygons, SurfaceMaterial, UvSet
 
 LARGEST_INDEX = 2**31
@@ -37,7 +36,7 @@ class _Names:
 def read_obj(path: Path) -> AuthoredMesh:
     """Read an OBJ, its vertices float64 as they are.
 
-    Raises InputError naming a line that is not valid, and for more than MOST_VERTICES.
+    Raises InputError naming a line that is not valid.
     """
     vertices: list[list[float]] = []
     uvs: list[list[float]] = []
@@ -45,9 +44,7 @@ def read_obj(path: Path) -> AuthoredMesh:
     sizes: list[int] = []
     objects, groups, used = _Names(), _Names(), _Names()
     libraries: list[str] = []
-    lines = read_text(path)
-    refuse_too_many(path, sum(line.startswith("v ") for line in lines))
-    for number, line in enumerate(lines, start=1):
+    for number, line in enumerate(read_text(path), start=1):
         try:
             match line.split():
                 case ["v", _, _, _, *_] as words:

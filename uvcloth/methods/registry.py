@@ -102,7 +102,7 @@ def load_method(name_or_run: str | Path, body: "Body") -> "Method":
         return entry.create(entry.config)
     if not (folder / CONFIG).exists() and name in METHODS:
         raise InputError(
-            f"{name}: no trained model ships; train it (python -m train {name}) and name its run folder"
+            f"{name}: no trained model ships; train it (uvcloth train {name}) and name its run folder"
         )
     if not (folder / CONFIG).exists():
         close = get_close_matches(name, METHODS, n=1)

@@ -277,7 +277,7 @@ def load_motion_guided(checkpoint: Checkpoint, folder: Path) -> MotionGuided:
     if not any(name.startswith("dynamics.") for name in checkpoint.tensors):
         raise InputError(
             f"{folder}: holds only the first stage, the shape space; "
-            "continue with `python -m train motion_guided --resume`"
+            "continue with `uvcloth train motion_guided --resume`"
         )
     method: MotionGuided = restored(checkpoint, folder, MotionGuidedConfig, MotionGuided.untrained, Both)
     return replace(method, topology=str(checkpoint.notes.get("garment_topology", "")))

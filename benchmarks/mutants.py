@@ -1,0 +1,340 @@
+"""Mutation testing of the rooms that decide what a user gets: which small faults do their tests not notice?
+
+python benchmarks/mutants.py --out ../mutants --room export --count 30
+
+Plants one fault at a time into a copy of the checkout: another operator, a lost sign, another index or axis,
+a changed number, a turned condition, a dropped statement. --seed draws the places. Results are lines of
+OUT/results.jsonl; a run with the same OUT goes on where the last one ended. A mutant is tested by the tests
+of its room alone, in a fork of this process, in which the libraries are loaded once. For a file with compiled
+loops the cache is new: loops that were compiled before contain the old code of others.
+
+mutmut's trampolines cannot be compiled by Numba. cosmic-ray neither samples nor drops statements, and starts
+Python anew for every mutant, which is most of the time here. So this is our own.
+"""
+
+import ast
+import importlib
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import suppress
+from copy import deepcopy
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from random import Random
+from typing import Any
+
+import pytest
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@dataclass(frozen=True)
+class Room:
+    """Files that are mutated, and the tests that should notice, the quickest first: patterns of paths."""
+
+    sources: tuple[str, ...]
+    tests: tuple[str, ...]
+
+
+ROOMS = {
+    "export": Room(
+        (
+            *("uvcloth/export/gltf*.py", "uvcloth/export/usd*.py", "uvcloth/export/obj*.py"),
+            *(f"uvcloth/export/{name}.py" for name in ("alembic", "animation", "glb", "pointcache", "rig")),
+        ),
+        (
+            "tests/export/test_oracle.py",
+            *(f"tests/export/test_{name}*.py" for name in ("gltf", "usd", "alembic", "obj", "pointcache")),
+            *(f"tests/export/test_{name}.py" for name in ("survival", "rig", "writer")),
+        ),
+    ),
+    "rollout": Room(
+        ("uvcloth/rollout.py", "uvcloth/looped.py"), ("tests/test_rollout.py", "tests/test_looped.py")
+    ),
+    "physics": Room(("uvcloth/physics/*.py", "uvcloth/physics/cloth/*.py"), ("tests/physics",)),
+    "retarget": Room(
+        tuple(f"uvcloth/motion/{name}.py" for name in ("retarget", "rest", "arms", "posture", "clip", "bvh")),
+        tuple(f"tests/motion/test_{name}.py" for name in ("retarget", "rest", "bvh", "families")),
+    ),
+    "decode": Room(
+        tuple(f"rasterize/{name}.py" for name in ("decode", "gather", "bake", "texels", "layout")),
+        tuple(f"tests/rasterize/test_{name}.py" for name in ("decode", "gather", "bake", "texels", "layout")),
+    ),
+    "losses": Room(
+        (
+            *("train/deepsd/losses.py", "train/deepsd/outfit_energy.py", "train/pbns/energy.py"),
+            *(
+                "train/physxnet/patchgan.py",
+                "train/loop.py",
+                "train/mirror.py",
+                "uvcloth/physics/energies.py",
+            ),
+        ),
+        (
+            *(
+                "tests/train/test_loop.py",
+                "tests/train/pbns/test_energy.py",
+                "tests/physics/test_energies.py",
+            ),
+            *("tests/train/physxnet", "tests/train/test_mirror.py", "tests/train/deepsd"),
+        ),
+    ),
+}
+
+LIBRARIES = (
+    *("torch", "numpy", "scipy.spatial", "scipy.sparse.linalg", "trimesh", "numba", "kornia", "pygltflib"),
+    *("hypothesis", "pxr.Usd", "pxr.UsdSkel", "alembic3d", "lightning.fabric", "torch.utils.tensorboard"),
+)
+"""Loaded before the forks."""
+
+SPARE_SECONDS = 30
+"""CPU seconds that a mutant may take beyond three times those of the tests without a fault."""
+
+SWAPS: dict[type[ast.AST], type[ast.AST]] = {
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Mult,
+    ast.Pow: ast.Mult, ast.Mod: ast.Add, ast.Lt: ast.GtE, ast.LtE: ast.Lt, ast.Gt: ast.LtE, ast.GtE: ast.Gt,
+    ast.Eq: ast.NotEq, ast.NotEq: ast.Eq, ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn,
+    ast.NotIn: ast.In, ast.And: ast.Or, ast.Or: ast.And, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd,
+}  # fmt: skip
+"""Operators and what takes their place."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A fault: text that takes the place of another. start, end: (line from 1, byte) of it."""
+
+    file: str
+    kind: str
+    start: tuple[int, int]
+    end: tuple[int, int]
+    text: str
+
+    def source(self, content: str) -> str:
+        """The content of the file with the fault."""
+        lines = content.encode().splitlines(keepends=True)
+        (first, left), (last, right) = self.start, self.end
+        head = b"".join(lines[: first - 1]) + lines[first - 1][:left]
+        tail = lines[last - 1][right:] + b"".join(lines[last:])
+        return (head + self.text.encode() + tail).decode()
+
+
+def mutants_of(file: str, content: str) -> Iterator[Mutant]:
+    """Every fault that can be planted into a file."""
+    for node in _code(ast.parse(content)):
+        for kind, changed in _changes(node):
+            text = ast.unparse(changed)
+            text = text if isinstance(node, ast.stmt) else f"({text})"
+            start, end = (node.lineno, node.col_offset), (node.end_lineno, node.end_col_offset)
+            yield Mutant(file, kind, start, end, text)
+
+
+def _code(node: ast.AST) -> Iterator[Any]:
+    """The nodes that compute: no annotations, decorators, error messages or texts."""
+    skipped = {"annotation", "returns", "decorator_list", "names"}
+    for name, value in ast.iter_fields(node):
+        if name in skipped or isinstance(node, ast.Raise | ast.JoinedStr | ast.Assert):
+            continue
+        for child in value if isinstance(value, list) else [value]:
+            if isinstance(child, ast.AST):
+                if hasattr(child, "lineno"):
+                    yield child
+                yield from _code(child)
+
+
+def _changes(node: Any) -> Iterator[tuple[str, ast.AST]]:
+    """Faults of one node: their kind, and the node that takes its place."""
+    new = deepcopy(node)
+    match node:
+        case ast.BinOp() | ast.BoolOp() if type(node.op) in SWAPS:
+            new.op = SWAPS[type(node.op)]()
+            yield "operator", new
+        case ast.Compare(ops=[operator]) if type(operator) in SWAPS:
+            new.ops = [SWAPS[type(operator)]()]
+            yield "comparison", new
+        case ast.UnaryOp(op=ast.USub() | ast.Not(), operand=operand):
+            yield "sign", operand
+        case ast.Constant(value=bool(value)):
+            yield "constant", ast.Constant(not value)
+        case ast.Constant(value=int(value)):
+            yield "index or number", ast.Constant(value + 1)
+        case ast.Constant(value=float(value)):
+            yield "number", ast.Constant(value * 1.5 + 0.1 * (value == 0))
+        case ast.IfExp(body=body, orelse=other):
+            yield "condition", ast.IfExp(node.test, other, body)
+        case ast.Expr(value=ast.Call()) | ast.AugAssign() | ast.Assign(targets=[ast.Subscript()]):
+            yield "dropped", ast.Pass()
+        case ast.If(orelse=[]):
+            new.test = ast.Constant(False)
+            yield "dropped", new
+
+
+def drawn(room: Room, count: int, seed: int) -> list[Mutant]:
+    """Faults of a room in random order, so that a larger count begins with those of a smaller one."""
+    files = sorted({path for pattern in room.sources for path in ROOT.glob(pattern)})
+    found = [
+        mutant
+        for path in files
+        for mutant in mutants_of(path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8"))
+    ]
+    Random(seed).shuffle(found)
+    return found[:count]
+
+
+class FirstFailure:
+    """A pytest plugin that writes the name of the first test that fails to a file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        """Keep the name of a failed test."""
+        if report.failed and not self._path.exists():
+            self._path.write_text(report.nodeid)
+
+
+@dataclass(frozen=True)
+class Tried:
+    """Outcome of a test run: killed, survived or time; the test that failed; CPU seconds."""
+
+    outcome: str
+    by: str
+    seconds: float
+
+
+def try_tests(copy: Path, tests: tuple[str, ...], cache: Path, limit: int) -> Tried:
+    """Run tests in a fork of this process."""
+    said = copy.parent / "failed"
+    said.unlink(missing_ok=True)
+    child = os.fork()
+    if not child:
+        code = 99
+        try:
+            code = _run_tests(copy, tests, cache, limit, said)
+        finally:
+            os._exit(code)
+    _, status, used = os.wait4(child, 0)
+    seconds = round(used.ru_utime + used.ru_stime, 1)
+    by = said.read_text() if said.exists() else ""
+    if os.WIFSIGNALED(status):
+        return Tried("time", by, seconds)
+    return Tried("survived" if os.WEXITSTATUS(status) == 0 else "killed", by, seconds)
+
+
+def _run_tests(copy: Path, tests: tuple[str, ...], cache: Path, limit: int, said: Path) -> int:
+    """The exit code of pytest in the copy of the checkout."""
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
+    os.chdir(copy)
+    os.environ.update(PYTHONPATH=str(copy), UVCLOTH_CACHE=str(cache), PYTHONDONTWRITEBYTECODE="1")
+    sys.path[:] = [str(copy), *(path for path in sys.path if Path(path or ".").resolve() != ROOT)]
+    sys.dont_write_bytecode = True
+    with (copy.parent / "output").open("w") as stream:
+        os.dup2(stream.fileno(), 1)
+        os.dup2(stream.fileno(), 2)
+        paths = [str(path.relative_to(copy)) for test in tests for path in sorted(copy.glob(test))]
+        return pytest.main(
+            ["-x", "-q", "-n0", "-p", "no:cacheprovider", *paths], plugins=[FirstFailure(said)]
+        )
+
+
+def make_copy(folder: Path) -> Path:
+    """A copy of the files that git tracks, or will."""
+    copy = folder / "checkout"
+    command = ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z"]
+    names = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.split("\0")
+    for name in filter(None, names):
+        if (ROOT / name).is_file():
+            (copy / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(ROOT / name, copy / name)
+    return copy
+
+
+@dataclass(frozen=True)
+class Mutants:
+    """Plant faults, run the tests of their room, and say which were not noticed."""
+
+    out: Path
+    """Folder of the results."""
+    room: tuple[str, ...] = tuple(ROOMS)
+    """Some of the rooms."""
+    count: int = 30
+    """Mutants of each room."""
+    seed: int = 0
+    """Decides the places."""
+
+    def run(self) -> None:
+        """Try the mutants that have no result yet, and print the table."""
+        os.environ.setdefault("OMP_NUM_THREADS", "1")
+        for name in LIBRARIES:
+            with suppress(ImportError):
+                importlib.import_module(name)
+        folder = self.out.resolve()
+        shutil.rmtree(folder / "checkout", ignore_errors=True)
+        copy = make_copy(folder)
+        results = folder / "results.jsonl"
+        done = {
+            json.dumps(row["mutant"]): row
+            for row in map(json.loads, results.read_text().splitlines() if results.exists() else ())
+        }
+        for name in self.room:
+            room = ROOMS[name]
+            limit = self._limit(name, room, copy, folder)
+            for number, mutant in enumerate(drawn(room, self.count, self.seed)):
+                if json.dumps(asdict(mutant)) in done:
+                    continue
+                tried = self._try(mutant, room, copy, folder, limit)
+                row = {"room": name, "seed": self.seed, "mutant": asdict(mutant), **asdict(tried)}
+                done[json.dumps(asdict(mutant))] = json.loads(json.dumps(row))
+                with results.open("a") as stream:
+                    stream.write(json.dumps(row) + "\n")
+                place = f"{mutant.file}:{mutant.start[0]}"
+                print(f"{name} {number} {tried.outcome} {tried.seconds} s {place} {mutant.kind}", flush=True)
+        _print_table(list(done.values()))
+
+    def _limit(self, name: str, room: Room, copy: Path, folder: Path) -> int:
+        """CPU seconds for a mutant; the tests have to pass without one."""
+        tried = try_tests(copy, room.tests, folder / "cache", 3600)
+        print(f"{name}: {tried.seconds} CPU s without a fault", flush=True)
+        if tried.outcome != "survived":
+            raise SystemExit(f"{name}: the tests fail without a fault: {tried.by}, {folder / 'output'}")
+        return int(3 * tried.seconds) + SPARE_SECONDS
+
+    def _try(self, mutant: Mutant, room: Room, copy: Path, folder: Path, limit: int) -> Tried:
+        """Plant one fault, run the tests, and take it out again."""
+        path = copy / mutant.file
+        content = path.read_text(encoding="utf-8")
+        compiled = "uvcloth.process.compiled" in content
+        cache = folder / ("cache_of_mutant" if compiled else "cache")
+        path.write_text(mutant.source(content), encoding="utf-8")
+        try:
+            return try_tests(copy, room.tests, cache, limit + 600 * compiled)
+        finally:
+            path.write_text(content, encoding="utf-8")
+            shutil.rmtree(folder / "cache_of_mutant", ignore_errors=True)
+
+
+def _print_table(rows: list[dict[str, Any]]) -> None:
+    """Print outcomes by room, and the faults that survived."""
+    table = Table("room", "mutants", "killed", "time", "survived")
+    for room in dict.fromkeys(row["room"] for row in rows):
+        counts = Counter(row["outcome"] for row in rows if row["room"] == room)
+        table.add_row(room, *map(str, (counts.total(), *(counts[k] for k in ("killed", "time", "survived")))))
+    console = Console()
+    console.print(table)
+    for row in rows:
+        if row["outcome"] == "survived":
+            mutant = Mutant(**row["mutant"])
+            place = f"{mutant.file}:{mutant.start[0]}:{mutant.start[1]}"
+            console.print(f"{row['room']} {place} {mutant.kind}: {mutant.text}", markup=False, soft_wrap=True)
+
+
+if __name__ == "__main__":
+    tyro.cli(Mutants).run()
