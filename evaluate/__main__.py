@@ -34,16 +34,17 @@ class Evaluate:
             metavar="NAME|RUN ...",
             help=f"Methods: {list_methods()}; or folders written by `python -m train`. For layered outfits "
             "also one method per garment, the innermost first: RUN_A+RUN_B. NAME@dynamic and NAME@static add "
-            "a finish of the cloth solver.",
+            "a finish of the cloth solver, physics@fast and NAME@dynamic@fine choose its cages.",
         ),
         Several(),
     ] = ()
     predicted: Annotated[
         tuple[str, ...],
         tyro.conf.arg(
-            metavar="NAME=DIR ...",
+            metavar="NAME=DIR[@FINISH] ...",
             help="Folders with the sequences of other programs: for DATA/CLIP_GARMENT.npz a file "
-            "CLIP_GARMENT with the suffix .npz, .pc2, .mdd, .abc, .usd, .usda or .usdc.",
+            "CLIP_GARMENT with the suffix .npz, .pc2, .mdd, .abc, .usd, .usda or .usdc. NAME=DIR@dynamic and "
+            "@static add a finish of the cloth solver.",
         ),
         Several(),
     ] = ()

@@ -21,7 +21,7 @@ from evaluate.judge import (
     judge,
     judge_simulation,
 )
-from evaluate.predicted import Prediction, judge_prediction, require_files
+from evaluate.predicted import Prediction, covered, judge_prediction
 from evaluate.progress import progress
 from evaluate.results import PartScores, repeatability_floor, representation_floor, stability, summarize
 from evaluate.selection import Cases, Opener
@@ -61,10 +61,10 @@ def compare(
     prediction that does not fit, and for a method that supports none of the outfits.
     """
     dressing = assigned(candidates, cases.outfits, cases.data)
-    require_files(predictions, [(opener.outfit, opener.windows) for opener in cases.openers])
+    windows = [(opener.outfit, opener.windows) for opener in cases.openers]
+    covering = covered(predictions, cases.outfits, windows)
     entrants: list[tuple[Opener, list[Entrant]]] = [
-        (opener, [*dressing[opener.outfit], *(each for each in predictions if each.covers(opener.windows))])
-        for opener in cases.openers
+        (opener, [*dressing[opener.outfit], *covering[opener.outfit]]) for opener in cases.openers
     ]
     code = code_fingerprint()
     judged = []

@@ -59,6 +59,7 @@ JUDGING = (
     "evaluate/judge.py",
     "evaluate/predicted.py",
     "evaluate/predicted_file.py",
+    "evaluate/recorded.py",
 )
 """The sources and data that decide a score."""
 
@@ -81,8 +82,10 @@ class CaseScores:
     shown: Tensor
 
 
-def judge(case: Case, candidate: Candidate) -> CaseScores:
+def judge(case: Case, candidate: Candidate, live: bool = True) -> CaseScores:
     """Roll a method out from the first warm-up frame and score the scored frames.
+
+    live: False for a recording, which has neither times nor a turned scene.
 
     A method that uses feedback, or has parts that only do what a finish does, is rolled out again without
     it for the scores before the finish, which otherwise would depend on it. One that uses feedback is
@@ -100,10 +103,12 @@ def judge(case: Case, candidate: Candidate) -> CaseScores:
         stable = stability_scores(prepared, case)
         more = {name: {**scores, **more.get(name, {})} for name, scores in stable.items()}
     scored = score(case, raw, resolved)
-    turned = continuity_scores(case, prepared, resolved)
-    parts = {name: {**scores, **more.get(name, {}), **turned[name]} for name, scores in scored.parts.items()}
-    whole = case.parts[-1].name
-    return CaseScores({**parts, whole: {**parts[whole], **times}}, scored.shown)
+    parts = {name: {**scores, **more.get(name, {})} for name, scores in scored.parts.items()}
+    if live:
+        turned = continuity_scores(case, prepared, resolved)
+        parts = {name: {**scores, **turned[name]} for name, scores in parts.items()}
+        parts[case.parts[-1].name] |= times
+    return CaseScores(parts, scored.shown)
 
 
 def _predicted(case: Case, prepared: PreparedRollout) -> tuple[Tensor, Tensor, Scores]:
