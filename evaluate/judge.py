@@ -92,13 +92,13 @@ def judge(case: Case, candidate: Candidate, live: bool = True) -> CaseScores:
     also rolled out from the truth. Raises InputError if a prediction is not a finite number.
     """
     prepared = prepare_rollout(candidate.method, case.outfit)
-    raw, resolved, times = _predicted(case, prepared)
+    raw, resolved, times = rolled_out(case, prepared)
     more = representation(case, prepared)
     feeds_back = uses_feedback(prepared, case)
     if prepared.method is not candidate.method:
-        raw, _, _ = _predicted(case, prepare_rollout(candidate.method, case.outfit, clear=False))
+        raw, _, _ = rolled_out(case, prepare_rollout(candidate.method, case.outfit, clear=False))
     elif feeds_back:
-        raw, _, _ = _predicted(case, replace(prepared, clearing=None))
+        raw, _, _ = rolled_out(case, replace(prepared, clearing=None))
     if feeds_back:
         stable = stability_scores(prepared, case)
         more = {name: {**scores, **more.get(name, {})} for name, scores in stable.items()}
@@ -111,7 +111,7 @@ def judge(case: Case, candidate: Candidate, live: bool = True) -> CaseScores:
     return CaseScores(parts, scored.shown)
 
 
-def _predicted(case: Case, prepared: PreparedRollout) -> tuple[Tensor, Tensor, Scores]:
+def rolled_out(case: Case, prepared: PreparedRollout) -> tuple[Tensor, Tensor, Scores]:
     """All vertices (F, N, 3) of a rollout in the scored frames, predicted and finished, and its times."""
     raw, resolved, milliseconds = [], [], []
     for frame in islice(prepared.frames(case.motion, case.fps), case.start, None):

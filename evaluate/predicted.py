@@ -1,7 +1,7 @@
 """Sequences of other programs, judged by the same measures as methods: a file for every judged sequence."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import torch
@@ -9,13 +9,16 @@ import torch
 from evaluate.actions import Window
 from evaluate.candidates import FINISHED, SIMULATION, Candidate, finished
 from evaluate.case import Case
-from evaluate.judge import CaseScores, judge
-from evaluate.predicted_file import READERS, read_prediction
+from evaluate.judge import CaseScores, judge, rolled_out
+from evaluate.metrics import energy_scores
+from evaluate.predicted_file import READERS, find_file, read_prediction
 from evaluate.recorded import Recorded
+from uvcloth.dataset.folder import MEMBERS, member_folder
 from uvcloth.errors import InputError
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.methods.method import Method, Traits
+from uvcloth.rollout import prepare_rollout
 
 NAMED = "="
 """Separator between the name and the folder of a prediction."""
@@ -41,15 +44,13 @@ class Prediction:
     training: Mapping[str, float] = field(default_factory=dict)
     traits: Traits = field(default_factory=Traits)
 
-    def find(self, window: Window) -> Path | None:
-        """The file of a window, None without one. Raises InputError if there are two."""
-        paths = [self.folder / f"{window.path.stem}{suffix}" for suffix in READERS]
-        there = [path for path in paths if path.is_file()]
-        if len(there) > 1:
-            raise InputError(
-                f"{there[0]}: {there[1].name} beside it is of the same sequence, keep one of them"
-            )
-        return there[0] if there else None
+    def rollouts(self, windows: Sequence[Window]) -> list[Path]:
+        """The folder, and those of its members that have files of some windows."""
+        members = [member_folder(self.folder, member) for member in range(1, MEMBERS)]
+        return [
+            self.folder,
+            *(each for each in members if all(find_file(each, w.path.stem) for w in windows)),
+        ]
 
     def finished(self, method: Method) -> Method:
         """A method with the finish. Raises InputError for one that is not known."""
@@ -103,9 +104,13 @@ def covered(
     cases = list(windows)
     covering: dict[str, list[Prediction]] = {name: [] for name in outfits}
     for prediction in predictions:
-        names = {name for name, together in cases if any(map(prediction.find, together))}
+        names = {
+            name
+            for name, together in cases
+            if any(find_file(prediction.folder, window.path.stem) for window in together)
+        }
         for window in (w for name, together in cases if name in names or not names for w in together):
-            if prediction.find(window) is None:
+            if find_file(prediction.folder, window.path.stem) is None:
                 raise InputError(
                     f"{prediction.folder}: lacks the sequence {window.path.stem} ({', '.join(READERS)})"
                 )
@@ -121,19 +126,36 @@ def covered(
 def judge_prediction(case: Case, prediction: Prediction) -> CaseScores:
     """Score the sequences of another program in the scored frames, as they are and after the finish.
 
-    Raises InputError naming the file that does not fit the simulation, see `read_prediction`.
+    Other rollouts of it, in the folder of each member as in data, give an energy score. Raises InputError
+    naming the file that does not fit the simulation, see `read_prediction`.
     """
+    first, *others = [_played(case, prediction, folder) for folder in prediction.rollouts(case.windows)]
+    judged = judge(case, first, live=False)
+    if not others:
+        return judged
+    finished = [rolled_out(case, prepare_rollout(each.method, case.outfit))[1] for each in (first, *others)]
+    parts = {
+        part.name: {
+            **judged.parts[part.name],
+            **energy_scores([vertices[:, part.rows] for vertices in finished], part.reference),
+        }
+        for part in case.parts
+    }
+    return replace(judged, parts=parts)
+
+
+def _played(case: Case, prediction: Prediction, folder: Path) -> Candidate:
+    """The sequences of a folder as a method."""
     garments = []
     for window, simulated in zip(case.windows, case.clip.garments, strict=True):
-        path = prediction.find(window)
+        path = find_file(folder, window.path.stem)
         assert path is not None
         garments.append(read_prediction(path, simulated, case.clip.fps))
     method = prediction.finished(Recorded.of(prediction.name, case.clip.transforms, garments))
-    played = Candidate(prediction.name, method, 0.0, prediction.fingerprint, frozenset())
-    return judge(case, played, live=False)
+    return Candidate(prediction.name, method, 0.0, prediction.fingerprint, frozenset())
 
 
 def _fingerprint(folder: Path) -> str:
-    """Hash of names, sizes and times of the files of a folder: kept scores of others are not reused."""
-    files = [(path.name, path.stat()) for path in sorted(folder.iterdir())]
+    """Hash of names, sizes and times of all files of a folder: kept scores of others are not reused."""
+    files = [(str(path.relative_to(folder)), path.stat()) for path in sorted(folder.rglob("*"))]
     return fingerprint(*(f"{name}/{stat.st_size}/{stat.st_mtime_ns}" for name, stat in files))

@@ -15,6 +15,7 @@ from evaluate.continuity import TURNED_FRAMES
 from evaluate.cost_chart import cost_charts
 from evaluate.familiar import cautions
 from evaluate.force_balance import BALANCED_FRAMES, MOST_FORCE
+from evaluate.intervals import LEAST_CLIPS, Interval
 from evaluate.look_table import GROUPS, impossible_frames, look_rows
 from evaluate.results import LONG
 from evaluate.stability import SHORT_ROLLOUT
@@ -168,6 +169,8 @@ def write_report(
         paper_costs=PAPER_COSTS,
         missing=[f"{a}, {t} ({why})" for a, by in results["missing"].items() for t, why in by.items()],
         standings=standings(results),
+        least_clips=LEAST_CLIPS,
+        range=_range,
         ranked=[*garments_in(results), *results["outfits"]],
         outfit_rows=outfit_rows(results),
         charts=_bar_charts(results),
@@ -188,6 +191,11 @@ def write_report(
         mark=mark,
     )
     return _write(Path(out) / REPORT, page)
+
+
+def _range(interval: Interval | None) -> str:
+    """An interval in figures; a dash where there is none."""
+    return DASH if interval is None else f"{number(interval[0])} … {number(interval[1])}"
 
 
 def _bar_charts(results: Results) -> dict[str, list[Any]]:

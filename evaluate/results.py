@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from evaluate.candidates import SIMULATION
+from evaluate.intervals import clip_figures
 from evaluate.judge import MEMBER_SUFFIX, Scores
 from evaluate.look_fields import look_fields, turned_fields
 from evaluate.metrics import wrong_side_key
@@ -149,6 +150,7 @@ def _tables(entries: Sequence[PartScores], simulation: Sequence[PartScores]) -> 
             for stage in STAGE_SUFFIXES
         },
         "stability": {part: stability(windows) for part, windows in parts.items()},
+        "clips": {part: _by_clip([each for each in entries if each.part == part]) for part in parts},
         **{
             f"stop_energy_mj_kg{stage}": {
                 part: _over_time([each[key] for each in windows if (key := f"stop_energy{stage}") in each])
@@ -156,6 +158,15 @@ def _tables(entries: Sequence[PartScores], simulation: Sequence[PartScores]) -> 
             }
             for stage in STAGE_SUFFIXES
         },
+    }
+
+
+def _by_clip(entries: Sequence[PartScores]) -> dict[str, dict[str, float | None]]:
+    """The figures of a part by clip, for intervals."""
+    clips = dict.fromkeys(entry.clip for entry in entries)
+    return {
+        clip: clip_figures([entry.scores for entry in entries if entry.clip == clip], STAGE_SUFFIXES)
+        for clip in clips
     }
 
 
@@ -270,7 +281,9 @@ def _chance(scores: Sequence[Scores], stage: str) -> dict[str, float | None]:
         _mean(scores, f"{key}{stage}") if scores else None for key in ("ensemble_mm", "nearest_member_mm")
     )
     spread = _mean(scores, f"{SPREAD}vertex_mean_mm") if scores else 0.0
+    energy = [each for each in scores if "energy_score_mm" in each]
     return {
+        **({} if stage else {"energy_score_mm": _mean(energy, "energy_score_mm") if energy else None}),
         f"ensemble_mm{stage}": ensemble,
         f"nearest_member_mm{stage}": nearest,
         f"spread_ratio{stage}": ensemble / spread if ensemble is not None and spread > 0 else None,
