@@ -31,10 +31,13 @@ from uvcloth.geometry.kept import keep_arrays, kept_arrays
 from uvcloth.methods.capabilities import round_trip
 from uvcloth.rollout import PreparedRollout, prepare_rollout
 
-SCORES_FORMAT = "uvcloth-judged-8"
+SCORES_FORMAT = "uvcloth-judged-9"
 
 MEMBER_SUFFIX = "_member"
 """Suffix of the scores of another simulation."""
+
+REPRESENTED = "representation_"
+"""Prefix of the scores of a method's own representation."""
 
 ENCODED_AT_ONCE = 16
 """Frames that are written in a method's representation at the same time: bounds the memory of large maps."""
@@ -182,7 +185,7 @@ def _look_scores(case: Case, part: Part, vertices: Tensor) -> Scores:
 
 @torch.no_grad()
 def representation(case: Case, prepared: PreparedRollout) -> dict[str, Scores]:
-    """Errors of the simulation written in a method's representation and read back, mm and mm2, by part.
+    """Errors, mm and mm2, and swing of the simulation written in a representation and read back, by part.
 
     Empty for a method without a representation of its own.
     """
@@ -197,8 +200,16 @@ def representation(case: Case, prepared: PreparedRollout) -> dict[str, Scores]:
             return {}
         chunks.append(torch.cat(read, dim=1))
     shown = torch.cat(chunks)
-    errors = {part.name: distance_scores(shown[:, part.rows], part.reference.vertices) for part in case.parts}
-    return {name: {f"representation_{k}": v for k, v in scores.items()} for name, scores in errors.items()}
+    return {
+        part.name: {
+            f"{REPRESENTED}{key}": values
+            for key, values in {
+                **distance_scores(shown[:, part.rows], part.reference.vertices),
+                **swing_scores(shown[:, part.rows], part.reference),
+            }.items()
+        }
+        for part in case.parts
+    }
 
 
 def cached(out: Path, case: Case, name: str, setting: str, work: Callable[[], CaseScores]) -> CaseScores:

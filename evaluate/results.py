@@ -9,7 +9,7 @@ from torch import Tensor
 
 from evaluate.candidates import SIMULATION
 from evaluate.intervals import clip_figures
-from evaluate.judge import MEMBER_SUFFIX, Scores
+from evaluate.judge import MEMBER_SUFFIX, REPRESENTED, Scores
 from evaluate.look_fields import look_fields, turned_fields
 from evaluate.metrics import wrong_side_key
 
@@ -46,8 +46,8 @@ FIGURES = {
 }
 """The three figures of a floor: the distance score that is averaged, and the power of its mean."""
 
-REPRESENTED, SPREAD = "representation_", "spread_"
-"""Prefixes of the distance scores of a method's own representation, and of an ensemble's members."""
+SPREAD = "spread_"
+"""Prefix of the distance scores of an ensemble's members."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def summarize(
         whole = {name: [entry for entry in scores if entry.part == name] for name in judged}
         return {
             **_tables(single, simulation),
-            "representation": _by_garment(single, REPRESENTED),
+            "representation": _represented(single),
             "outfits": {name: _outfit(whole[name], simulation, outfits[name]) for name in judged},
         }
 
@@ -196,6 +196,24 @@ def _sides(scores: Sequence[Scores], garments: Sequence[str]) -> dict[str, dict[
         }
         for stage in STAGE_SUFFIXES
     }
+
+
+def _represented(entries: Sequence[PartScores]) -> dict[str, dict[str, float | None]]:
+    """The figures of a method's own representation by garment, those of a floor and the swing."""
+    having = [entry for entry in entries if f"{REPRESENTED}swing_speed" in entry.scores]
+    swings = {
+        garment: swing([_without(entry.scores, REPRESENTED) for entry in having if entry.part == garment])
+        for garment in dict.fromkeys(entry.part for entry in having)
+    }
+    return {
+        garment: {**each, **swings.get(garment, {})}
+        for garment, each in _by_garment(entries, REPRESENTED).items()
+    }
+
+
+def _without(scores: Scores, prefix: str) -> Scores:
+    """The scores with a prefix, under their names without it."""
+    return {key.removeprefix(prefix): values for key, values in scores.items() if key.startswith(prefix)}
 
 
 def _by_garment(entries: Sequence[PartScores], prefix: str) -> dict[str, dict[str, float]]:
