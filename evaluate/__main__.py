@@ -60,6 +60,8 @@ class Evaluate:
     """Size of the maps for the map MSE."""
     pictures: bool = True
     """Draw pictures of every action, of latent spaces of garments, and of training and test motion."""
+    blind: bool = False
+    """Judge nothing, but write OUT/blind.html: pairs of clips without names, for people to compare."""
     threads: Threads = 1
     """Number of CPU threads; on a loaded machine several are slower than one."""
 
@@ -73,6 +75,7 @@ class Evaluate:
             self._judge()
 
     def _judge(self) -> None:
+        from evaluate.blind import write_blind
         from evaluate.candidates import load_candidates
         from evaluate.compare import compare
         from evaluate.garment_space import interpolations
@@ -90,6 +93,9 @@ class Evaluate:
             cases = find_cases(selection)
             candidates = load_candidates(self.model, cases.body)
             predictions = load_predictions(self.predicted, [candidate.name for candidate in candidates])
+            if self.blind:
+                print(write_blind(candidates, predictions, cases, self.out))
+                return
             results, shown = compare(candidates, cases, self.out, machine=used, predictions=predictions)
         metrics = write_metrics(self.out, results)
         images, spaces, motion = [], [], []
