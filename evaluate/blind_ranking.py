@@ -112,8 +112,8 @@ def strengths(wins: NDArray[np.float64]) -> NDArray[np.float64]:
     model = LogisticRegression(C=PRIOR, fit_intercept=False)
     # The same samples the other way round: a win of one is a loss of the other.
     model.fit(np.concatenate([signs, -signs]), np.repeat([1, 0], len(signs)), sample_weight=weights)
-    found: NDArray[np.float64] = model.coef_[0]
-    return found - found.mean()
+    strength: NDArray[np.float64] = model.coef_[0]
+    return strength - strength.mean()
 
 
 def table(ranked: Sequence[Ranked]) -> str:

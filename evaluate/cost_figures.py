@@ -127,7 +127,7 @@ def _spread(judged: Mapping[str, Cells]) -> float | None:
 
 
 def _represented(results: Results, garment: str, measure: Measure) -> list[Floor]:
-    """What each method can represent at best; methods that share it have one line."""
+    """The limit of each method's representation; methods that share it have one line."""
     names: dict[str, list[str]] = {}
     values: dict[str, float] = {}
     for name, method in results["methods"].items():
