@@ -37,16 +37,17 @@ class Evaluate:
             metavar="NAME|RUN ...",
             help=f"Methods: {list_methods()}; or folders written by `uvcloth train`. For layered outfits "
             "also one method per garment, the innermost first: RUN_A+RUN_B. NAME@dynamic and NAME@static add "
-            "a finish of the cloth solver.",
+            "a finish of the cloth solver, physics@fast and NAME@dynamic@fine choose its cages.",
         ),
         Several(),
     ] = ()
     predicted: Annotated[
         tuple[str, ...],
         tyro.conf.arg(
-            metavar="NAME=DIR ...",
+            metavar="NAME=DIR[@FINISH] ...",
             help="Folders with the sequences of other programs: for DATA/CLIP_GARMENT.npz a file "
-            "CLIP_GARMENT with the suffix .npz, .pc2, .mdd, .abc, .usd, .usda or .usdc.",
+            "CLIP_GARMENT with the suffix .npz, .pc2, .mdd, .abc, .usd, .usda or .usdc. NAME=DIR@dynamic and "
+            "@static add a finish of the cloth solver.",
         ),
         Several(),
     ] = ()
@@ -62,6 +63,8 @@ class Evaluate:
     """Size of the maps for the map MSE."""
     pictures: bool = True
     """Draw pictures of every action, of latent spaces of garments, and of training and test motion."""
+    blind: bool = False
+    """Judge nothing, but write OUT/blind.html: pairs of clips without names, for people to compare."""
     threads: Threads = 1
     """Number of CPU threads; on a loaded machine several are slower than one."""
 
@@ -77,6 +80,7 @@ class Evaluate:
     def _judge(self) -> None:
         from uvcloth.commands.threads import limited_threads
 
+        from .blind import write_blind
         from .candidates import load_candidates
         from .compare import compare
         from .garment_space import interpolations
@@ -93,6 +97,9 @@ class Evaluate:
             cases = find_cases(selection)
             candidates = load_candidates(self.model, cases.body)
             predictions = load_predictions(self.predicted, [candidate.name for candidate in candidates])
+            if self.blind:
+                print(write_blind(candidates, predictions, cases, self.out))
+                return
             results, shown = compare(candidates, cases, self.out, machine=used, predictions=predictions)
         metrics = write_metrics(self.out, results)
         images, spaces, motion = [], [], []

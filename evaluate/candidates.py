@@ -7,13 +7,15 @@ from pathlib import Path
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import CONFIG, WEIGHTS, load_checkpoint
 from uvcloth.errors import InputError
+from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.fingerprint import fingerprint
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.finish_names import FinishName
 from uvcloth.methods.method import Method, Traits
-from uvcloth.methods.physics.finish import with_finish
+from uvcloth.methods.physics.finish import Finish, with_finish
 from uvcloth.methods.physics.method import Physics
+from uvcloth.methods.physics.outfit import PhysicsConfig
 from uvcloth.methods.registry import load_method, model_folder
 
 SIMULATION = "simulation"
@@ -23,10 +25,10 @@ IN_ORDER = "+"
 """Separator of models that form one candidate, one for each garment, the innermost first."""
 
 FINISHED = "@"
-"""Separator between a model, or several in order, and its finish by the solver."""
+"""Sign before the finish of a model, or of several in order, and before the quality of its cages."""
 
-SOLVED: tuple[FinishName, ...] = ("dynamic", "static")
-"""The finishes of the solver."""
+FINISHES: tuple[FinishName, ...] = ("dynamic", "static", "clear")
+"""The finishes that a name can ask for; clear is the usual one."""
 
 TRAINING = ("step", "epochs", "minutes", "samples")
 """The notes of a checkpoint on the length of its training."""
@@ -61,8 +63,9 @@ class Candidate:
 def load_candidates(models: Sequence[str], body: Body) -> tuple[Candidate, ...]:
     """Load methods by name, trained models by folder, and several in order with "+" between them.
 
-    With "@dynamic" or "@static" at the end, the cloth solver finishes the garments. Raises InputError for an
-    unknown name, for a name that occurs twice, and for the name SIMULATION.
+    With "@dynamic" or "@static" at the end, the cloth solver finishes the garments, and a quality of its
+    cages may follow ("@dynamic@fine", "physics@fast"). Raises InputError for an unknown name, for a name that
+    occurs twice, and for the name SIMULATION.
     """
     candidates = tuple(_load(model, body) for model in models)
     names = [candidate.name for candidate in candidates]
@@ -119,19 +122,33 @@ def _load_one(model: str, body: Body) -> Candidate:
     )
 
 
-def _finished(candidate: Candidate, finish: str) -> Candidate:
-    """The candidate with a finish, under a name that says so."""
-    named = next((each for each in SOLVED if each == finish), None)
-    if named is None:
-        raise InputError(
-            f"--model {candidate.name}{FINISHED}{finish}: expected {FINISHED}dynamic or {FINISHED}static"
-        )
+def _finished(candidate: Candidate, suffix: str) -> Candidate:
+    """The candidate with a finish, or with cages of a quality, under a name that says so."""
     return replace(
         candidate,
-        name=f"{candidate.name}{FINISHED}{finish}",
-        method=with_finish(candidate.method, named, Physics()),
-        fingerprint=fingerprint(candidate.fingerprint, finish),
+        name=f"{candidate.name}{FINISHED}{suffix}",
+        method=finished(candidate.method, suffix, f"--model {candidate.name}{FINISHED}{suffix}"),
+        fingerprint=fingerprint(candidate.fingerprint, suffix),
     )
+
+
+def finished(method: Method, suffix: str, option: str) -> Method:
+    """A method with the finish, or with cages of the quality, that a suffix of its name asks for.
+
+    option: for messages. Raises InputError for another suffix, and for the quality of a method without cages.
+    """
+    finish = next((each for each in FINISHES if each == suffix), None)
+    if finish:
+        return with_finish(method, finish, Physics())
+    if suffix not in QUALITIES:
+        known = ", ".join(f"{FINISHED}{each}" for each in (*FINISHES, *QUALITIES))
+        raise InputError(f"{option}: expected one of {known}")
+    physics = Physics(PhysicsConfig(suffix))
+    if isinstance(method, Finish):
+        return replace(method, physics=physics)
+    if isinstance(method, Physics):
+        return physics
+    raise InputError(f"{option}: only physics and the finishes dynamic and static have cages of a quality")
 
 
 def _in_order(parts: Sequence[Candidate]) -> Candidate:

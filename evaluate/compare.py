@@ -23,7 +23,7 @@ from .judge import (
     judge,
     judge_simulation,
 )
-from .predicted import Prediction, judge_prediction, require_files
+from .predicted import Prediction, covered, judge_prediction
 from .progress import progress
 from .results import PartScores, repeatability_floor, representation_floor, stability, summarize
 from .selection import Cases, Opener
@@ -61,12 +61,7 @@ def compare(
     rerun. A method is judged on the outfits that it supports. Raises InputError for a model, data or a
     prediction that does not fit, and for a method that supports none of the outfits.
     """
-    dressing = assigned(candidates, cases.outfits, cases.data)
-    require_files(predictions, [(opener.outfit, opener.windows) for opener in cases.openers])
-    entrants: list[tuple[Opener, list[Entrant]]] = [
-        (opener, [*dressing[opener.outfit], *(each for each in predictions if each.covers(opener.windows))])
-        for opener in cases.openers
-    ]
+    entrants = entrants_of(candidates, predictions, cases)
     code = code_fingerprint()
     judged = []
     with progress("Cases", sum(1 + len(each) for _, each in entrants)) as tick:
@@ -85,6 +80,16 @@ def compare(
         "machine": machine,
         "code": code[:12],
     }, [each.shown for each in judged]
+
+
+def entrants_of(
+    candidates: Sequence[Candidate], predictions: Sequence[Prediction], cases: Cases
+) -> list[tuple[Opener, list[Entrant]]]:
+    """The methods and predictions that can be judged on each case. Raises InputError as `compare` does."""
+    dressing = assigned(candidates, cases.outfits, cases.data)
+    windows = [(opener.outfit, opener.windows) for opener in cases.openers]
+    covering = covered(predictions, cases.outfits, windows)
+    return [(opener, [*dressing[opener.outfit], *covering[opener.outfit]]) for opener in cases.openers]
 
 
 def judged_case(

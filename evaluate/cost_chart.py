@@ -1,4 +1,4 @@
-"""Error against cost: each method as a point, on logarithmic axes, beside the floor of chance."""
+"""Charts against cost: each method as a point, beside the floors of chance and of what can be represented."""
 
 import math
 from collections.abc import Sequence
@@ -6,11 +6,16 @@ from dataclasses import dataclass
 
 from markupsafe import Markup, escape
 
-from .charts import number, open_chart, tick_label
-from .standings import Results, cells, garments_in, mean_of, methods_on
+from .charts import open_chart, tick_label, ticks
 
-WIDTH, BOTTOM, LEFT, RIGHT, TOP = 560, 270, 36, 340, 30
-"""Size of the chart and of its plot; names of methods are on its right."""
+WIDTH, LEFT, RIGHT, TOP = 560, 36, 340, 30
+"""Width of the chart, and its plot; names of methods and floors are on its right."""
+
+HEIGHT = 240
+"""Least height of the plot: it grows with the number of names."""
+
+SMALL_WIDTH, SMALL_HEIGHT, SMALL_LEFT = 190, 120, 26
+"""Size of the plot of a small chart, without names, and the place of its left end."""
 
 STRIP = 56
 """Width of the part of the plot that has the methods without a time."""
@@ -30,37 +35,57 @@ MINOR, MOST_TICKS = (1, 2, 5), 8
 
 @dataclass(frozen=True)
 class CostPoint:
-    """A method on a garment, over all actions.
+    """A method.
 
-    index: of its style. error, raw: mean vertex distance after and before the finish, mm. ms, raw_ms: time of
-    a frame with and without it, None if it was not timed.
+    index: of its style. value, raw: after and before the finish. ms, raw_ms: time of a frame with and without
+    it, None if it was not timed. says: the value in words.
     """
 
     name: str
     index: int
-    error: float
+    value: float
     raw: float
     ms: float | None
     raw_ms: float | None
+    says: str
 
 
 @dataclass(frozen=True)
-class LogAxis:
-    """Logarithmic axis: values low to high are at begin to end."""
+class Floor:
+    """A line at a value. style: of the line. says: its name and value in words."""
+
+    value: float
+    says: str
+    style: str = "floor"
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Axis on which values low to high are at begin to end. logarithmic: or else linear."""
 
     low: float
     high: float
     begin: float
     end: float
+    logarithmic: bool = True
 
     def at(self, value: float) -> float:
         """The place of a value; the end of the axis for one beyond it."""
         inside = min(max(value, self.low), self.high)
-        share = math.log(inside / self.low) / math.log(self.high / self.low)
+        share = (
+            math.log(inside / self.low) / math.log(self.high / self.low)
+            if self.logarithmic
+            else (inside - self.low) / (self.high - self.low)
+        )
         return self.begin + share * (self.end - self.begin)
 
     def ticks(self) -> list[float]:
-        """Values 1, 2 and 5 times a power of ten on the axis; the powers alone where those are too many."""
+        """Values 1, 2 and 5 times a power of ten, or the powers alone where those are too many.
+
+        On a linear axis they are round values.
+        """
+        if not self.logarithmic:
+            return ticks(self.high)
         powers = range(math.floor(math.log10(self.low)), math.ceil(math.log10(self.high)) + 1)
         values = [minor * 10.0**power for power in powers for minor in MINOR]
         inside = [value for value in values if self.low <= value <= self.high]
@@ -71,115 +96,146 @@ class LogAxis:
         )
 
 
-def cost_charts(results: Results) -> list[Markup]:
-    """A chart for each garment and outfit on which a method was timed."""
-    floors = results["floor"].get("repeatability_mm", {})
-    charts = []
-    for garment in (*garments_in(results), *results["outfits"]):
-        points = cost_points(results, garment)
-        if any(point.ms for point in points):
-            charts.append(cost_chart(f"{garment}: error and time per frame", points, floors.get(garment)))
-    return charts
+@dataclass(frozen=True)
+class Plot:
+    """Both axes. untimed: whether there is a strip at its right end for methods without a time."""
+
+    across: Axis
+    up: Axis
+    untimed: bool
+
+    @classmethod
+    def of(
+        cls,
+        points: Sequence[CostPoint],
+        floors: Sequence[Floor],
+        box: tuple[float, float, float, float],
+        logarithmic: bool,
+    ) -> "Plot":
+        """A plot of points and lines. box: left, right, top and bottom. logarithmic: values, too."""
+        left, right, top, bottom = box
+        values = [value for point in points for value in (point.value, point.raw)]
+        values += [floor.value for floor in floors]
+        times = [time for point in points for time in (point.ms, point.raw_ms) if time]
+        untimed = any(point.ms is None for point in points)
+        up = (
+            _log_axis([max(value, LEAST) for value in values], bottom, top)
+            if logarithmic
+            else Axis(0.0, ticks(max([*values, 0.1]) * ROOM)[-1], bottom, top, False)
+        )
+        strip = STRIP * (right - left) / (RIGHT - LEFT)
+        return cls(_log_axis(times, left, right - strip if untimed else right), up, untimed)
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Left, right, top and bottom, the strip included."""
+        left, right = self.across.begin, self.across.end
+        width = (right - left) / (1.0 - STRIP / (RIGHT - LEFT)) if self.untimed else right - left
+        return left, left + width, self.up.end, self.up.begin
+
+    def place(self, value: float, ms: float | None) -> tuple[float, float]:
+        """The place of a value with a time, or in the strip."""
+        unknown = 0.5 * (self.across.end + self.box[1])
+        return self.across.at(ms) if ms else unknown, self.up.at(value)
+
+    def grid(self, unit: str) -> list[str]:
+        """Lines and labels of both axes."""
+        left, right, top, bottom = self.box
+        parts = [
+            f'<line class="grid" x1="{left}" x2="{right:.1f}" y1="{self.up.at(tick):.1f}" '
+            f'y2="{self.up.at(tick):.1f}"/>'
+            f'<text class="tick" x="{left - 6}" y="{self.up.at(tick) + 3:.1f}" text-anchor="end">'
+            f"{tick_label(tick)}</text>"
+            for tick in self.up.ticks()
+        ]
+        parts += [
+            f'<line class="grid" x1="{self.across.at(tick):.1f}" x2="{self.across.at(tick):.1f}" y1="{top}" '
+            f'y2="{bottom}"/>'
+            f'<text class="tick" x="{self.across.at(tick):.1f}" y="{bottom + 14}" text-anchor="middle">'
+            f"{tick_label(tick)}</text>"
+            for tick in self.across.ticks()
+        ]
+        if self.untimed:
+            edge = self.across.end
+            parts.append(
+                f'<line class="grid" x1="{edge:.1f}" x2="{edge:.1f}" y1="{top}" y2="{bottom}"/>'
+                f'<text class="tick" x="{right:.1f}" y="{bottom + 14}" text-anchor="end">no time</text>'
+            )
+        return [*parts, f'<text class="unit" x="{left - 6}" y="{top - 6}">{escape(unit)}</text>']
+
+    def line(self, floor: Floor) -> str:
+        """A floor across the plot."""
+        left, right, _, _ = self.box
+        y = self.up.at(floor.value)
+        return (
+            f'<line class="{floor.style}" x1="{left}" x2="{right:.1f}" y1="{y:.1f}" y2="{y:.1f}">'
+            f"<title>{escape(floor.says)}</title></line>"
+        )
+
+    def mark(self, point: CostPoint) -> str:
+        """The disc of a method after the finish, joined to its ring before it."""
+        (x, y), (before, ring) = self.place(point.value, point.ms), self.place(point.raw, point.raw_ms)
+        return (
+            f'<line class="join" x1="{before:.1f}" y1="{ring:.1f}" x2="{x:.1f}" y2="{y:.1f}"/>'
+            f'<circle class="ring" cx="{before:.1f}" cy="{ring:.1f}" r="3.5"/>'
+            f'<circle class="m{point.index}" cx="{x:.1f}" cy="{y:.1f}" r="4.5">'
+            f"<title>{escape(point.name)}: {escape(point.says)}</title></circle>"
+        )
 
 
-def cost_points(results: Results, garment: str) -> list[CostPoint]:
-    """The methods that were judged on a garment or an outfit."""
-    order = list(results["methods"])
-    points = []
-    for name in methods_on(results, garment):
-        judged = list(cells(results["methods"][name], garment).values())
-        error, raw = mean_of(judged, "vertex_mean_mm"), mean_of(judged, "vertex_mean_mm_raw")
-        ms, raw_ms = mean_of(judged, "ms_per_frame"), mean_of(judged, "network_ms")
-        if error is not None and raw is not None:
-            points.append(CostPoint(name, order.index(name), error, raw, ms, raw_ms))
-    return points
+def cost_chart(
+    title: str, points: Sequence[CostPoint], floors: Sequence[Floor], unit: str, logarithmic: bool
+) -> Markup:
+    """Points of methods after the finish (discs) and before it (rings), joined; names and floors beside it.
 
-
-def cost_chart(title: str, points: Sequence[CostPoint], floor: float | None) -> Markup:
-    """Points of methods after the finish (discs) and before it (rings), joined, with their names.
-
-    floor: mean distance between two simulations, mm, a dashed line.
+    unit: of the values, whose axis is logarithmic or begins at 0.
     """
-    errors = [max(error, LEAST) for point in points for error in (point.error, point.raw)]
-    times = [time for point in points for time in (point.ms, point.raw_ms) if time]
-    untimed = any(point.ms is None for point in points)
-    up = _axis([*errors, *([floor] if floor else [])], BOTTOM, TOP)
-    across = _axis(times, LEFT, RIGHT - STRIP if untimed else RIGHT)
-    parts = [open_chart(WIDTH, BOTTOM + 34, title, left=0), *_grid(across, up)]
-    if untimed:
+    bottom = TOP + max(HEIGHT, LINE * (len(points) + len(floors)))
+    plot = Plot.of(points, floors, (LEFT, RIGHT, TOP, bottom), logarithmic)
+    parts = [open_chart(WIDTH, bottom + 34, title, left=0), *plot.grid(unit), *map(plot.line, floors)]
+    parts.append(f'<text class="unit" x="{RIGHT}" y="{bottom + 28}" text-anchor="end">ms a frame</text>')
+    named = [(*plot.place(each.value, each.ms), f"{each.name} {each.says}") for each in points]
+    named += [(float(RIGHT), plot.up.at(floor.value), floor.says) for floor in floors]
+    named.sort(key=lambda name: name[1])
+    for (x, y, says), row in zip(named, _spread([y for _, y, _ in named], bottom), strict=True):
         parts.append(
-            f'<line class="grid" x1="{across.end}" x2="{across.end}" y1="{TOP}" y2="{BOTTOM}"/>'
-            f'<text class="tick" x="{RIGHT}" y="{BOTTOM + 14}" text-anchor="end">'
-            "no time</text>"
+            f'<line class="leader" x1="{x:.1f}" y1="{y:.1f}" x2="{RIGHT + 8}" y2="{row:.1f}"/>'
+            f'<text class="label" x="{RIGHT + 12}" y="{row + 3.5:.1f}">{escape(says)}</text>'
         )
-    if floor:
-        y = up.at(floor)
-        parts.append(
-            f'<line class="floor" x1="{LEFT}" x2="{RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
-            f'<text class="label" x="{LEFT + 4}" y="{y - 4:.1f}">another simulation {number(floor)} mm</text>'
-        )
-    ranked = sorted(points, key=lambda point: -point.error)
-    rows = _spread([up.at(point.error) for point in ranked])
-    for point, row in zip(ranked, rows, strict=True):
-        parts.append(_mark(point, across, up, row))
+    return Markup("".join([*parts, *map(plot.mark, points)]) + "</svg>")
+
+
+def small_chart(
+    title: str, points: Sequence[CostPoint], floors: Sequence[Floor], unit: str, logarithmic: bool
+) -> Markup:
+    """The same without names: each disc has the number of its method, its index + 1."""
+    right, bottom = SMALL_LEFT + SMALL_WIDTH, TOP + SMALL_HEIGHT
+    plot = Plot.of(points, floors, (SMALL_LEFT, right, TOP, bottom), logarithmic)
+    parts = [open_chart(right + 12, bottom + 18, title, left=0), *plot.grid(unit), *map(plot.line, floors)]
+    for point in points:
+        x, y = plot.place(point.value, point.ms)
+        number = f'<text class="value" x="{x + 6:.1f}" y="{y + 3:.1f}">{point.index + 1}</text>'
+        parts += [plot.mark(point), number]
     return Markup("".join(parts) + "</svg>")
 
 
-def _axis(values: Sequence[float], begin: float, end: float) -> LogAxis:
+def _log_axis(values: Sequence[float], begin: float, end: float) -> Axis:
     """An axis over positive values, from tick to tick; 1 to 10 without any."""
     if not values:
-        return LogAxis(1.0, 10.0, begin, end)
+        return Axis(1.0, 10.0, begin, end)
     low, high = min(values) / ROOM, max(values) * ROOM
     powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     ends = [minor * 10.0**power for power in powers for minor in MINOR]
-    return LogAxis(max(e for e in ends if e <= low), min(e for e in ends if e >= high), begin, end)
+    return Axis(max(e for e in ends if e <= low), min(e for e in ends if e >= high), begin, end)
 
 
-def _grid(across: LogAxis, up: LogAxis) -> list[str]:
-    parts = [
-        f'<line class="grid" x1="{LEFT}" x2="{RIGHT}" y1="{up.at(tick):.1f}" y2="{up.at(tick):.1f}"/>'
-        f'<text class="tick" x="{LEFT - 6}" y="{up.at(tick) + 3:.1f}" text-anchor="end">'
-        f"{tick_label(tick)}</text>"
-        for tick in up.ticks()
-    ]
-    parts += [
-        f'<line class="grid" x1="{across.at(tick):.1f}" x2="{across.at(tick):.1f}" y1="{TOP}" y2="{BOTTOM}"/>'
-        f'<text class="tick" x="{across.at(tick):.1f}" y="{BOTTOM + 14}" text-anchor="middle">'
-        f"{tick_label(tick)}</text>"
-        for tick in across.ticks()
-    ]
-    return [
-        *parts,
-        f'<text class="unit" x="{LEFT - 6}" y="{TOP - 6}">mm</text>',
-        f'<text class="unit" x="{RIGHT}" y="{BOTTOM + 28}" text-anchor="end">ms a frame</text>',
-    ]
-
-
-def _mark(point: CostPoint, across: LogAxis, up: LogAxis, row: float) -> str:
-    """Disc, ring and name of a method. row: height of the name."""
-    unknown = RIGHT - STRIP / 2
-    x, y = across.at(point.ms) if point.ms else unknown, up.at(point.error)
-    before, ring = across.at(point.raw_ms) if point.raw_ms else unknown, up.at(point.raw)
-    spent = f", {number(point.ms)} ms" if point.ms else ""
-    style = f"m{point.index}"
-    return (
-        f'<line class="join" x1="{before:.1f}" y1="{ring:.1f}" x2="{x:.1f}" y2="{y:.1f}"/>'
-        f'<line class="leader" x1="{x:.1f}" y1="{y:.1f}" x2="{RIGHT + 8}" y2="{row:.1f}"/>'
-        f'<circle class="ring" cx="{before:.1f}" cy="{ring:.1f}" r="3.5"/>'
-        f'<circle class="{style}" cx="{x:.1f}" cy="{y:.1f}" r="4.5">'
-        f"<title>{escape(point.name)}: {number(point.error)} mm{spent}</title></circle>"
-        f'<text class="label" x="{RIGHT + 12}" y="{row + 3.5:.1f}">{escape(point.name)} '
-        f"{number(point.error)} mm{spent}</text>"
-    )
-
-
-def _spread(heights: Sequence[float]) -> list[float]:
+def _spread(heights: Sequence[float], bottom: float) -> list[float]:
     """Heights from the top down, at least LINE apart and, where there is room, above the end of the plot."""
     rows: list[float] = []
     for height in heights:
         rows.append(max(height, rows[-1] + LINE) if rows else height)
     # Names that went beyond the end push those above them up.
-    limit = float(BOTTOM)
+    limit = bottom
     for place in reversed(range(len(rows))):
         rows[place] = max(min(rows[place], limit), TOP + LINE * place)
         limit = rows[place] - LINE

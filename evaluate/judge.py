@@ -32,10 +32,13 @@ from .metrics import (
 )
 from .stability import stability_scores, uses_feedback
 
-SCORES_FORMAT = "uvcloth-judged-8"
+SCORES_FORMAT = "uvcloth-judged-9"
 
 MEMBER_SUFFIX = "_member"
 """Suffix of the scores of another simulation."""
+
+REPRESENTED = "representation_"
+"""Prefix of the scores of a method's own representation."""
 
 ENCODED_AT_ONCE = 16
 """Frames that are written in a method's representation at the same time: bounds the memory of large maps."""
@@ -60,6 +63,7 @@ JUDGING = (
     "evaluate/judge.py",
     "evaluate/predicted.py",
     "evaluate/predicted_file.py",
+    "evaluate/recorded.py",
 )
 """The sources and data that decide a score."""
 
@@ -82,32 +86,36 @@ class CaseScores:
     shown: Tensor
 
 
-def judge(case: Case, candidate: Candidate) -> CaseScores:
+def judge(case: Case, candidate: Candidate, live: bool = True) -> CaseScores:
     """Roll a method out from the first warm-up frame and score the scored frames.
+
+    live: False for a recording, which has neither times nor a turned scene.
 
     A method that uses feedback, or has parts that only do what a finish does, is rolled out again without
     it for the scores before the finish, which otherwise would depend on it. One that uses feedback is
     also rolled out from the truth. Raises InputError if a prediction is not a finite number.
     """
     prepared = prepare_rollout(candidate.method, case.outfit)
-    raw, resolved, times = _predicted(case, prepared)
+    raw, resolved, times = rolled_out(case, prepared)
     more = representation(case, prepared)
     feeds_back = uses_feedback(prepared, case)
     if prepared.method is not candidate.method:
-        raw, _, _ = _predicted(case, prepare_rollout(candidate.method, case.outfit, clear=False))
+        raw, _, _ = rolled_out(case, prepare_rollout(candidate.method, case.outfit, clear=False))
     elif feeds_back:
-        raw, _, _ = _predicted(case, replace(prepared, clearing=None))
+        raw, _, _ = rolled_out(case, replace(prepared, clearing=None))
     if feeds_back:
         stable = stability_scores(prepared, case)
         more = {name: {**scores, **more.get(name, {})} for name, scores in stable.items()}
     scored = score(case, raw, resolved)
-    turned = continuity_scores(case, prepared, resolved)
-    parts = {name: {**scores, **more.get(name, {}), **turned[name]} for name, scores in scored.parts.items()}
-    whole = case.parts[-1].name
-    return CaseScores({**parts, whole: {**parts[whole], **times}}, scored.shown)
+    parts = {name: {**scores, **more.get(name, {})} for name, scores in scored.parts.items()}
+    if live:
+        turned = continuity_scores(case, prepared, resolved)
+        parts = {name: {**scores, **turned[name]} for name, scores in parts.items()}
+        parts[case.parts[-1].name] |= times
+    return CaseScores(parts, scored.shown)
 
 
-def _predicted(case: Case, prepared: PreparedRollout) -> tuple[Tensor, Tensor, Scores]:
+def rolled_out(case: Case, prepared: PreparedRollout) -> tuple[Tensor, Tensor, Scores]:
     """All vertices (F, N, 3) of a rollout in the scored frames, predicted and finished, and its times."""
     raw, resolved, milliseconds = [], [], []
     for frame in islice(prepared.frames(case.motion, case.fps), case.start, None):
@@ -178,7 +186,7 @@ def _look_scores(case: Case, part: Part, vertices: Tensor) -> Scores:
 
 @torch.no_grad()
 def representation(case: Case, prepared: PreparedRollout) -> dict[str, Scores]:
-    """Errors of the simulation written in a method's representation and read back, mm and mm2, by part.
+    """Errors, mm and mm2, and swing of the simulation written in a representation and read back, by part.
 
     Empty for a method without a representation of its own.
     """
@@ -193,8 +201,16 @@ def representation(case: Case, prepared: PreparedRollout) -> dict[str, Scores]:
             return {}
         chunks.append(torch.cat(read, dim=1))
     shown = torch.cat(chunks)
-    errors = {part.name: distance_scores(shown[:, part.rows], part.reference.vertices) for part in case.parts}
-    return {name: {f"representation_{k}": v for k, v in scores.items()} for name, scores in errors.items()}
+    return {
+        part.name: {
+            f"{REPRESENTED}{key}": values
+            for key, values in {
+                **distance_scores(shown[:, part.rows], part.reference.vertices),
+                **swing_scores(shown[:, part.rows], part.reference),
+            }.items()
+        }
+        for part in case.parts
+    }
 
 
 def cached(out: Path, case: Case, name: str, setting: str, work: Callable[[], CaseScores]) -> CaseScores:

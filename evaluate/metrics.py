@@ -4,9 +4,9 @@ Shapes: F frames, N vertices, P texels. Positions in metres, results in millimet
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import torch
 from torch import Tensor
@@ -77,6 +77,21 @@ def spread_scores(reference: Reference) -> dict[str, Tensor]:
     pairs = combinations((reference.vertices, *reference.members), 2)
     apart = [distance_scores(*pair) for pair in pairs]
     return {f"spread_{key}": torch.stack([each[key] for each in apart]).mean(0) for key in apart[0]}
+
+
+def energy_scores(rollouts: Sequence[Tensor], reference: Reference) -> dict[str, Tensor]:
+    """Energy score of several rollouts of a method, (F, N, 3) each: energy_score_mm (F,).
+
+    Their mean distance from the simulations minus half of their mean distance from each other (Gneiting and
+    Raftery 2007, equation 22; the mean is over different rollouts, Ferro 2014): least for rollouts that are
+    spread as the simulations are, and then half the distance between those. Nothing for one rollout.
+    """
+    if len(rollouts) < 2:
+        return {}
+    truths = (reference.vertices, *reference.members)
+    far = [distance_scores(*pair)["vertex_mean_mm"] for pair in product(rollouts, truths)]
+    apart = [distance_scores(*pair)["vertex_mean_mm"] for pair in combinations(rollouts, 2)]
+    return {"energy_score_mm": torch.stack(far).mean(0) - 0.5 * torch.stack(apart).mean(0)}
 
 
 def swing_velocities(vertices: Tensor, reference: Reference) -> tuple[Tensor, Tensor]:

@@ -1,21 +1,25 @@
 """Sequences of other programs, judged by the same measures as methods: a file for every judged sequence."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import torch
 
+from uvcloth.dataset.folder import MEMBERS, member_folder
 from uvcloth.errors import InputError
+from uvcloth.garments.garment import Outfit
 from uvcloth.geometry.fingerprint import fingerprint
-from uvcloth.methods.method import Traits
-from uvcloth.physics.outfit_clearing import OutfitClearing
+from uvcloth.methods.method import Method, Traits
+from uvcloth.rollout import prepare_rollout
 
 from .actions import Window
-from .candidates import SIMULATION
+from .candidates import FINISHED, SIMULATION, Candidate, finished
 from .case import Case
-from .judge import CaseScores, score
-from .predicted_file import READERS, read_prediction
+from .judge import CaseScores, judge, rolled_out
+from .metrics import energy_scores
+from .predicted_file import READERS, find_file, read_prediction
+from .recorded import Recorded
 
 NAMED = "="
 """Separator between the name and the folder of a prediction."""
@@ -26,12 +30,14 @@ class Prediction:
     """The sequences of another program in the comparison.
 
     name: in every table. folder: of its files, each with the name of the sequence that it predicts and
-    another suffix. The others are the fields of a `Candidate`; nothing is known of a training.
+    another suffix. finishes: suffixes of the name, as those of models. The others are the fields of a
+    `Candidate`; nothing is known of a training.
     """
 
     name: str
     folder: Path
     fingerprint: str
+    finishes: tuple[str, ...] = ()
     weights_mb: float = 0.0
     training_content: frozenset[str] = frozenset()
     training_frames: int | None = None
@@ -39,77 +45,118 @@ class Prediction:
     training: Mapping[str, float] = field(default_factory=dict)
     traits: Traits = field(default_factory=Traits)
 
-    def find(self, window: Window) -> Path | None:
-        """The file of a window, None without one. Raises InputError if there are two."""
-        paths = [self.folder / f"{window.path.stem}{suffix}" for suffix in READERS]
-        there = [path for path in paths if path.is_file()]
-        if len(there) > 1:
-            raise InputError(
-                f"{there[0]}: {there[1].name} beside it is of the same sequence, keep one of them"
-            )
-        return there[0] if there else None
+    def rollouts(self, windows: Sequence[Window]) -> list[Path]:
+        """The folder, and those of its members that have files of some windows."""
+        members = [member_folder(self.folder, member) for member in range(1, MEMBERS)]
+        return [
+            self.folder,
+            *(each for each in members if all(find_file(each, w.path.stem) for w in windows)),
+        ]
 
-    def covers(self, windows: Iterable[Window]) -> bool:
-        """True if there are files of all windows."""
-        return all(self.find(window) for window in windows)
+    def finished(self, method: Method) -> Method:
+        """A method with the finish. Raises InputError for one that is not known."""
+        for suffix in self.finishes:
+            method = finished(method, suffix, f"--predicted {self.name}")
+        return method
+
+    def unsupported_reason(self, outfit: Outfit) -> str:
+        """The reason that the finish cannot move an outfit."""
+        return self.finished(Recorded(self.name, torch.zeros(0), ())).unsupported_reason(outfit)
 
 
 def load_predictions(options: Sequence[str], taken: Iterable[str]) -> tuple[Prediction, ...]:
-    """Find the folders of `--predicted NAME=DIR`.
+    """Find the folders of `--predicted NAME=DIR` and their finishes, as in `NAME=DIR@dynamic`.
 
-    taken: names of the methods. Raises InputError for another form, no such folder, or a name that occurs
-    twice.
+    taken: names of the methods. Raises InputError for another form, no such folder, another finish, or a name
+    that occurs twice.
     """
     predictions: list[Prediction] = []
     names = {SIMULATION, *taken}
     for option in options:
-        name, sign, folder = option.partition(NAMED)
-        if not (name and sign and folder):
-            raise InputError(f"--predicted {option}: expected NAME{NAMED}DIR")
+        label = f"--predicted {option}"
+        plain, sign, place = option.partition(NAMED)
+        if not (plain and sign and place):
+            raise InputError(f"{label}: expected NAME{NAMED}DIR")
+        # A folder may have the sign in its name.
+        folder, *finishes = [place] if Path(place).is_dir() else place.split(FINISHED)
+        name = FINISHED.join([plain, *finishes])
         if name in names:
-            raise InputError(f"--predicted {option}: another method is called {name!r}")
+            raise InputError(f"{label}: another method is called {name!r}")
         if not Path(folder).is_dir():
-            raise InputError(f"--predicted {option}: no such folder")
+            raise InputError(f"{label}: no such folder")
         names.add(name)
-        predictions.append(Prediction(name, Path(folder), _fingerprint(Path(folder))))
+        content = fingerprint(_fingerprint(Path(folder)), *finishes)
+        prediction = Prediction(name, Path(folder), content, tuple(finishes))
+        prediction.finished(Recorded(name, torch.zeros(0), ()))
+        predictions.append(prediction)
     return tuple(predictions)
 
 
-def require_files(predictions: Sequence[Prediction], outfits: Iterable[tuple[str, Sequence[Window]]]) -> None:
-    """Raise InputError for a prediction without any file, and for one that lacks windows of an outfit.
+def covered(
+    predictions: Sequence[Prediction],
+    outfits: Mapping[str, Outfit],
+    windows: Iterable[tuple[str, Sequence[Window]]],
+) -> dict[str, list[Prediction]]:
+    """The predictions that have files of each outfit, and a finish that can move it.
 
-    outfits: the name of the outfit and the windows of each case.
+    windows: the name of the outfit and the windows of each case. Raises InputError for a prediction without
+    any file, for one that lacks windows of an outfit, and for one whose finish cannot move any of them.
     """
-    cases = list(outfits)
+    cases = list(windows)
+    covering: dict[str, list[Prediction]] = {name: [] for name in outfits}
     for prediction in predictions:
-        names = {name for name, windows in cases if any(map(prediction.find, windows))}
-        for window in (window for name, windows in cases if name in names or not names for window in windows):
-            if prediction.find(window) is None:
+        names = {
+            name
+            for name, together in cases
+            if any(find_file(prediction.folder, window.path.stem) for window in together)
+        }
+        for window in (w for name, together in cases if name in names or not names for w in together):
+            if find_file(prediction.folder, window.path.stem) is None:
                 raise InputError(
                     f"{prediction.folder}: lacks the sequence {window.path.stem} ({', '.join(READERS)})"
                 )
+        reasons = {name: prediction.unsupported_reason(outfits[name]) for name in names}
+        if all(reasons.values()):
+            raise InputError(f"--predicted {prediction.name}: {'; '.join(dict.fromkeys(reasons.values()))}")
+        for name in names:
+            if not reasons[name]:
+                covering[name].append(prediction)
+    return covering
 
 
 def judge_prediction(case: Case, prediction: Prediction) -> CaseScores:
-    """Score the sequences of another program in the scored frames, as they are and cleared.
+    """Score the sequences of another program in the scored frames, as they are and after the finish.
 
-    Raises InputError naming the file that does not fit the simulation, see `read_prediction`.
+    Other rollouts of it, in the folder of each member as in data, give an energy score. Raises InputError
+    naming the file that does not fit the simulation, see `read_prediction`.
     """
+    first, *others = [_played(case, prediction, folder) for folder in prediction.rollouts(case.windows)]
+    judged = judge(case, first, live=False)
+    if not others:
+        return judged
+    finished = [rolled_out(case, prepare_rollout(each.method, case.outfit))[1] for each in (first, *others)]
+    parts = {
+        part.name: {
+            **judged.parts[part.name],
+            **energy_scores([vertices[:, part.rows] for vertices in finished], part.reference),
+        }
+        for part in case.parts
+    }
+    return replace(judged, parts=parts)
+
+
+def _played(case: Case, prediction: Prediction, folder: Path) -> Candidate:
+    """The sequences of a folder as a method."""
     garments = []
     for window, simulated in zip(case.windows, case.clip.garments, strict=True):
-        path = prediction.find(window)
+        path = find_file(folder, window.path.stem)
         assert path is not None
-        points = read_prediction(path, simulated, case.clip.fps)
-        garments.append(points[case.start : case.end])
-    clearing = OutfitClearing.of(case.outfit.body, [garment.mesh for garment in case.outfit.garments])
-    cleared = [
-        torch.cat(clearing.cleared(frame, body))
-        for *frame, body in zip(*garments, case.body_vertices, strict=True)
-    ]
-    return score(case, torch.cat(garments, dim=1), torch.stack(cleared))
+        garments.append(read_prediction(path, simulated, case.clip.fps))
+    method = prediction.finished(Recorded.of(prediction.name, case.clip.transforms, garments))
+    return Candidate(prediction.name, method, 0.0, prediction.fingerprint, frozenset())
 
 
 def _fingerprint(folder: Path) -> str:
-    """Hash of names, sizes and times of the files of a folder: kept scores of others are not reused."""
-    files = [(path.name, path.stat()) for path in sorted(folder.iterdir())]
+    """Hash of names, sizes and times of all files of a folder: kept scores of others are not reused."""
+    files = [(str(path.relative_to(folder)), path.stat()) for path in sorted(folder.rglob("*"))]
     return fingerprint(*(f"{name}/{stat.st_size}/{stat.st_mtime_ns}" for name, stat in files))

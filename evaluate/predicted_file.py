@@ -65,6 +65,15 @@ READERS: Mapping[str, Callable[[Path, MeshQuery], PointSequence]] = {
 """Readers of the files of other programs, by suffix."""
 
 
+def find_file(folder: Path, stem: str) -> Path | None:
+    """The file of a sequence in a folder, None without one. Raises InputError if there are two."""
+    paths = [folder / f"{stem}{suffix}" for suffix in READERS]
+    there = [path for path in paths if path.is_file()]
+    if len(there) > 1:
+        raise InputError(f"{there[0]}: {there[1].name} beside it is of the same sequence, keep one of them")
+    return there[0] if there else None
+
+
 def read_prediction(path: Path, simulated: SimulatedGarment, fps: float) -> Tensor:
     """Read the vertices (F, N, 3) m of a garment, with Z up, for all frames of its simulation.
 

@@ -4,6 +4,7 @@ import base64
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,10 @@ from uvcloth.files.atomic import atomic_write
 from .candidates import SIMULATION
 from .charts import DASH, bars, lines, mark, number, scatter
 from .continuity import TURNED_FRAMES
-from .cost_chart import cost_charts
+from .cost_figures import cost_charts, small_multiples
 from .familiar import cautions
 from .force_balance import BALANCED_FRAMES, MOST_FORCE
+from .intervals import LEAST_CLIPS, Interval, pooled
 from .look_table import GROUPS, impossible_frames, look_rows
 from .results import LONG
 from .stability import SHORT_ROLLOUT
@@ -26,6 +28,7 @@ from .standings import (
     STAGES,
     Results,
     actions_in,
+    clips_of,
     garments_in,
     methods_on,
     outfit_rows,
@@ -155,6 +158,7 @@ def write_report(
         measures=MEASURES,
         physics=PHYSICS,
         swing=SWING,
+        swing_figure=partial(_swing_figure, results),
         look_groups=GROUPS,
         look_rows=look_rows(results),
         impossible=impossible_frames(results),
@@ -169,10 +173,14 @@ def write_report(
         paper_costs=PAPER_COSTS,
         missing=[f"{a}, {t} ({why})" for a, by in results["missing"].items() for t, why in by.items()],
         standings=standings(results),
+        least_clips=LEAST_CLIPS,
+        range=_range,
         ranked=[*garments_in(results), *results["outfits"]],
         outfit_rows=outfit_rows(results),
         charts=_bar_charts(results),
         costs=cost_charts(results),
+        small_costs=small_multiples(results),
+        energy_scores=_energy_scores(results),
         over_time=_time_charts(results),
         overall=overall,
         batch=BATCH,
@@ -189,6 +197,19 @@ def write_report(
         mark=mark,
     )
     return _write(Path(out) / REPORT, page)
+
+
+def _swing_figure(results: Results, name: str, garment: str, key: str, suffix: str) -> float | None:
+    """A figure of the table of swing; the spread ratio is the one of the standings."""
+    method = results["methods"][name]
+    if key == "spread_ratio":
+        return pooled(clips_of(method, garment), key, suffix)
+    return overall(method["actions"], garment, key + suffix)
+
+
+def _range(interval: Interval | None) -> str:
+    """An interval in figures; a dash where there is none."""
+    return DASH if interval is None else f"{number(interval[0])} … {number(interval[1])}"
 
 
 def _bar_charts(results: Results) -> dict[str, list[Any]]:
@@ -213,6 +234,16 @@ def _bar_charts(results: Results) -> dict[str, list[Any]]:
             if any(value is not None for row in rows.values() for value in row):
                 charts[key].append(bars(f"{garment}: {title.lower()}", rows, names, unit, floors))
     return charts
+
+
+def _energy_scores(results: Results) -> list[str]:
+    """The energy scores of methods of which several rollouts were judged, in words."""
+    return [
+        f"{garment}, {name}: {number(score)} mm"
+        for garment in garments_in(results)
+        for name in methods_on(results, garment)
+        if (score := overall(results["methods"][name]["actions"], garment, "energy_score_mm")) is not None
+    ]
 
 
 def _time_charts(results: Results) -> dict[str, list[Any]]:

@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 
 from .candidates import SIMULATION
-from .judge import MEMBER_SUFFIX, Scores
+from .intervals import clip_figures
+from .judge import MEMBER_SUFFIX, REPRESENTED, Scores
 from .look_fields import look_fields, turned_fields
 from .metrics import wrong_side_key
 
@@ -45,8 +46,8 @@ FIGURES = {
 }
 """The three figures of a floor: the distance score that is averaged, and the power of its mean."""
 
-REPRESENTED, SPREAD = "representation_", "spread_"
-"""Prefixes of the distance scores of a method's own representation, and of an ensemble's members."""
+SPREAD = "spread_"
+"""Prefix of the distance scores of an ensemble's members."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,7 @@ def summarize(
         whole = {name: [entry for entry in scores if entry.part == name] for name in judged}
         return {
             **_tables(single, simulation),
-            "representation": _by_garment(single, REPRESENTED),
+            "representation": _represented(single),
             "outfits": {name: _outfit(whole[name], simulation, outfits[name]) for name in judged},
         }
 
@@ -149,6 +150,7 @@ def _tables(entries: Sequence[PartScores], simulation: Sequence[PartScores]) -> 
             for stage in STAGE_SUFFIXES
         },
         "stability": {part: stability(windows) for part, windows in parts.items()},
+        "clips": {part: _by_clip([each for each in entries if each.part == part]) for part in parts},
         **{
             f"stop_energy_mj_kg{stage}": {
                 part: _over_time([each[key] for each in windows if (key := f"stop_energy{stage}") in each])
@@ -156,6 +158,15 @@ def _tables(entries: Sequence[PartScores], simulation: Sequence[PartScores]) -> 
             }
             for stage in STAGE_SUFFIXES
         },
+    }
+
+
+def _by_clip(entries: Sequence[PartScores]) -> dict[str, dict[str, float | None]]:
+    """The figures of a part by clip, for intervals."""
+    clips = dict.fromkeys(entry.clip for entry in entries)
+    return {
+        clip: clip_figures([entry.scores for entry in entries if entry.clip == clip], STAGE_SUFFIXES)
+        for clip in clips
     }
 
 
@@ -185,6 +196,24 @@ def _sides(scores: Sequence[Scores], garments: Sequence[str]) -> dict[str, dict[
         }
         for stage in STAGE_SUFFIXES
     }
+
+
+def _represented(entries: Sequence[PartScores]) -> dict[str, dict[str, float | None]]:
+    """The figures of a method's own representation by garment, those of a floor and the swing."""
+    having = [entry for entry in entries if f"{REPRESENTED}swing_speed" in entry.scores]
+    swings = {
+        garment: swing([_without(entry.scores, REPRESENTED) for entry in having if entry.part == garment])
+        for garment in dict.fromkeys(entry.part for entry in having)
+    }
+    return {
+        garment: {**each, **swings.get(garment, {})}
+        for garment, each in _by_garment(entries, REPRESENTED).items()
+    }
+
+
+def _without(scores: Scores, prefix: str) -> Scores:
+    """The scores with a prefix, under their names without it."""
+    return {key.removeprefix(prefix): values for key, values in scores.items() if key.startswith(prefix)}
 
 
 def _by_garment(entries: Sequence[PartScores], prefix: str) -> dict[str, dict[str, float]]:
@@ -270,7 +299,9 @@ def _chance(scores: Sequence[Scores], stage: str) -> dict[str, float | None]:
         _mean(scores, f"{key}{stage}") if scores else None for key in ("ensemble_mm", "nearest_member_mm")
     )
     spread = _mean(scores, f"{SPREAD}vertex_mean_mm") if scores else 0.0
+    energy = [each for each in scores if "energy_score_mm" in each]
     return {
+        **({} if stage else {"energy_score_mm": _mean(energy, "energy_score_mm") if energy else None}),
         f"ensemble_mm{stage}": ensemble,
         f"nearest_member_mm{stage}": nearest,
         f"spread_ratio{stage}": ensemble / spread if ensemble is not None and spread > 0 else None,

@@ -1,13 +1,17 @@
 """Standings: methods over all actions, on each garment and outfit, beside the baselines."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from .candidates import SIMULATION
+from .intervals import Clips, Interval, difference, interval_of, pooled
 
 Results = Mapping[str, Any]
 """The content of metrics.json, as docs/metrics.md describes it."""
+
+FIGURES = ("spread_ratio", "vertex_mean_mm")
+"""Figures with intervals over clips; rows are sorted by the first that all methods have."""
 
 STAGES = {"before": "_raw", "after": ""}
 """Before and after the finish: the suffixes of the fields."""
@@ -52,13 +56,27 @@ class Rank:
 
 @dataclass(frozen=True)
 class Standing:
-    """The ranks of one method on one garment, or one outfit of several, over all actions."""
+    """The ranks of one method on one garment, or one outfit of several, over all actions.
+
+    clips: their number. spread_ratio: after the finish, None without an ensemble. intervals: of spread ratio
+    and mean distance after the finish, by FIGURES, None with too few clips. above: interval of the difference
+    from the row above, in the figure that the rows are sorted by; None in the first row too.
+    """
 
     method: str
     garment: str
     frames: int
+    clips: int
     before: Rank
     after: Rank
+    spread_ratio: float | None
+    intervals: Mapping[str, Interval | None]
+    above: Interval | None = None
+
+    @property
+    def apart(self) -> bool:
+        """True where the difference from the row above is not chance, as far as it is known."""
+        return self.above is not None and not self.above[0] <= 0.0 <= self.above[1]
 
 
 def garments_in(results: Results) -> list[str]:
@@ -110,17 +128,50 @@ def mean_of(actions: Iterable[Mapping[str, float]], key: str) -> float | None:
 
 
 def standings(results: Results) -> list[Standing]:
-    """Every method on every garment, then on every outfit of several, beside the better baseline."""
+    """Every method on every garment, then on every outfit of several, beside the better baseline.
+
+    The rows of a garment are sorted by spread ratio, or by mean distance where a method has no spread ratio.
+    """
     return [
-        Standing(
-            method=name,
-            garment=garment,
-            frames=sum(cell["frames"] for cell in cells(results["methods"][name], garment).values()),
-            **{when: _rank(results, name, garment, suffix) for when, suffix in STAGES.items()},
-        )
+        row
         for garment in (*garments_in(results), *results["outfits"])
-        for name in methods_on(results, garment)
+        for row in _sorted(
+            results, [_standing(results, name, garment) for name in methods_on(results, garment)]
+        )
     ]
+
+
+def clips_of(method: Results, garment: str) -> Clips:
+    """The figures by clip of a method on a garment or an outfit of several."""
+    clips: Clips = (
+        method["outfits"][garment]["clips"] if garment in method["outfits"] else method["clips"][garment]
+    )
+    return clips
+
+
+def _standing(results: Results, name: str, garment: str) -> Standing:
+    method = results["methods"][name]
+    clips = clips_of(method, garment)
+    return Standing(
+        method=name,
+        garment=garment,
+        frames=sum(cell["frames"] for cell in cells(method, garment).values()),
+        clips=len(clips),
+        spread_ratio=pooled(clips, "spread_ratio", ""),
+        intervals={figure: interval_of(clips, figure, "") for figure in FIGURES},
+        before=_rank(results, name, garment, STAGES["before"]),
+        after=_rank(results, name, garment, STAGES["after"]),
+    )
+
+
+def _sorted(results: Results, rows: Sequence[Standing]) -> list[Standing]:
+    """The rows of a garment, the best first, each compared with the one above it."""
+    ratios = all(row.spread_ratio is not None for row in rows)
+    figure = "spread_ratio" if ratios else "vertex_mean_mm"
+    ordered = sorted(rows, key=lambda row: row.spread_ratio or 0.0 if ratios else row.after.mean_mm)
+    clips = [clips_of(results["methods"][row.method], row.garment) for row in ordered]
+    above = [difference(clips[k], clips[k - 1], figure, "") if k else None for k in range(len(clips))]
+    return [replace(row, above=apart) for row, apart in zip(ordered, above, strict=True)]
 
 
 def outfit_rows(results: Results) -> list[OutfitRow]:

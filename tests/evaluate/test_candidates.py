@@ -7,6 +7,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.errors import InputError
 from uvcloth.methods.ensemble import Ensemble
 from uvcloth.methods.physics.finish import Finished, Settled
+from uvcloth.methods.physics.method import Physics
 
 
 def test_a_finish_makes_another_candidate(body: Body) -> None:
@@ -28,9 +29,20 @@ def test_several_in_order_have_one_finish(body: Body) -> None:
     assert isinstance(both.method.guide, Ensemble)
 
 
-def test_another_finish_is_refused(body: Body) -> None:
-    with pytest.raises(InputError, match="--model lbs@varnish: expected @dynamic or @static"):
+def test_another_finish_is_refused_and_a_quality_without_cages(body: Body) -> None:
+    with pytest.raises(InputError, match="--model lbs@varnish: expected one of @dynamic, @static"):
         load_candidates(("lbs@varnish",), body)
+    with pytest.raises(InputError, match="--model lbs@fine: only physics and the finishes"):
+        load_candidates(("lbs@fine",), body)
+
+
+def test_cages_have_the_quality_of_the_name(body: Body) -> None:
+    fast, fine = load_candidates(("physics@fast", "lbs@dynamic@fine"), body)
+    assert isinstance(fast.method, Physics)
+    assert fast.method.config.quality == "fast"
+    assert isinstance(fine.method, Finished)
+    assert fine.method.physics.config.quality == "fine"
+    assert [fast.name, fine.name] == ["physics@fast", "lbs@dynamic@fine"]
 
 
 def test_physics_is_its_own_dynamic_finish_and_rests_from_skinned_garments(body: Body) -> None:

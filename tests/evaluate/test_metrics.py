@@ -10,6 +10,7 @@ from torch import Tensor
 from evaluate.metrics import (
     Reference,
     distance_scores,
+    energy_scores,
     ensemble_scores,
     map_mse,
     shape_scores,
@@ -135,3 +136,23 @@ def test_scores_are_in_millimetres_per_frame() -> None:
     frames = len(truth.vertices)
     assert stretched["edge_mm"].tolist() == pytest.approx([100.0 * float(lengths.mean())] * frames, rel=1e-3)
     assert stretched["jitter"].shape == (frames - 2,)
+
+
+def test_the_energy_score_is_least_for_rollouts_that_spread_as_the_simulations_do() -> None:
+    generator = torch.Generator().manual_seed(0)
+
+    def drawn(spread: float) -> list[Tensor]:
+        """Garments that lie a random way off, the whole of each the same."""
+        return [0.01 * spread * torch.randn(3, generator=generator).expand(1, 2, 3) for _ in range(40)]
+
+    first, *members = drawn(1.0)
+    known = replace(reference(), vertices=first, members=tuple(members))
+    one, alike, narrow, wide = (
+        float(energy_scores(rollouts, known).get("energy_score_mm", torch.tensor(torch.nan)).mean())
+        for rollouts in (drawn(1.0)[:1], drawn(1.0), drawn(0.3), drawn(3.0))
+    )
+    assert math.isnan(one)
+    spread = float(spread_scores(known)["spread_vertex_mean_mm"].mean())
+    assert alike == pytest.approx(0.5 * spread, rel=0.1)
+    assert alike < narrow
+    assert alike < wide

@@ -14,7 +14,7 @@ import torch
 import evaluate.selection as selecting
 from evaluate.__main__ import main
 from evaluate.compare import compare
-from evaluate.predicted import load_predictions
+from evaluate.predicted import covered, load_predictions
 from evaluate.predicted_file import read_prediction
 from evaluate.selection import Selection, cases_on
 from tests.evaluate.test_compare import COUNTED, FPS, SETTLING, capsule_body, simulated, tube_garment
@@ -263,9 +263,18 @@ def test_folders_are_checked_before_anything_is_judged(data: Path, tmp_path: Pat
         (f"lbs={some}", "another method is called 'lbs'"),
         (f"simulation={some}", "another method is called 'simulation'"),
         (f"theirs={some / 'none'}", "no such folder"),
+        (f"theirs={some}@varnish", "theirs@varnish: expected one of @dynamic"),
+        (f"theirs={some}@fine", "only physics and the finishes"),
     ):
         with pytest.raises(InputError, match=says):
             load_predictions([option], ["lbs"])
+    plain, finished = load_predictions([f"theirs={some}", f"theirs={some}@dynamic"], ["lbs"])
+    assert [plain.name, finished.name, finished.folder] == ["theirs", "theirs@dynamic", some]
+    assert plain.fingerprint != finished.fingerprint
+    # The capsule has no limbs that the solver knows.
+    (some / "12_01_tops.mdd").unlink()
+    with pytest.raises(InputError, match=r"--predicted theirs@dynamic: body capsule: no joint"):
+        covered([finished], cases.outfits, [("tops", cases.openers[-1].windows)])
 
 
 def test_a_bad_file_stops_the_run_in_one_sentence_and_nothing_is_lost(

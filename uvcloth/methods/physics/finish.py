@@ -19,7 +19,6 @@ from uvcloth.methods.capabilities import (
     before_finish,
     feed_back,
     garment_space,
-    round_trip,
 )
 from uvcloth.methods.finish_names import FINISHES, FinishName
 from uvcloth.methods.lbs import LBSConfig, create_lbs
@@ -60,8 +59,8 @@ class Finish(Wrapper, Representation):
 
     @property
     def parts(self) -> tuple[Method, ...]:
-        """The method."""
-        return (self.guide,)
+        """The method and the solver."""
+        return (self.guide, self.physics)
 
     def unsupported_reason(self, outfit: Outfit) -> str:
         """The reason of the method, or of the solver."""
@@ -74,8 +73,8 @@ class Finish(Wrapper, Representation):
     def round_trip(
         self, prepared: tuple[Any, CagedOutfit], frames: BodyFrames, garments: tuple[Tensor, ...]
     ) -> tuple[Tensor, ...] | None:
-        """Garments (B, N, 3) m in the representation of the method."""
-        return round_trip(self.guide, prepared[0], frames, garments)
+        """Garments (B, N, 3) m as the cages carry them: what the method cannot show, the solver may add."""
+        return self.physics.round_trip(prepared[1], frames, garments)
 
     def garment_space(self, garment: Garment, body: Body) -> GarmentSpace | None:
         """The space of the method."""

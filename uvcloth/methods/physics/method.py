@@ -9,6 +9,7 @@ from uvcloth.bodies.frames import BodyFrames
 from uvcloth.garments.band import unheld_reason
 from uvcloth.garments.cage import QUALITIES
 from uvcloth.garments.garment import Outfit
+from uvcloth.methods.capabilities import Representation
 from uvcloth.methods.method import Method, MethodEntry, Traits
 from uvcloth.methods.physics.outfit import (
     CagedOutfit,
@@ -23,7 +24,7 @@ from uvcloth.methods.physics.outfit import (
 
 
 @dataclass(frozen=True)
-class Physics(Method):
+class Physics(Method, Representation):
     """The cloth solver on cages of the garments."""
 
     config: PhysicsConfig = field(default_factory=PhysicsConfig)
@@ -58,6 +59,12 @@ class Physics(Method):
             rows.append(garments)
         device = frames.vertices.device
         return tuple(following), tuple(torch.stack(each).to(device) for each in zip(*rows, strict=True))
+
+    def round_trip(
+        self, prepared: CagedOutfit, frames: BodyFrames, garments: tuple[Tensor, ...]
+    ) -> tuple[Tensor, ...]:
+        """Garments (B, N, 3) m as cages that lie in them carry them."""
+        return prepared.represented(frames.transforms[:, -1], garments)
 
     def displaced(
         self, prepared: CagedOutfit, state: tuple[CagedState, ...], shift: Tensor

@@ -83,6 +83,13 @@ class CagedGarment:
     cage_weights: Tensor
     rows: slice
 
+    def represented(self, transforms: Tensor, garment: Tensor) -> Tensor:
+        """The garment (B, N, 3) m as a cage that lies in it carries it. transforms: (B, J, 3, 4)."""
+        offsets = self.cage.at_cage(garment[:, self.mesh.kept])
+        offsets -= skin(self.cage.vertices, self.cage_weights, transforms)
+        near = skin(self.mesh.points, self.weights, transforms)
+        return (near + self.cage.at_garment(offsets))[:, self.mesh.places]
+
 
 @dataclass(frozen=True)
 class CagedOutfit:
@@ -104,6 +111,11 @@ class CagedOutfit:
     def skinned(self, transforms: Tensor) -> tuple[Tensor, ...]:
         """Smoothly skinned points (U, 3) m of each garment. transforms: (J, 3, 4)."""
         return tuple(skin(each.mesh.points, each.weights, transforms[None])[0] for each in self.garments)
+
+    def represented(self, transforms: Tensor, garments: Sequence[Tensor]) -> tuple[Tensor, ...]:
+        """Garments (B, N, 3) m as cages that lie in them carry them, not cleared. transforms: (B, J, 3, 4)."""
+        pairs = zip(self.garments, garments, strict=True)
+        return tuple(each.represented(transforms, worn) for each, worn in pairs)
 
     def skinned_cages(self, transforms: Tensor) -> NDArray[np.float32]:
         """Smoothly skinned cages (n, 3) m of all garments. transforms: (J, 3, 4)."""
