@@ -101,6 +101,7 @@ def load_run(path: Path) -> CageRun:
     )
 
 
+@torch.no_grad()
 def simulate_cage(prepared: CagedOutfit, body: Body, transforms: Tensor) -> Tensor:
     """Offsets (T, n, 3) m of a cage from the skinned one; cloth is at rest before the first frame.
 
@@ -150,8 +151,6 @@ class CageRuns:
         """Make the runs that are missing, and say how many frames a second of processor time makes."""
         if self.quality not in QUALITIES:
             raise InputError(f"--quality {self.quality}: expected one of {', '.join(QUALITIES)}")
-        torch.set_num_threads(1)
-        torch.set_grad_enabled(False)
         make_folder(self.data / VALIDATION)
         body = load_body(self.body)
         garment = load_garment(self.garment, body)

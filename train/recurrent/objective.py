@@ -22,7 +22,7 @@ from uvcloth.methods.recurrent.network import RecurrentConfig, RecurrentNetwork,
 class RecurrentLosses:
     """Windows of the runs, and the weights of the losses."""
 
-    window: Annotated[int, AtLeast(2)] = 90
+    window: Annotated[int, AtLeast(2)] = 60
     """Consecutive frames that a step predicts, with gradients through all."""
     unscored: Annotated[int, AtLeast(0)] = 15
     """First frames of a window, in which the hidden state comes to know the motion."""
@@ -67,6 +67,7 @@ class RecurrentObjective(Objective):
             net = RecurrentNetwork(self.config, joints, len(runs.cage.vertices), len(runs.corners))
             for key, value in vars(runs.fitted).items():
                 getattr(net, key).copy_(value)
+            net.extremes.copy_(runs.extremes())
             net.corners.copy_(runs.corners)
             net.shares.copy_(runs.shares)
             nets[name] = net

@@ -16,7 +16,7 @@ from uvcloth.methods.recurrent.method import ENTRY as METHOD
 from uvcloth.methods.recurrent.network import RecurrentConfig
 
 LOOPS: dict[str, LoopConfig] = {
-    "default": LoopConfig(steps=3000, batch=24, weight_decay=0.01, validate_every=500, keep="last"),
+    "default": LoopConfig(steps=2000, batch=12, weight_decay=0.01, validate_every=250, keep="last"),
     "tiny": LoopConfig(steps=4, batch=2, validate_every=2, average=0.9),
 }
 

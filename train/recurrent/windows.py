@@ -135,6 +135,11 @@ class GarmentRuns:
         rows = starts[:, None] + torch.arange(self.windows.length)
         return self._all.inputs[rows], self._all.weights[rows]
 
+    def extremes(self) -> Tensor:
+        """Weights (2 K, K) of the frames in which each of them is the least or the greatest."""
+        weights = self._all.weights
+        return weights[torch.cat([weights.argmin(0), weights.argmax(0)])]
+
     def restore(self, fitted: Fitted) -> None:
         """Take the runs in again, with other statistics."""
         self.fitted = fitted

@@ -17,7 +17,7 @@ def motion_size(joints: int) -> int:
     return PER_JOINT * joints + OF_ROOT
 
 
-def body_motion(transforms: Tensor, heads: Tensor, fps: float) -> Tensor:
+def body_motion(transforms: Tensor, heads: Tensor, fps: Tensor | float) -> Tensor:
     """Motion (B, C) of B bodies in the last of three frames.
 
     transforms: (B, 3, J, 3, 4) of joints. heads: (J, 3) m, joints at rest. fps: frames per second. For each
@@ -26,16 +26,16 @@ def body_motion(transforms: Tensor, heads: Tensor, fps: float) -> Tensor:
     """
     turns = transforms[..., :3]
     places = (turns @ heads[..., None]).squeeze(-1) + transforms[..., 3]
-    velocities = places.diff(dim=1) * fps
+    velocities = (places[:, 1:] - places[:, :-1]) * fps
     up = transforms.new_tensor([0.0, 0.0, 1.0])
-    felt = velocities.diff(dim=1)[:, -1] * fps + GRAVITY * up
-    change = turns[:, -1] @ turns[:, -2].mT
-    skew = 0.5 * fps * (change - change.mT)
+    felt = (velocities[:, 1] - velocities[:, 0]) * fps + GRAVITY * up
+    change = turns[:, -1] @ turns[:, -2].transpose(-1, -2)
+    skew = 0.5 * fps * (change - change.transpose(-1, -2))
     spin = torch.stack([skew[..., 2, 1], skew[..., 0, 2], skew[..., 1, 0]], dim=-1)
     root = turns[:, -1, :1]
     joints = [
-        (root.mT @ turns[:, -1])[..., :2].flatten(2),
-        *(rotate_back(root, vectors) for vectors in (spin, velocities[:, -1], felt)),
+        (root.transpose(-1, -2) @ turns[:, -1])[..., :2].flatten(2),
+        *(rotate_back(root, vectors) for vectors in (spin, velocities[:, 1], felt)),
     ]
-    whole = [-rotate_back(root[:, 0], up.expand(len(root), 3)), rotate_back(root[:, 0], spin[:, 0])]
+    whole = [-rotate_back(root[:, 0], up.expand_as(spin[:, 0])), rotate_back(root[:, 0], spin[:, 0])]
     return torch.cat([torch.cat(joints, dim=2).flatten(1), *whole], dim=1)

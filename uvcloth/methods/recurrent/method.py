@@ -7,8 +7,8 @@ whose offsets from the skinned cage span the shapes. No paper: the parts are tho
 al., 2022) and Neural Cloth Simulation (Bertiche et al., 2022), which train them on energies instead.
 """
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +25,11 @@ from uvcloth.checkpoint import (
     require_weights_of,
     stored_config,
 )
+from uvcloth.errors import InputError
 from uvcloth.garments.garment import Garment, Outfit
+from uvcloth.geometry.records import CPU
 from uvcloth.geometry.skinning import skin_each
+from uvcloth.methods.capabilities import Riggable
 from uvcloth.methods.method import Method, MethodEntry, Traits, for_inference, require_supported
 from uvcloth.methods.recurrent.body_motion import OF_ROOT, PER_JOINT, body_motion
 from uvcloth.methods.recurrent.network import (
@@ -35,6 +38,7 @@ from uvcloth.methods.recurrent.network import (
     RecurrentNetwork,
     RecurrentNetworks,
 )
+from uvcloth.methods.recurrent.rig import RecurrentRig
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,7 @@ class RecurrentGarment:
 
 
 @dataclass(frozen=True)
-class Recurrent(Method):
+class Recurrent(Method, Riggable):
     """A recurrent network for each of some templates, on any body of the skeleton that it was trained on."""
 
     config: RecurrentConfig
@@ -108,6 +112,26 @@ class Recurrent(Method):
             garments.append(each.posed(weights, frames.transforms[:, -1]))
         return tuple(following), tuple(garments)
 
+    @torch.no_grad()
+    def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> RecurrentRig:
+        """The rig of garments on a body. Raises InputError for none, and for others than its templates."""
+        if not garments:
+            raise InputError(f"model {self.name}: name --garment, some of {', '.join(self.networks)}")
+        require_supported(self, Outfit(body, garments))
+        made = [self._prepared(garment, body, CPU) for garment in garments]
+        meshes = [
+            replace(garment.mesh, vertices=each.rest.T) for garment, each in zip(garments, made, strict=True)
+        ]
+        return RecurrentRig(
+            name=self.name,
+            garments=tuple((garment.name, mesh) for garment, mesh in zip(garments, meshes, strict=True)),
+            owner=torch.arange(sum(len(mesh.vertices) for mesh in meshes)),
+            weights=torch.cat([each.weights for each in made]),
+            shapes=_apart([each.shapes.unflatten(1, (3, -1)).mT for each in made]),
+            networks=tuple(each.network for each in made),
+            heads=body.skeleton.heads,
+        )
+
     def _prepared(self, garment: Garment, body: Body, device: torch.device) -> RecurrentGarment:
         network: RecurrentNetwork = for_inference(self.networks.of(garment.name), device)
         corners, shares = network.corners, network.shares[..., None]
@@ -121,6 +145,16 @@ class Recurrent(Method):
             weights=garment.smooth_weights.to(device),
             heads=body.skeleton.heads.to(device),
         )
+
+
+def _apart(shapes: Sequence[Tensor]) -> Tensor:
+    """Shapes (K, N, 3) of each of some garments as those of all their vertices."""
+    counts = [each.shape[1] for each in shapes]
+    rows = [
+        torch.nn.functional.pad(each, (0, 0, sum(counts[:place]), sum(counts[place + 1 :])))
+        for place, each in enumerate(shapes)
+    ]
+    return torch.cat(rows)
 
 
 def recurrent_checkpoint(

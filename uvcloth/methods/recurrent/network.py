@@ -41,7 +41,8 @@ class RecurrentNetwork(nn.Module):
 
     The garment at rest is the sum of its own mesh, a mean (n, 3) m and K shapes (K, n, 3) m by their weights;
     both are on the n vertices of a cage and carried to the N by corners (N, 3) and shares (N, 3).
-    center, spread: (C,) mean and standard deviation of the input.
+    center, spread: (C,) mean and standard deviation of the input. extremes: (2 K, K) weights in the training
+    frames in which each of them is the least or the greatest.
     """
 
     center: Tensor
@@ -50,6 +51,7 @@ class RecurrentNetwork(nn.Module):
     shapes: Tensor
     corners: Tensor
     shares: Tensor
+    extremes: Tensor
 
     def __init__(self, config: RecurrentConfig, joints: int, cage: int, vertices: int) -> None:
         super().__init__()
@@ -64,6 +66,7 @@ class RecurrentNetwork(nn.Module):
         self.register_buffer("spread", torch.ones(size))
         self.register_buffer("mean", torch.zeros(cage, 3))
         self.register_buffer("shapes", torch.zeros(config.shapes, cage, 3))
+        self.register_buffer("extremes", torch.zeros(2 * config.shapes, config.shapes))
         self.register_buffer("corners", torch.zeros(vertices, 3, dtype=torch.int64))
         self.register_buffer("shares", torch.zeros(vertices, 3))
 
@@ -78,7 +81,7 @@ class RecurrentNetwork(nn.Module):
         weights: Tensor = self.leave(torch.cat([entered, hidden], dim=-1))
         return weights
 
-    def step(self, inputs: Tensor, hidden: Tensor, ticks: float) -> tuple[Tensor, Tensor]:
+    def step(self, inputs: Tensor, hidden: Tensor, ticks: Tensor | float) -> tuple[Tensor, Tensor]:
         """One frame: normalized motion (B, C) and hidden (B, H) -> weights (B, K) and the next hidden.
 
         ticks: time since the last frame, in TICK. The gate z keeps the share z of the state in one tick,
@@ -91,7 +94,7 @@ class RecurrentNetwork(nn.Module):
             kept = nn.functional.linear(hidden, of_hidden, hidden_bias).chunk(3, dim=-1)
             reset, gate = torch.sigmoid(given[0] + kept[0]), torch.sigmoid(given[1] + kept[1])
             wanted = torch.tanh(given[2] + reset * kept[2])
-            hidden = torch.lerp(wanted, hidden, gate**ticks)
+            hidden = wanted + gate**ticks * (hidden - wanted)
         return self.leave(torch.cat([entered, hidden], dim=-1)), hidden
 
     def at_rest(self, inputs: Tensor) -> Tensor:
