@@ -24,13 +24,13 @@ from uvcloth.motion.options import MotionOptions
 
 @dataclass(frozen=True)
 class Export:
-    """Write a rig (PBNS, DeePSD) for engines: skeleton, skin, blend shapes and motion."""
+    """Write a rig (PBNS, DeePSD, recurrent) for engines: skeleton, skin, blend shapes and motion."""
 
     model: Annotated[str, arg(metavar="NAME|RUN", help=f"A shipped model, {list_rigs()}, or {TRAINED}.")]
     out: Annotated[Path, NewFile((".glb", ".usdc", ".usd"))]
     """File to write: .glb, .usdc or .usd."""
     garment: Garments = ()
-    """For DeePSD: templates or garment files, the innermost first. PBNS contains its garments."""
+    """Templates, for DeePSD garment files too, the innermost first. PBNS contains its garments."""
     garment_pose: GarmentPose = None
     from_body: FromBody = None
     fabric: Fabric = None
@@ -39,7 +39,7 @@ class Export:
         str | None,
         arg(
             metavar="FILE|NAME",
-            help="A motion file or the name of a built-in clip. Without it, the pose embedding is also "
+            help="A motion file or the name of a built-in clip. Without it, the network is also "
             "written, as .onnx, for engines that compute the blend shape weights.",
             help_behavior_hint="(default: the rig alone)",
         ),

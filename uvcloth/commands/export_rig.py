@@ -12,6 +12,7 @@ from uvcloth.commands.export import Export
 from uvcloth.errors import InputError
 from uvcloth.export.embedding import write_embedding
 from uvcloth.export.gltf_rig import write_rig_glb
+from uvcloth.export.recurrent import write_recurrent
 from uvcloth.export.rig import Rig, Rigged, rig_of
 from uvcloth.export.shapes import Cost
 from uvcloth.export.usd_rig import write_rig_usd
@@ -21,8 +22,9 @@ from uvcloth.garments.fit import Fitting
 from uvcloth.garments.loading import load_outfit
 from uvcloth.methods.capabilities import Riggable
 from uvcloth.methods.method import Method, require_fabric_read
+from uvcloth.methods.recurrent.rig import RecurrentRig
 from uvcloth.methods.registry import load_method
-from uvcloth.methods.rig import PoseRig
+from uvcloth.methods.rig import BlendRig, PoseRig
 from uvcloth.motion.lead_in import pose_from_rest
 from uvcloth.motion.library import load_clip
 
@@ -97,8 +99,8 @@ def _riggable(method: Method) -> Riggable:
     return riggable
 
 
-def _write(model: PoseRig, rigged: Rigged, out: Path) -> tuple[Path, ...]:
-    """Write the rig, beside it its textures and, of blend shapes without motion, the embedding.
+def _write(model: BlendRig, rigged: Rigged, out: Path) -> tuple[Path, ...]:
+    """Write the rig, beside it its textures and, of blend shapes without motion, the network.
 
     All of these files appear or none.
     """
@@ -106,7 +108,11 @@ def _write(model: PoseRig, rigged: Rigged, out: Path) -> tuple[Path, ...]:
         unfinished = folder / out.name
         RIG_WRITERS[out.suffix.lower()](rigged.rig, unfinished)
         if len(model.shapes) and not len(rigged.rig.transforms):
-            write_embedding(model, rigged, unfinished.with_suffix(".onnx"))
+            onnx = unfinished.with_suffix(".onnx")
+            if isinstance(model, RecurrentRig):
+                write_recurrent(model, rigged, onnx)
+            elif isinstance(model, PoseRig):
+                write_embedding(model, rigged, onnx)
         names = sorted((part.name for part in folder.iterdir()), key=lambda name: (name != out.name, name))
     return tuple(out.with_name(name) for name in names)
 

@@ -20,18 +20,24 @@ POSE_DESCRIPTION = (
 )
 
 
+def require_onnx(path: Path) -> None:
+    """Raise InputError naming the file to write if the package onnx is not installed."""
+    try:
+        import onnx  # noqa: F401
+    except ImportError as error:
+        raise InputError(
+            f"{path}: writing it needs the package onnx: pip install 'uvcloth[export]', or name a --motion"
+        ) from error
+
+
 def write_embedding(model: PoseRig, rigged: Rigged, path: Path) -> None:
     """Write the embedding and the map to a rig's weights: pose (B, 3 J) in, weights (B, K) in [0, 1] out.
 
     The metadata names joints, parents and shapes. Raises InputError if the package onnx is not installed.
     """
-    try:
-        import onnx
-        from onnx import TensorProto, helper, numpy_helper
-    except ImportError as error:
-        raise InputError(
-            f"{path}: writing it needs the package onnx: pip install 'uvcloth[export]', or name a --motion"
-        ) from error
+    require_onnx(path)
+    import onnx
+    from onnx import TensorProto, helper, numpy_helper
 
     layers = [(weight.T, bias) for weight, bias in model.layers]
     layers.append((rigged.code.scale, rigged.code.shift))

@@ -19,10 +19,9 @@ from uvcloth.export.shapes import (
     shape_cost,
 )
 from uvcloth.geometry.mesh import Mesh, face_normals, vertex_normals
-from uvcloth.geometry.rotations import from_axis_angles
-from uvcloth.geometry.skeleton import Skeleton, joint_transforms, world_rotations
+from uvcloth.geometry.skeleton import Skeleton
 from uvcloth.geometry.skinning import skin, strongest
-from uvcloth.methods.rig import PoseRig, pose_vectors
+from uvcloth.methods.rig import BlendRig
 from uvcloth.motion.clip import Clip
 
 REGULARIZATION = 1e-3
@@ -103,7 +102,7 @@ class Rigged:
 
 @torch.no_grad()
 def rig_of(
-    model: PoseRig, body: Body, clip: Clip | None = None, shapes: int | None = None, with_body: bool = True
+    model: BlendRig, body: Body, clip: Clip | None = None, shapes: int | None = None, with_body: bool = True
 ) -> Rigged:
     """Make a rig of a model on its body, with the motion of a clip on that body or without.
 
@@ -118,9 +117,8 @@ def rig_of(
         raise InputError(f"--shapes {shapes}: has to be from 1 to {most}, as many as the model has")
     transforms = clip.transforms() if clip else torch.zeros(0, len(body.skeleton.names), 3, 4)
     rest = torch.eye(3, 4).expand(1, len(body.skeleton.names), 3, 4)
-    training = model.embed(model.poses)
-    poses = pose_vectors(model.parents, torch.cat([rest, transforms]))
-    resting, moving = model.embed(poses).split([1, len(transforms)])
+    fps = clip.fps if clip else 30.0
+    training, resting, moving = model.known(), model.play(rest, fps), model.play(transforms, fps)
     known = torch.cat([training, resting, moving])
     offsets = model.shapes
     code = (
@@ -135,11 +133,11 @@ def rig_of(
         resting=code.weights(resting)[0].numpy(),
         transforms=transforms.numpy(),
         weights=code.weights(moving).numpy(),
-        fps=clip.fps if clip else 30.0,
+        fps=fps,
     )
     variants: dict[str, tuple[Tensor, Tensor]] = {}
-    if len(training):
-        variants[f"{len(training)} training poses"] = (training, _pose_transforms(body.skeleton, model.poses))
+    if len(poses := model.known_transforms(body.skeleton)):
+        variants[f"{len(poses)} training poses"] = (training, poses)
     if clip:
         variants[clip.name] = (moving, transforms)
     return Rigged(
@@ -154,7 +152,7 @@ def rig_of(
     )
 
 
-def _garments(model: PoseRig, code: ShapeCode, trained: Tensor) -> tuple[RiggedGarment, ...]:
+def _garments(model: BlendRig, code: ShapeCode, trained: Tensor) -> tuple[RiggedGarment, ...]:
     """Garments of the rig; trained: (M, K) weights of the training poses."""
     usual = trained.mean(0) if len(trained) else trained.new_zeros(trained.shape[1])
     gram = trained.T @ trained / max(len(trained), 1)
@@ -179,7 +177,7 @@ def _garments(model: PoseRig, code: ShapeCode, trained: Tensor) -> tuple[RiggedG
     )
 
 
-def _pruning(model: PoseRig, poses: dict[str, Tensor]) -> tuple[Cost, ...]:
+def _pruning(model: BlendRig, poses: dict[str, Tensor]) -> tuple[Cost, ...]:
     """Costs of keeping only the strongest joints of each vertex, for the skinned rest shape."""
     weights = model.weights[model.owner]
     if int((weights > 0).sum(1).max()) <= GLTF_INFLUENCES:
@@ -190,11 +188,3 @@ def _pruning(model: PoseRig, poses: dict[str, Tensor]) -> tuple[Cost, ...]:
         cost((skin(model.rest, lost, some).norm(dim=-1) for some in transforms.split(POSES_AT_ONCE)), over)
         for over, transforms in poses.items()
     )
-
-
-def _pose_transforms(skeleton: Skeleton, poses: Tensor) -> Tensor:
-    """Joint transforms (M, J, 3, 4) with the pose vectors (M, 3 J), the root turned as at rest."""
-    local = from_axis_angles(poses.view(len(poses), -1, 3))
-    root = torch.tensor(skeleton.parents)[:, None, None] < 0
-    turns = world_rotations(skeleton.parents, torch.where(root, torch.eye(3), local))
-    return joint_transforms(skeleton, turns, skeleton.heads[:1].expand(len(poses), 3))

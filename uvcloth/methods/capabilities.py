@@ -9,7 +9,7 @@ from uvcloth.bodies.body import Body
 from uvcloth.bodies.frames import BodyFrames
 from uvcloth.garments.garment import Garment
 from uvcloth.methods.method import Method
-from uvcloth.methods.rig import PoseRig
+from uvcloth.methods.rig import BlendRig
 
 Capability = TypeVar("Capability")
 
@@ -37,7 +37,7 @@ class Riggable(ABC):
     """Blend weights and blend shapes, which engines play."""
 
     @abstractmethod
-    def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> PoseRig:
+    def as_rig(self, body: Body, garments: tuple[Garment, ...] = ()) -> BlendRig:
         """The rig of garments on a body.
 
         garments: of that body, the innermost first, for a method that rigs any outfit; a method of one outfit

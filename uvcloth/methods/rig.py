@@ -1,4 +1,4 @@
-"""A method as a rig: blend weights, and blend shapes whose weights a perceptron gives from the pose."""
+"""A method as a rig: blend weights, and blend shapes whose weights a network gives from the body's motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,19 +7,16 @@ import torch
 from torch import Tensor
 
 from uvcloth.geometry.mesh import Mesh
-from uvcloth.geometry.rotations import to_axis_angles
-from uvcloth.geometry.skeleton import local_rotations
+from uvcloth.geometry.rotations import from_axis_angles, to_axis_angles
+from uvcloth.geometry.skeleton import Skeleton, joint_transforms, local_rotations, world_rotations
 
 
 @dataclass(frozen=True)
-class PoseRig:
+class BlendRig:
     """Garments on one skeleton, posed by linear blend skinning of their rest shape plus K blend shapes.
 
     name: of the model. garments: names, the innermost first, and meshes at rest, N vertices in all. owner:
-    (N,) int64, which of U points each vertex is. weights: (U, J). shapes: (K, U, 3) m at rest. layers: of the
-    pose embedding, weights (out, in) and biases (out,), a ReLU after each; pose vector in, K weights out.
-    parents: of the joints. poses: (M, 3 J) pose vectors that it was made for. sum_to_one: whether the weights
-    are divided by their sum, as `shares` does.
+    (N,) int64, which of U points each vertex is. weights: (U, J). shapes: (K, U, 3) m at rest.
     """
 
     name: str
@@ -27,15 +24,53 @@ class PoseRig:
     owner: Tensor
     weights: Tensor
     shapes: Tensor
-    layers: tuple[tuple[Tensor, Tensor], ...]
-    parents: tuple[int, ...]
-    poses: Tensor
-    sum_to_one: bool = False
 
     @property
     def rest(self) -> Tensor:
         """All vertices at rest (N, 3), m."""
         return torch.cat([mesh.vertices for _, mesh in self.garments])
+
+    def known(self) -> Tensor:
+        """Weights of the blend shapes (M, K) in what it was made for."""
+        raise NotImplementedError
+
+    def known_transforms(self, skeleton: Skeleton) -> Tensor:
+        """Joint transforms (M, J, 3, 4) of what it was made for; none where only the weights are kept."""
+        return torch.zeros(0, len(skeleton.names), 3, 4)
+
+    def play(self, transforms: Tensor, fps: float) -> Tensor:
+        """Weights of the blend shapes (F, K) over a motion (F, J, 3, 4)."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class PoseRig(BlendRig):
+    """A rig whose blend shapes follow the pose alone.
+
+    layers: of the pose embedding, weights (out, in) and biases (out,), a ReLU after each; pose vector in, K
+    weights out. parents: of the joints. poses: (M, 3 J) pose vectors that it was made for. sum_to_one:
+    whether the weights are divided by their sum, as `shares` does.
+    """
+
+    layers: tuple[tuple[Tensor, Tensor], ...]
+    parents: tuple[int, ...]
+    poses: Tensor
+    sum_to_one: bool = False
+
+    def known(self) -> Tensor:
+        """Weights of the blend shapes (M, K) in the training poses."""
+        return self.embed(self.poses)
+
+    def known_transforms(self, skeleton: Skeleton) -> Tensor:
+        """Joint transforms (M, J, 3, 4) of the training poses, the root turned as at rest."""
+        local = from_axis_angles(self.poses.view(len(self.poses), -1, 3))
+        root = torch.tensor(skeleton.parents)[:, None, None] < 0
+        turns = world_rotations(skeleton.parents, torch.where(root, torch.eye(3), local))
+        return joint_transforms(skeleton, turns, skeleton.heads[:1].expand(len(self.poses), 3))
+
+    def play(self, transforms: Tensor, fps: float) -> Tensor:
+        """Weights of the blend shapes (F, K) in the poses of a motion."""
+        return self.embed(pose_vectors(self.parents, transforms))
 
     def embed(self, poses: Tensor) -> Tensor:
         """Weights of the blend shapes (B, K) of pose vectors (B, 3 J); with layers none is negative."""

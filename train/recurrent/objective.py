@@ -1,0 +1,156 @@
+"""The objective of recurrent rigs: weights of blend shapes over windows of cage runs, and their change."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import torch
+from torch import Tensor, nn
+
+from uvcloth.bodies.body import Body
+from uvcloth.checkpoint import TrainingData, body_record, save_checkpoint
+from uvcloth.errors import InputError
+from uvcloth.files.options import AtLeast, Between
+from uvcloth.methods.recurrent.method import Recurrent, recurrent_checkpoint
+from uvcloth.methods.recurrent.network import RecurrentConfig, RecurrentNetwork, RecurrentNetworks
+
+from ..loop import Objective, training_device
+from .windows import Fitted, GarmentRuns, Windows
+
+
+@dataclass(frozen=True)
+class RecurrentLosses:
+    """Windows of the runs, and the weights of the losses."""
+
+    window: Annotated[int, AtLeast(2)] = 60
+    """Consecutive frames that a step predicts, with gradients through all."""
+    unscored: Annotated[int, AtLeast(0)] = 15
+    """First frames of a window, in which the hidden state comes to know the motion."""
+    change: Annotated[float, Between(0, 1e9)] = 2.0
+    """Error of the change since the last frame, beside that of the shape."""
+    noise: Annotated[float, Between(0, 10)] = 0.05
+    """Standard deviation of noise on the inputs, in theirs."""
+    mirror: bool = True
+    """Also train on mirror images of the runs, where the garment is symmetric."""
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a window that scores nothing."""
+        if self.unscored >= self.window - 1:
+            raise InputError(f"--unscored {self.unscored}: has to be less than --window less one")
+
+
+class RecurrentObjective(Objective):
+    """Networks of several garments, each on runs of its own."""
+
+    def __init__(
+        self, config: RecurrentConfig, losses: RecurrentLosses, folders: Sequence[Path], body: Body
+    ) -> None:
+        self.config, self.losses, self.body = config, losses, body
+        self.device = training_device()
+        windows = Windows(losses.window, losses.unscored, losses.mirror)
+        made = [GarmentRuns(path, body, windows, config.shapes) for path in folders]
+        self.runs = {runs.name: runs for runs in made}
+        for runs in made:
+            runs.take_in()
+        self._samples = torch.arange(max(map(len, made)))
+
+    @property
+    def samples(self) -> Tensor:
+        """A row for each place where a window may start."""
+        return self._samples
+
+    def networks(self) -> dict[str, nn.Module]:
+        """A network for each garment, with its shapes, and inputs scaled to the data."""
+        joints = len(self.body.skeleton.heads)
+        nets: dict[str, nn.Module] = {}
+        for name, runs in self.runs.items():
+            net = RecurrentNetwork(self.config, joints, len(runs.cage.vertices), len(runs.corners))
+            for key, value in vars(runs.fitted).items():
+                getattr(net, key).copy_(value)
+            net.extremes.copy_(runs.extremes())
+            net.corners.copy_(runs.corners)
+            net.shares.copy_(runs.shares)
+            nets[name] = net
+        return {"net": RecurrentNetworks(nets)}
+
+    def steps(
+        self, networks: Mapping[str, Any], rows: Tensor
+    ) -> Iterator[tuple[str, Tensor, dict[str, Tensor]]]:
+        """The losses of a batch of windows, mm."""
+        parts: dict[str, Tensor] = {}
+        # Windows may start anywhere between the places of two rows, in runs that came later as well.
+        places = (rows + torch.rand(len(rows), device=rows.device)) / len(self._samples)
+        for name, runs in self.runs.items():
+            inputs, truth = (values.to(self.device) for values in runs.draw(places.cpu()))
+            inputs = inputs + self.losses.noise * torch.randn_like(inputs)
+            wrong = networks["net"](name, inputs) - truth
+            wrong = 1000.0 * runs.fitted.unit * wrong[:, self.losses.unscored :]
+            parts[f"{name}_shape"] = _length(wrong)
+            parts[f"{name}_change"] = self.losses.change * _length(wrong.diff(dim=1))
+        yield "net", torch.stack(list(parts.values())).sum(), parts
+
+    @torch.no_grad()
+    def validate(self, net: Any) -> dict[str, float]:
+        """Mean distance of the cages to those of held-out runs, mm; then takes in runs that came since."""
+        net.eval()
+        errors = {f"{name}_mm": self._error(net.of(name), runs) for name, runs in self.runs.items()}
+        net.train()
+        for runs in self.runs.values():
+            runs.take_in()
+        return {"mean_mm": sum(errors.values()) / len(errors), **errors}
+
+    def save(self, net: Any, run: Path, notes: dict[str, Any]) -> None:
+        """Write the checkpoint."""
+        notes = {**notes, "losses": asdict(self.losses)}
+        notes["frames"] = {name: runs.frames for name, runs in self.runs.items()}
+        method = Recurrent(self.config, net)
+        save_checkpoint(recurrent_checkpoint(method, self.body, self._data(), notes), run)
+
+    def settings(self) -> dict[str, Any]:
+        """Settings that must not change within a run; runs of cages may come."""
+        return {
+            "method": "recurrent",
+            "network": asdict(self.config),
+            "losses": asdict(self.losses),
+            "body": body_record(self.body),
+            "garments": {name: runs.quality for name, runs in self.runs.items()},
+        }
+
+    def memory(self) -> dict[str, Tensor]:
+        """What was fitted to the runs of each garment: to those that came later other shapes would be."""
+        return {
+            f"{name}.{key}": value
+            for name, runs in self.runs.items()
+            for key, value in vars(runs.fitted).items()
+        }
+
+    def remember(self, memory: Mapping[str, Tensor]) -> None:
+        """Restore what was fitted."""
+        for name, runs in self.runs.items():
+            runs.restore(Fitted(**{key: memory[f"{name}.{key}"] for key in vars(runs.fitted)}))
+
+    def _error(self, net: RecurrentNetwork, runs: GarmentRuns) -> float:
+        """Mean distance, mm, of a garment's cage to those of held-out runs."""
+        errors = []
+        for run, inputs in runs.held_out():
+            still = inputs[:1].expand(self.losses.unscored, -1)
+            weights = net(torch.cat([still, inputs])[None].to(self.device))[0, len(still) :]
+            resting = runs.fitted.mean + torch.einsum("tk,knc->tnc", weights.cpu(), runs.fitted.shapes)
+            errors.append((runs.posed(resting, run.transforms) - run.offsets).norm(dim=2).flatten())
+        return 1000.0 * float(torch.cat(errors).mean())
+
+    def _data(self) -> TrainingData:
+        kinds = {"train": False, "validation": True}
+        return TrainingData(
+            files={},
+            clips={
+                kind: {clip: who for runs in self.runs.values() for clip, who in runs.clips(held).items()}
+                for kind, held in kinds.items()
+            },
+        )
+
+
+def _length(values: Tensor) -> Tensor:
+    """Mean length of vectors (..., K), without a kink at zero."""
+    return values.square().sum(-1).add(1e-4).sqrt().mean()
