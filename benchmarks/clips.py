@@ -16,7 +16,7 @@ import sys
 import time
 import zlib
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass, fields, replace
 from functools import cache, lru_cache
 from pathlib import Path
 
@@ -112,7 +112,7 @@ def _row(file: Path, place: int, quality: str) -> Row:
         prepared = _prepared(outfit, fabric, body, quality)
         clip = load_clip(str(file), _body(body))
     except InputError as error:
-        return Row(*astuple(row)[:4], error=str(error))
+        return replace(row, error=str(error))
     frames = replaced = stretched = worst = 0
     longest, began = 0.0, time.process_time()
     for frame in prepared.frames(clip.transforms(torch.float64), clip.fps, keep_going=True):
@@ -123,7 +123,15 @@ def _row(file: Path, place: int, quality: str) -> Row:
             longest, worst = stretch, frame.index
         frames += 1
     spent = 1000.0 * (time.process_time() - began) / frames
-    return Row(*astuple(row)[:4], frames, replaced, stretched, round(longest, 2), worst, round(spent, 1))
+    return replace(
+        row,
+        frames=frames,
+        replaced=replaced,
+        stretched=stretched,
+        longest=round(longest, 2),
+        worst_frame=worst,
+        milliseconds=round(spent, 1),
+    )
 
 
 def _stretch(prepared: PreparedRollout, garments: Sequence[Tensor]) -> float:
