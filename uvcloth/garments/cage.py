@@ -23,6 +23,7 @@ from uvcloth.geometry.mesh import (
     boundary_edges,
     edge_lengths,
     face_normals,
+    neighbour_average,
     unique_edges,
     vertex_normals,
     weld,
@@ -53,6 +54,13 @@ RELAXATIONS = 20
 SMOOTHINGS = 3
 """Times that vertices are moved to the middle of the faces around them: no face is narrow then."""
 
+BLEND = 0.35
+"""Steps of averaging in which the cage's faces blend into each other on a garment whose edges are as long as
+the cage's; more on a finer one, so that they blend over 0.4 edges of the cage: flat faces would show."""
+
+LEAST_SHARE = 0.01
+"""Weight of a cage vertex on a garment vertex below which it is left out."""
+
 TRIM_SHARE = 0.02
 """Share of a garment's area below which a separate piece, a button, follows the cloth around it."""
 
@@ -68,8 +76,8 @@ class Cage:
     """Coarse mesh of a garment, and where the vertices of each lie in the other.
 
     vertices: (n, 3) m at rest. faces: (m, 3). corners, weights: (n, 3) the garment's vertices around each
-    cage vertex, and their barycentrics. own_corners, own_weights: (N, 3) the cage's vertices around each
-    garment vertex, and their barycentrics.
+    cage vertex, and their barycentrics. own_corners, own_weights: (N, K) the cage's vertices around each
+    garment vertex, and their weights.
     """
 
     vertices: Tensor
@@ -110,7 +118,8 @@ def make_cage(vertices: Tensor, faces: Tensor, edge: float) -> Cage:
     near = np.full(len(vertices), -1)
     near[used.numpy()] = renumbered[cells[: len(used)]]
     points, around, shares = _smoothed(points, dual, vertices[used].double().numpy(), corners.numpy())
-    own_corners, own_weights = _embedded(vertices.double().numpy(), near, points, dual)
+    embedded = _embedded(vertices.double().numpy(), near, points, dual)
+    own_corners, own_weights = _blended(*embedded, vertices, faces, points, dual)
     return Cage(
         torch.from_numpy(points).float(),
         torch.from_numpy(dual),
@@ -332,3 +341,34 @@ def _embedded(points: Floats, near: Indices, vertices: Floats, faces: Indices) -
     best = ranked[np.unique(owner[ranked], return_index=True)[1]]
     shares = trimesh.triangles.points_to_barycentric(triangles[best], closest[best]).clip(0.0, 1.0)
     return faces[candidates[best]], shares / shares.sum(1, keepdims=True)
+
+
+def _blended(
+    corners: Indices, shares: Floats, vertices: Tensor, faces: Tensor, cage: Floats, cage_faces: Indices
+) -> tuple[Indices, Floats]:
+    """Corners (N, K) in a cage and weights of garment vertices, averaged over their neighbours.
+
+    corners, shares: (N, 3) by faces of the cage, between which the slope of what they carry jumps. faces: of
+    the welded garment.
+    """
+    fine = float(edge_lengths(vertices, unique_edges(faces)).mean())
+    coarse = float(edge_lengths(torch.from_numpy(cage), unique_edges(torch.from_numpy(cage_faces))).mean())
+    count = len(vertices)
+    weights = csr_array(
+        (shares.ravel(), (np.repeat(np.arange(count), 3), corners.ravel())), shape=(count, len(cage))
+    )
+    average = neighbour_average(faces, count).coalesce()
+    neighbours = csr_array((average.values().numpy(), average.indices().numpy()), shape=(count, count))
+    for _ in range(round(BLEND * (coarse / fine) ** 2)):
+        weights = 0.5 * (weights + neighbours @ weights)
+    weights.data[weights.data < LEAST_SHARE] = 0.0
+    weights.eliminate_zeros()
+    counts = np.diff(weights.indptr)
+    rows, places = np.repeat(np.arange(count), counts), np.arange(weights.nnz)
+    columns = places - np.repeat(weights.indptr[:-1], counts)
+    own_corners = np.repeat(corners[:, :1], counts.max(), axis=1)
+    own_weights = np.zeros(own_corners.shape)
+    own_corners[rows, columns], own_weights[rows, columns] = weights.indices, weights.data
+    own_weights /= own_weights.sum(1, keepdims=True)
+    twin = weld(vertices).numpy()
+    return own_corners[twin], own_weights[twin]
