@@ -58,24 +58,28 @@ class Cages:
         for garment in self.garments:
             for clip in self.clips:
                 sequence = load_simulated(self.data / f"{clip}_{garment}.npz")
+                outfit = Outfit(body, (load_garment(garment, body),))
                 for name, method in methods(body):
-                    print(f"{garment} {clip} {name}: {measured(method, sequence, garment, body)}", flush=True)
+                    if method.unsupported_reason(outfit):
+                        continue
+                    print(f"{garment} {clip} {name}: {measured(method, sequence, outfit)}", flush=True)
 
 
 def methods(body: Body) -> Iterator[tuple[str, Method]]:
     """Yield what is compared, by name."""
     network = load_method("physxnet", body)
     yield "lbs_smooth", load_method("lbs_smooth", body)
+    yield "recurrent, clear", load_method("recurrent", body)
     yield "physxnet, clear", network
     yield "physxnet, dynamic", Finished.of(network, Physics(PhysicsConfig()))
     for quality in ("fast", "default", "fine"):
         yield f"physics, {quality}", Physics(PhysicsConfig(quality))
 
 
-def measured(method: Method, sequence: SimulatedClip, name: str, body: Body) -> str:
-    """Measure a method on a sequence: one line of figures."""
-    garment = load_garment(name, body)
-    prepared = prepare_rollout(method, Outfit(body, (garment,)))
+def measured(method: Method, sequence: SimulatedClip, outfit: Outfit) -> str:
+    """Measure a method on a sequence of the outfit's garment: one line of figures."""
+    garment = outfit.garments[0]
+    prepared = prepare_rollout(method, outfit)
     before = time.process_time()
     frames = [frame.vertices[0] for frame in prepared.frames(sequence.transforms, sequence.fps)]
     spent = 1000.0 * (time.process_time() - before) / len(frames)

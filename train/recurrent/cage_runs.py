@@ -10,6 +10,7 @@ the index's split `validation` come first, into DATA/validation.
 
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -154,28 +155,35 @@ class CageRuns:
             raise InputError(f"--quality {self.quality}: expected one of {', '.join(QUALITIES)}")
         make_folder(self.data / VALIDATION)
         body = load_body(self.body)
+        missing = list(self._missing(body))
+        if not missing:
+            return
         garment = load_garment(self.garment, body)
         prepared = make_caged_outfit(Outfit(body, (garment,)), PhysicsConfig(self.quality))
         console = Console(stderr=True)
         begun, frames = time.process_time(), 0
+        for path, motions, number in missing:
+            entry, transforms = motions.entry(number), motions.transforms(number)
+            try:
+                offsets = simulate_cage(prepared, body, transforms)
+            except FloatingPointError as error:
+                console.print(f"{path}: {error} in the clip {entry.clip}, it is left out")
+                continue
+            save_run(
+                CageRun(garment.name, self.quality, entry.clip, entry.subject, transforms, offsets), path
+            )
+            frames += len(offsets)
+            rate = frames / (time.process_time() - begun)
+            console.print(f"{path}, {entry.clip}: {frames} frames, {rate:.0f} per CPU second")
+
+    def _missing(self, body: Body) -> Iterator[tuple[Path, Motions, int]]:
+        """The file of each run to make, the motions, and its number among them."""
         for split, folder in (("validation", self.data / VALIDATION), ("train", self.data)):
             motions = Motions.of_split(split, self.windows, self.clips_from, body, self.seed)
             runs = self.runs if split == "train" else len(motions.entries)
             for number in range(self.first, runs, self.every):
-                path = run_file(folder, number)
-                if path.exists():
-                    continue
-                entry, transforms = motions.entry(number), motions.transforms(number)
-                try:
-                    offsets = simulate_cage(prepared, body, transforms)
-                except FloatingPointError as error:
-                    console.print(f"{path}: {error} in the clip {entry.clip}, it is left out")
-                    continue
-                run = CageRun(garment.name, self.quality, entry.clip, entry.subject, transforms, offsets)
-                save_run(run, path)
-                frames += len(offsets)
-                rate = frames / (time.process_time() - begun)
-                console.print(f"{path}, {entry.clip}: {frames} frames, {rate:.0f} per CPU second")
+                if not run_file(folder, number).exists():
+                    yield run_file(folder, number), motions, number
 
 
 if __name__ == "__main__":

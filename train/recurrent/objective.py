@@ -118,7 +118,7 @@ class RecurrentObjective(Objective):
         }
 
     def memory(self) -> dict[str, Tensor]:
-        """What was fitted to the runs of each garment: to those that came later other shapes would be."""
+        """Statistics fitted to the first runs of each garment: later ones would give other shapes."""
         return {
             f"{name}.{key}": value
             for name, runs in self.runs.items()

@@ -1,6 +1,6 @@
 """Files for engines of methods that are rigs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -52,9 +52,12 @@ class Exported:
         return [
             *(f"{path}: {path.stat().st_size / 1e6:.1f} MB" for path in self.written),
             f"{', '.join(parts)}; {len(rig.skeleton.names)} joints, {shapes} blend shapes, {motion}",
-            _line("four joints per garment vertex cost", cost.pruning),
-            _line(f"{shapes} blend shapes cost", cost.fewer),
+            *(self._costs() if cost.measured else ()),
         ]
+
+    def _costs(self) -> Iterator[str]:
+        yield _line("four joints per garment vertex cost", self.rigged.pruning)
+        yield _line(f"{len(self.rigged.rig.resting)} blend shapes cost", self.rigged.fewer)
 
 
 def export(command: Export) -> Exported:

@@ -91,13 +91,15 @@ class Rig:
 class Rigged:
     """A rig, the code from pose embeddings to its weights, and the costs of its simplifications.
 
-    pruning: of joint influences. fewer: of blend shapes. Empty where nothing is lost.
+    pruning: of joint influences. fewer: of blend shapes. Empty where nothing is lost. measured: whether poses
+    are known to measure them in.
     """
 
     rig: Rig
     code: ShapeCode
     pruning: tuple[Cost, ...]
     fewer: tuple[Cost, ...]
+    measured: bool
 
 
 @torch.no_grad()
@@ -149,6 +151,7 @@ def rig_of(
             for over, (embeddings, _) in variants.items()
             if shapes is not None
         ),
+        measured=bool(variants),
     )
 
 

@@ -13,7 +13,6 @@ from train.recurrent.run import LOOPS, LOSSES
 from train.state import STATE
 from uvcloth.bodies.body import Body
 from uvcloth.checkpoint import load_checkpoint, load_tensors
-from uvcloth.errors import InputError
 from uvcloth.methods.recurrent.method import PRESETS, load_recurrent
 from uvcloth.methods.registry import SHIPPED
 from uvcloth.motion.index import INDEX
@@ -104,8 +103,3 @@ def test_runs_that_come_are_learned_from_and_named_in_the_model(
     checkpoint = load_checkpoint(tmp_path, body)
     assert checkpoint.data.clips == {"train": {"run": "one", "later": "one"}, "validation": {"again": "two"}}
     assert list(load_recurrent(checkpoint, tmp_path).networks) == ["skirt"]
-
-
-def test_a_folder_without_runs_is_named(tmp_path: Path, body: Body) -> None:
-    with pytest.raises(InputError, match="has no runs of a cage"):
-        RecurrentObjective(NETWORK, LOSSES["tiny"], [tmp_path], body)
